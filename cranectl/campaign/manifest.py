@@ -109,9 +109,11 @@ def checked_manifest(data: Any, source: str) -> Table:
     number = data.get("format") if isinstance(data, dict) else None
     if isinstance(number, int) and number in READERS:
         manifest = READERS[number](data)
-        accepted = manifest.get("accepted")
         tables = [manifest.get(part) for part in ("campaign", "scenario", "versions")]
-        tables += accepted if isinstance(accepted, list) else [None]
+        if isinstance(scenario := manifest.get("scenario"), dict):
+            tables.append(scenario.get("rig"))
+            for several in (manifest.get("accepted"), scenario.get("disturbances")):
+                tables += several if isinstance(several, list) else [None]
         if isinstance(manifest.get("runs"), int) and all(isinstance(table, dict) for table in tables):
             return manifest
     newer = isinstance(number, int) and number > FORMAT

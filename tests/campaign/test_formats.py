@@ -118,3 +118,14 @@ def test_what_was_accepted_must_be_a_list_of_software(kept: Path, accepted: obje
     path.write_text(json.dumps(json.loads(path.read_text()) | {"accepted": accepted}))
     with pytest.raises(InputError, match="no manifest of a campaign"):
         read_results("format-2")
+
+
+@pytest.mark.parametrize("part", ["rig", "disturbances"])
+@pytest.mark.parametrize("damaged", [None, "a", ["a"]])
+def test_a_scenario_must_have_what_results_are_compared_by(kept: Path, part: str, damaged: object) -> None:
+    path = kept / "format-2" / MANIFEST_FILE
+    manifest = json.loads(path.read_text())
+    manifest["scenario"][part] = damaged
+    path.write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match="no manifest of a campaign"):
+        read_results("format-2")
