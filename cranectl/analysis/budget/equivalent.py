@@ -42,7 +42,7 @@ def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = Non
     u, v, error = (run.block(n)[:, :3].copy() for n in ("input", "virtual_input", "error"))
     if predicted is not None:
         u[:-1] -= predicted.commanded
-        v -= np.einsum("kij,kj->ki", loop.virtual, predicted.state)
+        v -= np.einsum("kij,kj->ki", loop.outputs[:, :3], predicted.state)
         error += predicted.load
     jumps = _jumps(run)
     ports.drive[:] = -_rise(u, period, jumps)
@@ -129,10 +129,10 @@ def runge_kutta_defect(rig, states, commands, disturbances, winds, defect):
             defect[k, i] = state[i] - states[k + 1, i]
 
 
-def delayed(loop: TrajectoryLoop, commands: Array, samples: int) -> Ports:
+def delayed(loop: TrajectoryLoop, commands: Array) -> Ports:
     """`commands` (N - 1, 3) that arrive late, less punctual ones; before the first the drives rest."""
     ports = no_errors(loop)
-    arriving = np.vstack([np.zeros((min(samples, len(commands)), 3)), commands])
+    arriving = np.vstack([np.zeros((min(loop.delay, len(commands)), 3)), commands])
     ports.arriving[:] = arriving[: len(commands)] - commands
     return ports
 

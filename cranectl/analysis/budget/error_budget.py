@@ -82,7 +82,6 @@ class BudgetLevel:
         return WHY_LOOSE[self.level] if self.looseness > LOOSE and self.measured.max else ""
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
         derived = ("rough", "ratio", "looseness", "holds", "remark")
         return {**asdict(self), **{name: getattr(self, name) for name in derived}}
 
@@ -103,7 +102,6 @@ class Budget:
         return all(entry.holds for entry in self.entries)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
         return {
             "scenario": self.scenario,
             "controller": self.controller,

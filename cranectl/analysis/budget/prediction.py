@@ -126,8 +126,7 @@ def _beside(prediction: Prediction, path: _Path, lost: str) -> Prediction:
 def _find_path(nominal: LinearisedRun, effects: tuple[str, ...], start: Deviation) -> _Path:
     """The motion under `effects` with its higher orders; `start` is the first guess."""
     deviation, ports, change = _find_motion(nominal, effects, start)
-    loop, delay = _loop(nominal, effects), _delay(nominal, effects)
-    second, third = higher_orders(nominal.run, loop, ports, deviation, delay)
+    second, third = higher_orders(nominal.run, _loop(nominal, effects), ports, deviation)
     return _Path(deviation, second.load, third.load, change)
 
 
@@ -135,13 +134,13 @@ def _find_motion(
     nominal: LinearisedRun, effects: tuple[str, ...], start: Deviation
 ) -> tuple[Deviation, Ports, float]:
     """The motion under `effects`, each taken on the motion itself, their signals, and the last change [m]."""
-    loop, delay = _loop(nominal, effects), _delay(nominal, effects)
+    loop = _loop(nominal, effects)
     friction = friction_of(nominal.run, nominal.effects.friction) if "friction" in effects else NO_FRICTION
     repeated = bool(set(effects) & set(REPEATED))
     deviation, change = start, 0.0
     for _ in range(REPETITIONS if repeated else 1):
         ports = _join(nominal, effects, loop, deviation)
-        following = propagate(loop, ports, delay, friction)
+        following = propagate(loop, ports, friction)
         change = float(np.abs(following.load - deviation.load).max())
         deviation = following
     return deviation, ports, change if repeated else 0.0
@@ -166,10 +165,6 @@ def _loop(nominal: LinearisedRun, effects: tuple[str, ...]) -> TrajectoryLoop:
     return nominal.driven(*effects) if "servos" in effects else nominal.loop
 
 
-def _delay(nominal: LinearisedRun, effects: tuple[str, ...]) -> int:
-    return round(nominal.effects.delay.seconds / nominal.loop.period) if "delay" in effects else 0
-
-
 def _join(nominal: LinearisedRun, effects: tuple[str, ...], loop: TrajectoryLoop, on: Deviation) -> Ports:
     """All `effects` on the motion `on`: their signals together."""
     if "servos" not in effects:
@@ -183,7 +178,7 @@ def _join(nominal: LinearisedRun, effects: tuple[str, ...], loop: TrajectoryLoop
         parts.append(no_errors(loop)._replace(measured=measured_error(nominal, encoders, on)))
     if "delay" in effects:
         commands = run.block("input")[:-1, :3] + on.commanded
-        parts.append(delayed(loop, commands, _delay(nominal, effects)))
+        parts.append(delayed(loop, commands))
     return Ports(*(np.sum(signals, axis=0) for signals in zip(*parts, strict=True)))
 
 
@@ -216,9 +211,8 @@ def _bound_friction(
 
     What higher orders and the observer add to the motion `higher` is scaled to that of the worst case.
     """
-    run, loop, delay = nominal.run, _loop(nominal, effects), _delay(nominal, effects)
-    friction = friction_of(run, nominal.effects.friction)
-    worst = max(worst_friction(loop, friction, path.deviation, delay) for path in (below, higher))
+    loop, friction = _loop(nominal, effects), friction_of(nominal.run, nominal.effects.friction)
+    worst = max(worst_friction(loop, friction, path.deviation) for path in (below, higher))
     size = size_of(higher.deviation.load - below.deviation.load).max
     without = tuple(name for name in effects if name != "observer")
     motions = [_find_motion(nominal, names, below.deviation)[0].load for names in (without, without[:-1])]

@@ -12,11 +12,14 @@ drives get their set-points, the dynamic extension and the robustifier states of
 are central differences of the very kernels that simulate; the robustifier is linear already.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from cranectl.analysis.levels import assumed_effects, replace_effects
 from cranectl.controllers.flat import Tracker
@@ -82,19 +85,18 @@ class TrajectoryLoop(NamedTuple):
     defect: Array  # (N - 1, p) the plant's own step from the nominal run, less that run
     load: Array  # (N, 3, p) of the load position by the plant's state
     load_offset: Array  # (N, 3) [m] of the load on the nominal states
-    flat: Array  # (N, 3, 10) of the position that the tracker takes for the load's, by the joints
-    virtual: Array  # (N, 3, n) of v by X
-    command: Array  # (N, 3, n) of the commanded acceleration by X
+    outputs: Array  # (N, 9, n) by X: v, commanded acceleration, position error that the tracker sees
     lead: Array  # (3,) command per commanded acceleration: 1, or a time [s]
     integral: float  # command per w: 0, or 1
-    robustifier_state: Array  # (m, m) of one axis
-    robustifier_input: Array  # (m,)
+    controller_state: Array  # (c, c) next zeta, zeta' and robustifier states by the present ones
+    controller_input: Array  # (c, 9) and by `outputs`
     period: float
+    delay: int = 0  # samples between a command and its arrival
 
     @property
     def samples(self) -> int:
         """Number of samples."""
-        return len(self.virtual)
+        return len(self.outputs)
 
     @property
     def matrices(self) -> "TrajectoryLoop":
@@ -104,57 +106,59 @@ class TrajectoryLoop(NamedTuple):
     @property
     def size(self) -> int:
         """Length of X."""
-        return int(self.virtual.shape[2])
+        return int(self.outputs.shape[2])
 
 
 @jit
-def step_plant(plant, crane, state, command, disturbance, wind):
-    """Advance `state` by one control period; `crane` is that of `plant`, distinguished at compile time."""
-    drives = (command[0], command[1], command[2])  # as a run has them, so that its kernels serve here too
-    if crane is None:
-        for _ in range(plant.rig.substeps):
-            integrate(plant.rig, state, drives, disturbance, wind, plant.stages, plant.stage_state)
-    else:
-        advance_state(crane, state, drives, disturbance, wind, plant.work)
+def step_each(plant, crane, ports, winds, following):
+    """Advance each row of `ports`, plant state, command and disturbance, by one control period.
+
+    `crane` is that of `plant`, distinguished at compile time; `following` are the next plant states.
+    """
+    size = following.shape[1]
+    for k in range(len(following)):
+        state, command, disturbance = following[k], ports[k, size : size + 3], ports[k, size + 3 :]
+        state[:] = ports[k, :size]
+        drives = (command[0], command[1], command[2])  # as a run has them, so that its kernels serve here too
+        if crane is None:
+            for _ in range(plant.rig.substeps):
+                integrate(plant.rig, state, drives, disturbance, winds[k], plant.stages, plant.stage_state)
+        else:
+            advance_state(crane, state, drives, disturbance, winds[k], plant.work)
+
+
+def next_states(plant: SteppedPlant, ports: Array, winds: Array) -> Array:
+    """Return the plant states (N, s) one period after `ports` (N, s + 5): state, command, disturbance."""
+    following = np.zeros((len(ports), ports.shape[1] - 5))
+    step_each(plant, plant.crane, ports, winds, following)
+    return following
 
 
 @jit
-def linearise_plant(plant, kept, states, commands, disturbances, winds, stride, by_state, by_command, by_d):
-    """Derivatives of one period at every `stride`-th sample; see `TrajectoryLoop`."""
-    p, size = len(kept), states.shape[1]
-    above, below, port = np.zeros(size), np.zeros(size), np.zeros(size + 5)
-    for m in range(len(by_state)):
-        k = m * stride
-        port[:size], port[size : size + 3], port[size + 3 :] = states[k], commands[k], disturbances[k]
-        for c in range(p + 5):
-            column = kept[c] if c < p else size + c - p
-            middle = port[column]
-            port[column] = middle + DIFFERENCE_STEP
-            above[:] = port[:size]
-            step_plant(plant, plant.crane, above, port[size : size + 3], port[size + 3 :], winds[k])
-            port[column] = middle - DIFFERENCE_STEP
-            below[:] = port[:size]
-            step_plant(plant, plant.crane, below, port[size : size + 3], port[size + 3 :], winds[k])
-            port[column] = middle
-            for i in range(p):
-                slope = (above[kept[i]] - below[kept[i]]) / (2.0 * DIFFERENCE_STEP)
-                if c < p:
-                    by_state[m, i, c] = slope
-                elif c < p + 3:
-                    by_command[m, i, c - p] = slope
-                else:
-                    by_d[m, i, c - p - 3] = slope
+def law_each(gravity, ports, flat, command):
+    """Write what `law_outputs` returns into `flat` (N, 12) and `command` (N, 3)."""
+    for k in range(len(ports)):
+        state, zeta, zeta_dot, v = ports[k, :10], ports[k, 10], ports[k, 11], ports[k, 12:]
+        flat_output(state, zeta, zeta_dot, gravity, flat[k])
+        u = linearising_input(state, zeta, zeta_dot, v[0], v[1], v[2], gravity)
+        command[k, 0], command[k, 1], command[k, 2] = u
 
 
-@jit
-def step_defect(plant, kept, states, commands, disturbances, winds, following, defect):
-    """One period from each of `states` under its ports, less `following`, into `defect`."""
-    state = np.zeros(states.shape[1])
-    for k in range(len(defect)):
-        state[:] = states[k]
-        step_plant(plant, plant.crane, state, commands[k], disturbances[k], winds[k])
-        for i in range(len(kept)):
-            defect[k, i] = state[kept[i]] - following[k, kept[i]]
+def law_outputs(gravity: float, ports: Array) -> Array:
+    """Return flat output and commanded acceleration (N, 15) at joints, zeta, zeta' and v, `ports` (N, 15)."""
+    flat, command = np.zeros((len(ports), 12)), np.zeros((len(ports), 3))
+    law_each(gravity, ports, flat, command)
+    return np.hstack([flat, command])
+
+
+def slopes(function: Callable[[Array], Array], at: Array, columns: Iterable[int]) -> Array:
+    """Return the derivatives (N, outputs, columns) of a `function` of rows by `columns` of the rows `at`."""
+    by_column = []
+    for column in columns:
+        shift = np.zeros(at.shape[1])
+        shift[column] = DIFFERENCE_STEP
+        by_column.append((function(at + shift) - function(at - shift)) / (2.0 * DIFFERENCE_STEP))
+    return np.ascontiguousarray(np.stack(by_column, axis=2))
 
 
 def linearise_run(
@@ -167,13 +171,12 @@ def linearise_run(
     tracker, period = tracker_of(run.scenario, only_flat(run.design)), run.scenario.period_ns / NANOSECONDS
     samples, velocity = len(run.time_ns), crane is not None
     joints, inputs = np.ascontiguousarray(run.block("state")), run.block("input")
-    commands = np.ascontiguousarray(inputs[:-1, 3:] if velocity else inputs[:-1, :3])
-    disturbances = np.ascontiguousarray(run.block("disturbance")[:-1])
+    commands = inputs[:-1, 3:] if velocity else inputs[:-1, :3]
+    disturbances = run.block("disturbance")[:-1]
     states, kept, stride = joints, np.arange(10), 1
     if crane is not None:
         states, kept = hanging_states(crane, joints, run.tension), crane.places
         stride = LINEARISATION_STRIDE
-    p, rows = len(kept), max(samples - 1, 0)
     plant = SteppedPlant(
         rig=analytic_rig(run),
         crane=crane,
@@ -182,40 +185,33 @@ def linearise_run(
         stage_state=np.zeros(10),
     )
     winds = np.hstack([np.zeros((samples, 3)), run.load_force]) if winds is None else winds
-    by_state, by_command, by_d = (np.zeros((-(-rows // stride), p, m)) for m in (p, 3, 2))
-    linearise_plant(plant, kept, states, commands, disturbances, winds, stride, by_state, by_command, by_d)
-    defect = np.zeros((rows, p))
-    step_defect(plant, kept, states, commands, disturbances, winds, states[1:], defect)
-    load, load_offset = _load_derivatives(run, crane, states, kept)
-    flat_by, virtual, command = law_rows(run, tracker, p)
-    robustifier_state, robustifier_input, _ = dense_robustifier(tracker)
+    ports, size, p = np.hstack([states[:-1], commands, disturbances]), states.shape[1], len(kept)
+    by_port = slopes(
+        lambda at: next_states(plant, at, winds[::stride])[:, kept],
+        ports[::stride],
+        [*kept, *range(size, size + 5)],
+    )
+    flat, outputs = _controller_outputs(run, tracker, p)
+    load, load_offset = flat[:, :3, :10], np.zeros((samples, 3))
+    if crane is not None:
+        load = slopes(partial(load_positions, crane), states, kept)
+        load_offset = load_positions(crane, states) - run.load_position
+    controller_state, controller_input = _controller_matrices(tracker)
     return TrajectoryLoop(
-        plant, kept, states, commands, disturbances, winds, stride, by_state, by_command, by_d, defect,
-        load=flat_by.copy() if load is None else load,
+        plant, kept, states, commands, disturbances, winds, stride,
+        by_state=np.ascontiguousarray(by_port[:, :, :p]),
+        by_command=np.ascontiguousarray(by_port[:, :, p : p + 3]),
+        by_disturbance=np.ascontiguousarray(by_port[:, :, p + 3 :]),
+        defect=(next_states(plant, ports, winds) - states[1:])[:, kept],
+        load=np.ascontiguousarray(load),
         load_offset=load_offset,
-        flat=flat_by,
-        virtual=virtual,
-        command=command,
+        outputs=outputs,
         lead=make_actuation(run.scenario, joints[0]).lag if velocity else np.ones(3),
         integral=float(velocity),
-        robustifier_state=robustifier_state,
-        robustifier_input=robustifier_input,
+        controller_state=controller_state,
+        controller_input=controller_input,
         period=period,
     )  # fmt: skip
-
-
-def _load_derivatives(
-    run: Run, crane: ElasticCrane | None, states: Array, kept: NDArray[np.intp]
-) -> tuple[Array | None, Array]:
-    """Of the load's position on `states`, by what is `kept`, and how far it is from the run's."""
-    if crane is None:
-        return None, np.zeros((len(states), 3))
-    load = np.zeros((len(states), 3, len(kept)))
-    for column, place in enumerate(kept):
-        shift = DIFFERENCE_STEP * np.eye(states.shape[1])[place]
-        change = load_positions(crane, states + shift) - load_positions(crane, states - shift)
-        load[:, :, column] = change / (2.0 * DIFFERENCE_STEP)
-    return load, load_positions(crane, states) - run.load_position
 
 
 def analytic_rig(run: Run) -> AnalyticRig:
@@ -225,57 +221,33 @@ def analytic_rig(run: Run) -> AnalyticRig:
     return plant.rig
 
 
-@jit
-def linearise_law(gravity, states, extensions, virtual, flat_by, input_by, input_by_virtual):
-    """Derivatives of flat output and input by (x, zeta, zeta'), and of the input by v, at every sample.
-
-    `flat_by` (N, 12, 12), `input_by` (N, 3, 12) at v held, `input_by_virtual` (N, 3, 3).
-    """
-    above, below, port = np.zeros(12), np.zeros(12), np.zeros(15)
-    for k in range(len(states)):
-        port[:10], port[10:12], port[12:] = states[k], extensions[k], virtual[k]
-        for column in range(15):
-            middle = port[column]
-            port[column] = middle + DIFFERENCE_STEP
-            flat_output(port[:10], port[10], port[11], gravity, above)
-            high = linearising_input(port[:10], port[10], port[11], port[12], port[13], port[14], gravity)
-            port[column] = middle - DIFFERENCE_STEP
-            flat_output(port[:10], port[10], port[11], gravity, below)
-            low = linearising_input(port[:10], port[10], port[11], port[12], port[13], port[14], gravity)
-            port[column] = middle
-            for i in range(3):
-                slope = (high[i] - low[i]) / (2.0 * DIFFERENCE_STEP)
-                if column < 12:
-                    input_by[k, i, column] = slope
-                else:
-                    input_by_virtual[k, i, column - 12] = slope
-            if column < 12:
-                for i in range(12):
-                    flat_by[k, i, column] = (above[i] - below[i]) / (2.0 * DIFFERENCE_STEP)
-
-
-def law_rows(run: Run, tracker: Tracker, p: int) -> tuple[Array, Array, Array]:
-    """(N, 3, 10) flat output by the joints; v and commanded acceleration by X, (N, 3, n)."""
-    samples = len(run.time_ns)
-    flat_by, input_by = np.zeros((samples, 12, 12)), np.zeros((samples, 3, 12))
-    input_by_virtual = np.zeros((samples, 3, 3))
-    state, controller, virtual = (
-        np.ascontiguousarray(block)
-        for block in (run.block("state"), run.block("controller")[:, :2], run.block("virtual_input")[:, :3])
-    )
-    linearise_law(tracker.gravity, state, controller, virtual, flat_by, input_by, input_by_virtual)
-    output = dense_robustifier(tracker)[2]
-    extension, robustifier, m = p + EXTENSION, p + ROBUSTIFIER, len(output)
+def _controller_outputs(run: Run, tracker: Tracker, p: int) -> tuple[Array, Array]:
+    """Return the flat output by joints, zeta and zeta', (N, 12, 12), and `TrajectoryLoop.outputs`."""
+    ports = np.hstack([run.block("state"), run.block("controller")[:, :2], run.block("virtual_input")[:, :3]])
+    by_port = slopes(partial(law_outputs, tracker.gravity), ports, range(15))
+    flat, command, by_v = by_port[:, :12, :12], by_port[:, 12:, :12], by_port[:, 12:, 12:]
+    output, extension, robustifier = dense_robustifier(tracker)[2], p + EXTENSION, p + ROBUSTIFIER
     measured = [*range(10), extension, extension + 1]
-    v = np.zeros((samples, 3, robustifier + 3 * m))
-    for axis in range(3):
-        v[:, axis, measured] = -tracker.feedthrough * flat_by[:, axis]
-        for order in range(4):
-            v[:, axis, measured] -= tracker.gain[order] * flat_by[:, 3 * order + axis]
-        v[:, axis, robustifier + axis * m : robustifier + (axis + 1) * m] = output
-    command = np.matmul(input_by_virtual, v)
-    command[:, :, measured] += input_by
-    return np.ascontiguousarray(flat_by[:, :3, :10]), v, command
+    rows = np.zeros((len(ports), 9, robustifier + 3 * len(output)))
+    v, given, error = rows[:, :3], rows[:, 3:6], rows[:, 6:]
+    error[:, :, :10] = -flat[:, :3, :10]
+    v[:, :, measured] = -tracker.feedthrough * flat[:, :3]
+    for order in range(4):
+        v[:, :, measured] -= tracker.gain[order] * flat[:, 3 * order : 3 * order + 3]
+    v[:, :, robustifier:] += np.kron(np.eye(3), output)
+    given[:] = by_v @ v
+    given[:, :, measured] += command
+    return flat, rows
+
+
+def _controller_matrices(tracker: Tracker) -> tuple[Array, Array]:
+    """Return `controller_state` and `controller_input` of a `TrajectoryLoop`."""
+    period, (state, given, _) = tracker.period, dense_robustifier(tracker)
+    eye = np.eye(3)
+    by_error = np.zeros((2 + 3 * len(given), 9))
+    by_error[:2, 2] = 0.5 * period**2, period  # v of the vertical axis
+    by_error[2:, 6:] = np.kron(eye, given[:, None])
+    return block_diag([[1.0, period], [0.0, 1.0]], np.kron(eye, state)), by_error
 
 
 def dense_robustifier(tracker: Tracker) -> tuple[Array, Array, Array]:
@@ -297,7 +269,7 @@ class LinearisedRun:
     _driven: dict[tuple[str, ...], TrajectoryLoop] = field(default_factory=dict)
 
     def driven(self, *effects: str) -> TrajectoryLoop:
-        """The loop with velocity drives and those of `effects` that change the equations of motion."""
+        """Return the loop with velocity drives, and of `effects` the delay and the structure."""
         structure = tuple(name for name in STRUCTURE if name in effects)
         if structure not in self._driven:
             run, chosen = self.run, self.effects.only(*structure)
@@ -307,7 +279,8 @@ class LinearisedRun:
             set_damping(crane, chosen, float(run.block("state")[0, ROPE]))
             winds = plan_scenario(replace_effects(run.scenario, chosen)).wind[: len(run.time_ns)]
             self._driven[structure] = linearise_run(run, crane=crane, winds=winds)
-        return self._driven[structure]
+        delay = round(self.effects.delay.seconds / self.loop.period) if "delay" in effects else 0
+        return self._driven[structure]._replace(delay=delay)
 
 
 def nominal_run(scenario: Scenario, controller: str | None = None) -> LinearisedRun:

@@ -15,7 +15,7 @@ from cranectl.analysis.budget.bounded_signals import (
     worst_case,
     worst_friction,
 )
-from cranectl.analysis.budget.propagation import NO_FRICTION, FrictionPort, no_errors, propagate
+from cranectl.analysis.budget.propagation import FrictionPort, no_errors, propagate
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run, nominal_run
 from cranectl.controllers.observer import make_observer
 from cranectl.planning import load_scenario
@@ -44,11 +44,11 @@ def test_a_small_start_error_develops_as_predicted(controller: str, offset: str)
         plant="analytic",
         controller=controller,
     )
-    size = loop.virtual.shape[2]
+    size = loop.size
     x, matrix = np.zeros(size), np.zeros((size, size))
     x[:10] = moved.block("state")[0] - run.block("state")[0]
     for k in range(len(run.time_ns) - 1):
-        loop_matrix(loop.matrices, 0, k, matrix)
+        loop_matrix(loop.matrices, k, matrix)
         x = matrix @ x
     found = moved.block("state")[-1] - run.block("state")[-1]
     assert np.abs(found).max() > 1e-9
@@ -62,7 +62,7 @@ def test_a_delay_is_a_delay() -> None:
     _, loop = nominal("lqr")
     ports = no_errors(loop)
     ports.law[100, 1] = 1.0
-    late = propagate(loop, ports, 7)
+    late = propagate(loop._replace(delay=7), ports)
     assert np.flatnonzero(late.given[:, 1])[0] == 107
     assert late.given[107, 1] == 1.0
 
@@ -116,7 +116,7 @@ def test_worst_case_is_the_sum_of_all_impulse_responses() -> None:
         controller="lqr",
     )
     loop, linear = linearise_run(run), estimator(run)
-    size = loop.virtual.shape[2]
+    size = loop.size
     total = size + 15
     amplitudes = np.array([1.0, 0.5, 2.0, 1.0, 3.0])
     expected = np.zeros(3)
@@ -135,8 +135,7 @@ def test_worst_case_is_the_sum_of_all_impulse_responses() -> None:
 
 def test_worst_friction_is_the_sum_of_all_impulse_responses() -> None:
     scenario = load_scenario("off-reference", overrides=["duration=0.05", "reference.segments=[]"])
-    where, delay = nominal_run(scenario, "lqr"), 3
-    loop = where.driven("rope")
+    loop = nominal_run(scenario, "lqr").driven("rope")._replace(delay=3)
     samples = loop.samples - 1
     limits = np.array([1e-3, 2e-3, 1e-3, 0.1, 0.2])
     friction = FrictionPort(np.zeros((samples + 1, 5)), np.zeros((samples, 5)), np.tile(limits, (samples, 1)))
@@ -148,8 +147,8 @@ def test_worst_friction_is_the_sum_of_all_impulse_responses() -> None:
                 ports.drive[start, port] = limits[port]
             else:
                 ports.disturbance[start, port - 3] = limits[port]
-            expected += np.abs(propagate(loop, ports, delay).load[-1] - loop.load_offset[-1])
-    found = worst_friction(loop, friction, propagate(loop, no_errors(loop)), delay)
+            expected += np.abs(propagate(loop, ports).load[-1] - loop.load_offset[-1])
+    found = worst_friction(loop, friction, propagate(loop, no_errors(loop)))
     assert found == pytest.approx(np.linalg.norm(expected), rel=1e-9)
 
 
@@ -159,15 +158,15 @@ def test_the_loop_matrix_is_the_propagation(delay: int) -> None:
     where = nominal_run(
         load_scenario("off-reference", overrides=["duration=0.05", "reference.segments=[]"]), "lqr+hinf"
     )
-    loop, rng = where.driven("body"), np.random.default_rng(2)
+    loop, rng = where.driven("body")._replace(delay=delay), np.random.default_rng(2)
     ports, p = no_errors(loop), len(loop.kept)
     ports.local[:] = 1e-6 * rng.standard_normal(ports.local.shape)
     ports.measured[:] = 1e-6 * rng.standard_normal(ports.measured.shape)
-    found = propagate(loop, ports, delay, NO_FRICTION).state
+    found = propagate(loop, ports).state
     total = loop.size + 3 * delay
     x, matrix = np.zeros(total), np.zeros((total, total))
     for k in range(loop.samples - 1):
-        loop_matrix(loop.matrices, delay, k, matrix)
+        loop_matrix(loop.matrices, k, matrix)
         tracker = matrix[:, :10].copy()
         tracker[:p] -= loop.by_state[k // loop.stride][:, :10]
         x = matrix @ x + tracker @ ports.measured[k]
