@@ -140,7 +140,6 @@ class PointVerdict:
         return self.closed_loop_radius < 1.0
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
         fields = asdict(self)
         return {**fields.pop("point"), **fields}
 

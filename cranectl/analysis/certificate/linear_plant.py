@@ -93,8 +93,6 @@ class LinearPlant:
 
     system: SampledSystem  # the first ten states are the joints
     delay: int  # samples between a command given and arriving
-    period: float  # [s]
-    point: OperatingPoint
 
 
 def linear_plant(
@@ -117,11 +115,8 @@ def linear_plant(
     anchor, command, held = equilibrium(plant, point, drive, air, tracker.gravity)
     crane_matrix = _crane_matrix(plant, anchor, command, np.array(point.tilt), air)
     sensing = scenario.effects.sensing
-    observer = None
-    if sensing is not None:
-        observer = make_observer(
-            sensing.observer_bandwidth, period=tracker.period, gravity=tracker.gravity
-        )  # fmt: skip
+    given = {"period": tracker.period, "gravity": tracker.gravity}
+    observer = None if sensing is None else make_observer(sensing.observer_bandwidth, **given)
     actuation = make_actuation(scenario, held.joints)
     law = _law_function(tracker if flat else None, actuation, observer, drive)
     memory = _held_memory(held, command, observer)
@@ -131,12 +126,7 @@ def linear_plant(
     set_points = range(SETPOINT, ESTIMATE) if DRIVES[drive].command != "velocity" else ()
     kept = [k for k in range(len(memory)) if k not in set_points]
     whole = _joined(crane_matrix, law_matrix, len(memory), kept)
-    return LinearPlant(
-        system=whole if flat else _horizontal(whole),
-        delay=scenario.delay_samples,
-        period=tracker.period,
-        point=point,
-    )
+    return LinearPlant(whole if flat else _horizontal(whole), scenario.delay_samples)
 
 
 def run_plant(scenario: Scenario, drive: Drive) -> MujocoPlant:
@@ -159,24 +149,14 @@ def _crane_matrix(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Arra
         plant.advance(values[n:], tilt, air, load)
         return change_since(plant, anchor)
 
-    matrix = differences(
-        crane, np.concatenate([np.zeros(n), command]), np.full(n + 3, step_at(plant, anchor))
-    )
-    return _without_unseen(matrix)
-
-
-def _without_unseen(matrix: Array) -> Array:
-    """Drop the states beyond the joints that move nothing but themselves: the turn of a load on its rope."""
-    kept = list(range(len(matrix)))
-    while True:
-        unseen = [
-            k
-            for k in kept
-            if k >= JOINT_SIGNALS and np.abs(matrix[[j for j in kept if j != k], k]).max() < UNSEEN
-        ]
-        if not unseen:
-            return matrix[np.ix_(kept, [*kept, *range(len(matrix), len(matrix) + 3)])]
-        kept = [k for k in kept if k not in unseen]
+    at, step = np.append(np.zeros(n), command), step_at(plant, anchor)
+    matrix = differences(crane, at, np.full(n + 3, step))
+    moving = np.abs(matrix[:, :n] * (1.0 - np.eye(n))) >= UNSEEN  # [state, by another]
+    kept = np.arange(n)
+    while not (seen := (kept < JOINT_SIGNALS) | moving[np.ix_(kept, kept)].any(axis=0)).all():
+        kept = kept[seen]
+    reduced: Array = matrix[np.ix_(kept, [*kept, *range(n, n + 3)])]
+    return reduced
 
 
 def _held_memory(held: HeldState, command: Array, observer: Observer | None) -> Array:

@@ -15,6 +15,7 @@ optimum.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_continuous_are
@@ -47,9 +48,14 @@ class InnerLoop:
     m axes: three of flat states, or the two horizontal ones of a law, whose u then is v.
     """
 
-    undelayed: SampledSystem  # inputs: what delay adds to the commands, v-bar; outputs: commands, measured
+    opened: SampledSystem  # at the drives; inputs: arriving commands, v-bar; outputs: commands, measured
     delay: int  # [samples]
-    arriving: SampledSystem  # delay as states; inputs: added to arriving, v-bar; outputs: arriving, measured
+
+    @cached_property
+    def arriving(self) -> SampledSystem:
+        """With delay as states; inputs: added to arriving, v-bar; outputs: arriving, measured."""
+        drives, _ = parts(self.opened)
+        return with_delay(self.opened, drives, drives, self.delay)
 
     @property
     def delayed(self) -> SampledSystem:
@@ -59,8 +65,9 @@ class InnerLoop:
         return SampledSystem(a, b[:, rest], c[rest], d[rest, rest])
 
     def response(self, z: Complex) -> Complex:
-        """(k, 4 m, m) at points `z` (k,)."""
-        response, (drives, rest) = self.undelayed.response(z), parts(self.undelayed)
+        """Return the response (k, 4 m, m) at points `z` (k,)."""
+        drives, rest = parts(self.opened)
+        response = close_inputs(self.opened, drives, drives, np.eye(drives.stop)).response(z)
         if self.delay == 0:
             return response[:, rest, rest]
         late = (z**-self.delay - 1.0)[:, None, None]
@@ -71,21 +78,16 @@ class InnerLoop:
 
 
 def parts(system: SampledSystem) -> tuple[slice, slice]:
-    """Of the inputs and of the outputs of a plant or inner loop: those at the drives, and the rest."""
+    """Return the inputs and outputs of a plant or inner loop that are at the drives, and the rest."""
     axes = system.b.shape[1] // 2
     return slice(0, axes), slice(axes, None)
 
 
 def inner_loop_of(plant: LinearPlant, gain: Array) -> InnerLoop:
-    """The linearised plant under state feedback with `gain` (4,) on each axis."""
+    """Return the linearised plant under state feedback with `gain` (4,) on each axis."""
     drives, rest = parts(plant.system)
-    eye = np.eye(drives.stop)
-    closed = close_inputs(plant.system, rest, rest, -np.kron(gain, eye).astype(float))
-    return InnerLoop(
-        undelayed=close_inputs(closed, drives, drives, eye),
-        delay=plant.delay,
-        arriving=with_delay(closed, drives, drives, plant.delay),
-    )
+    feedback = -np.kron(gain, np.eye(drives.stop)).astype(float)
+    return InnerLoop(close_inputs(plant.system, rest, rest, feedback), plant.delay)
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ class AxisDesign:
             np.vstack([np.zeros((self.axes, n)), np.eye(n)]),
             np.zeros((n + self.axes, 2 * self.axes)),
         )
-        return InnerLoop(undelayed=whole, delay=0, arriving=whole)
+        return InnerLoop(whole, delay=0)
 
 
 def flat_axis(design: Design, period: float) -> AxisDesign:
@@ -135,29 +137,34 @@ def law_axis(law: LinearLaw, period: float) -> AxisDesign:
     """
     crane, own = slice(SIGNALS), slice(SIGNALS, None)
     a, b, gain = law.a[crane, crane], law.b[crane], law.gain[crane]
-    if np.abs(np.linalg.eigvals(_sampled_loop(a, b, gain, period))).max() >= 1.0 - MARGINAL:
+    phi, hold = zero_order_hold(a, b, period)
+    if np.abs(np.linalg.eigvals(phi - hold @ gain[None])).max() >= 1.0 - MARGINAL:
         gain = (b.T @ solve_continuous_are(a, b, np.eye(SIGNALS), [[1.0]]))[0]
     phi, hold = zero_order_hold(law.a[own, own], law.a[own, crane], period)
     robustifier = SampledSystem(phi, hold, law.gain[None, own], (law.gain[crane] - gain)[None])
     return AxisDesign(a, b, gain, robustifier, 2, period)
 
 
-def _sampled_loop(a: Array, b: Array, gain: Array, period: float) -> Array:
-    phi, hold = zero_order_hold(a, b, period)
-    loop: Array = phi - hold @ gain[None]
-    return loop
+def closed_loop(inner: InnerLoop, robustifier: SampledSystem) -> SampledSystem:
+    """Return the whole loop from what is added to the arriving commands (m) to the arriving commands (m).
 
-
-def closed_loop_matrix(inner: InnerLoop, robustifier: SampledSystem) -> Array:
-    """State matrix of the whole loop: linear plant, its delays, then the robustifier states axis by axis."""
-    a, b, c, _ = inner.delayed
-    r = on_each_axis(robustifier, b.shape[1])
-    return np.block([[a - b @ r.d @ c, b @ r.c], [-r.b @ c, r.a]]).astype(float)
+    Its states: linear plant, its delays, then the robustifier states axis by axis.
+    """
+    a, b, c, d = inner.arriving
+    drives, rest = parts(inner.arriving)
+    r = on_each_axis(robustifier, drives.stop)
+    b_v, d_v, measured = b[:, rest], d[drives, rest], c[rest]
+    return SampledSystem(
+        np.block([[a - b_v @ r.d @ measured, b_v @ r.c], [-r.b @ measured, r.a]]).astype(float),
+        np.vstack([b[:, drives], np.zeros((len(r.a), drives.stop))]),
+        np.hstack([c[drives] - d_v @ r.d @ measured, d_v @ r.c]),
+        d[drives, drives],
+    )
 
 
 def closed_loop_radius(inner: InnerLoop, robustifier: SampledSystem) -> float:
-    """Largest modulus of the closed loop's poles: below 1 the linear loop is stable."""
-    return float(np.abs(np.linalg.eigvals(closed_loop_matrix(inner, robustifier))).max())
+    """Return the largest modulus of the closed loop's poles: below 1 the linear loop is stable."""
+    return float(np.abs(closed_loop(inner, robustifier).poles()).max())
 
 
 def on_each_axis(system: SampledSystem, axes: int) -> SampledSystem:

@@ -26,7 +26,7 @@ from cranectl.analysis.certificate.systems import (
     GRID_START,
     Complex,
     GridSamples,
-    sample,
+    find_peak,
     starting_grid,
 )
 from cranectl.support.arrays import Array
@@ -65,23 +65,18 @@ def nu_gap(first: Graph, second: Graph) -> NuGap:
     if (np.abs(np.abs(poles) - 1.0) < ON_CIRCLE).any():
         return NuGap(1.0, 0.0, None)
 
-    def compare(angles: Array) -> GridSamples:
-        z = np.exp(1j * angles)
+    def compare(z: Complex) -> GridSamples:
         g_1, g_2 = first.response(z), second.response(z)
         q_1, q_2 = orthonormal(g_1), orthonormal(g_2)
         determinant = np.linalg.det(_hermitian(g_2) @ g_1)
         return GridSamples(distance(q_1, q_2), np.stack([q_1, q_2], axis=1), determinant)
 
-    angles, samples, resolved = sample(starting_grid(poles), compare)
-    turn = np.angle(samples.determinant[1:] * np.conj(samples.determinant[:-1])).sum()
+    peak = find_peak(starting_grid(poles), compare)
     # Half the circle is sampled; the other half turns as much. Each pole of a symbol outside adds a turn.
-    winding = round(turn / np.pi) - first.unstable + second.unstable
-    peak = int(samples.level.argmax())
-    return NuGap(
-        gap=float(samples.level[peak]) if resolved and winding == 0 else 1.0,
-        angle=float(angles[peak]),
-        winding=winding if resolved else None,
-    )
+    winding = round(peak.turn / np.pi) - first.unstable + second.unstable
+    if not peak.is_resolved:
+        return NuGap(1.0, peak.angle, None)
+    return NuGap(peak.level if winding == 0 else 1.0, peak.angle, winding)
 
 
 def distance(q_1: Complex, q_2: Complex) -> Array:
@@ -119,16 +114,12 @@ def coprime_margin(plant: Graph, controller: Response, poles: Complex) -> Coprim
     no closer than at the lowest point of the grid. 0 where the grid cannot resolve the loop.
     """
 
-    def evaluate(angles: Array) -> GridSamples:
-        z = np.exp(1j * angles)
+    def evaluate(z: Complex) -> GridSamples:
         across, graph = complement(controller(z)), orthonormal(plant.response(z))
-        bases = np.stack([across, graph], axis=1)
-        return GridSamples(-sines(across, graph), bases, np.ones(len(z), dtype=complex))
+        return GridSamples(-sines(across, graph), np.stack([across, graph], axis=1), np.ones_like(z))
 
-    grid = starting_grid(np.concatenate([plant.poles, poles]))
-    angles, samples, resolved = sample(grid[grid >= GRID_START], evaluate)
-    worst = int(samples.level.argmax())
-    return CoprimeMargin(-float(samples.level[worst]) if resolved else 0.0, float(angles[worst]))
+    peak = find_peak(_grid_above_zero(plant.poles, poles), evaluate)
+    return CoprimeMargin(-peak.level if peak.is_resolved else 0.0, peak.angle)
 
 
 def largest_excess(other: Graph, plant: Graph, controller: Response, poles: Complex) -> float:
@@ -139,16 +130,19 @@ def largest_excess(other: Graph, plant: Graph, controller: Response, poles: Comp
     the grid cannot resolve it.
     """
 
-    def evaluate(angles: Array) -> GridSamples:
-        z = np.exp(1j * angles)
+    def evaluate(z: Complex) -> GridSamples:
         far, near = orthonormal(other.response(z)), orthonormal(plant.response(z))
         across = complement(controller(z))
         bases = np.stack([far, near, near, across], axis=1)  # the plant's turning counts in both terms
-        return GridSamples(distance(far, near) - sines(across, near), bases, np.ones(len(z), dtype=complex))
+        return GridSamples(distance(far, near) - sines(across, near), bases, np.ones_like(z))
 
-    grid = starting_grid(np.concatenate([other.poles, plant.poles, poles]))
-    _, samples, resolved = sample(grid[grid >= GRID_START], evaluate)
-    return float(samples.level.max()) if resolved else 1.0
+    peak = find_peak(_grid_above_zero(other.poles, plant.poles, poles), evaluate)
+    return peak.level if peak.is_resolved else 1.0
+
+
+def _grid_above_zero(*poles: Complex) -> Array:
+    grid = starting_grid(np.concatenate(poles))
+    return grid[grid >= GRID_START]
 
 
 def sines(across: Complex, graph: Complex) -> Array:

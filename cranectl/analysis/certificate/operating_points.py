@@ -89,13 +89,16 @@ def tilt_angles(point: OperatingPoint, gravity: float) -> tuple[float, float]:
     a, b = (point.rope_length * d / gravity for d in point.tilt)
     total = 1.0 + a * a
     root = total * total - 4.0 * a * a * (1.0 - b * b)
-    if abs(b) >= 1.0 or root < 0.0:
-        raise _too_strong(point, gravity)
-    cos_beta = sqrt(2.0 * (1.0 - b * b) / (total + sqrt(root)))
-    if abs(a * cos_beta) > LARGEST_SINE:
-        raise _too_strong(point, gravity)
-    alpha = asin(a * cos_beta)
-    return alpha, asin(b / cos(alpha))
+    if abs(b) < 1.0 and root >= 0.0:
+        sine = a * sqrt(2.0 * (1.0 - b * b) / (total + sqrt(root)))
+        if abs(sine) <= LARGEST_SINE:
+            alpha = asin(sine)
+            return alpha, asin(b / cos(alpha))
+    raise InputError(
+        f"a disturbance of {point.tilt[0]:g}, {point.tilt[1]:g} rad/s² on {point.rope_length:g} m of rope",
+        allowed=f"what gravity holds, well below g/l = {gravity / point.rope_length:.3g} rad/s²",
+        remedy="choose a smaller tilt or a shorter rope",
+    )
 
 
 def grid_of(
@@ -126,14 +129,6 @@ def grid_of(
         OperatingPoint(length, tilt, speed)
         for length, tilt, speed in itertools.product(rope_lengths, tilts, hoisting_speeds)
     ]
-
-
-def _too_strong(point: OperatingPoint, gravity: float) -> InputError:
-    return InputError(
-        f"a disturbance of {point.tilt[0]:g}, {point.tilt[1]:g} rad/s² on {point.rope_length:g} m of rope",
-        allowed=f"what gravity holds, well below g/l = {gravity / point.rope_length:.3g} rad/s²",
-        remedy="choose a smaller tilt or a shorter rope",
-    )
 
 
 STEP = 1e-5  # of the differences, in each signal's unit

@@ -9,8 +9,12 @@ Gahinet, An Introduction to Disk Margins, IEEE Control Systems Magazine 40 (2020
 Gain and further delay: f = g exp(-j omega tau), stable while |f - 1| < 1/mu(T') at every frequency on the way
 from no change to g and tau.
 
-Both are found on a grid, 1 % to the safe side, and then proven at all frequencies, see `frequency_intervals`.
-Where the proof fails the grid is made finer there; without a proof the margin is 0.
+Both are found on a grid, 1 % to the safe side, and then proven at all frequencies. Where the proof fails the
+grid is made finer there; without a proof the margin is 0. With D fixed over an interval of frequencies, a
+singular value of D T D^-1 equals a level only at the imaginary eigenvalues of a Hamiltonian matrix, after the
+bilinear map s = (z - 1)/(z + 1) of the circle to the imaginary axis (Boyd, Balakrishnan, Kabamba, Mathematics
+of Control, Signals, and Systems 2 (1989) 207). Between two of them one point tells on which side of the level
+the norm lies.
 
 mu(M) is at most the norm of D M D^-1 for every positive diagonal D, and equal to the least of them for up to
 three channels. That norm is convex in the logarithms of D (Sezginer, Overton, IEEE TAC 35 (1990) 1163), so
@@ -19,22 +23,20 @@ Operations Research 29 (1981) 1039). SLICOT's AB13MD does the same, but as trans
 returns from some matrices.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cranectl.analysis.certificate.frequency_intervals import GridBounds, first_gap
-from cranectl.analysis.certificate.loop import InnerLoop, closed_loop_matrix, on_each_axis, parts
+from cranectl.analysis.certificate.loop import InnerLoop, closed_loop
 from cranectl.analysis.certificate.systems import GRID_START, Complex, SampledSystem, starting_grid
 from cranectl.support.arrays import Array
 
-RADIUS = 4.0  # of the logarithms searched, about the scaling that balances rows and columns
+RADIUS = 20.0  # of the logarithms searched, about no scaling
 BOUND_TOLERANCE = 1e-4  # of the bound, by which it may exceed the least
 SCALING_ITERATIONS = 150
-BALANCING = 10
-MAX_LOG_SCALING = 7.0  # of the logarithms that balance: without a coupling to balance they would run away
 MIN_DIVISOR = 1e-300
 
 
@@ -44,9 +46,9 @@ def structured_values(matrices: Complex) -> tuple[Array, Array]:
     The bound is the norm of D M D^-1 itself, so that it holds however well the scalings were found.
     """
     k, m, _ = matrices.shape
-    place = _balanced(matrices)
+    place = np.zeros((k, m))
     shape = np.broadcast_to(RADIUS**2 * np.eye(m - 1), (k, m - 1, m - 1)).copy()
-    best_place, best = place.copy(), np.full(k, np.inf)
+    best_place, best = np.zeros((k, m)), np.full(k, np.inf)
     active = np.arange(k)
     for _ in range(SCALING_ITERATIONS):
         value, slope = _norm_and_slope(matrices[active], place[active])
@@ -88,20 +90,112 @@ def _half_ellipsoid(
     )
 
 
-def _balanced(matrices: Complex) -> Array:
-    """Logarithms of scalings with which each row is about as large as its column; Osborne's iteration."""
-    size = np.abs(matrices) ** 2
-    k, m, _ = size.shape
-    size[:, range(m), range(m)] = 0.0
-    place = np.zeros((k, m))
-    for _ in range(BALANCING):
-        for i in range(m):
-            weight = np.exp(2.0 * (place[:, i, None] - place))
-            row = (size[:, i, :] * weight).sum(axis=1)
-            column = (size[:, :, i] / weight).sum(axis=1)
-            ratio = (column + MIN_DIVISOR) / (row + MIN_DIVISOR)
-            place[:, i] += 0.25 * np.log(np.clip(ratio, 1e-4, 1e4))
-    return np.clip(place - place[:, :1], -MAX_LOG_SCALING, MAX_LOG_SCALING)
+NEAR_AXIS = 1e-6  # an eigenvalue counts as imaginary if its real part is below this part of its modulus
+OVERLAP = 1e-7  # of neighbouring intervals, in parts of the angle: what an eigenvalue may be wrong by
+MIN_INTERVAL = 1e-5  # intervals shorter than this part of the angle are given up
+MIN_ANGLE = 1e-12  # [rad/sample]
+GOOD_PART = 0.25  # of an interval that must be proven at once, unless it reaches the next grid point
+MOST_INTERVALS = 1000
+
+
+class GridBounds(NamedTuple):
+    """Upper bounds of the structured singular value on a grid."""
+
+    angles: Array  # (k,) from 0 to pi [rad/sample]
+    response: Complex  # (k, m, m)
+    scalings: Array  # (k, m), diagonals of D with which the norm is the bound
+    values: Array  # (k,)
+
+
+def first_gap(system: SampledSystem, bounds: GridBounds, level: Callable[[Array], Array]) -> float | None:
+    """None if the structured singular value is proven below `level` at every frequency, else where it is not.
+
+    `level`: of angles (k,), positive and nowhere increasing; `system`: stable.
+    """
+    continuous, allowed = bilinear(system), level(bounds.angles)
+    start = 0.0
+    for _ in range(MOST_INTERVALS):
+        passed = int(np.searchsorted(bounds.angles, start * (1.0 + 2.0 * OVERLAP), side="right"))
+        first = min(passed, len(bounds.angles) - 1)
+        last, scaling = _longest_interval(bounds, allowed, first)
+        if last < first:
+            return float(bounds.angles[first])
+        target = float(bounds.angles[last])
+        while True:
+            end = below_until(continuous, scaling, float(level(np.array([target]))[0]), start, target)
+            if end >= bounds.angles[first] or end - start >= GOOD_PART * (target - start):
+                break
+            target = start + 0.5 * (target - start)
+            if target - start < max(MIN_INTERVAL * start, MIN_ANGLE):
+                return target
+        if end == np.pi:
+            return None
+        start = end * (1.0 - OVERLAP)
+    return start
+
+
+def below_until(continuous: SampledSystem, scaling: Array, level: float, start: float, end: float) -> float:
+    """Up to which angle, at most `end`, the norm of D T D^-1 is below `level` from `start` on.
+
+    `continuous` is what `bilinear` gives; `start` where it is not below there.
+    """
+    a, b, c, d = continuous
+    b, c, d = b / scaling, scaling[:, None] * c, scaling[:, None] * d / scaling
+    crossings = _crossings(SampledSystem(a, b, c, d), level)
+    if crossings is None:
+        return start
+    ahead = crossings[crossings > start]
+    until = min(end, float(ahead[0])) if len(ahead) else end
+    middle = 1j * np.tan(0.25 * (start + until))
+    response = c @ np.linalg.solve(middle * np.eye(len(a)) - a, b.astype(complex)) + d
+    return until if np.linalg.norm(response, 2) < level else start
+
+
+def bilinear(system: SampledSystem) -> SampledSystem:
+    """The continuous system of the same response, at j tan(angle / 2) in place of exp(j angle)."""
+    inverse = np.linalg.inv(system.a + np.eye(len(system.a)))
+    return SampledSystem(
+        (system.a - np.eye(len(system.a))) @ inverse,
+        np.sqrt(2.0) * inverse @ system.b,
+        np.sqrt(2.0) * system.c @ inverse,
+        system.d - system.c @ inverse @ system.b,
+    )
+
+
+def _crossings(continuous: SampledSystem, level: float) -> Array | None:
+    """Angles below pi at which a singular value equals `level`, ascending; None if one does at pi."""
+    a, b, c, d = continuous
+    left = level**2 * np.eye(d.shape[1]) - d.T @ d
+    if np.abs(np.linalg.eigvalsh(left)).min() < 1e-12 * level**2:
+        return None
+    inner = np.linalg.inv(left)
+    a_closed = a + b @ inner @ d.T @ c
+    hamiltonian = np.block(
+        [
+            [a_closed, level * b @ inner @ b.T],
+            [-c.T @ (np.eye(len(d)) + d @ inner @ d.T) @ c / level, -a_closed.T],
+        ]
+    )
+    eigenvalues = np.linalg.eigvals(hamiltonian)
+    imaginary = np.abs(eigenvalues.real) <= NEAR_AXIS * np.abs(eigenvalues)
+    return np.sort(2.0 * np.arctan(np.abs(eigenvalues.imag[imaginary])))
+
+
+def _longest_interval(bounds: GridBounds, allowed: Array, first: int) -> tuple[int, Array]:
+    """Return (last grid point, scaling) with which all norms from `first` to it lie below what is allowed.
+
+    The last point is before `first` if there is none.
+    """
+    hardest = first + int(np.argmax(bounds.values[first:] / allowed[first:]))
+    best, scaling = first - 1, bounds.scalings[first]
+    for k in (hardest, first):
+        scaled = bounds.scalings[k][:, None] * bounds.response[first:] / bounds.scalings[k]
+        norms = np.maximum.accumulate(np.linalg.norm(scaled, 2, axis=(1, 2)))
+        bad = np.flatnonzero(norms >= allowed[first:])
+        last = first + int(bad[0]) - 1 if len(bad) else len(allowed) - 1
+        if last > best:
+            best, scaling = last, bounds.scalings[k]
+    return best, scaling
 
 
 SPREADS = (0.0, 0.1, 0.2, 0.3, 0.5)  # of the drives' gains
@@ -132,7 +226,6 @@ class DriveMargins:
         return float(2.0 * np.arctan(0.5 * self.disk_margin))
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
         return {
             "disk_margin": self.disk_margin,
             "gain_range": list(self.gain_range),
@@ -146,28 +239,26 @@ def drive_margins(inner: InnerLoop, robustifier: SampledSystem, period: float) -
 
     Found on a grid that follows the loop's poles and proven between its points.
     """
-    loop = drive_loop(inner, robustifier)
+    loop = closed_loop(inner, robustifier)  # T'
     poles = loop.poles()
     if np.abs(poles).max() >= 1.0:
         return DriveMargins(0.0, tuple((spread, 0.0) for spread in SPREADS))
     grid = np.union1d(starting_grid(poles), np.geomspace(GRID_START, np.pi, GRID_POINTS))
     shifted = loop._replace(d=loop.d + 0.5 * np.eye(len(loop.d)))
     bounds = bounded(loop, grid)
-    return DriveMargins(
-        disk_margin=_disk_margin(shifted, bounded(shifted, grid)),
-        delays=tuple((spread, _safe_delay(loop, bounds, spread) * period) for spread in SPREADS),
+    disk_margin = _proven(
+        shifted,
+        bounded(shifted, grid),
+        lambda found: 1.0 / (GUARD * float(found.values.max())),
+        lambda alpha, angles: np.full_like(angles, 1.0 / alpha),
     )
-
-
-def drive_loop(inner: InnerLoop, robustifier: SampledSystem) -> SampledSystem:
-    """T': from a disturbance on the arriving commands (m) to the arriving commands without it (m)."""
-    system, (drives, rest) = inner.arriving, parts(inner.arriving)
-    r = on_each_axis(robustifier, drives.stop)
-    a = closed_loop_matrix(inner, robustifier)
-    b = np.vstack([system.b[:, drives], np.zeros((len(r.a), drives.stop))])
-    d_v = system.d[drives, rest]
-    c = np.hstack([system.c[drives] - d_v @ r.d @ system.c[rest], d_v @ r.c])
-    return SampledSystem(a, b, c, system.d[drives, drives])
+    delays = (
+        _proven(loop, bounds, partial(_delay_on_grid, spread=spread), partial(_tolerated, spread=spread))
+        for spread in SPREADS
+    )
+    return DriveMargins(
+        disk_margin, tuple((s, period * delay) for s, delay in zip(SPREADS, delays, strict=True))
+    )
 
 
 def bounded(system: SampledSystem, angles: Array) -> GridBounds:
@@ -177,32 +268,28 @@ def bounded(system: SampledSystem, angles: Array) -> GridBounds:
     return GridBounds(angles, response, scalings, values)
 
 
-def _disk_margin(shifted: SampledSystem, bounds: GridBounds) -> float:
-    """1/max mu(T' + I/2), less what the proof needs; 0 where none is found."""
+def _proven(
+    system: SampledSystem,
+    bounds: GridBounds,
+    best: Callable[[GridBounds], float],
+    level: Callable[[float, Array], Array],
+) -> float:
+    """Return the `best` value on the grid that is proven between its points too, else 0.
+
+    Proven is that mu stays below `level` of this value and of the angles (k,).
+    """
     for _ in range(ATTEMPTS):
-        level = GUARD * float(bounds.values.max())
-        gap = first_gap(shifted, bounds, partial(np.full_like, fill_value=level))
+        value = best(bounds)
+        gap = first_gap(system, bounds, partial(level, value)) if value else None
         if gap is None:
-            return 1.0 / level
-        bounds = _finer(shifted, bounds, gap)
+            return value
+        bounds = _finer(system, bounds, gap)
     return 0.0
 
 
-def _safe_delay(loop: SampledSystem, bounds: GridBounds, spread: float) -> float:
-    """Largest proven delay [samples] with |g exp(-j angle delay) - 1| mu below 1, all |g - 1| <= spread."""
-    for _ in range(ATTEMPTS):
-        delay = _delay_on_grid(1.0 / (GUARD * bounds.values), bounds.angles, spread)
-        if delay == 0.0:
-            return 0.0
-        gap = first_gap(loop, bounds, partial(_tolerated, delay=delay, spread=spread))
-        if gap is None:
-            return delay
-        bounds = _finer(loop, bounds, gap)
-    return 0.0
-
-
-def _delay_on_grid(tolerated: Array, angles: Array, spread: float) -> float:
-    """Largest delay [samples], up to `LONGEST`, with which no change exceeds `tolerated` at the `angles`."""
+def _delay_on_grid(bounds: GridBounds, spread: float) -> float:
+    """Return the largest delay [samples] that is safe on the grid with all |g - 1| <= `spread`."""
+    tolerated, angles = 1.0 / (GUARD * bounds.values), bounds.angles
     if (tolerated <= spread).any():
         return 0.0
     longest = ANY_DELAY
@@ -214,8 +301,8 @@ def _delay_on_grid(tolerated: Array, angles: Array, spread: float) -> float:
     return longest
 
 
-def _tolerated(angles: Array, delay: float, spread: float) -> Array:
-    """What mu must be below: 1 over the largest |g exp(-j angle t) - 1|, |g - 1| <= spread, t <= `delay`."""
+def _tolerated(delay: float, angles: Array, spread: float) -> Array:
+    """Return 1 over the largest |g exp(-j angle t) - 1| with |g - 1| <= `spread` and t <= `delay`."""
     cosine = np.cos(np.minimum(angles * delay, np.pi))
     squares = [1.0 + g * g - 2.0 * g * cosine for g in (1.0 - spread, 1.0, 1.0 + spread)]
     level: Array = 1.0 / np.sqrt(np.maximum(np.max(squares, axis=0), LEAST_CHANGE**2))

@@ -104,6 +104,15 @@ class GridSamples(NamedTuple):
     determinant: Complex  # (k,), whose phase is followed
 
 
+class Peak(NamedTuple):
+    """Where a level is highest along the grid."""
+
+    level: float
+    angle: float  # [rad/sample]
+    turn: float  # of the determinant from the grid's first point to its last [rad]
+    is_resolved: bool
+
+
 def starting_grid(poles: Complex) -> Array:
     """Angles from 0 to pi: both ends, a logarithmic grid, and each pole's angle with its neighbourhood."""
     logarithmic = np.geomspace(GRID_START, np.pi, int(GRID_PER_DECADE * np.log10(np.pi / GRID_START)))
@@ -114,32 +123,38 @@ def starting_grid(poles: Complex) -> Array:
     return _distinct(grid[(grid >= 0.0) & (grid <= np.pi)])
 
 
-def sample(grid: Array, evaluate: Callable[[Array], GridSamples]) -> tuple[Array, GridSamples, bool]:
-    """Evaluate on `grid`, refined where needed and around the maximum of `level`; whether it is resolved."""
-    angles, samples = grid, evaluate(grid)
+def find_peak(grid: Array, evaluate: Callable[[Complex], GridSamples]) -> Peak:
+    """Find the highest level of what is evaluated on `grid`, refined where needed and around its maximum."""
+    angles, samples = grid, evaluate(np.exp(1j * grid))
     while True:
         coarse = _too_coarse(samples) & (np.diff(angles) > 1e-12 * np.maximum(angles[1:], GRID_START))
         if not coarse.any() or len(angles) > MAX_POINTS:
             break
         between = 0.5 * (angles[:-1] + angles[1:])[coarse]
-        angles, samples = _merged(angles, samples, between, evaluate(between))
+        angles, samples = _merged(angles, samples, between, evaluate(np.exp(1j * between)))
     for _ in range(2):
         peak = int(samples.level.argmax())
         low, high = angles[max(peak - 1, 0)], angles[min(peak + 1, len(angles) - 1)]
         between = np.setdiff1d(np.linspace(low, high, POLISH + 2), angles)
-        angles, samples = _merged(angles, samples, between, evaluate(between))
-    return angles, samples, not _too_coarse(samples).any()
+        angles, samples = _merged(angles, samples, between, evaluate(np.exp(1j * between)))
+    peak = int(samples.level.argmax())
+    is_resolved = not _too_coarse(samples).any()
+    return Peak(float(samples.level[peak]), float(angles[peak]), float(_turns(samples).sum()), is_resolved)
+
+
+def _turns(samples: GridSamples) -> Array:
+    """Return by how much the determinant turns from point to point [rad]."""
+    return np.angle(samples.determinant[1:] * np.conj(samples.determinant[:-1]))
 
 
 def _too_coarse(samples: GridSamples) -> NDArray[np.bool_]:
     overlap = np.conj(np.swapaxes(samples.bases[:-1], 2, 3)) @ samples.bases[1:]
     cosine = np.minimum(np.linalg.norm(overlap, -2, axis=(2, 3)), 1.0)
     turn = np.sqrt(1.0 - cosine**2)
-    step = np.angle(samples.determinant[1:] * np.conj(samples.determinant[:-1]))
     bound = 0.5 * (samples.level[1:] + samples.level[:-1] + turn.sum(axis=1))
     coarse: NDArray[np.bool_] = (
         (turn.max(axis=1) > LARGEST_TURN)
-        | (np.abs(step) > LARGEST_PHASE)
+        | (np.abs(_turns(samples)) > LARGEST_PHASE)
         | (bound > samples.level.max() + RESOLUTION)
     )
     return coarse

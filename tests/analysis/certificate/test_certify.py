@@ -12,10 +12,10 @@ import pytest
 from cranectl.analysis.certificate.certify import NominalLoop, certify, make_nominal_loop, make_nominal_loops
 from cranectl.analysis.certificate.conservatism import find_limits, last_good, with_further_lag
 from cranectl.analysis.certificate.linear_plant import ARRIVING, linear_plant
-from cranectl.analysis.certificate.loop import closed_loop_radius, inner_loop_of
+from cranectl.analysis.certificate.loop import closed_loop, closed_loop_radius, inner_loop_of
 from cranectl.analysis.certificate.nu_gap import nu_gap
 from cranectl.analysis.certificate.operating_points import OperatingPoint
-from cranectl.analysis.certificate.structured import GUARD, drive_loop, drive_margins
+from cranectl.analysis.certificate.structured import GUARD, drive_margins
 from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_design
 from cranectl.design import CONTROLLERS, design_controller
@@ -190,7 +190,7 @@ def test_disk_margin_of_one_drive_is_python_controls() -> None:
     """Hanging, the bridge moves alone: opened there, the loop has one input and one output."""
     nominal_loop = nominal_loop_of("lqr")
     inner = nominal_loop.inner_loop(scenario_of(), HANGING, "velocity")
-    closed = drive_loop(inner, nominal_loop.opening.axis.robustifier)  # T' = -T
+    closed = closed_loop(inner, nominal_loop.opening.axis.robustifier)  # T' = -T
     omega = np.geomspace(0.1, 100.0, 400)
     t = -closed.response(np.exp(1j * omega * PERIOD))
     assert np.abs(t[:, 0, 1:]).max() < 1e-6 * np.abs(t).max()

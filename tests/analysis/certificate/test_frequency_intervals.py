@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl.analysis.certificate.frequency_intervals import GridBounds, below_until, bilinear, first_gap
-from cranectl.analysis.certificate.structured import bounded
+from cranectl.analysis.certificate.structured import GridBounds, below_until, bilinear, bounded, first_gap
 from cranectl.analysis.certificate.systems import SampledSystem
 
 DENSE = np.union1d(np.geomspace(1e-6, np.pi, 4000), np.linspace(0.0, np.pi, 2000))

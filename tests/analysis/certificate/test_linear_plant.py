@@ -11,7 +11,7 @@ from cranectl.analysis.certificate.linear_plant import (
     present,
     run_plant,
 )
-from cranectl.analysis.certificate.loop import closed_loop_matrix, flat_axis, inner_loop_of
+from cranectl.analysis.certificate.loop import closed_loop, flat_axis, inner_loop_of
 from cranectl.analysis.certificate.operating_points import OperatingPoint, equilibrium, grid_of, tilt_angles
 from cranectl.controllers.flat import MEMORY, RUNNING, control_step
 from cranectl.controllers.registry import controller_design
@@ -88,7 +88,7 @@ def linear_loop(
     """The same of the linear loop."""
     design = design_controller("lqr+loop-shaping", scenario.design)
     inner = inner_loop_of(linear_plant(scenario, point, drive), design.gain)
-    matrix = closed_loop_matrix(inner, flat_axis(design, PERIOD).robustifier)
+    matrix = closed_loop(inner, flat_axis(design, PERIOD).robustifier).a
     x, states = np.append(offset, np.zeros(len(matrix) - 10)), []
     for _ in range(steps):
         states.append(x[:10])
@@ -235,7 +235,7 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int, controller: str) -
     point, design = OperatingPoint(0.6), controller_design(controller, scenario)
     loop = make_nominal_loops(scenario, design, [point])[point.rope_length]
     inner = loop.inner_loop(scenario, point, "velocity")
-    matrix = closed_loop_matrix(inner, loop.opening.axis.robustifier)
+    matrix = closed_loop(inner, loop.opening.axis.robustifier).a
     seen = np.arange(10) if loop.opening.name == "v-bar" else np.delete(np.arange(10), [ROPE, ROPE_RATE])
     held, offset = np.zeros(10), np.zeros(10)
     held[ROPE] = point.rope_length
