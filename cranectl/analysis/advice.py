@@ -76,7 +76,6 @@ class Assessment:
         return "guaranteed" if self.guaranteed else "survived"
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
         return {
             "controller": self.controller,
             "grade": self.grade,
@@ -100,7 +99,6 @@ class Improvement:
     gain: float  # part of the RMS cost that it takes away; negative if it adds to it
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
         return {
             "name": self.name,
             "change": self.change,
@@ -124,7 +122,6 @@ class Advice:
         return self.assessments[0] if self.assessments[0].survived else None
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
         return {
             "scenario": self.scenario.name,
             "effects": list(self.scenario.effects.names),
@@ -176,11 +173,13 @@ def visited_points(scenario: Scenario) -> list[OperatingPoint]:
     speeds = {round(float(value), 3) for value in (rate.min(), rate.max()) if abs(value) > STILL}
     edges = np.flatnonzero(np.any(np.diff(plan.disturbance, axis=0), axis=1)) + 1
     rows = plan.disturbance[[0, *edges]]
-    tilts = [(float(alpha), float(beta)) for alpha, beta in rows]
+    # The others pass too fast to be held against by gravity on the longest rope.
+    limit = 0.7 * scenario.rig.gravity / lengths[-1]
+    tilts = {(float(alpha), float(beta)) for alpha, beta in rows if float(np.hypot(alpha, beta)) < limit}
     return grid_of(
         scenario,
         rope_lengths=[min(max(value, low), high) for value in lengths],
-        tilts=_held(scenario, sorted(set(tilts)), lengths[-1]),
+        tilts=sorted(tilts),
         hoisting_speeds=sorted({0.0, *speeds}),
     )
 
@@ -231,12 +230,6 @@ def improved(scenario: Scenario) -> list[tuple[str, str, Scenario]]:
         (name, change, parse_settings(Scenario, merged(table, new), f"{scenario.name}, better {name}"))
         for name, change, new in changes
     ]
-
-
-def _held(scenario: Scenario, tilts: list[tuple[float, float]], length: float) -> list[tuple[float, float]]:
-    """The disturbances that gravity can hold against on the longest rope; others pass too fast to be held."""
-    limit = 0.7 * scenario.rig.gravity / length
-    return [tilt for tilt in tilts if float(np.hypot(*tilt)) < limit]
 
 
 def _rank(assessment: Assessment) -> tuple[bool, bool, float]:

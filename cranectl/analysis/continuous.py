@@ -51,7 +51,7 @@ from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
 NODES: Array = np.ascontiguousarray(DOP853.C[:STAGES])  # of the stages, in steps
-SLACK_ROPE = int(RunStatus.SLACK_ROPE)
+SLACK_ROPE, COMPLETED = int(RunStatus.SLACK_ROPE), int(RunStatus.COMPLETED)
 EXTENSION, ROBUSTIFIER = 10, 12  # places in the state
 MAX_STEP = 1e-3  # [s], longest step
 STIFFNESS = 2.0  # largest |pole| times step
@@ -115,46 +115,45 @@ def closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outp
 
 
 @jit
-def record_row(loop, rig, state, reference, disturbance, wind, row, rate, flat, outputs):
-    """Write record `row` at this state; returns (whether written, RUNNING or why the run ends here)."""
-    status = regularity(state[:10], state[EXTENSION], loop.gravity)
-    if status != RUNNING:
-        return False, status
-    closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outputs)
-    row[STATE_COLUMN : STATE_COLUMN + 10] = state[:10]
-    row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 15] = flat
-    row[ERROR_COLUMN : ERROR_COLUMN + 12] = reference[:12] - flat[:12]
-    row[INPUT_COLUMN : INPUT_COLUMN + 3] = outputs[:3]
-    row[INPUT_COLUMN + 3 : INPUT_COLUMN + 6] = state[1:6:2]
-    row[VIRTUAL_INPUT_COLUMN : VIRTUAL_INPUT_COLUMN + 6] = outputs[3:]
-    row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2] = disturbance
-    row[CONTROLLER_COLUMN : CONTROLLER_COLUMN + 2] = state[EXTENSION:ROBUSTIFIER]
-    n, width = loop.b.shape[0], (row.shape[0] - CONTROLLER_COLUMN - 2) // 3
-    for axis in range(3):
-        for i in range(n):
-            row[CONTROLLER_COLUMN + 2 + axis * width + i] = state[ROBUSTIFIER + axis * n + i]
-    load = row[LOAD_COLUMN : LOAD_COLUMN + 7]
-    observe_load(rig, state[:10], outputs[:3], wind, load)
-    return True, SLACK_ROPE if load[6] <= 0.0 else RUNNING
+def record_rows(loop, rig, states, reference, disturbance, wind, record):
+    """Write `record` at the sampled `states`; returns (complete rows, COMPLETED or why it ends there)."""
+    rate, flat, outputs = np.zeros(states.shape[1]), np.zeros(15), np.zeros(9)
+    n, width = loop.b.shape[0], (record.shape[1] - CONTROLLER_COLUMN - 2) // 3
+    for k in range(len(states)):
+        state, row = states[k], record[k]
+        status = regularity(state[:10], state[EXTENSION], loop.gravity)
+        if status != RUNNING:
+            return k, status
+        closed_loop_derivative(loop, state, reference[k], disturbance[k], rate, flat, outputs)
+        row[STATE_COLUMN : STATE_COLUMN + 10] = state[:10]
+        row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 15] = flat
+        row[ERROR_COLUMN : ERROR_COLUMN + 12] = reference[k, :12] - flat[:12]
+        row[INPUT_COLUMN : INPUT_COLUMN + 3] = outputs[:3]
+        row[INPUT_COLUMN + 3 : INPUT_COLUMN + 6] = state[1:6:2]
+        row[VIRTUAL_INPUT_COLUMN : VIRTUAL_INPUT_COLUMN + 6] = outputs[3:]
+        row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2] = disturbance[k]
+        row[CONTROLLER_COLUMN : CONTROLLER_COLUMN + 2] = state[EXTENSION:ROBUSTIFIER]
+        for axis in range(3):
+            first, own = CONTROLLER_COLUMN + 2 + axis * width, ROBUSTIFIER + axis * n
+            row[first : first + n] = state[own : own + n]
+        load = row[LOAD_COLUMN : LOAD_COLUMN + 7]
+        observe_load(rig, state[:10], outputs[:3], wind[k], load)
+        if load[6] <= 0.0:
+            return k + 1, SLACK_ROPE
+    return len(states), COMPLETED
 
 
 @jit
-def advance_steps(loop, rig, state, steps, reference, disturbance, wind, row_of, row_reference, record):
-    """Steps of lengths `steps` (n,); `reference` (n, stages, 15), `row_of` (n,): row recorded first, or -1.
-
-    Returns (complete rows, status); no rows are counted while running.
-    """
+def advance_steps(loop, rig, state, steps, reference, disturbance, wind, row_of, states):
+    """Steps of lengths `steps` (n,); `reference` (n, stages, 15), `row_of` (n,): place in `states`, or -1."""
     size = len(state)
     rates, stage_state = np.zeros((STAGES, size)), np.zeros(size)
     flat, outputs = np.zeros(15), np.zeros(9)
     for k in range(len(steps)):
         if row_of[k] >= 0:
-            row = record[row_of[k]]
-            written, status = record_row(
-                loop, rig, state, row_reference[k], disturbance[k], wind[k], row, rates[0], flat, outputs
-            )
-            if status != RUNNING:
-                return row_of[k] + (1 if written else 0), status
+            states[row_of[k]] = state
+            if regularity(state[:10], state[EXTENSION], loop.gravity) != RUNNING:
+                return  # what follows does not count
         for s in range(STAGES):
             for i in range(size):
                 increment = 0.0
@@ -172,7 +171,6 @@ def advance_steps(loop, rig, state, steps, reference, disturbance, wind, row_of,
             for s in range(STAGES):
                 increment += B[s] * rates[s, i]
             state[i] += steps[k] * increment
-    return 0, RUNNING
 
 
 def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: float = MAX_STEP) -> Run:
@@ -198,10 +196,9 @@ def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: flo
         [plan.initial_state, plan.reference[0, [ACCELERATION + Z, JERK + Z]], np.zeros(3 * r.order)]
     )
     record = np.zeros((len(plan.time_ns), record_width(design)))
-    trajectory = build_trajectory(scenario.reference)
-    rows, status = _advance_all(
-        (loop, rig, state), trajectory, plan, period * np.arange(parts) / parts, record
-    )
+    begins = period * np.arange(parts) / parts
+    states = _sampled_states((loop, rig, state), build_trajectory(scenario.reference), plan, begins)
+    rows, status = record_rows(loop, rig, states, plan.reference, plan.disturbance, plan.wind, record)
     return Run(
         scenario=ideal,
         design=design,
@@ -224,14 +221,13 @@ def _distance(times: Array, sorted_times: Array) -> Array:
     return nearest
 
 
-def _advance_all(
+def _sampled_states(
     closed: tuple[ContinuousLoop, object, Array],  # loop, rig, state
     trajectory: Trajectory,
     plan: Plan,
     begins: Array,
-    record: Array,
-) -> tuple[int, int]:
-    """Steps begin at `begins` [s] of each sample and at the reference's joints; (complete rows, status)."""
+) -> Array:
+    """Return the states at all samples; steps begin at `begins` [s] of each and at the reference's joints."""
     samples = plan.time_ns / NANOSECONDS
     joints = trajectory.joints[(trajectory.joints > 0.0) & (trajectory.joints < samples[-1])]
     fine = (samples[:-1, None] + begins).ravel()
@@ -244,20 +240,11 @@ def _advance_all(
     times = left[:, None] + NODES * (right - left)[:, None]
     ends_at_joint = _distance(right, joints) < 1e-9
     times[ends_at_joint] = np.minimum(times, right[:, None] - 2e-9)[ends_at_joint]  # left of the jump
+    states = np.zeros((len(samples), len(closed[2])))
     for first in range(0, len(left), SAMPLED_STEPS):
         part = slice(first, first + SAMPLED_STEPS)
         reference = trajectory.sample(times[part].ravel()).reshape(-1, STAGES, 15)
         disturbance, wind = plan.disturbance[sample[part]], plan.wind[sample[part]]
-        rows, status = advance_steps(
-            *closed,
-            (right - left)[part],
-            reference,
-            disturbance,
-            wind,
-            row_of[part],
-            plan.reference[sample[part]],
-            record,
-        )
-        if status != RUNNING:
-            return rows, status
-    return len(record), int(RunStatus.COMPLETED)
+        steps = (right - left)[part]
+        advance_steps(*closed, steps, reference, disturbance, wind, row_of[part], states)
+    return states
