@@ -67,11 +67,6 @@ LAGS = NoLimits(
 )
 
 
-def _is_of_earlier_drives(run: Run) -> bool:
-    """Return True if a log's analytic plant had velocity drives that do not feel the load."""
-    return run.plant == "analytic" and run.drive == "velocity" and run.model == LAGGING_MODEL
-
-
 def limits_for(scenario: Scenario, drive: Drive, plants: Iterable[str]) -> PairLimits:
     """Return the limits of each of `plants` and the one that they are compared against."""
     plants = list(plants)
@@ -89,34 +84,13 @@ def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> Agre
     if blind:
         label = plant_entry(blind[0]).label
         return NoLimits(f"velocity drives of the {label} plant do not feel the load, as those of others do")
-    return _with_effects(agreement_limits(drive), scenario, drive, pair)
-
-
-@functools.cache
-def agreement_limits(drive: str) -> AgreementLimits:
-    """Return what two plants with these drives may differ in closed loop, without effects."""
-    known = _closed_loop()
-    strictest = known["velocity"]  # for a kind that has no limits of its own
-    return AgreementLimits(**known.get(drive, strictest))
-
-
-@functools.cache
-def _closed_loop() -> dict[str, Any]:
-    """The limits of `validation/tolerances.toml`, read once for all pairs."""
-    found: dict[str, Any] = read_toml(resources.TOLERANCE_FILE)["closed-loop"]
-    return found
-
-
-def _with_effects(
-    limits: AgreementLimits, scenario: Scenario, drive: str, pair: tuple[str, str]
-) -> AgreementLimits | NoLimits:
-    """What the schemes of effects leave besides; lengths are those of the laboratory's rig."""
-    known = _closed_loop()["effects"]
+    known, limits = _closed_loop()["effects"], agreement_limits(drive)
     if scenario.effects.sensing and len(known.keys() & set(scenario.effects.names)) > 1:
         return ENCODERS
     friction = scenario.effects.friction
     if friction and friction.pivot_coulomb and "analytic" in pair:
         return SMOOTHED
+    # What the schemes of effects leave besides; lengths are those of the laboratory's rig.
     size = scenario.rig.rope_range[1] / RigParameters().rope_range[1]
     for name in scenario.effects.names:
         found = known.get(name, {})
@@ -129,6 +103,20 @@ def _with_effects(
                 reason=found["reason"],
             )
     return limits
+
+
+def agreement_limits(drive: str) -> AgreementLimits:
+    """Return what two plants with these drives may differ in closed loop, without effects."""
+    known = _closed_loop()
+    strictest = known["velocity"]  # for a kind that has no limits of its own
+    return AgreementLimits(**known.get(drive, strictest))
+
+
+@functools.cache
+def _closed_loop() -> dict[str, Any]:
+    """Read the limits of `validation/tolerances.toml`, once for all pairs."""
+    found: dict[str, Any] = read_toml(resources.TOLERANCE_FILE)["closed-loop"]
+    return found
 
 
 @dataclass(frozen=True)
@@ -161,7 +149,6 @@ class Agreement:
         return "not judged" if self.passed is None else "passed" if self.passed else "FAILED"
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
         return asdict(self)
 
 
@@ -185,7 +172,7 @@ def judge(
     """
     comparison = comparison or compare_runs(a, b, signals=())
     limits = limits or pair_limits(a.scenario, a.drive, (a.plant, b.plant))
-    if _is_of_earlier_drives(a) or _is_of_earlier_drives(b):
+    if ("analytic", "velocity", LAGGING_MODEL) in [(run.plant, run.drive, run.model) for run in (a, b)]:
         limits = LAGS
     known = limits if isinstance(limits, AgreementLimits) else None
     return Agreement(
@@ -245,23 +232,17 @@ def judge_steps(
         return agreement
     halvings = min(math.ceil(math.log2(excess) / ORDER), MOST_HALVINGS)
     shorter = with_finer_steps(runs[0].scenario, 2**halvings)
-    if shorter is None or not _agree(shorter, runs, limits, progress):
+    if shorter is None:
+        return agreement
+    again = []
+    for run in runs:
+        finer = simulate_run(shorter, plant=run.plant, drive=run.drive, design=run.design, progress=progress)
+        if finer.status == RunStatus.INTERRUPTED:
+            return agreement
+        again.append(finer)
+    if not judge(*again, limits=limits).passed:
         return agreement
     return replace(agreement, curing_step_s=shorter.control.physics_step)
-
-
-def _agree(
-    scenario: Scenario, runs: Sequence[Run], limits: AgreementLimits, progress: Progress | None
-) -> bool:
-    """Whether the plants of `runs` agree in `scenario`."""
-    again: list[Run] = []
-    for run in runs:
-        again.append(
-            simulate_run(scenario, plant=run.plant, drive=run.drive, design=run.design, progress=progress)
-        )
-        if again[-1].status == RunStatus.INTERRUPTED:
-            return False
-    return judge(*again, limits=limits).passed is True
 
 
 def with_finer_steps(scenario: Scenario, times: int) -> Scenario | None:

@@ -82,7 +82,6 @@ class RegressionVerdict:
         return self.same_status and self.ends_passed and all(signal.passed for signal in self.signals)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
         return {**asdict(self), "passed": self.passed}
 
 

@@ -45,7 +45,6 @@ class Comparison:
     signals: tuple[SignalDifference, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
         return asdict(self)
 
 
@@ -158,21 +157,26 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
             allowed=f"one log each of {' and '.join(PLANTS)}",
             remedy="compare them without --merge",
         )
-    for what, values in (
-        ("controllers", (a.design.name, b.design.name)),
-        ("drives", (a.drive, b.drive)),
-        ("loads [kg]", (a.scenario.rig.load_mass, b.scenario.rig.load_mass)),  # the pull of ropes is checked
-        ("numbers of recorded signals", tuple(sum(map(len, run.design.groups)) for run in (a, b))),
-    ):
-        if values[0] != values[1]:
-            raise _unmergeable(a, b, f"different {what}, {values[0]} and {values[1]}")
+    kinds = {
+        "controllers": (a.design.name, b.design.name),
+        "drives": (a.drive, b.drive),
+        "loads [kg]": (a.scenario.rig.load_mass, b.scenario.rig.load_mass),  # the pull of ropes is checked
+        "numbers of recorded signals": tuple(sum(map(len, run.design.groups)) for run in (a, b)),
+    }
+    problems = [f"different {what}, {x} and {y}" for what, (x, y) in kinds.items() if x != y]
     if not np.intersect1d(a.time_ns, b.time_ns).size:
-        raise _unmergeable(a, b, "no samples in common")
+        problems.append("no samples in common")
     common = min(len(a.time_ns), len(b.time_ns)) - 1  # the last sample is logged whenever it is
     if not np.array_equal(a.time_ns[:common], b.time_ns[:common]):
-        raise _unmergeable(a, b, "different times of their samples")
+        problems.append("different times of their samples")
     if not np.array_equal(a.reference[:common], b.reference[:common]):
-        raise _unmergeable(a, b, "different references")
+        problems.append("different references")
+    if problems:
+        raise InputError(
+            f"the runs of {a.plant} and {b.plant} have {problems[0]}",
+            allowed="runs of the same scenario, controller and drive, logged at the same rate",
+            remedy="run one of them again",
+        )
     order = in_order((a.plant, b.plant))
     first, second = sorted((a, b), key=lambda run: order.index(run.plant))
     return first, second
@@ -189,11 +193,3 @@ def refuse_differences(what: str, differences: Sequence[str], *, described: str)
             remedy="run one of them again, or merge with --despite-differences: the log then describes the "
             f"{described} run's scenario and the versions that are installed",
         )
-
-
-def _unmergeable(a: Run, b: Run, what: str) -> InputError:
-    return InputError(
-        f"the runs of {a.plant} and {b.plant} have {what}",
-        allowed="runs of the same scenario, controller and drive, logged at the same rate",
-        remedy="run one of them again",
-    )
