@@ -16,7 +16,7 @@ from cranectl.cases.case import Case, make_case
 from cranectl.cases.validation import Validation
 from cranectl.cases.workers import available_cores, run_cases
 from cranectl.cli.output import Screen
-from cranectl.live.hand import Hand
+from cranectl.live.hand import Hand, HandRequest
 from cranectl.live.hand_limits import hand_limits
 from cranectl.model.flatness import states_and_inputs
 from cranectl.planning import load_scenario
@@ -60,7 +60,7 @@ def random_drive(random: np.random.Generator, crane: str, name: str) -> Scenario
         full = random.integers(-1, 2, 3) * limits.speed
         wish = {"any": random.uniform(-limits.speed, limits.speed), "full": full, "none": np.zeros(3)}
         asked = random.uniform(limits.low, limits.high) if kind == "point" else wish[kind]
-        hand.ask(sample, (float(kind == "point"), *asked.tolist()))
+        hand.ask(sample, HandRequest(kind == "point", *asked.tolist()))
         sample += int(np.ceil(random.exponential(1.5 / limits.bandwidth) / scenario.control.period))
     return hand.scenario(sample, "lqr")
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
 from cranectl.design import ControllerDesign
+from cranectl.live.hand import HandRequest
 from cranectl.live.session import Session
 from cranectl.loaders.opening import open_again
 from cranectl.plants.plant import Drive
@@ -23,7 +24,10 @@ from cranectl.support.errors import InputError
 
 
 class ChildSession:
-    """As `Session`. Once its process has ended all plants have failed, until the next start."""
+    """Forwards what `Session` offers to one in a process of its own.
+
+    Once that has ended all plants have failed and nothing was driven, until `reset` starts another one.
+    """
 
     def __init__(
         self,
@@ -40,8 +44,7 @@ class ChildSession:
         self.origin_ns, self.now_ns, self.moving = 0, 0, True
         self._names, self._patience = plants_to_run(plants), patience
         self._child: Child | None = None
-        self._start()
-        self._runs: list[Run] = self._ask("advance", 0, patience=inf) or []  # imports and compiles
+        self._runs = self._start()
         if not self._runs:
             raise InputError(
                 f"{design.name} lets no session begin: its process ended or fell silent",
@@ -50,38 +53,27 @@ class ChildSession:
             )
 
     def prepare(self) -> None:
-        """As of a session."""
         self._ask("prepare", patience=inf)  # which compiles what is left
 
     def advance(self, samples: int) -> list[Run]:
-        """As of a session."""
         self._runs = self._ask("advance", samples) or self._failed()
         return self._runs
 
     def use(self, design: ControllerDesign) -> None:
-        """As of a session."""
         self._ask("use", design)
         self.design = design
 
     def pulse(self, acceleration: tuple[float, float], seconds: float) -> None:
-        """As of a session."""
         self._ask("pulse", acceleration, seconds)
 
-    def wish(self, velocity: tuple[float, float, float]) -> None:
-        """As of a session."""
-        self._ask("wish", velocity)
-
-    def go(self, point: tuple[float, float, float]) -> None:
-        """As of a session."""
-        self._ask("go", point)
+    def steer(self, asked: HandRequest) -> None:
+        self._ask("steer", asked)
 
     def driven(self) -> Scenario | None:
-        """As of a session; None also where its process has ended."""
         scenario: Scenario | None = self._ask("driven")
         return scenario
 
     def reset(self) -> None:
-        """As of a session; in a new process where the one before has ended."""
         if self._child is None:
             self.origin_ns = self.now_ns
             self._start()
@@ -89,23 +81,15 @@ class ChildSession:
             self._ask("reset")
 
     def _ask(self, what: str, *given: Any, patience: float = 0.0) -> Any:
-        """What the session in the process answers; None without one. Raises InputError as it does."""
+        """Return what the session in the process answers, None without one; raises InputError as it does."""
         if self._child is None:
             return None
         try:
             self._child.send((what, given))
-            return self._told(self._child, patience or self._patience)
+            answer, self.origin_ns, self.now_ns, self.moving = self._child.receive(patience or self._patience)
         except ChildError as error:
-            return self._lose(error)
-
-    def _lose(self, error: ChildError) -> None:
-        self._child, self.moving = None, False
-        print(f"cranectl: {self.design.name} {error}", file=sys.stderr)
-
-    def _told(self, child: Child, patience: float) -> Any:
-        answer, self.origin_ns, self.now_ns, self.moving = child.receive(patience)
-        if isinstance(answer, InputError):
-            raise answer
+            self._child, self.moving, answer = None, False, None
+            print(f"cranectl: {self.design.name} {error}", file=sys.stderr)
         return answer
 
     def _failed(self) -> list[Run]:
@@ -121,29 +105,24 @@ class ChildSession:
             for run in self._runs
         ]
 
-    def _start(self) -> None:
+    def _start(self) -> list[Run]:
+        """Return runs without rows; nothing where the process has ended."""
         made = (self.scenario, self.design, self._names, self.drive, self.origin_ns)
         self._child = spawn_child(_work, OPEN.share(), made)
-        try:
-            self._told(self._child, inf)  # it imports and may compile, which nothing bounds
-        except ChildError as error:
-            self._lose(error)
+        return self._ask("advance", 0, patience=inf) or []  # it imports and may compile, which nothing bounds
 
 
 def _work(connection: Connection, shared: SharedControllers, made: tuple[Any, ...]) -> None:
-    """In the process: do what is asked, and answer with what came of it and where the session stands."""
+    """Do in the process what is asked, and answer with what came of it and where the session stands."""
     report_to_parent(connection)
     open_again(shared)
     scenario, design, plants, drive, origin_ns = made
-    try:
-        session = Session(scenario, design, plants=plants, drive=drive, origin_ns=origin_ns)
-    except InputError as error:
-        connection.send((error, 0, 0, False))
-        return
-    connection.send((None, session.origin_ns, session.now_ns, session.moving))
+    session: Session | None = None
     for what, given in requests(connection):
         try:
+            session = session or Session(scenario, design, plants=plants, drive=drive, origin_ns=origin_ns)
             answer = getattr(session, what)(*given)
         except InputError as error:
-            answer = error
-        connection.send((answer, session.origin_ns, session.now_ns, session.moving))
+            connection.send(error)
+        else:
+            connection.send((answer, session.origin_ns, session.now_ns, session.moving))

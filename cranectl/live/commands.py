@@ -17,9 +17,8 @@ import numpy as np
 
 from cranectl.controllers.registry import controller_design, load_controller
 from cranectl.design import ControllerDesign, with_gain
-from cranectl.live.hand import check_can_be_driven
+from cranectl.live.hand import HandRequest, Wishes, check_can_be_driven, checked_number
 from cranectl.live.hand_limits import hand_limits
-from cranectl.live.wishes import Go, Wish, Wishes, checked_number
 from cranectl.reference.driven import HandLimits
 from cranectl.scenario import Scenario
 from cranectl.scenario.similarity import length_scale, rounded
@@ -66,7 +65,7 @@ class Reset:
     """Start again."""
 
 
-Command = Say | Use | Pulse | Wish | Go | Reset
+Command = Say | Use | Pulse | HandRequest | Reset
 
 
 class Controls:
@@ -182,7 +181,10 @@ class Controls:
         if name not in self._values:
             raise unknown_name("parameter", name, self._values)
         if name == "pause":
-            new: Value = _checked_bool(name, value)
+            if not isinstance(value, bool):
+                remedy = f"choose another {name}"
+                raise InputError(f"{name} = {value!r}", allowed="true or false", remedy=remedy)
+            new: Value = value
             text = "paused" if new else "resumed"
         elif name == "speed":
             new = checked_number(name, value, *SPEEDS)
@@ -232,12 +234,6 @@ def refused(what: str, error: InputError) -> str:
     """What `/log` says of it."""
     parts = (error.found, error.allowed and f"allowed: {error.allowed}", error.remedy)
     return f"{printable(what)} refused: {'; '.join(filter(None, parts))}"
-
-
-def _checked_bool(name: str, value: object) -> bool:
-    if not isinstance(value, bool):
-        raise InputError(f"{name} = {value!r}", allowed="true or false", remedy=f"choose another {name}")
-    return value
 
 
 def tunable(design: ControllerDesign) -> dict[str, Value]:

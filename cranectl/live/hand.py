@@ -1,7 +1,10 @@
-"""Driving by hand: a session's reference from when a hand took over, and the scenario that repeats it."""
+"""Driving by hand: what messages ask for, the reference that follows, and the scenario that repeats it."""
 
 import math
-from collections.abc import Iterable
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,17 +13,30 @@ from cranectl.controllers.registry import controller_names, controller_of
 from cranectl.design import ControllerDesign
 from cranectl.live.hand_limits import hand_limits
 from cranectl.reference import build_trajectory
-from cranectl.reference.driven import asked_at, at_rest, derivatives, drive
+from cranectl.reference.driven import HandLimits, asked_at, at_rest, derivatives, drive
 from cranectl.scenario import NANOSECONDS, Hold, ReferenceSettings, Scenario
 from cranectl.scenario.disturbances import Disturbance
 from cranectl.scenario.driven import MOST_CHANGES, SETTLING_TIME, Driven
 from cranectl.scenario.quantities import MAX_DURATION
 from cranectl.scenario.segments import seconds
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support.documents import parse_json
+from cranectl.support.errors import InputError, printable
 
-Asked = tuple[float, float, float, float]  # 0 for a velocity or 1 for a point, and its x, y, z
-RELEASED = (0.0, 0.0, 0.0, 0.0)
+LOST = 0.3  # [s] without a message after which a wish counts as zero
+COMMAND_DIGITS = 5  # of numbers that are kept: a stick has no more, and there are many of them
+
+
+class HandRequest(NamedTuple):
+    """A velocity [m/s] to drive with, or a point [m] to drive to."""
+
+    is_point: bool
+    x: float
+    y: float
+    z: float
+
+
+RELEASED = HandRequest(False, 0.0, 0.0, 0.0)
 
 
 class Hand:
@@ -48,9 +64,9 @@ class Hand:
             raise _too_late()
         self._state, self._asked = at_rest(self._start), RELEASED
         self.table = np.empty((self._end + self._rest + 1, 15))  # by sample since the start, as far as driven
-        self._changes: dict[int, Asked] = {}  # by sample since the hand took over
+        self._changes: dict[int, HandRequest] = {}  # by sample since the hand took over
 
-    def ask(self, sample: int, asked: Asked) -> None:
+    def ask(self, sample: int, asked: HandRequest) -> None:
         """From `sample` on; raises InputError when it is too late or too much for that, and lets go."""
         full = sample >= self._end or len(self._changes) >= MOST_CHANGES - 2
         now = RELEASED if full else asked
@@ -74,9 +90,9 @@ class Hand:
             [
                 (sample * self._period, *asked[1:])
                 for sample, asked in self._changes.items()
-                if asked[0] == goal and sample < last
+                if asked.is_point == goal and sample < last
             ]
-            for goal in (0.0, 1.0)
+            for goal in (False, True)
         )
         limits, length = self.limits, (last + self._rest) * self._period
         segment = Driven(
@@ -146,3 +162,61 @@ def _too_late() -> InputError:
         allowed=f"{MAX_DURATION:g} s with the load at rest at the end, {MOST_CHANGES} wishes",
         remedy="call /reset",
     )
+
+
+class Wishes:
+    """The newest wish. Its methods may be called from any thread."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._heard = clock, 0.0  # when the newest wish came
+        self._newest = RELEASED
+        self._taken: HandRequest | None = RELEASED
+        self._lock = threading.Lock()
+
+    def hear(self, message: bytes, limits: HandLimits) -> None:
+        """A Twist, whose `linear` is a wish; raises InputError for what is none within the limits."""
+        said = parse_json(message, "the message")
+        linear = said.get("linear") if isinstance(said, dict) else None
+        wish = HandRequest(False, *_checked_vector("linear.", linear, -limits.speed, limits.speed))
+        with self._lock:
+            self._newest, self._heard = wish, self._clock()
+
+    def hear_point(self, message: bytes, limits: HandLimits) -> None:
+        """A point {x, y, z} to go to; raises InputError for what is none within the limits."""
+        point = _checked_vector("", parse_json(message, "the request"), limits.low, limits.high)
+        with self._lock:
+            self._newest, self._taken = HandRequest(True, *point), None
+
+    def taken(self) -> list[HandRequest]:
+        """What is new since the last call, if anything is."""
+        with self._lock:
+            if not self._newest.is_point and self._clock() - self._heard > LOST:
+                self._newest = RELEASED
+            if self._newest == self._taken:
+                return []
+            self._taken = self._newest
+            return [self._newest]
+
+
+def _checked_vector(name: str, value: object, low: Array, high: Array) -> list[float]:
+    """The numbers x, y, z of a message; raises InputError for anything else."""
+    if not isinstance(value, dict) or not {"x", "y", "z"} <= value.keys():
+        found = f"{name.rstrip('.') or 'the point'} = {printable(repr(value), longest=80)}"
+        raise InputError(found, allowed="an object of x, y, z", remedy="send all three")
+    box = zip("xyz", low.tolist(), high.tolist(), strict=True)
+    return [
+        min(max(round(checked_number(name + axis, value[axis], least, most), COMMAND_DIGITS), least), most)
+        for axis, least, most in box
+    ]
+
+
+def checked_number(name: str, value: object, low: float, high: float) -> float:
+    """`value` as a number from `low` to `high`; raises InputError for anything else."""
+    number = value if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+    if not low <= number <= high:
+        raise InputError(
+            f"{name} = {value!r}",
+            allowed=f"a number from {low:g} to {high:g}",
+            remedy=f"choose another {name}",
+        )
+    return float(number)

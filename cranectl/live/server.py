@@ -5,28 +5,18 @@ Nothing is latched by the server: a viewer that subscribes is sent again what it
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import foxglove
 
 from cranectl.live.child_session import ChildSession
-from cranectl.live.commands import (
-    Command,
-    Controls,
-    Pulse,
-    Reset,
-    Say,
-    Use,
-    Value,
-    refused,
-    tunable,
-)
+from cranectl.live.commands import Command, Controls, Pulse, Reset, Say, Use, Value, refused, tunable
+from cranectl.live.hand import RELEASED, HandRequest
 from cranectl.live.increments import Increments
 from cranectl.live.recorder import Recorder
 from cranectl.live.session import Session
 from cranectl.live.viewers import Address, Listener, Publisher, as_parameters, listen
-from cranectl.live.wishes import RELEASED, Go, Wish
 from cranectl.log.events import Event
 from cranectl.log.messages import log_lines
 from cranectl.scenario import NANOSECONDS
@@ -80,12 +70,8 @@ class LiveServer:
         self._listener = Listener(controls)
         self._server, self._guard = listen(address, session.scenario.name, self._listener, self._context)
         self._recorder = Recorder(record, self._context, self._publisher)
+        self.recorded = self._recorder.files  # that are closed
         self.port = self._guard.port
-
-    @property
-    def recorded(self) -> Sequence[Path]:
-        """The files that are closed."""
-        return self._recorder.files
 
     def serve(self, stop: threading.Event) -> None:
         """Run until `stop` is set, then close the recording and the server; raises LogError."""
@@ -118,20 +104,15 @@ class LiveServer:
             if idle:
                 pace.restart()
                 idle = False
-            seconds = self._advance(self._controls.speed)
-            wait, lost = pace.wait(seconds)
+            speed, period = self._controls.speed, self._session.scenario.period_ns / NANOSECONDS
+            samples = max(1, round(COMMAND_INTERVAL * speed / period))
+            self._step(samples)
+            wait, lost = pace.wait(samples * period / speed)
             if lost and not slow:
                 slow = True
-                text = f"this machine is too slow for speed {self._controls.speed:g}: {lost:.1f} s behind"
+                text = f"this machine is too slow for speed {speed:g}: {lost:.1f} s behind"
                 self._say(f"{text}; the run goes on as fast as it can", warning=True)
             stop.wait(wait)
-
-    def _advance(self, speed: float) -> float:
-        """One block; returns the real time [s] that it should take."""
-        period = self._session.scenario.period_ns / NANOSECONDS
-        samples = max(1, round(COMMAND_INTERVAL * speed / period))
-        self._step(samples)
-        return samples * period / speed
 
     def _step(self, samples: int) -> None:
         self._runs = self._session.advance(samples)
@@ -144,7 +125,7 @@ class LiveServer:
             self._say(command.message, warning=command.warning)
         elif isinstance(command, Pulse):
             self._pulse(command)
-        elif isinstance(command, Wish | Go):
+        elif isinstance(command, HandRequest):
             self._drive(command)
         elif isinstance(command, Use):
             self._finish()
@@ -168,18 +149,16 @@ class LiveServer:
         else:
             self._say(f"{text} refused: the run has stopped; call /reset", warning=True)
 
-    def _drive(self, command: Wish | Go) -> None:
+    def _drive(self, asked: HandRequest) -> None:
         try:
             if not self._session.moving:
                 raise InputError("the run has stopped", remedy="call /reset")
-            if isinstance(command, Go):
-                self._session.go(command.point)
-                self._say(f"goes to ({', '.join(map(_short, command.point))}) m")
-            else:
-                self._session.wish(command.velocity)
-                if any(command.velocity) and not self._driven:
-                    self._say("driven by hand")
-            if command != RELEASED and not self._driven:
+            self._session.steer(asked)
+            if asked.is_point:
+                self._say(f"goes to ({', '.join(map(_short, asked[1:]))}) m")
+            elif asked != RELEASED and not self._driven:
+                self._say("driven by hand")
+            if asked != RELEASED and not self._driven:
                 self._increments.take_over(self._session.now_ns - self._session.origin_ns)
                 self._driven = True
         except InputError as error:

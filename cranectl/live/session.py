@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cranectl.controllers.addressed import at_start, entered
 from cranectl.controllers.flat import MEMORY
 from cranectl.design import ControllerDesign
-from cranectl.live.hand import Asked, Hand, check_can_be_driven
+from cranectl.live.hand import RELEASED, Hand, HandRequest, check_can_be_driven
 from cranectl.plants.plant import Drive, Plant
 from cranectl.plants.registry import plants_to_run
 from cranectl.plants.surroundings import air_velocity
@@ -25,7 +25,7 @@ from cranectl.signals import PATH_WIDTH, Z
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.runner import PreparedRun, law_of, make_plant, start_run
-from cranectl.simulate.signal_path import SignalPath, make_encoders, whole_record
+from cranectl.simulate.signal_path import make_encoders, whole_record
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 
@@ -38,15 +38,6 @@ class _PlantState:
     run: PreparedRun
     end_ns: int  # of the last sample, or where it stopped
     status: RunStatus = RunStatus.RUNNING
-
-
-@dataclass(frozen=True)
-class _Pulse:
-    """A disturbance over samples since the last start."""
-
-    first: int
-    end: int
-    acceleration: tuple[float, float]  # alpha, beta [rad/s²]
 
 
 def _kept_memory(before: ControllerDesign, after: ControllerDesign, memory: Array) -> int:
@@ -74,7 +65,7 @@ class Session:
         self.plan = plan_scenario(scenario)
         self.origin_ns = origin_ns  # time of the last start
         self._samples = 0  # since the last start
-        self._pulses: list[_Pulse] = []
+        self._pulses: list[Disturbance] = []  # that are not over
         self._pulsed: list[Disturbance] = []  # all of them
         self._hand: Hand | None = None  # that drives
         self._law = law_of(scenario, design, drive, self.plan)
@@ -113,7 +104,8 @@ class Session:
         wind[:, :3] = self._air[np.minimum(index, len(self._air) - 1)]
         runs = [self._increment(state, time_ns, reference, disturbance, wind) for state in self._states]
         self._samples += samples
-        self._pulses = [pulse for pulse in self._pulses if pulse.end > self._samples]
+        now = self._samples * self.scenario.period_ns / NANOSECONDS
+        self._pulses = [pulse for pulse in self._pulses if pulse.end and pulse.end > now]
         return runs
 
     def use(self, design: ControllerDesign) -> None:
@@ -139,24 +131,28 @@ class Session:
     def pulse(self, acceleration: tuple[float, float], seconds: float) -> None:
         """Add angular accelerations of alpha and beta [rad/s²] from the next sample on, for `seconds`."""
         length = max(1, round(seconds * NANOSECONDS / self.scenario.period_ns))
-        first, end = self._samples, self._samples + length
-        self._pulses.append(_Pulse(first, end, acceleration))
         period = self.scenario.period_ns / NANOSECONDS
+        start, end = self._samples * period, (self._samples + length) * period
         for joint, size in zip(("alpha", "beta"), acceleration, strict=True):
-            table = {"joint": joint, "start": first * period, "end": end * period, "magnitude": size}
+            table = {"joint": joint, "start": start, "end": end, "magnitude": size}
             self._pulsed.append(Disturbance.model_validate(table))
+        self._pulses += self._pulsed[-2:]
 
-    def wish(self, velocity: tuple[float, float, float]) -> None:
-        """Drive the load by hand from the next sample on, with a velocity of its stopping point [m/s].
+    def steer(self, asked: HandRequest) -> None:
+        """Drive the load by hand from the next sample on: its stopping point, with a velocity or to a point.
 
         Raises InputError where a hand may not take over.
         """
-        if self._hand or any(velocity):
-            self._ask((0.0, *velocity))
-
-    def go(self, point: tuple[float, float, float]) -> None:
-        """Drive the load to a point [m] by the filter of the hand; raises InputError as `wish`."""
-        self._ask((1.0, *point))
+        if self._hand is None and asked != RELEASED:
+            check_can_be_driven(self.design)
+            hand = Hand(self.scenario, self._samples)
+            for state in self._states:
+                state.plant.check_length(-float(hand.limits.high[Z]))
+            self._hand = hand
+            for state in self._states:
+                self._hand_over(state)
+        if self._hand:
+            self._hand.ask(self._samples, asked)
 
     def driven(self) -> Scenario | None:
         """The scenario that repeats what was driven since the start; None where nothing was."""
@@ -169,28 +165,12 @@ class Session:
         self._start()
 
     def _start(self) -> None:
-        runs = (
-            start_run(plant, self.scenario, self._law, self.plan, nominal=self.scenario)
-            for plant in self._plants
-        )
-        self._states = [
-            _PlantState(plant, run._replace(path=self._noisy(run.path)), self.origin_ns)
-            for plant, run in zip(self._plants, runs, strict=True)
-        ]
-
-    def _noisy(self, path: SignalPath | None) -> SignalPath | None:
-        return path._replace(encoders=self._encoders) if path and self._encoders else path
-
-    def _ask(self, asked: Asked) -> None:
-        if self._hand is None:
-            check_can_be_driven(self.design)
-            hand = Hand(self.scenario, self._samples)
-            for state in self._states:
-                state.plant.check_length(-float(hand.limits.high[Z]))
-            self._hand = hand
-            for state in self._states:
-                self._hand_over(state)
-        self._hand.ask(self._samples, asked)
+        self._states = []
+        for plant in self._plants:
+            run = start_run(plant, self.scenario, self._law, self.plan, nominal=self.scenario)
+            if run.path and self._encoders:
+                run = run._replace(path=run.path._replace(encoders=self._encoders))
+            self._states.append(_PlantState(plant, run, self.origin_ns))
 
     def _hand_over(self, state: _PlantState) -> None:
         """Have a law that reads its own reference read what is driven."""
@@ -200,17 +180,15 @@ class Session:
 
     def _reference(self, index: NDArray[np.intp]) -> Array:
         """What is desired at the next samples `index` (n,): shape (n, 15)."""
-        return (
-            self._hand.rows(index)
-            if self._hand
-            else self.plan.reference[np.minimum(index, self.scenario.steps)]
-        )
+        if self._hand:
+            return self._hand.rows(index)
+        return self.plan.reference[np.minimum(index, self.scenario.steps)]
 
     def _disturbance(self, index: NDArray[np.intp]) -> Array:
         """The scenario's and the pulses' at samples `index` (n,): shape (n, 2)."""
         rows = self.plan.disturbance[np.minimum(index, self.scenario.steps)]
         for pulse in self._pulses:
-            rows[(index >= pulse.first) & (index < pulse.end)] += pulse.acceleration
+            rows[pulse.acts(index * self.scenario.period_ns)] += pulse.acceleration
         return rows
 
     def _increment(

@@ -8,6 +8,7 @@ import pytest
 
 from cranectl.controllers.registry import controller_design
 from cranectl.live.child_session import ChildSession
+from cranectl.live.hand import HandRequest
 from cranectl.live.session import Session
 from cranectl.loaders.opening import close_laws, open_law
 from cranectl.planning import load_scenario
@@ -93,8 +94,8 @@ def test_it_is_driven_as_a_session_is() -> None:
     here = Session(scenario, design, plants=PLANTS)
     there = ChildSession(scenario, design, plants=PLANTS)
     for act in (
-        lambda session: session.wish((0.3, 0.0, -0.1)),
-        lambda session: session.go((0.5, 0.5, -0.5)),
+        lambda session: session.steer(HandRequest(False, 0.3, 0.0, -0.1)),
+        lambda session: session.steer(HandRequest(True, 0.5, 0.5, -0.5)),
         lambda session: session.reset(),
     ):
         assert here.driven() == there.driven()
@@ -104,4 +105,6 @@ def test_it_is_driven_as_a_session_is() -> None:
             assert np.array_equal(run.reference, other.reference)
             assert np.array_equal(run.table, other.table)
     with pytest.raises(InputError, match="moves the load until"):
-        ChildSession(SCENARIO, controller_design("lqr", SCENARIO), plants=PLANTS).go((1.0, 0.5, -0.5))
+        ChildSession(SCENARIO, controller_design("lqr", SCENARIO), plants=PLANTS).steer(
+            HandRequest(True, 1.0, 0.5, -0.5)
+        )

@@ -9,7 +9,7 @@ import pytest
 
 from cranectl.design import design_controller
 from cranectl.live.commands import Controls, Pulse, Reset, Say, Use
-from cranectl.live.wishes import LOST, RELEASED, Go, Wish, Wishes
+from cranectl.live.hand import LOST, RELEASED, HandRequest, Wishes
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from tests.controllers.laws import FOLLOWING, known
@@ -194,7 +194,7 @@ def test_a_wish_counts_until_the_next_or_until_none_comes(controls: Controls) ->
     assert wishes.taken() == []
     wishes.hear(twist(0.3, -0.1), limits)
     wishes.hear(twist(0.4, -0.1), limits)
-    assert wishes.taken() == [Wish((0.4, -0.1, 0.0))], "the newest of all since the last look"
+    assert wishes.taken() == [HandRequest(False, 0.4, -0.1, 0.0)], "the newest of all since the last look"
     now += 0.9 * LOST
     wishes.hear(twist(0.4, -0.1), limits)
     now += 0.9 * LOST
@@ -204,7 +204,7 @@ def test_a_wish_counts_until_the_next_or_until_none_comes(controls: Controls) ->
     assert wishes.taken() == []
     for _ in range(2):
         wishes.hear_point(b'{"x": 1, "y": 1, "z": -1}', limits)
-        assert wishes.taken() == [Go((1.0, 1.0, -1.0))], "also if it is where it went before"
+        assert wishes.taken() == [HandRequest(True, 1.0, 1.0, -1.0)], "also if it is where it went before"
     now += 100.0
     assert wishes.taken() == [], "a point needs no more messages"
     wishes.hear(twist(0.0), limits)
@@ -238,7 +238,7 @@ def test_what_is_no_wish_is_refused_once(controls: Controls, message: bytes, sai
     assert said in refusal.message
     controls.wish(twist(0.1))
     controls.wish(message)
-    assert [type(command) for command in controls.commands()] == [Say, Wish]
+    assert [type(command) for command in controls.commands()] == [Say, HandRequest]
 
 
 def test_a_point_outside_is_refused(controls: Controls) -> None:
@@ -253,7 +253,7 @@ def test_a_point_outside_is_refused(controls: Controls) -> None:
 def test_while_driven_no_law_takes_over_that_must_look_ahead(controls: Controls) -> None:
     with known(replace(FOLLOWING, preview=1)) as name:
         controls.wish(twist(0.1))
-        assert controls.commands() == [Wish((0.1, 0.0, 0.0))]
+        assert controls.commands() == [HandRequest(False, 0.1, 0.0, 0.0)]
         controls.set({"controller": name})
         refusal = controls.commands()[0]  # by now the wish may count no more, which is a command too
         assert isinstance(refusal, Say)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cranectl.controllers.registry import controller_design
-from cranectl.live.hand import Hand
+from cranectl.live.hand import Hand, HandRequest
 from cranectl.live.session import Session
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
@@ -31,11 +31,11 @@ def drive(running: Session, block: int) -> list[list[Run]]:
     """A few seconds of wishes and goals, taken between blocks."""
     runs = []
     asked = (
-        (340, lambda: running.wish((0.3, -0.2, 0.1))),
-        (900, lambda: running.wish((-0.45, 0.2, 0.0))),
-        (120, lambda: running.go((0.5, 0.5, -1.0))),
-        (600, lambda: running.wish((0.0, 0.0, 0.0))),
-        (300, lambda: running.go((1.5, 1.1, -0.4))),
+        (340, lambda: running.steer(HandRequest(False, 0.3, -0.2, 0.1))),
+        (900, lambda: running.steer(HandRequest(False, -0.45, 0.2, 0.0))),
+        (120, lambda: running.steer(HandRequest(True, 0.5, 0.5, -1.0))),
+        (600, lambda: running.steer(HandRequest(False, 0.0, 0.0, 0.0))),
+        (300, lambda: running.steer(HandRequest(True, 1.5, 1.1, -0.4))),
     )
     for samples, ask in asked:
         ask()
@@ -88,13 +88,13 @@ def test_the_hand_takes_over_where_the_reference_is_at_rest_for_good() -> None:
     running = session(MOVE)
     running.advance(1499)
     with pytest.raises(InputError, match=r"moves the load until 1.5 s") as caught:
-        running.wish((0.1, 0.0, 0.0))
+        running.steer(HandRequest(False, 0.1, 0.0, 0.0))
     assert "reference.segments=[]" in caught.value.remedy
     assert running.driven() is None
     running.advance(1)
-    running.wish((0.0, 0.0, 0.0))
+    running.steer(HandRequest(False, 0.0, 0.0, 0.0))
     assert running.driven() is None, "who wishes nothing does not drive"
-    running.wish((0.1, 0.0, 0.0))
+    running.steer(HandRequest(False, 0.1, 0.0, 0.0))
     (run, _) = running.advance(1)
     assert run.reference[0, :3] == pytest.approx([0.8, 0.6, -0.6], abs=0.0)
     assert [each.kind for each in running.driven().reference.segments] == ["line", "driven"]
@@ -103,7 +103,7 @@ def test_the_hand_takes_over_where_the_reference_is_at_rest_for_good() -> None:
 def test_a_reset_takes_the_hand_off() -> None:
     running = session(MOVE)
     running.advance(1600)
-    running.wish((0.4, 0.0, 0.0))
+    running.steer(HandRequest(False, 0.4, 0.0, 0.0))
     running.advance(300)
     running.reset()
     assert running.driven() is None
@@ -113,7 +113,7 @@ def test_a_reset_takes_the_hand_off() -> None:
 
 def test_another_controller_goes_on_where_the_hand_has_led() -> None:
     running = session("disturbances=[]")
-    running.wish((0.4, 0.0, 0.0))
+    running.steer(HandRequest(False, 0.4, 0.0, 0.0))
     running.advance(800)
     for controller in ("pole-placement", "lqr-integral", "lqr"):
         running.use(controller_design(controller, running.scenario))
@@ -125,9 +125,9 @@ def test_another_controller_goes_on_where_the_hand_has_led() -> None:
 def test_laws_that_must_know_where_it_will_be_cannot_be_driven(declared: dict) -> None:
     with known(replace(FOLLOWING, **declared)) as name:
         with pytest.raises(InputError, match="must know beforehand where the load will be"):
-            session(controller=name).wish((0.1, 0.0, 0.0))
+            session(controller=name).steer(HandRequest(False, 0.1, 0.0, 0.0))
         running = session()
-        running.wish((0.1, 0.0, 0.0))
+        running.steer(HandRequest(False, 0.1, 0.0, 0.0))
         with pytest.raises(InputError, match="must know beforehand where the load will be"):
             running.use(controller_design(name, running.scenario))
         assert running.design.name == "lqr"
@@ -135,7 +135,7 @@ def test_laws_that_must_know_where_it_will_be_cannot_be_driven(declared: dict) -
 
 def test_a_load_that_rests_at_the_edge_cannot_be_driven() -> None:
     with pytest.raises(InputError, match=r"rests at \(1, 0.77, -1.39\) m, outside") as caught:
-        session("reference.start=[1.0, 0.77, -1.39]").wish((0.1, 0.0, 0.0))
+        session("reference.start=[1.0, 0.77, -1.39]").steer(HandRequest(False, 0.1, 0.0, 0.0))
     assert "(0.05, 0.05, -1.34) to (1.95, 1.49, -0.1) m" in caught.value.allowed
 
 
@@ -143,12 +143,12 @@ def test_the_hand_lets_go_before_the_longest_run_ends() -> None:
     """What is left, 10.743 s, is for the load to come to rest, so that a run can repeat all of it."""
     scenario = load_scenario("fixed-position", overrides=["reference.segments=[]", "control.period=0.01"])
     hand = Hand(scenario, 0)
-    hand.ask(58_000, (0.0, 0.1, 0.0, 0.0))
+    hand.ask(58_000, HandRequest(False, 0.1, 0.0, 0.0))
     rows = hand.rows(np.arange(58_000, 60_000))
     assert rows[0, 0] < rows[800, 0] < rows[-1, 0]
     assert np.abs(rows[-1, 3:]).max() < 1e-12, "at rest"
     with pytest.raises(InputError, match="no run could repeat any more"):
-        hand.ask(58_930, (0.0, 0.1, 0.0, 0.0))
+        hand.ask(58_930, HandRequest(False, 0.1, 0.0, 0.0))
     driven = hand.scenario(60_001, "lqr")
     assert driven.duration == 600.0
     assert isinstance(driven, Scenario)
@@ -159,9 +159,9 @@ def test_the_hand_lets_go_before_the_longest_run_ends() -> None:
 def test_too_many_wishes_end_the_drive_at_rest() -> None:
     hand = Hand(load_scenario("fixed-position", overrides=["reference.segments=[]"]), 0)
     for sample in range(MOST_CHANGES - 2):
-        hand.ask(sample, (0.0, 0.1 + 1e-5 * (sample % 1000), -0.12345, 0.12345))
+        hand.ask(sample, HandRequest(False, 0.1 + 1e-5 * (sample % 1000), -0.12345, 0.12345))
     with pytest.raises(InputError, match="no run could repeat any more"):
-        hand.ask(MOST_CHANGES, (0.0, 0.2, 0.0, 0.0))
+        hand.ask(MOST_CHANGES, HandRequest(False, 0.2, 0.0, 0.0))
     assert np.array_equal(hand.rows(np.arange(20_000, 35_000))[-1, 3:] < 1e-12, np.full(12, True))
     text = toml_text(hand.scenario(35_000, "lqr").model_dump(exclude_unset=True))
     assert len(text) < MAX_DOCUMENT_BYTES

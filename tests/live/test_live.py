@@ -22,11 +22,11 @@ from cranectl.cli.live import live_command
 from cranectl.compare.agreement import judge
 from cranectl.design import design_controller
 from cranectl.live.commands import Controls
+from cranectl.live.hand import LOST
 from cranectl.live.increments import Increments
 from cranectl.live.server import COMMAND_INTERVAL, MAX_LAG, LiveServer, Pace
 from cranectl.live.session import Session
 from cranectl.live.viewers import Address
-from cranectl.live.wishes import LOST
 from cranectl.log import describe_log, read_log, write_log
 from cranectl.log.events import Phase
 from cranectl.log.messages import streams

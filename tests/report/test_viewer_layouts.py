@@ -12,9 +12,9 @@ from mcap.reader import make_reader
 
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
+from cranectl.live.hand import LOST
 from cranectl.live.hand_limits import hand_limits
 from cranectl.live.viewers import WISH
-from cranectl.live.wishes import LOST
 from cranectl.log import describe_log, topics, write_log
 from cranectl.log.overlay import Layer, write_overlay
 from cranectl.planning import load_scenario
