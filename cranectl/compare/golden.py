@@ -97,7 +97,15 @@ def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> Regressio
     Raises InputError for a limit that matches nothing or never counts, for a signal of COMPARED_GROUPS
     without a limit, for signals that only one run has, and where `new` lacks samples of `golden`.
     """
-    _check_samples(new, golden)
+    # A comparison of few samples would pass for want of data; one lacking is a stopped run's last.
+    until = golden.time_ns[golden.time_ns <= new.time_ns.max(initial=0)]
+    lacking = len(np.setdiff1d(until, new.time_ns))
+    if lacking > 1:
+        raise InputError(
+            f"the new run of {new.plant} lacks {lacking} of {len(until)} samples of the golden one",
+            allowed="runs logged at the same rate, or the new one at a multiple of it",
+            remedy="run again with the golden log's --every",
+        )
     limits = _limits(new, golden, tolerances.limits)
     comparison = compare_runs(golden, new, signals=list(limits))
     difference_ns = abs(new.end_ns - golden.end_ns)
@@ -154,15 +162,3 @@ def _limits(new: Run, golden: Run, limits: Sequence[SignalLimit]) -> dict[str, S
             remedy="add limits for them",
         )
     return {name: chosen[name] for name in names if name in chosen}
-
-
-def _check_samples(new: Run, golden: Run) -> None:
-    """A comparison of few samples would pass for want of data; one lacking is a stopped run's last."""
-    until = golden.time_ns[golden.time_ns <= new.time_ns.max(initial=0)]
-    lacking = len(np.setdiff1d(until, new.time_ns))
-    if lacking > 1:
-        raise InputError(
-            f"the new run of {new.plant} lacks {lacking} of {len(until)} samples of the golden one",
-            allowed="runs logged at the same rate, or the new one at a multiple of it",
-            remedy="run again with the golden log's --every",
-        )

@@ -95,10 +95,11 @@ class _Visitor(socketserver.BaseRequestHandler):
 
     def _connect(self, server: socket.socket, head: bytes) -> None:
         """Pass on what both sides say until one of them ends."""
+        stalled = struct.pack("ll", STALLED, 0) if os.name == "posix" else struct.pack("L", 1000 * STALLED)
         for end in (self.request, server):
             end.settimeout(None)
             end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _duration(STALLED))
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, stalled)
         server.sendall(head)
         asking = threading.Thread(target=_pass_on, args=[self.request, server], daemon=True)
         asking.start()
@@ -118,11 +119,6 @@ def _pass_on(source: socket.socket, sink: socket.socket) -> None:
         pass
     with contextlib.suppress(OSError):
         sink.shutdown(socket.SHUT_WR)
-
-
-def _duration(seconds: int) -> bytes:
-    """Return a duration as options of sockets have it."""
-    return struct.pack("ll", seconds, 0) if os.name == "posix" else struct.pack("L", 1000 * seconds)
 
 
 def refusal(head: bytes, host: str, origins: Collection[str]) -> str:

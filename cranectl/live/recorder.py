@@ -51,7 +51,8 @@ def own_place(path: Path, *, numbered: bool = False) -> Iterator[Path]:
     """
     with writing(path, remedy=REMEDY, error=LogError):
         check_replaceable(path)
-        for place in _numbered(path) if numbered else [path]:
+        more = (path.with_stem(f"{path.stem}-{number}") for number in count(2)) if numbered else ()
+        for place in chain([path], more):
             lock = FileLock(place.with_name(place.name + LOCK))
             obstacle = _obstacle(place, lock)
             if not obstacle:
@@ -68,10 +69,6 @@ def next_file(place: Path) -> Path:
     """The first file of a session's place that does not exist."""
     more = (place.with_suffix(f".segment{number}{place.suffix}") for number in count(2))
     return next(file for file in chain([place], more) if not os.path.lexists(file))
-
-
-def _numbered(path: Path) -> Iterator[Path]:
-    return chain([path], (path.with_stem(f"{path.stem}-{number}") for number in count(2)))
 
 
 def _obstacle(place: Path, lock: FileLock) -> str:

@@ -94,7 +94,9 @@ def predict_levels(nominal: LinearisedRun) -> Iterator[Prediction]:
             yield _beside(prediction, path, lost)
         else:
             added += (level,)
-            higher = _find_path(nominal, added, path.deviation)
+            deviation, ports, change = _find_motion(nominal, added, path.deviation)
+            second, third = higher_orders(nominal.run, _loop(nominal, added), ports, deviation)
+            higher = _Path(deviation, second.load, third.load, change)
             load = higher.deviation.load - path.deviation.load
             size, other = size_of(load), higher.change + path.change + anew
             if level == "friction":
@@ -123,17 +125,13 @@ def _beside(prediction: Prediction, path: _Path, lost: str) -> Prediction:
     return replace(prediction, bound=np.inf if lost else prediction.bound + 2.0 * path.change, above=lost)
 
 
-def _find_path(nominal: LinearisedRun, effects: tuple[str, ...], start: Deviation) -> _Path:
-    """The motion under `effects` with its higher orders; `start` is the first guess."""
-    deviation, ports, change = _find_motion(nominal, effects, start)
-    second, third = higher_orders(nominal.run, _loop(nominal, effects), ports, deviation)
-    return _Path(deviation, second.load, third.load, change)
-
-
 def _find_motion(
     nominal: LinearisedRun, effects: tuple[str, ...], start: Deviation
 ) -> tuple[Deviation, Ports, float]:
-    """The motion under `effects`, each taken on the motion itself, their signals, and the last change [m]."""
+    """Return the motion under `effects`, each taken on the motion itself, their signals, the last change [m].
+
+    `start` is the first guess.
+    """
     loop = _loop(nominal, effects)
     friction = friction_of(nominal.run, nominal.effects.friction) if "friction" in effects else NO_FRICTION
     repeated = bool(set(effects) & set(REPEATED))

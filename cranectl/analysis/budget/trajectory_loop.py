@@ -31,7 +31,6 @@ from cranectl.plants.capabilities import lacking
 from cranectl.plants.dop853 import STAGES
 from cranectl.plants.elastic.crane import (
     ElasticCrane,
-    Work,
     hanging_states,
     load_positions,
     make_crane,
@@ -59,14 +58,7 @@ LINEARISATION_STRIDE = (
 )
 
 
-class SteppedPlant(NamedTuple):
-    """The crane as it is built, or without it the analytic plant."""
-
-    rig: AnalyticRig
-    crane: ElasticCrane | None
-    work: Work
-    stages: Array
-    stage_state: Array
+SteppedPlant = tuple[AnalyticRig, ElasticCrane | None]  # the crane as it is built, or without it the rig
 
 
 class TrajectoryLoop(NamedTuple):
@@ -110,27 +102,24 @@ class TrajectoryLoop(NamedTuple):
 
 
 @jit
-def step_each(plant, crane, ports, winds, following):
-    """Advance each row of `ports`, plant state, command and disturbance, by one control period.
-
-    `crane` is that of `plant`, distinguished at compile time; `following` are the next plant states.
-    """
-    size = following.shape[1]
+def step_each(rig, crane, work, ports, winds, following):
+    """Write the states one control period after `ports`, see `next_states`, into `following`."""
+    size, stages, stage_state = following.shape[1], np.zeros((STAGES, 10)), np.zeros(10)
     for k in range(len(following)):
         state, command, disturbance = following[k], ports[k, size : size + 3], ports[k, size + 3 :]
         state[:] = ports[k, :size]
         drives = (command[0], command[1], command[2])  # as a run has them, so that its kernels serve here too
         if crane is None:
-            for _ in range(plant.rig.substeps):
-                integrate(plant.rig, state, drives, disturbance, winds[k], plant.stages, plant.stage_state)
+            for _ in range(rig.substeps):
+                integrate(rig, state, drives, disturbance, winds[k], stages, stage_state)
         else:
-            advance_state(crane, state, drives, disturbance, winds[k], plant.work)
+            advance_state(crane, state, drives, disturbance, winds[k], work)
 
 
 def next_states(plant: SteppedPlant, ports: Array, winds: Array) -> Array:
     """Return the plant states (N, s) one period after `ports` (N, s + 5): state, command, disturbance."""
     following = np.zeros((len(ports), ports.shape[1] - 5))
-    step_each(plant, plant.crane, ports, winds, following)
+    step_each(*plant, make_work(), ports, winds, following)
     return following
 
 
@@ -177,13 +166,7 @@ def linearise_run(
     if crane is not None:
         states, kept = hanging_states(crane, joints, run.tension), crane.places
         stride = LINEARISATION_STRIDE
-    plant = SteppedPlant(
-        rig=analytic_rig(run),
-        crane=crane,
-        work=make_work(),
-        stages=np.zeros((STAGES, 10)),
-        stage_state=np.zeros(10),
-    )
+    plant = (analytic_rig(run), crane)
     winds = np.hstack([np.zeros((samples, 3)), run.load_force]) if winds is None else winds
     ports, size, p = np.hstack([states[:-1], commands, disturbances]), states.shape[1], len(kept)
     by_port = slopes(

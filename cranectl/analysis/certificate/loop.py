@@ -57,13 +57,6 @@ class InnerLoop:
         drives, _ = parts(self.opened)
         return with_delay(self.opened, drives, drives, self.delay)
 
-    @property
-    def delayed(self) -> SampledSystem:
-        """From v-bar to what is measured, with delay as states."""
-        a, b, c, d = self.arriving
-        _, rest = parts(self.arriving)
-        return SampledSystem(a, b[:, rest], c[rest], d[rest, rest])
-
     def response(self, z: Complex) -> Complex:
         """Return the response (k, 4 m, m) at points `z` (k,)."""
         drives, rest = parts(self.opened)
@@ -202,7 +195,7 @@ class Opening:
 
     def graph(self, inner: InnerLoop) -> Graph:
         """The plant's graph. Its poles are those of the inner loop; nothing integrates in it."""
-        poles, weight, axes = inner.delayed.poles(), self.weight, self.axis.axes
+        poles, weight, axes = inner.arriving.poles(), self.weight, self.axis.axes
         eye = np.eye(axes)
         if weight is not None:
             poles = np.concatenate([poles, np.full(axes, weight.pole)])
