@@ -111,12 +111,7 @@ def listen(
         name=f"cranectl live {name}",
         host=host,
         port=0,
-        capabilities=[
-            Capability.Parameters,
-            Capability.Services,
-            Capability.Time,
-            Capability.ClientPublish,
-        ],
+        capabilities=[Capability.Parameters, Capability.Services, Capability.Time, Capability.ClientPublish],
         server_listener=listener,
         supported_encodings=["json"],
         services=listener.services(),

@@ -23,12 +23,7 @@ from scipy.optimize import minimize
 
 from cranectl.analysis.certificate.linear_plant import LinearPlant
 from cranectl.analysis.certificate.nu_gap import Graph
-from cranectl.analysis.certificate.systems import (
-    Complex,
-    SampledSystem,
-    close_inputs,
-    with_delay,
-)
+from cranectl.analysis.certificate.systems import Complex, SampledSystem, close_inputs, with_delay
 from cranectl.controllers.controller import CRANE_STATES, LinearLaw
 from cranectl.design import Design
 from cranectl.design.discretisation import diagonal, sampled_blocks, zero_order_hold
