@@ -170,9 +170,7 @@ class Design(ControllerDesign):
     closed_loop_poles: NDArray[np.complex128]  # [1/s], of one axis, robustifier included
     margins: Margins
     robustifier: Robustifier
-    gamma: float | None = (
-        None  # smallest norm any robustifier of this kind reaches; 1/eps_max for loop shaping
-    )
+    gamma: float | None = None  # smallest norm of a robustifier of this kind; 1/eps_max for loop shaping
     gamma_achieved: float | None = None  # of this robustifier
     stability_margin: float | None = None  # eps of the normalised coprime factors, loop shaping only
 

@@ -12,9 +12,8 @@ from cranectl.controllers.flat import Tracker, make_tracker
 from cranectl.controllers.preparation import linearised
 from cranectl.controllers.registry import controller_design, controller_of
 from cranectl.design import ControllerDesign, Design
-from cranectl.plants.capabilities import check_scenario
+from cranectl.plants.capabilities import check_honest, check_scenario
 from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.plants.probe import check_honest
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario

@@ -10,10 +10,9 @@ import cranectl
 from cranectl.campaign.load import load_campaign
 from cranectl.planning import load_scenario
 from cranectl.plants.analytic import AnalyticPlant
-from cranectl.plants.capabilities import check_scenario
+from cranectl.plants.capabilities import check_honest, check_scenario
 from cranectl.plants.elastic.plant import ElasticPlant
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.probe import check_honest
 from cranectl.plants.registry import PLANTS, PlantEntry
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
