@@ -166,7 +166,7 @@ def test_level_2_holds_as_well_under_hard_pushes(scenario: str) -> None:
 
 def _plants(drive: str) -> dict[str, AnalyticPlant | MujocoPlant]:
     kinds = (AnalyticPlant, MujocoPlant)
-    return {kind.name: kind(RIG, drive=drive, step=STEP, substeps=1) for kind in kinds}
+    return {kind.name: kind(RIG, drive=drive, step=STEP, substeps=1, effects=NO_EFFECTS) for kind in kinds}
 
 
 def _relative(actual: np.ndarray, expected: np.ndarray) -> float:
