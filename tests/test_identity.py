@@ -16,8 +16,7 @@ from cranectl.campaign.manifest import software_of
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.registry import law_digests, load_controller, register_controller
-from cranectl.loaders.law_file import LawFile, whole_copy_of
-from cranectl.loaders.opening import close_laws, open_law
+from cranectl.loaders.opening import LawFile, close_laws, open_law, whole_copy_of
 from cranectl.planning import load_scenario, plan
 from cranectl.plants.registry import PLANTS, PlantEntry, plant_sources
 from cranectl.support import jit, kept

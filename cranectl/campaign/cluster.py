@@ -27,8 +27,7 @@ from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Prepared, Stop, StoppedError, Worker
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
 from cranectl.controllers.registry import runs_alone
-from cranectl.loaders.law_file import LawFile
-from cranectl.loaders.opening import open_again
+from cranectl.loaders.opening import LawFile, open_again
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
 from cranectl.support.interrupts import SIGNALS

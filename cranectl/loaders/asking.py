@@ -1,18 +1,24 @@
-"""What foreign code declares, asked in a program of its own: whatever it does ends that program only."""
+"""Ask foreign code what it declares, in a process of its own: whatever the code does ends that process only.
+
+The process runs this file too: `python asking.py PROGRAM BINARY` reads the question as a line of JSON, and
+writes as one what `answer` of the file PROGRAM returns. To start fast, both import nothing of the package.
+"""
 
 import json
+import os
+import runpy
 import sys
 from pathlib import Path
 from typing import Any
 
-from cranectl.support.children import answer_of_program, describe_exit
-
 DECLARATION_TIMEOUT = 600.0  # [s] for an answer, without waiting for a processor: it only ends what hangs
 
 
-def answer(program: str, binary: Path, question: dict[str, Any]) -> dict[str, Any]:
-    """What the Python file `program` says of `binary`; raises ValueError with what is wrong with it."""
-    command = [sys.executable, "-I", program, str(binary)]
+def ask(program: str, binary: Path, question: dict[str, Any]) -> dict[str, Any]:
+    """Return what `answer(binary, question)` of the file `program` returns; raise ValueError as it does."""
+    from cranectl.support.children import answer_of_program, describe_exit  # which the process does without
+
+    command = [sys.executable, "-I", __file__, program, str(binary)]
     try:
         code, out, _ = answer_of_program(command, DECLARATION_TIMEOUT, question=json.dumps(question))
     except TimeoutError:
@@ -25,3 +31,21 @@ def answer(program: str, binary: Path, question: dict[str, Any]) -> dict[str, An
     if "error" in told:
         raise ValueError(told["error"])
     return told
+
+
+def main() -> None:
+    """Answer the question on standard input."""
+    answering = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # what the foreign code prints is no answer
+    _, program, binary = sys.argv
+    question = json.loads(sys.stdin.readline())
+    try:
+        told = runpy.run_path(program)["answer"](binary, question)
+    except (OSError, ValueError) as error:
+        told = {"error": str(error)}
+    answering.write(json.dumps(told))
+    answering.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,11 +1,10 @@
 """Load libraries with the interface of `cranectl.h`, from C or whatever makes such functions.
 
-This process never loads one: a program of its own tells what it declares and prepares it, and the child in
+This process never loads one: a process of its own tells what it declares and prepares it, and the child in
 which a run goes calls its step by address.
 """
 
 import ctypes
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,17 +13,18 @@ import numpy as np
 
 from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter, by_address
 from cranectl.loaders import library
-from cranectl.loaders.asking import answer
-from cranectl.loaders.law_file import LawFile, copy_of
+from cranectl.loaders.asking import ask
+from cranectl.loaders.opening import LawFile, copy_of
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 HEADER = Path(__file__).parent / "cranectl.h"
+DECLARED = ("name", "title", "command", "follows", "measures", "every", "preview")
 
 
-def open_library(file: LawFile) -> Controller:
-    """The law of a library; raises InputError where it is none, or does not keep to what it declares."""
+def open_library(file: LawFile) -> tuple[Controller, LawFile]:
+    """Return the controller of a library; raise InputError where it does not keep to what it declares."""
     told = _ask(file, None, None)
 
     def prepare(nominal: Nominal) -> tuple[Array, Array]:
@@ -32,30 +32,17 @@ def open_library(file: LawFile) -> Controller:
         start = _ask(file, values, _plain(nominal, told["reads"]))["start"]
         return np.array(start["parameters"]), np.array(start["memory"])
 
-    return Controller(
-        name=told["name"],
-        title=told["title"],
+    searched = [each | {"search": each["search"] and tuple(each["search"])} for each in told["parameters"]]
+    controller = Controller(
+        **{key: told[key] for key in DECLARED},
         step=by_address,
         prepare=prepare,
-        command=("acceleration", "velocity", "force")[told["command"]],
-        follows=("path", "set-point")[told["follows"]],
-        measures=("state", "encoders")[told["measures"]],
-        every=told["every"],
-        preview=told["preview"],
         reads=None if told["reads"] is None else tuple(told["reads"]),
-        parameters=tuple(_parameter(*declared) for declared in told["parameters"]),
-        logged=tuple(
-            Logged(place, Signal(name, name, unit, description))
-            for place, name, unit, description in told["signals"]
-        ),
+        parameters=tuple(Parameter(**each) for each in searched),
+        logged=tuple(Logged(place, Signal(each[0], *each)) for place, *each in told["signals"]),
         entry=lambda *_: _address(file),
     )
-
-
-def _parameter(*told: Any) -> Parameter:
-    *declared, low, high, length_power = told
-    search = (low, high) if high else None
-    return replace(Parameter(*declared), search=search, length_power=length_power)
+    return controller, file
 
 
 def _plain(nominal: Nominal, reads: list[str] | None) -> dict[str, Any]:
@@ -72,24 +59,18 @@ def _plain(nominal: Nominal, reads: list[str] | None) -> dict[str, Any]:
 
 
 def _ask(file: LawFile, values: list[float] | None, nominal: dict[str, Any] | None) -> dict[str, Any]:
-    """What the library says, in a program of its own; raises InputError with what is wrong with it."""
+    """Return what the library says, in a process of its own; raise InputError with what is wrong with it."""
     try:
-        return answer(library.__file__, copy_of(file), {"values": values, "nominal": nominal})
+        return ask(library.__file__, copy_of(file), {"values": values, "nominal": nominal})
     except ValueError as error:
-        raise _wrong(file, str(error).replace(str(copy_of(file)), str(file.path))) from None
-
-
-def _wrong(file: LawFile, what: str) -> InputError:
-    return InputError(
-        f"{file.reference}: {what}",
-        allowed=f"a library for this machine with the interface of {HEADER}",
-        remedy="correct it; 'cranectl new c-controller' writes one that works",
-    )
+        raise InputError(
+            f"{file.reference}: {error}".replace(str(copy_of(file)), str(file.path)),
+            allowed=f"a library for this machine with the interface of {HEADER}",
+            remedy="correct it; 'cranectl new c-controller' writes one that works",
+        ) from None
 
 
 @cache
 def _address(file: LawFile) -> int:
-    step = library.step_of(library.load(str(copy_of(file))))
-    address = ctypes.cast(step, ctypes.c_void_p).value
-    assert address is not None
-    return address
+    step = library.step_of(ctypes.CDLL(str(copy_of(file))))
+    return ctypes.cast(step, ctypes.c_void_p).value or 0

@@ -1,11 +1,9 @@
 """The C functions of an FMU for co-simulation, FMI 2.0 and 3.0, by way of `ctypes` alone.
 
-Run as a program of its own, `python fmi.py BINARY`, so that whatever the FMU does ends that program only: it
-reads the model as a line of JSON, initialises an instance and answers with a line.
+`asking` runs this file in a process of its own, so it imports nothing of the package.
 """
 
 import ctypes
-import json
 import os
 import sys
 from collections import deque
@@ -20,50 +18,39 @@ Functions = dict[str, Any]  # by their names without fmi2 and fmi3, a set and a 
 
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 ERROR, FATAL = 3, 4
-_EXCHANGE = {2: [c_void_p, c_void_p, c_size_t, c_void_p]}
-_EXCHANGE[3] = [*_EXCHANGE[2], c_size_t]
-_BOOL = {2: c_int, 3: c_bool}
-_START = {fmi: [c_void_p, bool_, c_double, c_double, bool_, c_double] for fmi, bool_ in _BOOL.items()}
-_COMMON = {"ExitInitializationMode": (c_int, [c_void_p]), "FreeInstance": (None, [c_void_p])}
-_SIGNATURES: dict[int, dict[str, tuple[Any, list[Any]]]] = {
+_RESULTS = {"Instantiate": c_void_p, "InstantiateCoSimulation": c_void_p, "FreeInstance": None}  # or a status
+_ARGUMENTS: dict[int, dict[str, list[Any]]] = {
     2: {
-        "Instantiate": (c_void_p, [c_char_p, c_int, c_char_p, c_char_p, c_void_p, c_int, c_int]),
-        "SetupExperiment": (c_int, _START[2]),
-        "EnterInitializationMode": (c_int, [c_void_p]),
-        "DoStep": (c_int, [c_void_p, c_double, c_double, c_int]),
-        "SetReal": (c_int, _EXCHANGE[2]),
-        "GetReal": (c_int, _EXCHANGE[2]),
-        **_COMMON,
+        "Instantiate": [c_char_p, c_int, c_char_p, c_char_p, c_void_p, c_int, c_int],
+        "SetupExperiment": [c_void_p, c_int, c_double, c_double, c_int, c_double],
+        "EnterInitializationMode": [c_void_p],
+        "ExitInitializationMode": [c_void_p],
+        "DoStep": [c_void_p, c_double, c_double, c_int],
+        "SetReal": [c_void_p, c_void_p, c_size_t, c_void_p],
+        "GetReal": [c_void_p, c_void_p, c_size_t, c_void_p],
+        "FreeInstance": [c_void_p],
     },
     3: {
-        "InstantiateCoSimulation": (
-            c_void_p,
-            [*[c_char_p] * 3, *[c_bool] * 4, c_void_p, c_size_t, *[c_void_p] * 3],
-        ),
-        "EnterInitializationMode": (c_int, _START[3]),
-        "DoStep": (c_int, [c_void_p, c_double, c_double, c_bool, *[c_void_p] * 4]),
-        "SetFloat64": (c_int, _EXCHANGE[3]),
-        "GetFloat64": (c_int, _EXCHANGE[3]),
-        **_COMMON,
+        "InstantiateCoSimulation": [*[c_char_p] * 3, *[c_bool] * 4, c_void_p, c_size_t, *[c_void_p] * 3],
+        "EnterInitializationMode": [c_void_p, c_bool, c_double, c_double, c_bool, c_double],
+        "ExitInitializationMode": [c_void_p],
+        "DoStep": [c_void_p, c_double, c_double, c_bool, *[c_void_p] * 4],
+        "SetFloat64": [c_void_p, c_void_p, c_size_t, c_void_p, c_size_t],
+        "GetFloat64": [c_void_p, c_void_p, c_size_t, c_void_p, c_size_t],
+        "FreeInstance": [c_void_p],
     },
 }
 
 
-class Callbacks(ctypes.Structure):
-    """fmi2CallbackFunctions."""
-
-    _fields_ = tuple((name, c_void_p) for name in ("logger", "allocate", "free", "finished", "environment"))
-
-
 def functions(path: str, fmi: int) -> Functions:
-    """Those of a binary; raises OSError or ValueError where there are none."""
+    """Return those of a binary; raise OSError or ValueError where there are none."""
     binary, found = ctypes.CDLL(path), {}
-    for name, (result, arguments) in _SIGNATURES[fmi].items():
+    for name, arguments in _ARGUMENTS[fmi].items():
         try:
             function = getattr(binary, f"fmi{fmi}{name}")
         except AttributeError:
             raise ValueError(f"its binary has no function fmi{fmi}{name}") from None
-        function.restype, function.argtypes = result, arguments
+        function.restype, function.argtypes = _RESULTS.get(name, c_int), arguments
         found[name.removesuffix("Real").removesuffix("Float64")] = function
     return found
 
@@ -139,32 +126,19 @@ def _logger(fmi: int) -> Any:
 
 
 @cache
-def _callbacks() -> Callbacks:
+def _callbacks() -> ctypes.Array[c_void_p]:
+    """Return a fmi2CallbackFunctions: logger, allocate, free, finished, environment."""
     libc = ctypes.CDLL("msvcrt" if sys.platform == "win32" else None)
-    return Callbacks(address(_logger(2)), address(libc.calloc), address(libc.free), None, None)
+    return (c_void_p * 5)(address(_logger(2)), address(libc.calloc), address(libc.free), None, None)
 
 
 def address(function: Any) -> int:
     """Of a C function."""
-    found = ctypes.cast(function, c_void_p).value
-    assert found is not None
-    return found
+    return ctypes.cast(function, c_void_p).value or 0
 
 
-def main() -> None:
-    """Answer the question on standard input."""
-    answering = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what the library prints is no answer
-    model = json.loads(sys.stdin.readline())
-    answer = {}
-    try:
-        known = functions(sys.argv[1], model["fmi"])
-        known["FreeInstance"](initialised(known, model, model["values"]))
-    except (OSError, ValueError) as error:
-        answer = {"error": str(error)}
-    answering.write(json.dumps(answer))
-    answering.close()
-
-
-if __name__ == "__main__":
-    main()
+def answer(binary: str, model: Plain) -> Plain:
+    """Try `model` with an instance; raise OSError or ValueError where that fails."""
+    known = functions(binary, model["fmi"])
+    known["FreeInstance"](initialised(known, model, model["values"]))
+    return {}

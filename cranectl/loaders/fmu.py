@@ -10,7 +10,7 @@ import shlex
 import stat
 import weakref
 import zipfile
-from functools import cache
+from functools import cached_property
 from io import BytesIO
 from math import isclose
 from pathlib import Path
@@ -20,9 +20,9 @@ import numpy as np
 
 from cranectl.controllers.controller import Controller, Logged, Nominal
 from cranectl.loaders import fmi, fmu_step
-from cranectl.loaders.asking import answer
+from cranectl.loaders.asking import ask
 from cranectl.loaders.fmu_variables import Variables, variables_of
-from cranectl.loaders.law_file import LawFile, directory_of, slug
+from cranectl.loaders.opening import LawFile, directory_of, slug
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.support.float_environment import environment_kept
@@ -33,7 +33,7 @@ _TELL = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * 3, ctypes.c_double)
 
 
 class Fmu:
-    """One that is unpacked."""
+    """One that is unpacked, and in the process of a run its binary and instances."""
 
     def __init__(self, file: LawFile) -> None:
         """Raises InputError where it is none, or is not for co-simulation on this machine."""
@@ -69,6 +69,11 @@ class Fmu:
             raise wrong(file, f"its binary binaries/{platform}/{name} lies outside of it")
         self.resources = place / "resources"
         self.variables: Variables = variables_of(file, told)
+        exchanged = (self.variables.input_references, self.variables.output_references)
+        self._references = [np.array(references, dtype=np.uint32) for references in exchanged]
+        self._tell = _TELL(self._failed)
+        self._made = False  # an instance, in this process
+        self._lost: set[int] = set()  # after what is fatal nothing may be called
 
     def check_period(self, period: float) -> None:
         """Raise InputError unless `period` [s] is one or more of its own steps, where it tells them.
@@ -102,12 +107,60 @@ class Fmu:
             "values": [*(each.default for each in self.variables.parameters), *self.variables.constants],
         }
 
+    def entry(self, parameters: Array) -> int:
+        """Make an instance for the run that has these parameters; return the address of the step.
 
-def open_fmu(file: LawFile) -> Controller:
-    """The law of an FMU; raises InputError where it is none, or cannot be initialised."""
+        Without an instance the step fails.
+        """
+        try:
+            self._begin(parameters)
+        except (OSError, ValueError) as error:
+            fmi.say(f"{self.file.reference}: {error}")
+        return address_of(fmu_step.step)
+
+    @cached_property
+    def _functions(self) -> fmi.Functions:
+        """Load its binary into this process; raise OSError or ValueError where that cannot be."""
+        return fmi.functions(str(self.binary), self.fmi)
+
+    def _begin(self, parameters: Array) -> None:
+        """Make an instance for as long as there are these parameters; raise OSError or ValueError."""
+        if self._made and self.kind.canBeInstantiatedOnlyOncePerProcess:
+            raise ValueError(
+                "it can be instantiated only once in a process, of which run and validate take one for each "
+                "run, campaign and live do not"
+            )
+        known, variables = self._functions, self.variables
+        first = fmu_step.GIVEN.sources + len((*variables.sources, *variables.commands, *variables.factors))
+        instance = fmi.initialised(known, self.model(), parameters[first:])
+        self._made = True
+        called = (known["Set"], known["ExitInitializationMode"], known["DoStep"], known["Get"], self._tell)
+        parameters[: fmu_step.GIVEN.fmi] = (
+            instance,
+            *map(fmi.address, called),
+            *(references.ctypes.data for references in self._references),
+        )
+        weakref.finalize(parameters, self._free, instance).atexit = False
+
+    def _failed(self, instance: int, function: int, status: int, time: float) -> int:
+        """Report a failure, called back from the step."""
+        if status >= fmi.FATAL:
+            self._lost.add(instance)
+        failure = fmi.failure(self.fmi, fmu_step.FUNCTIONS[function], status)
+        fmi.say(f"{self.file.reference}: at {time:.6g} s its {failure}")
+        return 0
+
+    def _free(self, instance: int) -> None:
+        if instance not in self._lost:
+            with environment_kept():
+                self._functions["FreeInstance"](instance)
+
+
+def open_fmu(file: LawFile) -> tuple[Controller, LawFile]:
+    """Return the controller of an FMU; raise InputError where it is none, or cannot be initialised."""
     fmu = Fmu(file)
     try:
-        answer(fmi.__file__, fmu.binary, fmu.model())
+        ask(fmi.__file__, fmu.binary, fmu.model())
     except ValueError as error:
         needs = f"; it says that it needs the tool that made it: {fmu.told.generationTool or 'unnamed'}"
         raise wrong(file, f"{error}{needs if fmu.kind.needsExecutionTool else ''}") from None
@@ -125,7 +178,7 @@ def open_fmu(file: LawFile) -> Controller:
         )
         return parameters, fmu_step.MEMORY.array(values=np.zeros(inputs + outputs))
 
-    return Controller(
+    controller = Controller(
         name=table.name or slug(fmu.told.modelName or "") or slug(file.path.stem),
         title=table.title or fmu.told.description or fmu.told.modelName or file.path.name,
         step=fmu_step.step,
@@ -140,8 +193,9 @@ def open_fmu(file: LawFile) -> Controller:
             Logged(place, signal)
             for place, signal in enumerate(variables.logged, fmu_step.MEMORY.values + len(commanded))
         ),
-        entry=lambda _, parameters: _entry(fmu, parameters),
+        entry=lambda _, parameters: fmu.entry(parameters),
     )
+    return controller, file
 
 
 EXPORT = "export it again; other tools than cranectl say whether it is whole"
@@ -200,61 +254,3 @@ def _unpacked(file: LawFile, fmpy: Any) -> Path:
     except Exception as error:  # of many classes
         raise wrong(file, f"it cannot be unpacked: {error}") from None
     return place
-
-
-class _Process:
-    """The binary of an FMU in this process, and its instances."""
-
-    def __init__(self, fmu: Fmu) -> None:
-        """Raises OSError or ValueError where it cannot be loaded."""
-        self._fmu = fmu
-        self._functions = fmi.functions(str(fmu.binary), fmu.fmi)
-        self._tell = _TELL(self._failed)
-        exchanged = (fmu.variables.input_references, fmu.variables.output_references)
-        self._references = [np.array(references, dtype=np.uint32) for references in exchanged]
-        self._made = False
-        self._lost: set[int] = set()  # after what is fatal nothing may be called
-
-    def begin(self, parameters: Array) -> None:
-        """Make an instance for the run that has these parameters, and for as long; raises ValueError."""
-        if self._made and self._fmu.kind.canBeInstantiatedOnlyOncePerProcess:
-            raise ValueError(
-                "it can be instantiated only once in a process, of which run and validate take one for each "
-                "run, campaign and live do not"
-            )
-        variables = self._fmu.variables
-        first = fmu_step.GIVEN.sources + len((*variables.sources, *variables.commands, *variables.factors))
-        instance = fmi.initialised(self._functions, self._fmu.model(), parameters[first:])
-        self._made = True
-        known = self._functions
-        called = (known["Set"], known["ExitInitializationMode"], known["DoStep"], known["Get"], self._tell)
-        parameters[: fmu_step.GIVEN.fmi] = (
-            instance,
-            *map(fmi.address, called),
-            *(references.ctypes.data for references in self._references),
-        )
-        weakref.finalize(parameters, self._free, instance).atexit = False
-
-    def _failed(self, instance: int, function: int, status: int, time: float) -> int:
-        """Called back from the step."""
-        if status >= fmi.FATAL:
-            self._lost.add(instance)
-        failure = fmi.failure(self._fmu.fmi, fmu_step.FUNCTIONS[function], status)
-        fmi.say(f"{self._fmu.file.reference}: at {time:.6g} s its {failure}")
-        return 0
-
-    def _free(self, instance: int) -> None:
-        if instance not in self._lost:
-            with environment_kept():
-                self._functions["FreeInstance"](instance)
-
-
-_process = cache(_Process)
-
-
-def _entry(fmu: Fmu, parameters: Array) -> int:
-    try:
-        _process(fmu).begin(parameters)
-    except (OSError, ValueError) as error:  # the step, without an instance, fails
-        fmi.say(f"{fmu.file.reference}: {error}")
-    return address_of(fmu_step.step)

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any, NamedTuple
 
-from cranectl.loaders.law_file import LawFile
+from cranectl.loaders.opening import LawFile
 from cranectl.support.errors import InputError
 
 # Exponents of kg, m and s in the units of signals; an angle counts as a number, as in SI.

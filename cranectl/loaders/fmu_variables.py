@@ -10,7 +10,7 @@ from pydantic import Field
 from cranectl.controllers.controller import LONGEST_SIGNAL, Parameter
 from cranectl.loaders.fmu_step import HELD, MEASURED
 from cranectl.loaders.fmu_units import Conversion
-from cranectl.loaders.law_file import LawFile
+from cranectl.loaders.opening import LawFile
 from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.signals import MEASUREMENT, REFERENCE, STATE, Signal, command_group
 from cranectl.support.documents import parse_toml

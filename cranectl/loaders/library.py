@@ -1,16 +1,11 @@
 """A library with a law, by way of `ctypes` alone: what it declares, whether it keeps to it, how it prepares.
 
-Run as a program of its own, `python library.py FILE`, so that whatever the library does ends that program
-only: it reads a line of JSON and answers with one.
+`asking` runs this file in a process of its own, so it imports nothing of the package.
 """
 
 import ctypes
-import json
 import math
-import os
 import random
-import sys
-from collections.abc import Iterable
 from ctypes import POINTER, Structure, c_char_p, c_double, c_int32, c_int64, c_uint32, cast
 from typing import Any
 
@@ -41,6 +36,14 @@ class CSignal(Structure):
 
 
 PARAMETERS = {1: CParameter, 2: CTunable, 3: CTunable}  # by version of the interface
+CHOICES = {
+    "command": ("acceleration", "velocity", "force"),
+    "follows": ("path", "set-point"),
+    "measures": ("state", "encoders"),
+}
+HIGHEST = dict.fromkeys(("preview", "memory", "numbers", "every"), 10**6)  # of what is declared
+HIGHEST |= {"parameter_count": 10**4, "signal_count": 10**4}
+HIGHEST |= {name: len(choices) - 1 for name, choices in CHOICES.items()}
 
 
 class CDeclaration(Structure):
@@ -80,11 +83,6 @@ class CNominal(Structure):
     )
 
 
-def load(path: str) -> ctypes.CDLL:
-    """The library; raises OSError."""
-    return ctypes.CDLL(path)
-
-
 def symbol(library: ctypes.CDLL, name: str) -> Any:
     """A function; raises ValueError where there is none."""
     try:
@@ -101,7 +99,7 @@ def step_of(library: ctypes.CDLL) -> Any:
 
 
 def declaration(library: ctypes.CDLL) -> Plain:
-    """What it declares, as plain data; raises ValueError for what cannot be."""
+    """Return what the library declares, as plain data; raise ValueError for what cannot be."""
     tell = symbol(library, "cranectl_controller")
     tell.restype = POINTER(CDeclaration)
     step_of(library)
@@ -114,26 +112,24 @@ def declaration(library: ctypes.CDLL) -> Plain:
     kind = CReading if told.abi >= 3 else CDeclaration
     if told.size != ctypes.sizeof(kind):
         raise ValueError(f"its declaration has {told.size} bytes, it should have {ctypes.sizeof(kind)}")
-    found: Plain = {"name": text(told.name), "title": text(told.title)}
-    found |= {name: getattr(told, name) for name in ("command", "follows", "measures", "every", "preview")}
-    found |= {"memory": told.memory, "numbers": max(told.numbers, told.parameter_count)}
-    limits = {"command": 2, "follows": 1, "measures": 1, "preview": 10**6, "memory": 10**6, "numbers": 10**6}
-    limits |= {"parameter_count": 10**4, "signal_count": 10**4, "every": 10**6}
-    for name, highest in limits.items():
-        if not (name == "every") <= getattr(told, name) <= highest:
-            raise ValueError(
-                f"{name} = {getattr(told, name)}, allowed is {int(name == 'every')} to {highest}"
-            )
+    found: Plain = {name: getattr(told, name) for name in HIGHEST}
+    for name, value in found.items():
+        lowest, highest = int(name == "every"), HIGHEST[name]
+        if not lowest <= value <= highest:
+            raise ValueError(f"{name} = {value}, allowed is {lowest} to {highest}")
     parameters = cast(told.parameters, POINTER(PARAMETERS[told.abi]))
-    found["parameters"] = [
-        [text(p.name), p.initial, text(p.unit), text(p.description), p.lowest, p.highest, *tuning(p)]
-        for p in parameters[: told.parameter_count]
-    ]
-    found["reads"] = read_fields(library, cast(pointer, POINTER(kind)).contents)
-    found["signals"] = [
-        [s.place, text(s.name), text(s.unit), text(s.description)] for s in told.signals[: told.signal_count]
-    ]
-    return found
+    found |= {name: choices[found[name]] for name, choices in CHOICES.items()}
+    return found | {
+        "name": text(told.name),
+        "title": text(told.title),
+        "numbers": max(told.numbers, told.parameter_count),
+        "parameters": [parameter(each) for each in parameters[: told.parameter_count]],
+        "reads": read_fields(library, cast(pointer, POINTER(kind)).contents),
+        "signals": [
+            [each.place, text(each.name), text(each.unit), text(each.description)]
+            for each in told.signals[: told.signal_count]
+        ],
+    }
 
 
 def read_fields(library: ctypes.CDLL, told: Any) -> list[str] | None:
@@ -148,31 +144,36 @@ def read_fields(library: ctypes.CDLL, told: Any) -> list[str] | None:
     return names
 
 
-def tuning(parameter: Any) -> tuple[float, float, float]:
-    """Both ends of the search, 0 for none, and the power of the length; raises ValueError for no search."""
-    low, high = getattr(parameter, "search", (0.0, 0.0))
-    if not 0.0 < low < high < math.inf and (low, high) != (0.0, 0.0):
-        name = text(parameter.name)
+def parameter(told: Any) -> Plain:
+    """Return a parameter as `Parameter` takes it; raise ValueError for a search that is none."""
+    low, high = getattr(told, "search", (0.0, 0.0))
+    search = None if low == high == 0.0 else (low, high)
+    if search and not 0.0 < low < high < math.inf:
+        name = text(told.name)
         raise ValueError(f"search of {name} from {low:g} to {high:g}, allowed is 0 < low < high, or 0 to 0")
-    return low, high, getattr(parameter, "length_power", 0.0)
+    return {
+        "name": text(told.name),
+        "default": told.initial,
+        "unit": text(told.unit),
+        "description": text(told.description),
+        "lowest": told.lowest,
+        "highest": told.highest,
+        "search": search,
+        "length_power": getattr(told, "length_power", 0.0),
+    }
 
 
 def text(raw: bytes | None) -> str:
-    """Of a C string."""
-    return "" if raw is None else raw.decode("utf-8", "replace")
+    """Return a C string as text."""
+    return (raw or b"").decode("utf-8", "replace")
 
 
 def prepare(library: ctypes.CDLL, told: Plain, values: list[float], nominal: Plain | None) -> Plain:
-    """Parameters and memory at the start; `nominal`: by name."""
+    """Return parameters and memory at the start; `nominal`: fields of `CNominal` by name."""
     parameters = (c_double * max(told["numbers"], 1))(*values)
     memory = (c_double * max(told["memory"], 1))()
     if nominal is not None and hasattr(library, "cranectl_prepare"):
-        given = CNominal()
-        for name, value in nominal.items():
-            if isinstance(value, list):
-                getattr(given, name)[:] = value
-            else:
-                setattr(given, name, value)
+        given = CNominal(**{k: tuple(v) if isinstance(v, list) else v for k, v in nominal.items()})
         library.cranectl_prepare.restype = c_int64
         library.cranectl_prepare.argtypes = [POINTER(CNominal), Doubles, Doubles]
         if (code := library.cranectl_prepare(given, parameters, memory)) != 0:
@@ -183,28 +184,25 @@ def prepare(library: ctypes.CDLL, told: Plain, values: list[float], nominal: Pla
 def check(library: ctypes.CDLL, told: Plain, start: Plain) -> None:
     """Raise ValueError where a step writes what it must not, or remembers anything outside of its memory."""
     step, width = step_of(library), 15 * (1 + told["preview"])
-    dice = random.Random(1)
-    measured = [[0.9, 0.1, 0.7, 0.1, 0.8, 0.1, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0] for _ in range(TRIAL_STEPS)]
-    for row in measured:
-        row[:] = [value * dice.uniform(0.8, 1.2) for value in row]
-    rows = [(c_double * len(row))(*row) for row in measured]
+    dice, near = random.Random(1), (0.9, 0.1, 0.7, 0.1, 0.8, *[0.1] * 5, 0.0, 0.0)
+    rows = [[value * dice.uniform(0.8, 1.2) for value in near] for _ in range(TRIAL_STEPS)]
+    measured = [(c_double * len(row))(*row) for row in rows]
     path = (c_double * width)(*(dice.uniform(0.4, 0.6) for _ in range(width)))
     parameters = (c_double * len(start["parameters"]))(*start["parameters"])
 
-    def run(order: list[int]) -> list[list[list[float | str]]]:
-        """Steps of two laws in `order`, with the commands of each."""
+    def run(order: list[int]) -> list[list[bytes]]:
+        """Return the commands of two controllers that are stepped in `order`."""
         memories = [(c_double * len(start["memory"]))(*start["memory"]) for _ in range(2)]
-        done = [0, 0]
-        commands: list[list[list[float | str]]] = [[], []]
+        commands: list[list[bytes]] = [[], []]
         for which in order:
-            inputs = (parameters, rows[(done[which] + 7 * which) % TRIAL_STEPS], path)
-            before, command = [bytes(values) for values in inputs], (c_double * 3)()
-            step(*inputs, memories[which], command)
-            for values, name in zip(inputs, ("parameters", "measured", "reference"), strict=True):
-                if bytes(values) != before.pop(0):
+            row = (len(commands[which]) + 7 * which) % TRIAL_STEPS
+            inputs = {"parameters": parameters, "measured": measured[row], "reference": path}
+            before, command = [bytes(values) for values in inputs.values()], (c_double * 3)()
+            step(*inputs.values(), memories[which], command)
+            for (name, values), known in zip(inputs.items(), before, strict=True):
+                if bytes(values) != known:
                     raise ValueError(f"its step writes to {name}")
-            done[which] += 1
-            commands[which].append(bits(command))
+            commands[which].append(bytes(command))
         return commands
 
     alone, in_turn = run([0] * TRIAL_STEPS + [1] * TRIAL_STEPS), run([0, 1] * TRIAL_STEPS)
@@ -215,29 +213,14 @@ def check(library: ctypes.CDLL, told: Plain, start: Plain) -> None:
         )
 
 
-def bits(values: Iterable[float]) -> list[float | str]:
-    """Comparable, NaN too."""
-    return ["nan" if math.isnan(value) else value for value in values]
+def answer(path: str, question: Plain) -> Plain:
+    """Return what the library declares, and with `values` of the parameters what it starts with.
 
-
-def main() -> None:
-    """Answer the question on standard input."""
-    answering = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what the library prints is no answer
-    asked = json.loads(sys.stdin.readline())
-    try:
-        library = load(sys.argv[1])
-        told = declaration(library)
-        answer = dict(told)
-        if asked["values"] is None:
-            check(library, told, prepare(library, told, [p[1] for p in told["parameters"]], None))
-        else:
-            answer |= {"start": prepare(library, told, asked["values"], asked["nominal"])}
-    except (OSError, ValueError) as error:
-        answer = {"error": str(error)}
-    answering.write(json.dumps(answer))
-    answering.close()
-
-
-if __name__ == "__main__":
-    main()
+    Raises OSError or ValueError with what is wrong with it.
+    """
+    library = ctypes.CDLL(path)
+    told = declaration(library)
+    if question["values"] is not None:
+        return told | {"start": prepare(library, told, question["values"], question["nominal"])}
+    check(library, told, prepare(library, told, [each["default"] for each in told["parameters"]], None))
+    return told

@@ -30,7 +30,6 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
-from cranectl.loaders.law_file import read_beside
 from cranectl.support.provenance import INSTALLED
 
 PREFIX = "_law_"
@@ -39,8 +38,8 @@ _COUNT = itertools.count(1)
 _READING = threading.local()  # .law: whose file is run in this thread
 
 
-class Neighbours:
-    """What one controller imports and reads from its folder."""
+class Neighbours(MetaPathFinder):
+    """What one controller imports and reads from its folder; finds the modules of its package."""
 
     def __init__(self, path: Path) -> None:
         """`path`: of its file."""
@@ -54,56 +53,63 @@ class Neighbours:
         parent = ModuleType(self.package)
         parent.__path__ = []
         sys.modules[self.package] = parent
-        _OF_PACKAGES[self.package] = self
-        if _FINDER not in sys.meta_path:
-            sys.meta_path.insert(0, _FINDER)
-            sys.addaudithook(_hear)
+        sys.meta_path.insert(0, self)
+        _listen()
 
     @contextlib.contextmanager
     def running(self) -> Iterator[None]:
-        """While the file is run, what it takes from its folder is noted, and it may take more."""
+        """While the file is run, what it takes from its folder is noted, and it may take more.
+
+        If that fails, its modules are gone.
+        """
         self._before, self._running = sys.path[:], True
         try:
             with self._noting(self):
                 yield
         except BaseException:
-            self.forget()
+            sys.meta_path.remove(self)
+            for name in [name for name in sys.modules if name.partition(".")[0] == self.package]:
+                del sys.modules[name]
             raise
         finally:
             self._added, self._running = self._folders()[1:], False
             sys.path[:] = self._before
 
-    def forget(self) -> None:
-        """Remove all its modules."""
-        del _OF_PACKAGES[self.package]
-        for name in [name for name in sys.modules if name.partition(".")[0] == self.package]:
-            del sys.modules[name]
-
-    def contents(self, path: Path) -> Mapping[str, bytes]:
-        """Return what it has taken, as `LawFile.beside` has it, without its own file at `path`."""
+    def taken(self, path: Path) -> list[str]:
+        """Return the files that it has taken as seen from its folder, without its own file at `path`."""
         files = [file for file in self._opened if self._counts(file) and file != _located(path)]
-        names = [Path(os.path.relpath(file, self.folder)).as_posix() for file in files]
-        return read_beside(self.folder, names)
+        return [Path(os.path.relpath(file, self.folder)).as_posix() for file in files]
 
     def note(self, path: str) -> None:
         """Note that a file was read."""
         self._opened.add(_located(Path(path)))
 
-    def spec(self, name: str, path: Sequence[str] | None = None) -> ModuleSpec | None:
-        """Find the module `name` of its package, in the folders of `path` or in its own."""
-        for folder in self._folders() if path is None else path:
-            finder = FileFinder(folder, (ExtensionFileLoader, EXTENSION_SUFFIXES), (_Loader, SOURCE_SUFFIXES))
-            if (spec := finder.find_spec(f"{self.package}.{name}")) is not None:
-                return spec
-        return None
+    def find_spec(self, fullname: str, path: Sequence[str] | None, _target: Any = None) -> ModuleSpec | None:
+        """Return the spec of a module of its package, None for any other.
 
-    def check_open(self, name: str) -> None:
-        """Raise ModuleNotFoundError unless its file is being run."""
+        Raises ModuleNotFoundError unless its file is being run.
+        """
+        package, _, name = fullname.partition(".")
+        if package != self.package or not name:
+            return None
         if not self._running:
             raise ModuleNotFoundError(
                 f"{name} lies beside the controller and was not imported when its file was run; "
                 "import it at the top of the file"
             )
+        spec = self._spec(name, path if "." in name else None)
+        if spec is not None and spec.origin and spec.has_location:
+            self.note(spec.origin)
+        return spec
+
+    def _spec(self, name: str, path: Sequence[str] | None = None) -> ModuleSpec | None:
+        """Find the module `name` of its package, in the folders of `path` or in its own."""
+        for folder in self._folders() if path is None else path:
+            finder = FileFinder(folder, (ExtensionFileLoader, EXTENSION_SUFFIXES), (_Loader, SOURCE_SUFFIXES))
+            if (spec := finder.find_spec(f"{self.package}.{name}")) is not None:
+                spec.loader_state = self.names
+                return spec
+        return None
 
     def _folders(self) -> list[str]:
         """Its folder, and those that it has added to `sys.path` itself."""
@@ -117,29 +123,24 @@ class Neighbours:
         return any(file.is_relative_to(Path(folder).resolve()) for folder in self._folders())
 
     def _import(
-        self,
-        name: str,
-        names: Mapping[str, object] | None = None,
-        local: Mapping[str, object] | None = None,
-        wanted: Sequence[str] | None = (),
-        level: int = 0,
-    ) -> ModuleType:
+        self, name: str, names: Any = None, local: Any = None, wanted: Any = (), level: int = 0
+    ) -> Any:
         """Import as the statement does, first from the folder."""
         top = name.partition(".")[0]
         if level or not self._is_beside(top):
             with self._noting(self if level else None):
-                found: ModuleType = builtins.__import__(name, names, local, wanted or (), level)
+                found = builtins.__import__(name, names, local, wanted or (), level)
             if not level and self._running:
                 self._note_package(top)
             return found
         own = f"{self.package}.{name}"
-        leaf: ModuleType = builtins.__import__(own, None, None, tuple(wanted or ("__name__",)), 0)
+        leaf = builtins.__import__(own, None, None, tuple(wanted or ("__name__",)), 0)
         return leaf if wanted else sys.modules[f"{self.package}.{top}"]
 
     def _is_beside(self, top: str) -> bool:
         if top not in self._beside:
-            spec = None if top == OUR_PACKAGE else self.spec(top)
-            found = spec is not None and not _comes_first(_elsewhere(top), spec, top)
+            spec = None if top == OUR_PACKAGE else self._spec(top)
+            found = spec is not None and not _is_elsewhere(top, spec)
             if not self._running:
                 return found
             self._beside[top] = found
@@ -169,16 +170,12 @@ def _located(path: Path) -> Path:
     return path.parent.resolve() / path.name
 
 
-def _elsewhere(name: str) -> ModuleSpec | None:
-    """Find a module as if there were no controller."""
-    try:
-        return importlib.util.find_spec(name)
-    except ValueError:  # a module without a spec
-        return sys.modules[name].__spec__
-
-
-def _comes_first(other: ModuleSpec | None, beside: ModuleSpec, name: str) -> bool:
+def _is_elsewhere(name: str, beside: ModuleSpec) -> bool:
     """Return True if a module elsewhere is meant: beside is but a folder, or the same installed package."""
+    try:
+        other = importlib.util.find_spec(name)  # as if there were no controller
+    except ValueError:  # a module without a spec
+        other = sys.modules[name].__spec__
     if other is None or other.origin is None:
         return False
     return beside.loader is None or (other.origin == beside.origin and name in _installed())
@@ -189,30 +186,6 @@ def _installed() -> Mapping[str, Sequence[str]]:
     return importlib.metadata.packages_distributions()
 
 
-_OF_PACKAGES: dict[str, Neighbours] = {}
-
-
-class _Finder(MetaPathFinder):
-    """Find the modules of all controllers."""
-
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, _target: ModuleType | None = None
-    ) -> ModuleSpec | None:
-        """Return the spec of a controller's own module, None for any other."""
-        package, _, name = fullname.partition(".")
-        law = _OF_PACKAGES.get(package)
-        if law is None or not name:
-            return None
-        law.check_open(name)
-        spec = law.spec(name, path if "." in name else None)
-        if spec is not None and spec.origin and spec.has_location:
-            law.note(spec.origin)
-        return spec
-
-
-_FINDER = _Finder()
-
-
 class _Loader(SourceFileLoader):
     """Load a source as it is: compiled code is kept beside it by time and size, not by content."""
 
@@ -221,9 +194,14 @@ class _Loader(SourceFileLoader):
         return compile(self.get_data(path), path, "exec", dont_inherit=True)
 
     def exec_module(self, module: ModuleType) -> None:
-        law = _OF_PACKAGES[module.__name__.partition(".")[0]]
-        module.__dict__["__builtins__"] = law.names
+        assert module.__spec__ is not None
+        module.__dict__["__builtins__"] = module.__spec__.loader_state
         super().exec_module(module)
+
+
+@cache
+def _listen() -> None:
+    sys.addaudithook(_hear)
 
 
 def _hear(event: str, given: tuple[Any, ...]) -> None:

@@ -13,12 +13,12 @@ import shutil
 import socket
 import struct
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from time import monotonic
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -28,7 +28,7 @@ from cranectl.controllers.controller import Controller, by_address
 from cranectl.controllers.registry import UDP
 from cranectl.controllers.slots import Slots
 from cranectl.loaders.called_back import called_back
-from cranectl.loaders.law_file import LawFile, read_beside, whole_copy_of
+from cranectl.loaders.opening import LawFile, whole_copy_of
 from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
@@ -71,16 +71,19 @@ class ProcessSettings(Settings):
     )
 
 
-def open_process(file: LawFile) -> Controller:
-    """The law that a TOML file, or a UDP address, tells of; raises InputError."""
-    settings, file = _settings(file), file.with_beside(taken_along(file))
+def open_process(file: LawFile) -> tuple[Controller, LawFile]:
+    """Return the controller that a TOML file, or a UDP address, tells of; raise InputError."""
+    told = {"address": file.reference}
+    if not file.reference.startswith(UDP):
+        told = parse_toml(file.content.decode("utf-8", "replace"), str(file.path))
+    settings = parse_settings(ProcessSettings, told, file.reference)
+    if not file.beside:  # which a worker has already
+        file = _with_named(settings, file)
     check_name("controller", settings.name)
     connect = _connector(settings, file)
-    answer = struct.Struct(f"<I{3 + len(settings.logged)}d")
     memory = MEMORY.array(told=np.zeros(len(settings.logged)))
     missed = Signal("missed", "missed", "", "samples without an answer in time, so far")
-    told = [Signal(name, name, "", "") for name in settings.logged]
-    return Controller(
+    controller = Controller(
         name=settings.name,
         title=f"in another process, {settings.address or ' '.join(settings.program)}",
         step=by_address,
@@ -90,17 +93,16 @@ def open_process(file: LawFile) -> Controller:
         measures=settings.measures,
         every=settings.every,
         reads=(),
-        logged=MEMORY.logged(missed=[missed], told=told),
-        entry=lambda sizes, _: called_back(_step(settings, connect, answer), file.reference, sizes),
+        logged=MEMORY.logged(missed=[missed], told=[Signal(name, name, "", "") for name in settings.logged]),
+        entry=lambda sizes, _: called_back(_step(settings, connect), file.reference, sizes),
         alone=bool(settings.address),
     )
+    return controller, file
 
 
-def taken_along(file: LawFile) -> Mapping[str, bytes]:
-    """The files that `program` and `files` name, as `LawFile.beside`; raises InputError for absent ones."""
-    if file.beside:  # in a worker
-        return dict(file.beside)
-    settings, folder = _settings(file), file.folder
+def _with_named(settings: ProcessSettings, file: LawFile) -> LawFile:
+    """Return the file with those that `program` and `files` name; raise InputError for absent ones."""
+    folder = file.folder
     named = {each for each in settings.program if _is_file(folder / each)}
     for pattern in settings.files:
         found = [path for path in folder.glob(pattern) if path.is_file()] if pattern else []
@@ -112,7 +114,7 @@ def taken_along(file: LawFile) -> Mapping[str, bytes]:
             )
         named |= {path.relative_to(folder).as_posix() for path in found}
     try:
-        return read_beside(folder, sorted(named))
+        return file.with_beside(folder, named)
     except OSError as error:
         raise InputError(
             f"{file.reference}: {error.filename}: {error.strerror}",
@@ -129,21 +131,11 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _settings(file: LawFile) -> ProcessSettings:
-    table = (
-        {"address": file.reference}
-        if file.reference.startswith(UDP)
-        else parse_toml(file.content.decode("utf-8", "replace"), str(file.path))
-    )
-    return parse_settings(ProcessSettings, table, file.reference)
-
-
-def _step(
-    settings: ProcessSettings, connect: Callable[[], "Connection"], answer: struct.Struct
-) -> Callable[..., int]:
+def _step(settings: ProcessSettings, connect: "Callable[[], _Program | _Datagrams]") -> Callable[..., int]:
     count = NUMBERS[settings.measures]
     question = struct.Struct(f"<I{count + REFERENCE_WIDTH}d")
-    connection: Connection | None = None
+    answer = struct.Struct(f"<I{3 + len(settings.logged)}d")
+    connection: _Program | _Datagrams | None = None
 
     def step(_: Array, measured: Array, reference: Array, memory: Array, command: Array) -> int:
         nonlocal connection
@@ -172,7 +164,7 @@ def _step(
     return step
 
 
-def _answer(connection: "Connection", answer: struct.Struct, sequence: int, seconds: float) -> Any:
+def _answer(connection: "_Program | _Datagrams", answer: struct.Struct, sequence: int, seconds: float) -> Any:
     """Return the numbers of the next answer, or nothing if none comes, or one to an earlier sample."""
     frame = connection.receive(answer.size, seconds)
     if frame is None:
@@ -183,20 +175,8 @@ def _answer(connection: "Connection", answer: struct.Struct, sequence: int, seco
     return values if number == sequence else None
 
 
-class Connection(Protocol):
-    """To the law of one run."""
-
-    process: int  # which answers, or UNKNOWN
-
-    def send(self, frame: bytes) -> None: ...
-
-    def receive(self, size: int, seconds: float) -> bytes | None:
-        """A frame, or nothing within that time; raises OSError where there will be none."""
-
-    def close(self) -> None: ...
-
-
-def _connector(settings: ProcessSettings, file: LawFile) -> Callable[[], Connection]:
+def _connector(settings: ProcessSettings, file: LawFile) -> "Callable[[], _Program | _Datagrams]":
+    """Return what connects to the controller for one run; raise InputError where that cannot be."""
     if bool(settings.address) == bool(settings.program):
         raise InputError(
             f"{file.reference}: needs an address or a program",
@@ -205,8 +185,7 @@ def _connector(settings: ProcessSettings, file: LawFile) -> Callable[[], Connect
         )
     if settings.program:
         _check_program(settings.program[0], file)
-        _check_unmoved(file)
-        return lambda: _started(settings.program, file)
+        return partial(_Program, settings.program, file)
     try:
         where = urlsplit(settings.address)
         if where.scheme != "udp" or not where.hostname or not where.port or where.path or where.query:
@@ -215,23 +194,20 @@ def _connector(settings: ProcessSettings, file: LawFile) -> Callable[[], Connect
         raise InputError(
             f"the address '{settings.address}'", allowed="udp://HOST:PORT", remedy="correct it"
         ) from None
-    host, port = where.hostname, where.port
-    return lambda: _Datagrams(host, port)
+    return partial(_Datagrams, where.hostname, where.port)
 
 
 def _check_program(first: str, file: LawFile) -> None:
+    """Raise InputError for a program that is absent, or another one on this machine where it is installed."""
     if not _is_file(file.folder / first) and first not in dict(file.beside) and shutil.which(first) is None:
         raise InputError(
             f"{file.reference}: there is no program '{first}'",
             allowed=f"a program on the path, or relative to {file.path.parent}",
             remedy="correct 'program'",
         )
-
-
-def _check_unmoved(file: LawFile) -> None:
-    """Raise InputError where a file that stays at its place is another one on this machine."""
+    here = dict(file.read_again().beside)
     for name, digest in file.beside:
-        if Path(name).is_absolute() and dict(file.read_again().beside)[name] != digest:
+        if Path(name).is_absolute() and here[name] != digest:
             raise InputError(
                 f"{file.reference}: {name} is another file here than where the controller was opened",
                 allowed="the same program everywhere",
@@ -239,41 +215,36 @@ def _check_unmoved(file: LawFile) -> None:
             )
 
 
-def _started(program: tuple[str, ...], file: LawFile) -> "_Program":
-    """The program, in the folder where the files are that belong to it; raises OSError."""
-    folder = whole_copy_of(file).parent
-    first, *arguments = program
-    own = folder / first
-    return _Program([str(own) if _is_file(own) else str(shutil.which(first)), *arguments], str(folder))
-
-
 class _Datagrams:
+    """A connection to an address, for one run."""
+
     process = UNKNOWN
 
     def __init__(self, host: str, port: int) -> None:
         family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         self._socket = socket.socket(family, kind)
         self._socket.connect(address)
-
-    def send(self, frame: bytes) -> None:
-        self._socket.send(frame)
+        self.send, self.close = self._socket.send, self._socket.close
 
     def receive(self, size: int, seconds: float) -> bytes | None:
+        """Return a frame, or nothing within that time."""
         self._socket.settimeout(seconds)
         try:
             return self._socket.recv(size + 1)
         except TimeoutError:
             return None
 
-    def close(self) -> None:
-        self._socket.close()
-
 
 class _Program:
-    def __init__(self, command: list[str], directory: str) -> None:
+    """A program in the folder where the files are that belong to it, for one run; raises OSError."""
+
+    def __init__(self, program: tuple[str, ...], file: LawFile) -> None:
+        folder = whole_copy_of(file).parent
+        first, *arguments = program
+        own = folder / first
         self._process = subprocess.Popen(
-            command,
-            cwd=directory,
+            [str(own) if _is_file(own) else str(shutil.which(first)), *arguments],
+            cwd=folder,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
@@ -282,13 +253,11 @@ class _Program:
         self.process = self._process.pid
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        self._to, self._from = self._process.stdin.fileno(), self._process.stdout.fileno()
+        self.send, self._from = self._process.stdin.write, self._process.stdout.fileno()
         self._begun = b""  # of a frame
 
-    def send(self, frame: bytes) -> None:
-        os.write(self._to, frame)
-
     def receive(self, size: int, seconds: float) -> bytes | None:
+        """Return a frame, or nothing within that time; raise ConnectionError where there will be none."""
         deadline = monotonic() + seconds
         while len(self._begun) < size:
             if not select.select([self._from], [], [], max(deadline - monotonic(), 0.0))[0]:

@@ -9,7 +9,7 @@ import linecache
 import multiprocessing
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -29,8 +29,8 @@ from cranectl.controllers.controller import (
 from cranectl.controllers.preparation import real_numbers
 from cranectl.controllers.slots import Slots
 from cranectl.loaders.called_back import called_back
-from cranectl.loaders.law_file import LawFile, slug, whole_copy_of
 from cranectl.loaders.neighbours import Neighbours
+from cranectl.loaders.opening import LawFile, slug, whole_copy_of
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, describe_error
@@ -40,13 +40,15 @@ from cranectl.support.waiting import reported_when_slow
 
 ARGUMENTS = ("parameters", "measured", "reference", "memory", "command")
 MEMORY = 64  # numbers that a plain function may remember
-_TAKEN: dict[LawFile, Mapping[str, bytes]] = {}  # by what was just opened
 DECLARED = ("command", "follows", "measures", "every", "preview", "reads")
 
 
-def open_python(file: LawFile) -> Controller:
-    """The law `file.symbol` of a file; raises InputError where there is none, or it is no law."""
-    module = _load(file)
+def open_python(file: LawFile) -> tuple[Controller, LawFile]:
+    """Return the controller `file.symbol` of a file, and the file with what it takes along.
+
+    Raises InputError where there is none, or it is no controller.
+    """
+    module, opened = _load(file)
     if not file.symbol:
         raise InputError(
             f"'{file.reference}' does not say which law",
@@ -54,23 +56,20 @@ def open_python(file: LawFile) -> Controller:
             remedy=f"name it: {file.path}:NAME",
         )
     found = getattr(module, file.symbol, None)
-    if isinstance(found, Controller):
-        return _callable(found, file)
-    if inspect.isclass(found) and callable(getattr(found, "step", None)):
-        return _callable(_of_class(found, file), file)
-    if inspect.isfunction(found):
-        name = slug(file.symbol)
-        law = Controller(name, _title(found, name), _checked(found, file), _nothing, reads=())
-        return _callable(law, file)
-    raise InputError(
-        f"'{file.reference}': {file.path} has no law '{file.symbol}'",
-        allowed=", ".join(_laws(module)) or "a function, a class with a step, a cranectl.Controller",
-        remedy=f"define step({', '.join(ARGUMENTS)}), see 'cranectl new controller'",
-    )
+    step = found if inspect.isfunction(found) else getattr(found, "step", None)
+    if inspect.isfunction(found) or (inspect.isclass(found) and callable(step)):
+        found = _declared(found, step, file)
+    if not isinstance(found, Controller):
+        raise InputError(
+            f"'{file.reference}': {file.path} has no law '{file.symbol}'",
+            allowed=", ".join(_laws(module)) or "a function, a class with a step, a cranectl.Controller",
+            remedy=f"define step({', '.join(ARGUMENTS)}), see 'cranectl new controller'",
+        )
+    return _callable(found, file), opened
 
 
-def _load(file: LawFile) -> ModuleType:
-    """The module, run; of a worker on another machine from a copy."""
+def _load(file: LawFile) -> tuple[ModuleType, LawFile]:
+    """Return the module, run; of a worker on another machine from a copy."""
     path = whole_copy_of(file)
     beside = Neighbours(path)
     module = ModuleType(f"{beside.package}.{path.stem}")
@@ -82,7 +81,7 @@ def _load(file: LawFile) -> ModuleType:
     try:
         with beside.running(), contained(), reported_when_slow(f"{file.reference} has been loading"):
             exec(compile(file.content, str(path), "exec"), module.__dict__)
-        _TAKEN[file] = beside.contents(path)
+        return module, file.with_beside(beside.folder, beside.taken(path))
     except (InputError, KeyboardInterrupt):  # of what it declares
         raise
     except BaseException as error:
@@ -91,12 +90,6 @@ def _load(file: LawFile) -> ModuleType:
             allowed="a file that Python can run",
             remedy="correct it",
         ) from error
-    return module
-
-
-def taken_along(file: LawFile) -> Mapping[str, bytes]:
-    """What the file, which was opened, has imported and read from its folder, as `LawFile.beside`."""
-    return _TAKEN.pop(file)
 
 
 def _where(error: BaseException, path: Path) -> str:
@@ -123,7 +116,7 @@ def _title(found: Any, name: str) -> str:
     return lines[0].rstrip(".") if lines else name
 
 
-def _checked(step: Callable[..., int], file: LawFile) -> Callable[..., int]:
+def _checked(step: Any, file: LawFile) -> Any:
     taken = list(inspect.signature(step).parameters) if inspect.isfunction(step) else []
     if len(taken) != len(ARGUMENTS):
         raise InputError(
@@ -134,12 +127,8 @@ def _checked(step: Callable[..., int], file: LawFile) -> Callable[..., int]:
     return step
 
 
-def _nothing(_: Nominal) -> tuple[Array, Array]:
-    return np.zeros(1), np.zeros(MEMORY)
-
-
-def _of_class(found: Any, file: LawFile) -> Controller:
-    """From its attributes, called as those of a `Controller`, with their defaults.
+def _declared(found: Any, step: Any, file: LawFile) -> Controller:
+    """Return the controller of a class or function, by attributes called as those of a `Controller`.
 
     Besides, `parameters` may be {name: number} and `logged` {name: place of the memory}; `memory` is its
     `Slots`, how many zeros, or where it starts. Without a `prepare` the step gets the parameters' numbers in
@@ -157,12 +146,12 @@ def _of_class(found: Any, file: LawFile) -> Controller:
     memory = _memory(name, getattr(found, "memory", MEMORY))
 
     def prepare(nominal: Nominal) -> tuple[Array, Array]:
-        return np.array([float(value) for value in nominal.parameters.values()]), memory.copy()
+        return np.array([*map(float, nominal.parameters.values())] or [0.0]), memory.copy()
 
     return Controller(
         name=name,
         title=_title(found, str(name)),
-        step=_checked(found.step, file),
+        step=_checked(step, file),
         prepare=getattr(found, "prepare", prepare),
         parameters=parameters,
         logged=logged,

@@ -8,8 +8,7 @@ from pathlib import Path
 from cranectl import open_law
 from cranectl.controllers.open_controllers import OPEN, OpenControllers, SharedControllers
 from cranectl.controllers.registry import law_digests
-from cranectl.loaders.law_file import copy_of
-from cranectl.loaders.opening import close_laws, open_again
+from cranectl.loaders.opening import close_laws, copy_of, open_again
 from cranectl.support.children import spawn_child
 
 

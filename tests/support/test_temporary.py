@@ -16,7 +16,7 @@ from cranectl.support import temporary
 PROCESS = """
 import sys
 from pathlib import Path
-from cranectl.loaders.law_file import LawFile, copy_of
+from cranectl.loaders.opening import LawFile, copy_of
 copy = copy_of(LawFile("law.so", Path("law.so"), "", b"code"))
 print(copy.parents[1], flush=True)
 sys.stdin.readline()
