@@ -18,14 +18,16 @@ from filelock import FileLock, Timeout
 from cranectl.live.viewers import Publisher
 from cranectl.log import topics
 from cranectl.log.consistency import Outcome
-from cranectl.log.limits import check_recordable
+from cranectl.log.header import (
+    check_recordable,
+    file_attachments,
+    file_metadata,
+    outcome_metadata,
+)
 from cranectl.log.writer import (
     FAILURES,
     check_complete,
-    file_attachments,
-    file_metadata,
     open_file,
-    outcome_metadata,
     unfinished,
 )
 from cranectl.scenario import Scenario

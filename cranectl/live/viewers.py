@@ -24,7 +24,7 @@ from foxglove.websocket import (
 
 from cranectl.live.commands import Controls, Value, taken
 from cranectl.live.guard import Guard, hidden_host
-from cranectl.log import schema, topics
+from cranectl.log import topics
 from cranectl.log.topics import Stream, in_order
 from cranectl.log.writer import open_channel
 from cranectl.support.errors import InputError
@@ -146,7 +146,7 @@ def _service(
     return Service(
         f"/{name}",
         schema=ServiceSchema(
-            f"{schema.PACKAGE}.{title}",
+            f"{topics.PACKAGE}.{title}",
             request=_json_schema(f"{title}Request", fields),
             response=_json_schema(f"{title}Response", text),
         ),
@@ -156,7 +156,7 @@ def _service(
 
 def _json_schema(name: str, properties: Mapping[str, object]) -> MessageSchema:
     data = json.dumps({"type": "object", "properties": properties}).encode()
-    full_name = f"{schema.PACKAGE}.{name}"
+    full_name = f"{topics.PACKAGE}.{name}"
     return MessageSchema(
         encoding="json", schema=foxglove.Schema(name=full_name, encoding="jsonschema", data=data)
     )

@@ -1,8 +1,7 @@
 """Logs: one MCAP file for a run or those of several plants, written, read and described."""
 
-from cranectl.log.describe import LogDescription, describe_log
-from cranectl.log.limits import check_recordable
-from cranectl.log.reader import read_log, read_signal
+from cranectl.log.header import check_recordable
+from cranectl.log.reader import LogDescription, describe_log, read_log, read_signal
 from cranectl.log.recover import recover_log
 from cranectl.log.writer import check_writable, write_log, write_logged
 

@@ -42,18 +42,12 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Clock:
-    """What says when the runs of a log have samples."""
+class Sampling:
+    """When the runs of a log have samples."""
 
-    period_ns: int
+    scenario: Scenario
     every: int  # logged every n-th control sample, and the last
-    duration_ns: int
     from_ns: int | None = None  # where a segment of a live session begins, which ends when it likes
-
-    @classmethod
-    def of(cls, scenario: Scenario, every: int, from_ns: int | None = None) -> "Clock":
-        """The clock of a log of `scenario`."""
-        return cls(scenario.period_ns, every, scenario.steps * scenario.period_ns, from_ns)
 
     @property
     def begin_ns(self) -> int:
@@ -63,31 +57,35 @@ class Clock:
     @property
     def step_ns(self) -> int:
         """Between two samples of a log."""
-        return min(self.period_ns * self.every, MAX_NS)
+        return min(self.scenario.period_ns * self.every, MAX_NS)
 
 
-def check_outcome(plant: str, outcome: Outcome, clock: Clock) -> None:
+def check_outcome(plant: str, outcome: Outcome, sampling: Sampling) -> None:
     """Raise DamageError for an end that no run of this scenario can have."""
-    status, end_ns, duration_ns = outcome.status, outcome.end_ns, clock.duration_ns
+    status, end_ns, period_ns = outcome.status, outcome.end_ns, sampling.scenario.period_ns
+    duration_ns = sampling.scenario.steps * period_ns
     claim = f"the run of {plant} is said to be {status.label} at {_seconds(end_ns)}"
     completed = status == RunStatus.COMPLETED
     if not (completed or status.stopped):
         raise DamageError(f"{claim}, which is no end")
-    if end_ns % clock.period_ns or end_ns < clock.begin_ns:
+    if end_ns % period_ns or end_ns < sampling.begin_ns:
         raise DamageError(f"{claim}, where it has no control sample")
-    if (completed and end_ns < duration_ns) or (clock.from_ns is None and end_ns > duration_ns):
+    if (completed and end_ns < duration_ns) or (sampling.from_ns is None and end_ns > duration_ns):
         raise DamageError(f"{claim}, its scenario to end at {_seconds(duration_ns)}")
-    if not outcome.samples and (completed or end_ns != clock.begin_ns):
+    if not outcome.samples and (completed or end_ns != sampling.begin_ns):
         raise DamageError(f"{claim}, without a sample")
 
 
-def check_times(topic: str, time_ns: NDArray[np.int64], clock: Clock, outcomes: Sequence[Outcome]) -> None:
+def check_times(
+    topic: str, time_ns: NDArray[np.int64], sampling: Sampling, outcomes: Sequence[Outcome]
+) -> None:
     """Raise DamageError unless a topic has samples every so often from the start, and where a run ended.
 
     `time_ns` increases. `outcomes`: of the run that the topic belongs to, or of all runs.
     """
+    period_ns = sampling.scenario.period_ns
     ends = {outcome.end_ns for outcome in outcomes}
-    ends |= {outcome.end_ns - clock.period_ns for outcome in outcomes if outcome.status not in WHOLE}
+    ends |= {outcome.end_ns - period_ns for outcome in outcomes if outcome.status not in WHOLE}
     if not len(time_ns):
         if any(outcome.samples for outcome in outcomes):
             raise DamageError(f"{topic[1:]} has no samples")
@@ -96,14 +94,14 @@ def check_times(topic: str, time_ns: NDArray[np.int64], clock: Clock, outcomes: 
     if last not in ends:
         where = " or ".join(_seconds(end) for end in sorted(ends))
         raise DamageError(f"the last sample of {topic[1:]} is at {_seconds(last)}, the end at {where}")
-    late = 0 if clock.from_ns is None else clock.step_ns - 1
-    if not clock.begin_ns <= first <= clock.begin_ns + late or (first - clock.begin_ns) % clock.period_ns:
-        raise DamageError(f"{topic[1:]} begins at {_seconds(first)} instead of {_seconds(clock.begin_ns)}")
-    steps, rest = np.divmod(time_ns - first, clock.step_ns)
+    late = 0 if sampling.from_ns is None else sampling.step_ns - 1
+    if not sampling.begin_ns <= first <= sampling.begin_ns + late or (first - sampling.begin_ns) % period_ns:
+        raise DamageError(f"{topic[1:]} begins at {_seconds(first)} instead of {_seconds(sampling.begin_ns)}")
+    steps, rest = np.divmod(time_ns - first, sampling.step_ns)
     regular, extra = steps[rest == 0], time_ns[rest != 0]
     complete = len(regular) == steps[-1] + 1 and (regular == np.arange(len(regular))).all()
     if not complete or len(extra) > len(ends) or not ends.issuperset(extra.tolist()):
-        raise DamageError(f"{topic[1:]} is not logged every {clock.every} control samples")
+        raise DamageError(f"{topic[1:]} is not logged every {sampling.every} control samples")
 
 
 def _seconds(time_ns: int) -> str:
@@ -123,24 +121,24 @@ def check_runs(runs: Sequence[Run], every: int) -> None:
     """Raise DamageError unless these runs, with every n-th sample, make a log that can be read."""
     first = runs[0]
     check_design(first.design)
-    clock = Clock.of(first.scenario, every)
+    sampling = Sampling(first.scenario, every)
     for run in runs:
         if run.groups != first.groups or [other.plant for other in runs].count(run.plant) > 1:
             raise DamageError(f"the runs of {first.plant} and {run.plant} cannot be in one log")
-        check_run(replace(run, scenario=first.scenario, design=first.design, drive=first.drive), clock)
+        check_run(replace(run, scenario=first.scenario, design=first.design, drive=first.drive), sampling)
 
 
-def check_run(run: Run, clock: Clock) -> None:
+def check_run(run: Run, sampling: Sampling) -> None:
     """Raise DamageError unless times, numbers and reference of a run are those of its scenario and end."""
     outcome = Outcome.of(run)
-    check_outcome(run.plant, outcome, clock)
+    check_outcome(run.plant, outcome, sampling)
     sound = finite_samples(outcome)
-    check_times(topics.plant_topic(run.plant, run.groups[0].name), run.time_ns, clock, [outcome])
+    check_times(topics.plant_topic(run.plant, run.groups[0].name), run.time_ns, sampling, [outcome])
     for group in run.groups:
         topic = topics.plant_topic(run.plant, group.name)
         check_numbers(topic, group.names, run.block(group.name)[:sound])
     check_numbers(topics.REFERENCE_LOAD, REFERENCE.names, run.reference)
-    _check_reference(run, sound, planned=clock.from_ns is None)
+    _check_reference(run, sound, planned=sampling.from_ns is None)
     ours = run.plant in PLANTS and PLANTS[run.plant].where.startswith("cranectl.")
     if ours and outcome.status in WHOLE and sound >= FEWEST:
         _check_tension(run, sound)
@@ -187,9 +185,8 @@ def _check_reference(run: Run, sound: int, *, planned: bool) -> None:
         rows = np.linspace(0, len(run.time_ns) - 1, COMPARED).round().astype(np.intp)
         logged = run.reference[rows]
         expected = build_trajectory(run.scenario.reference).sample(run.time_ns[rows] / NANOSECONDS)
-        if (
-            np.abs(logged - expected) > COSINE_ROUNDING * np.maximum(1.0, np.abs(expected).max(axis=0))
-        ).any():
+        allowed = COSINE_ROUNDING * np.maximum(1.0, np.abs(expected).max(axis=0))
+        if (np.abs(logged - expected) > allowed).any():
             raise DamageError("the reference is not that of its scenario")
 
 

@@ -114,11 +114,9 @@ def disturbance_times(scenario: Scenario) -> set[int]:
 
 def disturbed(disturbances: Array) -> NDArray[np.int64]:
     """`Disturbed` of disturbances (N, 5) as `simulate.disturbances_at` has them, shape (N,)."""
-    acting = disturbances != 0.0
-    parts: NDArray[np.int64] = np.column_stack([acting[:, :2], acting[:, 2:].any(axis=1)]) @ np.array(
-        [1, 2, 4]
-    )
-    return parts
+    angles, force = disturbances[:, :2] != 0.0, (disturbances[:, 2:] != 0.0).any(axis=1)
+    acting: NDArray[np.int64] = angles @ np.array([1, 2]) + 4 * force
+    return acting
 
 
 def events(run: Run) -> list[Event]:

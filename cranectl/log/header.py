@@ -1,58 +1,64 @@
-"""What a log says of its runs beside their signals: scenario, design, plants, outcomes.
+"""What a log says of its runs beside their signals: scenario, design, plants, outcomes; read and written.
 
 The rule of formats, docs/reference/logs.md: the number rises with each change that would make an older reader
 misread or refuse a log, and every number ever written stays readable. A change that only adds what old
 readers pass over does not raise it.
 """
 
+import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from mcap.records import Attachment
+
 from cranectl.design import ControllerDesign
 from cranectl.log import topics
-from cranectl.log.consistency import MAX_NS, Clock, Outcome, check_design, check_outcome
+from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_design, check_outcome
 from cranectl.mcap_columns.contents import foreign
 from cranectl.mcap_columns.records import DamageError, UnsupportedError
+from cranectl.mcap_columns.rows import MAX_DEFINITION
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import LONGEST_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
 from cranectl.scenario import Scenario
-from cranectl.scenario.held_files import with_files
+from cranectl.scenario.held_files import held_files, with_files
 from cranectl.scenario.settings import parse_settings
 from cranectl.signals import REFERENCE, SignalGroup
-from cranectl.simulate import checked_drive, groups_of
+from cranectl.simulate import Run, checked_drive, groups_of
 from cranectl.status import RunStatus
 from cranectl.support.documents import leaves, parse_json
 from cranectl.support.errors import InputError, LogError
+from cranectl.support.provenance import provenance
 
 FORMATS = ("2",)  # that can be read; the last is written
 FILTERED = "keep metadata and attachments: mcap filter --include-metadata --include-attachments"
 OVERLAY = "overlay"  # the metadata of a log of runs by label, which has a header for each
+OVERLAY_FORMAT = "1"
+# By document that a log attaches, what to do about one that is too large.
+_SMALLER = "move large data into files that they name"
+_REMEDIES = {
+    "scenario.json": f"shorten the scenario, or {_SMALLER}",
+    "parameters.json": "shorten the description of the rig",
+    "design.json": f"shorten the controller's source and its texts, or {_SMALLER}",
+}
 
 
-@dataclass(frozen=True)
-class LogHeader:
+@dataclass(frozen=True, kw_only=True)
+class LogHeader(Sampling):
     """The metadata and attachments of a log, understood."""
 
-    scenario: Scenario
     design: ControllerDesign
     drive: Drive
-    every: int  # logged every n-th control sample
     models: Mapping[str, str]  # the plants' own descriptions, by plant
     versions: Mapping[str, str]
     outcomes: Mapping[str, Outcome]  # by plant, where known
-    from_ns: int | None  # where a segment of a live session begins
+    label: str = ""  # of the run of an overlay, which is in its topics in place of the plant
 
     @property
     def plants(self) -> tuple[str, ...]:
         """In the order of the log."""
         return tuple(self.models)
-
-    @property
-    def clock(self) -> Clock:
-        """When its runs have samples."""
-        return Clock.of(self.scenario, self.every, self.from_ns)
 
     def outcome(self, plant: str) -> Outcome:
         """How the run of `plant` ended; raises DamageError if that is missing."""
@@ -60,11 +66,20 @@ class LogHeader:
             raise DamageError(f"it does not say how the run of {plant} ended")
         return self.outcomes[plant]
 
-    def groups(self) -> dict[str, SignalGroup]:
-        """The groups of signals that make up the runs, by topic."""
+    @property
+    def reference(self) -> str:
+        """The topic of what its runs were to follow."""
+        return topics.plant_topic(self.label, topics.TARGET) if self.label else topics.REFERENCE_LOAD
+
+    def groups_of(self, plant: str) -> dict[str, SignalGroup]:
+        """Return the groups of signals that make up the run of a plant, by topic."""
         recorded = groups_of(self.scenario, self.design, self.drive)
-        groups = {topics.plant_topic(plant, group.name): group for plant in self.plants for group in recorded}
-        return {**groups, topics.REFERENCE_LOAD: REFERENCE}
+        return {topics.plant_topic(self.label or plant, group.name): group for group in recorded}
+
+    def groups(self) -> dict[str, SignalGroup]:
+        """Return the groups of signals that make up the runs, by topic."""
+        groups = {topic: group for plant in self.plants for topic, group in self.groups_of(plant).items()}
+        return {**groups, self.reference: REFERENCE}
 
 
 def parse_header(
@@ -135,17 +150,8 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
         from_ns=_count(metadata["live"]["from_ns"]) if "live" in metadata else None,
     )
     for plant, outcome in header.outcomes.items():
-        check_outcome(plant, outcome, header.clock)
+        check_outcome(plant, outcome, header)
     return header
-
-
-def plant_metadata(plant: str) -> dict[str, dict[str, str]]:
-    """Return the metadata that show the runs of a plant of another package where that is not installed."""
-    entry = plant_entry(plant)
-    if entry.where.startswith("cranectl."):
-        return {}
-    told = {"label": entry.label, "colour": entry.colour, "servos": str(entry.servos).lower()}
-    return {f"plant/{plant}": told}
 
 
 def _described(plant: str, told: Mapping[str, str]) -> PlantEntry:
@@ -198,3 +204,73 @@ def _design(data: dict[str, Any]) -> ControllerDesign:
     if any(declared[name] != value for name, value in data.items()):
         raise ValueError("the numbers of design.json do not fit together")
     return design
+
+
+def outcome_metadata(outcome: Outcome) -> dict[str, str]:
+    """Return the metadata `run/PLANT`: how a run ended."""
+    status, end_ns, samples = outcome.status.label, str(outcome.end_ns), str(outcome.samples)
+    return {"status": status, "end_ns": end_ns, "samples": samples}
+
+
+def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
+    """Return the metadata records of a log of these runs."""
+    first = runs[0]
+    told = {
+        "cranectl": {
+            "format": FORMATS[-1],
+            "scenario": first.scenario.name,
+            "controller": first.design.name,
+            "drive": first.drive,
+            "plants": ",".join(run.plant for run in runs),
+            "every": str(every),
+        },
+        "versions": provenance(),
+    }
+    for entry in (plant_entry(run.plant) for run in runs):
+        if not entry.where.startswith("cranectl."):  # for where its package is not installed
+            servos = str(entry.servos).lower()
+            told[f"plant/{entry.name}"] = {"label": entry.label, "colour": entry.colour, "servos": servos}
+    return told | {f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs}
+
+
+def file_attachments(runs: Sequence[Run]) -> list[Attachment]:
+    """Return everything needed to repeat the runs."""
+    first = runs[0]
+    documents = _documents(first.scenario, first.design)
+    attached = [(name, "application/json", text.encode()) for name, text in documents.items()]
+    for run in runs:
+        is_xml = run.model.startswith("<")
+        name, kind = ("xml", "application/xml") if is_xml else ("txt", "text/plain")
+        attached.append((f"{run.plant}.{name}", kind, run.model.encode()))
+    files = held_files(first.scenario)
+    attached += [(name, "application/octet-stream", content) for name, content in files.items()]
+    return [Attachment(0, 0, *each) for each in attached]
+
+
+def _documents(scenario: Scenario, design: ControllerDesign) -> dict[str, str]:
+    """Return the JSON documents that a log attaches, complete, by the names of their attachments."""
+    tables = (scenario.model_dump(mode="json"), scenario.rig.model_dump(mode="json"), design.to_json())
+    texts = (json.dumps(table, indent=2, ensure_ascii=False) for table in tables)
+    return dict(zip(_REMEDIES, texts, strict=True))
+
+
+def check_recordable(scenario: Scenario, design: ControllerDesign, drive: Drive) -> None:
+    """Raise InputError if no command could read a log of such a run, before it is computed or written."""
+    for group in groups_of(scenario, design, drive):
+        size = len(topics.group_schema(group))
+        if size > MAX_DEFINITION:
+            raise InputError(
+                f"the {len(group)} signals that {design.name} logs need a message type of "
+                f"{size} bytes in a log",
+                allowed=f"at most {MAX_DEFINITION} bytes; a signal takes twice its name and about 20 more",
+                remedy="log fewer signals, or give them shorter names",
+            )
+    for name, text in _documents(scenario, design).items():
+        try:
+            parse_json(text, name)
+        except InputError as error:
+            raise InputError(
+                f"the run of {scenario.name} with {design.name} cannot be logged: {error.found}",
+                allowed=error.allowed,
+                remedy=_REMEDIES[name],
+            ) from None

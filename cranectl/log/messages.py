@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cranectl.compare.agreement import AgreementLimits, NoLimits, PairLimits, against_reference, judge
 from cranectl.compare.runs import compare_runs
 from cranectl.design import ControllerDesign
-from cranectl.log import schema, topics
+from cranectl.log import topics
 from cranectl.log.events import Event, StatusChange, events, status_changes
 from cranectl.log.scene import scene_streams, timestamp_of
 from cranectl.log.topics import Stream
@@ -20,9 +20,7 @@ from cranectl.simulate import Run
 from cranectl.support.provenance import provenance
 from cranectl.support.units import PROCESSOR_ROUNDING, difference_text
 
-MIN_DISTANCE = (
-    1e-14  # [m, rad] that is told of distances: what rounding leaves, and 0 would have no logarithm
-)
+MIN_DISTANCE = 1e-14  # [m, rad] that is told: what rounding leaves, and 0 would have no logarithm
 
 
 def streams(
@@ -63,8 +61,8 @@ def signals(
     topic: str, group: SignalGroup, time_ns: NDArray[np.int64], values: NDArray[np.float64]
 ) -> Stream:
     """Return all signals of a group at each time, `values` (N, signals)."""
-    kind, rows = schema.group_schema(group), schema.EncodedRows(values)
-    return Stream(topic, f"{schema.PACKAGE}.{group.schema}", kind, time_ns, rows, topics.units(group))
+    kind, rows = topics.group_schema(group), topics.EncodedRows(values)
+    return Stream(topic, f"{topics.PACKAGE}.{group.schema}", kind, time_ns, rows, topics.units(group))
 
 
 def differences(runs: Sequence[Run], plants: Sequence[str]) -> list[Stream]:
@@ -117,9 +115,10 @@ def _beside(largest: float, limit: float | None, unit: str, limits: str) -> str:
 
 def status(plant: str, changes: Sequence[StatusChange]) -> Stream:
     """Return the status of the run of `plant`."""
-    rows = [{name: getattr(change, name) for name in schema.STATUS_FIELDS} for change in changes]
     times = [change.time_ns for change in changes]
-    return _own(topics.plant_topic(plant, "status"), "Status", schema.status_schema(), times, rows)
+    return _own(
+        topics.plant_topic(plant, "status"), "Status", topics.STATUS_FIELDS, times, map(vars, changes)
+    )
 
 
 def log_lines(unordered: Iterable[Event]) -> Stream:
@@ -160,11 +159,14 @@ def design_info(design: ControllerDesign) -> Stream:
 
 def _text(topic: str, name: str, values: dict[str, str]) -> Stream:
     """Return a stream of one message of strings at time 0."""
-    return _own(topic, name, schema.text_schema(name, tuple(values)), [0], [values])
+    return _own(topic, name, dict.fromkeys(values, str), [0], [values])
 
 
-def _own(topic: str, name: str, definition: bytes, times: list[int], rows: list[dict[str, Any]]) -> Stream:
-    """Return messages of the type `name` of ours at their times [ns]."""
-    messages = [schema.encode(definition, name, values) for values in rows]
+def _own(
+    topic: str, name: str, fields: Mapping[str, type], times: list[int], rows: Iterable[dict[str, Any]]
+) -> Stream:
+    """Return messages of the type `name` of ours at their times [ns], each with those `fields` of a row."""
+    definition = topics.record_schema(name, tuple(fields.items()))
+    messages = [topics.encode(definition, name, {field: row[field] for field in fields}) for row in rows]
     time_ns = np.array(times, dtype=np.int64)
-    return Stream(topic, f"{schema.PACKAGE}.{name}", definition, time_ns, messages)
+    return Stream(topic, f"{topics.PACKAGE}.{name}", definition, time_ns, messages)

@@ -11,36 +11,34 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
 from cranectl.log import scene, topics
-from cranectl.log.consistency import Clock, check_design, check_run
+from cranectl.log.consistency import Sampling, check_design, check_run
 from cranectl.log.events import events, status_changes
-from cranectl.log.header import OVERLAY, LogHeader, parse_header
-from cranectl.log.limits import check_recordable
+from cranectl.log.header import (
+    OVERLAY,
+    OVERLAY_FORMAT,
+    check_recordable,
+    file_attachments,
+    file_metadata,
+)
 from cranectl.log.messages import distances, log_lines, recorded, signals, status
-from cranectl.log.reader import assembled, blocks_of, check_names, header_of, is_of_runs, runs_of
+from cranectl.log.reader import read_runs
 from cranectl.log.topics import Stream
-from cranectl.log.writer import check_writable, file_attachments, file_metadata, write_container
-from cranectl.mcap_columns.contents import Contents, opened
+from cranectl.log.writer import check_writable, write_container
 from cranectl.mcap_columns.records import DamageError
-from cranectl.mcap_columns.rows import read_rows
 from cranectl.plants.registry import PLANTS, plants_of_logs, reference_plant
-from cranectl.signals import REFERENCE, SignalGroup
+from cranectl.signals import REFERENCE
 from cranectl.simulate import Run
 from cranectl.support.colours import VIEWER_SERIES
 from cranectl.support.errors import InputError, LogError
 
-FORMAT = "1"
 STEP = "step"  # how far a run is from the one before it
-TARGET = "reference"  # of a run, in place of the one that the runs of other logs share
 MOST = len(VIEWER_SERIES)  # as many as there are colours
 MAX_LABEL = 40  # letters of a label, which begins names in tables
 LABEL = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_+-]{{,{MAX_LABEL - 1}}}")
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -52,74 +50,16 @@ class Layer:
     versions: Mapping[str, str]  # of what made it
     from_ns: int | None = None  # where a segment of a live session begins
 
-    @property
-    def clock(self) -> Clock:
-        """When it has samples."""
-        return Clock.of(self.run.scenario, self.every, self.from_ns)
-
 
 def read_layers(path: str | Path) -> dict[str, Layer]:
     """Read the runs of any log: by label those of an overlay, by plant those of others.
 
     Raises LogError as `read_log` does.
     """
-    with opened(path) as stream:
-        contents, columns = read_rows(path, stream, is_of_runs)
-        headers = headers_of(path, contents)
-        if OVERLAY not in contents.metadata:
-            runs = runs_of(next(iter(headers.values())), contents, columns)
-            return {plant: _layer(headers[plant], run) for plant, run in runs.items()}
-        groups: dict[str, SignalGroup] = {}
-        for label, header in headers.items():
-            groups |= {_topic(label, here): group for here, group in header.groups().items()}
-        blocks = blocks_of(groups, contents, columns)
-        layers = {}
-        for label, header in headers.items():
-            own = {here: blocks[_topic(label, here)] for here in header.groups()}
-            (plant,) = header.plants
-            layers[label] = _layer(header, assembled(header, plant, own, header.outcome(plant)))
-        return layers
-
-
-def headers_of(path: str | Path, contents: Contents) -> dict[str, LogHeader]:
-    """What a log that has been read says of each of its runs, by label or plant.
-
-    Raises DamageError, and LogError for an overlay that only viewers read.
-    """
-    if OVERLAY not in contents.metadata:
-        header = header_of(path, contents)
-        return dict.fromkeys(header.plants, header)
-    check_names(contents)
-    labels = contents.metadata[OVERLAY].get("labels", "").split(",")
-    if contents.metadata[OVERLAY].get("format") != FORMAT:
-        raise LogError(
-            f"{path} is an overlay of the runs {', '.join(labels)}, in a format for viewers only",
-            allowed=f"overlays of format {FORMAT}",
-            remedy="write it again, with cranectl ladder or cranectl log overlay",
-        )
-    attachments = {name: attachment.data for name, attachment in contents.attachments.items()}
-    headers = {}
-    for label in labels:
-        headers[label] = parse_header(str(path), _of(label, contents.metadata), _of(label, attachments))
-        if len(headers[label].plants) != 1:
-            raise DamageError(f"{label} is said to be a run of {', '.join(headers[label].plants)}")
-    return headers
-
-
-def _of(label: str, records: Mapping[str, T]) -> dict[str, T]:
-    """The records of one label, named as in a log of its own."""
-    prefix = f"{label}/"
-    return {name.removeprefix(prefix): record for name, record in records.items() if name.startswith(prefix)}
-
-
-def _topic(label: str, here: str) -> str:
-    """Return where an overlay has a topic that the run's own log has `here`."""
-    kind = TARGET if here == topics.REFERENCE_LOAD else here.rpartition("/")[2]
-    return topics.plant_topic(label, kind)
-
-
-def _layer(header: LogHeader, run: Run) -> Layer:
-    return Layer(run, header.every, header.versions, header.from_ns)
+    return {
+        name: Layer(run, header.every, header.versions, header.from_ns)
+        for name, (header, run) in read_runs(path, overlays=True).items()
+    }
 
 
 def is_overlay(layers: Mapping[str, Layer]) -> bool:
@@ -199,13 +139,13 @@ def write_overlay(path: Path, layers: Mapping[str, Layer]) -> None:
     """Write the runs by their labels; raises InputError for labels, LogError if it cannot be done."""
     check_labels([*layers])
     check_writable(path)
-    metadata = {OVERLAY: {"format": FORMAT, "labels": ",".join(layers)}}
+    metadata = {OVERLAY: {"format": OVERLAY_FORMAT, "labels": ",".join(layers)}}
     attachments = []
     for label, layer in layers.items():
         check_recordable(layer.run.scenario, layer.run.design, layer.run.drive)
         try:
             check_design(layer.run.design)
-            check_run(layer.run, layer.clock)
+            check_run(layer.run, Sampling(layer.run.scenario, layer.every, layer.from_ns))
         except DamageError as error:
             raise LogError(
                 f"cannot write {path}: {label} would contradict itself: {error}",
@@ -229,7 +169,7 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
     for run in runs:
         yield status(run.plant, status_changes(run))
         yield from recorded(run)
-        yield signals(topics.plant_topic(run.plant, TARGET), REFERENCE, run.time_ns, run.reference)
+        yield signals(topics.plant_topic(run.plant, topics.TARGET), REFERENCE, run.time_ns, run.reference)
     for before, run in pairwise(runs):
         for kind, other in ((topics.DISTANCE.name, runs[0]), (STEP, before)):
             if np.intersect1d(run.time_ns, other.time_ns).size:

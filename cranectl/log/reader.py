@@ -2,8 +2,9 @@
 
 import contextlib
 from collections.abc import Container, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from mcap.records import Channel
@@ -11,20 +12,23 @@ from numpy.typing import NDArray
 
 from cranectl.log import topics
 from cranectl.log.consistency import Outcome, check_numbers, check_run, check_times, finite_samples
-from cranectl.log.header import FILTERED, LogHeader, parse_header
-from cranectl.mcap_columns.contents import Contents, opened
+from cranectl.log.header import FILTERED, OVERLAY, OVERLAY_FORMAT, LogHeader, parse_header
+from cranectl.mcap_columns.contents import Contents, open_contents, opened
 from cranectl.mcap_columns.records import Column, DamageError, UnsupportedError
 from cranectl.mcap_columns.rows import decode_table, read_rows, signal_names
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import SignalGroup
-from cranectl.simulate import Run, groups_of
+from cranectl.simulate import Run
 from cranectl.support.arrays import Array
-from cranectl.support.errors import nearest_first, unknown_name
+from cranectl.support.consistency import check_sum
+from cranectl.support.errors import LogError, nearest_first, unknown_name
 
 TOLD = ("cranectl", "overlay", "versions", "scenario.json", "design.json")  # what tells of runs
 TYPES = "cranectl."  # what the names of our types begin with
 WHOLE = "name the log as it was before topics were left out of it"
 NEAREST = 8  # names listed, of a log's 200, where one is unknown
+
+T = TypeVar("T")
 
 
 class TopicSamples(NamedTuple):
@@ -39,15 +43,23 @@ def read_log(path: str | Path) -> dict[str, Run]:
 
     Raises LogError if the file is missing, empty, truncated, damaged, foreign, or of another format version.
     """
+    return {plant: run for plant, (_, run) in read_runs(path, overlays=False).items()}
+
+
+def read_runs(path: str | Path, *, overlays: bool) -> dict[str, tuple[LogHeader, Run]]:
+    """Read the runs in a log, and what it says of each: by plant, or by label from an overlay.
+
+    Raises LogError as `read_log` does, which takes no overlays.
+    """
     with opened(path) as stream:
         contents, columns = read_rows(path, stream, is_of_runs)
-        return runs_of(header_of(path, contents), contents, columns)
-
-
-def runs_of(header: LogHeader, contents: Contents, columns: dict[int, Column]) -> dict[str, Run]:
-    """The runs in a log that has been read, by plant; raises DamageError."""
-    blocks = blocks_of(header.groups(), contents, columns)
-    return {plant: assembled(header, plant, blocks, header.outcome(plant)) for plant in header.plants}
+        headers = headers_of(path, contents, overlays=overlays)
+        groups = {topic: group for header in headers.values() for topic, group in header.groups().items()}
+        blocks, runs = blocks_of(groups, contents, columns), {}
+        for name, header in headers.items():
+            plant = name if name in header.plants else header.plants[0]
+            runs[name] = header, assembled(header, plant, blocks, header.outcome(plant))
+        return runs
 
 
 def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
@@ -71,11 +83,43 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
         return block.time_ns / NANOSECONDS, block.values[:, known[topic].index(field)].copy()
 
 
-def header_of(path: str | Path, contents: Contents) -> LogHeader:
-    """What a file that has been read says of its runs; raises LogError, DamageError."""
+def header_of(path: str | Path, contents: Contents, prefix: str = "") -> LogHeader:
+    """Return what a file that has been read says of its runs, or of those whose records begin with `prefix`.
+
+    Raises LogError, DamageError.
+    """
     check_names(contents)
     attachments = {name: attachment.data for name, attachment in contents.attachments.items()}
-    return parse_header(str(path), contents.metadata, attachments)
+    return parse_header(str(path), _of(prefix, contents.metadata), _of(prefix, attachments))
+
+
+def headers_of(path: str | Path, contents: Contents, *, overlays: bool = True) -> dict[str, LogHeader]:
+    """Return what a log that has been read says of each of its runs, by label or plant.
+
+    Raises DamageError, and LogError for an overlay that only viewers read, for any unless `overlays`.
+    """
+    if OVERLAY not in contents.metadata or not overlays:
+        header = header_of(path, contents)
+        return dict.fromkeys(header.plants, header)
+    check_names(contents)
+    labels = contents.metadata[OVERLAY].get("labels", "").split(",")
+    if contents.metadata[OVERLAY].get("format") != OVERLAY_FORMAT:
+        raise LogError(
+            f"{path} is an overlay of the runs {', '.join(labels)}, in a format for viewers only",
+            allowed=f"overlays of format {OVERLAY_FORMAT}",
+            remedy="write it again, with cranectl ladder or cranectl log overlay",
+        )
+    headers = {}
+    for label in labels:
+        headers[label] = header = replace(header_of(path, contents, f"{label}/"), label=label)
+        if len(header.plants) != 1:
+            raise DamageError(f"{label} is said to be a run of {', '.join(header.plants)}")
+    return headers
+
+
+def _of(prefix: str, records: Mapping[str, T]) -> dict[str, T]:
+    """Return the records of one run of an overlay, named as in a log of its own."""
+    return {name.removeprefix(prefix): record for name, record in records.items() if name.startswith(prefix)}
 
 
 def check_names(contents: Contents) -> None:
@@ -154,13 +198,13 @@ def check_samples(topic: str, block: TopicSamples, outcome: Outcome) -> None:
 
 def assembled(header: LogHeader, plant: str, blocks: Mapping[str, TopicSamples], outcome: Outcome) -> Run:
     """The run of `plant` from the blocks of its topics; raises DamageError if it contradicts itself."""
-    groups = groups_of(header.scenario, header.design, header.drive)
-    own = {(topic := topics.plant_topic(plant, group.name)): blocks[topic] for group in groups}
-    time_ns = next(iter(own.values())).time_ns
+    own = {topic: blocks[topic] for topic in header.groups_of(plant)}
+    (first, block), *_ = own.items()
+    time_ns = block.time_ns
     for topic, block in own.items():
         check_samples(topic, block, outcome)
         if (block.time_ns != time_ns).any():
-            raise DamageError(f"{topic[1:]} has other times than {plant}/{groups[0].name}")
+            raise DamageError(f"{topic[1:]} has other times than {first[1:]}")
     run = Run(
         scenario=header.scenario,
         design=header.design,
@@ -169,11 +213,11 @@ def assembled(header: LogHeader, plant: str, blocks: Mapping[str, TopicSamples],
         model=header.models[plant],
         time_ns=time_ns,
         table=np.hstack([block.values for block in own.values()]),
-        reference=_at(blocks[topics.REFERENCE_LOAD], time_ns),
+        reference=_at(blocks[header.reference], time_ns),
         status=outcome.status,
         end_ns=outcome.end_ns,
     )
-    check_run(run, header.clock)
+    check_run(run, header)
     return run
 
 
@@ -192,13 +236,13 @@ def _check_block(header: LogHeader, topic: str, names: Sequence[str], block: Top
     if plant in header.plants:
         outcome = header.outcome(plant)
         check_samples(topic, block, outcome)
-        check_times(topic, block.time_ns, header.clock, [outcome])
+        check_times(topic, block.time_ns, header, [outcome])
         check_numbers(topic, names, block.values[: finite_samples(outcome)])
     elif topic == topics.REFERENCE_LOAD:
         check_numbers(topic, names, block.values)
         if header.from_ns is None:
             outcomes = [header.outcome(plant) for plant in header.plants]
-            check_times(topic, block.time_ns, header.clock, outcomes)
+            check_times(topic, block.time_ns, header, outcomes)
 
 
 def _signals(contents: Contents) -> dict[str, tuple[str, ...]]:
@@ -208,3 +252,65 @@ def _signals(contents: Contents) -> dict[str, tuple[str, ...]]:
         with contextlib.suppress(DamageError):  # of another kind
             names[channel.topic] = signal_names(channel, contents.schemas[channel.schema_id])
     return names
+
+
+@dataclass(frozen=True)
+class TopicDescription:
+    """One topic of a log."""
+
+    topic: str
+    schema: str
+    messages: int
+    rate_hz: float | None  # None for topics that are written at events
+
+
+@dataclass(frozen=True)
+class LogDescription:
+    """A log as a file."""
+
+    path: str
+    size_bytes: int
+    format: str
+    every: int  # logged every n-th control sample; of an overlay, the first run
+    duration_s: float
+    messages: int
+    versions: dict[str, str]
+    topics: tuple[TopicDescription, ...]
+    attachments: dict[str, int]  # name: bytes
+
+    def __post_init__(self) -> None:
+        """Raise InconsistentError where the messages of the topics do not add up."""
+        check_sum("the number of messages", self.messages, [topic.messages for topic in self.topics])
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+def describe_log(path: str | Path) -> LogDescription:
+    """Describe a log that `read_layers` accepts; raises LogError as that does for what is no closed log."""
+    path = Path(path)
+    with opened(path) as stream:
+        contents = open_contents(path, stream)
+        times = [content.table[:, 1] for content in contents.chunks(stream)]
+        headers = headers_of(path, contents)
+        header = next(iter(headers.values()))
+    duration = float(np.ptp(np.concatenate(times))) / NANOSECONDS if contents.messages else 0.0
+    topics = []
+    for channel in sorted(contents.channels.values(), key=lambda channel: channel.topic):
+        count, schema = contents.messages[channel.id], contents.schemas[channel.schema_id].name
+        # Only signals carry the units of their fields as metadata; everything else is written at events.
+        sampled = bool(channel.metadata) and count > 1 and duration > 0.0
+        rate_hz = (count - 1) / duration if sampled else None
+        topics.append(TopicDescription(channel.topic, schema, count, rate_hz))
+    return LogDescription(
+        path=str(path),
+        size_bytes=path.stat().st_size,
+        format=contents.metadata[OVERLAY if OVERLAY in contents.metadata else "cranectl"]["format"],
+        every=header.every,
+        duration_s=duration,
+        messages=contents.messages.total(),
+        versions=dict(header.versions),
+        topics=tuple(topics),
+        attachments={name: len(attachment.data) for name, attachment in contents.attachments.items()},
+    )

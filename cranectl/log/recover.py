@@ -10,14 +10,14 @@ import numpy as np
 
 from cranectl.log import topics
 from cranectl.log.consistency import Outcome
-from cranectl.log.header import LogHeader
+from cranectl.log.header import LogHeader, outcome_metadata
 from cranectl.log.messages import streams
 from cranectl.log.reader import TopicSamples, assembled, blocks_of, check_samples, header_of
 from cranectl.log.topics import Stream
-from cranectl.log.writer import check_writable, outcome_metadata, write_container
-from cranectl.mcap_columns.contents import Contents, check_begin, columns_of, foreign, is_ours, opened
+from cranectl.log.writer import check_writable, write_container
+from cranectl.mcap_columns.contents import Contents, check_begin, foreign, is_ours, opened
 from cranectl.mcap_columns.records import Content, DamageError, UnsupportedError
-from cranectl.mcap_columns.rows import row_width
+from cranectl.mcap_columns.rows import columns_of
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
@@ -124,29 +124,28 @@ def _place(source: Path, out: str | Path | None) -> Path:
 
 
 def _runs(header: LogHeader, contents: Contents, chunks: Sequence[Content]) -> dict[str, Run]:
-    """The runs, each cut to the samples that all its groups have.
+    """Return the runs, each cut to the samples that all its groups have.
 
     Raises UnsupportedError where a topic has none of the samples that it is said to have.
     """
-    blocks = blocks_of(header.groups(), contents, columns_of(contents, chunks, row_width))
-    for plant, outcome in header.outcomes.items():
-        for topic, block in blocks.items():
-            if topic.startswith(f"/{plant}/") and len(block.time_ns) == 0:
+    blocks = blocks_of(header.groups(), contents, columns_of(contents, chunks, lambda _: True))
+    runs = {}
+    for plant in header.plants:
+        own = {topic: block for topic, block in blocks.items() if topic.startswith(f"/{plant}/")}
+        samples = min(len(block.time_ns) for block in own.values())
+        outcome = header.outcomes.get(plant)
+        for topic, block in own.items():
+            if outcome and not len(block.time_ns):
                 check_samples(topic, block, outcome)
-    return {plant: _run(header, plant, blocks) for plant in header.plants}
-
-
-def _run(header: LogHeader, plant: str, blocks: Mapping[str, TopicSamples]) -> Run:
-    own = {topic: block for topic, block in blocks.items() if topic.startswith(f"/{plant}/")}
-    samples = min(len(block.time_ns) for block in own.values())
-    cut = {
-        topic: TopicSamples(block.time_ns[:samples], block.values[:samples]) for topic, block in own.items()
-    }
-    end_ns = max((int(block.time_ns[-1]) for block in cut.values() if samples), default=header.clock.begin_ns)
-    outcome = header.outcomes.get(plant)
-    if outcome is None or outcome.samples != samples:
-        outcome = Outcome(RunStatus.INTERRUPTED, end_ns, samples)
-    return assembled(header, plant, {**blocks, **cut}, outcome)
+        cut = {
+            topic: TopicSamples(block.time_ns[:samples], block.values[:samples])
+            for topic, block in own.items()
+        }
+        if outcome is None or outcome.samples != samples:
+            ends = [int(block.time_ns[-1]) for block in cut.values() if samples]
+            outcome = Outcome(RunStatus.INTERRUPTED, max(ends, default=header.begin_ns), samples)
+        runs[plant] = assembled(header, plant, {**blocks, **cut}, outcome)
+    return runs
 
 
 def _saved(contents: Contents, chunks: Sequence[Content]) -> Iterator[Stream]:

@@ -17,19 +17,16 @@ from foxglove.mcap import MCAPWriteOptions
 from mcap.records import Attachment
 
 from cranectl.compare.agreement import PairLimits
-from cranectl.log.consistency import Outcome, check_runs
-from cranectl.log.header import FORMATS, plant_metadata
-from cranectl.log.limits import check_recordable, documents_of
+from cranectl.log.consistency import check_runs
+from cranectl.log.header import check_recordable, file_attachments, file_metadata
 from cranectl.log.messages import streams
 from cranectl.log.topics import Stream, in_order
 from cranectl.mcap_columns.contents import read_end
 from cranectl.mcap_columns.records import DamageError
-from cranectl.scenario.held_files import held_files
 from cranectl.simulate import Run
 from cranectl.support.errors import LogError
 from cranectl.support.files import MCAP, check_place, replacing
 from cranectl.support.interrupts import interrupts_wait
-from cranectl.support.provenance import provenance
 
 Records = Mapping[str, Mapping[str, str]]  # metadata by name
 CHUNK_SIZE = 64 * 1024  # small: after a kill nearly everything can be salvaged, for 0.2 % more size
@@ -117,44 +114,6 @@ def unfinished(path: Path, part: Path | None, error: Exception, *, remedy: str) 
             return LogError(found, remedy=f"make room, then cranectl log recover {shlex.quote(str(part))}")
         part.unlink()
     return LogError.unwritable(path, error, remedy=remedy)
-
-
-def outcome_metadata(outcome: Outcome) -> dict[str, str]:
-    """The metadata `run/PLANT`: how a run ended."""
-    status, end_ns, samples = outcome.status.label, str(outcome.end_ns), str(outcome.samples)
-    return {"status": status, "end_ns": end_ns, "samples": samples}
-
-
-def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
-    """The metadata records of a log of these runs."""
-    first = runs[0]
-    return {
-        "cranectl": {
-            "format": FORMATS[-1],
-            "scenario": first.scenario.name,
-            "controller": first.design.name,
-            "drive": first.drive,
-            "plants": ",".join(run.plant for run in runs),
-            "every": str(every),
-        },
-        "versions": provenance(),
-        **{name: told for run in runs for name, told in plant_metadata(run.plant).items()},
-        **{f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs},
-    }
-
-
-def file_attachments(runs: Sequence[Run]) -> list[Attachment]:
-    """Return everything needed to repeat the runs."""
-    first = runs[0]
-    documents = documents_of(first.scenario, first.design)
-    attached = [(name, "application/json", text.encode()) for name, text in documents.items()]
-    for run in runs:
-        is_xml = run.model.startswith("<")
-        name, kind = ("xml", "application/xml") if is_xml else ("txt", "text/plain")
-        attached.append((f"{run.plant}.{name}", kind, run.model.encode()))
-    files = held_files(first.scenario)
-    attached += [(name, "application/octet-stream", content) for name, content in files.items()]
-    return [Attachment(0, 0, *each) for each in attached]
 
 
 def _send_in_order(context: foxglove.Context, sent: Sequence[Stream]) -> int:

@@ -7,8 +7,8 @@ it: what is read cannot contradict it, and a file that was cut off is read as a 
 import contextlib
 import shlex
 import zlib
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -23,21 +23,18 @@ from cranectl.mcap_columns.records import (
     MAGIC,
     MAX_CHUNK,
     PREFIX,
-    Column,
     Content,
     DamageError,
     Record,
     UnsupportedError,
     check_crc,
     cut_up,
-    joined,
+    inflate,
     parse,
     read_record,
     read_records,
     record_name,
-    rows_of,
     section_crc,
-    unpack,
 )
 from cranectl.support.errors import LogError
 from cranectl.support.inputs import open_input
@@ -68,6 +65,7 @@ class Contents:
     """The records of a file as far as they have been read."""
 
     size: int  # [bytes] of the file
+    end: End | None = None  # of one that was closed
     stop: int = len(MAGIC)  # [bytes] to here everything is whole
     finished: bool = False  # whether all messages had been written
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -80,7 +78,10 @@ class Contents:
     _unpacked: int = 0  # [bytes] of all chunks
 
     def chunks(self, stream: BinaryIO) -> Iterator[Content]:
-        """Yield each chunk of the data, once its messages and definitions are known; raise DamageError."""
+        """Yield each chunk of the data, once its messages and definitions are known.
+
+        Raises DamageError, at last where a closed file is read to another end, or has more or fewer messages.
+        """
         bare: list[Record] = []  # records of messages that stand in no chunk, one after the other
         for record in read_records(stream, len(MAGIC), self.size):
             if bare and (record.opcode not in BARE or sum(each.length for each in bare) > MAX_BARE):
@@ -90,7 +91,7 @@ class Contents:
                 bare = []
             if record.opcode == Opcode.DATA_END:
                 self.finished = True
-                return
+                break
             if record.opcode in BARE:
                 bare.append(record)
                 continue
@@ -98,10 +99,14 @@ class Contents:
             self.stop = record.start + record.length
             if content is not None:
                 yield content
+        if self.end and self.stop != self.end.stop:
+            raise DamageError(f"its data end at byte {self.stop} instead of {self.end.stop}")
+        if self.end and self.end.messages not in (None, self.messages.total()):
+            raise DamageError(f"it has {self.messages.total()} of {self.end.messages} messages")
 
     def _add(self, record: Record) -> Content | None:
         if record.opcode == Opcode.CHUNK:
-            return self._content(unpack(parse(Chunk.read, record)), record.start)
+            return self._content(cut_up(inflate(parse(Chunk.read, record)), "a chunk"), record.start)
         if record.opcode == Opcode.METADATA:
             metadata: Metadata = parse(Metadata.read, record)
             self._add_named(self.metadata, metadata.name, metadata.metadata)
@@ -180,37 +185,6 @@ def read_end(stream: BinaryIO, size: int) -> End:
     return End(data_end, counts[0] if counts else None)
 
 
-def check_end(contents: Contents, end: End) -> None:
-    """Raise DamageError unless a file has been read to its end and has as many messages as it says."""
-    if contents.stop != end.stop:
-        raise DamageError(f"its data end at byte {contents.stop} instead of {end.stop}")
-    if end.messages not in (None, contents.messages.total()):
-        raise DamageError(f"it has {contents.messages.total()} of {end.messages} messages")
-
-
-def columns_of(
-    contents: Contents, chunks: Iterable[Content], width_of: Callable[[Channel, Schema], int]
-) -> dict[int, Column]:
-    """Return the messages of channels by number, in the order of the file.
-
-    `width_of`: the bytes that each message of a channel has; 0 for a channel that is left out. Raises
-    DamageError for a message of another length.
-    """
-    widths: dict[int, int] = {}
-    parts: dict[int, list[Column]] = defaultdict(list)
-    for content in chunks:
-        for number, channel in contents.channels.items():
-            if number not in widths:
-                widths[number] = width_of(channel, contents.schemas[channel.schema_id])
-            if not widths[number]:
-                continue
-            column = Column(*rows_of(content.data, content.table, number, widths[number]))
-            if len(column.messages) < len(column.time_ns):
-                raise DamageError(f"a message of {channel.topic} has not the bytes of its type")
-            parts[number].append(column)
-    return {number: joined(parts.pop(number), widths[number]) for number in list(parts)}
-
-
 @contextlib.contextmanager
 def opened(path: str | Path, *, remedy: str = "") -> Iterator[BinaryIO]:
     """Open the file at `path`; every mishap with it becomes a LogError."""
@@ -264,8 +238,8 @@ def check_begin(path: str | Path, stream: BinaryIO) -> None:
         raise LogError(f"{path} is no MCAP file", allowed=ALLOWED, remedy="name a log that cranectl wrote")
 
 
-def open_contents(path: str | Path, stream: BinaryIO) -> tuple[Contents, End]:
-    """Return contents and end of a closed log before its data are read; raise LogError, DamageError."""
+def open_contents(path: str | Path, stream: BinaryIO) -> Contents:
+    """Return the contents of a closed log before its data are read; raise LogError, DamageError."""
     check_begin(path, stream)
     size = stream.seek(0, 2)
     stream.seek(max(size - len(MAGIC), 0))
@@ -274,7 +248,7 @@ def open_contents(path: str | Path, stream: BinaryIO) -> tuple[Contents, End]:
             raise foreign(path, "truncated")
         error = f"{path} is truncated: it does not end as a closed log does"
         raise LogError(error, allowed=ALLOWED, remedy=_recover(path))
-    return Contents(size), read_end(stream, size)
+    return Contents(size, read_end(stream, size))
 
 
 def _unreadable(path: str | Path, error: Exception) -> LogError:

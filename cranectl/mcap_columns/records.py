@@ -7,7 +7,7 @@ and the messages of a channel, if they all have one length, the rows of an array
 import struct
 import threading
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from typing import BinaryIO, NamedTuple, TypeVar
@@ -79,12 +79,11 @@ def read_records(stream: BinaryIO, start: int, stop: int) -> Iterator[Record]:
 
 
 def read_record(stream: BinaryIO, start: int, stop: int, opcode: Opcode) -> Record:
-    """The one record from `start` to `stop`, of the kind `opcode`; raises DamageError for anything else."""
-    for record in read_records(stream, start, stop):
-        if record.opcode == opcode and start + record.length == stop:
-            return record
-        break
-    raise DamageError(f"no {_words(opcode)} record from byte {start} to {stop}, where one should be")
+    """Return the one record from `start` to `stop`, of the kind `opcode`; raise DamageError for others."""
+    record = next(read_records(stream, start, stop), None)
+    if record is None or record.opcode != opcode or start + record.length != stop:
+        raise DamageError(f"no {_words(opcode)} record from byte {start} to {stop}, where one should be")
+    return record
 
 
 def parse(read: Callable[[ReadDataStream], R], record: Record) -> R:
@@ -161,14 +160,6 @@ class Content:
     definitions: tuple[tuple[int, bytes], ...]  # opcode and body of each schema and channel record
 
 
-def unpack(chunk: Chunk) -> Content:
-    """Return the records of a chunk; raise DamageError if it is not exactly what its head says.
-
-    Takes memory for what is there, not for what is claimed, and never much more than MAX_CHUNK.
-    """
-    return cut_up(_inflated(chunk), "a chunk")
-
-
 def cut_up(records: bytes, where: str) -> Content:
     """Return the messages and definitions in `records`; raise DamageError for any other record."""
     data = np.frombuffer(records, dtype=np.uint8)
@@ -179,14 +170,11 @@ def cut_up(records: bytes, where: str) -> Content:
     return Content(data, table, bodies)
 
 
-def joined(columns: Sequence[Column], width: int) -> Column:
-    """Columns of one channel one below the other; none at all make an empty one."""
-    empty = Column(np.zeros(0, dtype=np.int64), np.zeros((0, width), dtype=np.uint8))
-    times, messages = zip(empty, *columns, strict=True)
-    return Column(np.concatenate(times), np.concatenate(messages))
+def inflate(chunk: Chunk) -> bytes:
+    """Return the records of a chunk; raise DamageError if they are not exactly what its head says.
 
-
-def _inflated(chunk: Chunk) -> bytes:
+    Takes memory for what is there, not for what is claimed, and never much more than MAX_CHUNK.
+    """
     size = chunk.uncompressed_size
     if size > MAX_CHUNK:
         raise UnsupportedError(

@@ -1,7 +1,8 @@
 """Rows of signals: messages whose type is a protobuf of `optional double`, each always present."""
 
 import functools
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -11,8 +12,8 @@ from google.protobuf.message import DecodeError
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from cranectl.mcap_columns.contents import Contents, check_end, columns_of, open_contents
-from cranectl.mcap_columns.records import Column, DamageError
+from cranectl.mcap_columns.contents import Contents, open_contents
+from cranectl.mcap_columns.records import Column, Content, DamageError, rows_of
 
 MAX_DEFINITION = 2**16  # [bytes] of the type of a row of signals; the longest have about 1000
 Field = descriptor_pb2.FieldDescriptorProto
@@ -27,14 +28,35 @@ def read_rows(
 
     Raises LogError as `open_contents` does, DamageError for what is not whole.
     """
-    contents, end = open_contents(path, stream)
-    columns = columns_of(
-        contents,
-        contents.chunks(stream),
-        lambda channel, definition: row_width(channel, definition) if wanted(channel.topic) else 0,
-    )
-    check_end(contents, end)
-    return contents, columns
+    contents = open_contents(path, stream)
+    return contents, columns_of(contents, contents.chunks(stream), wanted)
+
+
+def columns_of(
+    contents: Contents, chunks: Iterable[Content], wanted: Callable[[str], bool]
+) -> dict[int, Column]:
+    """Return the rows of signals of the topics `wanted` by channel, in the order of the file.
+
+    Raises DamageError for a message of another length than a row has.
+    """
+    widths: dict[int, int] = {}
+    parts: dict[int, list[Column]] = defaultdict(list)
+    for content in chunks:
+        for number, channel in contents.channels.items():
+            if number not in widths:
+                schema = contents.schemas[channel.schema_id]
+                widths[number] = row_width(channel, schema) if wanted(channel.topic) else 0
+            if not widths[number]:
+                continue
+            column = Column(*rows_of(content.data, content.table, number, widths[number]))
+            if len(column.messages) < len(column.time_ns):
+                raise DamageError(f"a message of {channel.topic} has not the bytes of its type")
+            parts[number].append(column)
+    joined = {}
+    for number in list(parts):
+        times, messages = zip(*parts.pop(number), strict=True)
+        joined[number] = Column(np.concatenate(times), np.concatenate(messages))
+    return joined
 
 
 def row_width(channel: Channel, definition: Schema) -> int:

@@ -9,7 +9,7 @@ from typing import Any
 
 from cranectl.analysis.levels import NAMES
 from cranectl.log import topics
-from cranectl.log.overlay import STEP, TARGET
+from cranectl.log.overlay import STEP
 from cranectl.plants.registry import PLANTS, default_plants, in_order, reference_plant
 from cranectl.report.viewer_panels import (
     Layout,
@@ -173,7 +173,7 @@ def _overlay(labels: Sequence[str]) -> Layout:
             allowed="the runs of a log that cranectl log overlay or cranectl ladder wrote",
             remedy="name such a log with --log",
         )
-    target = topics.plant_topic(labels[0], TARGET)
+    target = topics.plant_topic(labels[0], topics.TARGET)
     x, *rest = (
         plot(
             f"load {axis}",

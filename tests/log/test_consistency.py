@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from cranectl.design import CONTROLLERS, Design, design_controller
 from cranectl.log import read_log, read_signal, write_log
-from cranectl.log.consistency import Clock, check_design, check_run, check_runs
+from cranectl.log.consistency import Sampling, check_design, check_run, check_runs
 from cranectl.log.header import LogHeader, parse_header
 from cranectl.log.writer import file_attachments, file_metadata, write_logged
 from cranectl.mcap_columns.records import DamageError
@@ -155,15 +155,15 @@ def test_segments_of_a_session_begin_where_they_say_and_end_when_they_like() -> 
     whole = completed()
     late = {"time_ns": whole.time_ns + 7_000_000, "end_ns": whole.end_ns + 7_000_000}
     segment = replace(whole, status=RunStatus.INTERRUPTED, **late)
-    clock = Clock.of(segment.scenario, EVERY, 7_000_000)
-    check_run(segment, clock)
-    check_run(segment, replace(clock, from_ns=4_000_000))
-    check_run(replace(segment, status=RunStatus.COMPLETED), clock)
+    sampling = Sampling(segment.scenario, EVERY, 7_000_000)
+    check_run(segment, sampling)
+    check_run(segment, replace(sampling, from_ns=4_000_000))
+    check_run(replace(segment, status=RunStatus.COMPLETED), sampling)
     for from_ns in (3_000_000, 8_000_000, 6_999_999):
         with pytest.raises(DamageError, match=r"begins at|no control sample"):
-            check_run(segment, replace(clock, from_ns=from_ns))
+            check_run(segment, replace(sampling, from_ns=from_ns))
     with pytest.raises(DamageError, match="every 4 control samples"):
-        check_run(row_removed(segment, 3), clock)
+        check_run(row_removed(segment, 3), sampling)
 
 
 def test_runs_of_one_log_record_the_same() -> None:
@@ -245,8 +245,8 @@ def test_numbers_of_a_header_are_whole_and_bounded(text: str, place: tuple[str, 
         found = parsed(record, **{name: text})
         outcome = found.outcome("analytic")
         assert (outcome.end_ns, outcome.status) == (completed().end_ns, RunStatus.COMPLETED)
-        assert max(found.every, outcome.samples, found.clock.begin_ns) < 2**63
-        check_run(completed(), found.clock)
+        assert max(found.every, outcome.samples, found.begin_ns) < 2**63
+        check_run(completed(), found)
         assert outcome.samples == len(completed().time_ns) or name == "samples"
     except (LogError, DamageError):
         assert text != header()[0].get(record, {}).get(name)

@@ -11,7 +11,7 @@ from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.registry import register_controller
 from cranectl.design.records import ControllerDesign, Origin
 from cranectl.loaders.opening import close_laws
-from cranectl.log import check_recordable, read_log, read_signal, schema, write_log
+from cranectl.log import check_recordable, read_log, read_signal, topics, write_log
 from cranectl.scenario import Scenario
 from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import simulate_run
@@ -112,5 +112,5 @@ def test_names_that_no_message_can_have_are_refused(names: tuple[str, ...]) -> N
 )
 def test_allowed_names_make_a_type_that_protobuf_accepts(names: tuple[str, ...]) -> None:
     counter(*names)
-    definition = schema.group_schema(SignalGroup("controller", "Counter", "", signals(*names)))
-    assert schema.encode(definition, "Counter", dict.fromkeys(names, 1.0))
+    definition = topics.group_schema(SignalGroup("controller", "Counter", "", signals(*names)))
+    assert topics.encode(definition, "Counter", dict.fromkeys(names, 1.0))

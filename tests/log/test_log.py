@@ -16,7 +16,7 @@ from cranectl import signals
 from cranectl.compare.runs import compare_runs
 from cranectl.log import check_writable, read_log, write_log
 from cranectl.log.events import Disturbed, Phase, Saturated, phases
-from cranectl.log.schema import EncodedRows, group_schema
+from cranectl.log.topics import EncodedRows, group_schema
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings
 from cranectl.simulate import Run, simulate_run

@@ -120,7 +120,7 @@ def test_runs_of_several_logs(short: Scenario, capsys: pytest.CaptureFixture[str
 def test_an_overlay_that_contradicts_itself_is_refused(layers: dict[str, Layer]) -> None:
     write_overlay(Path("a.mcap"), layers)
     for record, values, problem in (
-        ("pid/run/analytic", {"samples": "50"}, "51 of 50 samples of analytic/state"),
+        ("pid/run/analytic", {"samples": "50"}, "51 of 50 samples of pid/state"),
         ("pid/cranectl", {"plants": "analytic,mujoco"}, "pid is said to be a run of analytic, mujoco"),
         ("overlay", {"labels": "lqr,nobody"}, "not of cranectl"),
         ("overlay", {"format": "9"}, "for viewers only"),

@@ -15,7 +15,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 
 from cranectl.cli.info import info_command
 from cranectl.cli.log import recover_log_command
-from cranectl.log import describe_log, read_log, recover_log, schema, topics, write_log
+from cranectl.log import describe_log, read_log, recover_log, topics, write_log
 from cranectl.log.writer import CHUNK_SIZE
 from cranectl.mcap_columns.records import MAGIC
 from cranectl.planning import load_scenario
@@ -168,8 +168,8 @@ def test_nothing_that_is_written_at_the_end_is_needed(log: Path, tmp_path: Path)
 def test_topics_and_lines_of_others_are_kept(log: Path, tmp_path: Path) -> None:
     parts = take_apart(log)
     end_ns = max(m.log_time for m in parts.chunks[1] if isinstance(m, Message))
-    definition = schema.text_schema("Note", ("text",))
-    texts = [schema.encode(definition, "Note", {"text": text}) for text in ("early", "late")]
+    definition = topics.record_schema("Note", (("text", str),))
+    texts = [topics.encode(definition, "Note", {"text": text}) for text in ("early", "late")]
     line = LogMessage(message="kicked", name="live").encode()
     parts.chunks[0] += [
         Schema(900, definition, "protobuf", "cranectl.Note"),
