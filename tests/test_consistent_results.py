@@ -12,7 +12,7 @@ from cranectl.analysis.certificate.certify import PointVerdict
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.analysis.ladder import Size
 from cranectl.campaign import statistics
-from cranectl.campaign.benchmark.standings import checked_standing
+from cranectl.campaign.benchmark.ranking import checked_standing
 from cranectl.campaign.benchmark.tuning import Point, consistent_points
 from cranectl.campaign.summary import GroupSummary, _summary, summarize
 from cranectl.cases.pairwise import WorstPair

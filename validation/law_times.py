@@ -16,7 +16,7 @@ import numpy as np
 from figures import Figure, figure, ratio_of_best
 
 from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
-from cranectl.cli.benchmark.laws import benchmark_laws
+from cranectl.cli.benchmark import measured_laws
 from cranectl.controllers.addressed import _call, at_start, entered
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.registry import controller_design, load_controller, register_controller
@@ -105,12 +105,12 @@ class Again:
 
 def law_times(repeats: int) -> list[LawTime]:
     """Of every law of the benchmark, and of `nmpc`, which is not in its file since it must be built."""
-    settings, file = read_benchmark(BENCHMARK), benchmark_file(BENCHMARK)
+    settings = read_benchmark(BENCHMARK)
     with tempfile.TemporaryDirectory() as folder:
-        nmpc = file.parent / "nmpc"
+        nmpc = settings.file.parent / "nmpc"
         built = open_law(str(shared_library(nmpc / "nmpc.c", nmpc / "model.c", folder=Path(folder))))
         register_controller(NOTHING)
-        laws = (*benchmark_laws(settings.laws, file, trust=False), built, NOTHING.name)
+        laws = (*measured_laws(settings), built, NOTHING.name)
         runs = {law: Again(law) for law in laws}
         rounds = [{law: run.seconds_a_sample() for law, run in runs.items()} for _ in range(repeats + 1)]
     times = {law: [1e6 * each[law] for each in rounds[1:]] for law in runs}

@@ -17,9 +17,9 @@ from typing import Any
 
 from google.protobuf import descriptor_pb2
 
+from cranectl.campaign.benchmark.ranking import points_of
 from cranectl.campaign.benchmark.scores import undominated
 from cranectl.campaign.benchmark.settings import Benchmark, benchmark_file, read_benchmark
-from cranectl.campaign.benchmark.standings import points_of
 from cranectl.campaign.benchmark.table import read_table
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.exit_codes import MEANINGS
@@ -28,8 +28,8 @@ from cranectl.controllers.registry import FLAT_FAMILY, WHERE, load_controller
 from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
 from cranectl.planning import load_scenario
-from cranectl.report.benchmark.division import TITLES, finite
 from cranectl.report.benchmark.page import judged_divisions
+from cranectl.report.benchmark.sets import TITLES, finite, named
 from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run, simulate_run
@@ -126,14 +126,14 @@ def standings() -> str:
     parts = []
     for judged in judged_divisions(settings, read_table(file.parent / "literature.parquet")):
         rows: dict[str, list[str]] = {law: [] for law in judged.best_first}
-        sets = {name: found for name in settings.sets if (found := judged.standings(name))}
+        sets = {name: found for name in settings.sets if (found := judged.ranking(name))}
         for found in sets.values():
             for each, full in zip(found, undominated(points_of(found)), strict=True):
                 numbers = f"{100.0 * each.failed:.1f} / {100.0 * each.unsettled:.1f} / "
                 numbers += finite(each.effort, ".2f", "fails")
                 rows[each.law].append(f"**{numbers}**" if full else numbers)
-        named = ([*(cell.text for cell in judged.named(law)), *row] for law, row in rows.items())
-        parts.append(f"## {TITLES[judged.division]}\n\n{table(('law', 'told', *sets), named)}")
+        shown = ([*(cell.text for cell in named(judged, law)), *row] for law, row in rows.items())
+        parts.append(f"## {TITLES[judged.division]}\n\n{table(('law', 'told', *sets), shown)}")
     return "\n".join(parts)
 
 

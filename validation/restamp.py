@@ -23,42 +23,41 @@ import numpy as np
 import pyarrow
 from pyarrow import parquet
 
-from cranectl.campaign.benchmark.pieces import Trial, campaign_of
-from cranectl.campaign.benchmark.rules import rules_of
-from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
+from cranectl.campaign.benchmark.settings import read_benchmark
 from cranectl.campaign.benchmark.table import BenchmarkTable, Runs, read_table, rounded, runs_of, write_table
+from cranectl.campaign.benchmark.trials import Trial, campaign_of, rules_of
 from cranectl.campaign.benchmark.tuned import DEFAULT, code_of, tuned_settings
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.worker import Prepared, Worker
-from cranectl.cli.benchmark.laws import benchmark_laws
+from cranectl.cli.benchmark import measured_laws
 from cranectl.cli.laws import opened
 from cranectl.cli.main import main as cranectl
 from cranectl.controllers.registry import law_digests
 from cranectl.support.documents import read_toml, toml_text
 from cranectl.support.files import write_text
 
-BENCHMARK, FILE = read_benchmark(DEFAULT), benchmark_file(DEFAULT)
-TABLE = FILE.parent / "literature.parquet"
-NUMBERS = FILE.parent / "tuned", FILE.parent / "nmpc" / "tuned"  # where tuned numbers are
+BENCHMARK = read_benchmark(DEFAULT)
+TABLE = BENCHMARK.file.parent / "literature.parquet"
+NUMBERS = BENCHMARK.file.parent / "tuned", BENCHMARK.file.parent / "nmpc" / "tuned"  # where tuned numbers are
 PAGE = "docs/proofs/literature.html"
 SEED = 20
 
 
 def sampled_rows(table: BenchmarkTable, laws: Sequence[str], rows: int) -> Iterator[tuple[Trial, int]]:
-    """Yield pieces with the index of one of their rows, as many for each controller, `rows` in all."""
+    """Yield trials with the index of one of their rows, as many for each controller, `rows` in all."""
     random = np.random.default_rng(SEED)
     for law in laws:
-        pieces = [piece for piece in table.pieces if piece.law == law]
-        for index in random.integers(len(pieces), size=-(-rows // len(laws))):
-            piece = pieces[index]
-            yield piece, int(random.integers(len(table.pieces[piece].status)))
+        trials = [trial for trial in table.trials if trial.law == law]
+        for index in random.integers(len(trials), size=-(-rows // len(laws))):
+            trial = trials[index]
+            yield trial, int(random.integers(len(table.trials[trial].status)))
 
 
-def run_again(piece: Trial, sample: int, rules: str, numbers: Path) -> Runs:
+def run_again(trial: Trial, sample: int, rules: str, numbers: Path) -> Runs:
     """Run one row of the table again, with the tuned numbers in the directory `numbers`."""
     settings = functools.partial(tuned_settings, numbers, rules)
-    campaign = campaign_of(BENCHMARK, FILE.parent, piece, tuned=settings)
-    batch = Batch(piece.plant, piece.law, sample, sample + 1)
+    campaign = campaign_of(BENCHMARK, trial, tuned=settings)
+    batch = Batch(trial.plant, trial.law, sample, sample + 1)
     rows = Worker(Prepared(campaign)).run_batch(batch)
     return runs_of(lambda name: np.array([row[name] for row in rows]), campaign.settings.limits.given)
 
@@ -92,18 +91,18 @@ def stamp_numbers(law: str, rules: str, source: Path, target: Path) -> None:
 
 def restamp(rows: int, controllers: Sequence[str]) -> int:
     """Run `rows` again, then write new digests; returns 1, and writes nothing, if a number differs."""
-    own = benchmark_laws(BENCHMARK.laws, FILE, trust=False)
+    own = measured_laws(BENCHMARK)
     laws = [*own, *map(opened, controllers)]
-    table, rules = read_table(TABLE), rules_of(BENCHMARK, FILE.parent)
+    table, rules = read_table(TABLE), rules_of(BENCHMARK)
     places = {law: next(place for place in NUMBERS if (place / f"{law}.toml").is_file()) for law in laws}
     with tempfile.TemporaryDirectory() as directory:
         numbers, changed, count = Path(directory), 0, 0
         for law, place in places.items():
             stamp_numbers(law, rules, place, numbers)
-        for piece, sample in sampled_rows(table, laws, rows):
-            found = differences(run_again(piece, sample, rules, numbers), table.pieces[piece], sample)
+        for trial, sample in sampled_rows(table, laws, rows):
+            found = differences(run_again(trial, sample, rules, numbers), table.trials[trial], sample)
             count, changed = count + 1, changed + bool(found)
-            print(f"{piece.place} row {sample}: {'; '.join(found) or 'equal'}", flush=True)
+            print(f"{trial.place} row {sample}: {'; '.join(found) or 'equal'}", flush=True)
         if changed:
             print(f"{changed} of {count} rows differ: nothing is stamped; judge again what changed")
             return 1
@@ -112,7 +111,7 @@ def restamp(rows: int, controllers: Sequence[str]) -> int:
     known, digests = table.about["laws"], law_digests(own)
     stamped = {law: known[law] | {"file": digests.get(f"law {law}", "")} for law in own}
     about = {**table.about, "rules": rules, "laws": known | stamped}
-    write_table(TABLE, BenchmarkTable(about, table.pieces))
+    write_table(TABLE, BenchmarkTable(about, table.trials))
     print(f"{count} rows of {len(laws)} controllers are equal: digests are stamped")
     return cranectl(["benchmark", "report", os.path.relpath(TABLE), "--out", PAGE])
 

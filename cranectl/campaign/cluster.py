@@ -10,6 +10,7 @@ import hashlib
 import importlib
 import json
 import logging
+import pickle
 import signal
 import threading
 import time
@@ -17,7 +18,6 @@ import zlib
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -92,7 +92,7 @@ def run_batches_on(
     _check_installed(client, manifest["versions"])
     sent = packed(manifest, OPEN.share(campaign.settings.controllers).files)
     # The same batch of the same campaign with the same software has the same key, whoever asks for it.
-    digest = hashlib.sha256(sent).hexdigest()[:16]
+    digest = hashlib.sha256(json.dumps(manifest).encode()).hexdigest()[:16]
     keys = [f"cranectl-{digest}-{'-'.join(map(str, batch))}" for batch in batches]
     futures = client.map(run_remotely, batches, manifest=sent, key=keys, retries=TRIES - 1)
     by_key = dict(zip(keys, batches, strict=True))
@@ -222,25 +222,14 @@ def _local(distributed: Any, workers: int) -> Iterator["Client"]:
 
 
 def packed(manifest: Table, laws: Sequence[LawFile]) -> bytes:
-    """What is sent with every batch, some 2 kB: data kept on workers would be lost with them."""
-    files = [
-        {
-            **law._asdict(),
-            "path": str(law.path),
-            "content": law.content.hex(),
-            "table": law.table.hex(),
-            "beside": [(name, content.hex()) for name, content in law.beside],
-        }
-        for law in laws
-    ]
-    return zlib.compress(json.dumps({"manifest": manifest, "laws": files}).encode())
+    """Return what is sent with every batch, some 2 kB: data kept on workers would be lost with them."""
+    return zlib.compress(pickle.dumps((json.dumps(manifest), tuple(laws))))
 
 
-def unpacked(law: Table) -> LawFile:
-    """Return a file with a controller, as `packed` has it."""
-    beside = tuple((name, bytes.fromhex(content)) for name, content in law["beside"])
-    contents = {name: bytes.fromhex(law[name]) for name in ("content", "table")}
-    return LawFile(**{**law, **contents, "path": Path(law["path"]), "beside": beside})
+def unpacked(sent: bytes) -> tuple[Table, SharedControllers]:
+    """Return the manifest and the controllers in `sent`, which `packed` has made."""
+    manifest, laws = pickle.loads(zlib.decompress(sent))
+    return json.loads(manifest), SharedControllers(laws)
 
 
 def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
@@ -273,13 +262,12 @@ def _check_software(found: Mapping[str, str], wanted: Mapping[str, str], where: 
 
 
 @functools.lru_cache(maxsize=2)
-def _prepared(packed_manifest: bytes) -> Prepared:
+def _prepared(sent: bytes) -> Prepared:
     """Made once in each process; raises InputError where its software is not that of the manifest."""
     from distributed import get_worker
 
-    sent = json.loads(zlib.decompress(packed_manifest))
-    manifest = sent["manifest"]
-    open_again(SharedControllers(tuple(map(unpacked, sent["laws"]))))
+    manifest, laws = unpacked(sent)
+    open_again(laws)
     here = software_of(manifest["campaign"]["plants"], manifest["campaign"]["controllers"])
     _check_software(here, manifest["versions"], f"worker {get_worker().address}")
     return Prepared(campaign_of(manifest, "the manifest of the campaign"))

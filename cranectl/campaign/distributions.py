@@ -7,7 +7,7 @@ is the same in whatever block it is computed.
 
 import math
 from abc import ABC, abstractmethod
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self, get_args
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -311,10 +311,6 @@ AnyDistribution = Annotated[
     Uniform | Normal | LogUniform | Choice | Integers | Fixed, Field(discriminator="distribution")
 ]
 DISTRIBUTIONS: dict[str, type[Distribution]] = {
-    "uniform": Uniform,
-    "normal": Normal,
-    "log-uniform": LogUniform,
-    "choice": Choice,
-    "integers": Integers,
-    "fixed": Fixed,
+    get_args(kind.model_fields["distribution"].annotation)[0]: kind
+    for kind in (Uniform, Normal, LogUniform, Choice, Integers, Fixed)
 }

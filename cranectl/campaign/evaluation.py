@@ -51,11 +51,7 @@ class Failures:
     both: int
     first_only: tuple[int, ...]  # samples
     second_only: tuple[int, ...]
-
-    @property
-    def p(self) -> float:
-        """Of McNemar's exact test: whether one fails more often than the other."""
-        return sign_test(len(self.first_only), len(self.second_only))
+    p: float  # of McNemar's exact test: whether one fails more often than the other
 
 
 @dataclass(frozen=True)
@@ -101,7 +97,7 @@ class Pair:
         return {
             "first": {"plant": self.first.plant, "controller": self.first.controller},
             "second": {"plant": self.second.plant, "controller": self.second.controller},
-            "failures": {**asdict(self.failures), "p": self.failures.p},
+            "failures": asdict(self.failures),
             "differences": [asdict(each) for each in self.differences],
             "agreement": asdict(self.agreement),
         }
@@ -111,11 +107,13 @@ def pair_of(first: Group, second: Group) -> Pair:
     """Compare two groups sample by sample."""
     there = first.there & second.there
     a, b = first.failed & there, second.failed & there
+    first_only, second_only = np.flatnonzero(a & ~b).tolist(), np.flatnonzero(b & ~a).tolist()
     failures = Failures(
         neither=int((there & ~a & ~b).sum()),
         both=int((a & b).sum()),
-        first_only=tuple(np.flatnonzero(a & ~b).tolist()),
-        second_only=tuple(np.flatnonzero(b & ~a).tolist()),
+        first_only=tuple(first_only),
+        second_only=tuple(second_only),
+        p=sign_test(len(first_only), len(second_only)),
     )
     differences = tuple(_difference(first, second, metric) for metric in MAIN_METRICS)
     return Pair(first, second, failures, differences, _agreement(first, second))

@@ -5,8 +5,9 @@ Effects that a plant cannot show at all are refused by `plants.applicable`. What
 some runs, such as a limit that is not reached, is no mistake.
 """
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,11 +25,11 @@ from cranectl.campaign.settings import COUNTED, INDEPENDENT, MAX_RUNS, CampaignS
 from cranectl.controllers.registry import checked_controller
 from cranectl.planning import load_scenario
 from cranectl.plants.capabilities import check_scenario
-from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
 from cranectl.simulate.idle_settings import why_idle_on_plant
 from cranectl.support.errors import InputError
 
+CHECKED_SAMPLES = 2**17  # samples looked at together
 BANDWIDTH = "effects.sensing.observer_bandwidth"
 
 
@@ -38,26 +39,17 @@ def _check_effect(
     """Raise InputError for a parameter that cannot change the outcome of any run."""
     zero = {name: value == 0 for name, value in numbers_of(nominal).items()}
     zero |= {parameter.name: parameter.ends == (0.0, 0.0) for parameter in parameters}
-    for parameter in parameters:
-        for plant in settings.plants:
-            why = _why_without_effect(parameter.name, plant, settings.drive, zero)
-            if why:
-                raise InputError(
-                    f"uncertain.{parameter.name} changes nothing on the {plant} plant with "
-                    f"{settings.drive} drives: {why}",
-                    allowed="parameters that act on every plant of the campaign",
-                    remedy="leave it out, or choose other plants or drives",
-                )
-
-
-def _why_without_effect(name: str, plant: str, drive: Drive, zero: Mapping[str, bool]) -> str | None:
-    """Why `name` changes nothing, None if it does; `zero` tells which numbers are 0 in all runs."""
-    if name == BANDWIDTH:
-        return "the controller has the observer it was given"
-    return why_idle_on_plant(name, plant, drive, zero)
-
-
-CHECKED_SAMPLES = 2**17  # samples looked at together
+    for parameter, plant in itertools.product(parameters, settings.plants):
+        why = why_idle_on_plant(parameter.name, plant, settings.drive, zero)
+        if parameter.name == BANDWIDTH:
+            why = "the controller has the observer it was given"
+        if why:
+            raise InputError(
+                f"uncertain.{parameter.name} changes nothing on the {plant} plant with "
+                f"{settings.drive} drives: {why}",
+                allowed="parameters that act on every plant of the campaign",
+                remedy="leave it out, or choose other plants or drives",
+            )
 
 
 def load_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) -> Campaign:

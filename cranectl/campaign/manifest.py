@@ -8,7 +8,7 @@ import hashlib
 import json
 import os
 import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,11 +32,7 @@ DEFAULT_METRICS = MetricSettings().model_dump(mode="json")
 DEFAULT_RIG = RigParameters().model_dump(mode="json")
 SERVOS = "servos"  # the velocity drives of the analytic plant
 NOT_DECISIVE = ("title", "limits", "scenario", "rig", "set")  # of a campaign: the scenario itself is recorded
-SPENT = (
-    "limits",
-    "planning",
-    "obstacles",
-)  # of a scenario: limits judge one run, the others have made its reference
+SPENT = ("limits", "planning", "obstacles")  # of a scenario: judge one run, or have made its reference
 
 
 class SoftwareOrigin(NamedTuple):
@@ -108,7 +104,7 @@ def checked_manifest(data: Any, source: str) -> Table:
     """`data`, of any format that can be read, in the newest one; raises InputError for anything else."""
     number = data.get("format") if isinstance(data, dict) else None
     if isinstance(number, int) and number in READERS:
-        manifest = READERS[number](data)
+        manifest = {**data, **READERS[number], "format": FORMAT}
         tables = [manifest.get(part) for part in ("campaign", "scenario", "versions")]
         if isinstance(scenario := manifest.get("scenario"), dict):
             tables.append(scenario.get("rig"))
@@ -167,17 +163,9 @@ def _decisive(manifest: Mapping[str, Any]) -> Table:
     return {"campaign": campaign, "runs": manifest["runs"], "scenario": scenario, **drives}
 
 
-def _first_format(data: Mapping[str, Any]) -> Table:
-    """It knew versions of packages only: of sources, models and data nothing is known."""
-    return {**data, "format": FORMAT, "accepted": []}
-
-
-def _second_format(data: Mapping[str, Any]) -> Table:
-    """Its parts lack columns, which is said where they are read."""
-    return {**data, "format": FORMAT}
-
-
-READERS: dict[int, Callable[[Mapping[str, Any]], Table]] = {1: _first_format, 2: _second_format, FORMAT: dict}
+# What manifests of each format lack. The first knew versions of packages only: of sources, models and data
+# nothing is known. Parts of the second lack columns, which is said where they are read.
+READERS: dict[int, Table] = {1: {"accepted": []}, 2: {}, FORMAT: {}}
 
 
 def _short(value: Any) -> str:

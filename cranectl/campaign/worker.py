@@ -113,15 +113,15 @@ class Worker:
         self._path_record = np.zeros((BLOCK, PATH_WIDTH))
 
     def run_batch(self, batch: Batch, stop: Stop = lambda: False) -> list[Row]:
-        """The rows of `batch`; raises StoppedError soon after `stop` says so."""
-        return [self._row(batch, sample, stop) for sample in range(batch.first, batch.last)]
+        """Return the rows of `batch`, a run tried again where the machine fails.
+
+        Raises StoppedError soon after `stop` says so, MachineError where the machine fails again.
+        """
+        samples = range(batch.first, batch.last)
+        return [tried_again(functools.partial(self._try, batch, sample, stop)) for sample in samples]
 
     def close(self) -> None:
         """Nothing to end."""
-
-    def _row(self, batch: Batch, sample: int, stop: Stop) -> Row:
-        """One run, tried again where the machine fails; raises MachineError where it fails again."""
-        return tried_again(lambda: self._try(batch, sample, stop))
 
     def _try(self, batch: Batch, sample: int, stop: Stop) -> Row:
         """One run; whatever of the controller or the plant goes wrong is the reason of a failed row."""

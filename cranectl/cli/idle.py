@@ -4,7 +4,6 @@ import re
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cranectl.cli.command import Asked
@@ -111,22 +110,19 @@ def idle_in_campaign(campaign: "Campaign") -> list[str]:
     return lines
 
 
-def idle_in_benchmark(
-    benchmark: "Benchmark", directory: Path, runs: Iterable[tuple[str, str, str]]
-) -> list[str]:
-    """Say what of a user's benchmark, whose file is in `directory`, changes nothing in any of its runs.
+def idle_in_benchmark(benchmark: "Benchmark", runs: Iterable[tuple[str, str, str]]) -> list[str]:
+    """Say what of a user's benchmark changes nothing in any of its runs.
 
     `runs`: scenario of the benchmark, plant and controller of each.
     """
-    from cranectl.campaign.benchmark.pieces import scenario_place
+    from cranectl.campaign.benchmark.trials import scenario_source
     from cranectl.support.resources import BENCHMARK_DIRECTORY
 
     lines: list[str] = []
     listed = list(runs)
-    for name, measured in benchmark.scenarios.items() if directory != BENCHMARK_DIRECTORY else ():
+    for name, measured in benchmark.scenarios.items() if benchmark.file.parent != BENCHMARK_DIRECTORY else ():
         if uses := [(plant, benchmark.drive, law) for each, plant, law in listed if each == name]:
-            place = scenario_place(measured.file, directory)
-            asked = Asked(place, None, [*benchmark.set, *measured.set])
+            asked = Asked(scenario_source(benchmark, name), None, [*benchmark.set, *measured.set])
             lines += idle_lines(asked.load(), asked, uses, unread=("log.*", "expected"))
     return lines
 

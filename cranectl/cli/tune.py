@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.benchmark.laws import measured_laws
+from cranectl.cli.benchmark import measured_laws
 from cranectl.cli.command import PATH, Command, json_option
 from cranectl.cli.idle import idle_in_benchmark, idle_patience, tell_idle
 from cranectl.cli.laws import patience_option, trust_option
@@ -67,22 +67,20 @@ def tune_command(
     cranectl tune super_twisting.py:SUPER_TWISTING
     cranectl tune mine.py:MINE --runs 160 --out logs/mine
     """
-    from cranectl.campaign.benchmark.rules import rules_of
-    from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
+    from cranectl.campaign.benchmark.settings import read_benchmark
+    from cranectl.campaign.benchmark.trials import rules_of
     from cranectl.campaign.benchmark.tuned import tuned_files, tuned_table, write_tuned
     from cranectl.campaign.benchmark.tuning import tune
     from cranectl.cases.workers import available_cores
 
-    benchmark, file = read_benchmark(benchmark_name), benchmark_file(benchmark_name)
-    (name,) = measured_laws([law], benchmark, file, trust)
-    directory = file.parent
-    files, rules = tuned_files(out, name), rules_of(benchmark, directory)
+    benchmark = read_benchmark(benchmark_name)
+    (name,) = measured_laws(benchmark, [law], trust=trust)
+    files, rules = tuned_files(out, name), rules_of(benchmark)
     runs_of = [(scenario, benchmark.plant, name) for scenario in benchmark.tuning.scenarios]
-    tell_idle(screen, [*idle_in_benchmark(benchmark, directory, runs_of), *idle_patience([name], patience)])
+    tell_idle(screen, [*idle_in_benchmark(benchmark, runs_of), *idle_patience([name], patience)])
     with progress_bar(runs or benchmark.tuning.runs, name, unit="runs", done="done") as advance:
         tuned = tune(
             benchmark,
-            directory,
             name,
             runs=runs,
             workers=workers or available_cores(),

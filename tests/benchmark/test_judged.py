@@ -9,18 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.campaign.benchmark.collecting import collected
-from cranectl.campaign.benchmark.pieces import DIVISIONS, Trial, campaign_of, pieces_of, sets_of
-from cranectl.campaign.benchmark.rules import rules_of
-from cranectl.campaign.benchmark.running import run_pieces
+from cranectl.campaign.benchmark.ranking import Judged, points_of
+from cranectl.campaign.benchmark.results import collected, run_trials
 from cranectl.campaign.benchmark.scores import undominated
-from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
-from cranectl.campaign.benchmark.standings import points_of, set_standings
+from cranectl.campaign.benchmark.settings import read_benchmark
 from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
+from cranectl.campaign.benchmark.trials import DIVISIONS, Trial, campaign_of, rules_of, sets_of, trials_of
 from cranectl.campaign.benchmark.tuned import tuned_facts, tuned_settings
 from cranectl.campaign.table import FAILED
-from cranectl.cli.benchmark.engine import engine_of
-from cranectl.cli.benchmark.laws import benchmark_laws
+from cranectl.campaign.workers import batch_engine
+from cranectl.cli.benchmark import measured_laws
 from cranectl.cli.main import main
 from cranectl.controllers.registry import law_digests
 from cranectl.report.benchmark.page import benchmark_page
@@ -29,47 +27,48 @@ from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
 from tests.pace import HANG
 
-BENCHMARK, FILE = read_benchmark("literature"), benchmark_file("literature")
+BENCHMARK = read_benchmark("literature")
+FOLDER_OF_IT = BENCHMARK.file.parent
 JUDGED = {"tuned": tuple(sets_of(BENCHMARK)), "published": ("nominal", "lab-rig")}
 BUILT = "nmpc"  # outside of Python, and so of the benchmark's file
 
 
 @pytest.fixture(scope="module")
 def judged() -> BenchmarkTable:
-    return read_table(FILE.parent / "literature.parquet")
+    return read_table(FOLDER_OF_IT / "literature.parquet")
 
 
 @pytest.fixture
 def laws() -> tuple[str, ...]:
-    return benchmark_laws(BENCHMARK.laws, FILE, trust=False)
+    return measured_laws(BENCHMARK)
 
 
 def test_every_law_has_met_every_crane(judged: BenchmarkTable, laws: tuple[str, ...]) -> None:
     draws = {name: cranes.draws for name, cranes in sets_of(BENCHMARK).items()}
     wanted = {}
     for division in DIVISIONS:
-        for piece in pieces_of(BENCHMARK, laws, JUDGED[division], division=division):
-            share = BENCHMARK.second_share if piece.plant == BENCHMARK.second_plant else 1.0
-            wanted[piece] = max(1, round(share * draws[piece.crane_set]))
-            if piece.law == BENCHMARK.baseline:
-                wanted[piece._replace(law=BUILT)] = wanted[piece]
-    assert {piece: len(runs.status) for piece, runs in judged.pieces.items()} == wanted
+        for trial in trials_of(BENCHMARK, laws, JUDGED[division], division=division):
+            share = BENCHMARK.second_share if trial.plant == BENCHMARK.second_plant else 1.0
+            wanted[trial] = max(1, round(share * draws[trial.crane_set]))
+            if trial.law == BENCHMARK.baseline:
+                wanted[trial._replace(law=BUILT)] = wanted[trial]
+    assert {trial: len(runs.status) for trial, runs in judged.trials.items()} == wanted
     not_simulated = defaultdict(set)
-    for piece, runs in judged.pieces.items():
+    for trial, runs in judged.trials.items():
         cranes = tuple(k for k, status in enumerate(runs.status) if status == FAILED)
-        assert not (cranes and piece.crane_set in BENCHMARK.sets), piece
-        not_simulated[piece[:4]].add(cranes)
+        assert not (cranes and trial.crane_set in BENCHMARK.sets), trial
+        not_simulated[trial[:4]].add(cranes)
     assert all(len(cranes) == 1 for cranes in not_simulated.values()), "with no law, or with all"
 
 
 def test_it_is_of_the_laws_numbers_and_rules_that_are_here(
     judged: BenchmarkTable, laws: tuple[str, ...]
 ) -> None:
-    rules = rules_of(BENCHMARK, FILE.parent)
+    rules = rules_of(BENCHMARK)
     assert (judged.about["rules"], judged.about["seed"]) == (rules, BENCHMARK.seed)
     for law in laws:
         assert judged.about["laws"][law]["file"] == law_digests([law]).get(f"law {law}", "")
-        assert judged.about["tuned"][law] == tuned_facts(FILE.parent / "tuned", rules, law)
+        assert judged.about["tuned"][law] == tuned_facts(FOLDER_OF_IT / "tuned", rules, law)
     built, numbers = judged.about["tuned"][BUILT], (FOLDER / "tuned" / f"{BUILT}.toml").read_text()
     for key, (_, found) in built["numbers"].items():
         assert f'"{key}" = {found:g}\n' in numbers
@@ -80,12 +79,12 @@ def test_runs_come_out_as_they_are_shipped(
 ) -> None:
     """What changes them asks for a new table. The first crane on both plants: of every law tuned at the
     harbour, and on one scenario more, so that all sets are there in both divisions."""
-    pieces = pieces_of(BENCHMARK, laws, ("nominal",), ("harbour",), division="tuned")
+    trials = trials_of(BENCHMARK, laws, ("nominal",), ("harbour",), division="tuned")
     judged_on = [(d, name) for d in DIVISIONS for name in JUDGED[d] if name in BENCHMARK.sets]
     others = itertools.cycle(itertools.product(BENCHMARK.scenarios, judged_on))
     for law, (scenario, (division, name)) in zip(laws, others, strict=False):
-        pieces += pieces_of(BENCHMARK, (law,), (name,), (scenario,), division=division)
-    assert_as_shipped(judged, pieces, tmp_path)
+        trials += trials_of(BENCHMARK, (law,), (name,), (scenario,), division=division)
+    assert_as_shipped(judged, trials, tmp_path)
 
 
 @pytest.mark.processor
@@ -95,26 +94,26 @@ def test_runs_of_computed_gains_come_out_as_they_are_shipped(
     """Laws whose gains come from Riccati equations, linear matrix inequalities or H-infinity synthesis."""
     computed = ("lqr+hinf", "lqr-offset-free", "lqg", "lmi-regions", "multi-objective-hinf")
     assert set(computed) < set(laws)
-    pieces = pieces_of(BENCHMARK, computed, ("nominal",), ("harbour",), division="tuned")
-    assert_as_shipped(judged, [piece for piece in pieces if piece.plant == BENCHMARK.plant], tmp_path)
+    trials = trials_of(BENCHMARK, computed, ("nominal",), ("harbour",), division="tuned")
+    assert_as_shipped(judged, [trial for trial in trials if trial.plant == BENCHMARK.plant], tmp_path)
 
 
-def assert_as_shipped(judged: BenchmarkTable, pieces: Sequence[Trial], directory: Path) -> None:
-    """Compare the first run of each piece with the one in the table, to 1e-3."""
-    rules = rules_of(BENCHMARK, FILE.parent)
-    numbers = functools.partial(tuned_settings, FILE.parent / "tuned", rules)
-    campaign = functools.partial(campaign_of, BENCHMARK, FILE.parent, most=1, tuned=numbers)
-    with engine_of(None, patience=HANG) as engine:
-        ran = [each.piece for each in run_pieces(list(pieces), campaign, directory, engine, workers=2)]
+def assert_as_shipped(judged: BenchmarkTable, trials: Sequence[Trial], directory: Path) -> None:
+    """Compare the first run of each trial with the one in the table, to 1e-3."""
+    rules = rules_of(BENCHMARK)
+    numbers = functools.partial(tuned_settings, FOLDER_OF_IT / "tuned", rules)
+    campaign = functools.partial(campaign_of, BENCHMARK, most=1, tuned=numbers)
+    with batch_engine(None, patience=HANG) as engine:
+        ran = [each.trial for each in run_trials(list(trials), campaign, directory, engine, workers=2)]
     found = collected(
-        BENCHMARK, FILE, rules, directory, begun=ran, tuned=FILE.parent / "tuned", advance=lambda _: None
+        BENCHMARK, rules, directory, begun=ran, tuned=FOLDER_OF_IT / "tuned", advance=lambda _: None
     )
-    assert set(found.pieces) == set(pieces)
-    for piece, runs in found.pieces.items():
-        shipped = judged.pieces[piece]
-        assert (runs.failed[0], runs.status[0]) == (shipped.failed[0], shipped.status[0]), piece
+    assert set(found.trials) == set(trials)
+    for trial, runs in found.trials.items():
+        shipped = judged.trials[trial]
+        assert (runs.failed[0], runs.status[0]) == (shipped.failed[0], shipped.status[0]), trial
         for name, values in runs.metrics.items():
-            assert values[0] == pytest.approx(shipped.metrics[name][0], rel=1e-3, nan_ok=True), (piece, name)
+            assert values[0] == pytest.approx(shipped.metrics[name][0], rel=1e-3, nan_ok=True), (trial, name)
 
 
 def test_a_failure_can_be_looked_at_as_the_how_to_says(
@@ -130,7 +129,7 @@ def test_a_failure_can_be_looked_at_as_the_how_to_says(
     assert main(replay.replace("validation/", f"{ROOT}/validation/").split()) == 0
     place = re.search(r"failures/(\S+) --run 0", replay)
     assert place is not None
-    shipped = judged.pieces[Trial(*place[1].split("/"))]  # type: ignore[arg-type]
+    shipped = judged.trials[Trial(*place[1].split("/"))]  # type: ignore[arg-type]
     assert shipped.failed[0]
     assert f" {shipped.status[0]}," in " ".join(capsys.readouterr().out.split())
 
@@ -152,6 +151,6 @@ def test_the_page_is_that_of_the_table(judged: BenchmarkTable) -> None:
 def test_our_law_is_undominated_wherever_it_is_judged(judged: BenchmarkTable) -> None:
     """Where it is not any more, docs/how-to/benchmark.md has to name the law that beats it, and why."""
     for division, name in [(d, name) for d in DIVISIONS for name in JUDGED[d] if name in BENCHMARK.sets]:
-        found = set_standings(BENCHMARK, judged, division, name)
+        found = Judged(BENCHMARK, judged, division).ranking(name)
         place = [standing.law for standing in found].index("lqr-offset-free")
         assert undominated(points_of(found))[place], (division, name)

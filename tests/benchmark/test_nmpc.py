@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from cranectl import open_law
-from cranectl.campaign.benchmark.information import information
-from cranectl.campaign.benchmark.variables import variables_of
+from cranectl.campaign.benchmark.declared import information, variables_of
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from tests.benchmark.nmpc import FOLDER, built

@@ -18,7 +18,7 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BenchmarkTable:
     """The shipped table of two controllers, and the places of a copy; no page is written."""
     table = read_table(restamp.TABLE)
     laws = ["lqr", "lqr-integral"]
-    monkeypatch.setattr(restamp, "benchmark_laws", lambda *_args, **_settings: laws)
+    monkeypatch.setattr(restamp, "measured_laws", lambda *_args, **_settings: laws)
     for law in laws:
         restamp.stamp_numbers(law, "old", restamp.NUMBERS[0], tmp_path)
     monkeypatch.setattr(restamp, "NUMBERS", (tmp_path,))
@@ -35,9 +35,9 @@ def written(table: BenchmarkTable) -> bytes:
 def test_equal_rows_are_stamped(table: BenchmarkTable) -> None:
     written(table)
     assert restamp.restamp(ROWS, []) == 0
-    stamped, rules = read_table(restamp.TABLE), restamp.rules_of(restamp.BENCHMARK, restamp.FILE.parent)
+    stamped, rules = read_table(restamp.TABLE), restamp.rules_of(restamp.BENCHMARK)
     assert stamped.about == {**table.about, "rules": rules}
-    assert stamped.pieces.keys() == table.pieces.keys()
+    assert stamped.trials.keys() == table.trials.keys()
     for numbers in restamp.NUMBERS[0].glob("*.toml"):
         assert read_toml(numbers)["rules"] == rules
 
@@ -45,10 +45,10 @@ def test_equal_rows_are_stamped(table: BenchmarkTable) -> None:
 def test_nothing_is_written_if_one_digit_differs(
     table: BenchmarkTable, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    piece, sample = next(restamp.sampled_rows(table, ["lqr", "lqr-integral"], ROWS))
-    metrics = {name: values.copy() for name, values in table.pieces[piece].metrics.items()}
+    trial, sample = next(restamp.sampled_rows(table, ["lqr", "lqr-integral"], ROWS))
+    metrics = {name: values.copy() for name, values in table.trials[trial].metrics.items()}
     metrics["rms_error_m"][sample] *= 1.001
-    changed = replace(table, pieces={**table.pieces, piece: replace(table.pieces[piece], metrics=metrics)})
+    changed = replace(table, trials={**table.trials, trial: replace(table.trials[trial], metrics=metrics)})
     before = written(changed)
     assert restamp.restamp(ROWS, []) == 1
     assert "rms_error_m" in capsys.readouterr().out
@@ -57,7 +57,7 @@ def test_nothing_is_written_if_one_digit_differs(
 
 
 def test_a_run_that_ends_otherwise_differs(table: BenchmarkTable) -> None:
-    runs = next(iter(table.pieces.values()))
+    runs = next(iter(table.trials.values()))
     one = runs.first(1)
     assert restamp.differences(one, runs, 0) == []
     other = replace(one, failed=~one.failed, status=("slack-rope",))

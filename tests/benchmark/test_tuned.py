@@ -6,11 +6,11 @@ import subprocess
 import pytest
 from pyarrow import parquet
 
-from cranectl.campaign.benchmark.rules import rules_of
+from cranectl.campaign.benchmark.declared import variables_of
 from cranectl.campaign.benchmark.settings import Benchmark, benchmark_file, read_benchmark
+from cranectl.campaign.benchmark.trials import rules_of
 from cranectl.campaign.benchmark.tuned import tuned_settings
-from cranectl.campaign.benchmark.variables import variables_of
-from cranectl.cli.benchmark.laws import benchmark_laws
+from cranectl.cli.benchmark import measured_laws
 from cranectl.support.documents import parse_toml, read_toml
 from cranectl.support.syntax import syntax_of
 from tests.benchmark.nmpc import FOLDER
@@ -27,12 +27,12 @@ def benchmark() -> Benchmark:
 
 
 def laws_of(benchmark: Benchmark) -> tuple[str, ...]:
-    return benchmark_laws(benchmark.laws, FILE, trust=False)
+    return measured_laws(benchmark)
 
 
 def test_its_rules_are_those_by_which_all_its_laws_were_tuned(benchmark: Benchmark) -> None:
     """A change of rules, metrics or a law's file asks for new numbers."""
-    laws, rules = laws_of(benchmark), rules_of(benchmark, FILE.parent)
+    laws, rules = laws_of(benchmark), rules_of(benchmark)
     for law in laws:
         tuned_settings(TUNED, rules, law, 1.0)
     assert {path.stem for path in TUNED.glob("*.toml")} == set(laws)
@@ -52,7 +52,7 @@ def test_every_law_had_the_same_budget_and_every_point_is_there(benchmark: Bench
         runs = told["runs"] // len(cost)
         candidates = benchmark.tuning.runs // runs if keys else 1
         assert len(cost) == candidates, law
-        asked = (benchmark.tuning.seed, benchmark.tuning.runs, rules_of(benchmark, FILE.parent))
+        asked = (benchmark.tuning.seed, benchmark.tuning.runs, rules_of(benchmark))
         assert (told["seed"], told["budget_runs"], told["rules"]) == asked
         best = {"untuned": cost[0], "half": min(cost[: max(1, candidates // 2)]), "full": min(cost)}
         assert told["cost"] == best

@@ -6,13 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.campaign.benchmark.pieces import Trial
-from cranectl.campaign.benchmark.running import run_pieces
-from cranectl.campaign.child_worker import Children, ChildWorker
+from cranectl.campaign.benchmark.results import run_trials
+from cranectl.campaign.benchmark.trials import Trial
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Prepared
-from cranectl.campaign.workers import run_batches
+from cranectl.campaign.workers import Children, ChildWorker, run_batches
 from cranectl.loaders.opening import close_laws, open_law
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
@@ -123,9 +122,8 @@ def test_a_piece_of_a_benchmark_that_the_machine_ends_is_run_again(
     failing: Callable[..., str], tmp_path: Path
 ) -> None:
     name = failing("stepping", 3)
-    piece = Trial("published", "analytic", "nominal", "fast-diagonal", name)
-    engine = lambda made, batches, stop: run_batches(made, batches, stop=stop)  # noqa: E731
+    trial = Trial("published", "analytic", "nominal", "fast-diagonal", name)
     with pytest.raises(MachineError):
-        list(run_pieces([piece], lambda _: of(name), tmp_path / "out", engine, workers=1))
-    (ended,) = run_pieces([piece], lambda _: of(name), tmp_path / "out", engine, workers=1)
+        list(run_trials([trial], lambda _: of(name), tmp_path / "out", run_batches, workers=1))
+    (ended,) = run_trials([trial], lambda _: of(name), tmp_path / "out", run_batches, workers=1)
     assert ended.not_run == ""

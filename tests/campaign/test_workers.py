@@ -11,11 +11,10 @@ from typing import Any
 import pytest
 
 from cranectl.campaign import Campaign, sample_values, sampled_scenario
-from cranectl.campaign.child_worker import Children, ChildWorker
 from cranectl.campaign.definition import Batch, nominal_scenario
 from cranectl.campaign.table import METRIC_COLUMNS, Row, metric_values, row_columns
 from cranectl.campaign.worker import Prepared, StoppedError, Worker
-from cranectl.campaign.workers import run_batches
+from cranectl.campaign.workers import Children, ChildWorker, run_batches
 from cranectl.loaders.opening import open_law
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import NANOSECONDS

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.campaign.child_worker import Children, ChildWorker
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.worker import Prepared, Worker
-from cranectl.campaign.workers import run_batches
+from cranectl.campaign.workers import Children, ChildWorker, run_batches
 from cranectl.cli.main import main
 from cranectl.compare.runs import differing_fields
 from cranectl.controllers.registry import controller_design
@@ -207,7 +206,7 @@ def test_a_process_is_kept_for_the_next_campaign(law: Path, monkeypatch: pytest.
         started.append(given)
         return spawn_child(*given)
 
-    monkeypatch.setattr("cranectl.campaign.child_worker.spawn_child", counted)
+    monkeypatch.setattr("cranectl.campaign.workers.spawn_child", counted)
     name = open_law(str(built(law.parent)))
     with Children() as children:
         for mass in (0.5, 0.9):

@@ -16,10 +16,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.campaign.child_worker import Children, ChildWorker
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.worker import Prepared, Worker
-from cranectl.campaign.workers import estimated_seconds
+from cranectl.campaign.workers import Children, ChildWorker, estimated_seconds
 from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_design
 from cranectl.live.child_session import ChildSession
@@ -222,7 +221,7 @@ def test_an_address_is_asked_by_one_run_at_a_time(
     assert order == [n for _ in range(2) for n in range(len(order) // 2)]
 
 
-@pytest.mark.parametrize("where", ["simulate.child", "campaign.child_worker", "live.child_session"])
+@pytest.mark.parametrize("where", ["simulate.child", "campaign.workers", "live.child_session"])
 def test_no_patience_counts_while_a_program_starts(
     where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

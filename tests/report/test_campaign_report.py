@@ -14,7 +14,7 @@ import pytest
 from cranectl.campaign.evaluation import analyse, analysis_json
 from cranectl.campaign.replay import chosen_rows
 from cranectl.campaign.results import Results
-from cranectl.cli.campaign.replay import replay_campaign
+from cranectl.cli.campaign.results import replay_campaign
 from cranectl.cli.main import main
 from cranectl.report.campaign.page import campaign_page
 from cranectl.report.page import render

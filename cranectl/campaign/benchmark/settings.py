@@ -5,12 +5,12 @@ import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from cranectl.plants.plant import Drive
 from cranectl.scenario.settings import RuleError, Settings, parse_settings
 from cranectl.support import resources
-from cranectl.support.documents import Table, read_toml
+from cranectl.support.documents import read_toml
 
 # Begin the names of sets that find the radius, and of those on which one uncertainty is alone.
 RADIUS, SINGLE = "spread-", "only-"
@@ -96,6 +96,12 @@ class Benchmark(Settings):
     radius: Radius
     singles: Singles | None = None
     tuning: Tuning
+    _file: Path = PrivateAttr(Path())
+
+    @property
+    def file(self) -> Path:
+        """Where it was read; paths in it are seen from there."""
+        return self._file
 
     @model_validator(mode="after")
     def _names_are_known(self) -> "Benchmark":
@@ -149,11 +155,6 @@ class Benchmark(Settings):
         return self
 
 
-def benchmark_names() -> list[str]:
-    """Names of the benchmarks that come with cranectl."""
-    return resources.toml_names(resources.BENCHMARK_DIRECTORY)
-
-
 def benchmark_file(name_or_path: str) -> Path:
     """Where a benchmark is read; raises InputError for none."""
     return resources.toml_file("benchmark", name_or_path, resources.BENCHMARK_DIRECTORY)
@@ -162,5 +163,6 @@ def benchmark_file(name_or_path: str) -> Path:
 def read_benchmark(name_or_path: str) -> Benchmark:
     """A benchmark by name or from a TOML file; raises InputError for what is wrong in it."""
     path = benchmark_file(name_or_path)
-    table: Table = read_toml(path)
-    return parse_settings(Benchmark, table, path.name)
+    benchmark = parse_settings(Benchmark, read_toml(path), path.name)
+    benchmark._file = path
+    return benchmark

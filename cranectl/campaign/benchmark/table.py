@@ -1,6 +1,6 @@
 """All runs of a benchmark in one Parquet file: what a page is made from, and what is shipped.
 
-A row for each run, by piece and sample, with the metrics that are compared; what is the same for all runs of
+A row for each run, by trial and sample, with the metrics that are compared; what is the same for all runs of
 a law or a scenario is in the file's metadata, as JSON.
 """
 
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.campaign.benchmark.pieces import Trial
+from cranectl.campaign.benchmark.trials import Trial
 from cranectl.campaign.summary import EFFORT, Columns, effort, failed
 from cranectl.metrics.table import DRIVES
 from cranectl.support.arrays import Array, Mask
@@ -37,17 +37,21 @@ TOLD = ("rules", "seed", "made_by", "durations", "laws", "tuned")  # in it
 
 @dataclass(frozen=True)
 class Runs:
-    """The runs of a piece, by sample."""
+    """The runs of a trial, by sample."""
 
     failed: Mask  # (n,)
     status: tuple[str, ...]
     metrics: Mapping[str, Array]  # (n,) each; NaN where a run has none
 
     @property
+    def settling(self) -> Array:
+        """Time from the end of the path until the load has settled [s], (n,); NaN where it does not."""
+        return self.metrics["settling_time_s"]
+
+    @property
     def task(self) -> Array:
         """Time from the start until the load has settled [s], (n,); NaN where it does not, or fails."""
-        times = self.metrics["rest_s"] + self.metrics["settling_time_s"]
-        return np.where(self.failed, np.nan, times)
+        return np.where(self.failed, np.nan, self.metrics["rest_s"] + self.settling)
 
     def first(self, cranes: int) -> "Runs":
         """Those of the first `cranes`."""
@@ -63,7 +67,7 @@ def on_common_cranes(runs: Sequence[Runs]) -> list[Runs]:
 
 @dataclass(frozen=True)
 class BenchmarkTable:
-    """All pieces there are, and what is the same for all runs.
+    """All trials there are, and what is the same for all runs.
 
     That is `rules`, `seed`, versions and fingerprints of each software that ran any, `made_by`, by scenario
     `durations` [s], by law what it is told, `laws`, of `information`, and what tuning gave it, `tuned`, of
@@ -71,11 +75,11 @@ class BenchmarkTable:
     """
 
     about: Mapping[str, Any]
-    pieces: Mapping[Trial, Runs]
+    trials: Mapping[Trial, Runs]
 
 
 def runs_of(column: Columns, limits: Mapping[str, float]) -> Runs:
-    """Return the runs of one piece from the columns of its result; `limits` are those of its campaign."""
+    """Return the runs of one trial from the columns of its result; `limits` are those of its campaign."""
     metrics = {name: np.asarray(column(name), dtype=np.float64) for name in METRICS}
     metrics[EFFORT] = effort(column)
     metrics[VARIATION] = np.sum([column(f"command_variation_m_s2_{drive}") for drive in DRIVES], axis=0)
@@ -89,9 +93,9 @@ def write_table(path: Path, table: BenchmarkTable) -> None:
 
     columns: dict[str, list[Any]] = {name: [] for name in (*Trial._fields, "sample", "failed", "status")}
     numbers: dict[str, list[Array]] = {name: [] for name in (*METRICS, EFFORT, VARIATION)}
-    for piece, runs in table.pieces.items():
+    for trial, runs in table.trials.items():
         n = len(runs.status)
-        for name, value in piece._asdict().items():
+        for name, value in trial._asdict().items():
             columns[name] += [value] * n
         columns["sample"] += range(n)
         columns["failed"] += runs.failed.tolist()
@@ -130,25 +134,25 @@ def read_table(path: Path) -> BenchmarkTable:
             remedy="check the place",
         ) from None
     ends = [k for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
-    pieces = {}
+    trials = {}
     for rows in np.split(np.arange(len(keys)), ends):
         metrics = {name: columns[name][rows].astype(np.float64) for name in (*METRICS, EFFORT, VARIATION)}
         failed_runs = columns["failed"][rows].astype(bool)
-        pieces[Trial(*keys[rows[0]])] = Runs(failed_runs, tuple(columns["status"][rows]), metrics)
-    return BenchmarkTable(about, pieces)
+        trials[Trial(*keys[rows[0]])] = Runs(failed_runs, tuple(columns["status"][rows]), metrics)
+    return BenchmarkTable(about, trials)
 
 
 def joined(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
     """Several tables in one, the first counts before others; raises InputError as `check_comparable`."""
     first, *others = tables
-    about, pieces = dict(first.about), dict(first.pieces)
+    about, trials = dict(first.about), dict(first.trials)
     for other in others:
         check_comparable(other, about)
-        pieces = {**other.pieces, **pieces}
+        trials = {**other.trials, **trials}
         about |= {name: {**other.about[name], **about[name]} for name in ("durations", "laws", "tuned")}
         more = [software for software in other.about["made_by"] if software not in about["made_by"]]
         about["made_by"] = [*about["made_by"], *more]
-    return BenchmarkTable(about, pieces)
+    return BenchmarkTable(about, trials)
 
 
 def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
@@ -167,10 +171,10 @@ def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
 
 
 def of_laws(table: BenchmarkTable, laws: Collection[str]) -> BenchmarkTable:
-    """Only the pieces of `laws`; raises InputError where there is none of one."""
+    """Only the trials of `laws`; raises InputError where there is none of one."""
     for law in laws:
         if law not in table.about["laws"]:
             raise unknown_name("law of the table", law, table.about["laws"])
     kept = {name: {law: table.about[name][law] for law in table.about[name] if law in laws}
             for name in ("laws", "tuned")}  # fmt: skip
-    return BenchmarkTable({**table.about, **kept}, {p: r for p, r in table.pieces.items() if p.law in laws})
+    return BenchmarkTable({**table.about, **kept}, {p: r for p, r in table.trials.items() if p.law in laws})

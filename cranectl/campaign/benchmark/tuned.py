@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cranectl.campaign.benchmark.declared import assignments, variables_of
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.tuning import Tuned
-from cranectl.campaign.benchmark.variables import assignments, variables_of
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.registry import controller_argument
 from cranectl.support.documents import leaves, read_toml, toml_text
@@ -51,20 +51,13 @@ def code_of(law: str) -> str | None:
 def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]) -> None:
     """Write `table`, of `tuned_table`, and all points into `files`, of `tuned_files`; raises InputError.
 
-    Each is whole or not there.
+    Each is whole or not there. Of the points a row is a candidate: its number, 0 for the untuned law, its
+    numbers by setting, cost, share failed.
     """
-    numbers, points = files
-    with writing(points):
-        _write_points(tuned, table, points)
-    with writing(numbers):
-        write_text(numbers, toml_text(table))
-
-
-def _write_points(tuned: Tuned, table: Mapping[str, Any], path: Path) -> None:
-    """A row a candidate: its number, 0 for the untuned law, its numbers by setting, cost, share failed."""
     import pyarrow
     from pyarrow import parquet
 
+    numbers, place = files
     keys = [variable.key for variable in tuned.variables]
     columns = {
         "evaluation": list(range(len(tuned.points))),
@@ -72,9 +65,11 @@ def _write_points(tuned: Tuned, table: Mapping[str, Any], path: Path) -> None:
         "cost": [point.cost for point in tuned.points],
         "failed_share": [point.failed for point in tuned.points],
     }
-    metadata = {name: table[name] for name in ("law", "benchmark", "rules")}
-    with replacing(path) as unfinished:
-        parquet.write_table(pyarrow.table(columns, metadata=metadata), unfinished, compression="zstd")
+    points = pyarrow.table(columns, metadata={name: table[name] for name in ("law", "benchmark", "rules")})
+    with writing(place), replacing(place) as unfinished:
+        parquet.write_table(points, unfinished, compression="zstd")
+    with writing(numbers):
+        write_text(numbers, toml_text(table))
 
 
 def tuned_settings(

@@ -4,26 +4,25 @@ The search is CMA-ES (Hansen, The CMA Evolution Strategy: A Tutorial, 2016) over
 numbers, each between its bounds. All candidates drive the same cranes. Every point is kept, the start first.
 """
 
+import itertools
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from cranectl.campaign.benchmark.pieces import follows, piece_campaign
+from cranectl.campaign.benchmark.declared import Variable, assignments, variables_of
 from cranectl.campaign.benchmark.settings import Benchmark
-from cranectl.campaign.benchmark.variables import Variable, assignments, variables_of
-from cranectl.campaign.child_worker import Children
+from cranectl.campaign.benchmark.trials import follows, trial_campaign
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.load import check_values
 from cranectl.campaign.summary import failed
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Prepared, StoppedError
-from cranectl.campaign.workers import made_worker
+from cranectl.campaign.workers import Children, made_worker
 from cranectl.controllers.registry import runs_alone
 from cranectl.metrics.table import DRIVES
 from cranectl.scenario import Scenario
@@ -67,14 +66,11 @@ def _number(value: Any) -> float:
     return 0.0 if value is None else float(value)
 
 
-def tuning_campaign(
-    benchmark: Benchmark, directory: Path, scenario: str, law: str, settings: Sequence[str] = ()
-) -> Campaign:
-    """The cranes of `scenario` on which `law` is tuned, with `settings`; `directory` is the benchmark's."""
+def tuning_campaign(benchmark: Benchmark, scenario: str, law: str, settings: Sequence[str] = ()) -> Campaign:
+    """Return the cranes of `scenario` on which `law` is tuned, with `settings`."""
     tuning = benchmark.tuning
-    return piece_campaign(
+    return trial_campaign(
         benchmark,
-        directory,
         scenario,
         law,
         plant=benchmark.plant,
@@ -134,7 +130,6 @@ class _Cranes:
     """The tuning set of a law."""
 
     benchmark: Benchmark
-    directory: Path
     law: str
     variables: tuple[Variable, ...]
     campaigns: Mapping[str, Campaign]  # by scenario, of the untuned law
@@ -148,37 +143,23 @@ class _Cranes:
     def rows(
         self, scenario: str, values: Sequence[float], children: Children, stop: Callable[[], bool]
     ) -> list[Row]:
-        """All runs of `scenario` with the law's numbers at `values`; raises InputError where it refuses."""
-        length = size_of(self.campaigns[scenario].nominal.rig)
-        settings = assignments(self.variables, values, length)
-        campaign = tuning_campaign(self.benchmark, self.directory, scenario, self.law, settings)
+        """Return all runs of `scenario` with the law's numbers at `values`; raises InputError if refused."""
+        settings = assignments(self.variables, values, size_of(self.campaigns[scenario].nominal.rig))
+        campaign = tuning_campaign(self.benchmark, scenario, self.law, settings)
         with closing(made_worker(Prepared(campaign), children, self.patience)) as worker:
             return worker.run_batch(Batch(self.benchmark.plant, self.law, 0, campaign.runs), stop)
 
-    def point(self, values: Sequence[float], rows: Mapping[str, list[Row] | None]) -> Point:
-        """The candidate with its rows by scenario, None where it is refused."""
-        costs, failures = [], 0
-        for scenario, of_scenario in rows.items():
-            campaign = self.campaigns[scenario]
-            if of_scenario is None:
-                costs += [REFUSED] * campaign.runs
-                failures += campaign.runs
-                continue
-            limits = campaign.settings.limits.given
-            columns = {name: [row[name] for row in of_scenario] for name in of_scenario[0]}
-            bad = failed(columns.__getitem__, limits)
-            price = self.benchmark.tuning.variation_price
-            costs += [
-                run_cost(row, campaign.nominal, bool(broken), price)
-                for row, broken in zip(of_scenario, bad, strict=True)
-            ]
-            failures += int(bad.sum())
-        return Point(tuple(values), float(np.mean(costs)), failures / self.runs)
+    def costs(self, scenario: str, rows: Sequence[Row]) -> tuple[list[float], int]:
+        """Return the costs of all runs of `scenario`, and how many fail."""
+        campaign, price = self.campaigns[scenario], self.benchmark.tuning.variation_price
+        bad = failed(lambda name: [row[name] for row in rows], campaign.settings.limits.given)
+        judged = zip(rows, map(bool, bad), strict=True)
+        costs = [run_cost(row, campaign.nominal, is_broken, price) for row, is_broken in judged]
+        return costs, int(bad.sum())
 
 
 def tune(
     benchmark: Benchmark,
-    directory: Path,
     law: str,
     *,
     runs: int | None = None,
@@ -186,7 +167,7 @@ def tune(
     patience: float = BLOCK_TIMEOUT,
     advance: Advance = lambda _: None,
 ) -> Tuned:
-    """Tune `law` by the rules of `benchmark`, whose file lies in `directory`.
+    """Tune `law` by the rules of `benchmark`.
 
     `runs`: budget, by default the benchmark's. The result is the same for any number of `workers`, threads.
     Laws from outside run in a process of each, with `patience` [s] for a block.
@@ -203,10 +184,9 @@ def tune(
         )
     cranes = _Cranes(
         benchmark,
-        directory,
         law,
         variables,
-        {name: tuning_campaign(benchmark, directory, name, law) for name in suited},
+        {name: tuning_campaign(benchmark, name, law) for name in suited},
         patience,
     )
     for campaign in cranes.campaigns.values():
@@ -263,26 +243,30 @@ def _evaluating(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Cal
     """Yields what runs candidates in threads; they leave their runs once the block is left."""
     left = threading.Event()
 
-    def rows(scenario: str, values: Sequence[float], may_refuse: bool) -> list[Row] | None:
+    def costs(scenario: str, values: Sequence[float], may_refuse: bool) -> tuple[list[float], int]:
         if left.is_set():
             raise StoppedError
         try:
-            return cranes.rows(scenario, values, children, left.is_set)
+            rows = cranes.rows(scenario, values, children, left.is_set)
         except MachineError:  # which says nothing about the numbers
             raise
         except (InputError, ValueError, ArithmeticError):  # it refuses them, or cannot compute its design
             if not may_refuse:
                 raise
-            return None
+            runs = cranes.campaigns[scenario].runs
+            return [REFUSED] * runs, runs
+        return cranes.costs(scenario, rows)
 
     def evaluate(candidates: Sequence[tuple[float, ...]], *, may_refuse: bool) -> list[Point]:
         asked = [
-            {name: pool.submit(rows, name, values, may_refuse) for name in cranes.campaigns}
+            [pool.submit(costs, name, values, may_refuse) for name in cranes.campaigns]
             for values in candidates
         ]
         points = []
         for values, by_scenario in zip(candidates, asked, strict=True):
-            points.append(cranes.point(values, {name: each.result() for name, each in by_scenario.items()}))
+            costs_of, failures = zip(*(each.result() for each in by_scenario), strict=True)
+            cost = float(np.mean(list(itertools.chain(*costs_of))))
+            points.append(Point(tuple(values), cost, sum(failures) / cranes.runs))
             advance(cranes.runs)
         return points
 

@@ -1,8 +1,7 @@
 """`cranectl campaign`."""
 
 from cranectl.cli.campaign.list import list_campaigns, show_campaign
-from cranectl.cli.campaign.replay import replay_campaign
-from cranectl.cli.campaign.report import report_campaign
+from cranectl.cli.campaign.results import replay_campaign, report_campaign
 from cranectl.cli.campaign.run import run_campaign
 from cranectl.cli.command import CommandGroup
 

@@ -1,7 +1,6 @@
 """`cranectl campaign run`."""
 
-import functools
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from time import monotonic
@@ -21,8 +20,8 @@ if TYPE_CHECKING:
     from cranectl.campaign.definition import Batch
     from cranectl.campaign.results import Store
     from cranectl.campaign.table import Row
+    from cranectl.campaign.workers import Engine
 
-    Engine = Callable[..., Generator[tuple[Batch, list[Row]], None, None]]
 
 BAR = (
     TextColumn("{task.description}"),
@@ -96,7 +95,9 @@ def run_campaign(
     from cranectl.campaign.manifest import resume_command
     from cranectl.campaign.results import open_store, read_results
     from cranectl.campaign.table import FAILED
-    from cranectl.cli.campaign.report import show_result
+    from cranectl.campaign.workers import batch_engine
+    from cranectl.cases.workers import available_cores
+    from cranectl.cli.campaign.results import show_result
     from cranectl.cli.idle import idle_in_campaign, idle_patience, tell_idle
 
     if resume and overwrite:
@@ -110,7 +111,9 @@ def run_campaign(
     controllers, elsewhere = campaign.settings.controllers, bool(scheduler or cluster)
     tell_idle(screen, [*idle_in_campaign(campaign), *idle_patience(controllers, patience, cluster=elsewhere)])
     with (
-        _engine(scheduler, cluster, workers, patience) as engine,
+        batch_engine(
+            scheduler, patience, workers=workers or available_cores(), local_cluster=bool(cluster)
+        ) as engine,
         open_store(campaign, directory, command=arguments_given(), **options) as store,
     ):
         for note in store.quarantined:
@@ -124,25 +127,6 @@ def run_campaign(
         screen.print(f"interrupted: {kept}; go on with: {again}")
         return exit_codes.INTERRUPTED
     return exit_codes.RUN_STOPPED if set(results.column("status")) == {FAILED} else exit_codes.GOOD
-
-
-@contextmanager
-def _engine(
-    scheduler: str | None, cluster: str | None, workers: int | None, patience: float
-) -> Iterator["Engine"]:
-    """What runs batches: threads, or a cluster, which must be there before anything is overwritten."""
-    from cranectl.cases.workers import available_cores
-
-    workers = workers or available_cores()
-    if scheduler or cluster:
-        from cranectl.campaign.cluster import cluster_client, run_batches_on
-
-        with cluster_client(scheduler, workers) as client:
-            yield functools.partial(run_batches_on, client)
-    else:
-        from cranectl.campaign.workers import run_batches
-
-        yield functools.partial(run_batches, workers=workers, patience=patience)
 
 
 def _run(campaign: "Campaign", store: "Store", engine: "Engine") -> bool:

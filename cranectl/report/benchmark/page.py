@@ -3,21 +3,19 @@
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from cranectl.campaign.benchmark import scores
-from cranectl.campaign.benchmark.information import information_class
-from cranectl.campaign.benchmark.pieces import DIVISIONS
+from cranectl.campaign.benchmark.declared import information_class
+from cranectl.campaign.benchmark.ranking import Judged, Standing, points_of
 from cranectl.campaign.benchmark.settings import Benchmark
-from cranectl.campaign.benchmark.standings import Standing, points_of
 from cranectl.campaign.benchmark.table import BenchmarkTable
+from cranectl.campaign.benchmark.trials import DIVISIONS
 from cranectl.campaign.manifest import controller_from
 from cranectl.campaign.results import read_manifest
-from cranectl.report.benchmark.division import NAMED, TITLES, Judged, finite
 from cranectl.report.benchmark.robustness import radius_section, second_section, singles_section
-from cranectl.report.benchmark.sets import set_section
+from cranectl.report.benchmark.sets import NAMED, TITLES, finite, named, set_section
 from cranectl.report.page import Page, Section
 from cranectl.report.table import Cell, Table, cells
 from cranectl.status import RunStatus
@@ -42,7 +40,7 @@ def benchmark_page(
 
 def judged_divisions(benchmark: Benchmark, table: BenchmarkTable) -> list[Judged]:
     """Those that are there."""
-    there = {piece.division for piece in table.pieces}
+    there = {trial.division for trial in table.trials}
     return [Judged(benchmark, table, division) for division in DIVISIONS if division in there]
 
 
@@ -57,7 +55,7 @@ def _summary(divisions: list[Judged]) -> Iterator[Section]:
     )
     texts, tables = [text], []
     for judged in divisions:
-        sets = {name: found for name in judged.benchmark.sets if (found := judged.standings(name))}
+        sets = {name: found for name in judged.benchmark.sets if (found := judged.ranking(name))}
         if not sets:
             continue
         fronts = {}
@@ -90,7 +88,7 @@ def _undominated(
             share, unsettled = 100.0 * each.failed, 100.0 * each.unsettled
             failed = Cell(f"{share:.1f}", "best" if law in fronts[name] else "")
             row += [failed, f"{unsettled:.1f}", finite(each.effort, ".2f", "fails")]
-        rows.append(cells(*judged.named(law), *row))
+        rows.append(cells(*named(judged, law), *row))
     headings = (*NAMED, *(f"{name}\n{each}" for name in sets for each in SHOWN))
     title = f"{TITLES[judged.division]}: {len(laws)} of {len(set().union(*by_law.values()))} laws"
     note = "A star: undominated on that set. RMS u in m/s²."
@@ -112,8 +110,12 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
     rows = []
     for law, facts in sorted(table.about["laws"].items()):
         follows = "set points" if facts["follows"] == "set-point" else "path"
-        known = (facts["measures"], _preview(facts), facts["commands"], _known(facts["rig"]))
-        rows.append(cells(law, follows, *known))
+        ahead, known = facts["preview"] or NOT_DECLARED, NOT_DECLARED
+        if (rig := facts["rig"]) is not None:
+            ahead = facts["preview"] or "none"
+            known = ", ".join(name.replace("_", " ") for name in rig) or "nothing"
+        ahead = "all of the path" if facts["reads_path"] else str(ahead)
+        rows.append(cells(law, follows, facts["measures"], ahead, facts["commands"], known))
     headings = ("law", "follows", "measures", "preview", "commands", "knows of the rig")
     note = (
         "What is measured as state comes from encoders and an observer that is common to all laws. Preview: "
@@ -122,20 +124,6 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
     )
     told = Table("", headings, tuple(rows), labels=6, note=note)
     return Section("rules", "Rules and information", texts, (told,))
-
-
-def _preview(facts: Mapping[str, Any]) -> str:
-    """Return what a controller sees of the path ahead, in words."""
-    if facts["reads_path"]:
-        return "all of the path"
-    return str(facts["preview"] or ("none" if facts["rig"] is not None else NOT_DECLARED))
-
-
-def _known(rig: Sequence[str] | None) -> str:
-    """Return what a controller knows of the rig, in words."""
-    if rig is None:
-        return NOT_DECLARED
-    return ", ".join(name.replace("_", " ") for name in rig) or "nothing"
 
 
 def _software(made_by: Sequence[Mapping[str, str]]) -> Iterator[str]:
@@ -189,7 +177,7 @@ def _failures(divisions: list[Judged], result: Path | None) -> Iterator[Section]
     tables = []
     for judged in divisions:
         rows = [
-            cells(*judged.named(law), name, *found)
+            cells(*named(judged, law), name, *found)
             for law in judged.best_first
             for name in judged.benchmark.sets
             if (found := _first_failure(judged, law, name, result))
@@ -210,13 +198,13 @@ def _failures(divisions: list[Judged], result: Path | None) -> Iterator[Section]
 def _first_failure(judged: Judged, law: str, crane_set: str, result: Path | None) -> tuple[str, ...]:
     """Scenario, crane, how the run ended, the command that shows it; empty where none failed."""
     for scenario in judged.benchmark.scenarios:
-        piece = judged.piece(crane_set, scenario, law)
-        runs = judged.table.pieces.get(piece)
+        trial = judged.trial(crane_set, scenario, law)
+        runs = judged.table.trials.get(trial)
         if runs is not None and runs.failed.any():
             sample = int(np.flatnonzero(runs.failed)[0])
             status = runs.status[sample]
             ended = "beyond a limit" if status == RunStatus.COMPLETED.label else status
-            place = result / piece.place if result else piece.place
+            place = result / trial.place if result else trial.place
             command = ["cranectl", "campaign", "replay", str(place), "--run", str(sample)]
             if judged.table.about["laws"][law]["file"]:
                 named = controller_from(read_manifest(place), place, law) if result else law

@@ -5,11 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from cranectl.campaign.benchmark import scores
-from cranectl.campaign.benchmark.pieces import radius_sets, single_sets
+from cranectl.campaign.benchmark.ranking import Judged
 from cranectl.campaign.benchmark.settings import RADIUS, SINGLE
 from cranectl.campaign.benchmark.table import Runs, on_common_cranes
+from cranectl.campaign.benchmark.trials import radius_sets, single_sets
 from cranectl.campaign.table import FAILED
-from cranectl.report.benchmark.division import COMPARED, NAMED, Judged, finite, median
+from cranectl.report.benchmark.sets import COMPARED, NAMED, finite, median, named, section_of
 from cranectl.report.page import Section
 from cranectl.report.table import Table, cells
 from cranectl.support.arrays import Mask
@@ -35,7 +36,7 @@ def radius_section(judged: Judged) -> Iterator[Section]:
         return
     rows = tuple(
         cells(
-            *judged.named(law),
+            *named(judged, law),
             finite(factor, ".2f", f"above {spreads[-1]:g}") if factor else f"below {spreads[0]:g}",
             *(f"{100.0 * share:.0f}" for share in shares),
         )
@@ -50,7 +51,7 @@ def radius_section(judged: Judged) -> Iterator[Section]:
     if left_out:
         told = ", ".join(f"{count} at {spread:g}" for spread, count in left_out.items())
         text += f" Left out are cranes that could not be simulated with any law: {told}."
-    yield judged.section("radius", "radius", text, (Table("", headings, rows, labels=2),))
+    yield section_of(judged, "radius", "radius", text, (Table("", headings, rows, labels=2),))
 
 
 def singles_section(judged: Judged) -> Iterator[Section]:
@@ -78,7 +79,7 @@ def singles_section(judged: Judged) -> Iterator[Section]:
             for law in some:
                 runs = [(there[law][name], cranes[name]) for name in columns]
                 texts = ("" if each is None else cell(each, of) for each, of in runs)
-                rows.append(cells(*judged.named(law), *texts))
+                rows.append(cells(*named(judged, law), *texts))
             title = f"{'The others' if folded else 'The best'}: {told}"
             tables += [Table(title, headings, tuple(rows), labels=2, folded=folded)] if rows else []
     text = (
@@ -88,7 +89,7 @@ def singles_section(judged: Judged) -> Iterator[Section]:
         f"the {BEST} laws that stand best on the widest set, the others are folded. A run that fails counts "
         "as worse than any error."
     )
-    yield judged.section("single", "single effects", text, tables)
+    yield section_of(judged, "single", "single effects", text, tables)
 
 
 def _possible(judged: Judged, name: str, scenario: str) -> Mask:
@@ -137,7 +138,7 @@ def second_section(judged: Judged) -> Iterator[Section]:
             apart = np.abs(np.subtract(*errors))[~(here | there)]
             shares = (f"{100.0 * each.mean():.1f}" for each in (here, there))
             texts = str((here != there).sum()), median(1e3 * apart, np.zeros(apart.size, dtype=bool))
-            rows.append(cells(*judged.named(law), str(there.size), *shares, *texts))
+            rows.append(cells(*named(judged, law), str(there.size), *shares, *texts))
         if rows:
             tables.append(Table(f"Cranes: {name}", headings, tuple(rows), labels=2, folded=bool(tables)))
     if tables:
@@ -145,4 +146,4 @@ def second_section(judged: Judged) -> Iterator[Section]:
             "The same cranes, by equations that know nothing of the first plant's. The last column is the "
             "median of how far the RMS errors of the same crane are apart, where neither run fails."
         )
-        yield judged.section("second", f"on {benchmark.second_plant}", text, tables)
+        yield section_of(judged, "second", f"on {benchmark.second_plant}", text, tables)

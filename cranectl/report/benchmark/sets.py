@@ -1,5 +1,6 @@
 """A set of cranes: how the laws of a division stand, figures of it, each scenario by itself."""
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -7,16 +8,20 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import LogLocator, NullLocator
 
 from cranectl.campaign.benchmark import scores
-from cranectl.campaign.benchmark.standings import Standing, points_of, rest_time, shared_scenarios
+from cranectl.campaign.benchmark.declared import information_class
+from cranectl.campaign.benchmark.ranking import Judged, Standing, points_of, rest_time
 from cranectl.campaign.benchmark.table import Runs, on_common_cranes
+from cranectl.campaign.benchmark.trials import Division
 from cranectl.campaign.summary import failure_interval
-from cranectl.report.benchmark.division import COMPARED, NAMED, Judged, finite, median
 from cranectl.report.campaign.figures import series_style
 from cranectl.report.page import Figure, Section
-from cranectl.report.table import ANSWERS, Table, cells
+from cranectl.report.table import ANSWERS, Cell, Table, cells
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas
 from cranectl.support.arrays import Array, Mask
 
+COMPARED = "rms_error_m"  # with the baseline, crane by crane
+NAMED = ("law", "told")
+TITLES: dict[Division, str] = {"tuned": "Tuned", "published": "As published (defaults)"}
 MOST_RATIO = 10.0
 NAMED_PROFILES = 8  # laws that have a line of their own in a profile
 LEAST_EFFORT = 1e-2  # [m/s²] that is drawn, on a logarithmic scale
@@ -28,12 +33,37 @@ DIFFERENCES = tuple(
 NOTHING = ("", "", "")  # where there is no difference
 
 
+def named(judged: Judged, law: str) -> tuple[Cell, ...]:
+    """Return what the rows of a law begin with, below NAMED."""
+    head = "head" if law == judged.benchmark.baseline else ""
+    return cells(Cell(law, head), information_class(judged.table.about["laws"][law]))
+
+
+def section_of(
+    judged: Judged, anchor: str, title: str, text: str, tables: Sequence[Table], *figures: Figure
+) -> Section:
+    """Return a section of a division."""
+    title = f"{TITLES[judged.division]}: {title}"
+    return Section(f"{judged.division}-{anchor}", title, (text,), tuple(tables), figures)
+
+
+def finite(value: float, form: str, other: str = "") -> str:
+    """The number as text, `other` where there is none."""
+    return format(value, form) if math.isfinite(value) else other
+
+
+def median(values: Array, failed: Mask) -> str:
+    """The median to three digits, failures worse than any value; empty where no run has one."""
+    found = scores.median_with_failures(values, failed)
+    return "" if math.isnan(found) else finite(float(f"{found:.3g}"), "g", "fails")
+
+
 def set_section(judged: Judged, name: str) -> Iterator[Section]:
     """Tell how the controllers stand on one of the sets that are judged."""
-    found = judged.standings(name)
+    found = judged.ranking(name)
     if not found:
         return
-    benchmark, table, division = judged
+    benchmark = judged.benchmark
     points = points_of(found)
     best, drawable = scores.undominated(points), np.asarray(np.isfinite(points).all(axis=1))
     drawn = Figure.drawn(
@@ -47,8 +77,8 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
         alone=True,
     )
     laws, tasks = [s.law for s in found], []
-    for scenario in shared_scenarios(benchmark, table, division, name):
-        runs = on_common_cranes([table.pieces[judged.piece(name, scenario, law)] for law in laws])
+    for scenario in judged.shared_scenarios(name):
+        runs = on_common_cranes([judged.table.trials[judged.trial(name, scenario, law)] for law in laws])
         tasks.append(np.stack([each.task for each in runs]))  # (laws, cranes that all of them have met)
     profiles = Figure.drawn(
         "performance profiles",
@@ -59,7 +89,7 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
         scores.performance_ratios(np.hstack(tasks)),
         alone=True,
     )
-    tables = [standing_table(judged, found, f"All laws on {benchmark.plant}"), _failures(judged, name)]
+    tables = [ranking_table(judged, found, f"All laws on {benchmark.plant}"), _failures(judged, name)]
     tables += [each for scenario in benchmark.scenarios for each in _scenario(judged, name, scenario)]
     cranes = benchmark.sets[name]
     text = (
@@ -74,10 +104,10 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
         text += f" No differences are shown: no runs of {benchmark.baseline} are here."
     if part := judged.unfinished(name):
         text += f" Not shown, since scenarios are missing: {', '.join(part)}."
-    yield judged.section(name, name, text, tables, (drawn, profiles))
+    yield section_of(judged, name, name, text, tables, drawn, profiles)
 
 
-def standing_table(judged: Judged, found: Sequence[Standing], title: str) -> Table:
+def ranking_table(judged: Judged, found: Sequence[Standing], title: str) -> Table:
     """Tell how controllers stand; none on the front is dominated in settling, effort and failures.
 
     Of the others it names the first law that does.
@@ -92,7 +122,7 @@ def standing_table(judged: Judged, found: Sequence[Standing], title: str) -> Tab
         failed = f"{100.0 * each.failed:.1f}", f"{100.0 * low:.1f} to {100.0 * high:.1f}"
         settled = f"{100.0 * each.settled:.0f}", f"{100.0 * each.unsettled:.1f}"
         inputs = finite(each.effort, ".3f", "fails"), finite(each.variation, ".1f", "fails")
-        rows.append(cells(*judged.named(each.law), front, str(each.runs), *failed, *settled, *inputs))
+        rows.append(cells(*named(judged, each.law), front, str(each.runs), *failed, *settled, *inputs))
     note = (
         "Over the scenarios that suit laws of every kind; effort and variation are medians of the runs. "
         "Behind: the first law as good in unsettled time, effort and failures, and better in one of them."
@@ -107,7 +137,7 @@ def _failures(judged: Judged, name: str) -> Table:
         found = [judged.runs(name, scenario, law) for scenario in judged.benchmark.scenarios]
         if any(found):
             shares = ("" if runs is None else f"{100.0 * runs.failed.mean():.0f}" for runs in found)
-            rows.append(cells(*judged.named(law), *shares))
+            rows.append(cells(*named(judged, law), *shares))
     headings = (*NAMED, *(f"failed [%]\n{scenario}" for scenario in judged.benchmark.scenarios))
     return Table("Failures by scenario", headings, tuple(rows), labels=2, folded=True)
 
@@ -125,14 +155,14 @@ def _scenario(judged: Judged, name: str, scenario: str) -> Iterator[Table]:
             continue
         sees_path = judged.table.about["laws"][law]["follows"] != "set-point"
         other = theirs if law != judged.benchmark.baseline else None
-        settling, failed = runs.metrics["settling_time_s"], runs.failed
+        settling, failed = runs.settling, runs.failed
         shares = (failed.mean(), scores.settled_share(settling, failed))
         times = (finite(scores.settling_quantile(settling, failed, at), ".2f", "never") for at in (0.5, 0.9))
         sway = median(np.degrees(runs.metrics["residual_sway_about_lean_rad"]), failed)
         error = median(1e3 * runs.metrics[COMPARED], failed) if sees_path else ""
         less = _less(runs, other, duration, sees_path=sees_path)
         texts = (*(f"{100.0 * share:.0f}" for share in shares), *times, sway, error)
-        rows.append(cells(*judged.named(law), *texts, *less))
+        rows.append(cells(*named(judged, law), *texts, *less))
     if rows:
         yield Table(f"On {scenario}", headings, tuple(rows), labels=2, folded=True)
 
@@ -151,7 +181,7 @@ def _less(runs: Runs, baseline: Runs | None, duration: float, *, sees_path: bool
         errors = _difference(*values, form=".1f")
     if np.isfinite([*runs.task, *baseline.task]).any():
         horizon = min(rest_time(r, duration) for r in both)
-        values = (scores.unsettled_time(r.metrics["settling_time_s"], r.failed, horizon) for r in both)
+        values = (scores.unsettled_time(r.settling, r.failed, horizon) for r in both)
         times = _difference(*values, form=".2f")
     return errors + times
 

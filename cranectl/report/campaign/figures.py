@@ -4,7 +4,7 @@ That is correlations, bands over a parameter, failures, Sobol indices and tornad
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,7 +20,7 @@ from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.statistics import empirical_distribution, equal_bins, quantiles
 from cranectl.campaign.summary import EFFORT, MAIN_METRICS, MEASURE, Group, failure_interval
 from cranectl.metrics import low_is_bad
-from cranectl.report.campaign.wording import METRIC_LABELS, metric_name, number, parameter_label
+from cranectl.report.campaign.tables import METRIC_LABELS, metric_name, number, parameter_label
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas
 from cranectl.support.arrays import Array, Mask
 
@@ -30,15 +30,6 @@ DECADES = 30.0  # ratio of quantiles from which an axis is logarithmic
 BANDS = 12  # ranges of a parameter, at least 8 runs each
 RATES = 8
 RISES, FALLS, BENT = SERIES[1], SERIES[0], SERIES[2]
-
-
-class Bands(NamedTuple):
-    """What is drawn of the runs of a group in ranges of a parameter."""
-
-    label: str
-    ranges: int
-    runs: Callable[[Group], Mask]  # which of them count
-    of: Callable[[Group, Rows], Array]  # low, middle, high of those in a range
 
 
 def series_style(k: int) -> dict[str, Any]:
@@ -185,13 +176,12 @@ def correlation_fields(found: Correlations, order: Sequence[int]) -> Figure:
 
 def error_bands(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int]) -> Figure:
     """Draw median and 5 to 95 % of the largest error over ranges of parameters, for each controller."""
-    bands = Bands(
-        METRIC_LABELS[MEASURE],
-        BANDS,
-        lambda group: group.completed,
-        lambda group, rows: quantiles(group.metrics[MEASURE][rows]),
-    )
-    return _over_parameters(analysis, parts, columns, bands)
+
+    def band(group: Group, rows: Rows) -> Array:
+        return quantiles(group.metrics[MEASURE][rows])
+
+    groups = [(part.group, part.group.completed) for part in parts]
+    return _over_parameters(analysis, groups, columns, BANDS, METRIC_LABELS[MEASURE], band=band)
 
 
 def failure_rates(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int]) -> Figure:
@@ -203,8 +193,8 @@ def failure_rates(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: S
         low, high = failure_interval(failures, rows.size) if random else (np.nan, np.nan)
         return np.array([low, failures / rows.size, high])
 
-    bands = Bands("failure rate", RATES, lambda group: group.there, band)
-    figure = _over_parameters(analysis, parts, columns, bands)
+    groups = [(part.group, part.group.there) for part in parts]
+    figure = _over_parameters(analysis, groups, columns, RATES, "failure rate", band=band)
     figure.axes[0].set_ylim(-0.02, 1.02)  # of all, which share it
     return figure
 
@@ -265,21 +255,30 @@ def _bars(axes: Axes, row: int, nominal: float, effects: Sequence[OneAtATimeEffe
 
 
 def _over_parameters(
-    analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int], bands: Bands
+    analysis: Analysis,
+    groups: Sequence[tuple[Group, Mask]],
+    columns: Sequence[int],
+    most: int,
+    label: str,
+    *,
+    band: Callable[[Group, Rows], Array],
 ) -> Figure:
-    """Draw a panel for each parameter: `bands` over ranges with equally many of its runs."""
+    """Draw a panel for each parameter: a band over up to `most` ranges with equally many of its runs.
+
+    `groups`: with the runs that count. `band`: low, middle, high of those in a range; `label` says of what.
+    """
     campaign = analysis.results.campaign
     lines = -(-len(columns) // 2)
     figure, grid = canvas(WIDTH, 0.5 + 2.1 * lines, lines, 2, sharey=True, squeeze=False)
     panels = list(grid.flat)
     for axes, column in zip(panels, columns, strict=False):
         x = analysis.values[:, column]
-        for k, group in enumerate(part.group for part in parts):
-            bins = equal_bins(np.where(bands.runs(group), x, np.nan), bands.ranges)
+        for k, (group, counted) in enumerate(groups):
+            bins = equal_bins(np.where(counted, x, np.nan), most)
             if not bins:
                 continue
             places = [float(np.median(x[rows])) for rows in bins]
-            low, middle, high = np.transpose([bands.of(group, rows) for rows in bins])
+            low, middle, high = np.transpose([band(group, rows) for rows in bins])
             style = series_style(k)
             axes.fill_between(places, low, high, color=style["color"], alpha=0.16, linewidth=0.0)
             axes.plot(places, middle, marker=".", markersize=4, label=group.controller, **style)
@@ -293,7 +292,7 @@ def _over_parameters(
     for axes in panels[len(columns) :]:
         axes.set_visible(False)
     for axes in panels[::2]:
-        axes.set_ylabel(bands.label)
+        axes.set_ylabel(label)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(SERIES))
     return figure

@@ -5,16 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from cranectl.campaign.evaluation import Analysis, GroupAnalysis
-from cranectl.campaign.sensitivity import MIN_BASE_POINTS
-from cranectl.campaign.summary import MAIN_METRICS, MEASURE, compared_parameters
-from cranectl.report.campaign import figures, tables, wording
-from cranectl.report.campaign.wording import metric_name
+from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
+from cranectl.campaign.manifest import resume_command
+from cranectl.campaign.results import RESUME, Results
+from cranectl.campaign.sensitivity import MIN_BASE_POINTS, Correlations
+from cranectl.campaign.summary import CONFIDENCE, MAIN_METRICS, MEASURE, compared_parameters, software_notes
+from cranectl.metrics import low_is_bad
+from cranectl.report.campaign import figures, tables
+from cranectl.report.campaign.tables import metric_name, number
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.table import Table, cells
 from cranectl.support.arrays import Array
 
 SHOWN_PANELS = 4  # parameters that have a panel of their own
+NAMED_PARAMETERS = 3  # parameters in a sentence
+COLUMN = MAIN_METRICS.index(MEASURE)
 FAINT = 1e-6  # stands for what may be chance
 
 
@@ -42,11 +47,10 @@ def _outcome(analysis: Analysis) -> Section:
         failures = "; ".join(tables.failure_notes([part.summary for part in parts]))
         summaries.append(replace(table, note=" ".join(filter(None, (table.note, failures)))))
         quantiles.append(tables.metrics_quantiles(parts))
-        title, verdict = f"distributions of the metrics on {plant}", wording.distributions_sentence(parts)
+        title, verdict = f"distributions of the metrics on {plant}", _distributions_sentence(parts)
         curves.append(Figure.drawn(title, verdict, figures.distributions, groups, limits, alone=True))
-    texts = [wording.incomplete(analysis), *wording.software(analysis)]
-    texts += [wording.about(analysis), wording.what_fails(analysis)]
-    return Section("outcome", "Outcome", tuple(filter(None, texts)), (*summaries, *quantiles), tuple(curves))
+    texts = tuple(_summary_of(analysis.results))
+    return Section("outcome", "Outcome", texts, (*summaries, *quantiles), tuple(curves))
 
 
 def _controllers(analysis: Analysis) -> Iterator[Section]:
@@ -72,7 +76,7 @@ def _plants(analysis: Analysis) -> Iterator[Section]:
     for k, (one, other) in enumerate(compared):
         pairs = [pair for pair in analysis.plants if (pair.first.plant, pair.second.plant) == (one, other)]
         title = f"largest error on {one} and on {other}, the same samples"
-        figure = Figure.drawn(title, wording.agreement_sentence(pairs), figures.two_plants, pairs, alone=True)
+        figure = Figure.drawn(title, _agreement_sentence(pairs), figures.two_plants, pairs, alone=True)
         failing = "Samples that fail on one plant and not on the other"
         shown = [tables.plants_agreement(pairs), tables.failures_table(pairs, sampling, failing)]
         if any(pair.agreement.largest for pair in pairs):
@@ -117,12 +121,12 @@ def _correlations(parts: Sequence[GroupAnalysis]) -> Iterator[Figure]:
     for part in parts:
         if part.correlations is not None:
             title = f"what goes with what, {part.group.name}"
-            verdict = wording.correlations_sentence(part.correlations)
+            verdict = _correlations_sentence(part.correlations)
             yield Figure.drawn(title, verdict, figures.correlation_fields, part.correlations, order)
 
 
 def _bands(analysis: Analysis, parts: Sequence[GroupAnalysis]) -> Figure:
-    strengths = _strengths(parts)[:, MAIN_METRICS.index(MEASURE)]
+    strengths = _strengths(parts)[:, COLUMN]
     leading = _leading(strengths, int((strengths > FAINT).sum()))
     columns = [compared_parameters(analysis.results)[j] for j in leading]
     title = f"largest error over what goes with it most, {parts[0].group.plant}"
@@ -148,11 +152,11 @@ def _tornado(parts: Sequence[GroupAnalysis], names: Sequence[str]) -> Figure:
     widths = dict.fromkeys(names, 0.0)
     for part in parts:
         for effect in part.one_at_a_time:
-            change = effect.metrics[MAIN_METRICS.index(MEASURE)] - part.group.metrics[MEASURE][0]
+            change = effect.metrics[COLUMN] - part.group.metrics[MEASURE][0]
             widths[effect.parameter] = max(widths[effect.parameter], float(np.nan_to_num(abs(change))))
     order = sorted(names, key=lambda name: -widths[name])
     title = f"one parameter at a time on {parts[0].group.plant}"
-    verdict = " ".join(map(wording.tornado_sentence, parts))
+    verdict = " ".join(map(_tornado_sentence, parts))
     return Figure.drawn(title, verdict, figures.tornado, parts, order, alone=True)
 
 
@@ -160,7 +164,7 @@ def _sobol(parts: Sequence[GroupAnalysis], names: Sequence[str]) -> Iterator[Fig
     having = [part for part in parts if MEASURE in part.sobol]
     if having:
         title = f"Sobol indices of the {metric_name(MEASURE)}, {parts[0].group.plant}"
-        yield Figure.drawn(title, wording.sobol_sentence(having, names), figures.sobol_bars, having, names)
+        yield Figure.drawn(title, _sobol_sentence(having, names), figures.sobol_bars, having, names)
 
 
 def _failures(analysis: Analysis) -> Iterator[Section]:
@@ -175,7 +179,7 @@ def _failures(analysis: Analysis) -> Iterator[Section]:
         beyond = len({each.parameter for each in found if each.significant})
         columns = [analysis.results.campaign.names.index(names[j]) for j in _leading(distances, beyond)]
         title = f"failure rate over what separates most, {parts[0].group.plant}"
-        verdict = wording.failures_sentence(having)
+        verdict = _failures_sentence(having)
         rates.append(Figure.drawn(title, verdict, figures.failure_rates, analysis, parts, columns))
         separating.append(tables.separation_table(having))
     if rates:
@@ -196,3 +200,104 @@ def _uncertainty(analysis: Analysis) -> Section:
         facts |= {f"{name}{named}": str(version) for name, version in versions.items()}
     made = Table("What was run, with what", ("", ""), tuple(cells(*fact) for fact in facts.items()), labels=2)
     return Section("uncertainty", "What is uncertain", tables=(tables.uncertainty_table(analysis), made))
+
+
+def _summary_of(results: Results) -> Iterator[str]:
+    """Say what is missing, what made the runs where that is not installed, what was run, when a run fails."""
+    campaign = results.campaign
+    settings, limits = campaign.settings, campaign.settings.limits.given.items()
+    if results.missing:
+        yield (
+            f"INCOMPLETE: {results.missing_runs} of {campaign.all_runs} runs are missing, and everything "
+            f"here is of the others. Complete it with {resume_command(results.manifest) or RESUME}."
+        )
+    yield from (f"{note[0].upper()}{note[1:]}." for note in software_notes(results))
+    yield (
+        f"{campaign.runs} samples, each run with {_list(settings.controllers)} on {_list(settings.plants)}, "
+        f"{settings.drive} drives, scenario {settings.scenario}. "
+        f"Sampling: {settings.sampling}, seed {settings.seed}. {len(results)} runs are in the result."
+    )
+    beyond = "; ".join(f"{m} {'below' if low_is_bad(m) else 'above'} {limit:g}" for m, limit in limits)
+    yield f"A run fails if it stops before its end{f', or with {beyond}' if beyond else ''}."
+
+
+def _distributions_sentence(parts: Sequence[GroupAnalysis]) -> str:
+    medians = ((part.summary.median_max_error_m, part.group.controller) for part in parts)
+    texts = ", ".join(f"{number(value)} m ({name})" for value, name in medians if value is not None)
+    sentence = "A curve that ends below 1 leaves out runs that stopped or never settled."
+    return f"Largest error, median: {texts}. {sentence}" if texts else "No run completed."
+
+
+def _correlations_sentence(found: Correlations) -> str:
+    runs, floor = int(found.runs[COLUMN]), float(found.floors[COLUMN])
+    strength = found.strength[:, COLUMN]
+    order = [int(k) for k in np.argsort(-strength, kind="stable") if strength[k] > 0.0]
+    if floor >= 1.0:
+        return f"{runs} completed runs are too few to tell influence from chance."
+    beyond = (
+        f"With {runs} runs, chance alone reaches |ρ| = {floor:.2f} somewhere in "
+        f"{100 - 100 * CONFIDENCE:.0f} % of such figures"
+    )
+    if not order:
+        return f"Nothing goes with the largest error beyond chance. {beyond}."
+    named = ", ".join(_strength(found, k) for k in order[:NAMED_PARAMETERS])
+    return f"With the largest error go {named}. {beyond}."
+
+
+def _sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> str:
+    texts = []
+    for part in parts:
+        found = part.sobol[MEASURE]
+        order = [int(k) for k in np.argsort(-found.total, kind="stable") if found.important[k]]
+        named = ", ".join(f"{parameters[k]} ({found.total[k]:.2f})" for k in order[:NAMED_PARAMETERS])
+        left = f"; {found.left_out} base points left out" if found.left_out else ""
+        texts.append(
+            f"{part.group.controller}: {named or 'nothing is surely above 0.05'}, from "
+            f"{found.base_points} base points{left}"
+        )
+    return f"Total indices of {metric_name(MEASURE)}. {'. '.join(texts)}."
+
+
+def _tornado_sentence(part: GroupAnalysis) -> str:
+    """Tell which parameter has the widest bar."""
+    nominal = float(part.group.metrics[MEASURE][0])
+    effects = [(abs(float(s.metrics[COLUMN]) - nominal), s) for s in part.one_at_a_time]
+    known = [(size, s) for size, s in effects if not np.isnan(size)]
+    if not known:
+        return f"{part.group.controller}: no run completed to compare."
+    size, widest = max(known, key=lambda pair: pair[0])
+    stopped = len(effects) - len(known)
+    left = f"; {stopped} run{'s' * (stopped > 1)} did not complete" if stopped else ""
+    most = f"{widest.parameter} = {widest.value:.3g} changes it most, by {size:.2g} m"
+    return f"{part.group.controller}: {most}{left}."
+
+
+def _failures_sentence(parts: Sequence[GroupAnalysis]) -> str:
+    """Tell which parameters separate failed runs from the others."""
+    texts = []
+    for part in parts:
+        found = [each for each in part.separations if each.significant][:NAMED_PARAMETERS]
+        named = ", ".join(f"{each.parameter} (distance {each.distance:.2f})" for each in found)
+        texts.append(f"{part.group.controller}: {named or 'no parameter beyond chance'}.")
+    return f"What separates failed from other runs. {' '.join(texts)}"
+
+
+def _agreement_sentence(pairs: Sequence[Pair]) -> str:
+    texts = [
+        f"{pair.first.controller}: half of the samples within {number(pair.agreement.quantiles[1], 2)} m, "
+        f"95 % within {number(pair.agreement.quantiles[2], 2)} m"
+        for pair in pairs
+        if pair.agreement.samples
+    ]
+    return f"{'. '.join(texts)}." if texts else "No sample completed on both of the plants compared."
+
+
+def _strength(found: Correlations, k: int) -> str:
+    name = found.parameters[k]
+    if found.bent[k, COLUMN]:
+        return f"{name} (neither rising nor falling, η = {found.eta[k, COLUMN]:.2f})"
+    return f"{name} (ρ = {found.rho[k, COLUMN]:+.2f})"
+
+
+def _list(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))

@@ -1,32 +1,67 @@
-"""Tables of a campaign's page: outcome, influence, pairs on the same samples, what is uncertain."""
+"""Tables of a campaign's page: outcome, influence, pairs on the same samples, what is uncertain.
 
+Also what the page calls metrics and parameters, and how it writes numbers.
+"""
+
+import shlex
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from cranectl.campaign.definition import UncertainParameter
+from cranectl.campaign.definition import Campaign, UncertainParameter
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
+from cranectl.campaign.manifest import controller_from
+from cranectl.campaign.results import Results
 from cranectl.campaign.sensitivity import SobolIndices
 from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.statistics import LEVELS, quantiles
 from cranectl.campaign.summary import CONFIDENCE, EFFORT, MAIN_METRICS, MEASURE, GroupSummary
 from cranectl.campaign.table import FAILED, describe
-from cranectl.report.campaign.wording import (
-    METRIC_LABELS,
-    metric_name,
-    number,
-    percent,
-    probability,
-    replay_command,
-)
+from cranectl.metrics import all_metrics
 from cranectl.report.table import Cell, Table, cells, tabulate
 from cranectl.support.arrays import Array
 
 REASONS = 3  # why runs could not be run
 SEPARATING = 6  # parameters of a controller in the table of failures
 LISTED = 12  # sample indices in a cell
+METRIC_LABELS = {m.name: f"{m.compared} [{m.unit}]" for m in all_metrics() if m.compared}
+METRIC_LABELS[EFFORT] = "effort [m/s²]"
 _BETTER = f"the better one is named where p is below {1 - CONFIDENCE:.2g}."
+
+
+def metric_name(metric: str) -> str:
+    """Without its unit."""
+    return METRIC_LABELS[metric].partition(" [")[0]
+
+
+def parameter_label(campaign: Campaign, name: str) -> str:
+    """Name and unit; without `effects.`, which says nothing here."""
+    unit = describe(campaign, name).unit
+    short = name.removeprefix("effects.")
+    return f"{short} [{unit}]" if unit else short
+
+
+def number(value: float | None, digits: int = 3, form: str = "") -> str:
+    """Return a number for a table, to so many digits or in `form`; a dash where there is none."""
+    return "–" if value is None or value != value else format(value, form or f".{digits}g")
+
+
+def percent(share: float | None) -> str:
+    """Return a share in percent; a dash where there is none."""
+    return number(share and 100.0 * share, form=".1f")
+
+
+def probability(p: float) -> str:
+    """Of a test."""
+    return "–" if p != p else "< 0.001" if p < 1e-3 else f"{p:.3f}"
+
+
+def replay_command(results: Results, sample: int, controller: str, plant: str = "") -> str:
+    """Return the command that runs a sample again; on all plants where none is named."""
+    named = controller_from(results.manifest, results.directory, controller)
+    asked = ["--run", str(sample), "--controller", named, *(["--plant", plant] if plant else [])]
+    return shlex.join(["cranectl", "campaign", "replay", str(results.directory), *asked])
 
 
 def summary_table(groups: Sequence[GroupSummary], title: str) -> Table:

@@ -1,1 +1,1 @@
-"""The benchmark: rules, pieces, scores, tuning, commands."""
+"""The benchmark: rules, trials, scores, tuning, commands."""

@@ -90,7 +90,7 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
 
     # What was written reads as what was measured, to four digits.
     written = read_table(table)
-    assert len(written.pieces) == len(parts)
+    assert len(written.trials) == len(parts)
     alone = small.with_name("alone.html")
     mine = ["benchmark", "report", str(out), "--benchmark", str(small), "--controller", "lqr-integral"]
     assert main([*mine, "--beside", str(table), "--out", str(alone)]) == 0
@@ -109,7 +109,7 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     assert titles_of(table.with_suffix(".html")) == titles_of(page)
     assert main(["benchmark", "report", str(table), "--benchmark", str(small), "--controller", "pid"]) == 2
     assert "unknown law of the table 'pid'" in capsys.readouterr().err
-    for runs in written.pieces.values():
+    for runs in written.trials.values():
         assert np.isfinite(runs.metrics["rms_error_m"]).all()
 
 

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.campaign.benchmark.information import information, information_class
-from cranectl.campaign.benchmark.pieces import Division, Trial, sets_of
+from cranectl.campaign.benchmark.declared import information, information_class
+from cranectl.campaign.benchmark.ranking import Judged, points_of
 from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
-from cranectl.campaign.benchmark.standings import points_of, set_standings
 from cranectl.campaign.benchmark.table import (
     METRICS,
     VARIATION,
@@ -21,6 +20,7 @@ from cranectl.campaign.benchmark.table import (
     read_table,
     write_table,
 )
+from cranectl.campaign.benchmark.trials import Division, Trial, sets_of
 from cranectl.campaign.summary import EFFORT
 from cranectl.report.benchmark.page import benchmark_page
 from cranectl.report.page import Section, render
@@ -51,7 +51,7 @@ def runs(error: float, failures: int = 0, effort: float = 1.0) -> Runs:
 
 
 def table(benchmark: Benchmark, laws: Mapping[str, Runs], *divisions: Division) -> BenchmarkTable:
-    """Every law with the same runs in every piece of `divisions`."""
+    """Every law with the same runs in every trial of `divisions`."""
     tuned = {
         "runs": 40,
         "cost": {"untuned": 3.0, "half": 2.0, "full": 1.5},
@@ -66,14 +66,14 @@ def table(benchmark: Benchmark, laws: Mapping[str, Runs], *divisions: Division) 
         "laws": {law: {**FACTS, "file": ""} for law in laws},
         "tuned": dict.fromkeys(laws, tuned) if "tuned" in divisions else {},
     }
-    pieces = {
+    trials = {
         Trial(division, plant, name, "short", law): of_law
         for division in divisions
         for name in sets_of(benchmark)
         for plant in ("mujoco", "analytic")
         for law, of_law in laws.items()
     }
-    return BenchmarkTable(about, pieces)
+    return BenchmarkTable(about, trials)
 
 
 def sections(benchmark: Benchmark, made: BenchmarkTable) -> dict[str, Section]:
@@ -131,7 +131,7 @@ def test_single_effects_of_the_five_best_are_shown_and_the_others_folded(small: 
     laws = {f"law-{k}": runs(0.01 * k, failures=(k == 2) + 5 * (k == 6)) for k in (6, 5, 4, 3, 2, 1)}
     made = table(benchmark, laws, "published")
     alone = Trial("published", "mujoco", "only-load", "short", "law-3")
-    made = BenchmarkTable(made.about, {**made.pieces, alone: runs(0.2, failures=1)})
+    made = BenchmarkTable(made.about, {**made.trials, alone: runs(0.2, failures=1)})
     failed, errors, failed_others, errors_others = sections(benchmark, made)["published-single"].tables
     assert [head.split("\n")[-1] for head in failed.headings[2:]] == ["nominal", "load", "sensing", "all"]
     order = ["law-1", "law-3", "law-4", "law-5", "law-2"]
@@ -153,7 +153,7 @@ def test_the_radius_is_said_even_where_it_lies_outside(small: Path) -> None:
     made = table(benchmark, {"never": runs(0.01), "always": runs(0.01, failures=RUNS)}, "published")
     wide = Trial("published", "mujoco", "spread-3", "short", "between")
     made = joined([made, table(benchmark, {"between": runs(0.01)}, "published")])
-    made = BenchmarkTable(made.about, {**made.pieces, wide: runs(0.01, failures=1)})
+    made = BenchmarkTable(made.about, {**made.trials, wide: runs(0.01, failures=1)})
     (shown,) = sections(benchmark, made)["published-radius"].tables
     assert [(row[0], row[2]) for row in texts(shown)] == [
         ("never", "above 3"),
@@ -169,8 +169,8 @@ def test_a_crane_that_cannot_be_simulated_is_no_failure_of_a_law(small: Path) ->
     for law, lost in (("first", (2, 3)), ("second", (3,))):
         status = tuple("failed" if k in lost else "completed" for k in range(RUNS))
         place = Trial("published", "mujoco", "spread-3", "short", law)
-        stopped = Runs(np.isin(np.arange(RUNS), lost), status, made.pieces[place].metrics)
-        made = BenchmarkTable(made.about, {**made.pieces, place: stopped})
+        stopped = Runs(np.isin(np.arange(RUNS), lost), status, made.trials[place].metrics)
+        made = BenchmarkTable(made.about, {**made.trials, place: stopped})
     section = sections(benchmark, made)["published-radius"]
     assert [row[-1] for row in texts(section.tables[0])] == ["0", "14"]
     assert section.paragraphs[0].endswith(
@@ -196,7 +196,7 @@ def test_a_law_without_effort_is_on_no_front(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     laws = {"first": runs(0.01), "broken": runs(0.02, failures=RUNS, effort=math.nan)}
     made = table(benchmark, laws, "published")
-    points = points_of(set_standings(benchmark, made, "published", "wide"))
+    points = points_of(Judged(benchmark, made, "published").ranking("wide"))
     np.testing.assert_array_equal(points, [[0.1 / 0.9, 1.0, 0.0], [1.0, math.inf, 1.0]])
     shown = sections(benchmark, made)
     assert [row[0] for row in texts(shown["summary"].tables[0])] == ["first"]
@@ -225,15 +225,15 @@ def test_laws_meet_on_the_cranes_that_all_of_them_have(small: Path) -> None:
     made = table(benchmark, laws, "published")
     made.about["laws"]["mine"] = {**FACTS, "file": "", "follows": "set-point"}
     place = Trial("published", "mujoco", "wide", "short", "other")
-    made.pieces[place._replace(scenario="path")] = made.pieces.pop(place)  # type: ignore[attr-defined,index]
+    made.trials[place._replace(scenario="path")] = made.trials.pop(place)  # type: ignore[attr-defined,index]
     shown = sections(benchmark, made)["published-wide"]
     assert [row[0] for row in texts(shown.tables[0])] == ["mine", "lqr-integral"]
     assert shown.paragraphs[0].endswith("Not shown, since scenarios are missing: other.")
     scenario = {row[0]: row for row in texts(shown.tables[2])}["mine"]
     assert scenario[7:] == ["", "", "", "", "-0.10", "-0.10 to -0.10", "-1.00"]
     assert texts(sections(benchmark, made)["published-second"].tables[0])[0][2] == "6", "of what runs there"
-    for place in [place for place in made.pieces if place.law == "mine" and place.plant == "mujoco"]:
-        made.pieces[place] = runs(0.01).first(5)  # type: ignore[index]
+    for place in [place for place in made.trials if place.law == "mine" and place.plant == "mujoco"]:
+        made.trials[place] = runs(0.01).first(5)  # type: ignore[index]
     shown = sections(benchmark, made)
     scenario = {row[0]: row for row in texts(shown["published-wide"].tables[2])}["mine"]
     assert scenario[7:] == [""] * 7, "of five cranes not even the range is an interval of 95 %"
@@ -246,7 +246,7 @@ def test_tables_are_joined_where_they_are_of_the_same_laws(small: Path) -> None:
     one.about["durations"].pop("path")
     both = joined([one, other])
     assert both.about["durations"] == {"short": 1.0, "path": 0.8}
-    assert both.pieces == one.pieces
+    assert both.trials == one.trials
     other.about["laws"]["mine"]["file"] = "def"
     with pytest.raises(InputError, match="results whose file of mine differ: def and "):
         joined([one, other])
@@ -266,9 +266,9 @@ def test_a_table_is_read_as_it_was_written_or_not_at_all(small: Path) -> None:
     write_table(file, made)
     read = read_table(file)
     assert read.about == made.about
-    for piece, wanted in made.pieces.items():
-        np.testing.assert_array_equal(read.pieces[piece].failed, wanted.failed)
-        np.testing.assert_allclose(read.pieces[piece].metrics["rms_error_m"], wanted.metrics["rms_error_m"])
+    for trial, wanted in made.trials.items():
+        np.testing.assert_array_equal(read.trials[trial].failed, wanted.failed)
+        np.testing.assert_allclose(read.trials[trial].metrics["rms_error_m"], wanted.metrics["rms_error_m"])
     made.about.pop("tuned")
     write_table(file, made)
     for other in (file, small):

@@ -12,13 +12,13 @@ import pytest
 from pyarrow import parquet
 
 from cranectl import open_law
-from cranectl.campaign.benchmark.rules import rules_of
-from cranectl.campaign.benchmark.settings import Benchmark
+from cranectl.campaign.benchmark.declared import assignments, variables_of
+from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
+from cranectl.campaign.benchmark.trials import rules_of
 from cranectl.campaign.benchmark.tuning import REFUSED, run_cost, tune, tuning_campaign
-from cranectl.campaign.benchmark.variables import assignments, variables_of
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.worker import Prepared, Worker
-from cranectl.cli.benchmark.laws import benchmark_laws
+from cranectl.cli.benchmark import measured_laws
 from cranectl.cli.main import main
 from cranectl.loaders.opening import close_laws
 from cranectl.planning import load_scenario
@@ -67,11 +67,11 @@ def test_the_cost_of_a_run() -> None:
         assert run_cost(stopped, scenario, True, 0.02) == 10.75
 
 
-def test_a_tuned_law_is_better_and_every_point_is_kept(tiny: Benchmark, tmp_path: Path) -> None:
+def test_a_tuned_law_is_better_and_every_point_is_kept(tiny: Benchmark) -> None:
     law = open_law("mine.py:LAW")
     done: list[int] = []
-    alone = tune(tiny, tmp_path, law, workers=1, advance=done.append)
-    assert alone == tune(tiny, tmp_path, law, workers=2)
+    alone = tune(tiny, law, workers=1, advance=done.append)
+    assert alone == tune(tiny, law, workers=2)
     assert len(alone.points) == sum(done) / 2 == 20
     assert alone.points[0].values == (1.0, -2.0)
     assert len({point.values for point in alone.points}) == 20
@@ -84,7 +84,7 @@ def test_a_tuned_law_is_better_and_every_point_is_kept(tiny: Benchmark, tmp_path
 
 
 def test_what_is_written_gives_the_same_cost_again(
-    tiny: Benchmark, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tiny: Benchmark, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["tune", "mine.py:LAW", "--benchmark", "tiny.toml", "--runs", "13", "--out", "out"]) == 2
     assert "--trust" in capsys.readouterr().err
@@ -96,7 +96,7 @@ def test_what_is_written_gives_the_same_cost_again(
     assert told.pop("files") == ["out/mine.toml", "out/mine.parquet"]
     assert written == told
     assert (written["law"], written["benchmark"], written["seed"]) == ("mine", "tiny", 7)
-    assert (written["rules"], written["budget_runs"], written["runs"]) == (rules_of(tiny, Path()), 12, 12)
+    assert (written["rules"], written["budget_runs"], written["runs"]) == (rules_of(tiny), 12, 12)
     assert len(written["code"]) == 64
     assert points["evaluation"].to_pylist() == list(range(6))
     assert min(points["cost"].to_pylist()) == written["cost"]["full"]
@@ -105,7 +105,7 @@ def test_what_is_written_gives_the_same_cost_again(
 
     settings = assignments(variables_of("mine"), list(written["parameters"].values()))
     again = tiny.model_copy(update={"set": (*tiny.set, *settings)})
-    campaign = tuning_campaign(again, tmp_path, "move", "mine")
+    campaign = tuning_campaign(again, "move", "mine")
     rows = Worker(Prepared(campaign)).run_batch(Batch("analytic", "mine", 0, 2))
     broken = [float(str(row["final_error_m"])) > 0.2 for row in rows]
     costs = [run_cost(row, campaign.nominal, bad, 0.02) for row, bad in zip(rows, broken, strict=True)]
@@ -140,16 +140,16 @@ def test_the_command_that_tunes_again_does(state: str, capsys: pytest.CaptureFix
     assert main(run) == 0
 
 
-def test_numbers_that_a_law_refuses_cost_the_most(tiny: Benchmark, tmp_path: Path) -> None:
-    tuned = tune(tiny, tmp_path, open_law("mine.py:REFUSES"))
+def test_numbers_that_a_law_refuses_cost_the_most(tiny: Benchmark) -> None:
+    tuned = tune(tiny, open_law("mine.py:REFUSES"))
     refused = [point for point in tuned.points if point.values[0] > 12.0]
     assert 0 < len(refused) < 20
     assert {(point.cost, point.failed) for point in refused} == {(REFUSED, 1.0)}
     assert all(point.cost < 11.0 for point in tuned.points if point not in refused)
 
 
-def test_a_law_that_never_returns_costs_its_run(tiny: Benchmark, tmp_path: Path) -> None:
-    tuned = tune(tiny, tmp_path, open_law("mine.py:HANGS"), runs=10, patience=0.5)
+def test_a_law_that_never_returns_costs_its_run(tiny: Benchmark) -> None:
+    tuned = tune(tiny, open_law("mine.py:HANGS"), runs=10, patience=0.5)
     hanging = [point for point in tuned.points if point.values[0] > 1.0005]
     assert 0 < len(hanging) < len(tuned.points) == 5
     assert {(point.cost, point.failed) for point in hanging} == {(11.0, 1.0)}
@@ -166,36 +166,37 @@ def test_a_law_with_nothing_to_tune_says_so(capsys: pytest.CaptureFixture[str]) 
     assert len(set(written["cost"].values())) == 1
 
 
-def test_what_cannot_be_tuned(tiny: Benchmark, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_tuned(tiny: Benchmark, monkeypatch: pytest.MonkeyPatch) -> None:
     law = open_law("mine.py:LAW")
     with pytest.raises(InputError, match="a budget of 3 runs") as few:
-        tune(tiny, tmp_path, law, runs=3)
+        tune(tiny, law, runs=3)
     assert "4 runs or more" in str(few.value)
     with pytest.raises(InputError, match="'wanders' follows a set-point, and tiny tunes on no scenario"):
-        tune(tiny, tmp_path, open_law("mine.py:WANDERS"))
+        tune(tiny, open_law("mine.py:WANDERS"))
     refused = tiny.model_copy(update={"set": ("controller.mine.damping=13.0",)})
     with pytest.raises(InputError, match="too much damping"):
-        tune(refused, tmp_path, law)
+        tune(refused, law)
     monkeypatch.setitem(sys.modules, "cma", None)
     with pytest.raises(InputError, match="tuning needs pycma") as absent:
-        tune(tiny, tmp_path, law)
+        tune(tiny, law)
     assert "pip install 'cranectl[tune]'" in str(absent.value)
 
 
 def test_a_path_that_only_begins_in_the_package_is_not_trusted(tmp_path: Path) -> None:
+    write_tiny(tmp_path)
     folder = resources.BENCHMARK_DIRECTORY
-    file = folder / os.path.relpath(tmp_path / "mine.toml", folder.resolve())
+    file = folder / os.path.relpath(tmp_path / "tiny.toml", folder.resolve())
     with pytest.raises(InputError, match="add --trust"):
-        benchmark_laws(["mine.py:LAW"], file, trust=False)
+        measured_laws(read_benchmark(str(file)))
 
 
 def test_numbers_that_the_machine_cannot_run_are_not_taken_for_refused(
-    tiny: Benchmark, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tiny: Benchmark, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def planned(*_: object) -> None:
         raise MemoryError
 
-    law = tune(tiny, tmp_path, "pid", runs=10).law
+    law = tune(tiny, "pid", runs=10).law
     monkeypatch.setattr("cranectl.campaign.worker.plan_run", planned)
     with pytest.raises(MachineError, match="MemoryError"):
-        tune(tiny, tmp_path, law, runs=10)
+        tune(tiny, law, runs=10)

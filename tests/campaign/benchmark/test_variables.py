@@ -3,8 +3,8 @@
 import pytest
 
 from cranectl import open_law
+from cranectl.campaign.benchmark.declared import Variable, assignments, variables_of
 from cranectl.campaign.benchmark.settings import read_benchmark
-from cranectl.campaign.benchmark.variables import Variable, assignments, variables_of
 from cranectl.controllers.registry import load_controller
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.planning import load_scenario

@@ -1,32 +1,30 @@
-"""Every law meets the same cranes; which pieces there are."""
+"""Every law meets the same cranes; which trials there are."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cranectl.campaign.benchmark.pieces import Trial, campaign_of, pieces_of
-from cranectl.campaign.benchmark.rules import rules_of
-from cranectl.campaign.benchmark.settings import benchmark_names, read_benchmark
+from cranectl.campaign.benchmark.settings import read_benchmark
+from cranectl.campaign.benchmark.trials import Trial, campaign_of, rules_of, trials_of
 from cranectl.campaign.load import check_values
 from cranectl.campaign.sampling import sample_values
 from cranectl.loaders.opening import open_law
+from cranectl.support import resources
 from cranectl.support.errors import InputError
 
 
 def test_the_cranes_are_the_same_for_every_law_plant_and_number_of_them(small: Path) -> None:
     benchmark, servo = read_benchmark(str(small)), open_law(str(small.with_name("servo.py")) + ":SERVO")
-    first = campaign_of(
-        benchmark, small.parent, Trial("published", "mujoco", "wide", "short", "lqr-integral")
-    )
+    first = campaign_of(benchmark, Trial("published", "mujoco", "wide", "short", "lqr-integral"))
     cranes = sample_values(first, 0, first.runs)
     assert len(cranes) == 6
-    for piece, most, runs in (
+    for trial, most, runs in (
         (Trial("published", "mujoco", "wide", "short", servo), None, 6),
         (Trial("published", "mujoco", "wide", "short", servo), 3, 3),
         (Trial("published", "analytic", "wide", "short", "lqr-integral"), None, 2),
     ):
-        other = campaign_of(benchmark, small.parent, piece, most=most)
+        other = campaign_of(benchmark, trial, most=most)
         assert other.runs == runs
         np.testing.assert_array_equal(sample_values(other, 0, runs), cranes[:runs])
 
@@ -34,7 +32,7 @@ def test_the_cranes_are_the_same_for_every_law_plant_and_number_of_them(small: P
 def test_a_wider_set_has_the_same_cranes_farther_out(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     at = {
-        name: campaign_of(benchmark, small.parent, Trial("published", "mujoco", name, "short", "pid"))
+        name: campaign_of(benchmark, Trial("published", "mujoco", name, "short", "pid"))
         for name in ("spread-1", "spread-3", "nominal")
     }
     (one, three), none = (sample_values(at[n], 0, 4) for n in ("spread-1", "spread-3")), at["nominal"]
@@ -49,7 +47,7 @@ def test_a_wider_set_has_the_same_cranes_farther_out(small: Path) -> None:
 
 def test_distributions_of_sets_and_scenarios_come_before_those_of_all(small: Path) -> None:
     benchmark = read_benchmark(str(small))
-    wide = campaign_of(benchmark, small.parent, Trial("published", "mujoco", "wide", "path", "pid"))
+    wide = campaign_of(benchmark, Trial("published", "mujoco", "wide", "path", "pid"))
     values = dict(zip(wide.names, sample_values(wide, 0, 6).T, strict=True))
     assert set(values["effects.delay.seconds"]) == {0.01}
     assert 0.8 <= values["rig.load_mass"].min() < values["rig.load_mass"].max() <= 1.2
@@ -59,15 +57,15 @@ def test_distributions_of_sets_and_scenarios_come_before_those_of_all(small: Pat
 
 def test_laws_run_where_it_suits_them(small: Path) -> None:
     benchmark, servo = read_benchmark(str(small)), open_law(str(small.with_name("servo.py")) + ":SERVO")
-    pieces = pieces_of(benchmark, ("lqr-integral", servo))
-    assert len(pieces) == len(set(pieces)) == 2 * 2 * 3 + 2 * 2 + 2 * 2
-    assert not [p for p in pieces if p.law == servo and p.scenario == "path"]
-    few = pieces_of(benchmark, ("lqr-integral",), ("nominal",), ("path",))
+    trials = trials_of(benchmark, ("lqr-integral", servo))
+    assert len(trials) == len(set(trials)) == 2 * 2 * 3 + 2 * 2 + 2 * 2
+    assert not [p for p in trials if p.law == servo and p.scenario == "path"]
+    few = trials_of(benchmark, ("lqr-integral",), ("nominal",), ("path",))
     assert few == [
         Trial("published", plant, "nominal", "path", "lqr-integral") for plant in ("mujoco", "analytic")
     ]
     with pytest.raises(InputError, match="unknown set of small 'narrow'"):
-        pieces_of(benchmark, ("lqr-integral",), ("narrow",))
+        trials_of(benchmark, ("lqr-integral",), ("narrow",))
 
 
 def test_one_uncertainty_alone(small: Path) -> None:
@@ -75,9 +73,7 @@ def test_one_uncertainty_alone(small: Path) -> None:
     benchmark = read_benchmark(str(small))
 
     def drawn(crane_set: str) -> tuple[tuple[str, ...], np.ndarray]:
-        campaign = campaign_of(
-            benchmark, small.parent, Trial("published", "mujoco", crane_set, "short", "lqr-integral")
-        )
+        campaign = campaign_of(benchmark, Trial("published", "mujoco", crane_set, "short", "lqr-integral"))
         return campaign.names, sample_values(campaign, 0, campaign.runs)
 
     names, together = drawn("spread-3")
@@ -89,12 +85,12 @@ def test_one_uncertainty_alone(small: Path) -> None:
         update={"singles": benchmark.singles.model_copy(update={"effects": {"wind": ("effects.wind",)}})}
     )
     with pytest.raises(InputError, match=r"effects\.wind: nothing of it is uncertain"):
-        campaign_of(wrong, small.parent, Trial("published", "mujoco", "only-wind", "short", "lqr-integral"))
+        campaign_of(wrong, Trial("published", "mujoco", "only-wind", "short", "lqr-integral"))
 
 
 def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
     def rules() -> str:
-        return rules_of(read_benchmark(str(small)), small.parent)
+        return rules_of(read_benchmark(str(small)))
 
     first, scenario = rules(), small.parent / "short.toml"
     for file, old, new, same in (
@@ -131,11 +127,9 @@ def test_rules_that_would_not_judge_are_refused(small: Path, old: str, new: str,
         read_benchmark(str(small))
 
 
-@pytest.mark.parametrize("name", benchmark_names())
+@pytest.mark.parametrize("name", resources.toml_names(resources.BENCHMARK_DIRECTORY))
 def test_those_that_come_with_cranectl_can_be_run(name: str) -> None:
-    from cranectl.support import resources
-
     benchmark = read_benchmark(name)
     assert benchmark.baseline in benchmark.laws
-    for piece in pieces_of(benchmark, ("lqr-integral",)):
-        check_values(campaign_of(benchmark, resources.BENCHMARK_DIRECTORY, piece))
+    for trial in trials_of(benchmark, ("lqr-integral",)):
+        check_values(campaign_of(benchmark, trial))

@@ -1,13 +1,14 @@
-"""What of a controller tuning may change: settings of a scenario, each within bounds, on logarithmic scales.
+"""What a controller declares: what it reads of crane and path, and which of its numbers tuning may change.
 
-All are numbers on the laboratory rig; on a similar crane they go by a power of its length, as defaults do.
+Those are settings of a scenario, each within bounds, on logarithmic scales. All are numbers on the laboratory
+rig; on a similar crane they go by a power of its length, as defaults do.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import copysign, log
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from cranectl.controllers.registry import checked_controller, load_controller
+from cranectl.controllers.registry import checked_controller, law_digests, load_controller
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.similarity import rounded, scale_of
 from cranectl.support.documents import leaves
@@ -57,21 +58,14 @@ def variables_of(name: str) -> tuple[Variable, ...]:
     """What tuning may change of the controller `name`; raises InputError for an unknown one."""
     controller = load_controller(checked_controller(name))
     if controller.axis_design is not None:
-        return tuple(
-            _of_design(f"design.{setting}", *bounds)
-            for part in name.split("+")
-            for setting, bounds in DESIGNS[part].items()
-        )
+        usual = dict(leaves({"design": DesignSettings().model_dump()}))
+        bounds = {f"design.{key}": ends for part in name.split("+") for key, ends in DESIGNS[part].items()}
+        return tuple(Variable(key, usual[key], *ends, scale_of(key).length) for key, ends in bounds.items())
     return tuple(
         Variable(f"controller.{name}.{each.name}", float(each.default), *each.search, each.length_power)
         for each in controller.parameters
         if each.search is not None
     )
-
-
-def _of_design(key: str, low: float, high: float) -> Variable:
-    usual = dict(leaves({"design": DesignSettings().model_dump()}))
-    return Variable(key, usual[key], low, high, scale_of(key).length)
 
 
 def assignments(variables: Sequence[Variable], values: Sequence[float], length: float = 1.0) -> list[str]:
@@ -89,3 +83,38 @@ def assignments(variables: Sequence[Variable], values: Sequence[float], length: 
     changed = [each.key for each, value in zip(variables, values, strict=True) if value != each.start]
     places = dict.fromkeys(above if (above := key.rpartition(".")[0]) in lists else key for key in changed)
     return [f"{place}={lists.get(place, sized.get(place))!r}" for place in places]
+
+
+def information_class(facts: Mapping[str, Any]) -> str:
+    """Sum `information` up: what the controller follows and measures, what it knows besides gravity."""
+    known = facts["rig"]
+    more = {
+        "preview": facts["preview"] or facts["reads_path"],
+        "masses": known and any("mass" in name for name in known),
+        "drives": known and "time_constants" in known,
+        "limits": known and "limits" in known,
+        "rig not declared": known is None,
+    }
+    follows = "set points" if facts["follows"] == "set-point" else "path"
+    return ", ".join([follows, facts["measures"], *(name for name, there in more.items() if there)])
+
+
+def information(law: str) -> dict[str, Any]:
+    """Return what a controller follows, measures, commands, sees ahead and reads of the rig, as plain data.
+
+    `reads_path`: its numbers are made from all of the path. This and `rig` are None if it does not declare
+    what it reads.
+    """
+    controller = load_controller(law)
+    reads = controller.reads
+    masses = ["masses"] if controller.command == "force" else []  # by which the loop knows what a force does
+    return {
+        "follows": controller.follows,
+        "measures": controller.measures,
+        "commands": controller.command,
+        "preview": controller.preview,
+        "reads_path": None if reads is None else "path" in reads,
+        "every": controller.every,
+        "rig": None if reads is None else sorted({*reads} - {"path"}) + masses,
+        "file": law_digests([law]).get(f"law {law}", ""),
+    }

@@ -1,13 +1,18 @@
-"""The pieces of a benchmark: one law on one scenario, set of cranes and plant, each a campaign.
+"""The trials of a benchmark: one law on one scenario, set of cranes and plant, each a campaign.
 
-Sample k is the same crane in every piece of a scenario and set, whatever law or plant.
+Sample k is the same crane in every trial of a scenario and set, whatever law or plant. The rules have a
+digest: results by other rules are not compared.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import hashlib
+import inspect
+import json
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import cranectl.metrics
 from cranectl.campaign.benchmark.settings import RADIUS, SINGLE, Benchmark, CraneSet, MeasuredScenario
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.load import stated_campaign
@@ -19,6 +24,8 @@ from cranectl.scenario.similarity import size_of
 from cranectl.support import resources
 from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.provenance import FINGERPRINT_DIGITS
+from cranectl.support.syntax import syntax_of
 
 Division = Literal["published", "tuned"]  # its defaults, or what tuning has found
 DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # as they are shown
@@ -45,33 +52,29 @@ def follows(law: str) -> str:
 
 
 def sets_of(benchmark: Benchmark) -> dict[str, CraneSet]:
-    """The sets that are judged, then those that find the radius and what one uncertainty does."""
+    """Return the sets that are judged, then those that find the radius and what one uncertainty does."""
     return {**benchmark.sets, **radius_sets(benchmark), **single_sets(benchmark)}
 
 
 def radius_sets(benchmark: Benchmark) -> dict[str, CraneSet]:
-    """Those that find the radius, the least spread first."""
-    radius = benchmark.radius
-    return {
-        f"{RADIUS}{s:g}": CraneSet(spread=s, draws=radius.draws, scenarios=(radius.scenario,))
-        for s in radius.spreads
-    }
+    """Return those that find the radius, the least spread first."""
+    common: dict[str, Any] = {"draws": benchmark.radius.draws, "scenarios": (benchmark.radius.scenario,)}
+    return {f"{RADIUS}{s:g}": CraneSet(spread=s, **common) for s in benchmark.radius.spreads}
 
 
 def single_sets(benchmark: Benchmark) -> dict[str, CraneSet]:
-    """Those on which one uncertainty is alone."""
-    singles = benchmark.singles
-    if singles is None:
+    """Return those on which one uncertainty is alone."""
+    if (singles := benchmark.singles) is None:
         return {}
-    return {
-        f"{SINGLE}{name}": CraneSet(
-            spread=singles.spread, draws=singles.draws, scenarios=(singles.scenario,), only=only
-        )
-        for name, only in singles.effects.items()
+    common: dict[str, Any] = {
+        "spread": singles.spread,
+        "draws": singles.draws,
+        "scenarios": (singles.scenario,),
     }
+    return {f"{SINGLE}{name}": CraneSet(only=only, **common) for name, only in singles.effects.items()}
 
 
-def pieces_of(
+def trials_of(
     benchmark: Benchmark,
     laws: Sequence[str],
     sets: Sequence[str] = (),
@@ -79,7 +82,7 @@ def pieces_of(
     *,
     division: Division = "published",
 ) -> list[Trial]:
-    """All pieces of `laws`, names of controllers; of `sets` and `scenarios` only, where any are named.
+    """All trials of `laws`, names of controllers; of `sets` and `scenarios` only, where any are named.
 
     By set, scenario and plant, so that what all laws have in common comes together.
     """
@@ -88,58 +91,54 @@ def pieces_of(
         for name in names:
             if name not in there:
                 raise unknown_name(f"{kind} of {benchmark.name}", name, there)
-    pieces = (piece for name in sets or known for piece in _pieces(benchmark, name, laws, division))
-    return [piece for piece in pieces if not scenarios or piece.scenario in scenarios]
-
-
-def _pieces(benchmark: Benchmark, name: str, laws: Sequence[str], division: Division) -> Iterator[Trial]:
-    cranes = sets_of(benchmark)[name]
-    judged = name in benchmark.sets
-    plants = (benchmark.plant, benchmark.second_plant) if judged else (benchmark.plant,)
-    scenarios = [each for each in benchmark.scenarios if not cranes.scenarios or each in cranes.scenarios]
-    for scenario, plant, law in product(scenarios, plants, laws):
-        if follows(law) in benchmark.scenarios[scenario].suits:
-            yield Trial(division, plant, name, scenario, law)
+    plants = (benchmark.plant, benchmark.second_plant)
+    return [
+        Trial(division, plant, name, scenario, law)
+        for name in sets or known
+        for (scenario, measured), plant, law in product(benchmark.scenarios.items(), plants, laws)
+        if scenario in (known[name].scenarios or benchmark.scenarios)
+        and scenario in (scenarios or benchmark.scenarios)
+        and (plant == benchmark.plant or name in benchmark.sets)
+        and follows(law) in measured.suits
+    ]
 
 
 def campaign_of(
     benchmark: Benchmark,
-    directory: Path,
-    piece: Trial,
+    trial: Trial,
     *,
     most: int | None = None,
     tuned: Callable[[str, float], Sequence[str]] = lambda _law, _length: (),
 ) -> Campaign:
-    """The campaign of `piece`, of `most` draws at most; `directory` is that of the benchmark's file.
+    """Return the campaign of `trial`, of `most` draws at most.
 
     `tuned` gives the settings of a law that was tuned, on a crane so many times as large as the laboratory's.
 
     Raises InputError as `stated_campaign`; values are not yet checked.
     """
-    cranes = sets_of(benchmark)[piece.crane_set]
+    cranes = sets_of(benchmark)[trial.crane_set]
     draws = cranes.draws if most is None else min(most, cranes.draws)
-    if piece.plant == benchmark.second_plant:
+    if trial.plant == benchmark.second_plant:
         draws = max(1, round(benchmark.second_share * draws))
     numbers: Sequence[str] = ()
-    if piece.division == "tuned":
-        numbers = tuned(piece.law, crane_length(benchmark, directory, piece.scenario))
-    return piece_campaign(
+    if trial.division == "tuned":
+        numbers = tuned(trial.law, crane_length(benchmark, trial.scenario))
+    return trial_campaign(
         benchmark,
-        directory,
-        piece.scenario,
-        piece.law,
-        plant=piece.plant,
+        trial.scenario,
+        trial.law,
+        plant=trial.plant,
         runs=draws,
         seed=benchmark.seed,
         spread=cranes.spread,
         numbers=numbers,
-        uncertain=_uncertain(benchmark, cranes, benchmark.scenarios[piece.scenario]),
+        uncertain=_uncertain(benchmark, cranes, benchmark.scenarios[trial.scenario]),
     )
 
 
-def crane_length(benchmark: Benchmark, directory: Path, scenario: str) -> float:
+def crane_length(benchmark: Benchmark, scenario: str) -> float:
     """How many times as large as the laboratory's the crane of `scenario` is; raises InputError."""
-    return size_of(read_scenario(scenario_place(benchmark.scenarios[scenario].file, directory)).rig)
+    return size_of(read_scenario(scenario_source(benchmark, scenario)).rig)
 
 
 def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: MeasuredScenario) -> dict[str, Any]:
@@ -160,9 +159,8 @@ def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: MeasuredScenari
     return alone
 
 
-def piece_campaign(
+def trial_campaign(
     benchmark: Benchmark,
-    directory: Path,
     scenario: str,
     law: str,
     *,
@@ -175,7 +173,7 @@ def piece_campaign(
     As `stated_campaign`: what decides which values there are is the same for all laws.
     """
     measured = benchmark.scenarios[scenario]
-    file = scenario_place(measured.file, directory)
+    file = scenario_source(benchmark, scenario)
     table = {
         "name": scenario,
         "scenario": file,
@@ -191,11 +189,12 @@ def piece_campaign(
     return stated_campaign(parse_campaign(table, benchmark.name))
 
 
-def scenario_place(file: str, directory: Path) -> str:
-    """A scenario by its name, or the path of its file seen from the benchmark's; raises InputError."""
+def scenario_source(benchmark: Benchmark, scenario: str) -> str:
+    """Return the name of a scenario of the benchmark, or the path of its file; raises InputError."""
+    file = benchmark.scenarios[scenario].file
     if not resources.is_path(file):
         return file
-    path = directory / file
+    path = benchmark.file.parent / file
     if not path.is_file():
         raise InputError(
             f"{path}, a scenario of the benchmark, is no file",
@@ -203,6 +202,25 @@ def scenario_place(file: str, directory: Path) -> str:
             remedy="correct the path",
         )
     return str(path)
+
+
+def rules_of(benchmark: Benchmark) -> str:
+    """Digest of all that decides a comparison but the laws and the seed.
+
+    These are the benchmark's file, its scenarios, their rigs, and the code of the metrics, without comments
+    and docstrings.
+    Raises InputError for a scenario that cannot be read.
+    """
+    scenarios = {}
+    for name in benchmark.scenarios:
+        scenario = read_scenario(scenario_source(benchmark, name))
+        given = scenario.model_dump(mode="json", exclude_unset=True, exclude={"title"})
+        scenarios[name] = [given, scenario.rig.model_dump(mode="json")]
+    table = benchmark.model_dump(mode="json", exclude={"laws", "seed", "title"})
+    text = json.dumps([table, scenarios], sort_keys=True)
+    for path in sorted(Path(inspect.getfile(cranectl.metrics)).parent.glob("*.py")):
+        text += syntax_of(path.read_bytes()).decode()
+    return hashlib.sha256(text.encode()).hexdigest()[:FINGERPRINT_DIGITS]
 
 
 def _flat(*tables: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,124 @@
+"""How laws of one division rank on a set of cranes, over all scenarios that suit laws of every kind."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cranectl.campaign.benchmark import scores
+from cranectl.campaign.benchmark.settings import Benchmark
+from cranectl.campaign.benchmark.table import VARIATION, BenchmarkTable, Runs
+from cranectl.campaign.benchmark.trials import Division, Trial
+from cranectl.campaign.summary import EFFORT
+from cranectl.support.arrays import Array
+from cranectl.support.consistency import check_ascending
+
+
+class Standing(NamedTuple):
+    """A law on one set of cranes and plant, over all scenarios that suit laws of every kind."""
+
+    law: str
+    runs: int
+    failures: int
+    settled: float  # share
+    unsettled: float  # share of the rest
+    effort: float  # median [m/s²] of all runs, failures worse than any: inf where half or more fail
+    variation: float  # median [m/s²] in a second, so too
+
+    @property
+    def failed(self) -> float:
+        """Share of the runs."""
+        return self.failures / self.runs
+
+
+def checked_standing(*fields: Any) -> Standing:
+    """Return a standing; raises InconsistentError for counts and shares that contradict each other."""
+    found = Standing(*fields)
+    check_ascending(("failures", found.failures), (f"runs of {found.law}", found.runs))
+    for name, share in (("settled", found.settled), ("unsettled", found.unsettled)):
+        check_ascending(("zero", 0.0), (f"the share that {name}", share), ("one", 1.0), rounding=1e-12)
+    return found
+
+
+class Judged(NamedTuple):
+    """The laws of one division, which are never compared with those of another."""
+
+    benchmark: Benchmark
+    table: BenchmarkTable
+    division: Division
+
+    def trial(self, crane_set: str, scenario: str, law: str, plant: str = "") -> Trial:
+        """Return one of the division, by default on the first plant."""
+        return Trial(self.division, plant or self.benchmark.plant, crane_set, scenario, law)
+
+    def runs(self, crane_set: str, scenario: str, law: str, plant: str = "") -> Runs | None:
+        """Return those of a trial; None where it has not been run."""
+        return self.table.trials.get(self.trial(crane_set, scenario, law, plant))
+
+    def shared_scenarios(self, crane_set: str) -> list[str]:
+        """Return the scenarios that suit laws of every kind and on which any has been run."""
+        place = (self.division, self.benchmark.plant, crane_set)
+        there = {trial.scenario for trial in self.table.trials if trial[:3] == place}
+        suited = self.benchmark.scenarios.items()
+        return [name for name, each in suited if len(each.suits) > 1 and name in there]
+
+    def ranking(self, crane_set: str) -> list[Standing]:
+        """Return the standing of every law that has been run there.
+
+        The fewest failures are first, then the least unsettled.
+        """
+        shared = self.shared_scenarios(crane_set)
+        durations = [float(self.table.about["durations"][scenario]) for scenario in shared]
+        found = []
+        for law in self.laws:
+            runs = [each for name in shared if (each := self.runs(crane_set, name, law)) is not None]
+            if shared and len(runs) == len(shared):
+                found.append(_standing(law, runs, durations))
+        return sorted(found, key=lambda each: (each.failed, each.unsettled))
+
+    def unfinished(self, crane_set: str) -> list[str]:
+        """Return the laws that have runs on a set, but not on all scenarios of its ranking."""
+        shown = {each.law for each in self.ranking(crane_set)}
+        place = (self.division, self.benchmark.plant, crane_set)
+        there = dict.fromkeys(trial.law for trial in self.table.trials if trial[:3] == place)
+        return [law for law in there if law not in shown]
+
+    @property
+    def laws(self) -> list[str]:
+        """Names of all laws that have been run, in any division."""
+        return list(dict.fromkeys(trial.law for trial in self.table.trials))
+
+    @property
+    def best_first(self) -> list[str]:
+        """All laws, in the order of the ranking on the set with the widest spread that has any."""
+        widest = sorted(self.benchmark.sets, key=lambda name: -self.benchmark.sets[name].spread)
+        found = next(filter(None, map(self.ranking, widest)), [])
+        return list(dict.fromkeys([*(each.law for each in found), *self.laws]))
+
+
+def _standing(law: str, runs: Sequence[Runs], durations: Sequence[float]) -> Standing:
+    timed = list(zip(runs, durations, strict=True))
+    failed = np.concatenate([r.failed for r in runs])
+    return checked_standing(
+        law,
+        failed.size,
+        int(failed.sum()),
+        float(np.mean([scores.settled_share(r.settling, r.failed) for r in runs])),
+        float(np.mean([scores.unsettled_share(r.settling, r.failed, rest_time(r, t)) for r, t in timed])),
+        scores.median_with_failures(np.concatenate([r.metrics[EFFORT] for r in runs]), failed),
+        scores.median_with_failures(np.concatenate([r.metrics[VARIATION] / t for r, t in timed]), failed),
+    )
+
+
+def points_of(found: Sequence[Standing]) -> Array:
+    """Return (laws, 3): unsettled share of the rest, effort, share of failures; the lower the better."""
+    return np.array([[s.unsettled, s.effort, s.failed] for s in found])
+
+
+def rest_time(runs: Runs, duration: float) -> float:
+    """Return how long the path rests at its end [s], in runs of `duration`.
+
+    It is all of the duration where no run came so far.
+    """
+    rest = runs.metrics["rest_s"]
+    return duration - (float(np.nanmin(rest)) if np.isfinite(rest).any() else 0.0)

@@ -1,0 +1,269 @@
+"""`cranectl benchmark`."""
+
+import functools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+from cranectl.cli import exit_codes
+from cranectl.cli.command import Command, CommandGroup, command_given, json_option, output_option
+from cranectl.cli.idle import idle_in_benchmark, idle_patience, tell_idle
+from cranectl.cli.laws import controllers_option, opened, patience_option, trust_option
+from cranectl.cli.output import Screen, progress, progress_bar
+from cranectl.support.errors import InputError
+from cranectl.support.files import HTML, PARQUET, exists
+from cranectl.support.resources import BENCHMARK_DIRECTORY
+
+if TYPE_CHECKING:
+    from cranectl.campaign.benchmark.settings import Benchmark
+    from cranectl.campaign.benchmark.trials import Division
+
+BAR = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+
+
+def measured_laws(
+    benchmark: "Benchmark", named: Sequence[str] = (), *, trust: bool = False
+) -> tuple[str, ...]:
+    """Return names of the laws `named`, as `benchmark` names them or as ever; by default of all its.
+
+    Files of laws are opened. Those that somebody else's benchmark names are, only by `trust`.
+    """
+    is_ours = benchmark.file.resolve().is_relative_to(BENCHMARK_DIRECTORY.resolve())
+    found = []
+    for law in named or benchmark.laws:
+        if law not in benchmark.laws:
+            found.append(opened(law))
+            continue
+        if {".", ":"} & set(law) and not trust and not is_ours:
+            raise InputError(
+                f"{benchmark.file} names the law {law}, and no file runs code by itself",
+                allowed="laws by name, and files named on the command line",
+                remedy="if you know what is in it, add --trust, or name it: --controller PATH",
+            )
+        found.append(opened(law, benchmark.file.parent))
+    return tuple(found)
+
+
+tuned_option = click.option(
+    "--tuned",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Where the numbers of tuned laws are. Default: tuned/ beside the benchmark.",
+)
+
+
+@click.command("run", cls=Command)
+@click.argument("benchmark", default="literature")
+@controllers_option(
+    "A law to measure, by name or file; repeatable. Default: all of the benchmark's.", opens=False
+)
+@click.option("--set-of-cranes", "sets", metavar="NAME", multiple=True, help="Only this set; repeatable.")
+@click.option("--scenario", "scenarios", metavar="NAME", multiple=True, help="Only this one; repeatable.")
+@click.option(
+    "--division",
+    type=click.Choice(["published", "tuned"]),
+    default="published",
+    show_default=True,
+    help="Laws with their defaults, or with what `cranectl tune` has found.",
+)
+@click.option(
+    "--draws",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="At most the first N cranes of each set. What was begun with another N is no part of it.",
+)
+@click.option(
+    "--workers", metavar="N", type=click.IntRange(min=1), help="Pieces at a time. Default: one for each core."
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of this Dask scheduler.")
+@click.option(
+    "--out",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Directory of the results. Default: logs/benchmark-NAME",
+)
+@tuned_option
+@click.option("--despite-differences", is_flag=True, help="Go on with what other sources or versions began.")
+@patience_option
+@trust_option("BENCHMARK")
+def run_benchmark(
+    benchmark: str,
+    controllers: tuple[str, ...],
+    sets: tuple[str, ...],
+    scenarios: tuple[str, ...],
+    division: "Division",
+    tuned: Path | None,
+    draws: int | None,
+    workers: int | None,
+    scheduler: str | None,
+    out: Path | None,
+    despite_differences: bool,
+    patience: float,
+    trust: bool,
+) -> int:
+    """Run what is missing of BENCHMARK, by default `literature`.
+
+    Each law on each scenario, set of cranes and plant is a result of its own below the directory: after a
+    kill or Ctrl-C the same command goes on. Crane k is the same for every law.
+
+    \b
+    cranectl benchmark run --controller my_law.py:LAW --controller lqr-integral --draws 20
+    cranectl benchmark run --set-of-cranes nominal --set-of-cranes lab-rig
+    cranectl benchmark run --out results/literature --scheduler tcp://host:8786
+
+    Exit codes: 0 all runs are there, failed ones included; 2 bad input; 3 a law could not be run at all.
+    """
+    from cranectl.campaign.benchmark.results import run_trials
+    from cranectl.campaign.benchmark.settings import read_benchmark
+    from cranectl.campaign.benchmark.trials import campaign_of, rules_of, trials_of
+    from cranectl.campaign.benchmark.tuned import tuned_settings
+    from cranectl.campaign.workers import batch_engine
+    from cranectl.cases.workers import available_cores
+
+    settings = read_benchmark(benchmark)
+    laws = measured_laws(settings, controllers, trust=trust)
+    trials = trials_of(settings, laws, sets, scenarios, division=division)
+    if not trials:
+        raise InputError(
+            f"none of the sets of cranes has a scenario of these that suits {', '.join(laws)}",
+            allowed="scenarios that suit a law, on sets that have them",
+            remedy="leave out --scenario or --set-of-cranes, or name others",
+        )
+    rules = rules_of(settings)
+    directory = out or Path("logs") / f"benchmark-{settings.name}"
+    screen = Screen()
+    idle = idle_in_benchmark(settings, [(each.scenario, each.plant, each.law) for each in trials])
+    idle += idle_patience(laws, patience, cluster=scheduler is not None)
+    if tuned is not None and division == "published":
+        idle.append("--tuned changes nothing here: laws run with their defaults, add --division tuned")
+    tell_idle(screen, idle)
+    numbers = functools.partial(
+        tuned_settings, tuned or settings.file.parent / "tuned", rules, benchmark=benchmark
+    )
+    campaign = functools.partial(campaign_of, settings, most=draws, tuned=numbers)
+    with batch_engine(scheduler, patience) as engine, progress(*BAR) as shown:
+        task = shown.add_task(settings.name, total=len(trials))
+        done = run_trials(
+            trials,
+            campaign,
+            directory,
+            engine,
+            workers=workers or available_cores(),
+            despite_differences=despite_differences,
+        )
+        not_run = []
+        for trial, reason, quarantined in done:
+            shown.advance(task)
+            for phrase in quarantined:
+                shown.console.print(f"{trial.place}: {phrase}")
+            if reason:
+                not_run.append(f"could not be run: {trial.law} on {trial.scenario}: {reason}")
+    for line in sorted(not_run):
+        screen.print(line)
+    screen.print(f"{len(trials)} pieces of {len(laws)} laws: {directory}")
+    return exit_codes.RUN_STOPPED if not_run else exit_codes.GOOD
+
+
+@click.command("report", cls=Command)
+@click.argument("result", type=click.Path(path_type=Path))
+@click.option("--benchmark", default="literature", show_default=True, help="Name or TOML file.")
+@controllers_option(
+    "Laws of the result, by name or file; repeatable. Default: all of the benchmark's.", opens=False
+)
+@click.option(
+    "--beside",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="A table that --table has written, of laws to stand beside these; or literature.parquet, that of "
+    "cranectl.",
+)
+@tuned_option
+@output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
+@output_option("--table", PARQUET, "All runs in one file.")
+@trust_option("BENCHMARK")
+@json_option
+def report_benchmark(
+    result: Path,
+    benchmark: str,
+    controllers: tuple[str, ...],
+    beside: Path | None,
+    tuned: Path | None,
+    out: Path | None,
+    table: Path | None,
+    trust: bool,
+    screen: Screen,
+) -> None:
+    """Say how the laws of RESULT stand, here and on an HTML page.
+
+    RESULT is a directory that `benchmark run` has written, whose pieces that are not whole are left out, or a
+    table that --table has written; literature.parquet comes with cranectl. Laws as published and tuned ones
+    are kept apart.
+
+    \b
+    cranectl benchmark report logs/benchmark-literature
+    cranectl benchmark report literature.parquet
+    cranectl benchmark report mine --controller my_law.py:LAW --beside literature.parquet
+    """
+    from cranectl.campaign.benchmark.results import begun_trials, collected
+    from cranectl.campaign.benchmark.settings import read_benchmark
+    from cranectl.campaign.benchmark.table import check_comparable, joined, of_laws, read_table, write_table
+    from cranectl.campaign.benchmark.trials import rules_of
+    from cranectl.report.benchmark.page import benchmark_page, judged_divisions
+    from cranectl.report.benchmark.sets import TITLES, ranking_table
+    from cranectl.report.page import write_page
+
+    settings = read_benchmark(benchmark)
+    rules, there = rules_of(settings), _table_place(result)
+    if there.is_file():
+        found = read_table(there)
+        check_comparable(found, {"rules": rules, "seed": settings.seed})
+        found = of_laws(found, tuple(map(opened, controllers))) if controllers else found
+    else:
+        laws = measured_laws(settings, controllers, trust=trust)
+        begun = begun_trials(settings, result, laws)
+        with progress_bar(len(begun), settings.name, unit="pieces", done="read") as advance:
+            found = collected(
+                settings,
+                rules,
+                result,
+                begun=begun,
+                tuned=tuned or settings.file.parent / "tuned",
+                advance=advance,
+            )
+    if beside is not None:
+        found = joined([found, read_table(_table_place(beside))])
+    place = result.with_suffix("") if there.is_file() else result
+    page = out or Path(f"{place}.html" if place.name else f"{place.absolute().name}.html")
+    results = None if beside or there.is_file() else result
+    write_page(benchmark_page(settings, found, command_given(), results), page)
+    if table is not None:
+        write_table(table, found)
+    told: dict[str, dict[str, list[dict[str, object]]]] = {}
+    for judged in judged_divisions(settings, found):
+        told[judged.division] = {}
+        for name in settings.sets:
+            standings = judged.ranking(name)
+            told[judged.division][name] = [each._asdict() for each in standings]
+            if standings:
+                title = f"{TITLES[judged.division]}, {name}, on {settings.plant}"
+                screen.print(ranking_table(judged, standings, title))
+    screen.print(f"report: {page}")
+    screen.write_json({"benchmark": settings.name, **found.about, "divisions": told})
+
+
+def _table_place(path: Path) -> Path:
+    """Return where a table is: at its path, or else among those that come with cranectl, by its name."""
+    shipped = BENCHMARK_DIRECTORY / path.with_suffix(".parquet").name
+    is_name = not exists(path) and path.name == str(path)
+    return shipped if is_name and shipped.is_file() else path
+
+
+HELP = """Measure laws on the same cranes, by rules that favour none.
+
+A benchmark is a TOML file: laws, scenarios, sets of cranes, plants. Each law on each of them is a campaign.
+"""
+
+benchmark_command = CommandGroup("benchmark", [run_benchmark, report_benchmark], help=HELP)

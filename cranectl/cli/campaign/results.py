@@ -1,0 +1,139 @@
+"""`cranectl campaign report` and `cranectl campaign replay`, which read a result."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cranectl.cli import exit_codes
+from cranectl.cli.command import Command, command_given, json_option, output_option, plants_option
+from cranectl.cli.laws import controllers_option
+from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
+from cranectl.support.files import HTML
+
+if TYPE_CHECKING:
+    from cranectl.campaign.results import Results
+
+
+@click.command("report", cls=Command)
+@click.argument("result", type=click.Path(path_type=Path))
+@output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
+@click.option("--unfinished", is_flag=True, help="Take what there is of a result that was cut short.")
+@json_option
+def report_campaign(result: Path, out: Path | None, unfinished: bool, screen: Screen) -> None:
+    """Say how the runs of RESULT went, here and on an HTML page.
+
+    RESULT is a directory that `campaign run` has written. The page shows failures, distributions, controllers
+    and plants side by side on the same samples, what decides how a run goes, and how to replay its worst.
+
+    \b
+    cranectl campaign report logs/campaign-lab-rig
+    cranectl campaign report logs/campaign-lab-rig --out lab-rig.html --json lab-rig.json
+    cranectl campaign report logs/campaign-lab-rig --unfinished --json -
+    """
+    from cranectl.campaign.evaluation import analyse, analysis_json
+    from cranectl.campaign.results import read_results
+    from cranectl.report.campaign.page import campaign_page
+    from cranectl.report.page import write_page
+    from cranectl.support.files import check_place
+
+    page = out or Path(f"{result}.html" if result.name else f"{result.absolute().name}.html")
+    results = read_results(result, unfinished=unfinished)
+    check_place(page, HTML, option="--out")
+    analysis = analyse(results)
+    write_page(campaign_page(analysis, command_given()), page)
+    show_result(results, screen, analysis_json(analysis))
+    screen.print(f"report: {page}")
+
+
+def show_result(results: "Results", screen: Screen, more: dict[str, Any] | None = None) -> None:
+    """Print the summary of a result and write it as JSON, with what is `more`, where asked for."""
+    from cranectl.campaign.summary import makers, software_notes, summarize
+    from cranectl.report.campaign.tables import failure_notes, summary_table
+
+    groups = summarize(results)
+    settings = results.campaign.settings
+    for plant in settings.plants:
+        of_plant = [group for group in groups if group.plant == plant]
+        screen.print(summary_table(of_plant, f"{settings.name} on {plant}, {settings.drive} drives"))
+        for note in failure_notes(of_plant):
+            screen.print(f"  {note}")
+    for note in software_notes(results):
+        screen.print(note)
+    screen.print(f"result: {results.directory}")
+    summary = {
+        "campaign": settings.name,
+        "result": str(results.directory),
+        "finished": not results.missing,
+        "runs": len(results),
+        "missing": results.missing_runs,
+        "limits": settings.limits.given,
+        "software": [asdict(maker) for maker in makers(results)],
+        "groups": [asdict(group) for group in groups],
+    }
+    screen.write_json(summary | (more or {}))
+
+
+@click.command("replay", cls=Command)
+@click.argument("result", type=click.Path(path_type=Path))
+@click.option("--worst", metavar="N", type=click.IntRange(min=1), help="The N worst runs. Default: 3.")
+@click.option(
+    "--by", "metric", metavar="METRIC", default="max_error_m", show_default=True, help="What is worst."
+)
+@click.option("--run", "samples", metavar="INDEX", type=int, multiple=True, help="This sample; repeatable.")
+@controllers_option("Only runs with these controllers; one that is a law of a file by its file.")
+@plants_option("Only runs on these plants.")
+@click.option(
+    "--every", type=click.IntRange(1, 1_000_000_000), metavar="N", help="Log every N-th control sample."
+)
+@click.option(
+    "--out",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Directory for the logs. Default: 'replays' in RESULT.",
+)
+@json_option
+def replay_campaign(
+    result: Path,
+    worst: int | None,
+    metric: str,
+    samples: tuple[int, ...],
+    controllers: tuple[str, ...],
+    plants: tuple[str, ...],
+    every: int | None,
+    out: Path | None,
+    screen: Screen,
+) -> int:
+    """Run some of RESULT's runs again and log each in full.
+
+    Every figure must be the same as in the result, to the last bit; exit code 1 if one is not. Where other
+    sources or versions made the run than are installed, they are named.
+    A result that was cut short can be replayed as far as it goes.
+
+    \b
+    cranectl campaign replay logs/campaign-lab-rig
+    cranectl campaign replay logs/campaign-lab-rig --worst 1 --by residual_sway_rad --controller lqr
+    cranectl campaign replay logs/campaign-lab-rig --run 17 --run 230
+    """
+    from cranectl.campaign.replay import chosen_rows, replay_run
+    from cranectl.campaign.results import REPLAYS, read_results
+
+    if samples and worst is not None:
+        raise click.UsageError("--run and --worst exclude each other")
+    results = read_results(result, unfinished=True)
+    rows = chosen_rows(
+        results, samples=samples, worst=worst or 3, metric=metric, plants=plants, controllers=controllers
+    )
+    replays = []
+    with progress_bar(results.campaign.nominal.duration * len(rows)) as advance:
+        for row in rows:
+            advance(0.0, f"run {results.row(row)['sample']}")
+            replays.append(replay_run(results, row, out or result / REPLAYS, every=every, progress=advance))
+    for replay in replays:
+        screen.print(f"{replay.log}:", PASSED if replay.same else FAILED, replay.text)
+        software = (f"made by other software: {each}" for each in replay.software_differences)
+        for line in (*replay.differences, *software):
+            screen.print(f"  {line}")
+    screen.write_json({"replays": [replay.to_json() for replay in replays]})
+    return exit_codes.GOOD if all(replay.same for replay in replays) else exit_codes.LIMIT_EXCEEDED
