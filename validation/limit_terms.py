@@ -8,7 +8,7 @@ import numpy as np
 
 LIMITED = {
     "cranectl.planning.limits": """
-        limits_of share_of motion quantities excesses room clear_of _symmetric
+        limits_of share_of motion constraints excesses clearance clear_of _symmetric
     """,
     "cranectl.reference.series": """
         from_derivatives differentiated shifted plus times over root square_root turned _dot
@@ -16,10 +16,10 @@ LIMITED = {
 }
 INDEX = "next index"
 # What they are given is a term.
-_RECORDS = ("Limits", "Motion", "Quantity", "_symmetric")
+_RECORDS = ("Limits", "Motion", "Constraint", "_symmetric")
 # No terms: types, records, words, places, choices between limits; 1 % more than infinite is infinite.
 _NOT_A_TERM = (
-    "list[", "Sequence[", "Limits(", "Motion(", "Quantity(", "_symmetric(", "tuple((Box", "side[", "0 if ",
+    "list[", "Sequence[", "Limits(", "Motion(", "Constraint(", "_symmetric(", "tuple((Box", "side[", "0 if ",
     "effects.sensing or", "scenario.rig", "scenario.effects", "{", "-np.inf",
 )  # fmt: skip
 _NO_NUMBERS = ("each", "found", "name", "quotient", "planning", "rig", "scenario.planning")

@@ -18,7 +18,7 @@ import numpy as np
 from cranectl.cli.output import Screen
 from cranectl.metrics.clearance import clearance
 from cranectl.planning import load_scenario, planned
-from cranectl.planning.limits import limits_of, motion, quantities
+from cranectl.planning.limits import constraints, limits_of, motion
 from cranectl.planning.plan import planned_move
 from cranectl.planning.problem import ORDERS
 from cranectl.reference import end_point, time_law
@@ -113,7 +113,7 @@ def excesses(plan: Scenario, samples: int = SAMPLES) -> dict[str, float]:
     moved = motion(jets(plan, samples), limits.gravity)
     found = {
         each.name: float(np.maximum(each.series[0] - each.high, each.low - each.series[0]).max() / each.scale)
-        for each in quantities(moved, limits)
+        for each in constraints(moved, limits)
     }
     load = np.stack([series[0] for series in moved.load], axis=1)
     trolley = np.stack([moved.axes[0][0], moved.axes[1][0], np.zeros(len(load))], axis=1)

@@ -38,8 +38,7 @@ def plan_command(asked: Asked, plot: Path | None, bound: bool, screen: Screen) -
     cranectl plan fast-diagonal-shortest --set planning.share=0.8 --json -
     """
     from cranectl.planning import planned
-    from cranectl.planning.finer import least_durations
-    from cranectl.planning.review import reviews
+    from cranectl.planning.review import least_durations, reviews
     from cranectl.report.plan import plan_json, plan_tables
     from cranectl.scenario import scenario_file
     from cranectl.scenario.effects import EFFECTS
@@ -65,5 +64,5 @@ def plan_command(asked: Asked, plot: Path | None, bound: bool, screen: Screen) -
         save_figure(plan_figure(found, ready), plot)
         screen.print(f"picture: {plot}")
     screen.write_json(plan_json(ready, found, least))
-    holds = all(review.proof.holds for review in found)
-    return exit_codes.GOOD if holds else exit_codes.LIMIT_EXCEEDED
+    proven = all(review.proof.is_valid for review in found)
+    return exit_codes.GOOD if proven else exit_codes.LIMIT_EXCEEDED

@@ -7,7 +7,7 @@ import numpy as np
 
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.reference import HoldPath, build_trajectory
-from cranectl.reference.paths import SplinePath
+from cranectl.reference.trajectory import SplinePath
 from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
 from cranectl.scenario.drawn_size import drawn_load_radius
 from cranectl.signals import COMMAND_COLUMN

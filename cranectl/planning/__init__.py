@@ -22,6 +22,6 @@ def planned(scenario: Scenario, directory: Path = Path()) -> Scenario:
     """
     if scenario.reference.planned:
         return scenario
-    from cranectl.planning.segments import with_planned_segments  # most scenarios need no planner
+    from cranectl.planning.plan import with_planned_segments  # most scenarios need no planner
 
     return with_planned_segments(scenario, directory)

@@ -1,4 +1,4 @@
-"""Choose how much of its neighbours the blend of a corner takes, `reference.given_path`.
+"""Choose how much of its neighbours the blend of a corner takes, `reference.geometry`.
 
 At equal lengths path and blend are at most `blend` apart, by enclosures: no point of the one is further than
 that from the other.
@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cranectl.planning.intervals import Interval
-from cranectl.reference.given_path import Part, blend, derivatives_at, parts_of
+from cranectl.planning.arithmetic import Interval
+from cranectl.reference.geometry import LineOrArc, blend, derivatives_at, parts_of
 from cranectl.reference.series import Number, Series
 from cranectl.scenario import Segment
 from cranectl.scenario.along_path import MINIMUM_TIME, Arc, BlendedPath, Line
@@ -23,14 +23,9 @@ SQUARES_ROUNDING = 1e-12  # of squares, their sum and its root
 STRAIGHT_BACK = np.deg2rad(170.0)  # a turn from which on a corner cannot be blended
 
 
-def deviation(before: Part, after: Part, taken: float) -> float:
-    """What blend and path are apart at equal lengths [m], at most: by enclosures."""
-    return _apart(before, after, taken, proven=True)
-
-
-def _apart(before: Part, after: Part, taken: float, *, proven: bool) -> float:
-    """The same, or at samples."""
-    bend = blend(before, after, taken)
+def deviation(before: LineOrArc, after: LineOrArc, taken: float, *, enclosed: bool = True) -> float:
+    """Return how far blend and path are apart at equal lengths [m]: a bound by enclosures, or at samples."""
+    smooth = blend(before, after, taken)
     edges = np.linspace(0.0, 0.5, STRETCHES + 1)
     middle, reach = 0.5 * (edges[:-1] + edges[1:]), Interval(-edges[1:2], edges[1:2]) * 0.51
     found = 0.0
@@ -39,25 +34,25 @@ def _apart(before: Part, after: Part, taken: float, *, proven: bool) -> float:
 
         def between(u: Number, one: Number) -> list[Series]:
             along = [(u - begin) * scale + offset, one * scale]  # noqa: B023
-            both = zip(bend([[u, one]]), part([along]), strict=True)  # noqa: B023
+            both = zip(smooth([[u, one]]), part([along]), strict=True)  # noqa: B023
             return [[a - b for a, b in zip(x, y, strict=True)] for x, y in both]
 
         at, one = middle + begin, np.ones(STRETCHES)
-        if not proven:
-            squares = sum(axis[0] ** 2 for axis in between(at, one))
-        else:
+        if enclosed:
             there, ones = Interval(at, at), Interval(one, one)
             whole = between(there + reach, ones)
             values = [a[0] + b[1] * reach for a, b in zip(between(there, ones), whole, strict=True)]
             squares = sum(np.maximum(np.abs(each.low), np.abs(each.high)) ** 2 for each in values)
+        else:
+            squares = sum(axis[0] ** 2 for axis in between(at, one))
         found = max(found, float(np.sqrt(squares.max())))
     return found * (1.0 + SQUARES_ROUNDING)
 
 
-def check_corner(before: Part, after: Part, where: str) -> None:
+def check_corner(before: LineOrArc, after: LineOrArc, where: str) -> None:
     """Raise InputError for a corner that leads back the way that it came."""
-    ways = [derivatives_at(before, 1.0)[1], derivatives_at(after, 0.0)[1]]
-    turn = float(np.arctan2(np.linalg.norm(np.cross(*ways)), np.dot(*ways)))
+    directions = derivatives_at(before, 1.0)[1], derivatives_at(after, 0.0)[1]
+    turn = float(np.arctan2(np.linalg.norm(np.cross(*directions)), np.dot(*directions)))
     if turn > STRAIGHT_BACK:
         raise InputError(
             f"{where} turns back by {np.rad2deg(turn):.4g} degrees, and is to be blended",
@@ -66,15 +61,18 @@ def check_corner(before: Part, after: Part, where: str) -> None:
         )
 
 
-def longest(before: Part, after: Part, tolerance: float) -> float:
-    """What a blend may take of both parts [m]: what samples allow, then so much less that enclosures do."""
+def longest(before: LineOrArc, after: LineOrArc, tolerance: float) -> float:
+    """Return what a blend may take of both parts [m]: as samples allow, then less until enclosures do."""
+
+    def is_near(taken: float) -> bool:
+        return deviation(before, after, taken, enclosed=False) < SPARE * tolerance
+
     low, high = 0.0, 0.5 * min(before.length, after.length)
-    if _apart(before, after, high, proven=False) < SPARE * tolerance:
+    if is_near(high):
         low = high
     while high - low > PRECISION * high:
         middle = 0.5 * (low + high)
-        near = _apart(before, after, middle, proven=False) < SPARE * tolerance
-        low, high = (middle, high) if near else (low, middle)
+        low, high = (middle, high) if is_near(middle) else (low, middle)
     while deviation(before, after, low) > tolerance:
         low *= SPARE
     return low
@@ -94,7 +92,7 @@ def check_follower(segment: Segment | None, where: str) -> None:
 
 
 def path_with_blends(segments: Sequence[Line | Arc], start: Array, where: str) -> BlendedPath:
-    """Segments joined by blends that are as long as their tolerances allow; raises InputError."""
+    """Join segments by blends that are as long as their tolerances allow; raises InputError."""
     parts = parts_of(segments, start, where)
     taken = []
     for index, (before, after, segment) in enumerate(zip(parts, parts[1:], segments, strict=False)):

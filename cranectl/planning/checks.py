@@ -5,13 +5,13 @@ from typing import NoReturn
 
 import numpy as np
 
-from cranectl.planning.limits import AXES, Limits, Quantity, motion, quantities, room
+from cranectl.planning.limits import AXES, Constraint, Limits, clearance, constraints, motion
 from cranectl.planning.proof import PROOF_MARGIN
-from cranectl.planning.shortest import MAX_TRIED_DURATION
 from cranectl.scenario.quantities import MAX_DURATION
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
+MAX_TRIED_DURATION = 1e4  # [s]: what is longer than a run may be can still be made faster
 REMEDIES = {
     "load": "move the point, or widen planning.load_box or lessen planning.clearance",
     "bridge": "move the point, or change rig.bridge_range",
@@ -34,12 +34,12 @@ def check_point(point: Array, limits: Limits, what: str) -> None:
     """Raise InputError where the load cannot hang at rest at `point` (x, y, z) [m]."""
     place = ", ".join(f"{value:g}" for value in point)
     still = motion([[np.array([value]), *[np.zeros(1)] * 5] for value in point], limits.gravity)
-    for each in quantities(still, limits):
+    for each in constraints(still, limits):
         value = float(each.series[0][0])
         if value > each.high + PROOF_MARGIN or value < each.low - PROOF_MARGIN:
             _cannot_hang(each, value, limits, f"{what}, ({place}),")
     for box in limits.obstacles:
-        most = float(room(still, box, limits.radius).max())
+        most = float(clearance(still, box, limits.radius).max())
         if most < -PROOF_MARGIN:
             raise InputError(
                 f"{what}, ({place}), is in the obstacle '{box.name}', or nearer to it than the load's radius "
@@ -50,7 +50,7 @@ def check_point(point: Array, limits: Limits, what: str) -> None:
             )
 
 
-def _cannot_hang(each: Quantity, value: float, limits: Limits, what: str) -> NoReturn:
+def _cannot_hang(each: Constraint, value: float, limits: Limits, what: str) -> NoReturn:
     subject = each.name.split()[0]
     if each.name.endswith("force"):
         raise InputError(
@@ -123,11 +123,13 @@ def too_long(duration: float, name: str, limits: Limits, takes: str) -> InputErr
     )
 
 
-def no_motion(found: dict[str, float], limits: Limits, what: str) -> InputError:
-    """Return the error for a path on which limits are broken however slowly it is driven.
+def check_excesses(found: dict[str, float], limits: Limits, what: str) -> None:
+    """Raise InputError for a path on which limits are broken however slowly it is driven.
 
-    `found`: by how much, in parts of each limit.
+    `found`: by how much, in parts of each limit; empty where none is.
     """
+    if not found:
+        return
     worst = max(found, key=lambda name: found[name])
     away = found[worst] * limits.size
     if worst in {box.key for box in limits.obstacles}:
@@ -136,7 +138,7 @@ def no_motion(found: dict[str, float], limits: Limits, what: str) -> InputError:
         told = f"{worst} is beyond its range by {away:.3g} m"
     else:
         told = f"{worst} is exceeded by {found[worst]:.3g} of it"
-    return InputError(
+    raise InputError(
         f"{what} cannot be driven however slowly: {told}",
         allowed="a path along which the load can hang at rest everywhere",
         remedy="take kind = 'move', which finds a way, or another path",

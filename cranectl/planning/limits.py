@@ -1,4 +1,4 @@
-"""What a motion is limited by, and the quantities that the limits hold, as functions of the load's motion.
+"""What a motion is limited by, and the constraints that they make, as functions of the load's motion.
 
 With the rope's slopes p = (p_x, p_y), horizontal over vertical, and its drop h = -z_3 (`model.flatness`)
 
@@ -13,14 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.reference.series import (
-    Series,
-    differentiated,
-    over,
-    plus,
-    root,
-    times,
-)
+from cranectl.reference.series import Series, differentiated, over, plus, root, times
 from cranectl.scenario import Scenario, Segment
 from cranectl.scenario.drawn_size import drawn_load_radius
 from cranectl.support.arrays import Array
@@ -40,7 +33,7 @@ class Box(NamedTuple):
 
     @property
     def key(self) -> str:
-        """Among the names of limited quantities."""
+        """Return its name among those of the constraints."""
         return f"obstacle '{self.name}'"
 
 
@@ -105,7 +98,7 @@ def share_of(scenario: Scenario) -> float:
     return scenario.planning.share or (SHARE_WITH_SENSING if rough else SHARE)
 
 
-class Quantity(NamedTuple):
+class Constraint(NamedTuple):
     """Something that must lie between two bounds."""
 
     name: str
@@ -140,18 +133,18 @@ def motion(load: list[Series], gravity: float) -> Motion:
     return Motion(load, [p_x, p_y], [bridge, trolley, times(secant, drop)], [x, y, lift], secant)
 
 
-def quantities(moved: Motion, limits: Limits) -> list[Quantity]:
+def constraints(moved: Motion, limits: Limits) -> list[Constraint]:
     """All that is limited but the obstacles; infinite limits are left out."""
     found = [
-        Quantity(f"load {axis}", series, low, high, limits.size)
+        Constraint(f"load {axis}", series, low, high, limits.size)
         for axis, series, (low, high) in zip("xyz", moved.load, limits.load.tolist(), strict=True)
     ]
     lean2 = plus(times(moved.slopes[0], moved.slopes[0]), times(moved.slopes[1], moved.slopes[1]))
-    found.append(Quantity("lean of the rope", lean2, -np.inf, limits.lean**2, limits.lean**2))
+    found.append(Constraint("lean of the rope", lean2, -np.inf, limits.lean**2, limits.lean**2))
     bridge_mass, trolley_mass, winch_mass, mass = limits.masses.tolist()
     tension = [c * mass for c in times(moved.secant, moved.acceleration[2])]
     weight = mass * limits.gravity
-    found.append(Quantity("tension of the rope", tension, *limits.tension, weight))
+    found.append(Constraint("tension of the rope", tension, *limits.tension, weight))
     rates = [differentiated(axis, 2) for axis in moved.axes]
     forces = [
         plus([c * bridge_mass for c in rates[0]], [c * mass for c in moved.acceleration[0]]),
@@ -162,7 +155,7 @@ def quantities(moved: Motion, limits: Limits) -> list[Quantity]:
         series, rate = moved.axes[i], rates[i]
         setpoint = plus(differentiated(series, 1), [c * float(limits.lag[i]) for c in rate])
         found += [
-            Quantity(axis, series, low, high, limits.size),
+            Constraint(axis, series, low, high, limits.size),
             _symmetric(f"{axis} set-point", setpoint, limits.velocity[i]),
             _symmetric(f"{axis} set-point's rate", differentiated(setpoint, 1), limits.acceleration[i]),
             _symmetric(f"{axis} force", forces[i], limits.force[i]),
@@ -175,14 +168,14 @@ def excesses(moved: Motion, limits: Limits) -> dict[str, Array]:
     """Over each limit at each point (N,), in parts of it; below zero: what is left. Of floats."""
     found = {
         each.name: np.maximum(each.series[0] - each.high, each.low - each.series[0]) / each.scale
-        for each in quantities(moved, limits)
+        for each in constraints(moved, limits)
     }
     for box in limits.obstacles:
-        found[box.key] = -np.max(room(moved, box, limits.radius), axis=0) / limits.size
+        found[box.key] = -np.max(clearance(moved, box, limits.radius), axis=0) / limits.size
     return found
 
 
-def room(moved: Motion, box: Box, radius: float) -> Array:
+def clearance(moved: Motion, box: Box, radius: float) -> Array:
     """On each of SIDES of a box at each point, (5, N) [m]; below zero: not clear of it. Of floats."""
     return np.array(
         [np.min([distance[0] for distance in clear_of(moved, box, radius, side)], axis=0) for side in SIDES]
@@ -212,5 +205,5 @@ def clear_of(moved: Motion, box: Box, radius: float, side: str) -> list[Series]:
     return [[position[0] - (face + radius), *position[1:]], [passing[0] - face, *passing[1:]]]
 
 
-def _symmetric(name: str, series: Series, bound: float) -> Quantity:
-    return Quantity(name, series, -float(bound), float(bound), float(bound))
+def _symmetric(name: str, series: Series, bound: float) -> Constraint:
+    return Constraint(name, series, -float(bound), float(bound), float(bound))

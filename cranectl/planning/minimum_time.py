@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.planning.limits import Box, Limits, excesses, motion
-from cranectl.planning.problem import LEG_SAMPLES, Leg, Problem, ToLoad, series_along
-from cranectl.planning.programs import PRICES, Solution, solve
+from cranectl.planning.limits import Limits, excesses, motion
+from cranectl.planning.problem import DENSITY, PASSAGE_SAMPLES, Problem, Task, ToLoad, series_along
+from cranectl.planning.programs import PENALTIES, Solution, solve
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
+from cranectl.planning.route import GUESS
 from cranectl.planning.shortest import SLOWLY, bisected
 from cranectl.reference.geometry import Geometry
 from cranectl.reference.series import Series, plus, shifted
@@ -20,11 +21,9 @@ from cranectl.reference.time_laws import PLANNED_DEGREE, Law, time_law
 from cranectl.support.arrays import Array
 
 SPANS, SPANS_ALONG = 24, 40  # of free motions, of motions along a given path
-DENSITY_IN_BLENDS = 16  # the same, for paths with blends: in those much happens in a span
-GUESS = 401  # points of a first guess
-DENSITY = 8  # samples a span at first
+DENSITY_IN_BLENDS = 16  # samples a span at first, for paths with blends: in those much happens in a span
 FINE = 40  # samples a span by which a solution is looked at before it is proven
-TIGHTER = 0.004  # by which limits are tightened for the solver: what lies between samples
+LIMIT_TIGHTENING = 0.004  # part of limits that the solver may not use: what lies between samples
 SMOOTHING_WEIGHTS = (1.0, 10.0, 100.0)  # of fifth differences of a guess's coefficients; one is taken
 VIA_POINT_WEIGHT = 1e3  # weight of its distances from via points
 ALLOWED_EXCESS = 0.02  # of a guess over its excess at rest, as a share of the limit
@@ -44,7 +43,7 @@ class Placed:
     directions: Array
 
     def __call__(self, coordinates: list[Series]) -> list[Series]:
-        """The load's motion from that of the coordinates."""
+        """Return the load's motion from that of the coordinates."""
         load = []
         for origin, factors in zip(self.start.tolist(), self.directions.T.tolist(), strict=True):
             series = [c * factors[0] for c in coordinates[0]]
@@ -55,7 +54,7 @@ class Placed:
         return load
 
     def points(self, coordinates: Array) -> Array:
-        """Places (N, 3) [m] of coordinates (N, d); where they end exact."""
+        """Return places (N, 3) [m] of coordinates (N, d), exact where they end."""
         places = self.start + coordinates @ self.directions
         places[(coordinates == coordinates[-1]).all(axis=1)] = self.end
         return places
@@ -67,37 +66,20 @@ class ShortestMotion(NamedTuple):
     duration: float  # [s]
     coefficients: Array  # (spans + degree, d); of a free motion in space, d = 3
     proof: Proof
-    steps: int  # of the solver, in all rounds
-    rounds: int
-
-
-@dataclass(frozen=True)
-class Task:
-    """From rest at `start` to rest at `end`, in coordinates (d,) that give the load's place."""
-
-    start: Array
-    end: Array
-    to_load: ToLoad
-    limits: Limits
-    guess: Array  # (G, d) of the coordinates at equal parts of the duration
-    duration: float  # by the law of degree 9, with stops where it needs them [s]
-    spans: int
-    forwards: bool = False
-    density: int = DENSITY  # samples a span at first
-    via: tuple[Array, ...] = ()  # coordinates (d,) to be passed
-    legs: tuple[Leg, ...] = ()
-    instants: tuple[float, ...] = ()  # of the guess: when via points are passed, and sides change
 
 
 def along_path(geometry: Geometry, limits: Limits, duration: float) -> Task:
-    """Along a given path; `duration` is that of the law of degree 9."""
+    """Return the task of a motion along a given path; `duration` is that of the law of degree 9."""
     guess = time_law("degree-9", np.linspace(0.0, 1.0, GUESS))[0][:, None]
     ends = np.zeros(1), np.ones(1)
     return Task(*ends, geometry, limits, guess, duration, SPANS_ALONG, forwards=True)
 
 
 def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law, float, float]]) -> Task:
-    """Along parts that go over into each other; `stopping`: law, duration [s], length [m] of each alone."""
+    """Return the task of a motion along parts that go over into each other.
+
+    `stopping`: law, duration [s], length [m] of each part alone.
+    """
     durations, lengths = (np.array([each[k] for each in stopping]) for k in (1, 2))
     begins = np.cumsum(durations) - durations
     at = np.linspace(0.0, durations.sum(), GUESS)
@@ -111,58 +93,49 @@ def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law
 
 
 def minimum_time(task: Task, solver: Solver = solve) -> ShortestMotion | None:
-    """The least time that is found and proven; None if nothing is, from the guess or from a slower one."""
-    return _minimum_time(task, solver) or _minimum_time(task, solver, RETRY_SLOWDOWN, PRICES[-1])
+    """Find and prove the motion of least time; None if none is found, from the guess or a slower one."""
+    return _minimum_time(task, solver) or _minimum_time(task, solver, RETRY_SLOWDOWN, PENALTIES[-1])
 
 
 def _minimum_time(
-    task: Task, solver: Solver, slower: float = 1.0, price: float = PRICES[0]
+    task: Task, solver: Solver, slowdown: float = 1.0, penalty: float = PENALTIES[0]
 ) -> ShortestMotion | None:
     fractions = np.linspace(0.0, 1.0, task.spans * task.density + 1)
-    inside = _inside(task)
-    problem = _problem(inside, fractions)
-    begun, coefficients = _guess(inside, problem)
-    x = problem.unknowns(coefficients, slower * begun, task.instants)
+    inside, beside = _inside(task), PASSAGE_SAMPLES
+    problem = Problem(inside, fractions)
+    begun, coefficients = _guess(problem)
+    x = problem.unknowns(coefficients, slowdown * begun)
     size = 0.3 * float(np.abs(task.guess - task.start).max())
     sizes = np.concatenate([np.full(problem.width, size), [0.5 * begun], np.full(len(task.instants), 0.3)])
-    steps, beside = 0, LEG_SAMPLES
     obstacles = {box.key for box in task.limits.obstacles}
-    for round_ in range(1, MAX_REFINEMENTS + 1):
-        solution = solver(problem, x, sizes, price)
-        x, price, steps = solution.x, solution.price, steps + solution.steps
-        if not solution.solved:
+    for _ in range(MAX_REFINEMENTS):
+        x, solved, penalty = solver(problem, x, sizes, penalty)
+        if not solved:
             return None
         duration, coefficients = problem.duration(x), problem.coefficients(x)
-        broken, obstructed = _broken(task, duration, coefficients)
-        if not len(broken):
+        over = _excesses(task, duration, coefficients, FINE)
+        violated = {name for name, excess in over.items() if (excess > PROOF_MARGIN).any()}
+        worst = np.max(list(over.values()), axis=0)
+        broken = np.linspace(0.0, 1.0, task.spans * FINE + 1)[worst > PROOF_MARGIN]
+        if not violated:
             to_load: ToLoad | None = task.to_load
             if isinstance(task.to_load, Placed):  # what is proven is what is given
                 coefficients, to_load = task.to_load.points(coefficients), None
             breaks = np.linspace(0.0, duration, task.spans + 1)
             proof = prove(breaks, coefficients, PLANNED_DEGREE, task.limits, to_load)
-            if proof.holds:
-                return ShortestMotion(duration, coefficients, proof, steps, round_)
-            broken = np.array([0.5 * (each.start + each.end) / duration for each in proof.broken])
-            obstructed = any(each.name in obstacles for each in proof.broken)
+            if proof.is_valid:
+                return ShortestMotion(duration, coefficients, proof)
+            violated = {each.name for each in proof.violations}
+            broken = np.array([0.5 * (each.start + each.end) / duration for each in proof.violations])
         beside_them = (broken[:, None] + NEARBY / (task.spans * FINE)).ravel()
         fractions = np.unique(np.clip(np.concatenate([fractions, beside_them]), 0.0, 1.0))
-        beside *= 1 + obstructed
-        problem = _problem(inside, fractions, beside)
+        beside *= 1 + bool(violated & obstacles)
+        problem = Problem(inside, fractions, beside)
     return None
 
 
-def _broken(task: Task, duration: float, coefficients: Array) -> tuple[Array, bool]:
-    """Parts of the duration at which fine samples break a limit; whether obstacles are among these."""
-    over = _excesses(task, duration, coefficients, FINE)
-    parts = np.linspace(0.0, 1.0, task.spans * FINE + 1)
-    worst = np.max(list(over.values()), axis=0)
-    return parts[worst > PROOF_MARGIN], any(
-        (over[box.key] > PROOF_MARGIN).any() for box in task.limits.obstacles
-    )
-
-
 def _excesses(task: Task, duration: float, coefficients: Array, density: int) -> dict[str, Array]:
-    """Over each limit, at so many samples a span."""
+    """Return the excesses over each limit, at so many samples a span."""
     breaks = np.linspace(0.0, duration, task.spans + 1)
     time = np.linspace(0.0, duration, task.spans * density + 1)
     coordinates = series_along(breaks, coefficients, PLANNED_DEGREE, time)
@@ -170,8 +143,8 @@ def _excesses(task: Task, duration: float, coefficients: Array, density: int) ->
 
 
 def _inside(task: Task) -> Task:
-    """Within limits that leave room for what is between samples, but for where it begins and ends."""
-    limits = tightened(task.limits, TIGHTER)
+    """Tighten limits to leave a clearance for what is between samples, but not for where the task rests."""
+    limits = _tightened(task.limits, LIMIT_TIGHTENING)
     rests = np.array(
         [
             [float(series[0][0]) for series in task.to_load([[np.array([value])] for value in point])]
@@ -179,10 +152,9 @@ def _inside(task: Task) -> Task:
         ]
     )
     at_rest = rests * [1.0, 1.0, -1.0]  # bridge, trolley, rope
-    limits = limits._replace(load=_holding(limits.load, rests), axes=_holding(limits.axes, at_rest))
-    boxes = dict(zip((box.name for box in task.limits.obstacles), limits.obstacles, strict=True))
     return replace(
-        task, limits=limits, legs=tuple(leg._replace(box=boxes[leg.box.name]) for leg in task.legs)
+        task,
+        limits=limits._replace(load=_holding(limits.load, rests), axes=_holding(limits.axes, at_rest)),
     )
 
 
@@ -192,11 +164,11 @@ def _holding(ranges: Array, points: Array) -> Array:
     )
 
 
-def tightened(limits: Limits, part: float) -> Limits:
-    """By a part of each limit; ranges by a part of the motion's size, at most a tenth of their own."""
+def _tightened(limits: Limits, part: float) -> Limits:
+    """Tighten each limit by a part; ranges by a part of the motion's size, at most a tenth of their own."""
     low, high = limits.tension
     weight = float(limits.masses[3]) * limits.gravity
-    keep = 1.0 - part
+    keep, gap = 1.0 - part, 0.5 * part * limits.size
     return limits._replace(
         velocity=keep * limits.velocity,
         acceleration=keep * limits.acceleration,
@@ -204,9 +176,9 @@ def tightened(limits: Limits, part: float) -> Limits:
         jerk=keep * limits.jerk,
         lean=keep * limits.lean,
         tension=(low + part * (weight - low), high - part * (high - weight)),
-        load=_narrowed(limits.load, 0.5 * part * limits.size),
-        axes=_narrowed(limits.axes, 0.5 * part * limits.size),
-        obstacles=tuple(_grown(box, 0.5 * part * limits.size) for box in limits.obstacles),
+        load=_narrowed(limits.load, gap),
+        axes=_narrowed(limits.axes, gap),
+        obstacles=tuple(box._replace(low=box.low - gap, high=box.high + gap) for box in limits.obstacles),
     )
 
 
@@ -215,37 +187,19 @@ def _narrowed(ranges: Array, gap: float) -> Array:
     return np.stack([ranges[:, 0] + gaps, ranges[:, 1] - gaps], axis=1)
 
 
-def _grown(box: Box, gap: float) -> Box:
-    return Box(box.name, box.low - gap, box.high + gap)
+def _guess(problem: Problem) -> tuple[float, Array]:
+    """Return the duration [s] and coefficients of the quickest of smooth splines near the guess."""
+    fitted = [_fitted(problem, smoothing) for smoothing in SMOOTHING_WEIGHTS]
+    return min(((_quickest(problem.task, each), each) for each in fitted), key=lambda pair: pair[0])
 
 
-def _problem(task: Task, samples: Array, beside: int = LEG_SAMPLES) -> Problem:
-    return Problem(
-        task.start,
-        task.end,
-        task.limits,
-        task.to_load,
-        spans=task.spans,
-        samples=samples,
-        beside=beside,
-        via=task.via,
-        legs=task.legs,
-        forwards=task.forwards,
-    )
-
-
-def _guess(task: Task, problem: Problem) -> tuple[float, Array]:
-    """Of smooth splines near the guess the one that can be driven quickest: duration [s], coefficients."""
-    fitted = [_fitted(problem, task, smooth) for smooth in SMOOTHING_WEIGHTS]
-    return min(((_quickest(task, each), each) for each in fitted), key=lambda pair: pair[0])
-
-
-def _fitted(problem: Problem, task: Task, smooth: float) -> Array:
-    """Coefficients of a spline near the guess, through its via points."""
+def _fitted(problem: Problem, smoothing: float) -> Array:
+    """Return the coefficients of a spline near the guess, through its via points."""
+    task = problem.task
     basis = problem.curves[0](np.linspace(0.0, 1.0, len(task.guess)))
     tied = problem.coefficients(np.zeros(problem.width + 1))
     tied[problem.free] = 0.0
-    rough = smooth * np.diff(np.eye(len(tied)), n=5, axis=0)
+    rough = smoothing * np.diff(np.eye(len(tied)), n=5, axis=0)
     passed = VIA_POINT_WEIGHT * problem.curves[0](np.array(task.instants[: len(task.via)]))
     rows = np.vstack([basis, rough, passed])
     still = np.zeros((len(rough), tied.shape[1]))
@@ -255,7 +209,7 @@ def _fitted(problem: Problem, task: Task, smooth: float) -> Array:
 
 
 def _quickest(task: Task, coefficients: Array) -> float:
-    """The shortest duration [s] in which it breaks limits no more than at rest."""
+    """Find the shortest duration [s] that violates no limit by more than the rest state does."""
 
     def excess(duration: float) -> float:
         over = _excesses(task, duration, coefficients, DENSITY)

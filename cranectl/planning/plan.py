@@ -1,35 +1,46 @@
-"""Segments that are to be planned, planned: in minimum time, or as short as the law of degree 9 can be."""
+"""Plan the segments of a scenario: in minimum time, or as short as the law of degree 9 can be."""
 
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
 from pydantic import TypeAdapter
 
-from cranectl.planning.checks import check_duration, check_least_time, check_point, no_motion
-from cranectl.planning.limits import FIXED, Limits, key_of, limits_of
+from cranectl.planning.blends import check_follower, path_with_blends
+from cranectl.planning.checks import check_duration, check_least_time, check_point
+from cranectl.planning.limits import FIXED, Limits, key_of, limits_of, share_of
 from cranectl.planning.minimum_time import (
     SPANS,
     Placed,
     ShortestMotion,
-    Task,
     along_parts,
     along_path,
     minimum_time,
 )
+from cranectl.planning.problem import Task
 from cranectl.planning.review import claim_of
-from cranectl.planning.route import rounded, stops, way
+from cranectl.planning.route import passages_of, rounded, stops
 from cranectl.planning.shortest import about_shortest, limiting, shortest
-from cranectl.reference.geometry import Geometry, Straight, place
-from cranectl.reference.given_path import geometry_of, parts_of
+from cranectl.reference.geometry import Straight, geometry_of, parts_of, place
+from cranectl.reference.given import samples, way_points
+from cranectl.reference.sanity import check_length
 from cranectl.reference.time_laws import PLANNED_DEGREE, law_of
 from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Line, Scenario
-from cranectl.scenario.along_path import MINIMUM_TIME, Along, BlendedPath, Plannable, SplineLaw
+from cranectl.scenario.along_path import (
+    MINIMUM_TIME,
+    Along,
+    AlongPath,
+    Arc,
+    BlendedPath,
+    Plannable,
+    SplineLaw,
+)
 from cranectl.scenario.quantities import MAX_DURATION
-from cranectl.scenario.segments import Move, Segment, Spline, seconds
+from cranectl.scenario.segments import Move, Samples, Segment, Spline, WayPoints, is_planned, seconds
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.support.kept import kept
@@ -43,10 +54,51 @@ _PLANS: TypeAdapter[list[tuple[Segment, str]]] = TypeAdapter(list[tuple[Segment,
 _PLANNED: dict[str, list[Segment]] = {}
 
 
-def planned_segment(
+def with_planned_segments(scenario: Scenario, directory: Path) -> Scenario:
+    """Plan the segments of a scenario and read those that are in files; the counterpart of `planned`."""
+    segments: list[Segment] = []
+    here = np.array(scenario.reference.start)
+    blended: list[Line | Arc] = []  # with what follows
+    asked = scenario.reference.segments
+    for index, segment in enumerate(asked):
+        if isinstance(segment, Line | Arc) and segment.blend:
+            follower = asked[index + 1] if index + 1 < len(asked) else None
+            check_follower(follower, f"reference.segments.{index}")
+            blended.append(segment)
+            continue
+        where = f"reference.segments.{index - len(blended)}"
+        if blended and isinstance(segment, Line | Arc):
+            segment, blended = path_with_blends([*blended, segment], here, where), []
+        ready = [segment] if is_planned(segment) else _ready(segment, here, scenario, directory, where)
+        for each in ready:
+            segments.append(each)
+            here = end_point(each, here)
+    length = sum(map(seconds, segments))
+    check_length(length, scenario, f"{scenario.name}: the segments last", "leave segments out")
+    reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
+    # What the plan was made with stays, whatever effects are added to a run of it.
+    planning = scenario.planning.model_copy(update={"share": share_of(scenario)})
+    return scenario.model_copy(update={"reference": reference, "planning": planning})
+
+
+def _ready(
+    segment: Segment, start: Array, scenario: Scenario, directory: Path, where: str
+) -> Sequence[Segment]:
+    if isinstance(segment, Samples):
+        return [samples(segment, start, scenario, directory, where)]
+    if isinstance(segment, WayPoints):
+        found = way_points(segment, start, scenario, directory, where)
+        if all(map(is_planned, found)):
+            return found
+        (segment,) = found
+    assert isinstance(segment, AlongPath | Spline | Move)
+    return _planned_segment(segment, start, scenario, where)
+
+
+def _planned_segment(
     segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str
 ) -> list[Segment]:
-    """What a segment without a time becomes: itself with duration and law, a spline, or lines with stops.
+    """Give a segment without a time duration and law, or return a spline or lines with stops in its place.
 
     Raises InputError where no motion keeps the limits. What was planned on this machine is not planned again.
     """
@@ -55,7 +107,7 @@ def planned_segment(
         text = kept("plans", [key, version("clarabel")], lambda: _planned(segment, start, scenario, where))
         plans = _PLANS.validate_json(text)
         _PLANNED[key] = [
-            each.claiming(claim) if isinstance(each, Plannable) and claim else each for each, claim in plans
+            each.claiming(claim) if isinstance(each, Plannable) else each for each, claim in plans
         ]
     return [
         each.holding(segment.held) if isinstance(each, Spline) and isinstance(segment, Spline) else each
@@ -78,7 +130,7 @@ def _planned(segment: Along | Spline | Move, start: Array, scenario: Scenario, w
 
 
 def planned_along(segment: Along | Spline, start: Array, scenario: Scenario, where: str) -> Along | Spline:
-    """A segment on a given path with its duration, and its law if that is to be found."""
+    """Give a segment on a given path its duration, and its law if that is to be found."""
     geometry = geometry_of(segment, start, where)
     limits = limits_of(scenario)._replace(size=EXCESS_PRECISION * geometry.length)
     check_point(start, limits, f"{where}: its start")
@@ -87,19 +139,17 @@ def planned_along(segment: Along | Spline, start: Array, scenario: Scenario, whe
     check_least_time(start, end, limits, where)
     quickest = np.inf
     if segment.time_law == MINIMUM_TIME:
-        longest = _known(about_shortest(geometry, limits), limits, where)
-        found = _found(along_path(geometry, limits, longest), scenario)
-        if found is not None and found.duration < longest:
-            if found.duration <= MAX_DURATION:
-                return _with_law(segment, found)
-            quickest = found.duration
-    duration = _shortest(geometry, limits, where)
+        found = _faster(along_path(geometry, limits, about_shortest(geometry, limits, where)), scenario)
+        if found and found.duration <= MAX_DURATION:
+            return _with_law(segment, found)
+        quickest = found.duration if found else np.inf
+    duration = shortest(geometry, limits, where)
     check_duration(min(duration, quickest), limiting(geometry, limits, duration), limits, where)
     return _timed(segment, duration, "degree-9")
 
 
 def planned_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, where: str) -> list[Segment]:
-    """One motion along all parts, or, where that is no faster, the parts with a stop at each corner."""
+    """Plan one motion along all parts, or, where that is no faster, the parts with a stop at each corner."""
     stopping: list[Along | Spline] = []
     given = parts_of(segment.parts, start, where)
     for index, (part, path) in enumerate(zip(segment.parts, given, strict=True)):
@@ -108,11 +158,8 @@ def planned_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, 
     geometry = geometry_of(segment, start, where)
     limits = limits_of(scenario)._replace(size=EXCESS_PRECISION * geometry.length)
     laws = [(law_of(part), seconds(part), path.length) for part, path in zip(stopping, given, strict=True)]
-    task = along_parts(geometry, limits, laws)
-    found = _found(task, scenario)
-    if found is not None and found.duration < min(task.duration, MAX_DURATION):
-        return [_with_law(segment, found)]
-    return list(stopping)
+    found = _faster(along_parts(geometry, limits, laws), scenario)
+    return [_with_law(segment, found)] if found and found.duration < MAX_DURATION else list(stopping)
 
 
 def _with_law(segment: Along | Spline, found: ShortestMotion) -> Along | Spline:
@@ -126,40 +173,20 @@ def _timed(segment: Along | Spline, duration: float, law: SplineLaw | str) -> Al
 
 
 def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
-    """A free motion as the spline that was found, or lines with stops where none is faster."""
+    """Plan a free motion as the spline that was found, or lines with stops where none is faster."""
     points = _points_of(segment, start)
     size = float(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(points)))
     limits = limits_of(scenario)._replace(size=EXCESS_PRECISION * size)
-    if size == 0.0:
-        raise InputError(
-            f"{where} moves nowhere: the load is at {segment.to} already",
-            allowed="a move to another place",
-            remedy='to stay in place use kind = "hold"',
-        )
-    nearest = min(float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(points))
-    if nearest < LEAST_WAY:
-        raise InputError(
-            f"{where} moves by {nearest:.3g} m from one of its points to the next",
-            allowed=f"at least {LEAST_WAY:g} m: less takes no time that control periods can show",
-            remedy="move the point away, or leave it out",
-        )
-    for index, point in enumerate(points):
-        last = index == len(points) - 1
-        check_point(
-            point, limits, f"{where}: its {'start' if not index else 'end' if last else 'point in via'}"
-        )
-    _check_options(segment, points, where)
-    check_least_time(start, points[-1], limits, where)
+    _check_move(segment, points, limits, where)
     corners = stops(points, limits, where)
     ways = [Straight(begin, end) for begin, end in itertools.pairwise(corners)]
-    durations = [_shortest(way, limits, where) for way in ways]
+    durations = [shortest(way, limits, where) for way in ways]
     quickest = longest = sum(durations)
     if segment.duration is None:
-        found = _found(free_motion(segment, points, corners, limits, longest), scenario)
-        if found is not None and found.duration < longest:
-            if found.duration <= MAX_DURATION:
-                return [_spline(segment, found)]
-            quickest = found.duration
+        found = _faster(free_motion(segment, points, corners, limits, longest), scenario)
+        if found and found.duration <= MAX_DURATION:
+            return [_spline(segment, found)]
+        quickest = found.duration if found else longest
     slowest = int(np.argmax(durations))
     check_duration(quickest, limiting(ways[slowest], limits, durations[slowest]), limits, where)
     if segment.constant_rope:  # on straight lines it is not: the trolley swings out beside the load
@@ -193,7 +220,24 @@ def _spline(segment: Move, found: ShortestMotion) -> Spline:
     )
 
 
-def _check_options(segment: Move, points: Sequence[Array], where: str) -> None:
+def _check_move(segment: Move, points: Sequence[Array], limits: Limits, where: str) -> None:
+    """Raise InputError for a move that nothing need be solved for to know that it is impossible."""
+    if len(points) == 1:
+        raise InputError(
+            f"{where} moves nowhere: the load is at {segment.to} already",
+            allowed="a move to another place",
+            remedy='to stay in place use kind = "hold"',
+        )
+    nearest = min(float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(points))
+    if nearest < LEAST_WAY:
+        raise InputError(
+            f"{where} moves by {nearest:.3g} m from one of its points to the next",
+            allowed=f"at least {LEAST_WAY:g} m: less takes no time that control periods can show",
+            remedy="move the point away, or leave it out",
+        )
+    names = ["start", *["point in via"] * (len(points) - 2), "end"]
+    for name, point in zip(names, points, strict=True):
+        check_point(point, limits, f"{where}: its {name}")
     heights = [float(point[2]) for point in points]
     if segment.constant_rope and np.ptp(heights) > FIXED * abs(heights[0]):
         raise InputError(
@@ -202,43 +246,36 @@ def _check_options(segment: Move, points: Sequence[Array], where: str) -> None:
             remedy="leave constant_rope out, or make the heights equal",
         )
     along = points[-1][:2] - points[0][:2]
-    off = [
-        abs(float(along[0] * p[1] - along[1] * p[0])) for p in (q[:2] - points[0][:2] for q in points[1:-1])
-    ]
-    if segment.plane and max(off, default=0.0) > 1e-9 * float(along @ along):
+    aside = [abs(float(along[0] * (p - points[0])[1] - along[1] * (p - points[0])[0])) for p in points[1:-1]]
+    if segment.plane and max(aside, default=0.0) > 1e-9 * float(along @ along):
         raise InputError(
             f"{where}: plane = true with a point in via beside the plane through start and end",
             allowed="points in the vertical plane through start and end",
             remedy="leave plane out, or move the point",
         )
+    check_least_time(points[0], points[-1], limits, where)
 
 
 def free_motion(
     segment: Move, points: Sequence[Array], corners: list[Array], limits: Limits, duration: float
 ) -> Task:
-    """What is to be solved for a move through `points`, first guessed along `corners`."""
+    """Return the task of a move through `points`, first guessed along `corners`."""
     start, end = points[0], points[-1]
     if segment.constant_rope:
-        length = -start[2]
-        limits = limits._replace(
-            axes=np.vstack([limits.axes[:2], length * (1.0 + FIXED * np.array([-1.0, 1.0]))])
-        )
+        rope = -start[2] * (1.0 + FIXED * np.array([-1.0, 1.0]))
+        limits = limits._replace(axes=np.vstack([limits.axes[:2], rope]))
     guess = rounded(corners)
     along = np.array([*(end - start)[:2], 0.0])
     along = along / np.linalg.norm(along) if along.any() else np.array([1.0, 0.0, 0.0])
     aside, up = np.array([-along[1], along[0], 0.0]), np.array([0.0, 0.0, 1.0])
     directions = np.array([along, up]) if segment.plane else np.eye(3)
-    bump = (
-        GUESS_OFFSET
-        / EXCESS_PRECISION
-        * limits.size
-        * (aside * (not segment.plane) + up * (not segment.constant_rope))
-    )
+    out = aside * (not segment.plane) + up * (not segment.constant_rope)
+    bump = GUESS_OFFSET / EXCESS_PRECISION * limits.size * out
     guess += np.sin(np.pi * np.linspace(0.0, 1.0, len(guess)))[:, None] ** 4 * bump
     guess = np.clip(guess, *limits.load.T)
     via = points[1:-1]
     passed = [float(np.argmin(np.linalg.norm(guess - point, axis=1)) / len(guess)) for point in via]
-    sides = way(guess, limits, len(via))
+    passages, instants = passages_of(guess, limits, len(via))
     return Task(
         start=np.zeros(len(directions)),
         end=directions @ (end - start),
@@ -248,24 +285,14 @@ def free_motion(
         duration=duration,
         spans=SPANS,
         via=tuple(directions @ (point - start) for point in via),
-        legs=sides.legs,
-        instants=(*passed, *sides.instants),
+        passages=passages,
+        instants=(*passed, *instants),
     )
 
 
-def _shortest(geometry: Geometry, limits: Limits, where: str) -> float:
-    return _known(shortest(geometry, limits), limits, where)
-
-
-def _known(found: float | dict[str, float], limits: Limits, where: str) -> float:
-    """Return a duration; raise InputError in place of what stands against it."""
-    if isinstance(found, float):
-        return found
-    raise no_motion(found, limits, where)
-
-
-def _found(task: Task, scenario: Scenario) -> ShortestMotion | None:
-    """Solve with the knots of `[planning]`; return None too where there is no finite guess."""
-    if not np.isfinite(task.duration):
+def _faster(task: Task, scenario: Scenario) -> ShortestMotion | None:
+    """Find a motion that is faster than the law of degree 9, with the knots of `[planning]`."""
+    if not np.isfinite(task.duration):  # there is no finite guess
         return None
-    return minimum_time(replace(task, spans=scenario.planning.refinement * task.spans))
+    found = minimum_time(replace(task, spans=scenario.planning.refinement * task.spans))
+    return found if found and found.duration < task.duration else None

@@ -1,14 +1,13 @@
 """Where a move goes: from point to point, lifted over obstacles, and on which side of them it is when."""
 
 import itertools
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.planning.checks import check_way_over
-from cranectl.planning.limits import SIDES, Box, Limits, motion, room
-from cranectl.planning.problem import Leg
+from cranectl.planning.limits import SIDES, Box, Limits, clearance, motion
+from cranectl.planning.problem import Passage
 from cranectl.planning.proof import PROOF_MARGIN
 from cranectl.reference.time_laws import time_law
 from cranectl.support.arrays import Array
@@ -18,15 +17,8 @@ CORNER_SHARE = 0.15  # of its length, over which its corners are rounded
 PASSAGE_CLEARANCE = 0.1  # of the load's radius that is left above an obstacle by a path with stops
 
 
-class Way(NamedTuple):
-    """The sides of obstacles that a guess passes, and when they change."""
-
-    legs: tuple[Leg, ...]
-    instants: tuple[float, ...]
-
-
 def stops(points: list[Array], limits: Limits, where: str) -> list[Array]:
-    """Points to be driven to in straight lines with stops: lifted where an obstacle is in the way.
+    """Return points to be driven to in straight lines with stops, lifted where an obstacle is in the way.
 
     Raises InputError where there is no way over it.
     """
@@ -34,11 +26,8 @@ def stops(points: list[Array], limits: Limits, where: str) -> list[Array]:
     for end in points[1:]:
         start = found[-1]
         if is_blocked(start, end, limits):
-            height = (
-                max(float(box.high[2]) for box in limits.obstacles)
-                + (1.0 + PASSAGE_CLEARANCE) * limits.radius
-            )
-            height = max(height, start[2], end[2])
+            top = max(float(box.high[2]) for box in limits.obstacles)
+            height = max(top + (1.0 + PASSAGE_CLEARANCE) * limits.radius, start[2], end[2])
             check_way_over(height, limits, where)
             over = [np.array([*start[:2], height]), np.array([*end[:2], height])]
             found += [point for point in over if not np.allclose(point, found[-1], atol=1e-9)]
@@ -70,7 +59,7 @@ def depth(start: Array, end: Array, box: Box, radius: float) -> float:
 
 
 def rounded(points: list[Array]) -> Array:
-    """The path through `points` with its corners rounded, in equal parts of its time, (GUESS, 3)."""
+    """Return the path through `points` with its corners rounded, in equal parts of its time, (GUESS, 3)."""
     steps = [float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(points)]
     lengths = np.concatenate([[0.0], np.cumsum(steps)]) / sum(steps)
     fine = np.linspace(-CORNER_SHARE, 1.0 + CORNER_SHARE, 4 * GUESS)
@@ -82,30 +71,36 @@ def rounded(points: list[Array]) -> Array:
     return np.stack([np.interp(law, fine, column) for column in smooth.T], axis=1)
 
 
-def way(guess: Array, limits: Limits, first_instant: int) -> Way:
-    """By the guess (GUESS, 3), taken slowly: of each obstacle the sides that it is clear on for longest."""
-    legs: list[Leg] = []
+def passages_of(
+    guess: Array, limits: Limits, first_instant: int
+) -> tuple[tuple[Passage, ...], tuple[float, ...]]:
+    """Return the passages of a guess (GUESS, 3), taken slowly, and the instants at which they change.
+
+    Of each obstacle they are on the sides that the guess is clear on for longest.
+    """
+    passages: list[Passage] = []
     instants: list[float] = []
     nothing = np.zeros(len(guess))
     moved = motion([[column, nothing, nothing] for column in guess.T], limits.gravity)
-    for box in limits.obstacles:
-        free = room(moved, box, limits.radius)
-        at, begins = 0, None
+    for index, box in enumerate(limits.obstacles):
+        is_clear = clearance(moved, box, limits.radius) >= 0.0
+        at = begin = 0
         while True:
-            best = int(np.argmax([_lasts(row) for row in free[:, at:] >= 0.0]))
-            until = at + _lasts(free[best, at:] >= 0.0)
-            clear = np.flatnonzero((free[:, until:] >= 0.0).any(axis=0))
+            lasting = [_length_of_first_run(row) for row in is_clear[:, at:]]
+            best = int(np.argmax(lasting))
+            until = at + lasting[best]
+            clear = np.flatnonzero(is_clear[:, until:].any(axis=0))
             if not len(clear):
-                legs.append(Leg(box, SIDES[best], begins, None))
+                passages.append(Passage(index, SIDES[best], begin, -1))
                 break
             at = until + int(clear[0])  # through the box, if the guess leads through it
-            ends = first_instant + len(instants)
             instants.append(0.5 * (until + at) / len(guess))
-            legs.append(Leg(box, SIDES[best], begins, ends))
-            begins = ends
-    return Way(tuple(legs), tuple(instants))
+            end = first_instant + len(instants)
+            passages.append(Passage(index, SIDES[best], begin, end))
+            begin = end
+    return tuple(passages), tuple(instants)
 
 
-def _lasts(clear: NDArray[np.bool_]) -> int:
-    """How many there are before the first that is not."""
+def _length_of_first_run(clear: NDArray[np.bool_]) -> int:
+    """Return how many there are before the first that is not."""
     return len(clear) if clear.all() else int(np.argmin(clear))

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cranectl.planning.checks import MAX_TRIED_DURATION, check_excesses
 from cranectl.planning.limits import Limits, excesses, motion
 from cranectl.planning.problem import ORDERS
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
@@ -17,55 +18,51 @@ COEFFICIENTS = np.repeat([0.0, 1.0], 5)[:, None]  # of the law as one Bernstein 
 SAMPLES = 201
 SLOWLY = 1e4  # [s]: as good as at rest
 REST_DURATION = 1e9  # [s]: not even limits of crawling drives are felt
-# [s] that are tried; what is longer than a run may be can still be made faster.
-MIN_TRIED_DURATION, MAX_TRIED_DURATION = 1e-3, 1e4
+MIN_TRIED_DURATION = 1e-3  # [s]
 FASTER = 0.9  # than the shortest: what is broken then is what limits it
 LONGER = 1.0005  # by which a duration that could not be proven is made longer, the next time twice as much
 
 
-def shortest(geometry: Geometry, limits: Limits) -> float | dict[str, float]:
-    """Return its duration [s], proven and infinite above LONGEST; or by how much which limits are broken.
+def shortest(geometry: Geometry, limits: Limits, where: str) -> float:
+    """Return the shortest duration [s] that is proven; infinite above MAX_TRIED_DURATION.
 
-    Limits count as broken where no duration keeps them, in parts of them.
+    Raises InputError where no duration keeps the limits.
     """
-    found = about_shortest(geometry, limits)
-    if not isinstance(found, float) or found == np.inf:
-        return found
+    duration = about_shortest(geometry, limits, where)
+    if duration == np.inf:
+        return duration
     longer = LONGER
-    while not (proof := prove_law(geometry, limits, found)).holds:
-        if longer == LONGER and (broken := broken_at_rest(geometry, limits)):
-            return broken
-        found *= longer
+    while not (proof := prove_law(geometry, limits, duration)).is_valid:
+        if longer == LONGER:
+            at_rest = prove_law(geometry, limits, REST_DURATION)
+            check_excesses(_largest(at_rest, limits), limits, where)
+        duration *= longer
         longer = longer**2
-        if found > MAX_TRIED_DURATION:
-            return _largest(proof, limits)
-    return found
+        if duration > MAX_TRIED_DURATION:
+            check_excesses(_largest(proof, limits), limits, where)
+    return duration
 
 
-def about_shortest(geometry: Geometry, limits: Limits) -> float | dict[str, float]:
-    """As `shortest`, by samples: no longer than what is proven."""
-    broken = exceeded(geometry, limits, REST_DURATION)
-    if max(broken.values()) > 0.0:
-        return {name: excess for name, excess in broken.items() if excess > 0.0}
+def about_shortest(geometry: Geometry, limits: Limits, where: str) -> float:
+    """Return what `shortest` does, by samples: no longer than what is proven."""
+    at_rest = exceeded(geometry, limits, REST_DURATION)
+    check_excesses({name: excess for name, excess in at_rest.items() if excess > 0.0}, limits, where)
 
-    def holds(duration: float) -> bool:
+    def is_kept(duration: float) -> bool:
         return max(exceeded(geometry, limits, duration).values()) <= 0.0
 
-    if holds(MAX_DURATION):
-        return bisected(holds, MIN_TRIED_DURATION, MAX_DURATION, 1e-6)
-    return bisected(holds, MAX_DURATION, MAX_TRIED_DURATION, 1e-6) if holds(MAX_TRIED_DURATION) else np.inf
-
-
-def broken_at_rest(geometry: Geometry, limits: Limits) -> dict[str, float]:
-    """Return by how much which limits are broken by a load at rest somewhere on the path, by proof."""
-    return _largest(prove_law(geometry, limits, REST_DURATION), limits)
+    if is_kept(MAX_DURATION):
+        return bisected(is_kept, MIN_TRIED_DURATION, MAX_DURATION, 1e-6)
+    return (
+        bisected(is_kept, MAX_DURATION, MAX_TRIED_DURATION, 1e-6) if is_kept(MAX_TRIED_DURATION) else np.inf
+    )
 
 
 def _largest(proof: Proof, limits: Limits) -> dict[str, float]:
     """Return the largest excess over each limit that is not proven, in parts of it."""
     sizes = {box.key: limits.size for box in limits.obstacles}
     found: dict[str, float] = {}
-    for each in proof.broken:
+    for each in proof.violations:
         excess = each.excess / sizes.get(each.name, 1.0)
         found[each.name] = max(found.get(each.name, 0.0), excess)
     return found
@@ -77,21 +74,21 @@ def limiting(geometry: Geometry, limits: Limits, duration: float) -> str:
     return max(over, key=lambda name: over[name])
 
 
-def bisected(holds: Callable[[float], bool], low: float, high: float, precision: float) -> float:
-    """The least duration [s] that `holds`, up to a part of it: a longer one does, and `high` is taken to."""
+def bisected(is_kept: Callable[[float], bool], low: float, high: float, precision: float) -> float:
+    """Return the least duration [s] that is kept, to a relative precision; `high` is taken to be kept."""
     while high / low > 1.0 + precision:
         middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if holds(middle) else (middle, high)
+        low, high = (low, middle) if is_kept(middle) else (middle, high)
     return high
 
 
 def prove_law(geometry: Geometry, limits: Limits, duration: float) -> Proof:
-    """Of the law of degree 9."""
+    """Prove the limits of a motion by the law of degree 9."""
     return prove(np.array([0.0, duration]), COEFFICIENTS, GUESS_DEGREE, limits, geometry)
 
 
 def exceeded(geometry: Geometry, limits: Limits, duration: float) -> dict[str, float]:
-    """The most over each limit at samples, in parts of it; below zero: what is left."""
+    """Return the most over each limit at samples, in parts of it; below zero: what is left."""
     law = time_law("degree-9", np.linspace(0.0, 1.0, SAMPLES), ORDERS)
     in_time = law * (duration ** -np.arange(float(ORDERS)))[:, None]
     moved = motion(geometry([from_derivatives(list(in_time))]), limits.gravity)

@@ -1,17 +1,6 @@
 """What the load is asked to do: time laws, paths, trajectories; from files, by hand."""
 
-from cranectl.reference.paths import ArcPath, HoldPath, LinePath, Path
 from cranectl.reference.time_laws import REST_DERIVATIVES, time_law
-from cranectl.reference.trajectory import Trajectory, build_trajectory, end_point
+from cranectl.reference.trajectory import HoldPath, Trajectory, build_trajectory, end_point
 
-__all__ = [
-    "REST_DERIVATIVES",
-    "ArcPath",
-    "HoldPath",
-    "LinePath",
-    "Path",
-    "Trajectory",
-    "build_trajectory",
-    "end_point",
-    "time_law",
-]
+__all__ = ["REST_DERIVATIVES", "HoldPath", "Trajectory", "build_trajectory", "end_point", "time_law"]

@@ -2,16 +2,14 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from cranectl.reference.drive_demand import check_demand
 from cranectl.reference.files import AXES, RecordedMotion, read_motion
-from cranectl.reference.fitting import Fit, Recorded, path_through, through_points
-from cranectl.reference.sanity import check_length, check_numbers, check_samples
+from cranectl.reference.fitting import Recorded, path_through, through_points
+from cranectl.reference.sanity import check_demand, check_length, check_numbers, check_samples
 from cranectl.scenario import Scenario
 from cranectl.scenario.segments import MAX_SPLINE_POINTS, MOST_SPANS, Hold, Samples, Spline, WayPoints
 from cranectl.scenario.settings import parse_settings
@@ -24,14 +22,6 @@ EXACT = 1e-4  # of that, 0.1 µm: below it knots would follow what is left of a 
 MAX_COEFFICIENT = 1e4  # [m] that a coefficient may be away
 FASTER = "correct the times or units.time"
 BAND_POINTS = 16  # in each span, where the band is looked at
-
-
-class Stretch(NamedTuple):
-    """Way points from one index to another, both included."""
-
-    first: int
-    last: int
-    rests: bool  # at one point all the time
 
 
 def way_points(
@@ -70,9 +60,8 @@ def way_points(
         own = time[first : last + 1] - time[first]
         if rests:
             points[first : last + 1] = points[first]
-            found.append(
-                parse_settings(Hold, {"kind": "hold", "duration": float(own[-1])}, f"{where}, a rest")
-            )
+            rest = {"kind": "hold", "duration": float(own[-1])}
+            found.append(parse_settings(Hold, rest, f"{where}, a rest"))
             continue
         curve = _curve_through(segment, own, points[first : last + 1], scenario, where)
         check_demand([curve], scenario, where, begins=float(time[first]))
@@ -80,20 +69,23 @@ def way_points(
     return found
 
 
-def _stretches(points: Array, near: float) -> Iterator[Stretch]:
-    """Divide way points (N, 3) into rests, where all are within `near` [m] of the first, and motions."""
+def _stretches(points: Array, near: float) -> Iterator[tuple[int, int, bool]]:
+    """Divide way points (N, 3) into rests, where all are within `near` [m] of the first, and motions.
+
+    Yield the first and the last index of each stretch, and whether it is a rest.
+    """
     moving = at = 0
     while at < len(points) - 1:
         apart = np.flatnonzero(np.linalg.norm(points[at + 1 :] - points[at], axis=1) > near)
         last = at + int(apart[0]) if len(apart) else len(points) - 1
         if last > at:
             if at > moving:
-                yield Stretch(moving, at, rests=False)
-            yield Stretch(at, last, rests=True)
+                yield moving, at, False
+            yield at, last, True
             moving = last
         at = max(last, at + 1)
     if moving < len(points) - 1:
-        yield Stretch(moving, len(points) - 1, rests=False)
+        yield moving, len(points) - 1, False
 
 
 def _curve_through(segment: WayPoints, time: Array, points: Array, scenario: Scenario, where: str) -> BSpline:
@@ -109,13 +101,13 @@ def _curve_through(segment: WayPoints, time: Array, points: Array, scenario: Sce
 
 
 def samples(segment: Samples, start: Array, scenario: Scenario, directory: Path, where: str) -> Spline:
-    """The spline near a segment's samples; raises InputError."""
+    """Return the spline near a segment's samples; raises InputError."""
     motion = read_motion(directory / segment.file, segment, ("time", *AXES), where)
     where = f"{where}: {segment.file}"
     tolerance = _negligible(scenario)
-    check_numbers(motion.columns["time"], motion.points, where)
-    check_samples(motion.columns["time"], motion.points, tolerance, where)
     times = motion.columns["time"]
+    check_numbers(times, motion.points, where)
+    check_samples(times, motion.points, tolerance, where)
     check_length(times[-1] - times[0], scenario, f"{where} lasts", FASTER)
     time = times - times[0]
     recorded = Recorded(time, motion.points)
@@ -136,11 +128,20 @@ def samples(segment: Samples, start: Array, scenario: Scenario, directory: Path,
     fit = recorded.fitted(spans, start)
     at = np.linspace(0.0, time[-1], BAND_POINTS * spans + 1)
     check_demand((fit.curve, *fit.drawn), scenario, where, at)
-    return _segment(segment, fit.curve, motion, _numbers(fit, recorded, spans, at))
+    peak, band = fit.snap(at)
+    numbers = FitNumbers(
+        spans=spans,
+        samples=len(time),
+        left_out_error=float(np.sqrt(recorded.left_out(spans).mean())),
+        residual=fit.residual_rms,
+        peak_d4=peak,
+        band_d4=band,
+    )
+    return _segment(segment, fit.curve, motion, numbers)
 
 
 def _times(segment: WayPoints, motion: RecordedMotion | None, points: Array, where: str) -> Array:
-    """When each point is passed (N,) [s]."""
+    """Return when each point is passed (N,) [s]."""
     given = segment.times if segment.times is not None else segment.speed
     if given is None and motion is not None and "time" in motion.columns:
         return motion.columns["time"]
@@ -205,7 +206,7 @@ def _moved(
     error: Array,
     where: str,
 ) -> Array:
-    """The points where the segment wants them; raises InputError unless `first` is `start` then.
+    """Return the points where the segment wants them; raises InputError unless `first` is `start` then.
 
     `error`: standard error (3,) of `first` [m].
     """
@@ -232,20 +233,8 @@ def _moved(
 
 
 def _negligible(scenario: Scenario) -> float:
-    """Distance that does not matter on this crane [m]."""
+    """Return a distance that does not matter on this crane [m]."""
     return NEGLIGIBLE * scenario.metrics.settling_tolerance
-
-
-def _numbers(fit: Fit, recorded: Recorded, spans: int, at: Array) -> FitNumbers:
-    peak, band = fit.snap(at)
-    return FitNumbers(
-        spans=spans,
-        samples=len(recorded.time),
-        left_out_error=float(np.sqrt(recorded.left_out(spans).mean())),
-        residual=fit.residual_rms,
-        peak_d4=peak,
-        band_d4=band,
-    )
 
 
 def _segment(

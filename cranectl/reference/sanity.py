@@ -1,9 +1,15 @@
-"""What a recorded motion must be before a spline is laid near it: numbers, times that increase, no holes."""
+"""What a given motion must be: numbers, times that increase, no holes, no longer or faster than there is."""
+
+from collections.abc import Sequence
 
 import numpy as np
+from scipy.interpolate import BSpline
 
+from cranectl.model.flatness import states_and_inputs
+from cranectl.reference.time_laws import derivatives
 from cranectl.scenario import Scenario
 from cranectl.scenario.quantities import MAX_DURATION
+from cranectl.signals import ACCELERATION, Z
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
@@ -17,6 +23,9 @@ HARDEST = 16.0
 # Of the distances of samples from the line between their neighbours 80 % are smaller than this quantile, for
 # normal noise 1.3 standard deviations; eight of them are ten of those, whatever a tenth of jumps adds.
 USUAL, BEYOND = 0.8, 8.0
+DRIVES = ("bridge", "trolley", "rope")
+UPPER = 0.975  # quantile of what motions ask that the samples could as well mean
+UNITS = {"velocity": "m/s", "acceleration": "m/s²"}
 
 
 def check_length(length: float, scenario: Scenario, what: str, otherwise: str) -> None:
@@ -120,3 +129,55 @@ def check_rest(time: Array, points: Array, tolerance: float, where: str) -> None
 
 def _told(point: Array) -> str:
     return ", ".join(f"{number:g}" for number in point)
+
+
+def check_demand(
+    curves: Sequence[BSpline],
+    scenario: Scenario,
+    where: str,
+    time: Array | None = None,
+    begins: float = 0.0,
+) -> None:
+    """Raise InputError where velocity or acceleration of a set-point is beyond `effects.limits`.
+
+    Without such an effect the rig's numbers of it count. `curves`: one motion, or many that it could as well
+    be, of which the upper end of their peaks counts. `time` (N,) [s]: where it is looked at, by default at
+    each control sample; `begins` [s]: when the motion begins in its segment. A motion with a slack rope has
+    no set-points: it is refused where it is run.
+    """
+    if time is None:
+        time = np.arange(0.0, curves[0].t[-1], scenario.control.period)
+    asked = [demand for curve in curves if (demand := _demand(curve, scenario, time)) is not None]
+    if not asked:
+        return
+    limits = scenario.drive_limits
+    allowed = np.array([limits.velocity, limits.acceleration])
+    peaks = np.quantile(np.abs(asked).max(axis=2), UPPER if len(asked) > 1 else 1.0, axis=0)
+    beyond = np.argwhere(peaks > allowed)
+    if not len(beyond):
+        return
+    kind, drive = beyond[0]
+    quantity, unit = list(UNITS.items())[kind]
+    when = begins + time[int(np.argmax(np.abs(asked[0][kind, :, drive])))]
+    key = f"{scenario.drive_limits_key}.{quantity}"
+    likely, remedy = "", f"raise {key} if the drive can do more"
+    if len(asked) > 1:
+        likely, remedy = ", the upper end of what its noise leaves open,", "fewer knots by spans"
+    raise InputError(
+        f"{where} asks the set-point of the {DRIVES[drive]} for {peaks[kind, drive]:.3g} {unit}{likely} "
+        f"near {when:.3g} s",
+        allowed=f"{quantity} up to {allowed[kind, drive]:g} {unit}, as {key} says",
+        remedy=f"give the motion more time, or {remedy}",
+    )
+
+
+def _demand(curve: BSpline, scenario: Scenario, time: Array) -> Array | None:
+    """Return velocity, acceleration of the set-points w = v + tau u (2, N, 3); None with a slack rope."""
+    rows = np.hstack([each(time) for each in derivatives(curve)])
+    gravity = scenario.rig.gravity
+    if (rows[:, ACCELERATION + Z] <= -gravity).any() or (rows[:, Z] >= 0.0).any():
+        return None
+    states, inputs = states_and_inputs(rows, gravity)
+    lag = scenario.rig.time_constants if scenario.control.lag_compensation else 0.0
+    set_point = states[:, 1:6:2] + lag * inputs
+    return np.array([set_point, np.gradient(set_point, time, axis=0)])

@@ -1,7 +1,7 @@
 """Truncated Taylor series in time over any kind of number: floats, gradients, intervals, symbols.
 
 A series is the list of its coefficients f, f', f''/2!, f'''/3!, … so that products are Cauchy's. Numbers need
-+, -, *, /, and a square root: NumPy arrays, `gradients.Gradient`, `intervals.Interval`, CasADi's expressions.
++, -, *, /, and a square root: NumPy arrays, `planning.arithmetic`'s, CasADi's expressions.
 """
 
 from collections.abc import Sequence

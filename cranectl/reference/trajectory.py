@@ -1,14 +1,21 @@
-"""Desired load trajectories: segments one after the other, checked for smoothness."""
+"""Desired load trajectories: segments with their start point fixed, one after the other, and how smooth.
 
+They give desired load positions and derivatives over time.
+"""
+
+import functools
 from dataclasses import dataclass
+from math import factorial
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline
 
 from cranectl.reference.driven import DrivenPath, HandLimits
-from cranectl.reference.given_path import chain_of, check_moves
-from cranectl.reference.paths import ArcPath, ChainPath, HoldPath, LinePath, Path, SplinePath
-from cranectl.reference.time_laws import law_of
+from cranectl.reference.geometry import Geometry, check_moves, geometry_of
+from cranectl.reference.series import from_derivatives
+from cranectl.reference.time_laws import Law, derivatives, law_of, progress, spline
 from cranectl.scenario import AddedSegment, Hold, Line, ReferenceSettings, Segment
 from cranectl.scenario.along_path import Arc, BlendedPath
 from cranectl.scenario.driven import Driven
@@ -21,6 +28,121 @@ JUMP_TOLERANCE = 1e-9
 _ORDINALS = ("position", "first derivative", "second derivative", "third derivative", "fourth derivative")
 
 
+class Path(Protocol):
+    """A segment with its start point fixed."""
+
+    @property
+    def duration(self) -> float:
+        """Length in time [s]."""
+
+    def sample(self, time: Array) -> Array:
+        """Position and four derivatives at local times in [0, duration] [s]: shape (N, 5, 3)."""
+
+
+@dataclass(frozen=True)
+class HoldPath:
+    """Stay at `point`."""
+
+    point: Array
+    duration: float
+
+    def sample(self, time: Array) -> Array:
+        rows = np.zeros((len(time), 5, 3))
+        rows[:, 0] = self.point
+        return rows
+
+
+@dataclass(frozen=True)
+class LinePath:
+    """Straight line from `start` to `end`."""
+
+    start: Array
+    end: Array
+    duration: float
+    time_law: Law
+
+    def sample(self, time: Array) -> Array:
+        s = progress(self.time_law, time, self.duration)
+        rows = s.T[:, :, np.newaxis] * (self.end - self.start)
+        # Exact at both ends: the next segment and the hold start where the line was told to go.
+        rows[:, 0] = (1.0 - s[0])[:, np.newaxis] * self.start + s[0][:, np.newaxis] * self.end
+        return rows
+
+
+@dataclass(frozen=True)
+class ArcPath:
+    """Horizontal circular arc from `start` about `centre` (x, y) through `angle` [rad].
+
+    Positive angles run counter-clockwise seen from above.
+    """
+
+    start: Array
+    centre: Array
+    angle: float
+    duration: float
+    time_law: Law
+
+    def sample(self, time: Array) -> Array:
+        theta, s1, s2, s3, s4 = self.angle * progress(self.time_law, time, self.duration)
+        radius = self.start[:2] - self.centre
+        # d/dt of exp(i theta): Faà di Bruno to order four, with complex numbers for the plane.
+        turn = np.exp(1j * theta)
+        factors = np.array(
+            [
+                np.ones_like(theta),
+                1j * s1,
+                1j * s2 - s1**2,
+                1j * s3 - 3.0 * s1 * s2 - 1j * s1**3,
+                1j * s4 - 4.0 * s1 * s3 - 3.0 * s2**2 - 6j * s1**2 * s2 + s1**4,
+            ]
+        )
+        plane = complex(radius[0], radius[1]) * turn * factors
+        rows = np.zeros((len(time), 5, 3))
+        rows[:, :, 0], rows[:, :, 1] = plane.real.T, plane.imag.T
+        rows[:, 0, :2] += self.centre
+        rows[:, 0, 2] = self.start[2]
+        return rows
+
+
+@dataclass(frozen=True)
+class GeometricPath:
+    """Along a path by a time law."""
+
+    geometry: Geometry
+    duration: float
+    time_law: Law
+
+    def sample(self, time: Array) -> Array:
+        load = self.geometry([from_derivatives(list(progress(self.time_law, time, self.duration)))])
+        return np.array([[c * factorial(k) for k, c in enumerate(axis)] for axis in load]).transpose(2, 1, 0)
+
+
+@dataclass(frozen=True)
+class SplinePath:
+    """A B-spline over time, at rest at both ends."""
+
+    breaks: Array  # (spans + 1,) knots, each once [s]
+    coefficients: Array  # (spans + degree, 3) [m]
+    degree: int
+
+    @property
+    def duration(self) -> float:
+        return float(self.breaks[-1])
+
+    @functools.cached_property
+    def _curves(self) -> tuple[BSpline, ...]:
+        curves: tuple[BSpline, ...] = derivatives(spline(self.breaks, self.coefficients, self.degree))
+        return curves
+
+    def sample(self, time: Array) -> Array:
+        time = np.clip(time, 0.0, self.duration)
+        rows = np.stack([curve(time) for curve in self._curves], axis=1)
+        # What rounding leaves of derivatives at rest would be a jump.
+        rows[time == 0.0] = HoldPath(self.coefficients[0], 1.0).sample(np.zeros(1))
+        rows[time == self.duration] = HoldPath(self.coefficients[-1], 1.0).sample(np.zeros(1))
+        return rows
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """Segments one after the other; after the last its end point is held."""
@@ -30,11 +152,11 @@ class Trajectory:
 
     @property
     def joints(self) -> Array:
-        """Start times of the segments and the end of the last [s]."""
+        """Return the start times of the segments and the end of the last [s]."""
         return np.array([0.0, *np.cumsum([path.duration for path in self.paths])])
 
     def sample(self, time: Array) -> Array:
-        """Desired load position and four derivatives, shape (N, 15): (z, z', z'', z''', z'''').
+        """Return desired load position and four derivatives (N, 15): (z, z', z'', z''', z'''').
 
         At a joint the later segment counts. `time` [s] from 0.
         """
@@ -47,19 +169,19 @@ class Trajectory:
         return rows.reshape(len(time), 15)
 
     def set_points(self, time: Array) -> Array:
-        """Where the segment that runs at `time` [s] ends, at rest: rows (N, 15) for a set-point law."""
+        """Return the end of the segment at `time` [s], at rest: rows (N, 15) for a set-point controller."""
         rows = np.zeros((len(time), 15))
         ends = np.array([_end_of(path) for path in (*self.paths, self._final_hold())])
         rows[:, :3] = ends[self._segment_at(time)]
         return rows
 
     def _segment_at(self, time: Array) -> NDArray[np.intp]:
-        """Index of the path that runs at `time`; at a joint the later one counts."""
+        """Return the index of the path that runs at `time`; at a joint the later one counts."""
         # Joints are sums of decimal durations: meet the sample that is meant, a nanosecond early.
         return np.searchsorted(self.joints - 1e-9, time, side="right") - 1
 
     def jumps(self) -> list[tuple[float, int, float]]:
-        """Discontinuities: (time [s], derivative order, size), the start from rest included."""
+        """Return discontinuities: (time [s], derivative order, size), the start from rest included."""
         found = []
         before = HoldPath(self.start, 1.0).sample(np.array([1.0]))[0]
         for time, path in zip(self.joints, (*self.paths, self._final_hold()), strict=True):
@@ -101,7 +223,7 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
         check_moves(segment, start, where)
         return LinePath(start, np.array(segment.to), seconds(segment), law_of(segment))
     if isinstance(segment, BlendedPath) or (isinstance(segment, Spline) and segment.time_law is not None):
-        return ChainPath(chain_of(segment, start, where), seconds(segment), law_of(segment))
+        return GeometricPath(geometry_of(segment, start, where), seconds(segment), law_of(segment))
     if isinstance(segment, Spline):
         return SplinePath(np.array(segment.breaks), np.array(segment.coefficients), segment.degree)
     if isinstance(segment, Driven):
@@ -117,7 +239,7 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
 
 
 def end_point(segment: Segment, start: Array) -> Array:
-    """Where a segment that is planned and starts at `start` ends (x, y, z) [m]."""
+    """Return where a segment that is planned and starts at `start` ends (x, y, z) [m]."""
     return _end_of(_build_path(segment, start, "segment"))
 
 

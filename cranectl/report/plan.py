@@ -76,7 +76,7 @@ def plan_json(scenario: Scenario, found: Sequence[Review], least: Sequence[float
                 "duration_s": review.duration,
                 "drives_alone_s": review.least,
                 **({"least_with_any_knots_s": least[review.segment]} if least else {}),
-                "proven": review.proof.holds,
+                "proven": review.proof.is_valid,
                 "pieces": review.proof.pieces,
                 "slack": review.proof.slack,
                 "acting": [each._asdict() for each in review.acting],

@@ -1,4 +1,4 @@
-"""Segments of a reference: what a scenario says of each; `reference/paths.py` has what follows.
+"""Segments of a reference: what a scenario says of each; `reference/trajectory.py` has what follows.
 
 Another package adds a kind by an entry point of the group `cranectl.segments` that is a `SegmentKind`.
 """

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from cranectl.planning.problem import ORDERS, Problem, Sampled
-from cranectl.planning.programs import EFFORT, FEASIBLE, Solution
+from cranectl.planning.programs import EFFORT_WEIGHT, FEASIBLE, Solution
 from cranectl.support.arrays import Array
 
 # Only Solve_Succeeded is success. An adaptive barrier takes a fifth of the steps of a monotone one.
@@ -19,8 +19,8 @@ OPTIONS |= {"mu_strategy": "adaptive"}
 SHORTEST, LONGEST = 0.05, 20.0  # of the first duration: below zero limits would hold again
 
 
-def solve(problem: Problem, x: Array, sizes: Array, price: float = 0.0) -> Solution:
-    """Solve as `programs.solve` does; limits are not priced, so return `price` as it is."""
+def solve(problem: Problem, x: Array, sizes: Array, penalty: float = 0.0) -> Solution:
+    """Solve as `programs.solve` does; limits are not weighted, so return `penalty` as it is."""
     at, unit = problem.width, problem.duration(x)
     scaled = ca.MX.sym("x", len(x))
     unknowns = x + sizes * scaled
@@ -35,7 +35,7 @@ def solve(problem: Problem, x: Array, sizes: Array, price: float = 0.0) -> Solut
     order, slope = problem.in_order(x)
     rows.append(order + ca.DM(slope * sizes) @ scaled)
     equal.append(np.zeros(len(order), dtype=bool))
-    cost = unknowns[at] / unit + EFFORT * ca.sumsqr(efforts) / efforts.numel()
+    cost = unknowns[at] / unit + EFFORT_WEIGHT * ca.sumsqr(efforts) / efforts.numel()
     low, high = (np.full(len(x), bound) for bound in (-np.inf, np.inf))
     low[at], high[at] = ((part - 1.0) * unit / sizes[at] for part in (SHORTEST, LONGEST))
     solver = ca.nlpsol(
@@ -48,23 +48,23 @@ def solve(problem: Problem, x: Array, sizes: Array, price: float = 0.0) -> Solut
     answer = solver(x0=np.zeros(len(x)), lbx=low, ubx=high, lbg=lowest, ubg=0.0)
     told = solver.stats()
     found = x + sizes * answer["x"].full().ravel()
-    excess = float(problem.linearised(found).excess.value.max())
+    excess = float(problem.linearised(found).excess.max())
     solved = told["return_status"] == "Solve_Succeeded" and excess < FEASIBLE
-    return Solution(found, excess, int(told["iter_count"]), solved, price)
+    return Solution(found, solved, penalty)
 
 
 def _rows(problem: Problem, group: Sampled) -> tuple[Any, Any, Array]:
     """Of the jet at a sample: what is at most zero, the efforts; which of the former are to be zero."""
-    jet = ca.SX.sym("jet", ORDERS * len(problem.start))
+    jet = ca.SX.sym("jet", ORDERS * len(problem.task.start))
     limits, efforts, fixed = [], [], []
     for each in group.bounded(problem.series_of(ca.vertsplit(jet))):
-        value = each.quantity.series[0] * (each.sign / each.quantity.scale)
+        value = each.constraint.series[0] * (each.sign / each.constraint.scale)
         if each.bound is None:
             efforts.append(value)
             continue
-        equal = each.quantity.low == each.quantity.high
+        equal = each.constraint.low == each.constraint.high
         if not equal or each.sign > 0.0:  # one equation in place of two inequalities, which have no inside
-            limits.append(value - each.bound * each.sign / each.quantity.scale)
+            limits.append(value - each.bound * each.sign / each.constraint.scale)
             fixed.append(equal)
     return (
         ca.Function("limits", [jet], [ca.vertcat(*limits)]),
@@ -75,9 +75,9 @@ def _rows(problem: Problem, group: Sampled) -> tuple[Any, Any, Array]:
 
 def _jets(problem: Problem, group: Sampled, unknowns: Any) -> Any:
     """Derivatives of the coordinates in time at the samples, (ORDERS * d, N)."""
-    d, at = len(problem.start), problem.width
+    d, at = len(problem.task.start), problem.width
     free, duration = ca.reshape(unknowns[:at], d, at // d), unknowns[at]
-    ends = [np.tile(end[:, None], (1, problem.free.start)) for end in (problem.start, problem.end)]
+    ends = [np.tile(end[:, None], (1, problem.free.start)) for end in (problem.task.start, problem.task.end)]
     coefficients = ca.horzcat(ends[0], free, ends[1])  # (d, spans + degree)
     if group.by_instant.any():
         parts = group.parts + ca.DM(group.by_instant) @ unknowns[at + 1 :]

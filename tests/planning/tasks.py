@@ -9,8 +9,8 @@ import numpy as np
 
 from cranectl.planning import load_scenario
 from cranectl.planning.limits import Limits, limits_of
-from cranectl.planning.minimum_time import Task
 from cranectl.planning.plan import EXCESS_PRECISION, free_motion
+from cranectl.planning.problem import Task
 from cranectl.planning.route import stops
 from cranectl.planning.shortest import shortest
 from cranectl.reference.geometry import Straight
@@ -57,7 +57,5 @@ def task(ends: Ends, of: Scenario, **options) -> Task:  # type: ignore[no-untype
     points = [np.array(point) for point in (ends.start, *segment.via, ends.end)]
     limits = limits_for(points, of)
     corners = stops(points, limits, "")
-    durations = [shortest(Straight(a, b), limits) for a, b in itertools.pairwise(corners)]
-    assert all(isinstance(duration, float) for duration in durations), durations
-    longest = float(sum(durations))  # type: ignore[arg-type]
+    longest = sum(shortest(Straight(a, b), limits, "") for a, b in itertools.pairwise(corners))
     return free_motion(segment, points, corners, limits, longest)

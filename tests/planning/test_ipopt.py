@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from cranectl.planning import programs
-from cranectl.planning.minimum_time import Task, minimum_time
+from cranectl.planning.minimum_time import minimum_time
+from cranectl.planning.problem import Task
 from tests.planning import ipopt
 from tests.planning.tasks import move
 

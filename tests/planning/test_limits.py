@@ -9,21 +9,20 @@ from scipy.interpolate import BSpline
 
 from cranectl.model.dynamics import axis_masses, drive_forces, specific_rope_force
 from cranectl.model.flatness import states_and_inputs
-from cranectl.planning.bernstein import pieces_of
-from cranectl.planning.gradients import inputs
-from cranectl.planning.intervals import Interval, interval
+from cranectl.planning.arithmetic import Interval, inputs, interval
 from cranectl.planning.limits import (
     AXES,
     SIDES,
     Box,
     Motion,
     clear_of,
+    clearance,
+    constraints,
     excesses,
     limits_of,
     motion,
-    quantities,
-    room,
 )
+from cranectl.planning.proof import polynomial_pieces
 from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import spline
 from cranectl.scenario.rig import RigParameters
@@ -50,7 +49,7 @@ def moved(rows: np.ndarray) -> Motion:
 
 
 def values(rows: np.ndarray) -> dict[str, np.ndarray]:
-    return {each.name: each.series[0] for each in quantities(moved(rows), LIMITS)}
+    return {each.name: each.series[0] for each in constraints(moved(rows), LIMITS)}
 
 
 def test_what_is_limited_is_what_the_equations_of_motion_have() -> None:
@@ -94,7 +93,7 @@ def test_rates_are_those_of_set_points_and_accelerations() -> None:
 
 def test_bounds_are_the_rigs() -> None:
     drives, rig, share = scenario().rig.effects.limits, scenario().rig, 0.98
-    bounds = {each.name: (each.low, each.high) for each in quantities(moved(jets(1)), LIMITS)}
+    bounds = {each.name: (each.low, each.high) for each in constraints(moved(jets(1)), LIMITS)}
     for i, axis in enumerate(AXES):
         assert bounds[axis] == tuple(rig.workspace[i])
         for what, column in (
@@ -114,7 +113,7 @@ def test_bounds_are_the_rigs() -> None:
         (weight * (1 - share * 0.8), weight * (1 + share)), rel=1e-12
     )
     small = LIMITS._replace(size=0.3)
-    scales = {each.name: each.scale for each in quantities(moved(jets(1)), small)}
+    scales = {each.name: each.scale for each in constraints(moved(jets(1)), small)}
     assert (scales["lean of the rope"], scales["tension of the rope"]) == pytest.approx((lean, weight))
     for name in ("load x", "load y", "load z", *AXES):
         assert scales[name] == 0.3
@@ -182,7 +181,7 @@ def test_series_go_on_as_the_motion_does() -> None:
     def every(at: np.ndarray) -> list[list[np.ndarray]]:
         m = moved(np.stack([curve.derivative(k)(at) for k in range(8)], axis=1))
         beside = [each for side in SIDES for each in clear_of(m, box, 0.05, side)]
-        return [each.series for each in quantities(m, LIMITS)] + beside
+        return [each.series for each in constraints(m, LIMITS)] + beside
 
     for now, then in zip(every(times), every(times + later), strict=True):
         assert len(now) >= 3
@@ -195,7 +194,7 @@ def test_excesses_are_over_the_nearer_bound_and_into_boxes() -> None:
     rows, box = jets(200, seed=4), Box("crate", np.array([0.5, 0.4, -1.4]), np.array([1.5, 1.1, -0.7]))
     limits = LIMITS._replace(size=0.3, obstacles=(box,))
     found = excesses(moved(rows), limits)
-    for each in quantities(moved(rows), limits):
+    for each in constraints(moved(rows), limits):
         value = each.series[0]
         wanted = np.where(
             value > 0.5 * (max(each.low, -1e9) + each.high), value - each.high, each.low - value
@@ -206,7 +205,7 @@ def test_excesses_are_over_the_nearer_bound_and_into_boxes() -> None:
     sides = [[d[0] for d in clear_of(m, box, limits.radius, side)] for side in SIDES]
     clear = np.max([np.min(side, axis=0) for side in sides], axis=0)
     np.testing.assert_array_equal(found["obstacle 'crate'"], -clear / 0.3)
-    np.testing.assert_array_equal(room(m, box, limits.radius).max(axis=0), clear)
+    np.testing.assert_array_equal(clearance(m, box, limits.radius).max(axis=0), clear)
     assert clear.min() < 0.0 < clear.max()
 
 
@@ -216,7 +215,7 @@ def test_gradients_are_those_of_differences() -> None:
     def every(columns: list[Any]) -> list[Any]:
         m = motion([from_derivatives(columns[axis::3]) for axis in range(3)], LIMITS.gravity)
         box = Box("box", np.zeros(3), np.ones(3))
-        limited = [each.series[0] for each in quantities(m, LIMITS)]
+        limited = [each.series[0] for each in constraints(m, LIMITS)]
         return limited + [d[0] for side in SIDES for d in clear_of(m, box, 0.05, side)]
 
     step = 1e-5 * np.tile(TYPICAL, (1, 3)).ravel()
@@ -267,7 +266,7 @@ def test_pieces_hold_the_spline_and_all_its_derivatives(degree: int, tight: floa
     breaks = np.cumsum(random.uniform(0.05, 0.2, 13))
     coefficients = random.normal(0.0, 1.0, (12 + degree, 3))
     curve: BSpline = spline(breaks, coefficients, degree)
-    pieces = pieces_of(breaks, coefficients, degree, 7)
+    pieces = polynomial_pieces(breaks, coefficients, degree, 7)
     for _ in range(3):
         start, length = pieces.start, pieces.length.high
         at = start + random.uniform(0.0, 1.0, (20, 1)) * length
@@ -281,7 +280,7 @@ def test_pieces_hold_the_spline_and_all_its_derivatives(degree: int, tight: floa
                 np.testing.assert_allclose(middle.low, middles[:, axis], atol=1e-9 * size)
                 assert (middle.high - middle.low <= tight * size).all()
         widths = pieces.hull(4, 0)
-        pieces = pieces.halved()
+        pieces = pieces.halved(np.arange(len(pieces.start)))
         halves = pieces.hull(4, 0)
         assert (np.tile(widths.low, 2) <= halves.low + 1e-9).all()
         assert (halves.high - halves.low).mean() < 0.8 * (widths.high - widths.low).mean()

@@ -80,7 +80,7 @@ def test_a_blended_path_is_within_limits_and_faster_than_with_stops(
     (segment,) = found.reference.segments
     assert isinstance(segment, BlendedPath)
     (review,) = reviews(found)
-    assert review.proof.holds
+    assert review.proof.is_valid
     assert worst(found, segment) < 1e-9
     assert lasts(found) < lasts(scenario(path, 0.0)) < lasts(scenario(path, 0.0, "duration='shortest'"))
     coarse, fine = (steps_of_fourth_derivative(found, count) for count in (20_001, 40_001))
@@ -123,7 +123,7 @@ def test_way_points_are_passed_in_minimum_time(points: tuple[tuple[float, ...], 
     assert isinstance(segment, Spline)
     assert isinstance(segment.time_law, SplineLaw)
     (review,) = reviews(found)
-    assert review.proof.holds
+    assert review.proof.is_valid
     assert worst(found, segment) < 1e-9
     time = np.linspace(0.0, segment.duration, 20_001)
     trajectory = build_trajectory(found.reference)

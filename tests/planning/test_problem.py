@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cranectl.planning.minimum_time import Task, _fitted, _inside, _problem, along_path
-from cranectl.planning.problem import Problem
+from cranectl.planning.minimum_time import _fitted, _inside, along_path
+from cranectl.planning.problem import Problem, Task
 from cranectl.reference.geometry import Circular
 from tests.planning.tasks import limits_for, move, scenario
 
@@ -25,8 +25,8 @@ TASKS = {
 def case(request: pytest.FixtureRequest) -> tuple[Problem, np.ndarray]:
     """A problem, and unknowns near those that it begins with."""
     task: Task = replace(TASKS[request.param], spans=9)
-    problem = _problem(_inside(task), np.linspace(0.0, 1.0, 20))
-    x = problem.unknowns(_fitted(problem, task, 1.0), task.duration, task.instants)
+    problem = Problem(_inside(task), np.linspace(0.0, 1.0, 20))
+    x = problem.unknowns(_fitted(problem, 1.0), task.duration)
     return problem, x + np.random.default_rng(1).uniform(-0.01, 0.01, len(x))
 
 
@@ -35,22 +35,23 @@ def test_slopes_are_those_of_differences(case: tuple[Problem, np.ndarray]) -> No
     near, step = problem.linearised(x), 1e-6
     for index, row in enumerate(np.eye(len(x)) * step):
         ahead, behind = problem.linearised(x + row), problem.linearised(x - row)
-        for rows, late, early in zip(near, ahead, behind, strict=True):
-            wanted = (late.value - early.value) / (2 * step)
+        for values, slopes in (("excess", "slope"), ("efforts", "effort_slope")):
+            wanted = (getattr(ahead, values) - getattr(behind, values)) / (2 * step)
+            found = getattr(near, slopes)
             # Of differences, where slopes are up to 1e4: an error in one would be of its size.
-            atol = 1e-6 * max(1.0, float(np.abs(rows.slope).max()))
-            np.testing.assert_allclose(rows.slope[:, index], wanted, atol=atol, rtol=1e-5)
+            atol = 1e-6 * max(1.0, float(np.abs(found).max()))
+            np.testing.assert_allclose(found[:, index], wanted, atol=atol, rtol=1e-5)
 
 
 def test_the_curvature_is_that_of_priced_slopes(case: tuple[Problem, np.ndarray]) -> None:
     problem, x = case
-    count = len(problem.linearised(x).excess.value)
+    count = len(problem.linearised(x).excess)
     random = np.random.default_rng(2)
-    prices = random.uniform(0.0, 1.0, count) * (random.uniform(size=count) < 0.1)
-    found, step = problem.curvature(x, prices), 1e-5
+    multipliers = random.uniform(0.0, 1.0, count) * (random.uniform(size=count) < 0.1)
+    found, step = problem.curvature(x, multipliers), 1e-5
     wanted = np.stack(
         [
-            prices @ (problem.linearised(x + row).excess.slope - problem.linearised(x - row).excess.slope)
+            multipliers @ (problem.linearised(x + row).slope - problem.linearised(x - row).slope)
             for row in np.eye(len(x)) * step
         ]
     ) / (2 * step)
@@ -61,10 +62,10 @@ def test_the_curvature_is_that_of_priced_slopes(case: tuple[Problem, np.ndarray]
 
 def test_unknowns_are_what_they_stand_for() -> None:
     task = TASKS["via"]
-    problem = _problem(task, np.linspace(0.0, 1.0, 9))
-    x = problem.unknowns(_fitted(problem, task, 1.0), 2.5, task.instants)
+    problem = Problem(task, np.linspace(0.0, 1.0, 9))
+    x = problem.unknowns(_fitted(problem, 1.0), 2.5)
     coefficients = problem.coefficients(x)
     assert problem.duration(x) == 2.5
     assert (coefficients[:5] == task.start).all()
     assert (coefficients[-5:] == task.end).all()
-    np.testing.assert_array_equal(problem.unknowns(coefficients, 2.5, task.instants), x)
+    np.testing.assert_array_equal(problem.unknowns(coefficients, 2.5), x)

@@ -14,9 +14,9 @@ from cranectl.planning.limits import (
     Box,
     Limits,
     clear_of,
+    constraints,
     limits_of,
     motion,
-    quantities,
 )
 from cranectl.planning.minimum_time import minimum_time
 from cranectl.planning.proof import Proof, prove
@@ -57,7 +57,7 @@ def values(kind: str, coefficients: np.ndarray, at: np.ndarray) -> np.ndarray:
     if kind.startswith("box"):
         box = Box("box", *np.zeros((2, 3)))
         return -np.min([d[0] for d in clear_of(moved, box, WIDE.radius, kind[4:])], axis=0)
-    by_name = {each.name: each.series[0] for each in quantities(moved, WIDE)}
+    by_name = {each.name: each.series[0] for each in constraints(moved, WIDE)}
     name, _, side = kind.rpartition(" ")
     if side in ("low", "high") and name in by_name:
         return by_name[name] * (1.0 if side == "high" else -1.0)
@@ -120,12 +120,12 @@ def test_what_is_broken_for_a_millisecond_is_refuted(kind: str) -> None:
         seen += 1
         spoiled_, mended = limits_with(kind, bound), limits_with(kind, most + 1e-3 * max(1.0, abs(most)))
         refuted = proof(coefficients, spoiled_)
-        assert not refuted.holds
-        for broken in refuted.broken:
+        assert not refuted.is_valid
+        for broken in refuted.violations:
             assert broken.certain
             assert broken.start - HALF < when < broken.end + HALF
             assert broken.name.split()[0] in f"obstacle {kind}"
-        assert seen % 4 or proof(coefficients, mended).holds  # a quarter, for time
+        assert seen % 4 or proof(coefficients, mended).is_valid  # a quarter, for time
 
 
 def test_a_proof_is_quick_beside_the_plan() -> None:
@@ -138,7 +138,7 @@ def test_a_proof_is_quick_beside_the_plan() -> None:
     breaks, spent = np.linspace(0.0, found.duration, task.spans + 1), []
     for _ in range(5):
         begun = time.process_time()
-        assert prove(breaks, found.coefficients, 7, task.limits).holds
+        assert prove(breaks, found.coefficients, 7, task.limits).is_valid
         spent.append(time.process_time() - begun)
     assert min(spent) < 0.25 * planning
 
@@ -148,4 +148,4 @@ def test_what_cannot_be_enclosed_is_not_proven() -> None:
     coefficients = random_spline(np.random.default_rng(1))
     coefficients[7, 2] += 3.0
     refuted = proof(coefficients, WIDE)
-    assert not refuted.holds
+    assert not refuted.is_valid

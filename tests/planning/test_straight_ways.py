@@ -1,5 +1,7 @@
 """Whether a straight line is clear of obstacles, decided at all its points; motions that are too long."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -65,13 +67,15 @@ def test_a_line_past_a_corner_is_proven_unless_it_is_blocked(inward: float) -> N
     limits = limits._replace(obstacles=(wall,), size=0.02)
     at, way = np.array([0.75 + inward, 0.35 + inward, -1.0]), np.array([0.15, -0.1, 0.0])
     start, end = at - 0.4 * way, at + 0.6 * way
-    found = shortest(Straight(start, end), limits)
     assert depth(start, end, wall, limits.radius) == pytest.approx(inward, rel=1e-6)
     if is_blocked(start, end, limits):
-        assert isinstance(found, dict)
-        assert found["obstacle 'wall'"] <= inward / limits.size
+        with pytest.raises(InputError) as told:
+            shortest(Straight(start, end), limits, "it")
+        near = re.search(r"it comes (\S+) m too near to the obstacle 'wall'", told.value.found)
+        assert near
+        assert float(near[1]) <= 1.01 * inward  # of three digits
     else:
-        assert isinstance(found, float)
+        assert shortest(Straight(start, end), limits, "it") < np.inf
 
 
 def test_a_move_is_lifted_over_a_corner_that_is_met_for_a_moment_only() -> None:

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from cranectl.planning import load_scenario
+from cranectl.planning.arithmetic import Interval
 from cranectl.planning.blends import deviation, path_with_blends
-from cranectl.planning.intervals import Interval
-from cranectl.reference.geometry import Geometry, Polynomial
-from cranectl.reference.given_path import blend, chain_of, parts_of
+from cranectl.reference.geometry import Geometry, Polynomial, blend, geometry_of, parts_of
 from cranectl.reference.series import from_derivatives
 from cranectl.scenario.along_path import Arc, Line
 from cranectl.support.errors import InputError
@@ -108,7 +107,7 @@ def test_five_derivatives_are_continuous_at_the_seams(seed: int) -> None:
 def test_an_interval_of_a_chain_holds_all_its_points(seed: int) -> None:
     """Across seams too; and a small one holds little else."""
     start, segments = random_corner(seed)
-    chain = chain_of(path_with_blends(segments, start, ""), start)
+    chain = geometry_of(path_with_blends(segments, start, ""), start)
     random = np.random.default_rng(seed)
     low = random.uniform(0.0, 1.0, 200)
     high = np.minimum(low + 10.0 ** random.uniform(-6.0, -0.5, 200), 1.0)

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from cranectl.planning import load_scenario
 from cranectl.reference.fitting import path_through, through_points
-from cranectl.reference.given_path import chain_of
+from cranectl.reference.geometry import geometry_of
 from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import spline
 from cranectl.scenario.segments import Spline
@@ -47,7 +47,7 @@ def test_a_spline_s_path_is_the_spline_by_shares_of_its_parameter() -> None:
     coefficients = tuple(map(tuple, random.uniform(-1.0, 1.0, (11, 3)).tolist()))
     asked = Spline(kind="spline", degree=7, breaks=breaks, coefficients=coefficients, time_law="minimum-time")
     s = np.linspace(0.0, 1.0, 401)
-    path = chain_of(asked, np.zeros(3))
+    path = geometry_of(asked, np.zeros(3))
     series = path([from_derivatives([s, np.ones_like(s), *[np.zeros_like(s)] * 4])])
     curve = spline(np.array(breaks), np.array(coefficients), 7)
     for order, factor in enumerate(np.cumprod([1.0, *range(1, 6)])):

@@ -1,7 +1,8 @@
-"""Intervals over arrays, rounded outwards: what an expression gives for any point of its operands'.
+"""Two kinds of numbers over arrays: intervals, rounded outwards, and numbers that carry their gradient.
 
-+, -, *, / and the square root of IEEE 754 are rounded to nearest, so the number next to it on the
-outer side bounds the exact result.
+An interval is what an expression gives for any point of its operands'. +, -, *, / and the square root of IEEE
+754 are rounded to nearest, so the number next to it on the outer side bounds the exact result. Gradients are
+forward differentiation.
 """
 
 from collections.abc import Sequence
@@ -56,26 +57,26 @@ class Interval:
     __rmul__ = __mul__
 
     def __truediv__(self, other: "Operand") -> "Interval":
-        """Everything where the divisor's interval holds zero."""
+        """Return the quotients: all numbers where the divisor's interval holds zero."""
         other = interval(other)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             inverse = _outwards(1.0 / other.high, 1.0 / other.low)
         whole = (other.low <= 0.0) & (other.high >= 0.0)
         inverse = Interval(np.where(whole, -np.inf, inverse.low), np.where(whole, np.inf, inverse.high))
         with np.errstate(invalid="ignore", over="ignore"):
-            return _whole_for_nan(self * inverse)
+            return whole_for_nan(self * inverse)
 
     def sqrt(self) -> "Interval":
-        """Of what in it is not negative."""
+        """Return the square roots of what in it is not negative."""
         low, high = np.sqrt(np.maximum(self.low, 0.0)), np.sqrt(np.maximum(self.high, 0.0))
         return Interval(np.maximum(np.nextafter(low, -np.inf), 0.0), np.nextafter(high, np.inf))
 
     def cos(self) -> "Interval":
-        """Of angles far below 1e15: its middle and at most as far from it as the angle."""
+        """Enclose the cosines of angles far below 1e15: that of the middle, at most as far as the angle."""
         return self._turned(np.cos)
 
     def sin(self) -> "Interval":
-        """As `cos`."""
+        """Enclose the sines, as `cos` does."""
         return self._turned(np.sin)
 
     def _turned(self, function: np.ufunc) -> "Interval":
@@ -87,7 +88,7 @@ class Interval:
         )
 
     def meet(self, other: "Interval") -> "Interval":
-        """What both hold."""
+        """Return the numbers that both hold."""
         return Interval(np.maximum(self.low, other.low), np.minimum(self.high, other.high))
 
 
@@ -95,7 +96,7 @@ Operand = Interval | Array | float
 
 
 def interval(number: Operand) -> Interval:
-    """A number as the interval of itself."""
+    """Return a number as the interval of itself."""
     if isinstance(number, Interval):
         return number
     exact = np.asarray(number, dtype=np.float64)
@@ -103,7 +104,7 @@ def interval(number: Operand) -> Interval:
 
 
 def stacked(numbers: Sequence[Interval], axis: int) -> Interval:
-    """As `numpy.stack`."""
+    """Stack intervals as `numpy.stack` does."""
     return Interval(np.stack([n.low for n in numbers], axis), np.stack([n.high for n in numbers], axis))
 
 
@@ -111,7 +112,8 @@ def _outwards(low: Array, high: Array) -> Interval:
     return Interval(np.nextafter(low, -np.inf), np.nextafter(high, np.inf))
 
 
-def _whole_for_nan(number: Interval) -> Interval:
+def whole_for_nan(number: Interval) -> Interval:
+    """Return the interval with infinity in place of each end that is not a number."""
     return Interval(
         np.where(np.isnan(number.low), -np.inf, number.low),
         np.where(np.isnan(number.high), np.inf, number.high),
@@ -120,7 +122,7 @@ def _whole_for_nan(number: Interval) -> Interval:
 
 @expand_about.register
 def _(s: Interval, coefficients: Array, count: int) -> list[Series]:
-    """About the middle, and from there as far as the interval: what is far away cancels."""
+    """Expand about the middle, and from there as far as the interval: what is far away cancels."""
     s = s[:, None]
     middle = 0.5 * (s.low + s.high)
     about, step = shifted_powers(list(coefficients), Interval(middle, middle) - 0.5), s - middle
@@ -141,9 +143,95 @@ def _(s: Interval, low: float, high: float) -> tuple[NDArray[np.intp], Interval]
 
 @gathered.register
 def _(like: Interval, found: list[tuple[NDArray[np.intp], Interval]]) -> Interval:
-    """Of a point on several pieces the hull."""
+    """Return the hull where a point is on several segments."""
     low, high = np.full(len(like.low), np.inf), np.full(len(like.low), -np.inf)
     for where, part in found:
         low[where] = np.minimum(low[where], part.low)
         high[where] = np.maximum(high[where], part.high)
     return Interval(low, high)
+
+
+@dataclass(frozen=True, slots=True)
+class Gradient:
+    """Values at N points, and at each their gradient with respect to M inputs."""
+
+    value: Array  # (N,)
+    slope: Array  # (N, M)
+
+    def __getitem__(self, points: Any) -> "Gradient":
+        return Gradient(self.value[points], self.slope[points])
+
+    def __add__(self, other: "Gradient | float") -> "Gradient":
+        if isinstance(other, Gradient):
+            return Gradient(self.value + other.value, self.slope + other.slope)
+        return Gradient(self.value + other, self.slope)
+
+    __radd__ = __add__
+
+    def __neg__(self) -> "Gradient":
+        return Gradient(-self.value, -self.slope)
+
+    def __sub__(self, other: "Gradient | float") -> "Gradient":
+        return self + -other
+
+    def __rsub__(self, other: float) -> "Gradient":
+        return -self + other
+
+    def __mul__(self, other: "Gradient | float") -> "Gradient":
+        if isinstance(other, Gradient):
+            slope = self.value[:, None] * other.slope + other.value[:, None] * self.slope
+            return Gradient(self.value * other.value, slope)
+        return Gradient(self.value * other, self.slope * other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: "Gradient | float") -> "Gradient":
+        if isinstance(other, Gradient):
+            value = self.value / other.value
+            return Gradient(value, (self.slope - value[:, None] * other.slope) / other.value[:, None])
+        return Gradient(self.value / other, self.slope / other)
+
+    def sqrt(self) -> "Gradient":
+        """Return the square root of positive values."""
+        value = np.sqrt(self.value)
+        return Gradient(value, self.slope / (2.0 * value[:, None]))
+
+    def cos(self) -> "Gradient":
+        return Gradient(np.cos(self.value), -np.sin(self.value)[:, None] * self.slope)
+
+    def sin(self) -> "Gradient":
+        return Gradient(np.sin(self.value), np.cos(self.value)[:, None] * self.slope)
+
+
+def inputs(columns: Array) -> list[Gradient]:
+    """Return each column of (N, M) as an input of its own."""
+    unit = np.eye(columns.shape[1])
+    return [
+        Gradient(column, np.broadcast_to(row, (len(column), len(row))))
+        for column, row in zip(columns.T, unit, strict=True)
+    ]
+
+
+@expand_about.register
+def _(s: Gradient, coefficients: Array, count: int) -> list[Series]:
+    found = padded(shifted_powers(list(coefficients), s.value[:, None] - 0.5), count + 1)
+    slopes = [(k + 1) * each for k, each in enumerate(found[1:])]
+    return [
+        [
+            Gradient(value[:, axis], slope[:, axis, None] * s.slope)
+            for value, slope in zip(found, slopes, strict=False)
+        ]
+        for axis in range(3)
+    ]
+
+
+@select_between.register
+def _(s: Gradient, low: float, high: float) -> tuple[NDArray[np.intp], Gradient]:
+    where, _ = select_between(s.value, low, high)
+    return where, s[where]
+
+
+@gathered.register
+def _(like: Gradient, found: list[tuple[NDArray[np.intp], Gradient]]) -> Gradient:
+    values, slopes = ([(where, getattr(part, name)) for where, part in found] for name in ("value", "slope"))
+    return Gradient(gathered(like.value, values), gathered(np.empty(like.slope.shape), slopes))
