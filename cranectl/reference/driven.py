@@ -15,6 +15,7 @@ which stop is kept; and it is kept there by cutting the wish of the sample that 
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +29,7 @@ ASKED = 4  # columns of what is asked at a sample: 1 for a point or 0 for a velo
 SAME_SAMPLE = 1e-9  # [s] of a sample is the sample
 
 
-@dataclass(frozen=True)
-class HandLimits:
+class HandLimits(NamedTuple):
     """How fast the filter is, and within what it keeps the load."""
 
     bandwidth: float  # omega [rad/s]
@@ -60,11 +60,8 @@ class DrivenPath:
 
     def sample(self, time: Array) -> Array:
         """As a path's; exactly what was driven at the samples, and between them as exact."""
-        index = (
-            np.floor((np.asarray(time) + SAME_SAMPLE) / self.period)
-            .astype(int)
-            .clip(0, len(self._states) - 1)
-        )
+        index = np.floor((np.asarray(time) + SAME_SAMPLE) / self.period).astype(int)
+        index = index.clip(0, len(self._states) - 1)
         states = self._states[index]
         for k in np.flatnonzero(time - index * self.period > SAME_SAMPLE):
             states[k] = self._between(index[k], float(time[k] - index[k] * self.period))
@@ -74,21 +71,20 @@ class DrivenPath:
         asked = asked_at(self.changes, np.array([sample]))
         state = self._states[sample].copy()
         wish = np.empty(3)
-        limits = self.limits
-        _heed(limits.bandwidth, limits.speed, limits.low, limits.high, self.period, state, asked[0], wish)
-        moved: Array = np.column_stack([state, wish]) @ transition(limits.bandwidth, seconds).T
+        _heed(*self.limits, self.period, state, asked[0], wish)
+        moved: Array = np.column_stack([state, wish]) @ transition(self.limits.bandwidth, seconds).T
         return moved
 
 
 def at_rest(point: Array) -> Array:
-    """The state of a load at rest at `point` (3,): shape (3, STATES)."""
+    """Return the state of a load at rest at `point` (3,): shape (3, STATES)."""
     state = np.zeros((3, STATES))
     state[:, 0] = point
     return state
 
 
 def asked_at(changes: Sequence[tuple[int, tuple[float, ...]]], samples: NDArray[np.intp]) -> Array:
-    """What is asked at `samples` (n,), where `changes` in the order of time say what is from when on."""
+    """Return what is asked at `samples` (n,), where `changes` in the order of time say what from when on."""
     first = [-1, *(sample for sample, _ in changes)]
     asked = np.array([(0.0,) * ASKED, *(each for _, each in changes)])
     rows: Array = asked[np.searchsorted(first, samples, side="right") - 1]
@@ -101,14 +97,13 @@ def drive(limits: HandLimits, period: float, state: Array, asked: Array) -> Arra
     Returns the states at those samples, before what is asked there acts: shape (n, 3, STATES).
     """
     states = np.empty((len(asked), 3, STATES))
-    moves = transition(limits.bandwidth, period)
-    _drive(limits.bandwidth, limits.speed, limits.low, limits.high, period, moves, state, asked, states)
+    _drive(*limits, period, transition(limits.bandwidth, period), state, asked, states)
     return states
 
 
 @functools.lru_cache(maxsize=8)
 def transition(bandwidth: float, seconds: float) -> Array:
-    """The next state from (state, held wish) of an axis, exactly: shape (STATES, STATES + 1)."""
+    """Return the next state from (state, held wish) of an axis, exactly: shape (STATES, STATES + 1)."""
     chain = np.zeros((STATES + 1, STATES + 1))
     chain[0, 4] = 1.0
     for lag in range(1, STATES):
@@ -119,13 +114,13 @@ def transition(bandwidth: float, seconds: float) -> Array:
 
 
 def stop_of(limits: HandLimits, states: Array) -> Array:
-    """Where loads in `states` (n, 3, STATES) come to rest if they are released: shape (n, 3)."""
+    """Return where loads in `states` (n, 3, STATES) come to rest if they are released: shape (n, 3)."""
     stop: Array = states[..., 0] + states[..., 1:].sum(axis=-1) / limits.bandwidth
     return stop
 
 
 def derivatives(limits: HandLimits, states: Array) -> Array:
-    """Position and four derivatives of `states` (n, 3, STATES): shape (n, 5, 3)."""
+    """Return position and four derivatives of `states` (n, 3, STATES): shape (n, 5, 3)."""
     z, one, two, three, four = np.moveaxis(states, -1, 0)
     omega = limits.bandwidth
     rows = np.empty((len(states), 5, 3))
