@@ -160,14 +160,14 @@ def check_demand(
     quantity, unit = list(UNITS.items())[kind]
     when = begins + time[int(np.argmax(np.abs(asked[0][kind, :, drive])))]
     key = f"{scenario.drive_limits_key}.{quantity}"
-    likely, remedy = "", f"raise {key} if the drive can do more"
-    if len(asked) > 1:
-        likely, remedy = ", the upper end of what its noise leaves open,", "fewer knots by spans"
+    likely = ", the upper end of what its noise leaves open," if len(asked) > 1 else ""
     raise InputError(
         f"{where} asks the set-point of the {DRIVES[drive]} for {peaks[kind, drive]:.3g} {unit}{likely} "
         f"near {when:.3g} s",
         allowed=f"{quantity} up to {allowed[kind, drive]:g} {unit}, as {key} says",
-        remedy=f"give the motion more time, or {remedy}",
+        remedy="give the motion more time, or fewer knots by spans"
+        if len(asked) > 1
+        else f"give the motion more time, or raise {key} if the drive can do more",
     )
 
 

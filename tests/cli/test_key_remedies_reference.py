@@ -96,7 +96,7 @@ EVEN = "[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.2,0.77,-0.7],[1.4,0.77,-0.7]"
 QUICK, FASTER = "times=[0, 0.6, 1.2]", "velocity=[3.0, 3.0, 3.0]"
 HARDER = "acceleration=[30.0, 30.0, 30.0]"
 NO_FORCE = ["--drive", "velocity", "effects.limits.force=[1e9, 1e9, 1e9]"]
-F, T, G, S, D = (f"reference/{name}.py" for name in ("files", "tables", "given", "sanity", "drive_demand"))
+F, T, G, S = (f"reference/{name}.py" for name in ("files", "tables", "given", "sanity"))
 UNITS = "leave out units.{}, or correct the file"
 ENCODING = "save it as CSV in UTF-8, or as Parquet"
 MAP = "map it: columns = {{} = '…'}{}"
@@ -211,20 +211,20 @@ CASES = [
     Case(S, "fill it in, or cut the file there into two", samples("gap.csv"), samples()),
     Case(S, "leave such samples out, or record the motion again", samples("jump.csv"), samples("less.csv")),
     Case(S, "record it with a rest before and after, or cut it there", samples("moving.csv"), samples()),
-    Case(D, DEMAND, through(QUICK), through("times=[0, 3, 6]")),
+    Case(S, DEMAND, through(QUICK), through("times=[0, 3, 6]")),
     Case(
-        D,
+        S,
         DEMAND,
         through(QUICK),
         [*through(QUICK), f"rig.effects.limits.{FASTER}", f"rig.effects.limits.{HARDER}"],
     ),
     Case(
-        D,
+        S,
         DEMAND,
         [*NO_FORCE, *through(QUICK)],
         [*NO_FORCE, *through(QUICK), f"effects.limits.{FASTER}", f"effects.limits.{HARDER}"],
     ),
-    Case(D, "give the motion more time, or fewer knots by spans", samples("fast.csv"), samples()),
+    Case(S, "give the motion more time, or fewer knots by spans", samples("fast.csv"), samples()),
 ]
 
 
