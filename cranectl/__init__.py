@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from cranectl.metrics import RunMetrics, run_metrics
     from cranectl.planning import load_scenario
     from cranectl.plants.registry import PlantEntry, register_plant
-    from cranectl.scenario import Scenario, scenario_names
+    from cranectl.scenario import Scenario
+    from cranectl.scenario.load import scenario_names
     from cranectl.scenario.rig import RigParameters
     from cranectl.signals import Signal
     from cranectl.simulate import Run, simulate_run
@@ -46,7 +47,8 @@ _NAMES = {  # by module
     "metrics": "RunMetrics run_metrics",
     "planning": "load_scenario",
     "plants.registry": "PlantEntry register_plant",
-    "scenario": "Scenario scenario_names",
+    "scenario": "Scenario",
+    "scenario.load": "scenario_names",
     "scenario.rig": "RigParameters",
     "signals": "Signal",
     "simulate": "Run simulate_run",

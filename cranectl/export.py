@@ -21,10 +21,9 @@ from cranectl.signals import REFERENCE, Signal
 from cranectl.simulate import Run
 from cranectl.support import extensions
 from cranectl.support.arrays import Array, Mask
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.errors import InputError, matching, unknown_name, unmatched
 from cranectl.support.extensions import with_extensions
 from cranectl.support.files import Kind, replacing, writing
-from cranectl.support.patterns import matching, unmatched
 
 # In place of scipy's, which has the date: the same run gives the same bytes. 116 bytes by the format.
 MAT_HEADER = b"MATLAB 5.0 MAT-file, written by cranectl".ljust(116)

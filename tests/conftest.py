@@ -14,7 +14,8 @@ import pytest
 from cranectl.design import CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.plants.registry import default_plants
-from cranectl.scenario import Scenario, scenario_names
+from cranectl.scenario import Scenario
+from cranectl.scenario.load import scenario_names
 from cranectl.simulate import Run, simulate_run
 
 ROOT = Path(__file__).parent.parent

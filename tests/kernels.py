@@ -13,7 +13,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does; 
 from cranectl.analysis.budget.error_budget import error_budget
 from cranectl.planning import load_scenario
 from cranectl.plants.registry import default_plants
-from cranectl.scenario import scenario_names
+from cranectl.scenario.load import scenario_names
 from cranectl.simulate import simulate_run
 
 SHORT = ["duration=0.1", "disturbances.0.start=0.02", "disturbances.1.start=0.05"]

@@ -16,7 +16,7 @@ HINGE: Mapping[str, Mapping[str, str]] = {
     "scenario/effects.py": {
         "    installation: Installation = Installation()\n": "    hinge: Hinge = Hinge()\n",
         "    installation: Installation | None = None\n": "    hinge: Hinge | None = None\n",
-        "Gain = Annotated[float, Field(gt=0.0, le=10.0)]\n": '''
+        'assumed: the upper half of the frame"\n    )\n': '''
 
 class Hinge(Effect):
     """A cardan joint that springs back."""
@@ -49,7 +49,7 @@ from cranectl.analysis.certificate.linear_plant import LINEAR
 from cranectl.cli.main import main
 from cranectl.plants.capabilities import check_honest
 from cranectl.plants.registry import COMMON, PLANTS, register_plant
-from cranectl.scenario import default_scenario, load_rig
+from cranectl.scenario.load import default_scenario, load_rig
 from cranectl.simulate import make_plant
 from cranectl.support.errors import InputError
 
@@ -148,7 +148,7 @@ import contextlib, io, json
 import numpy as np
 from cranectl.cli.main import main
 from cranectl.plants.registry import default_plants
-from cranectl.scenario import default_scenario
+from cranectl.scenario.load import default_scenario
 from cranectl.simulate import make_plant
 
 def said(*arguments):

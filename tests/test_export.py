@@ -20,8 +20,7 @@ from cranectl.log.overlay import Layer, write_overlay
 from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.simulate import Run, simulate_run
-from cranectl.support.errors import InputError
-from cranectl.support.patterns import matching
+from cranectl.support.errors import InputError, matching
 from tests.conftest import PAIR, ROOT, cut
 from tests.packages import install, run_beside
 

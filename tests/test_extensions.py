@@ -64,9 +64,8 @@ HIGHEST = Metric(
 SEGMENT = """\
 from typing import Literal
 import numpy as np
-from cranectl.scenario.quantities import Duration
 from cranectl.scenario.segments import SegmentKind
-from cranectl.scenario.settings import Settings
+from cranectl.scenario.settings import Duration, Settings
 
 class Bow(Settings):
     kind: Literal["bow"]

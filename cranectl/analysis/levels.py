@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
 from cranectl.scenario.effects import EFFECTS, Delay, EffectNumbers, EffectSettings
-from cranectl.scenario.held_files import held_files, with_files
+from cranectl.scenario.load import held_files, with_files
 from cranectl.scenario.settings import parse_settings
 from cranectl.scenario.similarity import check_size
 

@@ -28,10 +28,10 @@ from cranectl.campaign.worker import Prepared, Stop, StoppedError, Worker
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
 from cranectl.controllers.registry import runs_alone
 from cranectl.loaders.opening import LawFile, open_again
+from cranectl.support.children import forget_safe_path, safe_path
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
 from cranectl.support.interrupts import SIGNALS
-from cranectl.support.processes import forget_safe_path, safe_path
 from cranectl.support.provenance import HARMLESS, PACKAGES, provenance_differences
 
 if TYPE_CHECKING:

@@ -17,12 +17,11 @@ from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants.registry import plant_entry
 from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
 from cranectl.scenario.effects import ALL_EFFECTS
-from cranectl.scenario.held_files import held_files, with_files
+from cranectl.scenario.load import held_files, with_files
 from cranectl.scenario.settings import parse_settings
 from cranectl.support.arrays import Array
 from cranectl.support.documents import assign, leaves, mapped
-from cranectl.support.errors import InputError, did_you_mean, nearest_first
-from cranectl.support.patterns import SHOWN_NEAR_NAMES
+from cranectl.support.errors import SHOWN_NEAR_NAMES, InputError, did_you_mean, nearest_first
 
 PHYSICAL = ("rig", "effects", "initial", "disturbances")  # of a scenario; the rest is the controller's
 PERIOD = "control.period"  # which the controller knows: it is made for that of each run

@@ -18,8 +18,9 @@ from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.registry import UDP, controller_sources, law_digests
 from cranectl.loaders.opening import file_from
 from cranectl.plants.registry import plant_sources
-from cranectl.scenario import MetricSettings, Scenario
+from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.scenario import MetricSettings
 from cranectl.scenario.settings import parse_settings
 from cranectl.support import documents
 from cranectl.support.documents import Table

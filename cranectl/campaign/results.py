@@ -34,7 +34,7 @@ from cranectl.campaign.manifest import (
     software_of,
 )
 from cranectl.campaign.table import ResultDamageError, Row, arrow_schema, part_name, read_part, write_part
-from cranectl.scenario.held_files import files_in, put_files, remove_files, with_files
+from cranectl.scenario.load import files_in, put_files, remove_files, with_files
 from cranectl.support.documents import Table, read_json
 from cranectl.support.errors import InputError
 from cranectl.support.files import exists, write_text, writing

@@ -13,7 +13,7 @@ from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Dist
 from cranectl.metrics.limits import Limits
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
-from cranectl.scenario import rig_place
+from cranectl.scenario.load import rig_place
 from cranectl.scenario.settings import RuleError, Settings, override, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import leaves, read_toml

@@ -22,8 +22,7 @@ from cranectl.simulate.memory import check_planned
 from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import Block, start_run, stream_run
 from cranectl.support.arrays import Array
-from cranectl.support.environment import MachineError, is_of_machine, tried_again
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, MachineError, is_of_machine, tried_again
 
 Stop = Callable[[], bool]
 

@@ -21,8 +21,7 @@ from cranectl.simulate import Run, law_of, plan_scenario, simulate_run
 from cranectl.simulate.child import BLOCK_TIMEOUT
 from cranectl.simulate.memory import check_runs
 from cranectl.status import RunStatus
-from cranectl.support.environment import tried_again
-from cranectl.support.errors import InputError, describe_error
+from cranectl.support.errors import InputError, describe_error, tried_again
 
 LOG_DIRECTORY = Path("logs")
 

@@ -18,10 +18,9 @@ from cranectl.controllers.open_controllers import OPEN, SharedControllers
 from cranectl.controllers.registry import runs_alone
 from cranectl.loaders.opening import open_again
 from cranectl.plants.registry import PLANTS
-from cranectl.support.children import Child, ChildError, requests, spawn_child
-from cranectl.support.environment import TRIES
+from cranectl.support.children import Child, ChildError, requests, safe_path, spawn_child
+from cranectl.support.errors import TRIES
 from cranectl.support.interrupts import interrupts_blocked, interrupts_wait
-from cranectl.support.processes import safe_path
 
 # Loaded once, before workers are forked; without it each worker would import for two seconds.
 PRELOADED = ["control", "mujoco", "numba", "cranectl.cases.workers", "cranectl.design.loop_shaping"]

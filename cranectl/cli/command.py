@@ -159,7 +159,7 @@ class Asked(NamedTuple):
 
     def read(self) -> "Scenario":
         """Return the scenario as it is written; raises InputError."""
-        from cranectl.scenario import default_scenario, read_scenario
+        from cranectl.scenario.load import default_scenario, read_scenario
 
         if self.source is None:
             return default_scenario(rig=self.rig, overrides=self.overrides)

@@ -61,7 +61,7 @@ def idle_lines(
         The command takes numbers of the rig for effects that the scenario does not have.
 
     """
-    from cranectl.scenario import given_settings, idle_effects
+    from cranectl.scenario.load import given_settings, idle_effects
     from cranectl.simulate.idle_settings import RunKind, idle_settings
 
     given = [name for name in given_settings(*asked) if name not in LABELS]

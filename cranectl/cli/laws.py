@@ -60,7 +60,7 @@ def controller_option(function: F) -> F:
     @functools.wraps(function)
     def command(*, trust: bool, controller: str | None, scenario: str, **given: Any) -> Any:
         if trust and controller is None:
-            from cranectl.scenario import read_scenario, scenario_file
+            from cranectl.scenario.load import read_scenario, scenario_file
 
             named = read_scenario(scenario).controller.name
             controller = opened(named, scenario_file(scenario).parent)

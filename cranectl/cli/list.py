@@ -49,7 +49,7 @@ def list_command(screen: Screen) -> None:
     from cranectl.controllers.registry import described_controllers
     from cranectl.plants.plant import DRIVES
     from cranectl.plants.registry import PLANTS
-    from cranectl.scenario import read_scenario, rig_names, scenario_names
+    from cranectl.scenario.load import read_scenario, rig_names, scenario_names
 
     scenarios = [read_scenario(name) for name in scenario_names()]
     rows = tuple(cells(s.name, f"{s.duration:g} s", s.controller.name, s.title) for s in scenarios)

@@ -17,8 +17,14 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Invocation
 from cranectl.cli.streams import steady_streams
-from cranectl.support.environment import MachineError, is_of_machine
-from cranectl.support.errors import CranectlError, InputError, describe_error, printable
+from cranectl.support.errors import (
+    CranectlError,
+    InputError,
+    MachineError,
+    describe_error,
+    is_of_machine,
+    printable,
+)
 from cranectl.support.interrupts import came_of_interrupt, heed_interrupts, interrupt
 
 TRACEBACK = "--traceback"  # anywhere on the command line

@@ -40,8 +40,8 @@ def plan_command(asked: Asked, plot: Path | None, bound: bool, screen: Screen) -
     from cranectl.planning import planned
     from cranectl.planning.review import least_durations, reviews
     from cranectl.report.plan import plan_json, plan_tables
-    from cranectl.scenario import scenario_file
     from cranectl.scenario.effects import EFFECTS
+    from cranectl.scenario.load import scenario_file
 
     written, directory = asked.read(), scenario_file(str(asked.source)).parent
     ready = planned(written, directory)

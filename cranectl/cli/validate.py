@@ -98,7 +98,7 @@ def validate_command(
     from cranectl.plants.plant import DRIVES, Drive
     from cranectl.plants.registry import default_plants
     from cranectl.report.validation import pair_tables
-    from cranectl.scenario import scenario_names
+    from cranectl.scenario.load import scenario_names
     from cranectl.simulate import checked_drive
     from cranectl.simulate.child import BLOCK_TIMEOUT
 

@@ -14,8 +14,7 @@ from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.simulate import Run
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
-from cranectl.support.errors import InputError
-from cranectl.support.patterns import matching, unmatched
+from cranectl.support.errors import InputError, matching, unmatched
 
 Bound = Annotated[float, Field(ge=0.0)]
 

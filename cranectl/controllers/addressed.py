@@ -19,7 +19,7 @@ from cranectl.signals import INPUT_COLUMN, LAW_ERROR_COLUMN, LAW_LOAD_COLUMN, LA
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
-from cranectl.support.float_environment import environment_kept, keeping_environment
+from cranectl.support.foreign_code import environment_kept, keeping_environment
 from cranectl.support.jit import STEP, UNCOMPILED, address_of, jit, why_not_compiled
 
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cranectl.support.temporary import temporary_directory
+from cranectl.support.directories import temporary_directory
 
 if TYPE_CHECKING:
     from cranectl.controllers.controller import Controller, Sizes

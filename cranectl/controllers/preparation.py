@@ -10,7 +10,7 @@ from cranectl.controllers.controller import MAX_MEMORY, Controller, LinearLaw, N
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, describe_error
 from cranectl.support.foreign_code import contained
-from cranectl.support.waiting import reported_when_slow
+from cranectl.support.interrupts import reported_when_slow
 
 LINEAR = "a linearise(nominal, rope_length) that returns a cranectl.controllers.controller.LinearLaw"
 PAIR = "a prepare(nominal) that returns (parameters, memory), two arrays of at most a million numbers"

@@ -22,7 +22,7 @@ from cranectl.design.linear_systems import (
     poles_text,
     real_modal_form,
 )
-from cranectl.scenario import LoopShapingSettings
+from cranectl.scenario.design import LoopShapingSettings
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 

@@ -35,7 +35,7 @@ from cranectl.design.linear_systems import (
     real_modal_form,
     unstable_poles,
 )
-from cranectl.scenario import HinfSettings
+from cranectl.scenario.design import HinfSettings
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 

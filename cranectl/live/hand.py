@@ -14,11 +14,11 @@ from cranectl.design import ControllerDesign
 from cranectl.live.hand_limits import hand_limits
 from cranectl.reference import build_trajectory
 from cranectl.reference.driven import HandLimits, asked_at, at_rest, derivatives, drive
-from cranectl.scenario import NANOSECONDS, Hold, ReferenceSettings, Scenario
+from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
 from cranectl.scenario.disturbances import Disturbance
-from cranectl.scenario.driven import MOST_CHANGES, SETTLING_TIME, Driven
-from cranectl.scenario.quantities import MAX_DURATION
-from cranectl.scenario.segments import seconds
+from cranectl.scenario.recorded import MOST_CHANGES, SETTLING_TIME, Driven
+from cranectl.scenario.segments import Hold, seconds
+from cranectl.scenario.settings import MAX_DURATION
 from cranectl.support.arrays import Array
 from cranectl.support.documents import parse_json
 from cranectl.support.errors import InputError, printable

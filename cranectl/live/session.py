@@ -20,7 +20,7 @@ from cranectl.plants.registry import plants_to_run
 from cranectl.plants.surroundings import air_velocity
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.disturbances import Disturbance
-from cranectl.scenario.quantities import MAX_DURATION
+from cranectl.scenario.settings import MAX_DURATION
 from cranectl.signals import PATH_WIDTH, Z
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run, record_width

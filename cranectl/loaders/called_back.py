@@ -11,7 +11,7 @@ import numpy as np
 
 from cranectl.controllers.controller import Sizes
 from cranectl.support.arrays import Array
-from cranectl.support.step_failure import FAILED, report_failure
+from cranectl.support.compiled_step import FAILED, report_failure
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 _STEP = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)

@@ -25,7 +25,7 @@ from cranectl.loaders.fmu_variables import Variables, variables_of
 from cranectl.loaders.opening import LawFile, directory_of, slug
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
-from cranectl.support.float_environment import environment_kept
+from cranectl.support.foreign_code import environment_kept
 from cranectl.support.jit import address_of
 
 MAX_UNPACKED_BYTES = 2**30  # unpacked

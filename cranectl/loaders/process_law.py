@@ -32,12 +32,10 @@ from cranectl.loaders.opening import LawFile, whole_copy_of
 from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
-from cranectl.support.children import Timeout
+from cranectl.support.children import Timeout, users_environment
 from cranectl.support.documents import parse_toml
-from cranectl.support.environment import starting
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, starting
 from cranectl.support.extensions import check_name
-from cranectl.support.processes import users_environment
 
 ANSWER_TIMEOUT = 600.0  # [s] for an answer in lock step, where no patience of the run is shorter
 START_TIMEOUT = 3600.0  # [s] for the first one of a run: a program may import and compile

@@ -35,8 +35,8 @@ from cranectl.signals import Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, describe_error
 from cranectl.support.foreign_code import contained
+from cranectl.support.interrupts import reported_when_slow
 from cranectl.support.jit import address_of, why_not_compiled
-from cranectl.support.waiting import reported_when_slow
 
 ARGUMENTS = ("parameters", "measured", "reference", "memory", "command")
 MEMORY = 64  # numbers that a plain function may remember

@@ -22,7 +22,7 @@ from cranectl.mcap_columns.rows import MAX_DEFINITION
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import LONGEST_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
 from cranectl.scenario import Scenario
-from cranectl.scenario.held_files import held_files, with_files
+from cranectl.scenario.load import held_files, with_files
 from cranectl.scenario.settings import parse_settings
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run, checked_drive, groups_of

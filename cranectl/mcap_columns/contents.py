@@ -37,7 +37,7 @@ from cranectl.mcap_columns.records import (
     section_crc,
 )
 from cranectl.support.errors import LogError
-from cranectl.support.inputs import open_input
+from cranectl.support.files import open_input
 
 MAX_SUMMARY = 64 * 2**20  # [bytes]; ten minutes of all samples take 7 MiB
 MAX_EXPANSION = 100  # all chunks, unpacked, over the size of the file; logs of a crane at rest reach 5

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cranectl.scenario import Scenario, read_scenario, scenario_file
+from cranectl.scenario import Scenario
+from cranectl.scenario.load import read_scenario, scenario_file
 
 
 def load_scenario(

@@ -11,7 +11,7 @@ from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
 from cranectl.reference.geometry import Geometry
 from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import time_law
-from cranectl.scenario.quantities import MAX_DURATION
+from cranectl.scenario.settings import MAX_DURATION
 
 GUESS_DEGREE = 9
 COEFFICIENTS = np.repeat([0.0, 1.0], 5)[:, None]  # of the law as one Bernstein polynomial

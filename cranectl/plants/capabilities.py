@@ -14,8 +14,7 @@ import numpy as np
 
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PLANTS, PlantEntry, labels_of, plant_entry
-from cranectl.scenario.effect import spread
-from cranectl.scenario.effects import EFFECTS, NO_EFFECTS, PARTS, WHOLE_EFFECTS, EffectSettings, Wind
+from cranectl.scenario.effects import EFFECTS, NO_EFFECTS, PARTS, WHOLE_EFFECTS, EffectSettings, Wind, spread
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import Scenario
 from cranectl.signals import ALPHA, BETA

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol
 
 from cranectl.scenario.effects import EffectSettings
-from cranectl.scenario.quantities import MIN_DURATION
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import longest_step
+from cranectl.scenario.settings import MIN_DURATION
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from cranectl.reference.tables import FileColumn, read_columns
-from cranectl.scenario.tables import FromFile, Source, Units
+from cranectl.scenario.recorded import FromFile, Source, Units
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.inputs import open_input
+from cranectl.support.files import open_input
 
 MAX_TABLE_BYTES = 32 * 2**20  # of a table; ten minutes of samples at 1 kHz take 24 MiB as text
 MCAP = b"\x89MCAP"

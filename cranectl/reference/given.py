@@ -11,9 +11,9 @@ from cranectl.reference.files import AXES, RecordedMotion, read_motion
 from cranectl.reference.fitting import Recorded, path_through, through_points
 from cranectl.reference.sanity import check_demand, check_length, check_numbers, check_samples
 from cranectl.scenario import Scenario
+from cranectl.scenario.recorded import TO_START, FitNumbers, FromFile
 from cranectl.scenario.segments import MAX_SPLINE_POINTS, MOST_SPANS, Hold, Samples, Spline, WayPoints
 from cranectl.scenario.settings import parse_settings
-from cranectl.scenario.tables import TO_START, FitNumbers, FromFile
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 

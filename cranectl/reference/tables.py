@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cranectl.support.arrays import Array
+from cranectl.support.documents import format_of
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.formats import format_of
 
 MOST_ROWS = 2_000_000
 SEPARATORS = ";\t,"  # the first of those that a line has equally often: a comma may be decimal

@@ -12,7 +12,7 @@ from cranectl.design import Design
 from cranectl.design.linear_systems import inner_loop, open_loop
 from cranectl.design.loop_shaping import error_weight
 from cranectl.report.theme import WIDTH, canvas
-from cranectl.scenario import LoopShapingSettings
+from cranectl.scenario.design import LoopShapingSettings
 from cranectl.support.arrays import Array
 
 OMEGA = np.logspace(-2, 3, 800)  # [rad/s]

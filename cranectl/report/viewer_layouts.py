@@ -5,11 +5,12 @@ Plots take their fields and units from the table of signals, topics from the log
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from cranectl.analysis.levels import NAMES
 from cranectl.log import topics
-from cranectl.log.overlay import STEP
+from cranectl.log.overlay import topics.STEP
 from cranectl.plants.registry import PLANTS, default_plants, in_order, reference_plant
 from cranectl.report.viewer_panels import (
     Layout,
@@ -33,9 +34,12 @@ from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.support.colours import VIEWER, VIEWER_SERIES
 from cranectl.support.errors import InputError, unknown_name
 
+Lines = list[dict[str, Any]]  # of a plot
 SIGNALS: dict[tuple[str, str], Signal] = {
     (group.name, signal.name): signal for group in recorded_groups(flat_groups(0)) for signal in group.signals
 }
+DISTANCE = topics.DISTANCE.signals[0]  # of the load
+SIGNALS |= {(group, DISTANCE.name): DISTANCE for group in (topics.DISTANCE.name, topics.STEP)}
 LEAST_ORDER = -9.0  # of what a fidelity level adds: less than a nanometre is nothing
 DISTANCE_EXPONENT = -14.0  # power of ten of the least distance that logs tell
 # Height of the standings in [%] of a window of 900 pixels.
@@ -101,13 +105,8 @@ def _single(plants: Sequence[str]) -> Layout:
 def _comparison(plants: Sequence[str]) -> Layout:
     """Several plants: the crane and its ghosts, the same signals of all, what parts them."""
     plants = plants if len(plants) > 1 else default_plants()
-    x, *load = (
-        plot(f"load {axis}", [*_of_each(plants, "load", f"load_{axis}"), _reference(axis)]) for axis in "xyz"
-    )
-    angles = (plot(name, _of_each(plants, "state", name)) for name in ("alpha", "beta"))
-    y, z, alpha, beta = map(without_legend, [*load, *angles])
     left = _crane_and_standings(scene_panel(_cranes(plants)), plants)
-    return row([left, _several([x, y, z, alpha, beta], row(_distance_plots(plants)))], (42, 58))
+    return row([left, _several(partial(_of_each, plants), row(_distance_plots(plants)))], (42, 58))
 
 
 def _controller(plants: Sequence[str], law: Sequence[Signal] | None = None) -> Layout:
@@ -174,22 +173,12 @@ def _overlay(labels: Sequence[str]) -> Layout:
             remedy="name such a log with --log",
         )
     target = topics.plant_topic(labels[0], topics.TARGET)
-    x, *rest = (
-        plot(
-            f"load {axis}",
-            [*_of_labels(labels, "load", SIGNALS["load", f"load_{axis}"]), _reference(axis, target)],
-        )
-        for axis in "xyz"
-    )
-    angles = (plot(name, _of_labels(labels, "state", SIGNALS["state", name])) for name in ("alpha", "beta"))
-    y, z, alpha, beta = map(without_legend, [*rest, *angles])
-    load = topics.DISTANCE.signals[0]
-    others = _of_labels(labels, topics.DISTANCE.name, load)
+    others = _of_labels(labels, topics.DISTANCE.name, DISTANCE.name)
     far = without_legend(plot(f"distance from {labels[0]}", others)) if others else events()
     shown = [topics.plant_topic(label, kind) for label in labels for kind in ("model", topics.ROPE, "trail")]
     shown.append(topics.plant_topic(labels[0], topics.ARROW))
     left = _crane_and_standings(scene_panel(shown), labels)
-    return row([left, _several([x, y, z, alpha, beta], far)], (42, 58))
+    return row([left, _several(partial(_of_labels, labels), far, target)], (42, 58))
 
 
 def _ladder(labels: Sequence[str]) -> Layout:
@@ -197,12 +186,11 @@ def _ladder(labels: Sequence[str]) -> Layout:
     labels = labels or NAMES
     if len(labels) == 1:  # nothing to be compared
         return _overlay(labels)
-    distance = topics.DISTANCE.signals[0]
     orders = []
-    for where, group in (("the level before", STEP), (labels[0], topics.DISTANCE.name)):
-        lines = _of_labels(labels, group, distance, ".@log10")
+    for where, group in (("the level before", topics.STEP), (labels[0], topics.DISTANCE.name)):
+        lines = _of_labels(labels, group, DISTANCE.name, ".@log10")
         orders.append(plot(f"log₁₀ of distance from {where}", lines, minYValue=LEAST_ORDER))
-    metres = plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, distance))
+    metres = plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, DISTANCE.name))
     shown = [topics.plant_topic(labels[0], kind) for kind in ("model", topics.ROPE, topics.ARROW)]
     shown += [topics.plant_topic(label, "trail") for label in labels]
     left = _crane_and_standings(scene_panel(shown), labels[-1:])
@@ -221,9 +209,13 @@ LAYOUTS: Mapping[str, Callable[[Sequence[str]], Layout]] = {
 }
 
 
-def _several(signals: Sequence[Panel], distances: Layout) -> Layout:
-    """Signals of several runs; the plot that has the legend is as wide as two others."""
-    x, y, z, alpha, beta = signals
+def _several(
+    of: Callable[[str, str], Lines], distances: Layout, topic: str = topics.REFERENCE_LOAD
+) -> Layout:
+    """Show signals `of` several runs and the reference; the plot with the legend is as wide as two others."""
+    x, *rest = (plot(f"load {a}", [*of("load", f"load_{a}"), _reference(a, topic)]) for a in "xyz")
+    angles = (plot(name, of("state", name)) for name in ("alpha", "beta"))
+    y, z, alpha, beta = map(without_legend, (*rest, *angles))
     return column([x, row([y, z]), row([alpha, beta]), distances, events()], (21, 21, 21, 21, 16))
 
 
@@ -249,7 +241,7 @@ def _joint_plot(plant: str, group: str, names: Sequence[str], title: str) -> Pan
     return plot(title, [_path(plant, group, name, k) for k, name in enumerate(names)])
 
 
-def _of_each(plants: Sequence[str], group: str, name: str) -> list[dict[str, Any]]:
+def _of_each(plants: Sequence[str], group: str, name: str) -> Lines:
     """A signal of each plant, MuJoCo's before the analytic: the first line of a plot lies on top."""
     return [
         {**_path(plant.name, group, name), "label": plant.label, "color": VIEWER[plant.colour]}
@@ -257,12 +249,12 @@ def _of_each(plants: Sequence[str], group: str, name: str) -> list[dict[str, Any
     ]
 
 
-def _of_labels(labels: Sequence[str], group: str, signal: Signal, modifier: str = "") -> list[dict[str, Any]]:
+def _of_labels(labels: Sequence[str], group: str, name: str, modifier: str = "") -> Lines:
     """Return a signal of each run of an overlay, in its colour; the first has no distance from itself."""
-    first = 1 if group in (topics.DISTANCE.name, STEP) else 0
-    fields = (field_of(topics.plant_topic(label, group), signal.name) for label in labels)
+    first = 1 if name == DISTANCE.name else 0
+    fields = (field_of(topics.plant_topic(label, group), name) for label in labels)
     lines = zip(fields, labels, VIEWER_SERIES, strict=False)
-    return [_line(f"{field}{modifier}", signal, *told) for field, *told in lines][first:]
+    return [_line(f"{field}{modifier}", SIGNALS[group, name], *told) for field, *told in lines][first:]
 
 
 def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:

@@ -2,17 +2,22 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
-from cranectl.scenario.quantities import Duration, Point2, Point3
-from cranectl.scenario.settings import RuleError, Settings
+from cranectl.scenario.settings import (
+    TEXT_OR_OTHER,
+    Duration,
+    Many,
+    Other,
+    Point2,
+    Point3,
+    RuleError,
+    Settings,
+    Text,
+)
 
 SHORTEST = "shortest"
-# Seconds, or a word; tags of no letters, so that errors name the field and no more.
-Timed = Annotated[
-    Annotated[Duration, Tag("")] | Annotated[Literal["shortest"], Tag(" ")],
-    Discriminator(lambda value: " " if isinstance(value, str) else ""),
-]
+Timed = Annotated[Other[Duration] | Text[Literal["shortest"]], TEXT_OR_OTHER]
 MOST_COEFFICIENTS = 20_000
 
 
@@ -20,16 +25,12 @@ class SplineLaw(Settings):
     """How far along its path a motion was planned to be: a B-spline of degree 7 on uniform knots, C⁶."""
 
     coefficients: Annotated[
-        tuple[Annotated[float, Field(ge=0.0, le=1.0)], ...],
-        Field(strict=False, min_length=8, max_length=MOST_COEFFICIENTS),
+        Many[Annotated[float, Field(ge=0.0, le=1.0)]], Field(min_length=8, max_length=MOST_COEFFICIENTS)
     ] = Field(description="of s from 0 to 1 over the duration")
 
 
 MINIMUM_TIME: Literal["minimum-time"] = "minimum-time"
-TimeLaw = Annotated[
-    Annotated[Literal["degree-9", "degree-5", "minimum-time"], Tag("")] | Annotated[SplineLaw, Tag(" ")],
-    Discriminator(lambda value: "" if isinstance(value, str) else " "),
-]
+TimeLaw = Annotated[Text[Literal["degree-9", "degree-5", "minimum-time"]] | Other[SplineLaw], TEXT_OR_OTHER]
 TIME_LAW = "degree-9: C⁴; degree-5: C²; minimum-time: planned, C⁴, without a duration"
 DURATION = "[s], or shortest: the least within the limits"
 
@@ -121,10 +122,10 @@ class BlendedPath(AlongPath):
     """Lines and arcs joined by blends, as they were planned: one path, one time law."""
 
     kind: Literal["path"]
-    parts: Annotated[
-        tuple[Annotated[Line | Arc, Field(discriminator="kind")], ...], Field(strict=False, min_length=2)
-    ] = Field(description="as asked for")
-    taken: Annotated[tuple[Annotated[float, Field(gt=0.0)], ...], Field(strict=False)] = Field(
+    parts: Annotated[Many[Annotated[Line | Arc, Field(discriminator="kind")]], Field(min_length=2)] = Field(
+        description="as asked for"
+    )
+    taken: Many[Annotated[float, Field(gt=0.0)]] = Field(
         description="what the blend of each corner takes of both its neighbours [m]"
     )
 

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from cranectl.scenario.quantities import MAX_DURATION, Duration
-from cranectl.scenario.settings import RuleError, Settings
+from cranectl.scenario.settings import MAX_DURATION, Duration, RuleError, Settings, Triple
 
 NANOSECONDS = 1_000_000_000
 Newtons = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -22,7 +21,7 @@ class Disturbance(Settings):
     magnitude: Annotated[float, Field(ge=-1e4, le=1e4)] | None = Field(
         None, description="acceleration of the joint [rad/s²]"
     )
-    force: Annotated[tuple[Newtons, Newtons, Newtons], Field(strict=False)] | None = Field(
+    force: Triple[Newtons] | None = Field(
         None, description="instead of joint and magnitude: on the load, along x, y, z [N]"
     )
 

@@ -1,8 +1,7 @@
 """The effects that a run can add, a table each under [effects] in a scenario; an absent table is no effect.
 
-The class of an effect is all that the package knows of it outside the plants: its numbers with their units,
-how they scale to a crane of another size, its level of the ladder and what of it is linear. A new effect is a
-class here, with a field of `EffectNumbers` and of `EffectSettings`, and in each plant that shows it a part.
+The class of an effect is all that the package knows of it outside the plants. A new effect is a class here,
+with a field of `EffectNumbers` and of `EffectSettings`, and in each plant that shows it a part.
 
 The thesis gives none of these numbers. Every default is an assumption about a small laboratory rig, with its
 reason in the description; an empty table takes them all. A rig in a file of its own has numbers of its own,
@@ -10,26 +9,58 @@ under `[effects]` there or scaled (`scenario.similarity`), which an empty table 
 """
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field
 
-from cranectl.scenario.effect import WHOLE, Effect, Part
-from cranectl.scenario.settings import FORCE, LENGTH, MASS, RATE, SPEED, TIME, Scaled, Settings
+from cranectl.scenario.settings import FORCE, LENGTH, MASS, RATE, SPEED, TIME, Pair, Scaled, Settings, Triple
 
 Size = Annotated[float, Field(ge=0.0, le=1e6)]
-Triple = Annotated[tuple[Size, Size, Size], Field(strict=False)]
 # Numbers that are scaled to a crane's size: wide enough for each size that `scenario.similarity` allows.
 Resistance = Annotated[float, Field(ge=0.0, le=1e9)]
-Resistances = Annotated[tuple[Resistance, Resistance, Resistance], Field(strict=False)]
 Limit = Annotated[float, Field(ge=1e-6, le=1e9)]
-Limits = Annotated[tuple[Limit, Limit, Limit], Field(strict=False)]
 Seconds = Annotated[float, Field(ge=0.0, le=10.0)]
-Component = Annotated[float, Field(ge=-100.0, le=100.0)]
-Vector = Annotated[tuple[Component, Component, Component], Field(strict=False)]
 Seed = Annotated[int, Field(ge=0, lt=2**32)]
 NO_LIMIT = 1e9  # the largest value of a Limit: as good as none
 DAMPING_MOMENT = Scaled(1.5, 1.0)
+WHOLE = ("",)  # in place of the names of settings: the effect itself
+
+
+class Part(NamedTuple):
+    """A setting that a plant may lack although it shows the rest of its effect."""
+
+    none: float  # its value, or each of its values, where nothing acts
+    tried: float  # to which a plant must react
+    on_axes: bool = False  # a force on the driven axes
+
+    def acts(self, value: Any) -> bool:
+        """Return True if a value of the setting is not that of nothing."""
+        return any(each != self.none for each in (value if isinstance(value, tuple) else (value,)))
+
+
+def spread(number: float, like: Any) -> Any:
+    """Return a number, or as many of it as a setting `like` has."""
+    return (number,) * len(like) if isinstance(like, tuple) else number
+
+
+class Effect(Settings):
+    """Numbers of one effect, and what follows from it."""
+
+    adds: ClassVar[str] = ""  # what its level of the ladder adds; without it the ladder has no such level
+    is_staged: ClassVar[bool] = False  # lies between plant and controller
+    is_structural: ClassVar[bool] = False  # changes the equations of motion smoothly
+    linear: ClassVar[tuple[str, ...]] = ()  # settings that the certificate knows; WHOLE for the effect itself
+    nonlinear: ClassVar[tuple[str, ...]] = ()  # settings that it leaves out
+    factors: ClassVar[Mapping[str, tuple[str, ...]]] = {}  # by setting: what it acts only beside, not at zero
+    set_points: ClassVar[Mapping[str, float]] = {}  # settings of set-points, and the value without effect
+    parts: ClassVar[Mapping[str, Part]] = {}  # by setting; without them a plant shows the effect or lacks it
+
+    @property
+    def linear_part(self) -> Self | None:
+        """What of it makes a plant another linear plant."""
+        if self.is_staged or not self.linear:
+            return None
+        return self.model_copy(update={name: spread(0.0, getattr(self, name)) for name in self.nonlinear})
 
 
 class DriveLimits(Effect):
@@ -41,13 +72,13 @@ class DriveLimits(Effect):
     set_points: ClassVar[Mapping[str, float]] = {"velocity": NO_LIMIT, "acceleration": NO_LIMIT}
     parts: ClassVar[Mapping[str, Part]] = {"force": Part(NO_LIMIT, 20.0, on_axes=True)}
 
-    velocity: Annotated[Limits, SPEED] = Field(
+    velocity: Annotated[Triple[Limit], SPEED] = Field(
         (1.0, 1.0, 0.6), description="[m/s]; assumed: what belt axes and a winch of this size reach"
     )
-    acceleration: Limits = Field(
+    acceleration: Triple[Limit] = Field(
         (4.0, 4.0, 6.0), description="of the set-point [m/s²]; assumed: usual ramps of such drives"
     )
-    force: Annotated[Limits, FORCE] = Field(
+    force: Annotated[Triple[Limit], FORCE] = Field(
         (60.0, 40.0, 30.0),
         description="[N]; assumed: six times the load's weight on the bridge, three on the winch, the load's "
         "weight included; 1e9 is no limit",
@@ -63,14 +94,13 @@ class Sensing(Effect):
     nonlinear = ("position_resolution", "angle_resolution", "position_noise", "angle_noise")
     factors: ClassVar[Mapping[str, tuple[str, ...]]] = {"seed": ("*_noise*",)}
 
-    position_resolution: Annotated[Triple, LENGTH] = Field(
+    position_resolution: Annotated[Triple[Size], LENGTH] = Field(
         (1e-4, 1e-4, 5e-5), description="of bridge, trolley, rope [m]; assumed: 2000 lines on 0.2 m a turn"
     )
     angle_resolution: Size = Field(
-        2.0 * 3.141592653589793 / 16384,
-        description="of alpha and beta [rad]; assumed: 4096 lines, quadrature",
+        6.283185307179586 / 16384, description="of alpha and beta [rad]; assumed: 4096 lines, quadrature"
     )
-    position_noise: Annotated[Triple, LENGTH] = Field(
+    position_noise: Annotated[Triple[Size], LENGTH] = Field(
         (0.0, 0.0, 0.0), description="standard deviation [m]; encoders on rails have next to none"
     )
     angle_noise: Size = Field(
@@ -105,10 +135,10 @@ class Friction(Effect):
         "pivot_viscous": Part(0.0, 0.01),
     }
 
-    coulomb: Annotated[Resistances, FORCE] = Field(
+    coulomb: Annotated[Triple[Resistance], FORCE] = Field(
         (2.0, 1.0, 1.0), description="bridge, trolley, winch [N]; assumed: 2 to 4 % of the moved weight"
     )
-    viscous: Annotated[Resistances, Scaled(-0.5, 1.0)] = Field(
+    viscous: Annotated[Triple[Resistance], Scaled(-0.5, 1.0)] = Field(
         (4.0, 2.0, 2.0), description="bridge, trolley, winch [N s/m]; assumed: belts"
     )
     pivot_coulomb: Annotated[Resistance, Scaled(1.0, 1.0)] = Field(
@@ -178,7 +208,9 @@ class Wind(Effect):
         "density": ("drag_area",),
     }
 
-    mean: Vector = Field((0.0, 0.0, 0.0), description="velocity of the air (x, y, z) [m/s]; still by default")
+    mean: Triple[Annotated[float, Field(ge=-100.0, le=100.0)]] = Field(
+        (0.0, 0.0, 0.0), description="velocity of the air (x, y, z) [m/s]; still by default"
+    )
     gust: Annotated[Size, SPEED] = Field(
         0.3, description="standard deviation of each horizontal component [m/s]; a draught"
     )
@@ -199,17 +231,13 @@ class Frame(Effect):
     is_structural = True
     linear = WHOLE
 
-    frequency: Annotated[tuple[Limit, Limit], Field(strict=False), RATE] = Field(
+    frequency: Annotated[Pair[Limit], RATE] = Field(
         (9.0, 12.0), description="of the empty rig along x, y [Hz]; assumed: aluminium profiles, four posts"
     )
     damping_ratio: Annotated[float, Field(ge=0.0, le=1.0)] = Field(0.02, description="assumed: bolted joints")
     mass: Annotated[float, Field(ge=1e-3, le=1e8), MASS] = Field(
         20.0, description="that moves with the rails [kg]; assumed: the upper half of the frame"
     )
-
-
-Angle = Annotated[float, Field(ge=-0.5, le=0.5)]
-Gain = Annotated[float, Field(gt=0.0, le=10.0)]
 
 
 class Installation(Effect):
@@ -221,16 +249,16 @@ class Installation(Effect):
     set_points: ClassVar[Mapping[str, float]] = {"dead_zone": 0.0}
     parts: ClassVar[Mapping[str, Part]] = {"tilt": Part(0.0, 0.02)}
 
-    drive_gain: Annotated[tuple[Gain, Gain, Gain], Field(strict=False)] = Field(
+    drive_gain: Triple[Annotated[float, Field(gt=0.0, le=10.0)]] = Field(
         (1.0, 1.0, 1.0), description="what bridge, trolley, winch make of a command of 1"
     )
-    dead_zone: Annotated[Triple, SPEED] = Field(
+    dead_zone: Annotated[Triple[Size], SPEED] = Field(
         (0.0, 0.0, 0.0), description="bridge, trolley, winch stand still for set-points below this [m/s]"
     )
     rope_offset: Annotated[float, Field(ge=-1.0, le=1.0)] = Field(
         0.0, description="what the encoder reads more than the rope is long [m]"
     )
-    tilt: Annotated[tuple[Angle, Angle], Field(strict=False)] = Field(
+    tilt: Pair[Annotated[float, Field(ge=-0.5, le=0.5)]] = Field(
         (0.0, 0.0), description="slope of the rails, rising towards +x and +y [rad]"
     )
 
@@ -279,12 +307,10 @@ class EffectSettings(Settings):
     @property
     def names(self) -> tuple[str, ...]:
         """The effects that are on, in the order of the ladder."""
-        return tuple(name for name in type(self).model_fields if getattr(self, name) is not None)
+        return tuple(name for name, effect in self if effect is not None)
 
 
-EFFECTS: dict[str, type[Effect]] = {
-    name: type(field.default) for name, field in EffectNumbers.model_fields.items()
-}
+EFFECTS: dict[str, type[Effect]] = {k: type(each.default) for k, each in EffectNumbers.model_fields.items()}
 # What of them plants show: some as a whole, of some the parts.
 WHOLE_EFFECTS = [
     name for name, kind in EFFECTS.items() if not kind.is_staged and (kind.is_structural or not kind.parts)

@@ -1,21 +1,33 @@
-"""Scenarios and rigs from files: which file a name means, what comes on top of what."""
+"""Scenarios and rigs from files: which file a name means, what comes on top of what.
 
-from collections.abc import Iterable, Iterator, Sequence
+And what travels with a scenario but in no table of it: files of its segments, claims of its plan.
+"""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from cranectl.scenario.along_path import Plannable
 from cranectl.scenario.effects import EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import ReferenceSettings, Scenario, controller_table
+from cranectl.scenario.segments import Segment, Spline
 from cranectl.scenario.settings import override, parse_settings
 from cranectl.scenario.similarity import check_size, completed_rig, completed_scenario
 from cranectl.support import resources
-from cranectl.support.documents import Table, differences, is_plain, leaves, merged, read_toml
+from cranectl.support.documents import Table, differences, is_plain, leaves, merged, parse_json, read_toml
 from cranectl.support.errors import InputError
+from cranectl.support.files import replacing
 
 OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
 # And what effects would be on the rig: those that a run has say it themselves.
 NOT_TOLD: dict[str, Any] = {**dict.fromkeys(OWN, True), "rig": {"effects"}}
+
+FOLDER = "reference"
+PLAN = f"{FOLDER}/plan.json"  # by the index of a planned segment what it was proven to keep
+DIGEST_DIGITS = 12  # of a SHA-256
 
 
 def changed_from_default(scenario: Scenario) -> dict[str, Any]:
@@ -72,7 +84,32 @@ def rig_table(name_or_path: str | Path) -> Table:
 
     What neither its file nor one that it extends says is scaled from the laboratory rig.
     """
-    return completed_rig(_given(str(name_or_path), Path()))
+    *above, (_, whole) = _rig_files(name_or_path)
+    if "load_mass" in whole:
+        whole = {"rated_load": whole["load_mass"], **whole}
+    for _, table in reversed(above):
+        whole = merged(whole, table)
+    return completed_rig(whole)
+
+
+def _rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
+    """Yield what the file of a rig says, and those that it extends, by a path from the place of each."""
+    below, directory, seen = str(name_or_path), Path(), set[Path]()
+    while below is not None:
+        path = resources.toml_file("rig", str(rig_place(below, directory)), resources.RIG_DIRECTORY)
+        table = read_toml(path)
+        if path.resolve() in seen:
+            raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")
+        below, directory = table.pop("extends", None), path.parent
+        parse_settings(RigParameters, table, str(path))
+        if not isinstance(below, str | None):
+            raise InputError(
+                f"{path}: extends = {below!r}",
+                allowed="the name of a rig or the path of its file",
+                remedy="write it in quotes, such as extends = 'harbour-crane'",
+            )
+        seen.add(path.resolve())
+        yield path, table
 
 
 def given_settings(
@@ -91,7 +128,10 @@ def given_settings(
         if rig is None and isinstance(table.get("rig"), str):
             rig = rig_place(table["rig"], path.parent)
     if rig is not None:
-        table = {**table, "rig": _own_rig(str(rig), Path())}
+        table = {**table, "rig": {}}
+        for path, own in reversed([*_rig_files(rig)]):
+            if path.parent != resources.RIG_DIRECTORY:
+                table["rig"] = merged(table["rig"], own)
     if "controller" in table:
         table = {**table, "controller": controller_table(table["controller"])}
     given = {name for name, _ in _said(table) if not shipped or (rig is not None and name.startswith("rig."))}
@@ -116,37 +156,6 @@ def idle_effects(scenario: Scenario, given: Iterable[str]) -> tuple[str, ...]:
         for name in EffectSettings.model_fields
         if name in named and getattr(scenario.effects, name) is None
     )
-
-
-def _own_rig(name_or_path: str, directory: Path) -> Table:
-    """Return what a rig's file says and those of the user's that it extends."""
-    path = resources.toml_file("rig", str(rig_place(name_or_path, directory)), resources.RIG_DIRECTORY)
-    if path.parent == resources.RIG_DIRECTORY:
-        return {}
-    table = read_toml(path)
-    below = _own_rig(table["extends"], path.parent) if "extends" in table else {}
-    whole: Table = merged(below, {name: value for name, value in table.items() if name != "extends"})
-    return whole
-
-
-def _given(name_or_path: str, directory: Path, above: tuple[Path, ...] = ()) -> Table:
-    """What the file of a rig says, on top of the one that it `extends`, by a path from its own place."""
-    path = resources.toml_file("rig", str(rig_place(name_or_path, directory)), resources.RIG_DIRECTORY)
-    table = read_toml(path)
-    if path.resolve() in above:
-        raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")
-    below = table.pop("extends", None)
-    parse_settings(RigParameters, table, str(path))
-    if below is None:
-        return {"rated_load": table["load_mass"], **table} if "load_mass" in table else table
-    if not isinstance(below, str):
-        raise InputError(
-            f"{path}: extends = {below!r}",
-            allowed="the name of a rig or the path of its file",
-            remedy="write it in quotes, such as extends = 'harbour-crane'",
-        )
-    whole: Table = merged(_given(below, path.parent, (*above, path.resolve())), table)
-    return whole
 
 
 def default_scenario(*, rig: str | Path | None = None, overrides: Sequence[str] = ()) -> Scenario:
@@ -186,3 +195,66 @@ def _with_numbers(table: Table) -> Table:
         if isinstance(effect, dict)
     }
     return {**table, "effects": {**effects, **whole}}
+
+
+def held_files(scenario: Scenario) -> dict[str, bytes]:
+    """By a name that no other file has: what a log attaches."""
+    segments = enumerate(scenario.reference.segments)
+    claims = {str(k): each.claim for k, each in segments if isinstance(each, Plannable) and each.claim}
+    splines = [each for each in scenario.reference.segments if isinstance(each, Spline)]
+    files = {_name(spline): spline.held for spline in splines if spline.held}
+    return {**files, PLAN: json.dumps(claims).encode()} if claims else files
+
+
+def with_files(scenario: Scenario, files: Mapping[str, bytes]) -> Scenario:
+    """Return the scenario, read from a table, with those of `files` that `held_files` had of it.
+
+    Raises InputError for claims that are no JSON.
+    """
+    if not files:
+        return scenario
+    claims = parse_json(files[PLAN], PLAN) if PLAN in files else {}
+    told = claims if isinstance(claims, dict) else {}
+    segments: list[Segment] = []
+    for k, segment in enumerate(scenario.reference.segments):
+        if isinstance(segment, Plannable) and isinstance(claim := told.get(str(k)), str):
+            segment = segment.claiming(claim)
+        if isinstance(segment, Spline) and _name(segment) in files:
+            segment = segment.holding(files[_name(segment)])
+        segments.append(segment)
+    reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
+    return scenario.model_copy(update={"reference": reference})
+
+
+def put_files(directory: Path, scenario: Scenario) -> None:
+    """Write them into `directory`, beside a table of the scenario; raises OSError."""
+    for name, content in held_files(scenario).items():
+        (directory / FOLDER).mkdir(exist_ok=True)
+        with replacing(directory / FOLDER / Path(name).name) as part:
+            part.write_bytes(content)
+
+
+def files_in(directory: Path) -> dict[str, bytes]:
+    """What `put_files` has written, as `with_files` takes it; what cannot be read is left out."""
+    found = {}
+    for path in _files(directory):
+        with suppress(OSError):
+            found[f"{FOLDER}/{path.name}"] = path.read_bytes()
+    return found
+
+
+def remove_files(directory: Path) -> None:
+    """Remove what `put_files` has written."""
+    for path in _files(directory):
+        path.unlink()
+    with suppress(OSError):  # it is not there, or holds something else
+        (directory / FOLDER).rmdir()
+
+
+def _files(directory: Path) -> list[Path]:
+    held = (directory / FOLDER).glob(f"{'[0-9a-f]' * DIGEST_DIGITS}-*")
+    return sorted(path for path in (*held, directory / PLAN) if path.is_file())
+
+
+def _name(spline: Spline) -> str:
+    return f"{FOLDER}/{spline.source.held[:DIGEST_DIGITS]}-{spline.source.file}" if spline.source else ""

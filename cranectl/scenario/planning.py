@@ -7,9 +7,8 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from cranectl.scenario.quantities import Point3
 from cranectl.scenario.rig import Range
-from cranectl.scenario.settings import LENGTH, RuleError, Settings
+from cranectl.scenario.settings import LENGTH, Pair, Point3, RuleError, Settings, Triple
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 Ratio = Annotated[float, Field(gt=0.0, le=1e3)]
@@ -28,17 +27,17 @@ class PlanningSettings(Settings):
     lean: Annotated[float, Field(ge=1e-6, lt=1.5)] = Field(
         0.35, description="of the rope from the vertical [rad]; assumed: 20 degrees"
     )
-    tension: Annotated[tuple[Ratio, Ratio], Field(strict=False)] = Field(
+    tension: Pair[Ratio] = Field(
         (0.2, 2.0),
         description="of the rope, in weights of the load; assumed: taut with room, twice its weight",
     )
-    jerk: Annotated[tuple[Jerk, Jerk, Jerk], Field(strict=False)] | None = Field(
+    jerk: Triple[Jerk] | None = Field(
         None, description="of bridge, trolley, rope [m/s³]; without it none is limited"
     )
     clearance: Annotated[float, Field(ge=0.0, le=1e3), LENGTH] = Field(
         0.05, description="of the load from the ends of the rig and from its floor [m]; assumed: its radius"
     )
-    load_box: Annotated[tuple[Range, Range, Range], Field(strict=False)] | None = Field(
+    load_box: Triple[Range] | None = Field(
         None, description="where the load may be, x, y, z [m]; by default the rig less the clearance"
     )
     refinement: Annotated[int, Field(ge=1, le=4)] = Field(

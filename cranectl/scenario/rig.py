@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from cranectl.scenario.effects import EffectNumbers, EffectSettings
-from cranectl.scenario.settings import LENGTH, MASS, TIME, RuleError, Settings
+from cranectl.scenario.settings import LENGTH, MASS, TIME, Pair, Position, RuleError, Settings
 
 Positive = Annotated[float, Field(gt=0.0)]
 # Bounds far beyond any crane: within them nothing over- or underflows.
 Load = Annotated[float, Field(ge=1e-3, le=1e6), MASS]
 Mass = Annotated[float, Field(ge=1e-6, le=1e8), MASS]  # of parts: what is scaled to any load is within
 Lag = Annotated[float, Field(ge=1e-6, le=100.0), TIME]
-Position = Annotated[float, Field(ge=-1e4, le=1e4)]
-Range = Annotated[tuple[Position, Position], Field(strict=False), LENGTH]
+Range = Annotated[Pair[Position], LENGTH]
 
 
 class Look(Settings):
@@ -107,11 +106,7 @@ class RigParameters(Settings):
     def driven_masses(self) -> NDArray[np.float64]:
         """What each drive must move with the load hanging still [kg], shape (3,)."""
         return np.array(
-            [
-                self.bridge_mass + self.trolley_mass,
-                self.trolley_mass,
-                self.winch_mass + self.load_mass,
-            ]
+            [self.bridge_mass + self.trolley_mass, self.trolley_mass, self.winch_mass + self.load_mass]
         )
 
     @property

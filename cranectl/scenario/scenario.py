@@ -9,10 +9,9 @@ from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.disturbances import NANOSECONDS, Disturbance, nanoseconds
 from cranectl.scenario.effects import NO_EFFECTS, DriveLimits, EffectSettings, Wind
 from cranectl.scenario.planning import Obstacle, PlanningSettings
-from cranectl.scenario.quantities import Duration, Point3
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Segment, is_planned, seconds
-from cranectl.scenario.settings import LENGTH, RuleError, Settings
+from cranectl.scenario.settings import LENGTH, Duration, Many, Point3, RuleError, Settings
 
 STILL = Wind(gust=0.0, drag_area=0.0)
 MOST_PARTS = 1_000_000  # that are tried to divide a period
@@ -26,7 +25,7 @@ class ReferenceSettings(Settings):
     continuity: Annotated[int, Field(ge=0, le=4)] = Field(
         4, description="derivatives that must be continuous; the tracker needs 4"
     )
-    segments: Annotated[tuple[Segment, ...], Field(strict=False)] = Field(
+    segments: Many[Segment] = Field(
         (), description="one after the other; the last point is held to the end of the run"
     )
 
@@ -132,9 +131,9 @@ class Scenario(Settings):
     )
     reference: ReferenceSettings = Field(description="the desired path of the load")
     planning: PlanningSettings = PlanningSettings()
-    obstacles: Annotated[tuple[Obstacle, ...], Field(strict=False, max_length=100)] = ()
+    obstacles: Annotated[Many[Obstacle], Field(max_length=100)] = ()
     initial: InitialSettings = InitialSettings()
-    disturbances: Annotated[tuple[Disturbance, ...], Field(strict=False)] = ()
+    disturbances: Many[Disturbance] = ()
     rig: RigParameters = RigParameters()
     control: ControlSettings = ControlSettings()
     design: DesignSettings = DesignSettings()

@@ -33,10 +33,8 @@ from cranectl.scenario.along_path import (
     SplineLaw,
     TimeLaw,
 )
-from cranectl.scenario.driven import Driven
-from cranectl.scenario.quantities import MAX_DURATION, Duration, Point3
-from cranectl.scenario.settings import RuleError, Settings
-from cranectl.scenario.tables import FitNumbers, FromFile, Source
+from cranectl.scenario.recorded import Driven, FitNumbers, FromFile, Source
+from cranectl.scenario.settings import MAX_DURATION, Duration, Many, Point3, RuleError, Settings
 from cranectl.support import extensions
 from cranectl.support.extensions import with_extensions
 
@@ -57,7 +55,7 @@ class Move(Settings):
 
     kind: Literal["move"]
     to: Point3 = Field(description="end point (x, y, z) [m]")
-    via: Annotated[tuple[Point3, ...], Field(strict=False, max_length=20)] = Field(
+    via: Annotated[Many[Point3], Field(max_length=20)] = Field(
         (), description="points on the way, passed without a stop"
     )
     plane: bool = Field(False, description="stay in the vertical plane through start and end")
@@ -90,15 +88,15 @@ class WayPoints(FromFile):
 
     kind: Literal["waypoints"]
     file: str | None = Field(None, description="with the points, by its path from the scenario's file")
-    points: (
-        Annotated[tuple[Point3, ...], Field(strict=False, min_length=2, max_length=MAX_SPLINE_POINTS)] | None
-    ) = Field(None, description="or the points themselves (x, y, z) [m]")
-    times: Annotated[tuple[Annotated[float, Field(ge=-1e9, le=1e9)], ...], Field(strict=False)] | None = (
-        Field(None, description="of `points` [s]; only their differences count; a repeated point is a rest")
+    points: Annotated[Many[Point3], Field(min_length=2, max_length=MAX_SPLINE_POINTS)] | None = Field(
+        None, description="or the points themselves (x, y, z) [m]"
+    )
+    times: Many[Annotated[float, Field(ge=-1e9, le=1e9)]] | None = Field(
+        None, description="of `points` [s]; only their differences count; a repeated point is a rest"
     )
     speed: (
         Annotated[
-            Annotated[Speed, Tag("")] | Annotated[tuple[Speed, ...], Field(strict=False), Tag(" ")],
+            Annotated[Speed, Tag("")] | Annotated[Many[Speed], Tag(" ")],
             Discriminator(lambda value: " " if isinstance(value, list | tuple) else ""),
         ]
         | None
@@ -152,12 +150,12 @@ class Spline(Plannable):
 
     kind: Literal["spline"]
     degree: Literal[5, 7, 9]
-    breaks: Annotated[tuple[float, ...], Field(strict=False, min_length=2)] = Field(
+    breaks: Annotated[Many[float], Field(min_length=2)] = Field(
         description="knots, each once, from 0 to the duration [s], or with a time law to any end"
     )
-    coefficients: Annotated[
-        tuple[Point3, ...], Field(strict=False, min_length=6, max_length=MOST_COEFFICIENTS)
-    ] = Field(description="(x, y, z) [m]; without a time law the first and the last five are equal")
+    coefficients: Annotated[Many[Point3], Field(min_length=6, max_length=MOST_COEFFICIENTS)] = Field(
+        description="(x, y, z) [m]; without a time law the first and the last five are equal"
+    )
     time_law: TimeLaw | None = Field(None, description=f"of a path, as for lines; {TIME_LAW}")
     lasts: Duration | None = Field(None, description="with a time law that is not to be planned [s]")
     made_from: dict[str, Any] = Field({}, description="the segment that was asked for")

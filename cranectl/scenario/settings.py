@@ -3,9 +3,9 @@
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar, get_args
+from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 from pydantic_core import ErrorDetails
 
 from cranectl.support.documents import MAX_DEPTH, Table, assign, mapped, toml_value
@@ -16,6 +16,23 @@ class Settings(BaseModel):
     """Base of all settings: no unknown keys, no silent conversions, no NaN or infinity, frozen."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+T = TypeVar("T")
+Pair = Annotated[tuple[T, T], Field(strict=False)]  # lists, in TOML
+Triple = Annotated[tuple[T, T, T], Field(strict=False)]
+Many = Annotated[tuple[T, ...], Field(strict=False)]
+# A text, or something else. Tags of no letters, so that errors name the field and no more.
+Text = Annotated[T, Tag("")]
+Other = Annotated[T, Tag(" ")]
+TEXT_OR_OTHER = Discriminator(lambda value: "" if isinstance(value, str) else " ")
+
+MAX_DURATION = 600.0  # [s]; `simulate.memory` counts what a run holds in memory
+MIN_DURATION = 1e-6  # [s]; the shortest control period: joints of segments are met within a nanosecond
+Duration = Annotated[float, Field(ge=MIN_DURATION, le=MAX_DURATION)]
+Position = Annotated[float, Field(ge=-1e4, le=1e4)]
+Point2 = Pair[Position]
+Point3 = Triple[Position]
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ import numpy as np
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.children import ChildError, fork_child
-from cranectl.support.environment import MachineError
-from cranectl.support.errors import printable
+from cranectl.support.errors import MachineError, printable
 
 # [s] for a block, by default: it only ends what hangs. A predictive controller takes ten seconds for a block
 # on a usual machine.

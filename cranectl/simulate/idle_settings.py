@@ -23,8 +23,7 @@ from cranectl.scenario.segments import Move, is_planned
 from cranectl.simulate.plan import plan_reference
 from cranectl.simulate.runner import nominal_crane
 from cranectl.support.documents import leaves
-from cranectl.support.errors import InputError
-from cranectl.support.patterns import matching
+from cranectl.support.errors import InputError, matching
 
 LAG = "rig.*_time_constant"
 # Settings that act only where none of these groups is zero in all its numbers.

@@ -20,25 +20,29 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
-from cranectl.support.environment import (
-    MachineError,
-    end_with_machine,
+from cranectl.support.errors import (
+    MAX_PHRASE,
+    STARTING,
+    InputError,
+    describe_error,
+    printable,
+    report_to_parent,
     tell_of_machine,
-    tell_of_starts_by,
     was_killed,
 )
-from cranectl.support.errors import MAX_PHRASE, InputError, describe_error, printable
 from cranectl.support.interrupts import SIGNALS
-from cranectl.support.processes import forget_safe_path, safe_path
 
 CAN_FORK = hasattr(os, "fork")
 LONGEST_WAIT = 3600.0  # [s] at once
 ASK_INTERVAL = 0.1  # [s] between two looks at what else may end a wait
 EXIT_INTERVAL = 0.01  # [s] between two looks whether a forked child has ended
-STARTING: Final = "starting"  # what a child sends before and after a program starts
+SAFE_PATH = "PYTHONSAFEPATH"  # any text keeps the working directory out of the search path
+MARK = "cranectl"  # the text that says that it was set here, and not by the user
 T = TypeVar("T")
+_lock = threading.Lock()
+_blocks = 0  # of `safe_path` that are open, in any thread
 
 
 class Timeout:
@@ -167,6 +171,38 @@ class Child:
         return self._exit_code is not None
 
 
+@contextlib.contextmanager
+def safe_path() -> Iterator[None]:
+    """Keep the working directory out of the search path of the processes that the block starts.
+
+    `python -c`, by which `multiprocessing` starts them, puts it first: a `struct.py` there would run in place
+    of the module of that name. They call `forget_safe_path`, so that a script that they start finds its own.
+    """
+    global _blocks
+    with _lock:
+        _blocks += 1
+        if not os.environ.get(SAFE_PATH):
+            os.environ[SAFE_PATH] = MARK
+    try:
+        yield
+    finally:
+        with _lock:
+            _blocks -= 1
+            if not _blocks:
+                forget_safe_path()
+
+
+def forget_safe_path() -> None:
+    """Let scripts that start from now on import from their own folder, unless the user forbids it."""
+    if os.environ.get(SAFE_PATH) == MARK:
+        del os.environ[SAFE_PATH]
+
+
+def users_environment() -> dict[str, str]:
+    """Return the environment for a program of the user, without what `safe_path` adds."""
+    return {name: value for name, value in os.environ.items() if (name, value) != (SAFE_PATH, MARK)}
+
+
 def spawn_child(
     work: Callable[..., None], *inputs: Any, context: BaseContext | None = None, daemon: bool = True
 ) -> Child:
@@ -213,17 +249,6 @@ def requests(connection: Connection) -> Iterator[Any]:
         yield from iter(connection.recv, None)
 
 
-def report_to_parent(connection: Connection) -> None:
-    """Tell the parent when a program starts, and which error of the machine in a step ends the child."""
-
-    def end(error: BaseException) -> None:
-        connection.send(MachineError.of(f"a step: {describe_error(error)}"))
-        os._exit(1)
-
-    end_with_machine(end)
-    tell_of_starts_by(lambda: connection.send(STARTING))
-
-
 def fork_child(work: Callable[[Connection], None]) -> Child:
     """Fork a process that calls `work` with its end of the pipe; whatever goes wrong there only ends it."""
     here, there = multiprocessing.Pipe(duplex=False)
@@ -251,7 +276,7 @@ def _serve_forked(work: Callable[[Connection], None], connection: Connection) ->
     with contextlib.suppress(OSError):  # standard error may be closed
         os.dup2(2, 1)  # standard output is the command's own
         sys.stdout = os.fdopen(2, "w", buffering=1, closefd=False)
-    report_to_parent(connection)
+    report_to_parent(connection.send)
     code = 1
     try:
         work(connection)

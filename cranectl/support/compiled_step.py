@@ -3,7 +3,11 @@
 The C functions of Numba print an exception and return an arbitrary number, so a run would go on after it.
 """
 
+import os
+import traceback
 from collections.abc import Callable
+from contextlib import suppress
+from types import TracebackType
 from typing import Any
 
 from llvmlite import ir
@@ -13,8 +17,9 @@ from numba.core.errors import TypingError
 from numba.core.registry import cpu_target
 from numba.core.types import Boolean, CPointer, Integer, IntEnumMember, float64, int64
 
-from cranectl.support import step_failure
+from cranectl.support.errors import MAX_PHRASE, describe_error, printable, tell_of_machine
 
+FAILED = -1  # returned by a step that raised
 _POINTER: Any = CPointer  # Numba has no types
 _TOOLS: Any = cgutils
 _ENVIRONMENTS: list[Any] = []  # compiled code points to them
@@ -80,7 +85,7 @@ def _wrap_step(context: Any, library: Any, described: Any, _environment: Any, _h
     )
     with builder.if_then(status.is_error, likely=False):
         _report(context, builder, status, described.qualname)
-        builder.ret(ir.Constant(result, step_failure.FAILED))
+        builder.ret(ir.Constant(result, FAILED))
     builder.ret(context.cast(builder, returned, described.restype, int64))
     library.add_ir_module(module)
 
@@ -96,10 +101,38 @@ def _report(context: Any, builder: Any, status: Any, name: str) -> None:
     context.call_conv.raise_error(builder, api, status)
     parts = [_TOOLS.alloca_once_value(builder, api.get_null_object()) for _ in range(3)]
     api.err_fetch(*parts)  # kind, value, traceback; the last ones may be null, which ends the arguments
-    reporting = api.import_module(constant(step_failure.__name__))
+    reporting = api.import_module(constant(__name__))
     with builder.if_then(_TOOLS.is_not_null(builder, reporting)):
-        function = api.object_getattr_string(reporting, step_failure.report_compiled_failure.__name__)
+        function = api.object_getattr_string(reporting, report_compiled_failure.__name__)
         arguments = [api.string_from_string(constant(name)), *map(builder.load, parts)]
         api.call_function_objargs(function, arguments)
     api.err_clear()
     api.gil_release(lock)
+
+
+def report_failure(name: str, error: BaseException, raised: TracebackType | None = None) -> None:
+    """Write which step failed, in which line, and why.
+
+    A forked process may not wait for the lock of `sys.stderr`, so the text goes to the file descriptor.
+    An error of the machine is no failure of the step: a process of runs ends with it instead.
+    """
+    frames = traceback.extract_tb(raised or error.__traceback__)
+    where = f" in {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""
+    if isinstance(error, OSError):  # its line is one of ours, such as the one that reads a socket
+        where = ""
+    text = printable(f"{name} failed{where}: {describe_error(error)}", longest=MAX_PHRASE)
+    with suppress(OSError):  # the step may have closed it
+        os.write(2, f"cranectl: {text}\n".encode())
+    tell_of_machine(error)
+
+
+def report_compiled_failure(
+    name: str, kind: type[BaseException], value: object = None, raised: TracebackType | None = None
+) -> None:
+    """Report the exception that a compiled step has set: C code calls this with its three parts."""
+    if isinstance(value, BaseException):
+        error = value
+    else:  # C code may set an exception without making it
+        arguments = value if isinstance(value, tuple) else () if value is None else (value,)
+        error = kind(*arguments)
+    report_failure(name, error, raised)

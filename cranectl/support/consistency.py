@@ -32,10 +32,10 @@ def check_ascending(*named: tuple[str, float | None], rounding: float = 0.0) -> 
             )
 
 
-def check_sum(name: str, total: float, parts: Iterable[float], rounding: float = 0.0) -> None:
-    """Raise InconsistentError unless `parts` add up to `total`, within `rounding` relative to it."""
+def check_sum(name: str, total: float, parts: Iterable[float]) -> None:
+    """Raise InconsistentError unless `parts` add up to `total`."""
     added = fsum(parts)
-    if not abs(added - total) <= rounding * abs(total):
+    if added != total:
         raise InconsistentError(
             f"internal error: {name} is {total:.12g}, and its parts add up to {added:.12g}"
         )

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cranectl.support.errors import InputError
-from cranectl.support.formats import MARK, format_of
-from cranectl.support.inputs import open_input
+from cranectl.support.files import open_input
 
 Table = dict[str, Any]
 
@@ -23,6 +22,43 @@ MAX_DEPTH = 32  # tables and lists within one another; ours have five
 # A dotted key of more parts than that, for which tomllib takes quadratic time.
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
 _LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*(?:{_PART}){{{MAX_DEPTH}}}", re.MULTILINE)
+
+
+_FORMATS = {
+    b"PK\x03\x04": "a zip archive, such as an Excel workbook or an FMU",
+    b"\xd0\xcf\x11\xe0": "an old Excel workbook",
+    b"MATLAB ": "a MATLAB file",
+    b"\x89HDF": "an HDF5 file, as MATLAB 7.3 writes too",
+    b"\x93NUMPY": "a NumPy file",
+    b"ARROW1": "an Arrow file",
+    b"PAR1": "a Parquet file",
+    b"\x89MCAP": "an MCAP log",
+    b"#ROSBAG": "a ROS bag",
+    b"SQLite format 3": "a database, as ROS 2 bags are",
+    b"ULog": "a ULog",
+    b"\x7fELF": "a compiled library or program",
+    b"MZ": "a compiled library or program",
+    b"%PDF": "a PDF document",
+    b"\x89PNG": "a picture",
+    b"\x1f\x8b": "compressed with gzip",
+    b"\x28\xb5\x2f\xfd": "compressed with Zstandard",
+    b"\xff\xfe": "text in UTF-16",
+    b"\xfe\xff": "text in UTF-16",
+    b"{": "JSON",
+}
+_ROOTS = {
+    b"mujoco": "an MJCF model of MuJoCo",
+    b"robot": "a URDF model",
+    b"sdf": "an SDF model",
+    b"html": "an HTML page",
+}
+# The first element of an XML document, after a declaration, comments and a document type.
+# Atomic groups: without them a long row of comments without an element would take for ever.
+_XML = re.compile(
+    rb"\s*+(?>(?><\?.*?\?>|<!--.*?-->|<!doctype[^>]*>)\s*+)*+<(?P<root>[a-z_][\w.-]*)", re.DOTALL | re.I
+)
+_LOOKED_AT = 4096  # bytes
+MARK = "\ufeff"  # what Windows editors write before a text in UTF-8
 
 
 def read_toml(path: Path) -> Table:
@@ -54,11 +90,9 @@ def _text(path: Path, kind: str) -> str:
             raise _other(str(path), kind, found)
         _check_size(content, str(path))
         return content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        if found := format_of(content):
+    except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a null character in the name
+        if isinstance(error, UnicodeDecodeError) and (found := format_of(content)):
             raise _other(str(path), kind, found) from None
-        raise InputError(f"cannot read {path}: {error}", remedy=f"name a readable {kind} file") from None
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise InputError(f"cannot read {path}: {error}", remedy=f"name a readable {kind} file") from None
 
 
@@ -151,6 +185,19 @@ def _other(source: str, kind: str, found: str) -> InputError:
     )
 
 
+def format_of(content: bytes) -> str:
+    """Return what a file is by how it begins, as a phrase with its article; empty if that is not known.
+
+    It says what was found where another kind of file is needed.
+    """
+    content = content.removeprefix(MARK.encode())
+    for begins, name in _FORMATS.items():
+        if content.startswith(begins):
+            return name
+    root = _XML.match(content[:_LOOKED_AT])
+    return _ROOTS.get(root["root"].lower(), "XML") if root else ""
+
+
 def is_plain(value: Any) -> bool:
     """Whether `value` is neither table nor list."""
     return not isinstance(value, Mapping | list | tuple)
@@ -209,9 +256,7 @@ def assign(node: Any, path: str, value: Any, source: str) -> None:
 def _index(node: Any, key: str, source: str) -> int:
     if not isinstance(node, list):
         raise InputError(
-            f"{source}: '{key}' lies below a plain value",
-            allowed="a table",
-            remedy=f"leave '{key}' out",
+            f"{source}: '{key}' lies below a plain value", allowed="a table", remedy=f"leave '{key}' out"
         )
     if not (key.isdecimal() and int(key) < len(node)):
         raise InputError(

@@ -1,13 +1,37 @@
-"""The errors a user can cause or meet; every one says what was found, what is allowed and what to do."""
+"""The errors a user can cause or meet; every one says what was found, what is allowed and what to do.
+
+A failure of the machine, such as a lack of memory, is never a result of the controller or plant under test.
+What it hit is tried again, and if it fails again the command ends and keeps what was finished before.
+"""
 
 import difflib
+import errno
 import functools
-from collections.abc import Iterable
+import os
+import re
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Self
+from typing import Any, Final, Self, TypeVar
 
 COMPARED_CHARACTERS = 80  # [characters] of a name: the time to compare goes with their square
+SHOWN_NEAR_NAMES = 6  # as many near names as fit a line or two
 MAX_PHRASE = 4000  # [characters] of a phrase; all signals of a log are named in fewer
+
+TRIES = 3  # of what the machine does not let end
+T = TypeVar("T")
+STARTING: Final = "starting"  # what a process of runs sends its parent before and after a program starts
+_send_to_parent: list[Callable[[Any], object]] = []  # in a process of runs
+
+_ERRNOS = {
+    getattr(errno, name)
+    for name in ("ENOSPC", "EDQUOT", "ENOMEM", "EMFILE", "ENFILE", "EIO", "EROFS", "EAGAIN", "EFBIG")
+    if hasattr(errno, name)
+}
+_UNMAPPED = re.compile("failed to map segment|[Cc]annot allocate memory")
+_KILLED = {-signal.SIGTERM, -getattr(signal, "SIGKILL", 9)}
 
 
 class CranectlError(Exception):
@@ -39,6 +63,19 @@ class InputError(CranectlError):
 
 class LogError(InputError):
     """A log file that is missing, damaged, foreign or unfinished."""
+
+
+class MachineError(InputError):
+    """The machine did not let something end; it says nothing about the controller or the plant."""
+
+    @classmethod
+    def of(cls, what: str) -> "MachineError":
+        """Return the error for `what` happened, a phrase."""
+        return cls(
+            f"the machine failed: {what}",
+            allowed="enough memory and disk space, and processes that nobody kills",
+            remedy="free memory or disk space, or use fewer workers, and give the command again",
+        )
 
 
 def printable(text: str, *, longest: int = 500) -> str:
@@ -74,6 +111,23 @@ def unknown_name(kind: str, name: str, known: Iterable[str], *, remedy: str = ""
     )
 
 
+def matching(pattern: str, names: Iterable[str]) -> list[str]:
+    """Return the names that a shell pattern matches, as `mujoco.state.*`; `*` passes over dots too."""
+    return [name for name in names if fnmatchcase(name, pattern)]
+
+
+def unmatched(pattern: str, names: Iterable[str]) -> InputError:
+    """The error for a pattern that matches none of `names`; lists the nearest names and groups."""
+    known = list(names)
+    groups = {name.rpartition(".")[0] + ".*" for name in known}
+    near = nearest_first(pattern, groups if pattern.endswith("*") else {*known, *groups})[:SHOWN_NEAR_NAMES]
+    return InputError(
+        f"no signal matches '{pattern}'",
+        allowed=f"patterns of signal names, the nearest being {', '.join(near)}" if near else "",
+        remedy=did_you_mean(pattern, near) or "choose among the signals that docs/reference/logs.md lists",
+    )
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """The question after the known name of which `name` looks like a misspelling; nothing without one."""
     near = nearest_first(name, known)[:1]
@@ -89,3 +143,69 @@ def _similarity(a: str, b: str) -> float:
     return difflib.SequenceMatcher(
         None, a[:COMPARED_CHARACTERS].lower(), b[:COMPARED_CHARACTERS].lower()
     ).ratio()
+
+
+def is_of_machine(error: BaseException) -> bool:
+    """Return True if `error`, or what caused it, is a lack of memory, disk space or file handles."""
+    seen: set[int] = set()
+    cause: BaseException | None = error
+    while cause is not None and id(cause) not in seen:
+        seen.add(id(cause))
+        if isinstance(cause, (MachineError, MemoryError)):
+            return True
+        if isinstance(cause, ImportError) and _UNMAPPED.search(str(cause)):  # a library, such as NumPy's
+            return True
+        if isinstance(cause, OSError) and cause.errno in _ERRNOS:
+            return True
+        cause = cause.__cause__ or cause.__context__
+    return False
+
+
+def report_to_parent(send: Callable[[Any], object]) -> None:
+    """Have `send` tell the parent of this process, which only runs controllers, what no step returns.
+
+    That is when a program starts, and which error of the machine in a step ends this process.
+    """
+    _send_to_parent[:] = [send]
+
+
+@contextmanager
+def starting() -> Iterator[None]:
+    """Wait for a program to start, which no patience of a run bounds: it may import or compile."""
+    for send in _send_to_parent:
+        send(STARTING)
+    yield
+    for send in _send_to_parent:
+        send(STARTING)
+
+
+def tell_of_machine(error: BaseException) -> None:
+    """End a process that only runs controllers if `error` is one of the machine."""
+    if is_of_machine(error):
+        for send in _send_to_parent:
+            send(MachineError.of(f"a step: {describe_error(error)}"))
+            os._exit(1)
+
+
+def was_killed(exit_code: int) -> bool:
+    """Return True if a process with this exit code, -N after signal N, was ended from outside."""
+    return exit_code in _KILLED
+
+
+def tried_again(attempt: Callable[[], T]) -> T:
+    """Return what `attempt` returns; it is repeated after an error of the machine.
+
+    Raises MachineError if the last try has such an error too.
+    """
+    for left in reversed(range(TRIES)):
+        try:
+            return attempt()
+        except InputError as error:  # which says more than its cause
+            if not left or not isinstance(error, MachineError):
+                raise
+        except Exception as error:
+            if not is_of_machine(error):
+                raise
+            if not left:
+                raise MachineError.of(describe_error(error).rstrip(": ")) from error
+    raise AssertionError("unreachable")

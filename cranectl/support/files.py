@@ -1,18 +1,21 @@
 """Files that are whole or not there: written beside their place and renamed once complete.
 
-Places are judged once for all commands, before anything is read or computed.
+Places are judged once for all commands, before anything is read or computed. Of files to read, what a pipe
+without a writer would hold is not waited for.
 """
 
 import contextlib
 import glob
+import io
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain, count
+from itertools import count
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from cranectl.support.errors import InputError, LogError
+from cranectl.support.interrupts import reported_when_slow
 
 try:
     import fcntl
@@ -46,7 +49,8 @@ def replacing(path: Path, *, keep_after: tuple[type[Exception], ...] = ()) -> It
         _lock(claim)
         try:
             yield part
-            _put_on_disk(part)
+            with part.open("rb") as written:  # a power cut after the renaming could leave an empty file
+                os.fsync(written.fileno())
             part.replace(path)
         except keep_after:
             raise
@@ -96,18 +100,13 @@ def _refuse_devices(path: Path) -> None:
 
 
 def _part(path: Path) -> Path:
-    """An empty file beside `path` that nobody else has; process numbers come again, threads share one."""
-    names = (f"{path.name}.{os.getpid()}{again}.part" for again in chain([""], (f"-{k}" for k in count(2))))
-    return next(part for part in map(path.parent.joinpath, names) if _made(part))
-
-
-def _made(part: Path) -> bool:
-    """Make `part` unless it is there: in one step, or two threads could take the same name."""
-    try:
-        part.touch(exist_ok=False)
-    except FileExistsError:
-        return False
-    return True
+    """Make an empty file beside `path` that nobody else has; threads share a process number."""
+    for k in count(1):
+        part = path.parent / f"{path.name}.{os.getpid()}{f'-{k}' if k > 1 else ''}.part"
+        with contextlib.suppress(FileExistsError):
+            part.touch(exist_ok=False)  # in one step, or two threads could take the same name
+            break
+    return part
 
 
 def _lock(file: BinaryIO) -> bool:
@@ -119,12 +118,6 @@ def _lock(file: BinaryIO) -> bool:
     except OSError:
         return False
     return True
-
-
-def _put_on_disk(part: Path) -> None:
-    """Without it a power cut after the renaming could leave an empty file under the good name."""
-    with part.open("rb") as file:
-        os.fsync(file.fileno())
 
 
 class Kind(NamedTuple):
@@ -212,3 +205,34 @@ def short_names(files: Sequence[Path]) -> list[str]:
         if len(set(names)) == len(names):
             return names
     return [f"{file.stem}-{k}" for k, file in enumerate(files, 1)]
+
+
+def open_input(path: Path, *, piped: int = 0, buffering: int = -1) -> BinaryIO:
+    """Open the file at `path`. Of a pipe, as a shell gives for `<(command)`, up to `piped` bytes are read.
+
+    A writer that stays silent is waited for, as by any program, and reported.
+    Raises OSError, also for a pipe into which nobody writes, or any where `piped` is zero; ValueError for a
+    null character in the name.
+    """
+    if not path.is_fifo():
+        return path.open("rb", buffering=buffering)
+    if not piped:
+        raise OSError(f"{path} is a pipe, and this kind of file is not read in order")
+    return io.BytesIO(_read_pipe(path, piped))
+
+
+def _read_pipe(path: Path, most: int) -> bytes:
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        first = os.read(descriptor, most)
+        if not first:
+            raise OSError(f"{path} is a pipe into which nobody writes")
+    except BlockingIOError:  # somebody is about to
+        first = b""
+    except OSError:
+        os.close(descriptor)
+        raise
+    os.set_blocking(descriptor, True)
+    waits = f"{path} is a pipe whose writer has neither written nor ended"
+    with os.fdopen(descriptor, "rb") as stream, reported_when_slow(waits):
+        return first + stream.read(most - len(first))

@@ -1,21 +1,28 @@
-"""Run Python code of somebody else in this process, without letting it end or change the process silently."""
+"""Run code of somebody else in this process, without letting it end or change the process silently.
 
+Foreign code may change the floating point environment: how this thread rounds, and what it does with tiny
+numbers. It may do so when it is loaded or in any call. All numbers that come after would be others.
+"""
+
+import contextlib
+import ctypes
+import functools
 import os
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
-from cranectl.support.float_environment import environment_kept
-from cranectl.support.processes import directory_kept
+from llvmlite import binding, ir
 
+_BYTES = 64  # of a fenv_t; no machine's is larger than 32
+_KEPT: list[object] = []  # what has an address must not be collected
 _lock = threading.Lock()
 _inside: list[int] = []  # the threads that run foreign code, one entry for each block
 _before: list[Any] = []  # standard output, `os._exit` and the process before the first block
 
 
-@contextmanager
+@contextlib.contextmanager
 def contained() -> Iterator[None]:
     """Protect this process from the foreign code that the block runs; threads may be in blocks at once.
 
@@ -29,7 +36,9 @@ def contained() -> Iterator[None]:
             sys.stdout, os._exit = sys.stderr, _refuse  # type: ignore[assignment]
         _inside.append(here)
     try:
-        with environment_kept(), directory_kept():
+        with environment_kept(), contextlib.ExitStack() as stack:
+            with contextlib.suppress(OSError):  # the working directory was removed
+                stack.enter_context(contextlib.chdir("."))
             yield
     finally:
         with _lock:
@@ -44,3 +53,59 @@ def _refuse(code: int) -> None:
     if os.getpid() != process or threading.get_ident() not in _inside:
         leave(code)
     raise SystemExit(code)
+
+
+@contextlib.contextmanager
+def environment_kept() -> Iterator[None]:
+    """Restore the environment of this thread at the end of the block."""
+    get, put = _functions()
+    before = ctypes.create_string_buffer(_BYTES)
+    get(before)
+    try:
+        yield
+    finally:
+        put(before)
+
+
+@functools.cache
+def keeping_environment(step: int) -> int:
+    """Return the address of a C function that calls the controller's step at an address, and restores.
+
+    Both take five pointers and return an int64.
+    """
+    pointer, whole = ir.IntType(8).as_pointer(), ir.IntType(64)
+    signature = ir.FunctionType(whole, [pointer] * 5)
+    of_environment = ir.FunctionType(ir.IntType(32), [pointer])
+    module = ir.Module("float_environment")
+    module.triple = binding.get_process_triple()
+    function = ir.Function(module, signature, f"keeping_{step:x}")
+    builder = ir.IRBuilder(function.append_basic_block("entry"))
+
+    def called(address: int, kind: Any, arguments: Any) -> Any:
+        return builder.call(builder.inttoptr(ir.Constant(whole, address), kind.as_pointer()), arguments)
+
+    get, put = (ctypes.cast(each, ctypes.c_void_p).value or 0 for each in _functions())
+    room = builder.alloca(ir.ArrayType(ir.IntType(8), _BYTES))
+    room.align = 16
+    before = builder.bitcast(room, pointer)
+    called(get, of_environment, [before])
+    result = called(step, signature, function.args)
+    called(put, of_environment, [before])
+    builder.ret(result)
+    target = binding.Target.from_default_triple().create_target_machine()
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(str(module)), target)
+    engine.finalize_object()
+    _KEPT.append(engine)
+    return int(engine.get_function_address(function.name))
+
+
+@functools.cache
+def _functions() -> tuple[Any, Any]:
+    """Return fegetenv and fesetenv of C."""
+    if sys.platform == "win32":
+        library = ctypes.CDLL("ucrtbase")
+    else:
+        library = ctypes.CDLL(None)
+        if not hasattr(library, "fegetenv"):  # not linked into this interpreter
+            library = ctypes.CDLL("libm.so.6")
+    return library.fegetenv, library.fesetenv

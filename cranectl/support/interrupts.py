@@ -6,6 +6,7 @@ Ctrl-C for what it starts in the background.
 
 import _thread
 import contextlib
+import os
 import signal
 import sys
 import threading
@@ -13,6 +14,9 @@ from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
 from typing import Any
 
+from cranectl.support.errors import printable
+
+SLOW = 10.0  # [s] after which what has not ended is reported
 RETRY = 0.01  # [s] until an interrupt that was swallowed is raised again
 SIGNALS = tuple(signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
@@ -124,3 +128,16 @@ def interrupts_blocked() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def reported_when_slow(what: str) -> Iterator[None]:
+    """Say on standard error that `what`, such as "law.py has been loading", takes long, and end nothing."""
+    warning = f"cranectl: {printable(what)} for {SLOW:g} s now; Ctrl-C ends the command\n"
+    slow = threading.Timer(SLOW, lambda: os.write(2, warning.encode()))
+    slow.daemon = True
+    slow.start()
+    try:
+        yield
+    finally:
+        slow.cancel()

@@ -24,11 +24,16 @@ from typing import Any, BinaryIO, TypeVar, cast
 import llvmlite
 import numba
 import numpy as np
-from numba.core.caching import IndexDataCacheFile
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    UserProvidedCacheLocator,
+)
 
 from cranectl.support.compiled_step import CompiledStep
+from cranectl.support.directories import cache_directory, is_own
 from cranectl.support.errors import printable
-from cranectl.support.kernel_cache import cache_directory, cache_of, is_own
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -75,8 +80,7 @@ def address_of(step: Callable[..., int]) -> int:
         return ctypes.cast(callback, ctypes.c_void_p).value or 0
     compiled: Any = CompiledStep(step)
     if (file := Path(step.__code__.co_filename)).is_relative_to(_PACKAGE):
-        compiled._cache = cache_of(cast(FunctionType, step))
-        _check_files(compiled._cache, sources_digest(file))
+        compiled._cache = _Cache(step, sources_digest(file))
     compiled.compile()
     return int(compiled.address)
 
@@ -95,36 +99,9 @@ def why_not_compiled(step: Callable[..., int], error: Exception) -> tuple[str, s
 def _compiled(function: F, callees: Iterable[Any] = (), **options: Any) -> F:
     compiled: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
     if not UNCOMPILED:
-        compiled._cache = cache_of(cast(FunctionType, function))
         files = (Path(inspect.getfile(inspect.unwrap(each))) for each in (function, *callees))
-        _check_files(compiled._cache, sources_digest(*files))
+        compiled._cache = _Cache(function, sources_digest(*files))
     return cast(F, compiled)
-
-
-def _check_files(cache: Any, sources: str) -> None:
-    """Let a damaged cache, or a disk too full for one, cost time instead of ending the program."""
-    plain = cache._cache_file
-    base = plain._index_name.removesuffix(".nbi")
-    checked: Any = _CheckedFile  # whose base has no types
-    cache._cache_file = checked(plain._cache_path, base, f"{_COMPILER}, sources {sources}")
-    load, save = cache.load_overload, cache.save_overload
-
-    def load_or_forget(*arguments: Any) -> Any:
-        loaded = None
-        try:
-            loaded = load(*arguments)
-        except Exception:  # whatever unpickling another version's data raises
-            with contextlib.suppress(Exception):
-                cache.flush()
-        if loaded is None:
-            _say_that_it_compiles()
-        return loaded
-
-    def save_if_possible(*arguments: Any) -> None:
-        with contextlib.suppress(OSError):
-            save(*arguments)
-
-    cache.load_overload, cache.save_overload = load_or_forget, save_if_possible
 
 
 @functools.cache
@@ -135,6 +112,55 @@ def _say_that_it_compiles() -> None:
             f"cranectl: compiling for some ten seconds; compiled code is kept in {cache_directory()}",
             file=sys.stderr,
         )
+
+
+class _Locator(UserProvidedCacheLocator):
+    """A folder of `cache_directory` for each folder of sources."""
+
+    def __init__(self, function: Callable[..., Any], source: str) -> None:
+        self._py_file = source
+        self._lineno = function.__code__.co_firstlineno
+        self._cache_path = str(cache_directory() / self.get_suitable_cache_subpath(source))
+
+
+class _Files(CompileResultCacheImpl):
+    """Numba's names of the files of one function, whatever Numba's configuration says.
+
+    That configuration belongs to the whole process: other threads, and Numba itself, change it at any time.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        source = inspect.getfile(function)
+        self._lineno = function.__code__.co_firstlineno
+        self._locator = _Locator(function, source)
+        name = f"{Path(source).stem}.{function.__qualname__}"
+        self._filename_base = self.get_filename_base(name, getattr(sys, "abiflags", ""))
+
+
+class _Cache(FunctionCache):
+    """Numba's cache of one function, in which damage, or a disk too full for it, costs time only."""
+
+    _impl_class = _Files
+
+    def __init__(self, function: Callable[..., Any], sources: str) -> None:
+        super().__init__(function)
+        stamp = f"{_COMPILER}, sources {sources}"
+        self._cache_file = _CheckedFile(self._cache_path, self._impl.filename_base, stamp)
+
+    def load_overload(self, *arguments: Any) -> Any:
+        loaded = None
+        try:
+            loaded = super().load_overload(*arguments)
+        except Exception:  # whatever unpickling another version's data raises
+            with contextlib.suppress(Exception):
+                self.flush()
+        if loaded is None:
+            _say_that_it_compiles()
+        return loaded
+
+    def save_overload(self, *arguments: Any) -> None:
+        with contextlib.suppress(OSError):
+            super().save_overload(*arguments)
 
 
 class _CheckedFile(IndexDataCacheFile):

@@ -14,22 +14,14 @@ import importlib.util
 import platform
 import sys
 from collections.abc import Iterable, Mapping
+from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 from cranectl.support import resources
 from cranectl.support.extensions import GROUPS
 
-PACKAGES = (
-    "cranectl",
-    "mujoco",
-    "numpy",
-    "scipy",
-    "numba",
-    "llvmlite",
-    "control",
-    "ctrlsys",
-    "foxglove-sdk",
-)
+PACKAGES = ("cranectl", "mujoco", "numpy", "scipy", "numba", "llvmlite", "control", "ctrlsys", "foxglove-sdk")
 FINGERPRINTS = ("sources", "models", "data")
 HARMLESS = ("python", "foxglove-sdk")  # no number of a run depends on them
 UNKNOWN = "unknown"  # of what wrote it before it said so
@@ -156,3 +148,45 @@ def other_software(made_by: Mapping[str, Mapping[str, str]]) -> dict[str, list[s
         for difference in provenance_differences(versions, provenance()):
             others.setdefault(difference, []).append(label)
     return others
+
+
+def syntax_of(content: bytes) -> bytes:
+    """Return the syntax tree of Python source as text, without comments and docstrings, or what is no Python.
+
+    So these count in no digest. The text does not depend on the version of Python. Docstrings stay where the
+    source names ``__doc__``.
+    """
+    try:
+        tree = ast.parse(content)
+    except (SyntaxError, ValueError):
+        return content
+    if b"__doc__" not in content:
+        documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+        for node in ast.walk(tree):
+            if isinstance(node, documented) and ast.get_docstring(node, clean=False) is not None:
+                del node.body[0]
+    return _text(tree).encode()
+
+
+def _text(node: object) -> str:
+    """Return a node with its fields, the same from all versions of Python: they differ in what is empty."""
+    if isinstance(node, ast.JoinedStr):
+        return f"JoinedStr({_text(_merged(node.values))})"
+    if isinstance(node, ast.AST):
+        fields = [(name, getattr(node, name, None)) for name in node._fields if name != "kind"]
+        inner = (f"{name}={_text(value)}" for name, value in fields if value not in (None, []))
+        return f"{type(node).__name__}({','.join(inner)})"
+    if isinstance(node, list):
+        return f"[{','.join(map(_text, node))}]"
+    return repr(node)
+
+
+def _merged(parts: list[Any]) -> list[Any]:
+    """Return the parts of a formatted string, with adjacent texts joined and without empty ones."""
+    merged: list[Any] = []
+    for is_text, group in groupby(parts, lambda part: isinstance(part, ast.Constant)):
+        if not is_text:
+            merged += group
+        elif text := "".join(str(part.value) for part in group):
+            merged.append(text)
+    return merged

@@ -12,7 +12,7 @@ from cranectl.campaign.benchmark.trials import rules_of
 from cranectl.campaign.benchmark.tuned import tuned_settings
 from cranectl.cli.benchmark import measured_laws
 from cranectl.support.documents import parse_toml, read_toml
-from cranectl.support.syntax import syntax_of
+from cranectl.support.provenance import syntax_of
 from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
 

@@ -16,7 +16,7 @@ from cranectl.loaders.opening import close_laws, open_law
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.children import Timeout
-from cranectl.support.environment import MachineError
+from cranectl.support.errors import MachineError
 from tests.campaign.campaigns import campaign, fixed
 from tests.loaders.law_files import LAW
 

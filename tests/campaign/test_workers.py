@@ -19,8 +19,7 @@ from cranectl.loaders.opening import open_law
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run, plan_run, simulate_run
-from cranectl.support.environment import MachineError
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, MachineError
 from tests.campaign.campaigns import LAG, MASS, PUSH, SEED, campaign, choice, fixed, run_batch, uniform
 from tests.conftest import PLANTS
 from tests.pace import HANG

@@ -19,7 +19,7 @@ from cranectl.design import CONTROLLERS
 from cranectl.log import read_log
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import PLANTS, default_plants
-from cranectl.scenario import scenario_names
+from cranectl.scenario.load import scenario_names
 from cranectl.status import RunStatus
 from tests.cli.arguments import SHORT, STOP
 from tests.pace import HANG

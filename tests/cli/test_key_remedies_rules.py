@@ -31,7 +31,7 @@ FILES["c.toml"], FILES["none.toml"] = (
     FILES[name].replace("s.toml", "scenario.toml") for name in ("c.toml", "none.toml")
 )
 DRIVEN, RIG, SEGMENTS, ALONG, PLANNING = (
-    f"scenario/{name}.py" for name in ("driven", "rig", "segments", "along_path", "planning")
+    f"scenario/{name}.py" for name in ("recorded", "rig", "segments", "along_path", "planning")
 )
 TIMES, DISTRIBUTIONS, RULE = "scenario/scenario.py", "campaign/distributions.py", "campaign/settings.py"
 HAND = {
@@ -110,7 +110,7 @@ CASES = [
         ["rig.rope_range=[0.1, 1.4]"],
     ),
     Case(
-        "scenario/tables.py",
+        "scenario/recorded.py",
         "name the column of speeds, or leave the unit out",
         [segment("waypoints", "file='points.csv'", "units={time='s', length='m', speed='m/s'}")],
         [segment("waypoints", "file='points.csv'", "units={time='s', length='m'}")],

@@ -13,7 +13,7 @@ from cranectl.controllers.registry import controller_design
 from cranectl.design import design_controller
 from cranectl.model.dynamics import angular_accelerations
 from cranectl.plants.plant import Drive
-from cranectl.scenario import default_scenario
+from cranectl.scenario.load import default_scenario
 from cranectl.signals import ALPHA, BASE_WIDTH, BETA, BRIDGE, INPUT_COLUMN, ROPE, TROLLEY
 from cranectl.simulate import linearised_law
 from cranectl.status import RunStatus

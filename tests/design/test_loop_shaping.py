@@ -7,7 +7,7 @@ import pytest
 
 from cranectl.design.linear_systems import inner_loop
 from cranectl.design.loop_shaping import glover_mcfarlane, loop_shaping_robustifier
-from cranectl.scenario import LoopShapingSettings
+from cranectl.scenario.design import LoopShapingSettings
 from cranectl.support.errors import InputError
 
 pytestmark = pytest.mark.processor

@@ -7,7 +7,7 @@ import pytest
 from cranectl.design import design_controller
 from cranectl.design.linear_systems import inner_loop
 from cranectl.design.mixed_sensitivity import generalised_plant, hinf_robustifier, mixed_sensitivity
-from cranectl.scenario import HinfSettings
+from cranectl.scenario.design import HinfSettings
 from cranectl.support.errors import InputError
 
 pytestmark = pytest.mark.processor

@@ -10,7 +10,7 @@ from cranectl.live.hand import Hand, HandRequest
 from cranectl.live.session import Session
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.scenario.driven import MOST_CHANGES
+from cranectl.scenario.recorded import MOST_CHANGES
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.documents import MAX_DOCUMENT_BYTES, toml_text

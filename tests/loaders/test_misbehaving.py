@@ -14,8 +14,7 @@ from cranectl.loaders.opening import open_law
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support import foreign_code
-from cranectl.support.environment import MachineError
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, MachineError
 from tests.pace import HANG
 
 SHORT = ["duration=0.05", "disturbances=[]", "reference.segments=[]"]

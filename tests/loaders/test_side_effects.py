@@ -46,7 +46,7 @@ def test_a_library_that_changes_how_numbers_are_rounded_changes_no_plant(law: Pa
 def test_a_file_that_takes_long_to_load_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("cranectl.support.waiting.SLOW", 0.01)
+    monkeypatch.setattr("cranectl.support.interrupts.SLOW", 0.01)
     path = tmp_path / "law.py"
     path.write_text(
         "import threading\n"

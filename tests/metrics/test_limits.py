@@ -9,7 +9,8 @@ import pytest
 from cranectl.metrics import RunMetrics, all_metrics, run_metrics
 from cranectl.metrics.limits import LimitVerdict, broken_since, judge_limits, limits_of
 from cranectl.metrics.summary import metric_course
-from cranectl.scenario import Scenario, default_scenario
+from cranectl.scenario import Scenario
+from cranectl.scenario.load import default_scenario
 from cranectl.scenario.scenario import LimitSettings
 from cranectl.support.errors import InputError
 from tests.conftest import closed_loop, cut

@@ -18,7 +18,7 @@ from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import spline
 from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import BlendedPath, SplineLaw
-from cranectl.scenario.held_files import held_files
+from cranectl.scenario.load import held_files
 from cranectl.scenario.segments import Segment, Spline, seconds
 from cranectl.simulate import simulate_run
 

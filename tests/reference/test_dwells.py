@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from cranectl.reference import build_trajectory
-from cranectl.scenario import Hold
-from cranectl.scenario.segments import Spline
+from cranectl.scenario.segments import Hold, Spline
 from cranectl.support.errors import InputError
 from tests.reference.recordings import scenario_of
 

@@ -18,9 +18,9 @@ from cranectl.reference import build_trajectory
 from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import Arc, Line
-from cranectl.scenario.driven import Driven
 from cranectl.scenario.effects import DriveLimits
 from cranectl.scenario.planning import PlanningSettings
+from cranectl.scenario.recorded import Driven
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Hold, Move, WayPoints, seconds
 from cranectl.support.errors import InputError

@@ -18,7 +18,7 @@ from cranectl.log import describe_log, read_log, write_log
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
-from cranectl.scenario.held_files import held_files, with_files
+from cranectl.scenario.load import held_files, with_files
 from cranectl.scenario.segments import Spline
 from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run, simulate_run

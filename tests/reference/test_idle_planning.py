@@ -9,10 +9,10 @@ import pytest
 
 from cranectl.planning import load_scenario
 from cranectl.reference import build_trajectory
-from cranectl.scenario import read_scenario
 from cranectl.scenario.along_path import Arc, BlendedPath, Line
-from cranectl.scenario.driven import Driven
+from cranectl.scenario.load import read_scenario
 from cranectl.scenario.planning import PlanningSettings
+from cranectl.scenario.recorded import Driven
 from cranectl.scenario.segments import Hold, Move, Samples, Spline, WayPoints
 from cranectl.simulate.idle_settings import RunKind, idle_settings
 from cranectl.support.errors import InputError

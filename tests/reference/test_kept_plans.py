@@ -11,7 +11,7 @@ from cranectl.log.events import events
 from cranectl.planning import load_scenario, plan, review
 from cranectl.planning.review import reviews
 from cranectl.scenario import Scenario, Segment
-from cranectl.scenario.held_files import files_in, put_files, with_files
+from cranectl.scenario.load import files_in, put_files, with_files
 from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import simulate_run
 from cranectl.support import kept

@@ -10,7 +10,7 @@ from cranectl.log import write_log
 from cranectl.planning import load_scenario
 from cranectl.report.run.differences import what_differs, what_was_run
 from cranectl.report.table import Table
-from cranectl.scenario import changed_from_default, default_scenario
+from cranectl.scenario.load import changed_from_default, default_scenario
 from cranectl.simulate import Run, simulate_run
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")

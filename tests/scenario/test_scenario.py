@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.planning import load_scenario
-from cranectl.scenario import scenario_names
+from cranectl.scenario.load import scenario_names
 from cranectl.support.errors import InputError
 from tests.conftest import ALL_SCENARIOS
 

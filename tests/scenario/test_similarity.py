@@ -7,7 +7,7 @@ import pytest
 
 from cranectl.controllers.registry import WHERE, load_controller
 from cranectl.planning import load_scenario
-from cranectl.scenario import default_scenario, load_rig, rig_names
+from cranectl.scenario.load import default_scenario, load_rig, rig_names
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.similarity import LONGEST_ROPES, length_scale
 from cranectl.simulate import simulate_run

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl.scenario import default_scenario
+from cranectl.scenario.load import default_scenario
 from cranectl.simulate.actuation import BRAKING, actuate, brake, make_actuation, take_set_points
 
 START = np.array([1.0, 0.1, 0.7, 0.2, 0.6, 0.3, 0.0, 0.0, 0.0, 0.0])

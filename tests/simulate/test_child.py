@@ -15,7 +15,7 @@ from cranectl.cli.laws import patience_option
 from cranectl.log import read_log
 from cranectl.simulate.child import BLOCK_TIMEOUT, blocks_in_child
 from cranectl.support.children import spawn_child
-from cranectl.support.step_failure import report_failure
+from cranectl.support.compiled_step import report_failure
 from tests.pace import HANG
 from tests.traps import set_traps
 

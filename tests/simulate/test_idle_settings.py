@@ -22,7 +22,8 @@ from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import PLANTS as PLANT_ENTRIES
 from cranectl.plants.registry import PlantEntry
-from cranectl.scenario import Scenario, idle_effects, read_scenario
+from cranectl.scenario import Scenario
+from cranectl.scenario.load import idle_effects, read_scenario
 from cranectl.simulate import simulate_run
 from cranectl.simulate.idle_settings import RunKind, idle_settings
 from cranectl.support.documents import leaves

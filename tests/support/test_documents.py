@@ -9,13 +9,14 @@ from typing import Any
 import pytest
 
 from cranectl.planning import load_scenario
-from cranectl.scenario import scenario_names
+from cranectl.scenario.load import scenario_names
 from cranectl.support.documents import (
     MAX_BITS,
     MAX_DEPTH,
     MAX_DOCUMENT_BYTES,
     assign,
     differences,
+    format_of,
     leaves,
     mapped,
     merged,
@@ -27,7 +28,6 @@ from cranectl.support.documents import (
     toml_value,
 )
 from cranectl.support.errors import InputError
-from cranectl.support.formats import format_of
 from tests.pace import within
 
 SECOND = 1.0  # [s] of the processor for a MiB, more on a slow machine

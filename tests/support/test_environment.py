@@ -6,8 +6,7 @@ import signal
 
 import pytest
 
-from cranectl.support.environment import MachineError, is_of_machine, tried_again, was_killed
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, MachineError, is_of_machine, tried_again, was_killed
 
 
 def caused(error: Exception, cause: BaseException) -> Exception:

@@ -16,7 +16,7 @@ from cranectl.log import read_log
 from cranectl.planning import load_scenario
 from cranectl.support.documents import read_toml
 from cranectl.support.errors import InputError
-from cranectl.support.inputs import open_input
+from cranectl.support.files import open_input
 from tests.pace import HANG
 
 FILE = """
@@ -109,7 +109,7 @@ def test_a_writer_that_stays_silent_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """As any program it waits for as long as the writer lives, and says so."""
-    monkeypatch.setattr("cranectl.support.waiting.SLOW", 0.01)
+    monkeypatch.setattr("cranectl.support.interrupts.SLOW", 0.01)
     pipe = tmp_path / "pipe.toml"
     os.mkfifo(pipe)
     both, found = os.open(pipe, os.O_RDWR), list[object]()

@@ -12,14 +12,14 @@ from typing import Any
 
 import pytest
 
-from cranectl.support import jit, kernel_cache
+from cranectl.support import directories, jit
 
 
 @pytest.fixture(autouse=True)
 def fresh_cache_directory() -> object:
-    kernel_cache.cache_directory.cache_clear()
+    directories.cache_directory.cache_clear()
     yield
-    kernel_cache.cache_directory.cache_clear()
+    directories.cache_directory.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_kernels_depend_on_every_module_that_they_call() -> None:
 
 def test_chosen_directory_wins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    directory = kernel_cache.cache_directory()
+    directory = directories.cache_directory()
     assert directory.parent == tmp_path
     assert stat.S_IMODE(directory.stat().st_mode) == stat.S_IRWXU, "nobody else may put code there"
 
@@ -81,10 +81,10 @@ def test_a_directory_that_others_could_write_is_closed_to_them(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    directory = kernel_cache.cache_directory()
+    directory = directories.cache_directory()
     directory.chmod(0o777)
-    kernel_cache.cache_directory.cache_clear()
-    assert kernel_cache.cache_directory() == directory
+    directories.cache_directory.cache_clear()
+    assert directories.cache_directory() == directory
     assert stat.S_IMODE(directory.stat().st_mode) == stat.S_IRWXU
 
 
@@ -100,7 +100,7 @@ def test_code_of_another_user_is_never_run(
     assert file.load("signature") == "code"
     monkeypatch.setattr(os, "geteuid", lambda: here + 1)
     assert file.load("signature") is None
-    assert tmp_path not in kernel_cache.cache_directory().parents
+    assert tmp_path not in directories.cache_directory().parents
     assert f"cranectl-{here + 1} (it belongs to another user)" in capsys.readouterr().err
 
 
@@ -112,7 +112,7 @@ def test_compiled_code_does_not_follow_the_working_directory(
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv(named, "here")
     monkeypatch.chdir(tmp_path)
-    assert all(place.is_absolute() for place in kernel_cache._candidates())
+    assert all(place.is_absolute() for place in directories._candidates())
 
 
 def test_threads_that_define_compiled_code_at_once_keep_it_in_one_place(
@@ -148,15 +148,15 @@ def test_threads_that_define_compiled_code_at_once_keep_it_in_one_place(
     ended.set()
     second.join()
     assert len(places) == 2
-    assert all(kernel_cache.cache_directory() in place.parents for place in places)
+    assert all(directories.cache_directory() in place.parents for place in places)
 
 
 NOWHERE = """
 import subprocess, sys, tempfile
-import cranectl.support.kernel_cache as kernel_cache
-kernel_cache.cache_directory()
-kernel_cache.cache_directory()
-script = "import cranectl.support.kernel_cache as kernel_cache; print(kernel_cache.cache_directory())"
+import cranectl.support.directories as directories
+directories.cache_directory()
+directories.cache_directory()
+script = "import cranectl.support.directories as directories; print(directories.cache_directory())"
 print(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True))
 """
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cranectl.support.patterns import matching, unmatched
+from cranectl.support.errors import matching, unmatched
 
 NAMES = ["mujoco.state.alpha", "mujoco.state.beta", "mujoco.load.load_x", "reference.load_x"]
 

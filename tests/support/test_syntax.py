@@ -2,7 +2,7 @@
 
 import pytest
 
-from cranectl.support.syntax import syntax_of
+from cranectl.support.provenance import syntax_of
 
 SOURCE = b'''"""A gain."""
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.support import temporary
+from cranectl.support import directories
 
 # A process that has a directory for a controller, says where, and waits for a line before it looks again.
 PROCESS = """
@@ -80,7 +80,7 @@ def test_a_new_directory_that_another_process_removes_is_not_taken(
 ) -> None:
     """Between its making and its lock another process may take it for abandoned."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    lock, seen = temporary._lock, []
+    lock, seen = directories._lock, []
 
     def remove_and_lock(directory: Path) -> int | None:
         seen.append(directory)
@@ -88,8 +88,8 @@ def test_a_new_directory_that_another_process_removes_is_not_taken(
             directory.rmdir()
         return lock(directory)
 
-    monkeypatch.setattr(temporary, "_lock", remove_and_lock)
-    made = temporary.temporary_directory("laws")
+    monkeypatch.setattr(directories, "_lock", remove_and_lock)
+    made = directories.temporary_directory("laws")
     assert seen[-1] == made != seen[0]
     assert left_in(tmp_path) == [made]
 
@@ -114,7 +114,7 @@ def test_a_place_that_another_user_may_have_prepared_is_not_used(
     else:
         above.mkdir(mode=0o700)
         monkeypatch.setattr(os, "geteuid", lambda: user + 1)
-    made = temporary.temporary_directory("laws")
+    made = directories.temporary_directory("laws")
     assert made.parent == tmp_path
     assert not list(above.glob("laws-[!1]*"))
     assert (target / "laws-1").is_dir()

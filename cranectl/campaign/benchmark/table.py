@@ -17,8 +17,7 @@ from cranectl.campaign.summary import EFFORT, Columns, effort, failed
 from cranectl.metrics.table import DRIVES
 from cranectl.support.arrays import Array, Mask
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.files import replacing
-from cranectl.support.inputs import open_input
+from cranectl.support.files import open_input, replacing
 
 VARIATION = "variation_m_s2"  # of the commands of all drives together
 METRICS = (

@@ -30,8 +30,7 @@ from cranectl.scenario.similarity import size_of
 from cranectl.simulate.child import BLOCK_TIMEOUT
 from cranectl.status import RunStatus
 from cranectl.support.consistency import check_ascending
-from cranectl.support.environment import MachineError
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, MachineError
 
 WORST, STOPPED, REFUSED = 5.0, 10.0, 20.0  # costs of what completes, at most, and of what fails: `run_cost`
 FIRST_DEVIATION = 0.2  # standard deviation of the first candidates, as a share of the way between the bounds

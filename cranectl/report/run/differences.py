@@ -6,7 +6,7 @@ from typing import Any
 from cranectl.compare.golden import RegressionVerdict, worst_first
 from cranectl.compare.runs import Comparison
 from cranectl.report.table import VERDICTS, Table, cells, tabulate
-from cranectl.scenario import changed_from_default
+from cranectl.scenario.load import changed_from_default
 from cranectl.simulate import Run
 from cranectl.support.documents import leaves
 from cranectl.support.units import PROCESSOR_ROUNDING, difference_in, difference_text, plain
@@ -103,11 +103,8 @@ def distances_table(first: str, comparisons: Mapping[str, Comparison]) -> Table:
     """Return how far runs are from the one labelled `first`, by label."""
     rows = []
     for label, each in comparisons.items():
-        load, angles = (
-            difference_in(each.max_load_error_m, "m"),
-            difference_in(each.max_angle_error_rad, "rad"),
-        )
-        rows.append(cells(label, load, _when(each.max_load_error_at_s, each.max_load_error_m), angles))
+        load, angles = each.max_load_error_m, difference_in(each.max_angle_error_rad, "rad")
+        rows.append(cells(label, difference_in(load, "m"), _when(each.max_load_error_at_s, load), angles))
     return Table(f"Farthest from {first}", ("", "load", "at [s]", "angles"), tuple(rows))
 
 

@@ -19,7 +19,8 @@ from cranectl.analysis.certificate.structured import GUARD, drive_margins
 from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_design
 from cranectl.design import CONTROLLERS, design_controller
-from cranectl.scenario import Scenario, default_scenario
+from cranectl.scenario import Scenario
+from cranectl.scenario.load import default_scenario
 from cranectl.simulate import linearised_law, simulate_run
 from cranectl.support.errors import InputError
 

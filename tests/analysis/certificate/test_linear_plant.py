@@ -18,8 +18,9 @@ from cranectl.controllers.registry import controller_design
 from cranectl.design import design_controller
 from cranectl.plants.mujoco.linearisation import change_since, coordinates, put
 from cranectl.plants.plant import Drive
-from cranectl.scenario import Scenario, default_scenario
+from cranectl.scenario import Scenario
 from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS
+from cranectl.scenario.load import default_scenario
 from cranectl.signals import BASE_WIDTH, FLAT_OUTPUT_COLUMN, INPUT_COLUMN, ROPE, ROPE_RATE
 from cranectl.simulate import plan_scenario, tracker_of
 from cranectl.simulate.actuation import actuate, make_actuation

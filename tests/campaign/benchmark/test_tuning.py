@@ -24,8 +24,7 @@ from cranectl.loaders.opening import close_laws
 from cranectl.planning import load_scenario
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
-from cranectl.support.environment import MachineError
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, MachineError
 from tests.benchmark.conftest import laws_closed
 from tests.campaign.benchmark.tiny import write_tiny
 from tests.cli.suggestions import executed, suggested

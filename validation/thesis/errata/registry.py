@@ -15,7 +15,7 @@ from cranectl.design import design_controller
 from cranectl.design.linear_systems import inner_loop
 from cranectl.design.loop_shaping import error_weight
 from cranectl.model import dynamics
-from cranectl.scenario import LoopShapingSettings
+from cranectl.scenario.design import LoopShapingSettings
 from cranectl.scenario.rig import RigParameters
 
 Check = Callable[[], tuple[float, float]]

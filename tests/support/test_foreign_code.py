@@ -5,7 +5,7 @@ import platform
 
 import numpy as np
 
-from cranectl.support.float_environment import environment_kept, keeping_environment
+from cranectl.support.foreign_code import environment_kept, keeping_environment
 
 UPWARD = {"x86_64": 0x800, "AMD64": 0x800, "aarch64": 0x400000, "arm64": 0x400000}[platform.machine()]
 LIBRARY = ctypes.CDLL("libm.so.6" if platform.system() == "Linux" else None)

@@ -1,22 +1,35 @@
-"""The segment that a session driven by hand leaves: what was asked for, and of which filter."""
+"""Recorded motions: what a hand asked for in a live session, or columns of a file, and their units."""
 
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from cranectl.scenario.quantities import MAX_DURATION, Duration, Point3
-from cranectl.scenario.settings import RuleError, Settings
+from cranectl.scenario.settings import (
+    MAX_DURATION,
+    TEXT_OR_OTHER,
+    Duration,
+    Many,
+    Other,
+    Point3,
+    Position,
+    RuleError,
+    Settings,
+    Text,
+    Triple,
+)
 
 MOST_SAMPLES = 6_000_000  # of 120 bytes: ten minutes at 0.1 ms
 MOST_CHANGES = 20_000  # so that the file of a scenario is not too large
 SETTLING_TIME = 40.0  # over the bandwidth [s]: then less than 1e-13 of a wish is left in four lags
 Speed = Annotated[float, Field(ge=1e-6, le=1e4)]
-Speed3 = Annotated[tuple[Speed, Speed, Speed], Field(strict=False)]
 Time = Annotated[float, Field(ge=0.0, le=MAX_DURATION)]
-Changes = Annotated[
-    tuple[Annotated[tuple[Time, float, float, float], Field(strict=False)], ...],
-    Field(strict=False, max_length=MOST_CHANGES),
-]
+Change = Annotated[tuple[Time, float, float, float], Field(strict=False)]
+Changes = Annotated[Many[Change], Field(max_length=MOST_CHANGES)]
+Name = Annotated[str, Field(min_length=1, max_length=200)]
+NameOrNumber = Annotated[Text[Name] | Other[Position], TEXT_OR_OTHER]  # of a column, or one for all rows
+Sign = Literal[1, -1]
+TO_START = "to-start"
+Offset = Annotated[Other[Point3] | Text[Literal["to-start"]], TEXT_OR_OTHER]
 
 
 class Driven(Settings):
@@ -26,7 +39,7 @@ class Driven(Settings):
     duration: Duration = Field(description="[s], to where the load was at rest again")
     period: Duration = Field(description="of the samples [s], on which changes lie")
     bandwidth: Speed = Field(description="of each of the four lags [rad/s]")
-    speed: Speed3 = Field(description="of the largest wish along x, y, z [m/s]")
+    speed: Triple[Speed] = Field(description="of the largest wish along x, y, z [m/s]")
     low: Point3 = Field(description="corner of the box in which the stopping point was kept [m]")
     high: Point3 = Field(description="the opposite corner [m]")
     wishes: Changes = Field((), description="from a time on [s] a velocity (x, y, z) [m/s]")
@@ -44,7 +57,7 @@ class Driven(Settings):
         )
 
     @model_validator(mode="after")
-    def _fits_into_memory(self) -> "Driven":
+    def _was_driven(self) -> "Driven":
         if self.duration / self.period > MOST_SAMPLES:
             raise RuleError(
                 f"duration = {self.duration:g} s has {self.duration / self.period:.3g} samples of period = "
@@ -52,10 +65,6 @@ class Driven(Settings):
                 allowed=f"at most {MOST_SAMPLES:g} fit into memory",
                 remedy="lengthen period",
             )
-        return self
-
-    @model_validator(mode="after")
-    def _comes_to_rest(self) -> "Driven":
         last = max(self.changes, default=(0, (0.0,) * 4))
         if any(last[1]) or last[0] * self.period + SETTLING_TIME / self.bandwidth > self.duration + 1e-9:
             raise RuleError(
@@ -64,10 +73,6 @@ class Driven(Settings):
                 f"{SETTLING_TIME / self.bandwidth:.4g} s before the end",
                 remedy="lengthen duration, or add such a wish",
             )
-        return self
-
-    @model_validator(mode="after")
-    def _was_driven(self) -> "Driven":
         whole = [round(time / self.period) for time, *_ in (*self.wishes, *self.goals)]
         if any(
             not 0.0 <= time < self.duration or abs(time - sample * self.period) > 1e-9
@@ -98,3 +103,75 @@ class Driven(Settings):
                 remedy="move low or high, or the goal",
             )
         return self
+
+
+class Columns(Settings):
+    """The names of a file's columns."""
+
+    time: Name = Field("time", description="of times; only their differences count")
+    x: NameOrNumber = Field(
+        "x", description="of the load along x; or a number that all rows have, in the file's unit"
+    )
+    y: NameOrNumber = Field(
+        "y", description="of the load along y; or a number that all rows have, in the file's unit"
+    )
+    z: NameOrNumber = Field(
+        "z", description="of the load along z, up, from the height of the trolley; or a number"
+    )
+    speed: Name | None = Field(None, description="of speeds at way points, in place of times")
+
+
+class Units(Settings):
+    """In what a file's numbers are."""
+
+    time: Literal["s", "ms", "us", "ns"] | None = Field(None, description="of times")
+    length: Literal["m", "cm", "mm"] | None = Field(None, description="of x, y, z")
+    speed: Literal["m/s", "mm/s", "m/min"] | None = Field(None, description="of speeds")
+
+
+class FromFile(Settings):
+    """A motion of the load in a file: CSV, Parquet, or a log of cranectl."""
+
+    columns: Columns = Columns()
+    units: Units = Field(
+        Units(), description="must be given where the file does not say them itself, as logs do"
+    )
+    topic: Name = Field(
+        "reference/load", description="of a log: reference/load, or the load of a plant, as mujoco/load"
+    )
+    signs: Triple[Sign] = Field(
+        (1, 1, 1), description="-1 for an axis x, y, z that the file counts the other way"
+    )
+    offset: Offset = Field(
+        (0.0, 0.0, 0.0),
+        description="added to x, y, z [m]; to-start: what brings the file's first point to where the load is",
+    )
+
+    @model_validator(mode="after")
+    def _has_what_has_a_unit(self) -> "FromFile":
+        if self.units.speed is not None and self.columns.speed is None:
+            raise RuleError(
+                "units.speed without columns.speed",
+                allowed="units of the columns that are read",
+                remedy="name the column of speeds, or leave the unit out",
+            )
+        return self
+
+
+class Source(Settings):
+    """The file that a motion was made from."""
+
+    file: str = Field(description="its name")
+    sha256: str = Field(description="of its bytes")
+    held: str = Field(description="SHA-256 of what a log attaches: the file, or of a log the columns taken")
+
+
+class FitNumbers(Settings):
+    """How near a spline is to samples, and how sure it is."""
+
+    spans: int = Field(description="of the spline")
+    samples: int = Field(description="in the file")
+    left_out_error: float = Field(description="rms distance of samples from the spline near all others [m]")
+    residual: float = Field(description="rms distance of samples from the spline [m]")
+    peak_d4: float = Field(description="largest component of the fourth derivative [m/s⁴]")
+    band_d4: float = Field(description="half its band of 95 %, where that is widest [m/s⁴]")
