@@ -27,10 +27,9 @@ from cranectl.controllers.open_controllers import OPEN, SharedControllers
 from cranectl.controllers.registry import law_digests, runs_alone
 from cranectl.loaders.opening import open_again
 from cranectl.simulate.child import BLOCK_TIMEOUT
-from cranectl.support.children import Child, ChildError, report_to_parent, requests, spawn_child
+from cranectl.support.children import Child, ChildError, requests, spawn_child
 from cranectl.support.documents import Table
-from cranectl.support.environment import MachineError, is_of_machine, tried_again
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, MachineError, is_of_machine, report_to_parent, tried_again
 
 # What runs the batches of a campaign. With `stop`, which says so, it leaves them soon.
 Engine = Callable[..., Generator[tuple[Batch, list[Row]], None, None]]
@@ -208,7 +207,7 @@ def _work(connection: Connection) -> None:
 
     The answer to a batch is nothing at its start and after each block, then a row or an error.
     """
-    report_to_parent(connection)
+    report_to_parent(connection.send)
     worker: Worker | InputError | None = None
 
     def tell() -> bool:

@@ -19,8 +19,8 @@ from cranectl.simulate.child import BLOCK_TIMEOUT
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run
 from cranectl.status import RunStatus
-from cranectl.support.children import Child, ChildError, report_to_parent, requests, spawn_child
-from cranectl.support.errors import InputError
+from cranectl.support.children import Child, ChildError, requests, spawn_child
+from cranectl.support.errors import InputError, report_to_parent
 
 
 class ChildSession:
@@ -114,7 +114,7 @@ class ChildSession:
 
 def _work(connection: Connection, shared: SharedControllers, made: tuple[Any, ...]) -> None:
     """Do in the process what is asked, and answer with what came of it and where the session stands."""
-    report_to_parent(connection)
+    report_to_parent(connection.send)
     open_again(shared)
     scenario, design, plants, drive, origin_ns = made
     session: Session | None = None

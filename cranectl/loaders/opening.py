@@ -19,9 +19,8 @@ from cranectl.controllers.registry import FILE, UDP, register_controller
 from cranectl.design.records import Origin
 from cranectl.support.errors import InputError
 from cranectl.support.extensions import loaded
-from cranectl.support.files import replacing
-from cranectl.support.inputs import open_input
-from cranectl.support.syntax import syntax_of
+from cranectl.support.files import open_input, replacing
+from cranectl.support.provenance import syntax_of
 
 MAX_BESIDE = 64 * 2**20  # [bytes] of all files that a law takes along
 LOADERS = {  # by ending; each returns a controller, and its file with all that it takes along

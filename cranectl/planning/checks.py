@@ -7,7 +7,7 @@ import numpy as np
 
 from cranectl.planning.limits import AXES, Constraint, Limits, clearance, constraints, motion
 from cranectl.planning.proof import PROOF_MARGIN
-from cranectl.scenario.quantities import MAX_DURATION
+from cranectl.scenario.settings import MAX_DURATION
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 

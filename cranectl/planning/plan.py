@@ -29,18 +29,19 @@ from cranectl.reference.given import samples, way_points
 from cranectl.reference.sanity import check_length
 from cranectl.reference.time_laws import PLANNED_DEGREE, law_of
 from cranectl.reference.trajectory import end_point
-from cranectl.scenario import Line, Scenario
+from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import (
     MINIMUM_TIME,
     Along,
     AlongPath,
     Arc,
     BlendedPath,
+    Line,
     Plannable,
     SplineLaw,
 )
-from cranectl.scenario.quantities import MAX_DURATION
 from cranectl.scenario.segments import Move, Samples, Segment, Spline, WayPoints, is_planned, seconds
+from cranectl.scenario.settings import MAX_DURATION
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.support.kept import kept

@@ -8,7 +8,7 @@ from scipy.interpolate import BSpline
 from cranectl.model.flatness import states_and_inputs
 from cranectl.reference.time_laws import derivatives
 from cranectl.scenario import Scenario
-from cranectl.scenario.quantities import MAX_DURATION
+from cranectl.scenario.settings import MAX_DURATION
 from cranectl.signals import ACCELERATION, Z
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError

@@ -16,10 +16,10 @@ from cranectl.reference.driven import DrivenPath, HandLimits
 from cranectl.reference.geometry import Geometry, check_moves, geometry_of
 from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import Law, derivatives, law_of, progress, spline
-from cranectl.scenario import AddedSegment, Hold, Line, ReferenceSettings, Segment
-from cranectl.scenario.along_path import Arc, BlendedPath
-from cranectl.scenario.driven import Driven
-from cranectl.scenario.segments import Spline, added_kinds, seconds
+from cranectl.scenario import ReferenceSettings, Segment
+from cranectl.scenario.along_path import Arc, BlendedPath, Line
+from cranectl.scenario.recorded import Driven
+from cranectl.scenario.segments import AddedSegment, Hold, Spline, added_kinds, seconds
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 

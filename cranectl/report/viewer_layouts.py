@@ -10,7 +10,7 @@ from typing import Any
 
 from cranectl.analysis.levels import NAMES
 from cranectl.log import topics
-from cranectl.log.overlay import topics.STEP
+from cranectl.log.overlay import STEP
 from cranectl.plants.registry import PLANTS, default_plants, in_order, reference_plant
 from cranectl.report.viewer_panels import (
     Layout,
@@ -39,7 +39,7 @@ SIGNALS: dict[tuple[str, str], Signal] = {
     (group.name, signal.name): signal for group in recorded_groups(flat_groups(0)) for signal in group.signals
 }
 DISTANCE = topics.DISTANCE.signals[0]  # of the load
-SIGNALS |= {(group, DISTANCE.name): DISTANCE for group in (topics.DISTANCE.name, topics.STEP)}
+SIGNALS |= {(group, DISTANCE.name): DISTANCE for group in (topics.DISTANCE.name, STEP)}
 LEAST_ORDER = -9.0  # of what a fidelity level adds: less than a nanometre is nothing
 DISTANCE_EXPONENT = -14.0  # power of ten of the least distance that logs tell
 # Height of the standings in [%] of a window of 900 pixels.
@@ -187,7 +187,7 @@ def _ladder(labels: Sequence[str]) -> Layout:
     if len(labels) == 1:  # nothing to be compared
         return _overlay(labels)
     orders = []
-    for where, group in (("the level before", topics.STEP), (labels[0], topics.DISTANCE.name)):
+    for where, group in (("the level before", STEP), (labels[0], topics.DISTANCE.name)):
         lines = _of_labels(labels, group, DISTANCE.name, ".@log10")
         orders.append(plot(f"log₁₀ of distance from {where}", lines, minYValue=LEAST_ORDER))
     metres = plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, DISTANCE.name))

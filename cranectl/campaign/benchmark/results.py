@@ -26,8 +26,7 @@ from cranectl.campaign.workers import Engine
 from cranectl.controllers.registry import law_digests
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.support.documents import Table
-from cranectl.support.environment import MachineError
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, MachineError
 from cranectl.support.provenance import provenance_differences
 
 ANY = FLAT_FAMILY[0]  # law, where it does not matter which

@@ -24,8 +24,7 @@ from cranectl.scenario.similarity import size_of
 from cranectl.support import resources
 from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.provenance import FINGERPRINT_DIGITS
-from cranectl.support.syntax import syntax_of
+from cranectl.support.provenance import FINGERPRINT_DIGITS, syntax_of
 
 Division = Literal["published", "tuned"]  # its defaults, or what tuning has found
 DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # as they are shown
