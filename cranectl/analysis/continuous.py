@@ -48,7 +48,7 @@ from cranectl.simulate.run import record_width
 from cranectl.simulate.signal_path import whole_record
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support.jit import jit_called
 
 NODES: Array = np.ascontiguousarray(DOP853.C[:STAGES])  # of the stages, in steps
 SLACK_ROPE, COMPLETED = int(RunStatus.SLACK_ROPE), int(RunStatus.COMPLETED)
@@ -70,7 +70,7 @@ class ContinuousLoop(NamedTuple):
     gravity: float
 
 
-@jit
+@jit_called
 def closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outputs):
     """State derivative into `rate`; also flat output (15,) and `outputs` = (u, v, v-bar), three each.
 
@@ -114,7 +114,7 @@ def closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outp
     rate[EXTENSION], rate[EXTENSION + 1] = zeta_dot, flat[SNAP + Z]
 
 
-@jit
+@jit_called
 def record_rows(loop, rig, states, reference, disturbance, wind, record):
     """Write `record` at the sampled `states`; returns (complete rows, COMPLETED or why it ends there)."""
     rate, flat, outputs = np.zeros(states.shape[1]), np.zeros(15), np.zeros(9)
@@ -143,7 +143,7 @@ def record_rows(loop, rig, states, reference, disturbance, wind, record):
     return len(states), COMPLETED
 
 
-@jit
+@jit_called
 def advance_steps(loop, rig, state, steps, reference, disturbance, wind, row_of, states):
     """Steps of lengths `steps` (n,); `reference` (n, stages, 15), `row_of` (n,): place in `states`, or -1."""
     size = len(state)

@@ -49,8 +49,31 @@ _IMPORT = re.compile(r"^\s*(?:from|import)\s+cranectl\b([.\w]*)(?:\s+import\s+(\
 
 
 def jit(function: F) -> F:
-    """Compile `function` without the GIL, IEEE semantics, cached; callees must be module globals."""
-    return _compiled(function)
+    """Compile `function` without the GIL, IEEE semantics, cached; callees must be module globals.
+
+    Compiled callers inline it: to pass a NamedTuple of arrays takes as long as many a kernel.
+    """
+    return _jit(function, inline=True)
+
+
+def jit_called(function: F) -> F:
+    """Compile `function` as `jit` does, but call it: for one that is long, has many callers and few calls."""
+    return _jit(function, inline=False)
+
+
+def _jit(function: F, *, inline: bool) -> F:
+    """Compile `function` twice, for Python and for compiled callers, as it turns out to be called.
+
+    The wrapper for calls from Python takes a fifth of the time of compiling, and most kernels need none.
+    """
+    compiled = _compiled(function)
+    if not UNCOMPILED:
+        inner: Any = _compiled(
+            _copied(function, "inner"), forceinline=inline, no_cpython_wrapper=True, no_cfunc_wrapper=True
+        )
+        for name in ("get_call_template", "get_overload"):  # which compiled callers ask for
+            setattr(compiled, name, getattr(inner, name))
+    return compiled
 
 
 def jit_loop(function: F, name: str, **callees: Any) -> F:
@@ -60,9 +83,15 @@ def jit_loop(function: F, name: str, **callees: Any) -> F:
     has a cache of its own. Counting references, which the caller holds, would take an atomic instruction for
     each view in each callee: as long as all the rest of a control step.
     """
-    chosen = FunctionType(function.__code__, {**function.__globals__, **callees}, function.__name__)
-    chosen.__qualname__ = f"{function.__qualname__}-{name}"
-    return _compiled(cast(F, chosen), callees.values(), _nrt=False)
+    return _compiled(_copied(function, name, **callees), callees.values(), no_cfunc_wrapper=True, _nrt=False)
+
+
+def _copied(function: F, name: str, **replaced: Any) -> F:
+    """Return `function` with other globals, if any, and with a name, and so a cache, of its own."""
+    scope = {**function.__globals__, **replaced} if replaced else function.__globals__
+    copy = FunctionType(function.__code__, scope, function.__name__)
+    copy.__qualname__ = f"{function.__qualname__}-{name}"
+    return cast(F, copy)
 
 
 @functools.cache

@@ -7,7 +7,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, integrate
+from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, advance, integrate
 from cranectl.plants.dop853 import STAGES
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Friction, Installation, Wind
 from cranectl.scenario.rig import RigParameters
@@ -21,16 +21,23 @@ def rig(effects: EffectSettings) -> AnalyticRig:
     return AnalyticPlant(RigParameters(), drive="ideal", step=1e-3, substeps=1, effects=effects).rig
 
 
+WRAPPERS = ("_ZN7cpython", "cfunc.", "NRT_")
+
+
+def compiled_bodies(function: Callable[..., Any], *arguments: Any) -> list[tuple[str, str]]:
+    """Return name and code of each function that is left when `function` is compiled for `arguments`."""
+    compiled = numba.njit(nogil=True, error_model="numpy")(function)
+    compiled(*arguments)
+    (code,) = compiled.inspect_llvm().values()
+    return re.findall(r"^define[^@]*@([\w.]+)\((.*?)^}", code, re.MULTILINE | re.DOTALL)
+
+
 def reference_counts(function: Callable[..., Any], *arguments: Any) -> int:
     """How many calls in the compiled `function` and in what it calls count references to arrays.
 
     Each is an atomic operation, several times as long as a multiplication.
     """
-    compiled = numba.njit(nogil=True, error_model="numpy")(function)
-    compiled(*arguments)
-    (code,) = compiled.inspect_llvm().values()
-    bodies = re.findall(r"^define[^@]*@([\w.]+)\((.*?)^}", code, re.MULTILINE | re.DOTALL)
-    kernels = [body for name, body in bodies if not name.startswith(("_ZN7cpython", "cfunc.", "NRT_"))]
+    kernels = [body for name, body in compiled_bodies(function, *arguments) if not name.startswith(WRAPPERS)]
     assert kernels
     return sum(len(re.findall(r"call .*@NRT_(?:in|de)cref", body)) for body in kernels)
 
@@ -40,6 +47,17 @@ def test_a_step_without_effects_counts_no_references() -> None:
     state, work = np.full(10, 0.5), np.zeros((STAGES, 10))
     arguments = rig(NO_EFFECTS), state, np.zeros(3), np.zeros(2), STILL, work, np.zeros(10)
     assert reference_counts(integrate.py_func, *arguments) == 0
+
+
+def test_a_period_calls_no_other_kernel() -> None:
+    """Each call would copy all arrays of the plant: periods took up to twice as long."""
+    plant = AnalyticPlant(RigParameters(), drive="velocity", step=1e-3, substeps=1)
+    arguments = plant.handle, (0.0, 0.0, 0.0), np.zeros(2), STILL, np.zeros(7)
+    bodies = compiled_bodies(advance.py_func, *arguments)
+    (period,) = (
+        code for name, code in bodies if "8analytic7advance" in name and not name.startswith(WRAPPERS)
+    )
+    assert re.findall(r"call [^@]*@(\w*cranectl\w+)", period) == []
 
 
 def test_references_are_seen_where_they_are_counted() -> None:

@@ -19,7 +19,7 @@ from cranectl.analysis.budget.trajectory_loop import EXTENSION, TrajectoryLoop
 from cranectl.controllers.observer import EXPECTED, JOINTS, Observer, correct, initial_estimate, predict
 from cranectl.simulate.signal_path import Encoders, read_encoder
 from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support.jit import jit_called
 
 STATES = 3  # of the estimator of one joint
 TINY = 1e-60
@@ -56,7 +56,7 @@ def observed_error(observer: Observer, encoders: Encoders, states: Array, comman
     return error
 
 
-@jit
+@jit_called
 def observe_along(observer, encoders, states, commands, estimate, error):
     """See `observed_error`; `estimate` is the observer's memory."""
     for k in range(len(states)):
@@ -76,7 +76,7 @@ def load_variance(loop: TrajectoryLoop, estimator: Estimator, deviations: Array)
     return variance
 
 
-@jit
+@jit_called
 def loop_matrix(loop, k, matrix):
     """X and the commands under way, the youngest first, at sample k + 1 by those at k, into `matrix`.
 
@@ -102,7 +102,7 @@ def loop_matrix(loop, k, matrix):
     matrix[controller:size, controller:size] += loop.controller_state
 
 
-@jit
+@jit_called
 def joined_matrices(loop, estimator, k, matrix, noise):
     """State (loop, estimators) and noise (5) at sample k to the state at k + 1, of a loop without delay."""
     size, p = loop.outputs.shape[2], loop.kept.shape[0]
@@ -119,7 +119,7 @@ def joined_matrices(loop, estimator, k, matrix, noise):
         matrix[own : own + STATES, own : own + STATES] = estimator.next_by_state
 
 
-@jit
+@jit_called
 def propagate_variance(loop, estimator, noise_variance, variance):
     """Variance of the load under noise; from rest, the estimator included."""
     p, total = loop.kept.shape[0], loop.outputs.shape[2] + STATES * JOINTS
@@ -133,7 +133,7 @@ def propagate_variance(loop, estimator, noise_variance, variance):
             covariance = flushed(covariance + np.dot(noise * noise_variance, noise.T))
 
 
-@jit
+@jit_called
 def flushed(matrix):
     """Forget what has decayed to nothing: processors are slow with the smallest of numbers."""
     return np.where(np.abs(matrix) < TINY, 0.0, matrix)
@@ -154,7 +154,7 @@ def worst_case(
     return worst
 
 
-@jit
+@jit_called
 def sweep_back(loop, estimator, amplitudes, instants, worst):
     """Add up |impulse response| times amplitude for each instant and axis, into `worst`."""
     p = loop.kept.shape[0]

@@ -28,7 +28,7 @@ from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.simulate import Run
 from cranectl.simulate.signal_path import limited, make_limits
 from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support.jit import jit_called
 
 
 def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = None) -> Ports:
@@ -109,7 +109,7 @@ def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
     return ports
 
 
-@jit
+@jit_called
 def runge_kutta_defect(rig, states, commands, disturbances, winds, defect):
     """The classical fourth-order step from each of `states` less the next, into `defect` (N - 1, >= 10)."""
     rates, work, state = np.zeros((4, 10)), np.zeros(10), np.zeros(10)
@@ -153,7 +153,7 @@ def limited_commands(run: Run, loop: TrajectoryLoop, limits: DriveLimits, predic
     return ports
 
 
-@jit
+@jit_called
 def cut_off(limits, wanted, start, cut):
     """What limits take from the set-points `wanted` (N, 3), into `cut`; the tracker's integral follows."""
     previous, shift = start.copy(), np.zeros(3)

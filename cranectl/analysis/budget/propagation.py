@@ -19,7 +19,7 @@ from cranectl.analysis.budget.trajectory_loop import (
 from cranectl.controllers.registry import only_flat
 from cranectl.simulate import Run, tracker_of
 from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support.jit import jit_called
 
 STICKING_ROUNDS = 4  # in which axes that stick settle what each has to hold
 
@@ -90,7 +90,7 @@ def propagate(loop: TrajectoryLoop, ports: Ports, friction: FrictionPort = NO_FR
     )
 
 
-@jit
+@jit_called
 def propagate_signals(loop, ports, friction, deviation):
     """Fill `deviation`, all but its load."""
     state, given, commanded = deviation.state, deviation.given, deviation.commanded
@@ -119,7 +119,7 @@ def propagate_signals(loop, ports, friction, deviation):
             add_friction(loop, friction, k, deviation)
 
 
-@jit
+@jit_called
 def add_friction(loop, friction, k, deviation):
     """Add friction to sample `k` and its effect to the next: Coulomb's stops each rate if it can.
 

@@ -45,7 +45,7 @@ from cranectl.signals import ROPE
 from cranectl.simulate import Run, make_plant, plan_scenario, simulate_run, tracker_of
 from cranectl.simulate.actuation import make_actuation
 from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support.jit import jit_called
 
 EXTENSION, ROBUSTIFIER = 3, 5  # places in X after the plant's states, which w follows
 DIFFERENCE_STEP = 1e-6  # half width of the central differences, SI units
@@ -101,7 +101,7 @@ class TrajectoryLoop(NamedTuple):
         return int(self.outputs.shape[2])
 
 
-@jit
+@jit_called
 def step_each(rig, crane, work, ports, winds, following):
     """Write the states one control period after `ports`, see `next_states`, into `following`."""
     size, stages, stage_state = following.shape[1], np.zeros((STAGES, 10)), np.zeros(10)
@@ -123,7 +123,7 @@ def next_states(plant: SteppedPlant, ports: Array, winds: Array) -> Array:
     return following
 
 
-@jit
+@jit_called
 def law_each(gravity, ports, flat, command):
     """Write what `law_outputs` returns into `flat` (N, 12) and `command` (N, 3)."""
     for k in range(len(ports)):
