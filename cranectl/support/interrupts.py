@@ -54,7 +54,8 @@ class _RaiseAgain:
     """A `sys.unraisablehook` that raises an interrupt again where the interpreter could only report it.
 
     It can where the signal comes in a callback of a library or in a destructor: nothing there can take an
-    exception, and the run would go on.
+    exception, and the run would go on. After an interrupt nothing else is reported: destructors of libraries
+    fail on objects whose making it cut short.
     """
 
     def __init__(self) -> None:
@@ -63,8 +64,9 @@ class _RaiseAgain:
         self.number = signal.SIGINT
 
     def __call__(self, unraisable: Any) -> None:
-        if self.handler is None or not isinstance(unraisable.exc_value, Interruption):
+        if self.handler is None:
             self.report(unraisable)
+        if self.handler is None or not isinstance(unraisable.exc_value, Interruption):
             return
         signal.signal(self.number, self.handler)
         retry = threading.Timer(RETRY, _raise_in_main_thread, [self.number])
@@ -80,6 +82,7 @@ def heed_interrupts(act: Callable[[], None]) -> Mapping[signal.Signals, Any]:
     if not isinstance(sys.unraisablehook, _RaiseAgain):
         sys.unraisablehook = _RaiseAgain()
     hook = sys.unraisablehook
+    hook.handler = None
 
     def interrupted(number: int, _frame: FrameType | None) -> None:
         hook.handler, hook.number = interrupted, signal.Signals(number)

@@ -51,6 +51,23 @@ def test_an_interrupt_in_a_callback_is_raised_again(number: signal.Signals) -> N
     assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
 
 
+def test_only_after_an_interrupt_nothing_is_said_of_objects_that_it_cut_short() -> None:
+    """A destructor of llvmlite fails where the making of its object was interrupted."""
+    script = (
+        "import os, sys; from cranectl.support.interrupts import *\n"
+        "class Half:\n"
+        "    def __init__(self, signal): os.kill(os.getpid(), signal); self.whole = True\n"
+        "    def __del__(self): del self.whole\n"
+        "heed_interrupts(interrupt)\n"
+        "half = Half(0); del half.whole; del half; print('-', file=sys.stderr)\n"
+        f"try:\n    Half({signal.SIGTERM:d})\nexcept KeyboardInterrupt: pass"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    before, _, after = done.stderr.partition("\n-\n")
+    assert "AttributeError" in before
+    assert (done.returncode, after) == (0, "")
+
+
 def test_the_handlers_before_can_be_put_back() -> None:
     assert heed_interrupts(interrupt) == {
         signal.SIGINT: signal.default_int_handler,
