@@ -22,8 +22,8 @@ import json
 from cranectl.design.controllers import _computed  # what is kept on disk would hide a difference
 from cranectl.planning import load_scenario
 from cranectl.support.errors import InputError
-from validation.benchmark.lmi_regions import gains
-from validation.benchmark.multi_objective_hinf import controller
+from lmi_regions import gains
+from multi_objective_hinf import controller
 
 numbers = {"lmi-regions": gains(1.028, 4.158, 0.231, 0.264)[0].tolist()}
 k, _ = controller(4.0, 1.0, 2.0)
@@ -53,8 +53,8 @@ def test_designs_and_refusals_are_the_same_with_every_kernel() -> None:
     for kernel in KERNELS:
         done = subprocess.run(
             [sys.executable, "-c", ANSWERS],
-            env={**os.environ, "OPENBLAS_CORETYPE": kernel},
-            cwd=ROOT,
+            env={**os.environ, "OPENBLAS_CORETYPE": kernel, "PYTHONPATH": str(ROOT)},
+            cwd=ROOT / "validation/benchmark",
             check=True,
             capture_output=True,
             text=True,
