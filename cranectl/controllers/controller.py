@@ -217,9 +217,8 @@ class Controller:
             name: each.checked(given.get(name, each.sized(each.default, length)), where)
             for name, each in known.items()
         }
-        return ControllerDesign(
-            self.name, values, tuple(logged.signal for logged in self.logged), self.origin
-        )
+        signals = tuple(logged.signal for logged in self.logged)
+        return ControllerDesign(self.name, parameters=values, signals=signals, origin=self.origin)
 
 
 def is_whole(value: Any, lowest: int, highest: int) -> bool:

@@ -1,7 +1,7 @@
 """What a controller is in a run: its settings and, of the flat family, gains, poles, margins, robustifier."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import KW_ONLY, asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -129,6 +129,7 @@ class ControllerDesign:
     """A controller with its settings, as a run and its log know it."""
 
     name: str
+    _: KW_ONLY
     parameters: Mapping[str, Value] = field(default_factory=dict, hash=False)
     signals: tuple[Signal, ...] = ()  # that it logs of itself
     origin: Origin | None = None
@@ -156,10 +157,11 @@ class ControllerDesign:
             return Design.from_json(data)
         signals = tuple(Signal(*map(str, signal)) for signal in data["signals"])
         origin = Origin(**data["origin"]) if "origin" in data else None
-        return ControllerDesign(str(data["name"]), dict(data["parameters"]), signals, origin)
+        parameters = dict(data["parameters"])
+        return ControllerDesign(str(data["name"]), parameters=parameters, signals=signals, origin=origin)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Design(ControllerDesign):
     """A controller for the chain z'''' = v of one axis; all three axes use the same.
 

@@ -190,6 +190,14 @@ def test_record_survives_json(name: str) -> None:
     assert np.array_equal(back.closed_loop_poles, design.closed_loop_poles)
 
 
+def test_a_design_is_made_of_its_fields_in_their_order() -> None:
+    """As programs have made it since 0.2.0."""
+    kept = design_controller("lqr+hinf")
+    fields = (kept.name, kept.gain, kept.closed_loop_poles, kept.margins, kept.robustifier)
+    made = Design(*fields, kept.gamma, kept.gamma_achieved, kept.stability_margin)
+    assert made.to_json() == kept.to_json()
+
+
 def test_unknown_controller_lists_the_known() -> None:
     with pytest.raises(InputError) as caught:
         design_controller("pole-placment")

@@ -92,9 +92,8 @@ def test_as_many_signals_as_are_allowed_are_read_back(tmp_path: Path, short: Sce
 
 
 def test_a_long_source_is_refused_before_the_run(short: Scenario) -> None:
-    design = ControllerDesign(
-        "mine", {}, (), Origin("law.py:Mine", "0" * 64, "# 3\n" * (MAX_DOCUMENT_BYTES // 4))
-    )
+    origin = Origin("law.py:Mine", "0" * 64, "# 3\n" * (MAX_DOCUMENT_BYTES // 4))
+    design = ControllerDesign("mine", origin=origin)
     with pytest.raises(InputError, match=r"the run of .* with mine cannot be logged: design\.json is larger"):
         check_recordable(short, design, "ideal")
 
