@@ -201,7 +201,7 @@ def _same(a: Path, b: Path) -> bool:
 def short_names(files: Sequence[Path]) -> list[str]:
     """A name for each file: its stem, with as many directories as tell it from the others."""
     for depth in range(1, max(len(file.parts) for file in files) + 1):
-        names = ["/".join(file.with_suffix("").parts[-depth:]) for file in files]
+        names = ["/".join((*file.parent.parts, file.stem)[-depth:]) for file in files]
         if len(set(names)) == len(names):
             return names
     return [f"{file.stem}-{k}" for k, file in enumerate(files, 1)]

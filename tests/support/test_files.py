@@ -24,6 +24,7 @@ from cranectl.support.files import (
     check_place,
     check_replaceable,
     replacing,
+    short_names,
     write_text,
     writing,
 )
@@ -295,3 +296,9 @@ def test_every_command_is_guarded() -> None:
         for parameter in command.params:
             if written & set(parameter.opts) and parameter.metavar == "FILE" and command.name != "export":
                 assert isinstance(parameter.type, OutputFile), f"{command.name} {parameter.opts}"
+
+
+@pytest.mark.parametrize("odd", ["", "/", ".."])
+def test_a_file_without_a_name_has_a_short_name(odd: str) -> None:
+    """It is refused where it is read; `report x.mcap ''` ended before that."""
+    assert short_names([Path("a/x.mcap"), Path(odd)])[0] == "x"
