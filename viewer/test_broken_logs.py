@@ -22,5 +22,9 @@ def test_complains(how: str, studio: Studio, files: Path, logs: dict[str, Path])
     log = BROKEN[how](logs["one-plant"], files / f"{how}.mcap")
     layout = panels.shipped("single", files)
     studio.open_log(f"/files/{log.name}", panels.alone(layout, next(iter(panels.of_type(layout, "Plot")))))
-    complaints = eventually(lambda: [*studio.problems(), *studio.exceptions], bool)
-    assert any(text in complaint for text in COMPLAINTS[how] for complaint in complaints), complaints
+
+    def is_expected(complaints: list[str]) -> bool:
+        return any(text in complaint for text in COMPLAINTS[how] for complaint in complaints)
+
+    complaints = eventually(lambda: [*studio.problems(), *studio.exceptions], is_expected)
+    assert is_expected(complaints), complaints

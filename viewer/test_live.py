@@ -70,7 +70,7 @@ def test_a_session(studio: Studio, live: Live, layout: Layout) -> None:
         assert all(values), layout["configById"][name]["foxglovePanelTitle"]
 
     # Steering: a stop, another controller with other messages on the same topic, and on again.
-    before = eventually(lambda: studio.parameters(steering), bool)
+    before = eventually(lambda: studio.parameters(steering), lambda seen: {"pause", "k0"} <= seen.keys())
     assert before["pause"] == "false"
     studio.set_parameter(steering, "pause", "true")
     paused = at_rest(told)  # the panel shows what was typed half a second before it sends it
