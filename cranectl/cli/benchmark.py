@@ -256,7 +256,7 @@ def report_benchmark(
 
 def _table_place(path: Path) -> Path:
     """Return where a table is: at its path, or else among those that come with cranectl, by its name."""
-    shipped = BENCHMARK_DIRECTORY / path.with_suffix(".parquet").name
+    shipped = BENCHMARK_DIRECTORY / f"{path.stem}.parquet"
     is_name = not exists(path) and path.name == str(path)
     return shipped if is_name and shipped.is_file() else path
 

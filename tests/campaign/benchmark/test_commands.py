@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cranectl.campaign.benchmark.table import read_table
+from cranectl.cli.benchmark import _table_place
 from cranectl.cli.main import main
 from cranectl.loaders.opening import close_laws
 from cranectl.support.documents import leaves
@@ -293,3 +294,9 @@ def test_the_table_that_comes_with_cranectl_is_known_by_its_name(
     (tmp_path / "literature.parquet").write_text("")
     assert main(report) == 2
     assert "literature.parquet holds no benchmark" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("odd", ["", ".", "/", ".."])
+def test_a_place_without_a_name_is_no_table_that_comes_with_cranectl(odd: str) -> None:
+    """It is refused where it is read; it ended the command with an internal error."""
+    assert _table_place(Path(odd)) == Path(odd)
