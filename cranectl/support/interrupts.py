@@ -53,9 +53,8 @@ def _raise_in_main_thread(number: signal.Signals) -> None:
 class _RaiseAgain:
     """A `sys.unraisablehook` that raises an interrupt again where the interpreter could only report it.
 
-    It can where the signal comes in a callback of a library or in a destructor: nothing there can take an
-    exception, and the run would go on. After an interrupt nothing else is reported: destructors of libraries
-    fail on objects whose making it cut short.
+    A callback of a library and a destructor cannot pass on an exception: the run would continue. After an
+    interrupt no other exception is reported, because destructors fail on objects that are not yet complete.
     """
 
     def __init__(self) -> None:
@@ -66,12 +65,11 @@ class _RaiseAgain:
     def __call__(self, unraisable: Any) -> None:
         if self.handler is None:
             self.report(unraisable)
-        if self.handler is None or not isinstance(unraisable.exc_value, Interruption):
-            return
-        signal.signal(self.number, self.handler)
-        retry = threading.Timer(RETRY, _raise_in_main_thread, [self.number])
-        retry.daemon = True
-        retry.start()
+        elif isinstance(unraisable.exc_value, Interruption):
+            signal.signal(self.number, self.handler)
+            retry = threading.Timer(RETRY, _raise_in_main_thread, [self.number])
+            retry.daemon = True
+            retry.start()
 
 
 def heed_interrupts(act: Callable[[], None]) -> Mapping[signal.Signals, Any]:

@@ -51,20 +51,22 @@ _IMPORT = re.compile(r"^\s*(?:from|import)\s+cranectl\b([.\w]*)(?:\s+import\s+(\
 def jit(function: F) -> F:
     """Compile `function` without the GIL, IEEE semantics, cached; callees must be module globals.
 
-    Compiled callers inline it: to pass a NamedTuple of arrays takes as long as many a kernel.
+    Compiled callers inline it. A call would copy every array of the NamedTuples that are passed, which often
+    takes longer than the kernel itself.
     """
     return _jit(function, inline=True)
 
 
 def jit_called(function: F) -> F:
-    """Compile `function` as `jit` does, but call it: for one that is long, has many callers and few calls."""
+    """Compile `function` as `jit` does, but do not inline it: for long functions with many callers."""
     return _jit(function, inline=False)
 
 
 def _jit(function: F, *, inline: bool) -> F:
-    """Compile `function` twice, for Python and for compiled callers, as it turns out to be called.
+    """Prepare two compilations of `function`, one for Python and one for compiled callers.
 
-    The wrapper for calls from Python takes a fifth of the time of compiling, and most kernels need none.
+    Each is compiled at its first call. Most kernels are never called from Python, and the wrapper for such
+    calls takes a fifth of the time of compiling.
     """
     compiled = _compiled(function)
     if not UNCOMPILED:

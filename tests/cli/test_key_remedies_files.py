@@ -1,6 +1,5 @@
 """Remedies on files, names and what plants can show: taken on what was refused, they work."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,8 @@ from pyarrow import parquet
 
 from cranectl.cli.main import main
 from tests.remedies import Case, check, label
+
+pytestmark = pytest.mark.usefixtures("in_copy")
 
 RUN = ["run", "s.toml", "--plants", "analytic"]
 SCENARIO = "name='s'\nduration=2.0\nreference.start=[1.0, 0.77, -0.7]\ncontrol.period=0.005\n"
@@ -165,12 +166,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.chdir(folder)
         assert main([*RUN, "--out", "one.mcap"]) == 0
     return folder
-
-
-@pytest.fixture(autouse=True)
-def files(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shutil.copytree(made, tmp_path / "here")
-    monkeypatch.chdir(tmp_path / "here")
 
 
 @pytest.mark.parametrize("case", CASES, ids=label)

@@ -7,7 +7,7 @@ import errno
 import json
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,8 @@ from tests.cli.test_remedies import CASES as TRIED
 from tests.cli.test_remedies import FILES
 from tests.remedies import HOLE
 
+pytestmark = pytest.mark.usefixtures("in_copy")
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -60,14 +62,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(folder / "one.mcap", folder / part / "one.mcap")
     shutil.copy(folder / "again.mcap", folder / "again.mcap.4711.part")
     return folder
-
-
-@pytest.fixture(autouse=True)
-def files(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    shutil.copytree(made, tmp_path / "here")
-    monkeypatch.chdir(tmp_path / "here")
-    yield
-    close_laws()
 
 
 @pytest.fixture

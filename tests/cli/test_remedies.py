@@ -1,15 +1,14 @@
 """Remedies that name an option: each is taken on the very command that was refused, and works."""
 
 import re
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.loaders.opening import close_laws
 from tests.loaders.law_files import LAW
+
+pytestmark = pytest.mark.usefixtures("in_copy")
 
 SHORT = "duration = 0.3\nreference = { start = [1.0, 0.77, -0.7] }\n"
 MANY = """\
@@ -101,14 +100,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert main(["log", "overlay", "one.mcap", "two.mcap", "--out", "over.mcap"]) == 0
         assert main(["campaign", "run", "many.toml", "--out", "result"]) == 0
     return folder
-
-
-@pytest.fixture(autouse=True)
-def files(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    shutil.copytree(made, tmp_path / "here")
-    monkeypatch.chdir(tmp_path / "here")
-    yield
-    close_laws()
 
 
 @pytest.mark.parametrize(("refused", "told", "taken"), CASES)
