@@ -68,14 +68,18 @@ def _jit(function: F, *, inline: bool) -> F:
     Each is compiled at its first call. Most kernels are never called from Python, and the wrapper for such
     calls takes a fifth of the time of compiling.
     """
-    compiled = _compiled(function)
-    if not UNCOMPILED:
-        inner: Any = _compiled(
-            _copied(function, "inner"), forceinline=inline, no_cpython_wrapper=True, no_cfunc_wrapper=True
-        )
-        for name in ("get_call_template", "get_overload"):  # which compiled callers ask for
-            setattr(compiled, name, getattr(inner, name))
-    return compiled
+    compiled: Any = _compiled(function)
+    if UNCOMPILED:
+        return cast(F, compiled)
+
+    @functools.cache
+    def inner() -> Any:  # made where a compiled caller is compiled, not at each start
+        copy = _copied(function, "inner")
+        return _compiled(copy, forceinline=inline, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+    compiled.get_call_template = lambda *types: inner().get_call_template(*types)
+    compiled.get_overload = lambda types: inner().get_overload(types)
+    return cast(F, compiled)
 
 
 def jit_loop(function: F, name: str, **callees: Any) -> F:

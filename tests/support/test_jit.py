@@ -294,3 +294,13 @@ def test_a_disk_too_full_for_the_cache_is_no_error(tmp_path: Path) -> None:
     assert compiled_in_a_process(tmp_path, FULL) > 0
     assert compiled_in_a_process(tmp_path) > 0, "nothing broken was left to be taken for a cache"
     assert compiled_in_a_process(tmp_path) == 0
+
+
+def test_what_only_python_calls_is_compiled_for_python_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second dispatcher for each kernel took a tenth of a second at each start."""
+    monkeypatch.setattr(jit, "_copied", None)  # which makes the function for compiled callers
+    assert jit.jit(_doubled)(2.0) == 4.0
+
+
+def _doubled(number: float) -> float:
+    return 2.0 * number
