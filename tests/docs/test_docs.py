@@ -69,6 +69,20 @@ def test_code_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
             exec(compile(text, page.name, "exec"), {})
 
 
+def test_readme_shows_the_table_that_validate_prints(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shown = (ROOT / "README.md").read_text(encoding="utf-8").partition(" settled-trajectory\n")[2]
+    rows = [row.split() for row in shown.partition("\n\n")[0].splitlines()]
+    controllers = list(dict.fromkeys(row[0].rstrip(",") for row in rows))
+    assert len(controllers) == 3
+    arguments = [part for controller in controllers for part in ("--controller", controller)]
+    assert main(["validate", "settled-trajectory", *arguments]) == 0
+    printed = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert [row for row in rows if row not in printed] == []
+
+
 def test_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120
 
