@@ -55,6 +55,7 @@ class _RaiseAgain:
 
     A callback of a library and a destructor cannot pass on an exception: the run would continue. After an
     interrupt no other exception is reported, because destructors fail on objects that are not yet complete.
+    A lack of memory is reported in one line, without a traceback: the command says what to do about it.
     """
 
     def __init__(self) -> None:
@@ -63,7 +64,9 @@ class _RaiseAgain:
         self.number = signal.SIGINT
 
     def __call__(self, unraisable: Any) -> None:
-        if self.handler is None:
+        if issubclass(unraisable.exc_type, MemoryError):
+            os.write(2, b"cranectl: there was not enough memory to discard an object in order\n")
+        elif self.handler is None:
             self.report(unraisable)
         elif isinstance(unraisable.exc_value, Interruption):
             signal.signal(self.number, self.handler)

@@ -68,6 +68,19 @@ def test_only_after_an_interrupt_nothing_is_said_of_objects_that_it_cut_short() 
     assert (done.returncode, after) == (0, "")
 
 
+def test_a_lack_of_memory_while_objects_are_discarded_is_one_line() -> None:
+    """A generator of Numba that is closed while memory lacks cannot pass on the exception."""
+    script = (
+        "from cranectl.support.interrupts import *\n"
+        "def lacking():\n"
+        "    try:\n        yield\n    finally:\n        raise MemoryError\n"
+        "heed_interrupts(interrupt); generator = lacking(); next(generator); del generator"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert done.stderr == "cranectl: there was not enough memory to discard an object in order\n"
+
+
 def test_the_handlers_before_can_be_put_back() -> None:
     assert heed_interrupts(interrupt) == {
         signal.SIGINT: signal.default_int_handler,
