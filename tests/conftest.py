@@ -2,6 +2,7 @@
 
 import functools
 import os
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from cranectl.plants.registry import default_plants
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import scenario_names
 from cranectl.simulate import Run, simulate_run
+from tests import reads
 
 ROOT = Path(__file__).parent.parent
 PLANTS = default_plants()  # those of extras have tests of their own
@@ -51,6 +53,16 @@ def cut(run: Run, samples: int, **changes: Any) -> Run:
         run, time_ns=run.time_ns[:samples], table=run.table[:samples], reference=run.reference[:samples],
         **changes,
     )  # fmt: skip
+
+
+if reads.LISTED:
+    reads.watch()
+
+    @pytest.fixture(scope="session", autouse=True)
+    def _reads_what_is_listed() -> Iterator[None]:
+        """Fail where a test reads a file that `.ci/proven.py` would not look at for changes."""
+        yield
+        assert not reads.unlisted(), "name these in SETS of .ci/proven.py"
 
 
 @pytest.fixture

@@ -1,0 +1,218 @@
+"""Run a slow set of tests only where something that it depends on has changed since the last full pass.
+
+    python .ci/proven.py SET [--always] -- COMMAND...   run the command, unless the set is unchanged
+    python .ci/proven.py --write [-- COMMAND...]        record the sets as proven, if the command passes
+
+SET is `literature`, `drake` or `planning`. A set depends on its tests, on every module that these import
+directly or through others, on data files, and on constraints.txt. Comments and docstrings do not count.
+`.ci/proven.json` records the last full pass; only `make test-all` writes it.
+"""
+
+import argparse
+import ast
+import hashlib
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+import cranectl
+from cranectl.support.provenance import syntax_of
+
+ROOT = Path(__file__).resolve().parents[1]
+RECORD = ".ci/proven.json"
+DIGITS = 16  # of a digest, hexadecimal
+FILES = "PROVEN_FILES"  # names the list of a set's files; tests/conftest.py fails a run that reads others
+PACKAGES = ("cranectl", "tests", "validation")
+NAMED_MODULE = re.compile(rf"((?:{'|'.join(PACKAGES)})(?:\.\w+)+)(?::\w+)?")  # where a registry names a class
+DATA = ("models/**/*", "validation/scenarios/*", "validation/rigs/*", "validation/tolerances.toml")
+DATA += ("cranectl/**/*.h", "constraints.txt")
+
+
+@dataclass(frozen=True)
+class Set:
+    """The files of a set by patterns below ROOT: its tests and modules, and the data that they read."""
+
+    modules: tuple[str, ...]  # with all that these import
+    data: tuple[str, ...] = ()
+
+
+# What is imported by a computed name, such as a command, is named here.
+SETS = {
+    "literature": Set(
+        modules=(
+            "tests/benchmark/*.py",
+            "tests/campaign/benchmark/*.py",
+            "validation/benchmark/**/*.py",
+            "cranectl/cli/benchmark.py",
+            "cranectl/cli/tune.py",
+        ),
+        data=("validation/benchmark/**/*", "docs/how-to/benchmark.md", "docs/proofs/literature.html"),
+    ),
+    "drake": Set(modules=("tests/drake/*.py",)),
+    "planning": Set(
+        modules=("tests/planning/*.py", "tests/benchmark/test_nmpc_plans.py"),
+        data=("validation/benchmark/nmpc/*",),
+    ),
+}
+
+
+def main(given: list[str] | None = None) -> int:
+    """Return the exit code of the command, or 0 where it does not have to run."""
+    arguments = parsed_arguments(given)
+    if arguments.write:
+        return write_record(arguments.command)
+    name = arguments.set
+    files = files_of(SETS[name])
+    then = recorded().get(name, {})
+    changed = changed_folders(digests_of(files), then)
+    if not changed and not arguments.always:
+        print(f"{name}: unchanged since the last full pass, so its tests do not run", flush=True)
+        return 0
+    reason = (
+        f"changed since the last full pass: {', '.join(changed) or 'nothing'}" if then else "never proven"
+    )
+    print(f"{name}: its tests run; {reason}", flush=True)
+    with tempfile.NamedTemporaryFile("w", suffix=".txt") as listed:
+        listed.write("\n".join(sorted(files)))
+        listed.flush()
+        return run(arguments.command, {FILES: listed.name})
+
+
+def parsed_arguments(given: list[str] | None) -> argparse.Namespace:
+    """Parse the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("set", nargs="?", choices=SETS)
+    parser.add_argument("--always", action="store_true", help="run the command also where nothing changed")
+    parser.add_argument("--write", action="store_true", help=f"write {RECORD}, if the command passes")
+    own, command = split_at_dashes(sys.argv[1:] if given is None else given)
+    arguments = parser.parse_args(own)
+    if arguments.write == bool(arguments.set) or not (arguments.write or command):
+        parser.error("give a set and, after --, a command; or --write")
+    arguments.command = command
+    return arguments
+
+
+def split_at_dashes(given: list[str]) -> tuple[list[str], list[str]]:
+    """Return the arguments before and after the first `--`."""
+    where = given.index("--") if "--" in given else len(given)
+    return given[:where], given[where + 1 :]
+
+
+def write_record(command: list[str]) -> int:
+    """Record all sets as they were before the command, if it passes and changes none of them."""
+    before = {name: digests_of(files_of(each)) for name, each in SETS.items()}
+    if command and (code := run(command, {})):
+        print(f"{RECORD} stays as it is: the command failed", flush=True)
+        return code
+    if before != {name: digests_of(files_of(each)) for name, each in SETS.items()}:
+        print(f"{RECORD} stays as it is: sources changed while the command ran; run it again", flush=True)
+        return 1
+    (ROOT / RECORD).write_text(json.dumps(before, indent=1) + "\n", encoding="utf-8")
+    print(f"{RECORD} says that all sets passed: commit it", flush=True)
+    return 0
+
+
+def recorded() -> dict[str, dict[str, str]]:
+    """Return the digests of the last full pass by set and folder; empty where none is recorded."""
+    path = ROOT / RECORD
+    record: dict[str, dict[str, str]] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    return record
+
+
+def changed_folders(now: dict[str, str], then: dict[str, str]) -> list[str]:
+    """Return the folders whose digest differs."""
+    return sorted(folder for folder in {*now, *then} if now.get(folder) != then.get(folder))
+
+
+def run(command: list[str], environment: dict[str, str]) -> int:
+    """Run the command and return its exit code."""
+    code = subprocess.run(command, env={**os.environ, **environment}, check=False).returncode
+    return 128 - code if code < 0 else code
+
+
+def digests_of(files: Iterable[str]) -> dict[str, str]:
+    """Return a digest of the contents of these files for each of their folders."""
+    digests: dict[str, str] = {}
+    for folder, names in groupby(sorted(files, key=lambda name: (folder_of(name), name)), folder_of):
+        digest = hashlib.sha256()
+        for name in names:
+            content = content_of(name)
+            digest.update(f"{name}\0{len(content)}\0".encode() + content)
+        digests[folder] = digest.hexdigest()[:DIGITS]
+    return digests
+
+
+def folder_of(name: str) -> str:
+    """Return the folder of a file, or the file itself at the top."""
+    return name.rpartition("/")[0] or name
+
+
+def content_of(name: str) -> bytes:
+    """Return what counts of a file: the syntax of Python, all of others."""
+    content = (ROOT / name).read_bytes().replace(b"\r\n", b"\n")
+    return syntax_of(content) if name.endswith(".py") else content
+
+
+def files_of(each: Set) -> set[str]:
+    """Return all files of a set, by their names below ROOT."""
+    return with_imported(matching(each.modules)) | matching(each.data + DATA)
+
+
+def matching(patterns: Iterable[str]) -> set[str]:
+    """Return the files that a pattern matches, but no compiled ones."""
+    paths = (path for pattern in patterns for path in ROOT.glob(pattern))
+    return {path.relative_to(ROOT).as_posix() for path in paths if path.is_file() and path.suffix != ".pyc"}
+
+
+def with_imported(names: set[str]) -> set[str]:
+    """Return these Python files, all that they import, and the conftest.py of their folders."""
+    waiting, seen = list(names), set(names)
+    while waiting:
+        name = waiting.pop()
+        beside = {(parent / "conftest.py").as_posix() for parent in Path(name).parents}
+        new = {each for each in beside if (ROOT / each).is_file()} | set(imported_files(name))
+        waiting += new - seen
+        seen |= new
+    return seen
+
+
+def imported_files(name: str) -> Iterator[str]:
+    """Yield the files of the modules that a Python file imports or names, and of their packages."""
+    for module in imported_modules(ast.parse((ROOT / name).read_bytes())):
+        parts = module.split(".")
+        for end in range(1, len(parts) + 1):
+            path = "/".join(parts[:end])
+            yield from (each for each in (f"{path}.py", f"{path}/__init__.py") if (ROOT / each).is_file())
+
+
+def imported_modules(tree: ast.AST) -> Iterator[str]:
+    """Yield the dotted names that the source imports when it runs, ours only; some are names in modules."""
+    for node in running_nodes(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name.partition(".")[0] in PACKAGES)
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] in PACKAGES:
+            for alias in node.names:
+                # The package imports its public names from their modules when they are first used.
+                home = cranectl._HOME.get(alias.name) if node.module == "cranectl" else None
+                yield f"cranectl.{home}" if home else f"{node.module}.{alias.name}"
+        elif isinstance(node, ast.Constant) and (named := NAMED_MODULE.fullmatch(str(node.value))):
+            yield named[1]
+
+
+def running_nodes(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield all nodes but those that only a type checker reads."""
+    yield node
+    is_typing = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+    for child in node.orelse if is_typing else ast.iter_child_nodes(node):
+        yield from running_nodes(child)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

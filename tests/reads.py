@@ -1,0 +1,51 @@
+"""Watch which files of the project a run of tests reads.
+
+`.ci/proven.py` runs a slow set of tests only where a file that it depends on has changed. It lists these
+files, and no test of the set may read another one.
+"""
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+LISTED = os.environ.get("PROVEN_FILES")
+ROOT = Path(__file__).parents[1]
+TRACKED = tuple(
+    f"{ROOT / folder}{os.sep}" for folder in ("cranectl", "docs", "models", "tests", "validation")
+)
+# Every session of pytest loads it. Digests of all sources are of no consequence to a test.
+PLUGIN, DIGEST = "cranectl/cli/pytest_plugin.py", "fingerprint"
+
+_opened: set[str] = set()
+
+
+def watch() -> None:
+    """Note from now on which data files are opened; an audit hook stays as long as its process."""
+    sys.addaudithook(_note)
+
+
+def unlisted() -> set[str]:
+    """Return the modules imported and the files noted that the list lacks."""
+    modules = {
+        str(module.__file__) for module in [*sys.modules.values()] if getattr(module, "__file__", None)
+    }
+    ours = {path for path in modules | _opened if path.startswith(TRACKED)}
+    names = {Path(path).relative_to(ROOT).as_posix() for path in ours}
+    return names - {PLUGIN} - set(Path(str(LISTED)).read_text(encoding="utf-8").splitlines())
+
+
+def _note(event: str, given: tuple[Any, ...]) -> None:
+    if event != "open" or not isinstance(given[0], str) or not given[0].startswith(TRACKED):
+        return
+    is_source = given[0].endswith((".py", ".pyc"))  # sys.modules has what is imported
+    if not is_source and set(given[1] or "").isdisjoint("wax+") and not _is_digested():
+        _opened.add(given[0])
+
+
+def _is_digested() -> bool:
+    frame = sys._getframe()
+    while frame := frame.f_back:  # type: ignore[assignment]
+        if frame.f_code.co_name == DIGEST:
+            return True
+    return False

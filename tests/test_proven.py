@@ -1,0 +1,160 @@
+"""`.ci/proven.py`: slow tests run where something that they depend on has changed, and are not forgotten."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from tests.conftest import ROOT
+
+TEST = "from cranectl.swing import swing\n\n\ndef test_it():\n    assert swing() == 1\n"
+SWING = 'from cranectl import rope\n\n\ndef swing():\n    "Return it."\n    return rope.LENGTH\n'
+NOTE = ["-c", "open('ran', 'a').write('x')"]
+
+
+@pytest.fixture
+def proven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The program, with one set of tests in a small project."""
+    spec = importlib.util.spec_from_file_location("proven", ROOT / ".ci" / "proven.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, "proven", module)
+    spec.loader.exec_module(module)
+    files = {"tests/slow/test_it.py": TEST, "cranectl/swing.py": SWING, "cranectl/rope.py": "LENGTH = 1\n"}
+    files |= {"cranectl/__init__.py": "", "cranectl/other.py": "A = 1\n", "constraints.txt": "numpy==2\n"}
+    files |= {"tests/conftest.py": "", "models/crane.xml": "<mujoco/>\n", ".ci/any": ""}
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr(module, "ROOT", tmp_path)
+    monkeypatch.setattr(module, "SETS", {"slow": module.Set(modules=("tests/slow/*.py",))})
+    monkeypatch.chdir(tmp_path)
+    return module
+
+
+@pytest.fixture
+def has_run(proven: ModuleType) -> Callable[[], bool]:
+    def run() -> bool:
+        Path("ran").unlink(missing_ok=True)
+        assert proven.main(["slow", "--", sys.executable, *NOTE]) == 0
+        return Path("ran").exists()
+
+    return run
+
+
+def append(name: str, text: str) -> None:
+    Path(name).write_text(Path(name).read_text() + text)
+
+
+def test_what_is_unchanged_does_not_run(
+    proven: ModuleType, has_run: Callable[[], bool], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert has_run()
+    assert "slow: its tests run; never proven" in capsys.readouterr().out
+    assert has_run(), "a run of one set records nothing"
+    assert proven.main(["--write"]) == 0
+    assert not has_run()
+    assert "slow: unchanged since the last full pass" in capsys.readouterr().out
+    assert proven.main(["slow", "--always", "--", sys.executable, "-c", "raise SystemExit(3)"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "runs"),
+    [
+        ("tests/slow/test_it.py", "A = 1\n", True),
+        ("cranectl/swing.py", "A = 1\n", True),
+        ("cranectl/rope.py", "A = 1\n", True),
+        ("cranectl/__init__.py", "A = 1\n", True),
+        ("tests/conftest.py", "A = 1\n", True),
+        ("models/crane.xml", "<!-- another -->", True),
+        ("constraints.txt", "scipy==1\n", True),
+        ("cranectl/rope.py", "# a comment\n", False),
+        ("cranectl/other.py", "B = 1\n", False),
+    ],
+)
+def test_a_change_runs_what_depends_on_it(
+    proven: ModuleType, has_run: Callable[[], bool], capsys: pytest.CaptureFixture[str],
+    name: str, text: str, runs: bool,
+) -> None:  # fmt: skip
+    proven.main(["--write"])
+    append(name, text)
+    assert has_run() == runs
+    folder = name.rpartition("/")[0] or name
+    assert (f"changed since the last full pass: {folder}" in capsys.readouterr().out) == runs
+
+
+def test_another_docstring_runs_nothing(proven: ModuleType, has_run: Callable[[], bool]) -> None:
+    proven.main(["--write"])
+    Path("cranectl/swing.py").write_text(SWING.replace("Return it.", "Return its length."))
+    assert not has_run()
+
+
+def test_a_removed_file_runs_what_depended_on_it(proven: ModuleType, has_run: Callable[[], bool]) -> None:
+    proven.main(["--write"])
+    Path("models/crane.xml").unlink()
+    assert has_run()
+
+
+@pytest.mark.parametrize(
+    ("code", "exit_code"), [("raise SystemExit(3)", 3), ("open('constraints.txt', 'a').write('x')", 1)]
+)
+def test_only_a_pass_without_changes_is_recorded(proven: ModuleType, code: str, exit_code: int) -> None:
+    assert proven.main(["--write", "--", sys.executable, "-c", code]) == exit_code
+    assert not Path(proven.RECORD).exists()
+    assert proven.main(["--write", "--", sys.executable, "-c", "pass"]) == 0
+    assert Path(proven.RECORD).exists()
+
+
+@pytest.mark.parametrize("given", [[], ["slow"], ["slow", "--write"], ["quick", "--", "true"]])
+def test_a_wrong_command_line_is_refused(proven: ModuleType, given: list[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        proven.main(given)
+
+
+def test_modules_are_found_however_they_are_imported(proven: ModuleType) -> None:
+    source = (
+        "from typing import TYPE_CHECKING\nfrom cranectl import open_law\nPLANT = 'cranectl.rope:Rope'\n"
+        "if TYPE_CHECKING:\n    import cranectl.swing\ndef f():\n    import cranectl.other\n"
+    )
+    Path("cranectl/loaders").mkdir()
+    Path("cranectl/loaders/opening.py").write_text("")
+    Path("tests/slow/any.py").write_text(source)
+    found = set(proven.imported_files("tests/slow/any.py"))
+    assert found == {f"cranectl/{each}.py" for each in ("__init__", "loaders/opening", "rope", "other")}
+
+
+WATCHED = """
+from tests import reads
+reads.watch()
+from tests import pace
+open(reads.ROOT / "models" / "crane.xml").close()
+open(reads.ROOT / "validation" / "tolerances.toml").close()
+print(sorted(reads.unlisted()))
+"""
+
+
+def run_listed(tmp_path: Path, listed: list[str], *arguments: str) -> subprocess.CompletedProcess[str]:
+    path = tmp_path / "listed.txt"
+    path.write_text("\n".join(listed))
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=ROOT, env={**os.environ, "PROVEN_FILES": str(path)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_what_tests_read_is_seen(tmp_path: Path) -> None:
+    listed = ["tests/__init__.py", "tests/reads.py", "models/crane.xml"]
+    done = run_listed(tmp_path, listed, "-c", WATCHED)
+    assert done.stdout == "['tests/pace.py', 'validation/tolerances.toml']\n", done.stderr
+
+
+def test_a_set_that_reads_an_unlisted_file_fails(tmp_path: Path) -> None:
+    done = run_listed(tmp_path, [], "-m", "pytest", "-n", "0", "tests/support/test_patterns.py")
+    assert done.returncode == 1
+    assert "name these in SETS of .ci/proven.py" in done.stdout
