@@ -17,7 +17,11 @@ class Law(click.ParamType):  # type: ignore[type-arg]
     name = "controller"
 
     def convert(self, value: str, _parameter: Any, _context: Any) -> str:
-        """The name of the controller; raises InputError for a file without one."""
+        """Return the name of the controller; raise InputError for an empty name or a file without one."""
+        if not value.strip():
+            from cranectl.controllers.registry import checked_controller
+
+            checked_controller(value)
         return opened(value)
 
 

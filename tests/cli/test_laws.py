@@ -103,3 +103,9 @@ def test_parameters_reach_the_law_from_file_and_command_line() -> None:
     assert read_log("logs/small/lqr-integral-ideal.mcap")["analytic"].design.name == "lqr-integral"
     parameters = read_log("logs/small/pid-ideal.mcap")["analytic"].design.parameters
     assert (parameters["proportional"], parameters["shaper"], parameters["integral"]) == (1.0, "none", 2.0)
+
+
+@pytest.mark.parametrize("command", ["run", "live", "ladder"])
+def test_an_empty_name_is_not_the_default(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "fixed-position", "--controller", ""]) == 2
+    assert "unknown controller ''" in capsys.readouterr().err
