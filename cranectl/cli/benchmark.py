@@ -30,12 +30,15 @@ def measured_laws(
     """Return names of the laws `named`, as `benchmark` names them or as ever; by default of all its.
 
     Files of laws are opened. Those that somebody else's benchmark names are, only by `trust`.
+    Raises InputError for an unknown name.
     """
+    from cranectl.controllers.registry import checked_controller
+
     is_ours = benchmark.file.resolve().is_relative_to(BENCHMARK_DIRECTORY.resolve())
     found = []
     for law in named or benchmark.laws:
         if law not in benchmark.laws:
-            found.append(opened(law))
+            found.append(checked_controller(opened(law)))
             continue
         if {".", ":"} & set(law) and not trust and not is_ours:
             raise InputError(

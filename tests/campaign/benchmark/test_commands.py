@@ -42,6 +42,17 @@ def test_what_the_page_suggests(small: Path, tmp_path: Path, monkeypatch: pytest
         assert executed(command) == 0, command
 
 
+def test_nothing_is_touched_where_an_unknown_controller_is_tuned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The name is looked up before its files are tried, which for this one lie outside of --out."""
+    monkeypatch.setattr(
+        "cranectl.campaign.benchmark.tuned.check_place", lambda *_, **__: pytest.fail("tried")
+    )
+    assert main(["tune", f"{tmp_path}/", "--out", str(tmp_path)]) == 2
+    assert "unknown controller" in capsys.readouterr().err
+
+
 def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, page, table = (small.with_name(name) for name in ("out", "page.html", "all.parquet"))
     run = ["benchmark", "run", str(small), "--trust", "--out", str(out), "--workers", "2"]
