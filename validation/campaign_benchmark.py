@@ -235,7 +235,7 @@ def other_ways(repeats: int) -> list[Figure]:
         mjx = other.MjxLoop(task, 64)
         ways["MJX, law in JAX, 64 cranes, all cores"] = (64, mjx)
     except ImportError:
-        print("MJX is not installed (pip install 'cranectl[bench]'): left out", file=sys.stderr)
+        print("MJX is not installed (pip install --group performance): left out", file=sys.stderr)
     times = interleaved({name: work for name, (_, work) in ways.items()}, max(3, repeats // 3))
     each = {name: [t / ways[name][0] for t in values] for name, values in times.items()}
     return [

@@ -3,8 +3,8 @@
     python validation/minimum_times.py
 
 Durations of four benchmarks at 98 % of the limits: the shortest law of degree 9, shaped steps by formula,
-what is planned, and a lower bound by another transcription, for which the extra `plan` is needed. Then plans
-with the default share under LQR with velocity drives that saturate, without and with sensing, delay and
+what is planned, and a lower bound by another transcription (`make extras` installs CasADi for it). Then
+plans with the default share under LQR with velocity drives that saturate, without and with sensing, delay and
 friction.
 """
 

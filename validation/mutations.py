@@ -379,7 +379,8 @@ def judge(mutant: Mutant) -> Verdict:
 
 HEAD = """# Mutation proof
 
-Written by `make mutations`. Every term of the equations of motion, the flat map, the linearising law, the
+Written by `validation/mutations.py`.
+Every term of the equations of motion, the flat map, the linearising law, the
 tracker, the observer's correction, the forces that act on the load, the drive model, the elastic crane,
 the crane in Drake and the limits of planned motions is flipped in sign, dropped, and made 1 % larger, one
 at a time; of limits an index is moved on too. In the cells is the first test that fails.

@@ -183,7 +183,8 @@ PARTS = (
 
 PAGE = """# Performance
 
-Written by `make bench`. Ratios are medians of interleaved repeats in one process, so they hold on other
+Written by `validation/performance.py`.
+Ratios are medians of interleaved repeats in one process, so they hold on other
 machines; times are of the machine that wrote this page, with two cores. Runs record every signal of every
 sample, campaigns keep metrics.
 

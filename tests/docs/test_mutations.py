@@ -54,7 +54,7 @@ def test_the_page_is_of_todays_code_and_nothing_survived() -> None:
     assert found is not None
     assert found[1] == found[2]
     assert found[3] == "0"
-    assert python("-c", COUNT).stdout.strip() == found[1], "run `make mutations`"
+    assert python("-c", COUNT).stdout.strip() == found[1], "run validation/mutations.py"
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """The crane as `nmpc.c` predicts it, differentiated and written as C by CasADi: `model.c`.
 
-    python validation/benchmark/nmpc/model.py    with the extra `plan`, writes model.c anew
+    python validation/benchmark/nmpc/model.py    after `make extras`, writes model.c anew
 
 What CasADi puts into it of its own sources is under MIT-0, so the file lies beside the law.
 """

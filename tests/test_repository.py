@@ -1,0 +1,76 @@
+"""The repository keeps few targets, calls the same ones in every CI, and has hooks that exist."""
+
+import re
+import shlex
+import tomllib
+
+import pytest
+import yaml
+
+from tests.conftest import ROOT
+
+MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
+TARGETS = dict(re.findall(r"^([a-z-]+):(?:.*?## (.*))?$", MAKEFILE, re.MULTILINE))
+WORKFLOW = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8"))
+
+
+def targets_of(command: str) -> list[str]:
+    """Return the targets of a command line that begins with `make`."""
+    words = shlex.split(command, comments=True)
+    return [word for word in words[1:] if word in TARGETS] if words[:1] == ["make"] else []
+
+
+def test_there_are_few_targets_and_each_has_a_line_of_help() -> None:
+    assert len(TARGETS) <= 16
+    assert all(TARGETS.values()), TARGETS
+    assert max(map(len, TARGETS.values())) <= 80
+
+
+def test_every_target_is_declared_phony() -> None:
+    (declared,) = re.findall(r"^\.PHONY:((?:.*\\\n)*.*)$", MAKEFILE, re.MULTILINE)
+    assert set(declared.replace("\\", " ").split()) == set(TARGETS)
+
+
+def test_both_kinds_of_ci_call_the_same_targets_in_the_same_order() -> None:
+    lines = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    own = [target for line in lines for target in targets_of(line)]
+    steps = WORKFLOW["jobs"]["test"]["steps"]
+    forge = [target for step in steps for target in targets_of(step.get("run", ""))]
+    assert own == forge
+    assert len(own) >= 8
+
+
+def test_ci_takes_the_oldest_and_the_newest_python() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    named = [
+        re.fullmatch(r"Programming Language :: Python :: (3\.\d+)", each) for each in project["classifiers"]
+    ]
+    versions = sorted((match[1] for match in named if match), key=lambda text: int(text.split(".")[1]))
+    assert WORKFLOW["jobs"]["test"]["strategy"]["matrix"]["python"] == [versions[0], versions[-1]]
+    assert project["requires-python"] == f">={versions[0]}"
+
+
+def test_hooks_run_what_lint_runs() -> None:
+    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8"))["repos"][0][
+        "hooks"
+    ]
+    assert {hook["language"] for hook in hooks} == {"system"}
+    recipe = re.search(r"^lint:.*\n((?:\t.*\n)+)", MAKEFILE, re.MULTILINE)
+    assert recipe is not None
+    tools = [re.sub(r" --\S+", "", hook["entry"]).replace(".venv/bin/", "") for hook in hooks]
+    assert tools == ["ruff format", "ruff check", "lint-imports", "make lint"]
+    assert all(tool in recipe[1] for tool in tools[:-1])
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        "README.md",
+        "CONTRIBUTING.md",
+        *(f"docs/{path.relative_to(ROOT / 'docs')}" for path in sorted((ROOT / "docs").rglob("*.md"))),
+    ],
+)
+def test_every_target_that_a_page_names_exists(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    named = re.findall(r"(?:`|^    )make ([a-z][a-z-]*)", text, re.MULTILINE)
+    assert set(named) <= set(TARGETS)
