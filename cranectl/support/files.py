@@ -85,12 +85,16 @@ def exists(path: Path) -> bool:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write `text` to `path`: whole or not at all, but straight into a device or a pipe."""
+    """Write `text` to `path`: whole or not at all, but straight into a device or a pipe.
+
+    Bytes of a file's name that are not UTF-8 become escapes.
+    """
+    content = text.encode("utf-8", "backslashreplace")
     if path.exists() and not path.is_file():
-        path.write_text(text, encoding="utf-8")
+        path.write_bytes(content)
         return
     with replacing(path) as part:
-        part.write_text(text, encoding="utf-8")
+        part.write_bytes(content)
 
 
 def _refuse_devices(path: Path) -> None:

@@ -189,3 +189,11 @@ def test_bad_input_is_explained(refused: Refused, arguments: list[str], expected
     assert expected in refused(*arguments)
     assert [path.name for path in Path().iterdir()] == ["small.toml"]
     assert Path("small.toml").read_text() == SMALL
+
+
+def test_a_page_can_show_a_command_with_a_name_that_is_no_text(tmp_path: Path) -> None:
+    """Names of files are bytes; Python shows those that are not UTF-8 as surrogates."""
+    page = tmp_path / "page.html"
+    assert main(["campaign", "run", "small.toml", "--runs", "2", "--out", "odd"]) == 0
+    assert main(["campaign", "report", "odd", "--json", "\udcff.json", "--out", str(page)]) == 0
+    assert "\\udcff.json" in page.read_text(encoding="utf-8")
