@@ -1,7 +1,7 @@
 """What adding an effect or a kind of drive takes, by adding one of each.
 
-An effect takes its class, a word in a plant's declaration, and one file of each plant that shows it. A kind
-of drive that is commanded as another one takes its record only.
+An effect takes its class, and one file of each plant that shows it. A kind of drive that is commanded as
+another one takes its record only.
 """
 
 from collections.abc import Mapping
@@ -27,9 +27,6 @@ class Hinge(Effect):
 
     stiffness: Annotated[Resistance, Scaled(1.0, 1.0)] = Field(0.5, description="of each axis [N m/rad]")
 ''',
-    },
-    "plants/registry.py": {
-        '"cranectl.plants.mujoco.plant:MujocoPlant", batch=16': ', shows=(*COMMON, "hinge")'
     },
     "plants/mujoco/effects.py": {
         "MADE = {\n": """\
@@ -91,6 +88,7 @@ told = {
     "ladder": said("ladder", "--help")[1],
     "linear": LINEAR,
     "budget": LEVELS,
+    "absent": dataclasses.replace(PLANTS["drake"], package="absent").lack("hinge"),
     "tried": [tried(name, f"cranectl.plants.{name}.plant") for name in ("mujoco", "elastic")],
 }
 print(json.dumps(told))
@@ -103,8 +101,8 @@ def hinge(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return run_with(tmp_path_factory.mktemp("hinge"), HINGE, WITH_HINGE)
 
 
-def test_an_effect_is_added_in_its_record_the_declaration_and_one_file_of_its_plant(hinge: Any) -> None:
-    assert list(HINGE) == ["scenario/effects.py", "plants/registry.py", "plants/mujoco/effects.py"]
+def test_an_effect_is_added_in_its_record_and_one_file_of_its_plant(hinge: Any) -> None:
+    assert list(HINGE) == ["scenario/effects.py", "plants/mujoco/effects.py"]
     for name, stiffness in (("swing", 0.5), ("free", 0.0)):
         rate = np.sqrt(9.81 / 0.7 + stiffness / 0.7**2)
         assert hinge[name] == pytest.approx(0.01 * np.cos(0.4 * rate), abs=1e-6)
@@ -127,6 +125,7 @@ def test_plants_that_do_not_declare_it_refuse_it_and_those_that_do_must_react(hi
     reacting, ignoring = hinge["tried"]
     assert reacting == "reacts"
     assert "accepts hinge with velocity drives and does not react" in ignoring
+    assert hinge["absent"] == "which does not show it", "as far as anyone knows of a plant without its engine"
 
 
 BARE: Mapping[str, Mapping[str, str]] = {

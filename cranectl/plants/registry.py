@@ -21,7 +21,7 @@ LONGEST_LABEL = 40  # letters
 PLANT_COLOURS = tuple(name for name in COLOURS if name in VIEWER and name.startswith("series-"))
 # What a plant may lack: effects and parts of them, all forces on its axes, and what disturbs its load.
 LACKS = (*WHOLE_EFFECTS, *PARTS, "force", "disturbances", "disturbances.force")
-# Effects that plants show unless they lack them; any other is shown only by those that say so.
+# Effects that plants show unless they lack them; any other is shown only by plants that declare it.
 COMMON = ("limits", "friction", "rope", "body", "wind", "frame", "installation")
 BUILT_IN = (
     "gravity", "bridge_mass", "trolley_mass", "winch_mass", "load_mass", "bridge_time_constant",
@@ -43,8 +43,8 @@ class PlantEntry:
     servos: bool = False  # its velocity drives feel the load, as those of `plants.elastic` and the engine do
     # What it honours: effects in `shows` but for what it lacks, one of LACKS with a reason as a clause after
     # its label, and numbers of the rig but for those in `fixed`. All that must act; the first run of a plant
-    # of another package tries it.
-    shows: Sequence[str] = COMMON
+    # of another package tries it. Without `shows` it is COMMON, and what its class has in a field `shows`.
+    shows: Sequence[str] | None = None
     lacks: Mapping[str, str] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)  # numbers of the rig, of BUILT_IN, that it has
     by_default: bool = True  # where a command is not told which plants
@@ -72,8 +72,19 @@ class PlantEntry:
     def lack(self, setting: str) -> str | None:
         """Return why it does not honour one of LACKS, None if nothing is said against it."""
         effect = setting.partition(".")[0]
-        unsaid = setting in (*WHOLE_EFFECTS, *PARTS) and effect not in self.shows
+        unsaid = setting in (*WHOLE_EFFECTS, *PARTS) and not self._shows(effect)
         return self.lacks.get(setting, "which does not show it" if unsaid else None)
+
+    def _shows(self, effect: str) -> bool:
+        """Return True if an effect is declared; load the plant only for one that is not COMMON."""
+        if self.shows is not None:
+            return effect in self.shows
+        if effect in COMMON:
+            return True
+        try:
+            return effect in getattr(self.load(), "shows", ())
+        except (InputError, ImportError):  # not installed
+            return False
 
     def check_installed(self) -> None:
         """Raise InputError if the package that it needs, or that brings it, is not there."""

@@ -113,6 +113,7 @@ class MujocoPlant:
     """
 
     name = "mujoco"
+    shows = tuple(MADE)
     kernels = Kernels(measure_joints, advance, count_warnings)
 
     def __init__(
