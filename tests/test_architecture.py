@@ -49,7 +49,7 @@ def test_the_top_level_has_nothing_that_a_run_left_there() -> None:
     listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     tracked = {line.partition("/")[0] for line in listed.splitlines()}
     shown = {"cranectl", "docs", "examples", "models", "tests", "validation", "viewer"}
-    shown |= {"CHANGELOG.md", "CONTRIBUTING.md", "LICENSE", "Makefile", "README.md"}
+    shown |= {"CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "Makefile", "README.md"}
     shown |= {"conftest.py", "constraints.txt", "pyproject.toml"}
     assert {name for name in tracked if not name.startswith(".")} == shown
 
