@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Asked, Command, command_given, json_option, output_option, scenario_options
+from cranectl.cli.command import (
+    Asked,
+    Command,
+    command_given,
+    json_option,
+    output_option,
+    scenario_argument,
+    scenario_options,
+)
+from cranectl.cli.completion import complete_controllers
 from cranectl.cli.idle import tell_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.files import HTML
@@ -16,12 +25,13 @@ if TYPE_CHECKING:
 
 
 @click.command("advise", cls=Command)
-@click.argument("scenario")
+@scenario_argument
 @click.option(
     "--controller",
     "controllers",
     multiple=True,
     metavar="NAME",
+    shell_complete=complete_controllers,
     help="Repeatable. Default: the six of the flat family.",
 )
 @scenario_options

@@ -3,14 +3,14 @@
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Asked, Command, json_option, scenario_options
+from cranectl.cli.command import Asked, Command, json_option, scenario_argument, scenario_options
 from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import controller_option
 from cranectl.cli.output import Screen, progress_bar
 
 
 @click.command("budget", cls=Command)
-@click.argument("scenario")
+@scenario_argument
 @controller_option
 @click.option("--top", default="friction", show_default=True, metavar="LEVEL", help="The last level.")
 @scenario_options

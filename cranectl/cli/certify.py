@@ -6,6 +6,7 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Asked, Command, drive_option, json_option, output_option, scenario_options
+from cranectl.cli.completion import complete_controllers, complete_scenarios
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import Law
 from cranectl.cli.output import Screen, progress_bar
@@ -19,10 +20,11 @@ DRIVES = ("bridge", "trolley", "winch")
 
 
 @click.command("certify", cls=Command)
-@click.argument("controller", type=Law())
+@click.argument("controller", type=Law(), shell_complete=complete_controllers)
 @click.option(
     "--scenario",
     metavar="NAME",
+    shell_complete=complete_scenarios,
     help="Whose [design], [control], [rig] and [effects] to take. Default: the defaults.",
 )
 @drive_option(default="velocity", force=False)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
+from cranectl.cli.completion import complete_drives, complete_plants, complete_rigs, complete_scenarios
 from cranectl.support.errors import InputError
 from cranectl.support.files import JSON, Kind, check_place, kind_of
 
@@ -178,11 +179,18 @@ class Asked(NamedTuple):
         return self._replace(overrides=(*self.overrides, *overrides))
 
 
+scenario_argument = click.argument("scenario", shell_complete=complete_scenarios)
+
+
 def scenario_options(function: F) -> F:
     """Add `--rig` and `--set`; the command gets them as `asked`, with its scenario where it has one."""
 
     @click.option(
-        "--rig", metavar="FILE", type=PATH, help="Name or TOML file of a rig, in place of the scenario's."
+        "--rig",
+        metavar="FILE",
+        type=PATH,
+        shell_complete=complete_rigs,
+        help="Name or TOML file of a rig, in place of the scenario's.",
     )
     @click.option(
         "--set",
@@ -219,14 +227,16 @@ def plants_option(help_text: str, *, check: str = "", of_logs: bool = False) -> 
     """
     callback = names_given if of_logs else functools.partial(_plants, check=check)
     named: dict[str, Any] = {"metavar": "A,B|all", "multiple": True, "callback": callback}
-    return click.option("--plants", "--plant", "plants", help=help_text, **named)
+    return click.option(
+        "--plants", "--plant", "plants", shell_complete=complete_plants, help=help_text, **named
+    )
 
 
 def _plants(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...], *, check: str
 ) -> tuple[str, ...]:
     names = names_given(context, parameter, given)
-    if not names:
+    if not names or context.resilient_parsing:
         return ()
     from cranectl.plants.registry import ALL, PLANTS, plant_entry
 
@@ -289,6 +299,7 @@ def drive_option(*, default: str, force: bool = True) -> Callable[[F], F]:
         default=default,
         show_default=True,
         metavar="NAME",
+        shell_complete=complete_drives,
         help="ideal: accelerations realised exactly; velocity: first-order drives with set-points"
         f"{forces}{both}.",
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from cranectl.cli.command import Asked, Command, json_option, output_option, scenario_options
+from cranectl.cli.completion import complete_controllers, complete_scenarios
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import Law
 from cranectl.cli.output import Screen
@@ -17,9 +18,14 @@ OF_LAWS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_constant", "r
 
 
 @click.command("design", cls=Command)
-@click.argument("names", metavar="NAME...", type=Law(), nargs=-1, required=True)
+@click.argument(
+    "names", metavar="NAME...", type=Law(), nargs=-1, required=True, shell_complete=complete_controllers
+)
 @click.option(
-    "--scenario", metavar="NAME", help="Whose [design], [control] and [rig] to take. Default: the defaults."
+    "--scenario",
+    metavar="NAME",
+    shell_complete=complete_scenarios,
+    help="Whose [design], [control] and [rig] to take. Default: the defaults.",
 )
 @scenario_options
 @output_option(

@@ -7,7 +7,15 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Asked, Command, command_given, json_option, output_option, scenario_options
+from cranectl.cli.command import (
+    Asked,
+    Command,
+    command_given,
+    json_option,
+    output_option,
+    scenario_argument,
+    scenario_options,
+)
 from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import controller_option
 from cranectl.cli.output import Screen, progress_bar
@@ -29,7 +37,7 @@ class LadderCommand(Command):
 
 
 @click.command("ladder", cls=LadderCommand)
-@click.argument("scenario")
+@scenario_argument
 @controller_option
 @click.option("--top", show_default="the last", metavar="LEVEL", help="The last level.")
 @scenario_options

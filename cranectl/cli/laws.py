@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from cranectl.cli.command import F, names_given
+from cranectl.cli.completion import complete_controllers
 
 
 class Law(click.ParamType):  # type: ignore[type-arg]
@@ -16,8 +17,10 @@ class Law(click.ParamType):  # type: ignore[type-arg]
 
     name = "controller"
 
-    def convert(self, value: str, _parameter: Any, _context: Any) -> str:
+    def convert(self, value: str, _parameter: Any, context: click.Context | None) -> str:
         """Return the name of the controller; raise InputError for an empty name or a file without one."""
+        if is_completing(context):
+            return value
         if not value.strip():
             from cranectl.controllers.registry import checked_controller
 
@@ -39,6 +42,11 @@ class Seconds(click.FloatRange):
         return seconds
 
 
+def is_completing(context: click.Context | None) -> bool:
+    """Return True while a shell completes the command line, which must not run the code that it names."""
+    return context is not None and context.resilient_parsing
+
+
 def opened(name: str, directory: Path = Path()) -> str:
     """`name`, or that of the law in the file that it names, seen from `directory`."""
     if not {".", ":"} & set(name):
@@ -58,6 +66,7 @@ def controller_option(function: F) -> F:
         "--controller",
         metavar="NAME",
         type=Law(),
+        shell_complete=complete_controllers,
         help="A controller, or the file of one: law.py:NAME, law.so, law.fmu. Default: the scenario's own.",
     )
     @trust_option("SCENARIO")
@@ -73,6 +82,13 @@ def controller_option(function: F) -> F:
     return command  # type: ignore[return-value]
 
 
+def _opened_names(
+    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
+) -> tuple[str, ...]:
+    names = names_given(context, parameter, given)
+    return names if is_completing(context) else tuple(map(opened, names))
+
+
 def controllers_option(help_text: str, *, opens: bool = True) -> Callable[[F], F]:
     """`--controller`, one name or more; with `opens` laws in files are opened, and have their names."""
     return click.option(
@@ -81,7 +97,8 @@ def controllers_option(help_text: str, *, opens: bool = True) -> Callable[[F], F
         "controllers",
         metavar="NAME",
         multiple=True,
-        callback=(lambda *given: tuple(map(opened, names_given(*given)))) if opens else names_given,
+        shell_complete=complete_controllers,
+        callback=_opened_names if opens else names_given,
         help=help_text,
     )
 

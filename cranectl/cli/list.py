@@ -15,7 +15,7 @@ DOCUMENTS = ("scenario", "rig", "campaign", "benchmark")
 
 def _show(context: click.Context, _: click.Parameter, document: str | None) -> None:
     """Print the schema and end the command."""
-    if document is None:
+    if document is None or context.resilient_parsing:  # a shell completes the line
         return
     click.echo(json.dumps(json_schema(document), indent=1, ensure_ascii=False))
     context.exit()

@@ -20,7 +20,7 @@ HERE = ("127.0.0.1", "localhost", "::1")
 
 
 @click.command("live", cls=command.Command)
-@click.argument("scenario")
+@command.scenario_argument
 @controller_option
 @command.run_plants_option
 @command.drive_option(default="ideal")

@@ -5,7 +5,14 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Asked, Command, json_option, output_option, scenario_options
+from cranectl.cli.command import (
+    Asked,
+    Command,
+    json_option,
+    output_option,
+    scenario_argument,
+    scenario_options,
+)
 from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
@@ -19,7 +26,7 @@ UNREAD = (
 
 
 @click.command("plan", cls=Command)
-@click.argument("scenario")
+@scenario_argument
 @output_option("--plot", None, "Draw path and limits over time (.svg, .pdf, .png).", endings=PLOTS)
 @click.option(
     "--bound", is_flag=True, help="Plan with twice the knots too; tell what ever finer ones tend to."

@@ -13,7 +13,7 @@ from cranectl.support.files import MCAP
 
 
 @click.command("run", cls=command.Command)
-@click.argument("scenario")
+@command.scenario_argument
 @controller_option
 @command.run_plants_option
 @command.drive_option(default="ideal")

@@ -7,6 +7,7 @@ import click
 
 from cranectl.cli.benchmark import measured_laws
 from cranectl.cli.command import PATH, Command, json_option
+from cranectl.cli.completion import complete_controllers
 from cranectl.cli.idle import idle_in_benchmark, idle_patience, tell_idle
 from cranectl.cli.laws import patience_option, trust_option
 from cranectl.cli.output import Screen, progress_bar
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command("tune", cls=Command)
-@click.argument("law")
+@click.argument("law", shell_complete=complete_controllers)
 @click.option(
     "--benchmark",
     "benchmark_name",

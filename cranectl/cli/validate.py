@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import command, exit_codes
+from cranectl.cli.completion import complete_scenarios
 from cranectl.cli.idle import idle_lines, idle_patience, tell_idle
 from cranectl.cli.laws import controllers_option, patience_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
@@ -23,7 +24,7 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 
 
 @click.command("validate", cls=command.Command)
-@click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1)
+@click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1, shell_complete=complete_scenarios)
 @controllers_option("Default: the six of the flat family; all: every one; law.py:NAME; repeatable.")
 @command.run_plants_option
 @command.drive_option(default="both")

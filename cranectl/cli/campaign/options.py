@@ -8,18 +8,29 @@ from typing import Any
 import click
 
 from cranectl.cli.command import plants_option
+from cranectl.cli.completion import complete_campaigns, complete_drives, complete_rigs
 from cranectl.cli.laws import controllers_option, opened, trust_option
 
 
 def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
     """CAMPAIGN and the options that replace fields of its file; the command gets the campaign so changed."""
 
-    @click.argument("campaign")
+    @click.argument("campaign", shell_complete=complete_campaigns)
     @click.option("--runs", type=int, metavar="N", help="Number of samples.")
     @controllers_option("Default: the campaign's; repeatable, or names with commas.")
     @plants_option("Default: the campaign's.", check="check_campaigns")
-    @click.option("--drive", metavar="NAME", help="ideal, velocity or force. Default: the campaign's.")
-    @click.option("--rig", metavar="NAME", help="Name or TOML file of a rig. Default: the campaign's.")
+    @click.option(
+        "--drive",
+        metavar="NAME",
+        shell_complete=complete_drives,
+        help="ideal, velocity or force. Default: the campaign's.",
+    )
+    @click.option(
+        "--rig",
+        metavar="NAME",
+        shell_complete=complete_rigs,
+        help="Name or TOML file of a rig. Default: the campaign's.",
+    )
     @click.option("--seed", type=int, metavar="N", help="Other samples. Default: the campaign's.")
     @click.option(
         "--set",
