@@ -22,7 +22,7 @@ from tests import reads
 
 ROOT = Path(__file__).parent.parent
 PLANTS = default_plants()  # those of extras have tests of their own
-PAIR = ("analytic", "mujoco")  # the two whose velocity drives differ
+PAIR = ("analytic", "mujoco")
 ALL_SCENARIOS = scenario_names()
 ALL_CONTROLLERS = CONTROLLERS
 STILL = np.zeros(6)  # air, and no force on the load
