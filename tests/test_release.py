@@ -41,3 +41,25 @@ def test_the_classifiers_claim_what_is_tested() -> None:
     assert systems == ["Operating System :: POSIX :: Linux"]
     versions = [each.rpartition(" ")[2] for each in PROJECT["classifiers"] if re.search(r":: 3\.\d+$", each)]
     assert versions[0] == PROJECT["requires-python"].removeprefix(">=")
+
+
+def test_the_changelog_stays_readable() -> None:
+    """One line a change, newest first: who upgrades reads all of it."""
+    lines = CHANGELOG.splitlines()
+    assert len(lines) <= 150
+    assert [line for line in lines if len(line) > 200] == []
+    head = CHANGELOG.index("## ")
+    assert re.sub(r"^(- |## |### ).+$", "", CHANGELOG[head:], flags=re.MULTILINE).strip() == ""
+    kinds = {line[4:] for line in lines if line.startswith("### ")}
+    assert kinds <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+    versions = [
+        tuple(map(int, found)) for found in re.findall(r"^## (\d+)\.(\d+)\.(\d+)", CHANGELOG, re.MULTILINE)
+    ]
+    assert versions == sorted(versions, reverse=True)
+
+
+def test_links_of_the_changelog_lead_somewhere() -> None:
+    targets = re.findall(r"\]\(([^)#]+)", CHANGELOG)
+    assert len(targets) > 50
+    for target in targets:
+        assert target.startswith("https://") or (ROOT / target).exists(), target
