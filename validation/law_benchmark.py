@@ -49,7 +49,7 @@ def laws_from_outside(repeats: int) -> list[Figure]:
         library = shared_library(source)
         twin = ModuleType("twin")
         twin.__file__ = str(Path(folder, "twin.py"))
-        exec(compile(Path(twin.__file__).read_text(), twin.__file__, "exec"), twin.__dict__)
+        exec(compile(Path(twin.__file__).read_text("utf-8"), twin.__file__, "exec"), twin.__dict__)
         scenario = load_scenario("settled-trajectory")
         design = controller_design(open_law(str(library)), scenario)
         law = entered(law_of(scenario, design, "ideal", plan_scenario(scenario)))

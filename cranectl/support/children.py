@@ -70,7 +70,7 @@ class Timeout:
 def processor_wait(pid: int) -> float:
     """Return how long [s] a process has been ready and had no processor; zero where nothing tells."""
     try:
-        fields = Path(f"/proc/{pid or os.getpid()}/schedstat").read_text().split()
+        fields = Path(f"/proc/{pid or os.getpid()}/schedstat").read_text("ascii").split()
         return 1e-9 * int(fields[1])
     except (OSError, IndexError, ValueError):
         return 0.0

@@ -45,11 +45,13 @@ def replacing(path: Path, *, keep_after: tuple[type[Exception], ...] = ()) -> It
     """
     _refuse_devices(path)
     part = _part(path)
-    with part.open("rb") as claim:
-        _lock(claim)
+    with contextlib.ExitStack() as claim:
+        if fcntl is not None:  # Windows, which has no such locks, renames no file that is open
+            _lock(claim.enter_context(part.open("rb")))
         try:
             yield part
-            with part.open("rb") as written:  # a power cut after the renaming could leave an empty file
+            # A power cut after the renaming could leave an empty file. Windows flushes what may be written.
+            with part.open("rb+") as written:
                 os.fsync(written.fileno())
             part.replace(path)
         except keep_after:

@@ -16,7 +16,14 @@ from tests.loaders.fmu_files import fmu
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 WITHOUT_CODE = {"mutations.md", "performance.md", "errata.md", "thesis.md", "reliability.md"}  # results
-WITHOUT_CODE |= {"exit-codes.md", "settings.md", "signals.md", "standings.md", "topics.md"}  # tables
+WITHOUT_CODE |= {
+    "exit-codes.md",
+    "settings.md",
+    "signals.md",
+    "standings.md",
+    "systems.md",
+    "topics.md",
+}  # tables
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
