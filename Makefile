@@ -91,12 +91,17 @@ fuzz: .venv/extras ## try odd files, controllers, machines and command lines for
 	$(call saying,1800,"compiling kernels and planning motions") $(BIN)/python -m tests.kernels
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
 
-package: setup ## install the wheel into an empty environment, validate and test an example there
+INSTALLERS = env UV_CACHE_DIR=$(CURDIR)/build/package/uv UV_CONSTRAINT=$(CURDIR)/constraints.txt \
+	PIPX_HOME=$(CURDIR)/build/package/pipx PIP_CONSTRAINT=$(CURDIR)/constraints.txt
+package: setup ## install the wheel with pip, uvx and pipx, validate and test an example there
 	rm -rf build/package && mkdir -p build/package/work
-	$(BIN)/python -m hatchling build -t wheel -d build/package
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir build/package .
 	$(PYTHON) -m venv build/package/venv
 	$(call saying,3600,"installing the wheel") build/package/venv/bin/python $(PIP_INSTALL) build/package/*.whl
-	cd build/package/work && $(PYTHON) $(CURDIR)/.ci/limited.py $@ 1800 ../venv/bin/cranectl validate fixed-position slack-rope
+	cd build/package/work && $(PYTHON) $(CURDIR)/.ci/limited.py $@ 1800 ../venv/bin/python -m cranectl validate fixed-position slack-rope
+	$(call saying,600,"installing uv and pipx") $(BIN)/python $(PIP_INSTALL) --group installers
+	$(call limit,1800) $(INSTALLERS) $(BIN)/uvx --from build/package/*.whl cranectl list
+	$(call limit,1800) $(INSTALLERS) $(BIN)/pipx run --spec build/package/*.whl cranectl list
 	cp -r examples/harbour-crane build/package/example
 	cd build/package/example && PATH="$(CURDIR)/build/package/venv/bin:$$PATH" PIP_CONSTRAINT=$(CURDIR)/constraints.txt \
 		$(PYTHON) $(CURDIR)/.ci/limited.py $@ 3600 sh -exc "$$(sed -n 's/^ *- run: //p' .github/workflows/test.yml)"
