@@ -46,8 +46,9 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
 
     exporter = chosen_exporter(format_name, out)
     path = out or log.parent / f"{log.stem}.{exporter.name}"
+    layers = read_layers(log)
     check_place(path, exporter.kind, inputs=[log], option="--out")
-    table = export_table({name: layer.run for name, layer in read_layers(log).items()}, patterns)
+    table = export_table({name: layer.run for name, layer in layers.items()}, patterns)
     write_table(table, path, exporter)
     size = f"{len(table.time)} samples of {len(table.columns)} signals"
     screen = Screen()

@@ -50,7 +50,6 @@ def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
     from cranectl.report.run.page import log_page
     from cranectl.support.provenance import other_software
 
-    check_place(out, HTML, inputs=logs, option="--out")
     of_logs: dict[str, dict[str, Run]] = {}
     versions = {}
     for label, log in zip(short_names(logs), logs, strict=True):
@@ -63,6 +62,7 @@ def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
             of_run = name if len(logs) == 1 else f"{label}: {name}"
             of_logs[of_run], versions[of_run] = {layer.run.plant: layer.run}, layer.versions
     _check_number(len(of_logs))
+    check_place(out, HTML, inputs=logs, option="--out")
     notes = [
         f"{', '.join(of)} {'was' if len(of) == 1 else 'were'} made by other software than is installed: "
         f"{difference}"

@@ -24,6 +24,7 @@ COMMANDS = ("command.bridge", "command.trolley", "command.rope")
 UNITS = {f"{group}.{each.name}": each.unit for group, signals in (
     ("encoders", STATE), ("state", STATE), ("measurement", MEASUREMENT), ("reference", REFERENCE)
 ) for each in signals.signals}  # fmt: skip
+LARGEST_REFERENCE = 2**32 - 1
 HOLD = "held"  # in place of an output, of an axis that nothing commands
 OUR_NAMES = re.compile(r"(encoders|state|measurement|reference)\b")
 REAL = ("Real", "Float64")
@@ -107,9 +108,9 @@ def variables_of(file: LawFile, told: Any) -> Variables:
     return Variables(
         table=table,
         measures="encoders" if encoders else "state",
-        input_references=[each.valueReference for each in inputs],
+        input_references=_references(inputs, file),
         sources=[known[str(given[each.name])] for each in inputs],
-        output_references=[each.valueReference for each in (*commanding, *others)],
+        output_references=_references([*commanding, *others], file),
         commands=[HELD if each is None else commanding.index(each) for each in commands],
         factors=[
             *(conversion.factor(each, UNITS[given[each.name]], given[each.name]) for each in inputs),
@@ -134,7 +135,7 @@ def variables_of(file: LawFile, told: Any) -> Variables:
             for name, each in _named(parameters, file).items()
         ),
         constants=tuple(float(given[each.name]) for each in constant),
-        fixed_references=[each.valueReference for each in (*parameters, *constant)],
+        fixed_references=_references([*parameters, *constant], file),
     )
 
 
@@ -238,6 +239,19 @@ def _commands(
                 remedy="choose one of these, or leave the line out: the output is logged then",
             )
     return found
+
+
+def _references(variables: Sequence[Any], file: LawFile) -> list[int]:
+    """Return the value references; raise InputError for one that FMI does not allow."""
+    references = [each.valueReference for each in variables]
+    for reference, each in zip(references, variables, strict=True):
+        if not 0 <= reference <= LARGEST_REFERENCE:
+            raise InputError(
+                f"{file.reference}: {each.causality} '{each.name}' has valueReference = {reference}",
+                allowed=f"0 to {LARGEST_REFERENCE}, a number of 32 bits",
+                remedy="correct the model's description, or export it again",
+            )
+    return references
 
 
 def _settable(declared: Sequence[Any], free: Sequence[Any], connected: Sequence[Any]) -> list[Any]:

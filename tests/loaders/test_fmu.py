@@ -261,6 +261,12 @@ BAD: dict[str, tuple[Any, str]] = {
         "did you mean 'state.rope_length'?",
     ),
     "no command": (lambda path: fmu(path, 2, names={"command.rope": "y3"}), "no output is command.rope"),
+    "value reference": (
+        lambda path: fmu(
+            path, 3, xml=description(3, names={}).replace('valueReference="2"', 'valueReference="-1"', 1)
+        ),
+        "input 'state.trolley_position' has valueReference = -1",
+    ),
     "array": (
         lambda path: fmu(
             path,

@@ -14,6 +14,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
+from cranectl.cli.main import main
 from cranectl.log import describe_log, read_log, read_signal, recover_log, write_log
 from cranectl.mcap_columns.contents import opened
 from cranectl.mcap_columns.rows import read_rows
@@ -301,3 +302,15 @@ def test_a_damaged_log_of_ours_stays_damaged(written: Path, tmp_path: Path) -> N
     (tmp_path / "bad.mcap").write_bytes(content)
     with pytest.raises(LogError, match="is damaged"):
         read_log(tmp_path / "bad.mcap")
+
+
+@pytest.mark.parametrize("command", [["report"], ["log", "export", "--format", "csv"]])
+def test_nothing_is_written_beside_what_is_no_log(
+    command: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The root directory has no name, so the default place would be `/.html`."""
+    places: list[Path] = []
+    for module in ("report", "log"):
+        monkeypatch.setattr(f"cranectl.cli.{module}.check_place", lambda path, *_, **__: places.append(path))
+    assert main([*command, "/"]) == 2
+    assert places == []
