@@ -17,6 +17,8 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
 from time import monotonic
 from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
@@ -43,6 +45,8 @@ UNKNOWN = -1  # process, whose time to wait for a processor counts
 MAX_DEADLINE = 5.0  # [s] for an answer when running free
 NUMBERS = {"state": 12, "encoders": 5}
 REFERENCE_WIDTH = 15
+PIPE_BYTES = 65536  # read at once
+CAN_WAIT_FOR_PIPES = hasattr(select, "poll")
 MEMORY = Slots(sequence=1, missed=1, held=3, told=0)
 
 
@@ -233,6 +237,46 @@ class _Datagrams:
             return None
 
 
+class _Pipe:
+    """The bytes that come through a pipe."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+
+    def read(self, seconds: float) -> bytes | None:
+        """Return what has come within that time: None for nothing, no bytes at the end of the pipe."""
+        if not select.select([self._descriptor], [], [], seconds)[0]:
+            return None
+        return os.read(self._descriptor, PIPE_BYTES)
+
+    def close(self) -> None:
+        """Stop reading a pipe that nobody writes any more."""
+
+
+class _PipeInThread(_Pipe):
+    """The same, read in a thread, where a process can wait for sockets only, as on Windows."""
+
+    def __init__(self, descriptor: int) -> None:
+        super().__init__(descriptor)
+        self._parts: SimpleQueue[bytes] = SimpleQueue()
+        self._thread = Thread(target=self._read_all, daemon=True)
+        self._thread.start()
+
+    def _read_all(self) -> None:
+        while part := os.read(self._descriptor, PIPE_BYTES):
+            self._parts.put(part)
+        self._parts.put(b"")
+
+    def read(self, seconds: float) -> bytes | None:
+        try:
+            return self._parts.get(timeout=seconds)
+        except Empty:
+            return None
+
+    def close(self) -> None:
+        self._thread.join()
+
+
 class _Program:
     """A program in the folder where the files are that belong to it, for one run; raises OSError."""
 
@@ -251,21 +295,24 @@ class _Program:
         self.process = self._process.pid
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        self.send, self._from = self._process.stdin.write, self._process.stdout.fileno()
+        self.send = self._process.stdin.write
+        self._pipe = (_Pipe if CAN_WAIT_FOR_PIPES else _PipeInThread)(self._process.stdout.fileno())
         self._begun = b""  # of a frame
 
     def receive(self, size: int, seconds: float) -> bytes | None:
         """Return a frame, or nothing within that time; raise ConnectionError where there will be none."""
         deadline = monotonic() + seconds
         while len(self._begun) < size:
-            if not select.select([self._from], [], [], max(deadline - monotonic(), 0.0))[0]:
+            part = self._pipe.read(max(deadline - monotonic(), 0.0))
+            if part is None:
                 return None
-            if not (part := os.read(self._from, size - len(self._begun))):
+            if not part:
                 raise ConnectionError(f"the program ended with exit code {self._process.wait()}")
             self._begun += part
-        frame, self._begun = self._begun, b""
+        frame, self._begun = self._begun[:size], self._begun[size:]
         return frame
 
     def close(self) -> None:
         self._process.kill()
+        self._pipe.close()
         self._process.communicate()

@@ -13,7 +13,7 @@ from tests.pace import HANG
 
 # Each Python process that finds this module starts like one on Windows.
 SITE = r"""
-import multiprocessing, os, signal, sys
+import multiprocessing, os, select, selectors, signal, socket, sys
 from multiprocessing import context
 
 sys.modules["fcntl"] = sys.modules["resource"] = None
@@ -21,6 +21,17 @@ for name in ("fork", "setpgid", "killpg", "geteuid", "getuid", "sched_getaffinit
     delattr(os, name)
 for name in ("SIGHUP", "pthread_sigmask", "pthread_kill"):
     delattr(signal, name)
+del select.poll
+
+
+def select_sockets(*lists, wait=select.select):
+    for each in (each for files in lists[:3] for each in files):
+        if not isinstance(each, socket.socket):
+            raise OSError(10038, "an operation was attempted on something that is not a socket")
+    return wait(*lists)
+
+
+select.select = select_sockets
 context._default_context._default_context = context._concrete_contexts["spawn"]
 multiprocessing.get_all_start_methods = lambda: ["spawn"]
 
@@ -106,6 +117,23 @@ def test_a_controller_of_a_file_runs_without_a_child(elsewhere: dict[str, str]) 
     law = "mine.py:LAW"
     cranectl(elsewhere, "run", "fixed-position", *SHORT, "--plants", "analytic", "--controller", law)
     assert len(list(Path("logs").rglob("*.mcap"))) == 1
+
+
+def test_a_controller_in_another_process_is_read_in_a_thread(elsewhere: dict[str, str]) -> None:
+    program = """
+import struct, sys
+QUESTION = struct.Struct("<I27d")
+while data := sys.stdin.buffer.read(QUESTION.size):
+    frame = struct.pack("<I3d", QUESTION.unpack(data)[0], 0.0, 0.0, 0.0)
+    for part in (frame[:5], frame[5:]):
+        sys.stdout.buffer.write(part)
+        sys.stdout.buffer.flush()
+"""
+    Path("peer.py").write_text(program, encoding="utf-8")
+    Path("peer.toml").write_text(
+        f"name = 'peer'\nprogram = ['{sys.executable}', 'peer.py']\n", encoding="utf-8"
+    )
+    cranectl(elsewhere, "run", "fixed-position", *SHORT, "--plants", "analytic", "--controller", "peer.toml")
 
 
 def test_a_campaign_is_written_and_written_again(elsewhere: dict[str, str]) -> None:
