@@ -63,3 +63,10 @@ def test_links_of_the_changelog_lead_somewhere() -> None:
     assert len(targets) > 50
     for target in targets:
         assert target.startswith("https://") or (ROOT / target).exists(), target
+
+
+def test_the_example_asks_for_this_version() -> None:
+    """It uses the pytest plugin, which came with it."""
+    example = tomllib.loads((ROOT / "examples/harbour-crane/pyproject.toml").read_text(encoding="utf-8"))
+    (needed,) = (each for each in example["project"]["dependencies"] if each.startswith("cranectl"))
+    assert needed == f"cranectl>={PROJECT['version'].rpartition('.')[0]}"
