@@ -1,16 +1,20 @@
 """Packages that add to cranectl, and cranectl where they are installed."""
 
+import json
 import os
 import shlex
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 PLUGIN = "cranectl.cli.pytest_plugin"
 ALL = """
-import shlex, sys
+import json, shlex, sys
 from cranectl.cli.main import main
-sys.exit(max(main(shlex.split(line)) for line in sys.argv[1:]))
+for line, code in json.loads(sys.argv[1]).items():
+    found = main(shlex.split(line))
+    assert found == code, f"{line}: {found}"
 """
 
 
@@ -26,18 +30,21 @@ def install(directory: Path, name: str, code: str, entry_points: str, *, version
 
 def run_beside(directory: Path, *arguments: str, code: int = 0) -> str:
     """Standard output and error of `cranectl` in a process that finds packages in `directory`."""
-    return run_all_beside(directory, shlex.join(arguments), code=code)
+    return run_all_beside(directory, codes={shlex.join(arguments): code})
 
 
-def run_all_beside(directory: Path, *lines: str, code: int = 0) -> str:
-    """The same of several command lines, one after the other in one process; `code` is their largest."""
+def run_all_beside(directory: Path, *lines: str, codes: Mapping[str, int] | None = None) -> str:
+    """The same of several command lines, one after the other in one process.
+
+    `codes`: lines that come before, with the exit codes that they must have; that of `lines` is 0.
+    """
     path = os.pathsep.join([str(directory), *sys.path])
     environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200"}
     done = subprocess.run(
-        [sys.executable, "-c", ALL, *lines],
+        [sys.executable, "-c", ALL, json.dumps({**(codes or {}), **dict.fromkeys(lines, 0)})],
         cwd=directory, env=environment, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert done.returncode == code, done.stderr
+    assert done.returncode == 0, done.stderr
     return done.stdout + done.stderr
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet as parquet
 import pytest
 
-from tests.packages import install, run_all_beside, run_beside
+from tests.packages import install, run_all_beside
 
 CONTROLLER = """\
 import numpy as np
@@ -129,6 +129,22 @@ ENTRIES = {
     "exporters": ("crane_exporter", "NOTE", EXPORTER),
 }
 LOG = "logs/bow/servo-velocity.mcap"
+LINES = (
+    "run bow.toml --drive velocity --json run.json",
+    f"info {LOG}",
+    f"compare {LOG}",
+    f"report {LOG} --out a.html",
+    f"log export {LOG} --format note --out a.note",
+    f"log export {LOG} --signals moon.controller.* --out a.csv",
+    "campaign run many.toml --out many",
+    "campaign report many",
+)
+
+
+@pytest.fixture(scope="module")
+def shown(folder: Path) -> str:
+    """What all commands say, one after the other in one process."""
+    return run_all_beside(folder, *LINES)
 
 
 @pytest.fixture(scope="module")
@@ -141,10 +157,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
     (made / "bow.toml").write_text(SCENARIO)
     (made / "many.toml").write_text(CAMPAIGN)
-    run_beside(made, "run", "bow.toml", "--drive", "velocity", "--json", "run.json")
     return made
 
 
+@pytest.mark.usefixtures("shown")
 def test_a_run_has_all_of_them(folder: Path) -> None:
     """The segment is followed up and back, by the controller's rules, on each plant, and measured."""
     told = json.loads((folder / "run.json").read_text())
@@ -155,15 +171,7 @@ def test_a_run_has_all_of_them(folder: Path) -> None:
         assert -0.95 < run["metrics"]["highest_load_m"] <= -0.8
 
 
-def test_the_log_is_read_compared_reported_and_exported(folder: Path) -> None:
-    shown = run_all_beside(
-        folder,
-        f"info {LOG}",
-        f"compare {LOG}",
-        f"report {LOG} --out a.html",
-        f"log export {LOG} --format note --out a.note",
-        f"log export {LOG} --signals moon.controller.* --out a.csv",
-    )
+def test_the_log_is_read_compared_reported_and_exported(folder: Path, shown: str) -> None:
     for text in ("bow", "servo, velocity drives", "crane-controller 1.0", "/moon/controller", " servo, moon"):
         assert text in shown, text
     assert "load, highest" in (folder / "a.html").read_text(encoding="utf-8")
@@ -175,8 +183,7 @@ def test_the_log_is_read_compared_reported_and_exported(folder: Path) -> None:
     assert errors.max() == pytest.approx(0.2, abs=1e-6)
 
 
-def test_a_campaign_of_eight_runs_on_threads(folder: Path) -> None:
-    shown = run_all_beside(folder, "campaign run many.toml --out many", "campaign report many")
+def test_a_campaign_of_eight_runs_on_threads(folder: Path, shown: str) -> None:
     assert "many.html" in shown
     assert "servo" in (folder / "many.html").read_text(encoding="utf-8")
     parts = sorted((folder / "many" / "parts").glob("*.parquet"))

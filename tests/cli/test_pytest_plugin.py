@@ -135,16 +135,22 @@ def messages(directory: Path) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A repository whose golden runs are written, and that was tested since, by two workers."""
+    """A repository whose golden runs are written, and that was tested since, by two workers.
+
+    In `page` are the example and the tests of the page about the plugin.
+    """
     made = tmp_path_factory.mktemp("repository")
     (made / "sub").mkdir()
+    (made / "page").mkdir()
+    page = dict(blocks(ROOT / "docs" / "how-to" / "ci.md"))  # the last of each language
     for name, text in (
+        ("page/hoist-and-carry.toml", page["toml"]), ("page/test_page.py", page["python"]),
         ("law.py", LAW), ("rig.toml", "load_mass = 3.0\n"), ("hop.toml", SCENARIO),
         ("sub/test_passing.py", PASSING), ("test_failing.py", FAILING),
         ("pytest.ini", "[pytest]\npythonpath = .\nfilterwarnings = error\n"),
     ):  # fmt: skip
         (made / name).write_text(text)
-    assert "4 passed" in run_pytest(made, "--cranectl-update", "-k", "test_golden")
+    assert "5 passed" in run_pytest(made, "--cranectl-update", "-k", "test_golden or has_changed")
     options = ["-p", "xdist.plugin", "-n", "2", "--dist", "loadfile", "--junitxml", "junit.xml"]
     run_pytest(made, *options, "--cranectl-logs", "kept", "--basetemp", str(made / "base"))
     return made
@@ -153,9 +159,13 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_what_holds_passes_and_leaves_golden_runs_only(repository: Path) -> None:
     failed = {name for name, message in messages(repository).items() if message}
     assert {name.partition("[")[0] for name in failed} == set(re.findall(r"def (test_\w+)", FAILING))
+    on_the_page = re.findall(r"def (test_\w+)", (repository / "page" / "test_page.py").read_text())
+    assert len(on_the_page) == 3
+    assert {*on_the_page} < messages(repository).keys() - failed
     left = {str(path.relative_to(repository)) for path in repository.rglob("*.mcap")}
     kept = {f"kept/test_failing.py-{name.replace('[', '-').rstrip(']')}.mcap" for name in failed}
     golden = {f"sub/golden/test_passing/test_golden_twice{k}.mcap" for k in ("", "-2")}
+    golden |= {"page/golden/test_page/test_nothing_has_changed.mcap"}
     golden |= {f"golden/test_failing/test_golden-{changed}.mcap" for changed in ("mass", "end", "plants")}
     assert left == kept | golden | {"kept/test_failing.py-test_limits-2.mcap"}
     assert all((repository / path).stat().st_size < 250_000 for path in golden)
@@ -203,15 +213,6 @@ def test_failures_point_at_the_line_of_the_test(repository: Path) -> None:
     assert "2 failed" in shown
     assert "no log of hop, lqr, ideal drives: cannot write" in shown
     assert set(re.findall(r"^(\S+\.py):\d+: ", shown, re.MULTILINE)) == {"test_failing.py"}, shown
-
-
-def test_the_page_about_it_has_tests_that_pass(tmp_path: Path) -> None:
-    texts = dict(blocks(ROOT / "docs" / "how-to" / "ci.md"))  # the last of each language
-    (tmp_path / "hoist-and-carry.toml").write_text(texts["toml"])
-    (tmp_path / "test_page.py").write_text(texts["python"])
-    for options in (["--cranectl-update"], []):
-        said = run_pytest(tmp_path, *options)
-        assert "3 passed" in said, said
 
 
 def test_whoever_does_not_use_it_does_not_wait_for_it(tmp_path: Path) -> None:

@@ -7,8 +7,6 @@ from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
 
-import pytest
-
 from cranectl.support import resources
 from cranectl.thesis.page import DIAGRAMS, diagram_svg
 from tests.conftest import ROOT
@@ -40,11 +38,7 @@ TEXTS = {
     "5.6": "z_d~…~z⃛_d e K R(s) z_d⁗ v̄ v linearised~crane z⁗~=~v z~…~z⃛ + − + + +",
 }
 
-NUMBERS = pytest.mark.parametrize("number", TEXTS)
-
-
-def parse(number: str) -> ElementTree.Element:
-    return ElementTree.fromstring(diagram_svg(number))
+PICTURES = {number: ElementTree.fromstring(diagram_svg(number)) for number in TEXTS}
 
 
 def texts(svg: ElementTree.Element) -> Counter[str]:
@@ -89,60 +83,58 @@ def test_the_shipped_files_are_what_is_drawn_today(tmp_path: Path) -> None:
     assert drawn == shipped, "run `python validation/diagrams/draw.py`"
 
 
-@NUMBERS
-def test_every_label_and_sign_is_there_and_no_other(number: str) -> None:
-    expected = Counter(word.replace("~", " ").replace("_", "") for word in TEXTS[number].split(" "))
-    assert texts(parse(number)) == expected
+def test_every_label_and_sign_is_there_and_no_other() -> None:
+    for number, svg in PICTURES.items():
+        expected = Counter(word.replace("~", " ").replace("_", "") for word in TEXTS[number].split(" "))
+        assert texts(svg) == expected, number
 
 
-@pytest.mark.parametrize("number", ["3.1", "4.2", "4.3", "4.5", "5.3", "5.5", "5.6"])
-def test_the_error_is_reference_minus_measurement(number: str) -> None:
+def test_the_error_is_reference_minus_measurement() -> None:
     """The minus stands where the load's coordinates come in: from below in a loop, else from the left."""
-    svg = parse(number)
-    sums = [c for c in svg.iter(f"{SVG}circle") if float(c.attrib["r"]) > 5.0]
-    minuses = [text for text in svg.iter(f"{SVG}text") if "".join(text.itertext()) == "−"]
-    for minus, circle in zip(minuses, sums, strict=False):  # the sum of the error is drawn first
-        right, below = (float(minus.attrib[i]) - float(circle.attrib[f"c{i}"]) for i in "xy")
-        if number in ("4.5", "5.3"):
-            assert -20.0 < right < -7.0
-            assert 7.0 < below < 20.0
-        else:
-            assert 5.0 < right < 12.0
-            assert 12.0 < below < 25.0
+    for number in ("3.1", "4.2", "4.3", "4.5", "5.3", "5.5", "5.6"):
+        svg = PICTURES[number]
+        sums = [c for c in svg.iter(f"{SVG}circle") if float(c.attrib["r"]) > 5.0]
+        minuses = [text for text in svg.iter(f"{SVG}text") if "".join(text.itertext()) == "−"]
+        assert minuses
+        for minus, circle in zip(minuses, sums, strict=False):  # the sum of the error is drawn first
+            right, below = (float(minus.attrib[i]) - float(circle.attrib[f"c{i}"]) for i in "xy")
+            if number in ("4.5", "5.3"):
+                assert -20.0 < right < -7.0, number
+                assert 7.0 < below < 20.0, number
+            else:
+                assert 5.0 < right < 12.0, number
+                assert 12.0 < below < 25.0, number
 
 
-@NUMBERS
-def test_scales_and_has_a_name(number: str) -> None:
-    svg = parse(number)
-    assert svg.tag == f"{SVG}svg"
-    assert svg.get("role") == "img"
-    assert svg.findtext(f"{SVG}title") == DIAGRAMS[number]["title"]
-    assert not {"width", "height"} & set(svg.attrib)
-    width = svg.attrib["viewBox"].split()[2]
-    assert f"max-width:{width}px" in svg.attrib["style"]
-    assert 200.0 < float(width) < 780.0
+def test_each_scales_and_has_a_name() -> None:
+    for number, svg in PICTURES.items():
+        assert svg.tag == f"{SVG}svg"
+        assert svg.get("role") == "img"
+        assert svg.findtext(f"{SVG}title") == DIAGRAMS[number]["title"]
+        assert not {"width", "height"} & set(svg.attrib), number
+        width = svg.attrib["viewBox"].split()[2]
+        assert f"max-width:{width}px" in svg.attrib["style"], number
+        assert 200.0 < float(width) < 780.0, number
 
 
-@NUMBERS
-def test_takes_its_colours_from_the_page(number: str) -> None:
+def test_each_takes_its_colours_from_the_page() -> None:
     fills = {"currentColor", "none", "var(--block, none)", "var(--forbidden, var(--block, none))"}
-    assert "currentColor" in colours(parse(number)) <= fills
+    for number, svg in PICTURES.items():
+        assert "currentColor" in colours(svg) <= fills, number
 
 
-@NUMBERS
-def test_can_stand_beside_the_others_in_a_page(number: str) -> None:
+def test_each_can_stand_beside_the_others_in_a_page() -> None:
     """No identifiers that could clash, nothing from elsewhere, no declaration of its own."""
-    text = diagram_svg(number)
-    assert text.startswith("<svg ")
-    assert not re.search(r"\bid=|href|url\(|<style|<script|<!", text)
-    assert re.findall(r"https?://[^\"]*", text) == [SVG.strip("{}")]
+    for number in PICTURES:
+        text = diagram_svg(number)
+        assert text.startswith("<svg "), number
+        assert not re.search(r"\bid=|href|url\(|<style|<script|<!", text), number
+        assert re.findall(r"https?://[^\"]*", text) == [SVG.strip("{}")], number
 
 
-@NUMBERS
-def test_nothing_is_cut_off(number: str) -> None:
-    svg = parse(number)
-    left, top, width, height = (float(n) for n in svg.attrib["viewBox"].split())
-    for shape in svg:
-        for x, y in points(shape):
-            assert left <= x <= left + width
-            assert top <= y <= top + height
+def test_nothing_is_cut_off() -> None:
+    for number, svg in PICTURES.items():
+        left, top, width, height = (float(n) for n in svg.attrib["viewBox"].split())
+        for x, y in (point for shape in svg for point in points(shape)):
+            assert left <= x <= left + width, number
+            assert top <= y <= top + height, number
