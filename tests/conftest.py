@@ -62,7 +62,8 @@ if reads.LISTED:
     def _reads_what_is_listed() -> Iterator[None]:
         """Fail where a test reads a file that `.ci/proven.py` would not look at for changes."""
         yield
-        assert not reads.unlisted(), "name these in SETS of .ci/proven.py"
+        unlisted = sorted(reads.unlisted())
+        assert not unlisted, f"name these in SETS of .ci/proven.py: {', '.join(unlisted)}"
 
 
 @pytest.fixture

@@ -38,8 +38,9 @@ def unlisted() -> set[str]:
 def _note(event: str, given: tuple[Any, ...]) -> None:
     if event != "open" or not isinstance(given[0], str) or not given[0].startswith(TRACKED):
         return
-    is_source = given[0].endswith((".py", ".pyc"))  # sys.modules has what is imported
-    if not is_source and set(given[1] or "").isdisjoint("wax+") and not _is_digested():
+    is_compiled = "__pycache__" in given[0]
+    is_source = given[0].endswith(".py")  # sys.modules has what is imported
+    if not is_compiled and not is_source and set(given[1] or "").isdisjoint("wax+") and not _is_digested():
         _opened.add(given[0])
 
 

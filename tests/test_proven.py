@@ -157,4 +157,4 @@ def test_what_tests_read_is_seen(tmp_path: Path) -> None:
 def test_a_set_that_reads_an_unlisted_file_fails(tmp_path: Path) -> None:
     done = run_listed(tmp_path, [], "-m", "pytest", "-n", "0", "tests/support/test_patterns.py")
     assert done.returncode == 1
-    assert "name these in SETS of .ci/proven.py" in done.stdout
+    assert "name these in SETS of .ci/proven.py: cranectl/__init__.py, " in done.stdout
