@@ -129,4 +129,4 @@ $(TABLE)/nmpc.so: $(addprefix validation/benchmark/nmpc/,nmpc.c model.c) cranect
 	cc -O2 -shared -fPIC -ffp-contract=off -Icranectl/loaders -o $@ $(filter %.c,$^) -lm
 
 restamp: .venv/extras $(TABLE)/nmpc.so ## after changes of names alone: run judged rows again, write new digests
-	$(BIN)/python validation/restamp.py --controller $(TABLE)/nmpc.so
+	$(BIN)/python validation/proofs/restamp.py --controller $(TABLE)/nmpc.so

@@ -54,12 +54,15 @@ def test_the_top_level_has_nothing_that_a_run_left_there() -> None:
     assert {name for name in tracked if not name.startswith(".")} == shown
 
 
-def test_programs_of_validation_know_the_package_as_it_is() -> None:
+@pytest.mark.parametrize(
+    "place", ["docs", "validation/performance", "validation/proofs", "validation/thesis"]
+)
+def test_programs_of_validation_know_the_package_as_it_is(place: str) -> None:
     """Most are run by hand only, and rarely."""
-    names = sorted(path.stem for path in (ROOT / "validation").glob("*.py"))
-    assert "performance" in names
+    names = sorted(path.stem for path in (ROOT / place).glob("*.py"))
+    assert names
     done = subprocess.run(
-        [sys.executable, "-c", f"import {', '.join(names)}"], cwd=ROOT / "validation",
+        [sys.executable, "-c", f"import {', '.join(names)}"], cwd=ROOT / place,
         env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

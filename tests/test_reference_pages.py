@@ -8,13 +8,13 @@ import pytest
 
 from cranectl.log import describe_log, write_log
 from cranectl.scenario.settings import Settings
-from validation.reference_pages import BEGIN, DIRECTORY, PAGES, PLANTS, recorded_run, written_anew
+from docs.reference_pages import BEGIN, DIRECTORY, PAGES, PLANTS, recorded_run, written_anew
 
 
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_is_what_would_be_written(name: str) -> None:
     page = (DIRECTORY / f"{name}.md").read_text(encoding="utf-8")
-    assert written_anew(name, page) == page, "run python validation/reference_pages.py --write"
+    assert written_anew(name, page) == page, "run python docs/reference_pages.py --write"
     assert written_anew(name, page.replace(BEGIN, f"{BEGIN}old")) == page
     with pytest.raises(ValueError, match="lacks"):
         written_anew(name, page.replace(BEGIN, ""))

@@ -180,8 +180,8 @@ def run_benchmark(
     "--beside",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="A table that --table has written, of laws to stand beside these; or literature.parquet, that of "
-    "cranectl.",
+    help="A table that --table has written, of laws to stand beside these; in a checkout also "
+    "literature.parquet.",
 )
 @tuned_option
 @output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
@@ -202,8 +202,8 @@ def report_benchmark(
     """Say how the laws of RESULT stand, here and on an HTML page.
 
     RESULT is a directory that `benchmark run` has written, whose pieces that are not whole are left out, or a
-    table that --table has written; literature.parquet comes with cranectl. Laws as published and tuned ones
-    are kept apart.
+    table that --table has written; literature.parquet is in cranectl's repository. Laws as published and
+    tuned ones are kept apart.
 
     \b
     cranectl benchmark report logs/benchmark-literature
@@ -258,10 +258,21 @@ def report_benchmark(
 
 
 def _table_place(path: Path) -> Path:
-    """Return where a table is: at its path, or else among those that come with cranectl, by its name."""
-    shipped = BENCHMARK_DIRECTORY / f"{path.stem}.parquet"
+    """Return where a table is: at its path, or else beside the benchmark of its name in a checkout.
+
+    Raises InputError where cranectl is installed without the table of that benchmark.
+    """
+    judged = BENCHMARK_DIRECTORY / f"{path.stem}.parquet"
     is_name = not exists(path) and path.name == str(path)
-    return shipped if is_name and shipped.is_file() else path
+    if not is_name or not judged.with_suffix(".toml").is_file():
+        return path
+    if not judged.is_file():
+        raise InputError(
+            f"the judged table {judged.name} is in cranectl's repository, not in what is installed",
+            allowed="the path of a table, or this name in a checkout",
+            remedy=f"copy validation/benchmark/{judged.name} from a checkout, and name its path",
+        )
+    return judged
 
 
 HELP = """Measure laws on the same cranes, by rules that favour none.

@@ -5,7 +5,7 @@ direction n = (sin b, cos b sin a, -cos a cos b). With J = dr/dq the manipulator
 
     M = M_drives + m J'J,    C = m J' dJ/dt,    G = m g dr_3/dq,    M qdd + C qd + G = F
 
-and this C makes dM/dt - 2C skew. `validation/derivations/lagrange.py` derives it from the Lagrangian.
+and this C makes dM/dt - 2C skew. `validation/proofs/derivations/lagrange.py` derives it from the Lagrangian.
 """
 
 from math import cos, sin

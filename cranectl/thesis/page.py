@@ -1,7 +1,7 @@
 """The thesis's tables beside ours, and with its figures as one page, numbered as in the thesis.
 
 Its lost diagrams of model, controllers and simulation are our own drawings of our own system: right signs,
-our symbols. `validation/diagrams/draw.py` draws them in the page's text colour; a page may set the CSS
+our symbols. `validation/thesis/drawing/draw.py` draws them in the page's text colour; a page may set the CSS
 variables --block (fill of blocks, none by default) and --forbidden (fill of the bounds in 4.6, as blocks).
 """
 

@@ -8,7 +8,7 @@ import pytest
 
 from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
 from cranectl.support.documents import read_toml
-from validation import restamp
+from validation.proofs import restamp
 
 ROWS = 2
 

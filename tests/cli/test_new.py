@@ -54,7 +54,7 @@ def test_the_shipped_schemas_are_todays(document: str, capsys: pytest.CaptureFix
     printed: dict[str, Any] = json.loads(capsys.readouterr().out)
     Draft202012Validator.check_schema(printed)
     shipped = ROOT / "validation" / "schemas" / f"{document}.json"
-    assert json.loads(shipped.read_text()) == printed, "run python validation/reference_pages.py --write"
+    assert json.loads(shipped.read_text()) == printed, "run python docs/reference_pages.py --write"
 
 
 @pytest.mark.parametrize(

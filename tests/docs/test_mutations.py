@@ -10,7 +10,7 @@ from tests.conftest import ROOT
 
 COUNT = """
 import sys
-sys.path.insert(0, "validation")
+sys.path.insert(0, "validation/proofs")
 import mutations
 print(sum(
     len(mutations.find_mutants(module, function))
@@ -20,7 +20,7 @@ print(sum(
 """
 ONE_FUNCTION = """
 import sys
-sys.path.insert(0, "validation")
+sys.path.insert(0, "validation/proofs")
 import mutations
 assert all((mutations.ROOT / file).exists() for file in mutations.SUITE)
 function, *mutations.SUITE = sys.argv[1:]
@@ -54,7 +54,7 @@ def test_the_page_is_of_todays_code_and_nothing_survived() -> None:
     assert found is not None
     assert found[1] == found[2]
     assert found[3] == "0"
-    assert python("-c", COUNT).stdout.strip() == found[1], "run validation/mutations.py"
+    assert python("-c", COUNT).stdout.strip() == found[1], "run validation/proofs/mutations.py"
 
 
 @pytest.mark.parametrize(

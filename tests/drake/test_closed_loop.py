@@ -18,8 +18,8 @@ from cranectl.plants.plant import DRIVES
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS
-from validation.minimum_times import CASES as PLANNED
-from validation.minimum_times import scenario as planned
+from validation.proofs.minimum_times import CASES as PLANNED
+from validation.proofs.minimum_times import scenario as planned
 
 CASES = list(itertools.product(ALL_SCENARIOS, ALL_CONTROLLERS, (*DRIVES, "velocity, frame")))
 SHARE = int(os.environ.get("DRAKE_CASES", len(CASES)))

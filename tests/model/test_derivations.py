@@ -13,7 +13,7 @@ from tests.conftest import PLANTS, ROOT
 
 
 def derivation(name: str) -> dict[str, Any]:
-    return runpy.run_path(str(ROOT / "validation" / "derivations" / f"{name}.py"))
+    return runpy.run_path(str(ROOT / "validation" / "proofs" / "derivations" / f"{name}.py"))
 
 
 def test_relative_degree_without_and_with_extension() -> None:

@@ -15,7 +15,7 @@ STEP = 1e-6
 
 def test_derivation_from_the_lagrangian_equals_the_code(monkeypatch: pytest.MonkeyPatch) -> None:
     """And notices a wrong sign."""
-    derivation = runpy.run_path(str(ROOT / "validation" / "derivations" / "lagrange.py"))
+    derivation = runpy.run_path(str(ROOT / "validation" / "proofs" / "derivations" / "lagrange.py"))
     equations = derivation["derive"]()
     derivation["check_identities"](equations)
     assert derivation["check_code"](equations, samples=1000) < 1e-12

@@ -9,7 +9,7 @@ import pytest
 from cranectl.analysis.budget.prediction import predict_levels
 from cranectl.analysis.budget.trajectory_loop import nominal_run
 from cranectl.scenario import Scenario
-from validation.minimum_times import CASES, ROUGH, followed, scenario
+from validation.proofs.minimum_times import CASES, ROUGH, followed, scenario
 
 LIMITS = "effects.limits={}"
 AT_MOST = {"a": 5e-3, "b": 5e-3}  # [m], free motions in the open

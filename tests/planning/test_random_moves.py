@@ -1,11 +1,11 @@
-"""A share of `validation/random_moves.py`."""
+"""A share of `validation/proofs/random_moves.py`."""
 
 import itertools
 
 import pytest
 
 from tests.planning.tasks import share
-from validation.random_moves import ROUNDING, random_moves, result
+from validation.proofs.random_moves import ROUNDING, random_moves, result
 
 
 # Quick ones; the first is through a point, the second beside an obstacle.

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from cranectl.cases.case import run_case
-from validation import random_cranes
+from validation.proofs import random_cranes
 
 CASES = 8
 PLANTS = ("analytic", "elastic", "mujoco")

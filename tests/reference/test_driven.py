@@ -23,7 +23,7 @@ from cranectl.reference.driven import (
 )
 from cranectl.scenario import ReferenceSettings
 from cranectl.support.errors import InputError
-from validation import random_joystick
+from validation.proofs import random_joystick
 
 PERIOD, COARSE = 1e-3, 1e-2
 WIDE = np.full(3, 1e3)

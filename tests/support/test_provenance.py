@@ -53,7 +53,7 @@ def asked(checkout: Path) -> dict[str, str]:
         ("validation/scenarios/fast-diagonal.toml", "data"),
         ("validation/campaigns/lab-rig.toml", "data"),
         ("validation/regression/exact.toml", "data"),
-        ("validation/performance.py", None),
+        ("validation/performance/performance.py", None),
         ("validation/benchmark/literature.toml", None),
         ("models/notes.md", None),
     ],

@@ -11,7 +11,7 @@ from cranectl.support import resources
 from cranectl.thesis.page import DIAGRAMS, diagram_svg
 from tests.conftest import ROOT
 
-DRAW = ROOT / "validation" / "diagrams" / "draw.py"
+DRAW = ROOT / "validation" / "thesis" / "drawing" / "draw.py"
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -80,7 +80,7 @@ def test_the_shipped_files_are_what_is_drawn_today(tmp_path: Path) -> None:
         for place in (tmp_path, resources.THESIS_DIRECTORY / "diagrams")
     )
     assert set(shipped) == {f"{number}.svg" for number in DIAGRAMS}
-    assert drawn == shipped, "run `python validation/diagrams/draw.py`"
+    assert drawn == shipped, "run `python validation/thesis/drawing/draw.py`"
 
 
 def test_every_label_and_sign_is_there_and_no_other() -> None:

@@ -1,4 +1,4 @@
-"""All runs of a benchmark in one Parquet file: what a page is made from, and what is shipped.
+"""All runs of a benchmark in one Parquet file: what a page is made from.
 
 A row for each run, by trial and sample, with the metrics that are compared; what is the same for all runs of
 a law or a scenario is in the file's metadata, as JSON.

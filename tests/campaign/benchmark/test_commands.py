@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,8 +15,10 @@ from cranectl.cli.benchmark import _table_place
 from cranectl.cli.main import main
 from cranectl.loaders.opening import close_laws
 from cranectl.support.documents import leaves
+from cranectl.support.resources import BENCHMARK_DIRECTORY
 from tests.campaign.benchmark.conftest import SHORT
 from tests.cli.suggestions import executed, suggested_by_page
+from tests.conftest import ROOT
 
 if TYPE_CHECKING:
     from distributed import LocalCluster
@@ -292,7 +295,7 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
     assert "another version of servo" in capsys.readouterr().err
 
 
-def test_the_table_that_comes_with_cranectl_is_known_by_its_name(
+def test_the_judged_table_is_known_by_its_name_in_a_checkout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """As the how-to has it, where no such file is; a file of that name goes first."""
@@ -305,6 +308,23 @@ def test_the_table_that_comes_with_cranectl_is_known_by_its_name(
     (tmp_path / "literature.parquet").write_text("")
     assert main(report) == 2
     assert "literature.parquet holds no benchmark" in capsys.readouterr().err
+
+
+def test_without_the_judged_table_the_message_says_where_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As a wheel is installed; the copy of a checkout's is taken, by its path."""
+    installed = tmp_path / "installed"
+    installed.mkdir()
+    shutil.copy(BENCHMARK_DIRECTORY / "literature.toml", installed)
+    monkeypatch.setattr("cranectl.cli.benchmark.BENCHMARK_DIRECTORY", installed)
+    monkeypatch.chdir(tmp_path)
+    assert main(["benchmark", "report", "literature.parquet"]) == 2
+    told = capsys.readouterr().err
+    assert "the judged table literature.parquet is in cranectl's repository" in " ".join(told.split())
+    (place,) = re.findall(r"copy (\S+) from a checkout", " ".join(told.split()))
+    shutil.copy(ROOT / place, "copy.parquet")
+    assert main(["benchmark", "report", "copy.parquet", "--controller", "pid", "--out", "page.html"]) == 0
 
 
 @pytest.mark.parametrize("odd", ["", ".", "/", ".."])

@@ -1,7 +1,7 @@
 """Draw the block diagrams of the thesis's page, and its crane, as SVG files that cranectl ships.
 
-    python validation/diagrams/draw.py              into validation/thesis/diagrams/, after a change here
-    python validation/diagrams/draw.py DIRECTORY
+    python validation/thesis/drawing/draw.py              into validation/thesis/diagrams/
+    python validation/thesis/drawing/draw.py DIRECTORY
 
 Titles and notes are in validation/thesis/diagrams.toml. The same bytes everywhere: a test compares them.
 """

@@ -1,6 +1,6 @@
 """Give the judged table and the tuned numbers the digests of the code that is here, if it runs as before.
 
-    python validation/restamp.py [--rows 300] [--controller build/literature/nmpc.so]
+    python validation/proofs/restamp.py [--rows 300] [--controller build/literature/nmpc.so]
 
 Digests are of the syntax of metrics and controllers. A name that changes gives another digest, although no
 number changes. This program runs a random sample of the table's rows again, the same number for each

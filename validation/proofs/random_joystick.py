@@ -1,7 +1,7 @@
 """A joystick that nobody holds with care, on cranes of three sizes: what it asks, whether plants bear it.
 
-    python validation/random_joystick.py                    50 runs of a minute; the seed is the commit
-    python validation/random_joystick.py --seed 3f2a91c --runs 1000
+    python validation/proofs/random_joystick.py                    50 runs of a minute; the seed is the commit
+    python validation/proofs/random_joystick.py --seed 3f2a91c --runs 1000
 
 Exit code 1 if a reference leaves its limits, a run does not complete, or plants differ by more than theirs.
 """
@@ -24,7 +24,7 @@ from cranectl.planning.limits import limits_of
 from cranectl.scenario import Scenario
 from cranectl.signals import ALPHA, BETA
 from cranectl.simulate import plan_reference
-from validation.random_cranes import commit
+from validation.proofs.random_cranes import commit
 
 CRANES = ("fixed-position", "workshop-move", "ship-to-shore")
 MINUTE = 60.0  # [s]

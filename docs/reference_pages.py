@@ -1,7 +1,7 @@
 """The tables of docs/reference/ and validation/schemas/, from the tables and classes that the package uses.
 
-python validation/reference_pages.py            say which differ
-python validation/reference_pages.py --write    and write them
+python docs/reference_pages.py            say which differ
+python docs/reference_pages.py --write    and write them
 
 A page is what people wrote, and between two comments what is written here.
 """
@@ -35,7 +35,7 @@ from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run, simulate_run
 
 DIRECTORY = Path(__file__).resolve().parent.parent / "docs" / "reference"
-BEGIN = "<!-- written by `python validation/reference_pages.py --write` -->\n"
+BEGIN = "<!-- written by `python docs/reference_pages.py --write` -->\n"
 END = "<!-- end -->\n"
 BOUNDS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
 PLANTS = ("analytic", "mujoco")  # of the log that is described

@@ -1,6 +1,6 @@
 """Motions in minimum time beside others, and in closed loop: tables of docs/explanation/planning.md.
 
-    python validation/minimum_times.py
+    python validation/proofs/minimum_times.py
 
 Durations of four benchmarks at 98 % of the limits: the shortest law of degree 9, shaped steps by formula,
 what is planned, and a lower bound by another transcription (`make extras` installs CasADi for it). Then

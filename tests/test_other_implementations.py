@@ -14,13 +14,13 @@ CRANES = 3
 
 @pytest.fixture(scope="module")
 def ways() -> Any:
-    sys.path.insert(0, str(ROOT / "validation"))
+    sys.path.insert(0, str(ROOT / "validation" / "performance"))
     try:
-        import other_ways
+        import other_implementations
     finally:
         sys.path.pop(0)
-    other_ways.OVERRIDES = ["duration=6.001"]  # its path takes 6 s
-    return other_ways
+    other_implementations.OVERRIDES = ["duration=6.001"]  # its path takes 6 s
+    return other_implementations
 
 
 def test_all_ways_end_where_a_run_does(ways: Any) -> None:

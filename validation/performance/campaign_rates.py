@@ -15,7 +15,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import other_ways as other
+import other_implementations as other
 from figures import Figure, figure, interleaved, ratio_of_best
 
 from cranectl.campaign import Campaign, make_campaign

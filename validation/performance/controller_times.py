@@ -1,6 +1,6 @@
 """What the laws of the benchmark cost a sample, and in ratios to its baseline.
 
-    python validation/law_times.py    print the section of docs/proofs/performance.md
+    python validation/performance/controller_times.py    print the section of docs/proofs/performance.md
 
 Part of `performance.py`. The compiled steps of a law alone, over the states of its own run.
 """
@@ -33,12 +33,12 @@ FLAGS = ("-O2", "-shared", "-fPIC", "-ffp-contract=off", f"-I{HEADER.parent}")
 SECTION = """
 ## The laws of the benchmark
 
-By `python validation/law_times.py`: the compiled step of each law alone, as the loop calls it, on the
-states of its own run, {scenario} with {drive} drives, true states measured, in processor time. What the
-call costs is in the row `nothing`, which commands zero. In `pole-placement`, `lqr` and what is added to
-it, the step also makes the load and its errors for the log; for all others the loop does. Laws take
-turns; ratios are of the best one of each. A law that does not step at every sample, of 1 ms, costs its
-steps only: the last column is what one takes.
+By `python validation/performance/controller_times.py`: the compiled step of each law alone, as the loop
+calls it, on the states of its own run, {scenario} with {drive} drives, true states measured, in
+processor time. What the call costs is in the row `nothing`, which commands zero. In `pole-placement`,
+`lqr` and what is added to it, the step also makes the load and its errors for the log; for all others
+the loop does. Laws take turns; ratios are of the best one of each. A law that does not step at every
+sample, of 1 ms, costs its steps only: the last column is what one takes.
 
 {table}
 """

@@ -1,8 +1,8 @@
 """Is this tree as exact and as fast as another one? Both are run side by side.
 
     git worktree add ../before v0.2.0
-    python validation/two_trees.py ../before             signals of all cases, then pairs of loops
-    python validation/two_trees.py ../before --pairs 30 --skip-signals
+    python validation/proofs/two_trees.py ../before             signals of all cases, then pairs of loops
+    python validation/proofs/two_trees.py ../before --pairs 30 --skip-signals
 
 Signals: `cranectl validate` in both trees; every group of signals of every run must be the same bit for bit.
 Loops: the same runs, in processes that take turns in random order; ratio new/old of each pair, its median,
@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 LIMIT = 1.02
 FASTEST_OF = 3  # runs of a turn
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
+from controller_times import shared_library
 from figures import Figure, figure, interleaved
-from law_times import shared_library
 
 from cranectl.cli.main import main as cranectl
 from cranectl.controllers.addressed import _call, entered

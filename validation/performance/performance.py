@@ -1,7 +1,7 @@
 """What a run costs, in ratios of interleaved repeats.
 
-    python validation/performance.py                          print the table
-    python validation/performance.py --json logs/bench.json --write docs/proofs/performance.md
+    python validation/performance/performance.py                          print the table
+    python validation/performance/performance.py --json logs/bench.json --write docs/proofs/performance.md
 
 Each figure is measured `--repeats` times, what is compared taking turns; the median ratio counts.
 """
@@ -17,17 +17,17 @@ from dataclasses import asdict
 from pathlib import Path
 
 import foxglove
-from campaign_benchmark import (
+from call_overhead import laws_from_outside
+from campaign_rates import (
     Bare,
     campaign_against_engine,
     many_runs,
     other_ways,
     plants_and_threads,
 )
+from controller_times import law_times, section
 from figures import Figure, figure, interleaved, seconds
 from foxglove.mcap import MCAPWriteOptions
-from law_benchmark import laws_from_outside
-from law_times import law_times, section
 from scaling import result_costs, scaling
 
 from cranectl.cases.workers import available_cores
@@ -183,7 +183,7 @@ PARTS = (
 
 PAGE = """# Performance
 
-Written by `validation/performance.py`.
+Written by `validation/performance/performance.py`.
 Ratios are medians of interleaved repeats in one process, so they hold on other
 machines; times are of the machine that wrote this page, with two cores. Runs record every signal of every
 sample, campaigns keep metrics.
@@ -191,8 +191,8 @@ sample, campaigns keep metrics.
 Bare steps are RK4 of 1 ms without effects, called from a compiled loop, without the engine's clock, which
 cranectl takes away for all. They are of `models/crane.xml`; and of the model that runs take, which moves
 alike to the bit, but is not drawn, nor searched for springs, dampers and constraints that it does not have.
-Other ways to write the same closed loop (`validation/other_ways.py`) step the model file, record nothing, and
-reach the same last state.
+Other ways to write the same closed loop (`validation/performance/other_implementations.py`) step the
+model file, record nothing, and reach the same last state.
 
 A log is measured against the library that writes MCAP, given the same messages as bytes. What cranectl adds
 is a third of the time: a half of that makes the messages of the 3-D scene, the rest makes those of the

@@ -1,7 +1,7 @@
 """Random moves on the laboratory's rig, half of them with an obstacle, a quarter through a point: how good.
 
-    python validation/random_moves.py                    100 moves
-    python validation/random_moves.py --seed 7 --runs 20
+    python validation/proofs/random_moves.py                    100 moves
+    python validation/proofs/random_moves.py --seed 7 --runs 20
 
 Exit code 1 if a plan is slower than the shortest motion by the law of degree 9, or breaks a limit at one of
 100,000 samples. Set OPENBLAS_NUM_THREADS=1 for times of one core.

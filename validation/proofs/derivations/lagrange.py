@@ -1,6 +1,6 @@
 """Derive the equations of motion from the Lagrangian and hold the code to them.
 
-    python validation/derivations/lagrange.py
+    python validation/proofs/derivations/lagrange.py
 
 Energies → Lagrange's equations → M, C, G, the mass-free cardan accelerations, the rope force. Equality with
 `cranectl.model.dynamics` is asserted at random states; identities between symbols are asserted by SymPy.

@@ -21,7 +21,7 @@ S(0) = k_0 / (k_0 + K(0)). With an integrator K(0) is infinite and nothing remai
 all-pass, |W_s S| = gamma where W_ks K S is small, so S(0) = gamma / W_s(0) = gamma A: it stays finite because
 the weight W_s does.
 
-    python validation/derivations/steady_offset.py
+    python validation/proofs/derivations/steady_offset.py
 """
 
 from math import asin, cos, sin, tan

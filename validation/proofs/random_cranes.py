@@ -1,7 +1,7 @@
 """Random cranes, paths, effects, laws and drives: every plant that can show them against every other.
 
-    python validation/random_cranes.py                      50 cases; the seed is the commit
-    python validation/random_cranes.py --seed 3f2a91c --cases 200 --plants elastic,mujoco,drake
+    python validation/proofs/random_cranes.py                      50 cases; the seed is the commit
+    python validation/proofs/random_cranes.py --seed 3f2a91c --cases 200 --plants elastic,mujoco,drake
 
 Exit code 1 if plants differ by more than their limits. The same seed gives the same cases.
 """
@@ -32,7 +32,7 @@ from cranectl.support.errors import InputError
 
 EFFECTS = ("rope", "body", "wind", "frame", "friction", "sensing", "delay", "installation")
 SHARE = 0.3  # of the cases that have an effect, each for itself
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def commit() -> str:

@@ -4,7 +4,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from campaign_benchmark import HEAVY, MEMORY, RATE, RESULT, campaign_of
+from campaign_rates import HEAVY, MEMORY, RATE, RESULT, campaign_of
 from figures import Figure, figure, interleaved
 
 from cranectl.campaign.definition import Batch

@@ -4,9 +4,9 @@ Each term of the functions in TARGETS, that is each operand of a sum and each ex
 returned or listed, is flipped in sign, dropped, and made 1 % larger; in `limit_terms` each number with an
 index is given the next one too. Every time a test in SUITE must fail.
 
-    python validation/mutations.py                 all mutants, a few minutes, exit code 1 if one survives
-    python validation/mutations.py flatness        only targets whose name contains this
-    python validation/mutations.py --write FILE    and write the table to FILE
+    python validation/proofs/mutations.py                 all mutants, exit code 1 if one survives
+    python validation/proofs/mutations.py flatness        only targets whose name contains this
+    python validation/proofs/mutations.py --write FILE    and write the table to FILE
 
 Kernels run uncompiled, and every mutant in a forked copy of one process that has everything loaded.
 """
@@ -35,7 +35,7 @@ from typing import Any
 import pytest
 from limit_terms import INDEX, LIMITED, NUMBERS, is_indexed, is_number, listed_terms
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 # Equations of motion, flat map and linearising law, tracker, other laws, disturbance forces, drives, limits.
 TARGETS = {
@@ -379,7 +379,7 @@ def judge(mutant: Mutant) -> Verdict:
 
 HEAD = """# Mutation proof
 
-Written by `validation/mutations.py`.
+Written by `validation/proofs/mutations.py`.
 Every term of the equations of motion, the flat map, the linearising law, the
 tracker, the observer's correction, the forces that act on the load, the drive model, the elastic crane,
 the crane in Drake and the limits of planned motions is flipped in sign, dropped, and made 1 % larger, one
