@@ -1,4 +1,4 @@
-"""Every code block of README and docs runs, and what they say of the code is so."""
+"""Every code block of README and docs runs and prints what is shown, and what they say of the code is so."""
 
 import re
 import shlex
@@ -25,10 +25,21 @@ WITHOUT_CODE |= {
     "topics.md",
 }  # tables
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+ANY_TEXT = "…"  # in a shown output: of any other text in its line, or alone in a line of any lines
 
 
 def blocks(page: Path) -> list[tuple[str, str]]:
     return BLOCK.findall(page.read_text(encoding="utf-8"))
+
+
+def is_printed(shown: str, printed: str) -> bool:
+    """Return True if an output is what a page shows, spaces at the end of a line aside."""
+    lines = [
+        r"(?:.*\n)*?" if line.strip() == ANY_TEXT else re.escape(line).replace(ANY_TEXT, ".*") + r"\n"
+        for line in shown.splitlines()
+    ]
+    told = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
+    return re.fullmatch("".join(lines), told) is not None
 
 
 @pytest.fixture
@@ -44,15 +55,27 @@ def forgotten() -> Iterator[None]:
 def test_there_are_pages_and_blocks() -> None:
     assert len(PAGES) >= 4
     assert all(blocks(page) for page in PAGES if page.name not in WITHOUT_CODE)
-    assert {language for page in PAGES for language, _ in blocks(page)} == {"python", "sh", "toml"}
+    assert {language for page in PAGES for language, _ in blocks(page)} == {"python", "sh", "text", "toml"}
+
+
+def run_line(line: str) -> None:
+    program, *arguments = shlex.split(line, comments=True)
+    if program == "cc":
+        subprocess.run([program, *arguments], check=True)
+    else:
+        assert program == "cranectl"
+        assert main(arguments) == 0, line
 
 
 @pytest.mark.usefixtures("forgotten")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_code_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_code_blocks_run(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """In the order of the page and in one directory.
 
-    A TOML block is saved under its name, and one of Python that begins with the name of a file under that.
+    A TOML block is saved under its name, and one of Python that begins with the name of a file under that. A
+    block of text is what the Python or the last command before it prints.
     """
     monkeypatch.chdir(tmp_path)
     if any("law.fmu" in text for _, text in blocks(page)):
@@ -64,15 +87,15 @@ def test_code_blocks_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
             Path(f"{name.group(1)}.toml").write_text(text, encoding="utf-8")
         elif language == "sh":
             for line in text.strip().splitlines():
-                program, *arguments = shlex.split(line, comments=True)
-                if program == "cc":
-                    subprocess.run([program, *arguments], check=True)
-                else:
-                    assert program == "cranectl"
-                    assert main(arguments) == 0, line
+                capsys.readouterr()
+                run_line(line)
+        elif language == "text":
+            printed = capsys.readouterr().out
+            assert is_printed(text, printed), f"{page.name} shows\n{text}\nwhere this is printed:\n{printed}"
         elif file := re.match(r"# (\w+\.py)\n", text):
             Path(file.group(1)).write_text(text, encoding="utf-8")
         else:
+            capsys.readouterr()
             exec(compile(text, page.name, "exec"), {})
 
 
@@ -88,6 +111,22 @@ def test_readme_shows_the_table_that_validate_prints(
     assert main(["validate", "settled-trajectory", *arguments]) == 0
     printed = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert [row for row in rows if row not in printed] == []
+
+
+@pytest.mark.parametrize(
+    ("shown", "expected"),
+    [
+        ("load [m]  agree\n1.8e-09     yes\n", True),
+        ("load [m]  agree\n2.2e-03     yes\n", False),
+        ("load [m]  agree\n", False),
+        ("load [m]  …\n…e-09     yes\n", True),
+        ("…\n1.8e-09     yes\n…\n", True),
+        ("…\n1.9e-09     yes\n…\n", False),
+        ("load …     yes\n", False),
+    ],
+)
+def test_an_output_that_is_not_printed_is_seen(shown: str, expected: bool) -> None:
+    assert is_printed(shown, "load [m]  agree  \n1.8e-09     yes\n") == expected
 
 
 def test_readme_is_short() -> None:
