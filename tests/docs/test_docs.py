@@ -42,6 +42,12 @@ def is_printed(shown: str, printed: str) -> bool:
     return re.fullmatch("".join(lines), told) is not None
 
 
+def is_shown_failure(page: Path, printed: str) -> bool:
+    """Return True if pytest printed the lines of a failed test that a page shows, indented."""
+    shown = re.findall(rf"^    (E .*|{ANY_TEXT})$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return len(shown) > 1 and is_printed("\n".join([ANY_TEXT, *shown, ANY_TEXT]), printed)
+
+
 @pytest.fixture
 def forgotten() -> Iterator[None]:
     """What a page registers is not known to later tests."""

@@ -17,11 +17,14 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.cli.new import ENDINGS
 from tests.conftest import ROOT
+from tests.docs.test_docs import blocks, is_shown_failure
 from tests.packages import run_pytest
 
+EXAMPLES = ROOT / "examples"
 
-@pytest.mark.parametrize("example", sorted((ROOT / "examples").iterdir()), ids=lambda path: path.name)
-def test_its_own_tests_pass_and_leave_nothing(example: Path, tmp_path: Path) -> None:
+
+def install(example: Path, tmp_path: Path) -> tuple[Path, list[str], dict[str, str]]:
+    """Copy an example and install it, and return the copy, its files and the environment of its tests."""
     command = ["git", "ls-files"]
     files = subprocess.run(command, cwd=example, capture_output=True, text=True, check=True).stdout.split()
     repository = tmp_path / "repository"
@@ -33,11 +36,39 @@ def test_its_own_tests_pass_and_leave_nothing(example: Path, tmp_path: Path) -> 
     (wheel,) = tmp_path.glob("*.whl")
     zipfile.ZipFile(wheel).extractall(tmp_path / "site")
     path = os.pathsep.join([str(tmp_path / "site"), *sys.path])
-    said = run_pytest(repository, PYTHONPATH=path, PYTHONDONTWRITEBYTECODE="1")
+    return repository, files, {"PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
+
+
+@pytest.mark.parametrize("example", sorted(EXAMPLES.iterdir()), ids=lambda path: path.name)
+def test_its_own_tests_pass_and_leave_nothing(example: Path, tmp_path: Path) -> None:
+    repository, files, environment = install(example, tmp_path)
+    said = run_pytest(repository, **environment)
     assert " passed" in said, said
     assert "failed" not in said, said
     left = [path for path in repository.rglob("*") if path.is_file()]
     assert sorted(str(path.relative_to(repository)) for path in left) == sorted(files)
+
+
+def test_the_harbour_crane_fails_as_its_page_shows(tmp_path: Path) -> None:
+    repository, _, environment = install(EXAMPLES / "harbour-crane", tmp_path)
+    for copy in (repository, tmp_path / "site"):
+        code = (copy / "sway_cascade.py").read_text(encoding="utf-8")
+        assert '"outer_frequency", 0.4' in code
+        (copy / "sway_cascade.py").write_text(
+            code.replace('"outer_frequency", 0.4', '"outer_frequency", 0.2')
+        )
+    said = run_pytest(repository, "-k", "terminal", "--cranectl-logs", "logs", **environment)
+    assert is_shown_failure(EXAMPLES / "harbour-crane" / "README.md", said), said
+
+
+def test_a_test_fails_as_the_page_on_ci_shows(tmp_path: Path) -> None:
+    page, tests = ROOT / "docs" / "how-to" / "ci.md", tmp_path / "tests"
+    texts = dict(blocks(page))  # the last of each language
+    tests.mkdir()
+    (tests / "hoist-and-carry.toml").write_text(texts["toml"])
+    (tests / "test_crane.py").write_text(texts["python"].replace("lqr+loop-shaping", "pid"))
+    said = run_pytest(tmp_path, "-k", "what_we_ask", "--cranectl-logs", "logs")
+    assert is_shown_failure(page, said), said
 
 
 @pytest.mark.usefixtures("in_empty_directory")
