@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from cranectl.controllers.slots import Slots
     from cranectl.design import CONTROLLERS, Design, design_controller
     from cranectl.loaders.opening import open_law
-    from cranectl.log import read_log, read_signal, write_log
+    from cranectl.log.reader import read_log, read_signal
+    from cranectl.log.writer import write_log
     from cranectl.metrics import RunMetrics, run_metrics
     from cranectl.planning import load_scenario
     from cranectl.plants.registry import PlantEntry, register_plant
@@ -43,7 +44,8 @@ _NAMES = {  # by module
     "controllers.slots": "Slots",
     "design": "CONTROLLERS Design design_controller",
     "loaders.opening": "open_law",
-    "log": "read_log read_signal write_log",
+    "log.reader": "read_log read_signal",
+    "log.writer": "write_log",
     "metrics": "RunMetrics run_metrics",
     "planning": "load_scenario",
     "plants.registry": "PlantEntry register_plant",

@@ -15,8 +15,9 @@ from scipy.io import loadmat
 
 from cranectl.cli.main import main
 from cranectl.export import Exporter, chosen_exporter, export_table, exporters, write_table
-from cranectl.log import read_log, write_log
 from cranectl.log.overlay import Layer, write_overlay
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
 from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.simulate import Run, simulate_run

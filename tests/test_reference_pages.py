@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.log import describe_log, write_log
+from cranectl.log.reader import describe_log
+from cranectl.log.writer import write_log
 from cranectl.scenario.settings import Settings
 from docs.reference_pages import BEGIN, DIRECTORY, PAGES, PLANTS, recorded_run, written_anew
 

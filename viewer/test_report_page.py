@@ -8,7 +8,7 @@ from playwright.sync_api import Browser, Page
 
 from cranectl.cli import exit_codes
 from cranectl.cli.main import main
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from viewer.studio import eventually
 
 LABELS = """all => all.map(svg => [...svg.querySelectorAll("[data-part^=axes]")].at(-1)

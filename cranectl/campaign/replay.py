@@ -13,7 +13,7 @@ from cranectl.campaign.results import Results
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.summary import worst_first
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS, metric_values
-from cranectl.log import write_log
+from cranectl.log.writer import write_log
 from cranectl.metrics import run_metrics
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus

@@ -27,7 +27,8 @@ from cranectl.compare.golden import (
     worst_first,
 )
 from cranectl.compare.runs import compare_runs, differing_fields
-from cranectl.log import describe_log, read_log, write_log
+from cranectl.log.reader import describe_log, read_log
+from cranectl.log.writer import write_log
 from cranectl.metrics import run_metrics
 from cranectl.metrics.limits import broken_since, given_limits, judge_limits, limits_of
 from cranectl.scenario import NANOSECONDS

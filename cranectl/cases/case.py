@@ -11,7 +11,8 @@ import numpy as np
 from cranectl.compare.agreement import Agreement, against_reference, all_pairs, judge, judge_steps, limits_for
 from cranectl.compare.runs import compare_runs
 from cranectl.controllers.registry import controller_design
-from cranectl.log import check_recordable, check_writable, write_log
+from cranectl.log.header import check_recordable
+from cranectl.log.writer import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
 from cranectl.plants.plant import Drive

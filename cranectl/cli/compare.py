@@ -235,7 +235,8 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
 def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> tuple["Run", "Run"]:
     """Write the merged log; the pair that is in it."""
     from cranectl.compare.runs import differing_fields, merged_pair, refuse_differences
-    from cranectl.log import describe_log, read_log, write_logged
+    from cranectl.log.reader import describe_log, read_log
+    from cranectl.log.writer import write_logged
     from cranectl.support.provenance import provenance, provenance_differences
 
     runs = [list(read_log(log).values()) for log in (a_log, b_log)]
@@ -262,7 +263,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
 def _pairs(a_log: Path, b_log: Path) -> list[tuple["Run", "Run"]]:
     """The runs of each plant that two logs share, or the only ones that they hold."""
     from cranectl.cases.assertions import nothing_shared
-    from cranectl.log import read_log
+    from cranectl.log.reader import read_log
 
     a, b = read_log(a_log), read_log(b_log)
     if shared := [plant for plant in a if plant in b]:

@@ -10,8 +10,8 @@ from cranectl.cli.command import PATH, Command, json_option, predict_option
 from cranectl.cli.output import Screen
 
 if TYPE_CHECKING:
-    from cranectl.log import LogDescription
     from cranectl.log.overlay import Layer
+    from cranectl.log.reader import LogDescription
     from cranectl.simulate import Run
 
 
@@ -28,8 +28,8 @@ def info_command(log: Path, screen: Screen) -> None:
     \b
     cranectl info logs/fixed-position/lqr-ideal.mcap
     """
-    from cranectl.log import describe_log
     from cranectl.log.overlay import is_overlay, read_layers
+    from cranectl.log.reader import describe_log
     from cranectl.report.run.tables import topic_table
 
     layers, description = read_layers(log), describe_log(log)

@@ -68,8 +68,9 @@ def ladder_command(
     from cranectl.analysis.levels import LEVELS, NAMES
     from cranectl.cases.case import LOG_DIRECTORY
     from cranectl.controllers.registry import controller_design
-    from cranectl.log import check_recordable, check_writable
+    from cranectl.log.header import check_recordable
     from cranectl.log.overlay import Layer, write_overlay
+    from cranectl.log.writer import check_writable
     from cranectl.report.rig.tables import ladder_table
     from cranectl.scenario.effects import EffectSettings
     from cranectl.support.provenance import provenance

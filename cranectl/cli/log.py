@@ -169,7 +169,7 @@ def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
     \b
     cranectl log recover logs/fixed-position/lqr-ideal.mcap.4711.part
     """
-    from cranectl.log import recover_log
+    from cranectl.log.recover import recover_log
 
     recovery = recover_log(file, out)
     screen.print(f"{recovery.messages} messages of {file} are whole")

@@ -95,7 +95,7 @@ def validate_command(
     from cranectl.cases.validation import Validation, junit_xml
     from cranectl.cases.workers import available_cores, run_cases
     from cranectl.controllers.registry import chosen_controllers
-    from cranectl.log import check_writable
+    from cranectl.log.writer import check_writable
     from cranectl.plants.plant import DRIVES, Drive
     from cranectl.plants.registry import default_plants
     from cranectl.report.validation import pair_tables

@@ -8,7 +8,8 @@ from scipy.integrate import solve_ivp
 
 from cranectl.analysis.continuous import ContinuousLoop, closed_loop_derivative, simulate_continuous
 from cranectl.design import design_controller
-from cranectl.log import read_log, write_log
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario

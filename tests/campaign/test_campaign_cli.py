@@ -17,7 +17,7 @@ from cranectl.campaign.definition import Batch
 from cranectl.campaign.results import PARTS, Results, read_results
 from cranectl.campaign.table import part_name, write_part
 from cranectl.cli.main import main
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.metrics import run_metrics
 from cranectl.status import RunStatus
 from tests.campaign.conftest import SMALL

@@ -18,7 +18,7 @@ import pytest
 from cranectl.cases.case import Case, CaseResult, Failure, check_logs_differ, make_case
 from cranectl.cases.workers import run_cases
 from cranectl.cli.main import main
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError

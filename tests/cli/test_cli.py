@@ -16,7 +16,7 @@ from cranectl.cli.main import main
 from cranectl.compare.agreement import AgreementLimits, agreement_limits
 from cranectl.controllers.registry import controller_names
 from cranectl.design import CONTROLLERS
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import PLANTS, default_plants
 from cranectl.scenario.load import scenario_names

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.log import read_log, write_log
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.provenance import provenance

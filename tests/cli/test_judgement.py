@@ -8,7 +8,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.compare.agreement import LAGGING_MODEL, LAGS, AgreementLimits, agreement_limits
-from cranectl.log import write_log
+from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from tests.cli.arguments import STOP

@@ -7,7 +7,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.compare.runs import compare_runs
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario, planned
 from cranectl.simulate import simulate_run
 

@@ -12,7 +12,7 @@ import pytest
 from cranectl.campaign.results import PARTS
 from cranectl.cli.main import main
 from cranectl.loaders.opening import close_laws
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.log.writer import unfinished
 from tests.cli.suggestions import commands_in, executed, suggested, suggested_by_page
 from tests.conftest import ROOT

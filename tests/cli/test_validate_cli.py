@@ -10,7 +10,7 @@ import pytest
 
 from cranectl.cases import case
 from cranectl.cli.main import main
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.simulate import Run
 from cranectl.support import resources
 

@@ -29,9 +29,9 @@ from tests.pace import HANG
 # What commands import, which takes memory: where that lacks, nothing of them is tried.
 LOADED = (
     "control", "mujoco", "numba", "pyarrow.parquet", "scipy.signal", "scipy.stats",
-    "cranectl.cases.case", "cranectl.cases.workers", "cranectl.campaign.workers", "cranectl.log",
-    "cranectl.plants.analytic", "cranectl.plants.elastic.plant", "cranectl.plants.mujoco.plant",
-    "cranectl.report.run.page",
+    "cranectl.cases.case", "cranectl.cases.workers", "cranectl.campaign.workers",
+    "cranectl.log.reader", "cranectl.log.recover", "cranectl.plants.analytic",
+    "cranectl.plants.elastic.plant", "cranectl.plants.mujoco.plant", "cranectl.report.run.page",
 )  # fmt: skip
 OURS = re.compile(r"^(cranectl: |found: |allowed: |remedy: ).*$", re.MULTILINE)
 

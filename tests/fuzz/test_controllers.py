@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from tests.fuzz.forked import check, forked
 from tests.fuzz.oracle import FEW, fuzzed
 

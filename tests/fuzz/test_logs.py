@@ -9,7 +9,7 @@ import pytest
 from hypothesis import strategies as st
 from mcap.records import Message
 
-from cranectl.log import describe_log, read_log
+from cranectl.log.reader import describe_log, read_log
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError

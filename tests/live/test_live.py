@@ -26,9 +26,10 @@ from cranectl.live.increments import Increments
 from cranectl.live.server import COMMAND_INTERVAL, MAX_LAG, LiveServer, Pace
 from cranectl.live.session import Session
 from cranectl.live.viewers import Address
-from cranectl.log import describe_log, read_log, write_log
 from cranectl.log.events import Phase
 from cranectl.log.messages import streams
+from cranectl.log.reader import describe_log, read_log
+from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.signals import DISTURBANCE, STATE

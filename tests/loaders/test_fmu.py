@@ -15,7 +15,7 @@ from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_design
 from cranectl.live.session import Session
 from cranectl.loaders.opening import close_laws, open_law
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run

@@ -23,7 +23,7 @@ from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_design
 from cranectl.live.child_session import ChildSession
 from cranectl.loaders.opening import close_laws, open_law
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.children import Timeout

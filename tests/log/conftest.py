@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.log import read_log, write_log
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 

@@ -13,10 +13,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from cranectl.design import CONTROLLERS, Design, design_controller
-from cranectl.log import read_log, read_signal, write_log
 from cranectl.log.consistency import Sampling, check_design, check_run, check_runs
 from cranectl.log.header import LogHeader, parse_header
-from cranectl.log.writer import file_attachments, file_metadata, write_logged
+from cranectl.log.reader import read_log, read_signal
+from cranectl.log.writer import file_attachments, file_metadata, write_log, write_logged
 from cranectl.mcap_columns.records import DamageError
 from cranectl.planning import load_scenario
 from cranectl.scenario import DesignSettings

@@ -16,7 +16,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Chunk, DataEnd, Footer, McapRecord, Message, Metadata, Schema, Statistics
 
-from cranectl.log import describe_log, read_log, read_signal
+from cranectl.log.reader import describe_log, read_log, read_signal
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError, LogError
 from tests.log.corruption import (
@@ -329,7 +329,8 @@ READ = """
 import sys, time
 from pathlib import Path
 from cranectl.support.errors import LogError
-from cranectl.log import read_log, recover_log
+from cranectl.log.reader import read_log
+from cranectl.log.recover import recover_log
 
 def peak():
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mcap.opcode import Opcode
 
-from cranectl.log import describe_log, read_log, read_signal
+from cranectl.log.reader import describe_log, read_log, read_signal
 from cranectl.simulate import Run
 from cranectl.support.errors import LogError
 from tests.log.corruption import SIGNAL, places, put_right

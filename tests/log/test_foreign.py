@@ -15,7 +15,9 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
 from cranectl.cli.main import main
-from cranectl.log import describe_log, read_log, read_signal, recover_log, write_log
+from cranectl.log.reader import describe_log, read_log, read_signal
+from cranectl.log.recover import recover_log
+from cranectl.log.writer import write_log
 from cranectl.mcap_columns.contents import opened
 from cranectl.mcap_columns.rows import read_rows
 from cranectl.scenario import Scenario

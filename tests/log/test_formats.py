@@ -13,8 +13,9 @@ import pytest
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 
-from cranectl.log import describe_log, read_log, read_signal, recover_log
 from cranectl.log.header import FORMATS
+from cranectl.log.reader import describe_log, read_log, read_signal
+from cranectl.log.recover import recover_log
 from cranectl.log.writer import write_logged
 from cranectl.simulate import Run
 from cranectl.status import RunStatus

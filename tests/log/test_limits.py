@@ -11,7 +11,10 @@ from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.registry import register_controller
 from cranectl.design.records import ControllerDesign, Origin
 from cranectl.loaders.opening import close_laws
-from cranectl.log import check_recordable, read_log, read_signal, topics, write_log
+from cranectl.log import topics
+from cranectl.log.header import check_recordable
+from cranectl.log.reader import read_log, read_signal
+from cranectl.log.writer import write_log
 from cranectl.scenario import Scenario
 from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import simulate_run

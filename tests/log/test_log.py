@@ -14,9 +14,10 @@ from mcap.writer import Writer
 
 from cranectl import signals
 from cranectl.compare.runs import compare_runs
-from cranectl.log import check_writable, read_log, write_log
 from cranectl.log.events import Disturbed, Phase, Saturated, phases
+from cranectl.log.reader import read_log
 from cranectl.log.topics import EncodedRows, group_schema
+from cranectl.log.writer import check_writable, write_log
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings
 from cranectl.simulate import Run, simulate_run
@@ -308,7 +309,7 @@ def test_dropped_messages_are_noticed(
 MANY = """
 import gc, sys
 from pathlib import Path
-from cranectl.log import write_log
+from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.log import read_log, write_log
 from cranectl.log.overlay import Layer, check_labels, labels_of, read_layers, write_overlay
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run

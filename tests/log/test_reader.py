@@ -8,7 +8,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 
-from cranectl.log import describe_log, read_log, read_signal, write_log
+from cranectl.log.reader import describe_log, read_log, read_signal
+from cranectl.log.writer import write_log
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus

@@ -15,8 +15,10 @@ from mcap.records import Channel, Message, Metadata, Schema
 
 from cranectl.cli.info import info_command
 from cranectl.cli.log import recover_log_command
-from cranectl.log import describe_log, read_log, recover_log, topics, write_log
-from cranectl.log.writer import CHUNK_SIZE
+from cranectl.log import topics
+from cranectl.log.reader import describe_log, read_log
+from cranectl.log.recover import recover_log
+from cranectl.log.writer import CHUNK_SIZE, write_log
 from cranectl.mcap_columns.records import MAGIC
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
@@ -297,7 +299,9 @@ WRITE = """
 import os, random, signal, sys, time
 from pathlib import Path
 from cranectl.support.interrupts import heed_interrupts, interrupt
-from cranectl.log import read_log, write_log, writer
+from cranectl.log import writer
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
 
 runs = list(read_log(sys.argv[1]).values())
 make = writer.open_channel
@@ -408,7 +412,8 @@ def test_a_request_to_end_waits_for_the_log(long_log: Path, tmp_path: Path) -> N
 FULL = """
 import resource, signal, sys
 from cranectl.support.errors import LogError
-from cranectl.log import read_log, write_log
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
 runs = list(read_log(sys.argv[1]).values())
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 for size in sys.argv[2:]:

@@ -11,9 +11,10 @@ import pytest
 from mcap.reader import make_reader
 
 from cranectl.analysis.levels import NAMES
-from cranectl.log import read_log, write_log
 from cranectl.log.overlay import Layer, write_overlay
+from cranectl.log.reader import read_log
 from cranectl.log.scene import GHOST
+from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.geometry import rig_solids
 from cranectl.plants.registry import PLANTS

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario, planned
 from cranectl.planning.limits import excesses, limits_of, motion
 from cranectl.planning.problem import ORDERS

@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl.log import read_log, write_log
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
 from cranectl.model import dynamics
 from cranectl.planning import load_scenario
 from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations, observe_load

@@ -16,8 +16,8 @@ from cranectl.cli.main import main
 from cranectl.compare.agreement import against_reference
 from cranectl.live.increments import Increments
 from cranectl.live.session import Session
-from cranectl.log import describe_log
 from cranectl.log.overlay import read_layers
+from cranectl.log.reader import describe_log
 from cranectl.plants.registry import PLANTS, PlantEntry, default_plants, in_order, plants_to_run
 from cranectl.render.caption import readings
 from cranectl.render.timeline import timeline_of

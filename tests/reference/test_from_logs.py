@@ -14,7 +14,8 @@ from cranectl.analysis.levels import replace_effects
 from cranectl.campaign.definition import sampled_scenario
 from cranectl.cli.main import main
 from cranectl.export import export_table, exporters, write_table
-from cranectl.log import describe_log, read_log, write_log
+from cranectl.log.reader import describe_log, read_log
+from cranectl.log.writer import write_log
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS

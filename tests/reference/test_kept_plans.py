@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-from cranectl.log import read_log, write_log
 from cranectl.log.events import events
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario, plan, review
 from cranectl.planning.review import reviews
 from cranectl.scenario import Scenario, Segment

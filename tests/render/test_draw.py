@@ -11,7 +11,7 @@ from av.video.reformatter import ColorRange, Colorspace
 from PIL import Image
 
 from cranectl.cli.main import main
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.render.draw import draw_runs, render_settings, write_mp4
 from cranectl.support.colours import LIGHT, rgb
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.log import write_log
+from cranectl.log.writer import write_log
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
 from tests.traps import set_traps

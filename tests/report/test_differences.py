@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.log import write_log
+from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.report.run.differences import what_differs, what_was_run
 from cranectl.report.table import Table

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.log import read_log, write_log
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
 from cranectl.render.opengl import no_opengl
 from cranectl.report.page import Figure, Page, Section, render
 from cranectl.report.run.figures import FAMILIES, Family, RunCurve, largest_difference

@@ -15,8 +15,10 @@ from cranectl.cli.main import main
 from cranectl.live.hand import LOST
 from cranectl.live.hand_limits import hand_limits
 from cranectl.live.viewers import WISH
-from cranectl.log import describe_log, topics, write_log
+from cranectl.log import topics
 from cranectl.log.overlay import Layer, write_overlay
+from cranectl.log.reader import describe_log
+from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.report.viewer_layouts import LAYOUTS, layout_json
 from cranectl.scenario.drawn_size import LABORATORY

@@ -12,7 +12,7 @@ import click
 import pytest
 
 from cranectl.cli.laws import patience_option
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.simulate.child import BLOCK_TIMEOUT, blocks_in_child
 from cranectl.support.children import spawn_child
 from cranectl.support.compiled_step import report_failure

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from cranectl.controllers.registry import WHERE, controller_names, load_controller
-from cranectl.log import read_log, write_log
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
 from cranectl.metrics import run_metrics
 from cranectl.metrics.limits import judge_limits, limits_of
 from cranectl.planning import load_scenario

@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from cranectl.live.session import Session
-from cranectl.log import read_log, write_log
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
 from cranectl.scenario import Scenario

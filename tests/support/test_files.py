@@ -204,7 +204,7 @@ def test_threads_of_one_process_are_told_apart(tmp_path: Path) -> None:
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: Scenario) -> Path:
     """A directory with a log, a cut-off one, a scenario and notes."""
-    from cranectl.log import write_log
+    from cranectl.log.writer import write_log
 
     monkeypatch.chdir(tmp_path)
     run = simulate_run(short, plant="analytic")

@@ -12,7 +12,7 @@ import pytest
 
 from cranectl.campaign.benchmark.table import read_table
 from cranectl.loaders.opening import open_law
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.support.documents import read_toml
 from cranectl.support.errors import InputError

@@ -32,9 +32,9 @@ from scaling import result_costs, scaling
 
 from cranectl.cases.workers import available_cores
 from cranectl.design import CONTROLLERS, design_controller
-from cranectl.log import read_log, read_signal, write_log
 from cranectl.log.messages import streams
-from cranectl.log.writer import CHUNK_SIZE, _send_in_order
+from cranectl.log.reader import read_log, read_signal
+from cranectl.log.writer import CHUNK_SIZE, _send_in_order, write_log
 from cranectl.planning import load_scenario
 from cranectl.simulate import plan_scenario, simulate_run
 

@@ -2,13 +2,16 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import degrees
+from typing import TYPE_CHECKING
 
 from cranectl.cases.case import CaseResult, RunSummary
 from cranectl.compare.agreement import Agreement
-from cranectl.log import LogDescription
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import ANSWERS, Cell, Table, cells
 from cranectl.support.units import difference_text, scaled
+
+if TYPE_CHECKING:
+    from cranectl.log.reader import LogDescription
 
 MISSING = "-"
 Drives = dict[str, tuple[Agreement, str]]  # by name; with what else is wrong with the case
@@ -134,7 +137,7 @@ def limits_table(runs: Sequence[RunSummary], *, worst: int | None = None) -> Tab
     return Table("Limits", headings, tuple(rows), labels=2 + several, note=note)
 
 
-def topic_table(description: LogDescription) -> Table:
+def topic_table(description: "LogDescription") -> Table:
     """Return what a log holds, one row a topic."""
     rates = ["-" if topic.rate_hz is None else f"{topic.rate_hz:g}" for topic in description.topics]
     rows = tuple(
