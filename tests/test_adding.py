@@ -44,8 +44,8 @@ import numpy as np
 from cranectl.analysis.budget.prediction import LEVELS
 from cranectl.analysis.certificate.linear_plant import LINEAR
 from cranectl.cli.main import main
-from cranectl.plants.capabilities import check_honest
 from cranectl.plants.registry import COMMON, PLANTS, register_plant
+from cranectl.plants.trials import check_honest
 from cranectl.scenario.load import default_scenario, load_rig
 from cranectl.simulate import make_plant
 from cranectl.support.errors import InputError

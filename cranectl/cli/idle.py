@@ -62,11 +62,12 @@ def idle_lines(
 
     """
     from cranectl.scenario.load import given_settings, idle_effects
-    from cranectl.simulate.idle_settings import RunKind, idle_settings
 
     given = [name for name in given_settings(*asked) if name not in LABELS]
     if not given:
         return []
+    from cranectl.simulate.idle_settings import RunKind, idle_settings
+
     keys = [each.partition("=")[0].strip() for each in asked.overrides]
     options = [*keys, *(f"{key}.*" for key in keys)]
     read = [name for name in given if not _fits(name, unread)]

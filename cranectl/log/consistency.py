@@ -139,7 +139,7 @@ def check_run(run: Run, sampling: Sampling) -> None:
         check_numbers(topic, group.names, run.block(group.name)[:sound])
     check_numbers(topics.REFERENCE_LOAD, REFERENCE.names, run.reference)
     _check_reference(run, sound, planned=sampling.from_ns is None)
-    ours = run.plant in PLANTS and PLANTS[run.plant].where.startswith("cranectl.")
+    ours = run.plant in PLANTS and PLANTS[run.plant].is_own
     if ours and outcome.status in WHOLE and sound >= FEWEST:
         _check_tension(run, sound)
 

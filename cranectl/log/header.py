@@ -227,7 +227,7 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
         "versions": provenance(),
     }
     for entry in (plant_entry(run.plant) for run in runs):
-        if not entry.where.startswith("cranectl."):  # for where its package is not installed
+        if not entry.is_own:  # for where its package is not installed
             servos = str(entry.servos).lower()
             told[f"plant/{entry.name}"] = {"label": entry.label, "colour": entry.colour, "servos": servos}
     return told | {f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs}

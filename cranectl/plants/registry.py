@@ -69,6 +69,11 @@ class PlantEntry:
                 if name not in known:
                     raise unknown_name(f"setting in {what} of the plant {self.name}:", name, known)
 
+    @property
+    def is_own(self) -> bool:
+        """Whether the plant is one of this package, whose tests hold it to the equations."""
+        return self.where.startswith("cranectl.")
+
     def lack(self, setting: str) -> str | None:
         """Return why it does not honour one of LACKS, None if nothing is said against it."""
         effect = setting.partition(".")[0]

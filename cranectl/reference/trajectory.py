@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from cranectl.reference.driven import DrivenPath, HandLimits
 from cranectl.reference.geometry import Geometry, check_moves, geometry_of
 from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import Law, derivatives, law_of, progress, spline
@@ -227,6 +226,8 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
     if isinstance(segment, Spline):
         return SplinePath(np.array(segment.breaks), np.array(segment.coefficients), segment.degree)
     if isinstance(segment, Driven):
+        from cranectl.reference.driven import DrivenPath, HandLimits
+
         box = np.array([segment.speed, segment.low, segment.high])
         limits = HandLimits(segment.bandwidth, *box)
         return DrivenPath(start, limits, segment.period, tuple(segment.changes), segment.duration)

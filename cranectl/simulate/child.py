@@ -6,6 +6,7 @@ be forked the blocks run here.
 
 import ctypes
 import mmap
+import os
 import sys
 from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection
@@ -14,9 +15,9 @@ import numpy as np
 
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
-from cranectl.support.children import ChildError, fork_child
 from cranectl.support.errors import MachineError, printable
 
+CAN_FORK = hasattr(os, "fork")
 # [s] for a block, by default: it only ends what hangs. A predictive controller takes ten seconds for a block
 # on a usual machine.
 BLOCK_TIMEOUT = 120.0
@@ -47,6 +48,7 @@ def blocks_in_child(
     `controller-failed`. Time in which it waits for a processor, or for a program to start, does not count.
     Raises MachineError if it is killed from outside, or lacks memory or disk space.
     """
+    from cranectl.support.children import ChildError, fork_child  # which only laws from outside need
 
     def work(connection: Connection) -> None:
         libc = ctypes.CDLL(None)

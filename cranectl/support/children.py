@@ -34,7 +34,6 @@ from cranectl.support.errors import (
 )
 from cranectl.support.interrupts import SIGNALS
 
-CAN_FORK = hasattr(os, "fork")
 LONGEST_WAIT = 3600.0  # [s] at once
 ASK_INTERVAL = 0.1  # [s] between two looks at what else may end a wait
 EXIT_INTERVAL = 0.01  # [s] between two looks whether a forked child has ended

@@ -15,11 +15,12 @@ from cranectl.cli.main import main
 from cranectl.compare.runs import differing_fields
 from cranectl.controllers.registry import controller_design
 from cranectl.loaders.opening import close_laws, open_law
-from cranectl.log import read_log
+from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import law_of, plan_scenario, simulate_run
-from cranectl.support.children import CAN_FORK, spawn_child
+from cranectl.simulate.child import CAN_FORK
+from cranectl.support.children import spawn_child
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign, choice, fixed
 from tests.loaders.law_files import LAW, built

@@ -10,10 +10,11 @@ import cranectl
 from cranectl.campaign.load import load_campaign
 from cranectl.planning import load_scenario
 from cranectl.plants.analytic import AnalyticPlant
-from cranectl.plants.capabilities import check_honest, check_scenario
+from cranectl.plants.capabilities import check_scenario
 from cranectl.plants.elastic.plant import ElasticPlant
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.registry import PLANTS, PlantEntry
+from cranectl.plants.trials import check_honest
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import make_plant, simulate_run
