@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly, BSpline
 
-from cranectl.reference.series import Number, Series, shifted, times, turned
-from cranectl.reference.time_laws import spline
-from cranectl.scenario.along_path import Along, Arc, BlendedPath, Line
+from cranectl.reference.series import Number, Series, from_derivatives, shifted, times, turned
+from cranectl.reference.time_laws import Law, progress, spline
+from cranectl.scenario.along_path import Along, Arc, BlendedPath, Line, check_moves
 from cranectl.scenario.segments import Spline
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -202,6 +202,19 @@ class Chain:
 Geometry = Straight | Circular | Chain
 
 
+@dataclass(frozen=True)
+class GeometricPath:
+    """Along a path by a time law."""
+
+    geometry: Geometry
+    duration: float
+    time_law: Law
+
+    def sample(self, time: Array) -> Array:
+        load = self.geometry([from_derivatives(list(progress(self.time_law, time, self.duration)))])
+        return np.array([[c * factorial(k) for k, c in enumerate(axis)] for axis in load]).transpose(2, 1, 0)
+
+
 def place(geometry: Geometry | Polynomial, s: float) -> Array:
     """Return where the load is at s, (3,) [m]."""
     return np.array([float(series[0][0]) for series in geometry([[np.array([s])]])])
@@ -224,21 +237,6 @@ def geometry_of(segment: Along | Spline, start: Array, where: str = "segment") -
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     spans = itertools.pairwise(segment.breaks)
     return Chain(tuple(polynomial(curve, a, b, length * (b - a) / segment.breaks[-1]) for a, b in spans))
-
-
-def check_moves(segment: Line | Arc, start: Array, where: str) -> None:
-    """Raise InputError for a segment of no length."""
-    if isinstance(segment, Line):
-        what = "a line to where the load already is" if np.array_equal(start, segment.to) else ""
-    else:
-        still = segment.angle == 0.0 or np.array_equal(start[:2], segment.centre)
-        what = "an arc of no angle or no radius" if still else ""
-    if what:
-        raise InputError(
-            f"{where} has zero length: {what}",
-            allowed="segments that move the load",
-            remedy='to stay in place use kind = "hold"',
-        )
 
 
 def parts_of(segments: Sequence[Line | Arc], start: Array, where: str = "segment") -> list[LineOrArc]:

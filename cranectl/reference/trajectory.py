@@ -5,18 +5,15 @@ They give desired load positions and derivatives over time.
 
 import functools
 from dataclasses import dataclass
-from math import factorial
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from cranectl.reference.geometry import Geometry, check_moves, geometry_of
-from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import Law, derivatives, law_of, progress, spline
 from cranectl.scenario import ReferenceSettings, Segment
-from cranectl.scenario.along_path import Arc, BlendedPath, Line
+from cranectl.scenario.along_path import Arc, BlendedPath, Line, check_moves
 from cranectl.scenario.recorded import Driven
 from cranectl.scenario.segments import AddedSegment, Hold, Spline, added_kinds, seconds
 from cranectl.support.arrays import Array
@@ -101,19 +98,6 @@ class ArcPath:
         rows[:, 0, :2] += self.centre
         rows[:, 0, 2] = self.start[2]
         return rows
-
-
-@dataclass(frozen=True)
-class GeometricPath:
-    """Along a path by a time law."""
-
-    geometry: Geometry
-    duration: float
-    time_law: Law
-
-    def sample(self, time: Array) -> Array:
-        load = self.geometry([from_derivatives(list(progress(self.time_law, time, self.duration)))])
-        return np.array([[c * factorial(k) for k, c in enumerate(axis)] for axis in load]).transpose(2, 1, 0)
 
 
 @dataclass(frozen=True)
@@ -222,6 +206,8 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
         check_moves(segment, start, where)
         return LinePath(start, np.array(segment.to), seconds(segment), law_of(segment))
     if isinstance(segment, BlendedPath) or (isinstance(segment, Spline) and segment.time_law is not None):
+        from cranectl.reference.geometry import GeometricPath, geometry_of
+
         return GeometricPath(geometry_of(segment, start, where), seconds(segment), law_of(segment))
     if isinstance(segment, Spline):
         return SplinePath(np.array(segment.breaks), np.array(segment.coefficients), segment.degree)

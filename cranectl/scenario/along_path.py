@@ -2,6 +2,7 @@
 
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from cranectl.scenario.settings import (
@@ -15,6 +16,8 @@ from cranectl.scenario.settings import (
     Settings,
     Text,
 )
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
 
 SHORTEST = "shortest"
 Timed = Annotated[Other[Duration] | Text[Literal["shortest"]], TEXT_OR_OTHER]
@@ -141,3 +144,18 @@ class BlendedPath(AlongPath):
 
 
 Along = Line | Arc | BlendedPath
+
+
+def check_moves(segment: Line | Arc, start: Array, where: str) -> None:
+    """Raise InputError for a segment of no length."""
+    if isinstance(segment, Line):
+        what = "a line to where the load already is" if np.array_equal(start, segment.to) else ""
+    else:
+        still = segment.angle == 0.0 or np.array_equal(start[:2], segment.centre)
+        what = "an arc of no angle or no radius" if still else ""
+    if what:
+        raise InputError(
+            f"{where} has zero length: {what}",
+            allowed="segments that move the load",
+            remedy='to stay in place use kind = "hold"',
+        )

@@ -44,7 +44,7 @@ def within(lowest: float) -> str:
 
 
 CHECKS, PLAN, BLENDS = (f"planning/{name}.py" for name in ("checks", "plan", "blends"))
-PATH = "reference/geometry.py"
+PATH = "scenario/along_path.py"
 LOAD = "move the point, or widen planning.load_box or lessen planning.clearance"
 WEAK = "correct rig.load_mass or {}.force, or raise planning.share"
 OVER = "lower the obstacle, or go round it by points in via"
