@@ -195,7 +195,10 @@ def test_report_of_logs(capsys: pytest.CaptureFixture[str]) -> None:
         assert main(arguments) == 0
     assert main(["report", "ideal/run.mcap"]) == 0
     assert f"report: {Path('ideal/run.html')}" in capsys.readouterr().out
-    one = read_page(Path("ideal/run.html").read_text())
+    first = Path("ideal/run.html").read_bytes()
+    assert main(["report", "ideal/run.mcap"]) == 0
+    assert Path("ideal/run.html").read_bytes() == first
+    one = read_page(first.decode())
     assert one.tags["figure"] == len(FAMILIES) + 2
     assert (one.tags["svg"], one.tags["img"]) == (len(FAMILIES) + 1, 1)
     assert "The load is farthest from its reference at" in one.text
@@ -212,9 +215,6 @@ def test_report_of_logs(capsys: pytest.CaptureFixture[str]) -> None:
     ):
         assert text in two.text
     assert "not judged" not in two.text
-    first = Path("two.html").read_bytes()
-    assert main(["report", "ideal/run.mcap", "velocity/run.mcap", "--out", "two.html"]) == 0
-    assert Path("two.html").read_bytes() == first
 
 
 def test_report_of_one_plant_whose_run_stopped(
