@@ -127,7 +127,10 @@ class _Body(ReadDataStream):
     """Of a record: mcap's own stream returns less than asked for at the end, without a word."""
 
     def read(self, length: int) -> bytes:
-        data = super().read(length)
+        try:
+            data = super().read(length)
+        except OverflowError:  # a length of 64 bits
+            raise EndOfFile from None
         if len(data) < length:
             raise EndOfFile
         return data

@@ -2,6 +2,7 @@
 
 import functools
 import json
+import struct
 import subprocess
 import sys
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Chunk, DataEnd, Footer, McapRecord, Message, Metadata, Schema, Statistics
 
 from cranectl.log.reader import describe_log, read_log, read_signal
+from cranectl.mcap_columns.records import DamageError, Record, parse
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError, LogError
 from tests.log.corruption import (
@@ -400,6 +402,13 @@ def hollow(log: Path, path: Path) -> None:
         stream.write(data[:-end])
         stream.seek(2**37)
         stream.write(data[-end:])
+
+
+def test_a_length_that_no_memory_has_makes_no_sense() -> None:
+    """A chunk of 2^63 bytes in a record of 45: no index is that large."""
+    body = struct.pack("<QQQII", 0, 0, 0, 0, 0) + struct.pack("<Q", 2**63) + b"data!"
+    with pytest.raises(DamageError, match="the chunk record at byte 8 makes no sense"):
+        parse(Chunk.read, Record(Opcode.CHUNK, 8, 9 + len(body), body))
 
 
 def test_bombs_cost_neither_memory_nor_time(log: Path, tmp_path: Path) -> None:
