@@ -104,7 +104,10 @@ def check_rate(rate: float, effects: EffectSettings, length: float, *, step: flo
 
 
 class Kernels(NamedTuple):
-    """Compiled `measure`, `advance` and `warnings` of a plant; they take its `handle` in place of `self`."""
+    """Compiled `measure`, `advance` and `warnings` of a plant; they take its `handle` in place of `self`.
+
+    An exception in one of them is reported on standard error and ends the run with ENGINE_WARNING.
+    """
 
     measure: Callable[..., None]
     advance: Callable[..., None]

@@ -1,19 +1,27 @@
 """The one loop: what happens at a control sample, and a block of samples on any plant.
 
-In plain Python, or compiled with the kernels of a plant; both give the same bits, and a test holds them to
-it. A block returns often enough for progress, Ctrl-C and live changes.
+In plain Python, or compiled once for all plants with kernels; both give the same bits, and a test holds them
+to it. A block returns often enough for progress, Ctrl-C and live changes.
 """
 
 import functools
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cranectl.controllers.addressed import JOINTS, AddressedLaw, addressed_step, addressed_wait
 from cranectl.controllers.controller import ROPE_TAUT
-from cranectl.plants.plant import Kernels, Plant
+from cranectl.plants.addressed import (
+    AddressedPlant,
+    addressed_plant,
+    addressed_warnings,
+    advance_addressed,
+    measure_addressed,
+)
+from cranectl.plants.plant import Plant
 from cranectl.signals import (
     COMMAND_COLUMN,
     DISTURBANCE_COLUMN,
@@ -157,10 +165,11 @@ AdvanceBlock = Callable[[LoopInputs, SignalPath | None, Array, Array, int, int],
 
 
 def compiled_loop(plant: Plant) -> AdvanceBlock:
-    """The loop compiled with the kernels of `plant`; for one without them, the loop in Python."""
+    """Return the compiled loop for `plant`; for one without kernels, the loop in Python."""
     if plant.kernels is None:
         return python_loop(plant)
-    return functools.partial(_compiled(plant.name, plant.kernels), plant.handle)
+    handle = plant.handle
+    return CompiledLoop(addressed_plant(plant.kernels, handle), handle)
 
 
 def python_loop(plant: Plant) -> AdvanceBlock:
@@ -168,13 +177,32 @@ def python_loop(plant: Plant) -> AdvanceBlock:
     return functools.partial(advance_block, plant)
 
 
+@dataclass(frozen=True)
+class CompiledLoop:
+    """The compiled loop, for one plant."""
+
+    plant: AddressedPlant
+    handle: Any  # kept, since `plant` refers to its arrays
+
+    def __call__(self, *given: Any) -> tuple[int, int, int]:
+        """Run a block, as `AdvanceBlock` has it."""
+        return one_loop()(self.plant, *given)
+
+
 @functools.cache
-def _compiled(name: str, kernels: Kernels) -> Callable[..., tuple[int, int, int]]:
-    return jit_loop(advance_block, name, **kernels._asdict())
+def one_loop() -> Callable[..., tuple[int, int, int]]:
+    """Return the loop that serves all plants with kernels."""
+    return jit_loop(
+        advance_block,
+        "addressed",
+        measure=measure_addressed,
+        advance=advance_addressed,
+        warnings=addressed_warnings,
+    )
 
 
 def measure(plant: Plant, state: Array) -> None:
-    """The joints of `plant`; its kernel takes this place in the compiled loop, as for the next two."""
+    """The joints of `plant`; in the compiled loop a call by address takes this place, as for the next two."""
     plant.measure(state)
 
 
@@ -200,7 +228,7 @@ def advance_block(plant, inputs, path, record, memory, first, last):
         disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
         advance(plant, command, disturbance, inputs.wind[k], row[LOAD_COLUMN : LOAD_COLUMN + 7])
         status = judge_sample(inputs, row)
-        if status == RUNNING and warnings(plant) > 0:
+        if status == RUNNING and warnings(plant) != 0:
             status = ENGINE_WARNING
         if status != RUNNING:
             return complete_rows(k, status), k, status

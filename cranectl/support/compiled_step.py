@@ -43,15 +43,20 @@ class _StepTarget:
         return context
 
 
+STEP_ARGUMENTS = (_POINTER(float64),) * 5  # of all controllers
+
+
 class CompiledStep(CFunc):
-    """A step with the signature of all controllers: five pointers to doubles, and an int64 in return."""
+    """A step of a controller, or another function that returns an int64."""
 
     _targetdescr = _StepTarget()
 
-    def __init__(self, step: Callable[..., int]) -> None:
-        """Prepare `step`, which `compile` then compiles."""
-        options = {"nopython": True, "error_model": "numpy"}
-        super().__init__(step, ((_POINTER(float64),) * 5, int64), {}, options)
+    def __init__(
+        self, step: Callable[..., int], arguments: tuple[Any, ...] = STEP_ARGUMENTS, **options: Any
+    ) -> None:
+        """Prepare `step`, which `compile` then compiles for `arguments` of these types, with `options`."""
+        whole = {"nopython": True, "error_model": "numpy", **options}
+        super().__init__(step, (arguments, int64), {}, whole)
         self._compiled_here: Any = None
 
     def compile(self) -> None:

@@ -85,9 +85,9 @@ def _jit(function: F, *, inline: bool) -> F:
 def jit_loop(function: F, name: str, **callees: Any) -> F:
     """Compile a loop that takes arrays and makes none; nor do its callees, and they return no views.
 
-    `callees` take the place of the globals of these names, so that one loop serves many plants; each `name`
-    has a cache of its own. Counting references, which the caller holds, would take an atomic instruction for
-    each view in each callee: as long as all the rest of a control step.
+    `callees` take the place of the globals of these names; each `name` has a cache of its own. Counting
+    references, which the caller holds, would take an atomic instruction for each view in each callee: as long
+    as all the rest of a control step.
     """
     return _compiled(_copied(function, name, **callees), callees.values(), no_cfunc_wrapper=True, _nrt=False)
 
@@ -120,6 +120,19 @@ def address_of(step: Callable[..., int]) -> int:
     return int(compiled.address)
 
 
+def jit_address(function: Callable[..., int], name: str, arguments: tuple[Any, ...], **callees: Any) -> int:
+    """Compile a copy of `function` to a C function of `arguments`, Numba's types; return its address.
+
+    `name` and `callees` are those of `jit_loop`, and no references are counted either. Exceptions end as in
+    `address_of`.
+    """
+    copy = _copied(function, name, **callees)
+    compiled: Any = CompiledStep(copy, arguments, _nrt=False)
+    compiled._cache = _Cache(copy, _digest_of(copy, *callees.values()))
+    compiled.compile()
+    return int(compiled.address)
+
+
 def why_not_compiled(step: Callable[..., int], error: Exception) -> tuple[str, str]:
     """Return what Numba says of `step`, in a line, and the file and line that it names."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
@@ -134,9 +147,13 @@ def why_not_compiled(step: Callable[..., int], error: Exception) -> tuple[str, s
 def _compiled(function: F, callees: Iterable[Any] = (), **options: Any) -> F:
     compiled: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
     if not UNCOMPILED:
-        files = (Path(inspect.getfile(inspect.unwrap(each))) for each in (function, *callees))
-        compiled._cache = _Cache(function, sources_digest(*files))
+        compiled._cache = _Cache(function, _digest_of(function, *callees))
     return cast(F, compiled)
+
+
+def _digest_of(*functions: Any) -> str:
+    """Digest of all that `functions` are compiled from."""
+    return sources_digest(*(Path(inspect.getfile(inspect.unwrap(each))) for each in functions))
 
 
 @functools.cache

@@ -1,6 +1,7 @@
 """Laws that the loop calls by address: what they are given, and what becomes of what they command."""
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +9,12 @@ import pytest
 
 from cranectl.model.dynamics import axis_masses, forced_accelerations
 from cranectl.planning import load_scenario
-from cranectl.plants.analytic import AnalyticPlant
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, loops, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
+from tests.conftest import PLANTS
 from tests.controllers.laws import FOLLOWING, PUSHING, giving_up, known, noting
 
 SENSED = ("effects.sensing.angle_resolution=0.001", "effects.delay.seconds=0.004")
@@ -180,17 +181,17 @@ def test_plain_and_compiled_loop_give_the_same_bits(controller: str, scenario: S
     assert np.abs(one.block("state")[-1] - one.block("state")[0]).max() > 0.1
 
 
-def test_one_loop_serves_every_law() -> None:
-    """No controller makes the loop compile again: it has one signature for them all.
+def test_one_loop_serves_every_controller_and_plant() -> None:
+    """No controller and no plant makes the loop compile again.
 
-    Drives that push, forces that the loop makes for them, and passive forces make another, whatever the law.
+    A signal path does, and so do the forces that the loop makes for drives.
     """
-    loop = loops._compiled(AnalyticPlant.name, AnalyticPlant.kernels)
+    loop = loops.one_loop()
     for controller in (noting(), noting(every=3, measures="encoders"), giving_up(1), FOLLOWING, PUSHING):
         run_of(controller, path("duration=6.001"))
-    for name in ("lqr", "pole-placement+hinf", "pid"):
-        simulate_run(path("duration=6.001"), controller=name, plant="analytic")
-    parts = ("SignalPath(", "AxisMasses(", "PassiveForces(")
+    for name, plant in product(("lqr", "pole-placement+hinf", "pid"), PLANTS):
+        simulate_run(path("duration=6.001"), controller=name, plant=plant)
+    parts = ("SignalPath(", "AxisMasses(")
     kinds = {tuple(str(signature).count(part) for part in parts) for signature in loop.signatures}  # type: ignore[attr-defined]
     assert len(loop.signatures) == len(kinds)  # type: ignore[attr-defined]
 

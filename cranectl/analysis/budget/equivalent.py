@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from cranectl.analysis.budget.propagation import Deviation, FrictionPort, Ports, no_errors
-from cranectl.analysis.budget.trajectory_loop import EXTENSION, ROBUSTIFIER, TrajectoryLoop, analytic_rig
+from cranectl.analysis.budget.trajectory_loop import EXTENSION, ROBUSTIFIER, TrajectoryLoop, analytic_plant
 from cranectl.controllers.registry import only_flat
 from cranectl.plants.analytic import derivative
 from cranectl.plants.mujoco.model import ideal_inertia
@@ -101,7 +101,7 @@ def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
     states, inputs, disturbances = (
         np.ascontiguousarray(run.block(name)) for name in ("state", "input", "disturbance")
     )
-    runge_kutta_defect(analytic_rig(run), states, inputs[:, :3], disturbances, loop.winds, ports.local)
+    runge_kutta_defect(analytic_plant(run).rig, states, inputs[:, :3], disturbances, loop.winds, ports.local)
     load, joints = run.block("load")[:-1, 6:7], states[:-1]
     alpha, beta = joints[:, ALPHA], joints[:, BETA]
     direction = np.column_stack([np.sin(beta), np.cos(beta) * np.sin(alpha), np.ones(len(joints))])

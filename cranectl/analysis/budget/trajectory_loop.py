@@ -26,10 +26,11 @@ from cranectl.controllers.flat import Tracker
 from cranectl.controllers.registry import flat_design, only_flat
 from cranectl.design.discretisation import diagonal
 from cranectl.model.flatness import flat_output, linearising_input
-from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, integrate
+from cranectl.plants.addressed import addressed_plant, advance_addressed
+from cranectl.plants.analytic import AnalyticCrane, AnalyticPlant
 from cranectl.plants.capabilities import lacking
-from cranectl.plants.dop853 import STAGES
 from cranectl.plants.elastic.crane import (
+    STATES,
     ElasticCrane,
     hanging_states,
     load_positions,
@@ -37,7 +38,8 @@ from cranectl.plants.elastic.crane import (
     make_work,
     set_damping,
 )
-from cranectl.plants.elastic.step import advance_state
+from cranectl.plants.elastic.plant import ElasticHandle, ElasticPlant
+from cranectl.plants.plant import Kernels
 from cranectl.plants.registry import plant_entry
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import EFFECTS, NO_EFFECTS, EffectNumbers
@@ -58,7 +60,11 @@ LINEARISATION_STRIDE = (
 )
 
 
-SteppedPlant = tuple[AnalyticRig, ElasticCrane | None]  # the crane as it is built, or without it the rig
+class SteppedPlant(NamedTuple):
+    """The plant of a loop."""
+
+    kernels: Kernels
+    handle: AnalyticCrane | ElasticHandle
 
 
 class TrajectoryLoop(NamedTuple):
@@ -102,24 +108,26 @@ class TrajectoryLoop(NamedTuple):
 
 
 @jit_called
-def step_each(rig, crane, work, ports, winds, following):
-    """Write the states one control period after `ports`, see `next_states`, into `following`."""
-    size, stages, stage_state = following.shape[1], np.zeros((STAGES, 10)), np.zeros(10)
+def step_each(plant, state, load, ports, winds, following):
+    """Write the states one control period after `ports`, see `next_states`, into `following`.
+
+    `state` is that of `plant`; `load` (7,) is work space.
+    """
+    size = state.shape[0]
     for k in range(len(following)):
-        state, command, disturbance = following[k], ports[k, size : size + 3], ports[k, size + 3 :]
-        state[:] = ports[k, :size]
-        drives = (command[0], command[1], command[2])  # as a run has them, so that its kernels serve here too
-        if crane is None:
-            for _ in range(rig.substeps):
-                integrate(rig, state, drives, disturbance, winds[k], stages, stage_state)
-        else:
-            advance_state(crane, state, drives, disturbance, winds[k], work)
+        for i in range(size):
+            state[i] = ports[k, i]
+        command = (ports[k, size], ports[k, size + 1], ports[k, size + 2])
+        advance_addressed(plant, command, ports[k, size + 3 :], winds[k], load)
+        for i in range(size):
+            following[k, i] = state[i]
 
 
 def next_states(plant: SteppedPlant, ports: Array, winds: Array) -> Array:
     """Return the plant states (N, s) one period after `ports` (N, s + 5): state, command, disturbance."""
-    following = np.zeros((len(ports), ports.shape[1] - 5))
-    step_each(*plant, make_work(), ports, winds, following)
+    following, handle = np.zeros((len(ports), ports.shape[1] - 5)), plant.handle
+    ports, winds = np.ascontiguousarray(ports), np.ascontiguousarray(winds)
+    step_each(addressed_plant(plant.kernels, handle), handle.state, np.zeros(7), ports, winds, following)
     return following
 
 
@@ -166,7 +174,9 @@ def linearise_run(
     if crane is not None:
         states, kept = hanging_states(crane, joints, run.tension), crane.places
         stride = LINEARISATION_STRIDE
-    plant = (analytic_rig(run), crane)
+    plant = SteppedPlant(AnalyticPlant.kernels, analytic_plant(run).handle)
+    if crane is not None:
+        plant = SteppedPlant(ElasticPlant.kernels, ElasticHandle(crane, np.zeros(STATES), make_work()))
     winds = np.hstack([np.zeros((samples, 3)), run.load_force]) if winds is None else winds
     ports, size, p = np.hstack([states[:-1], commands, disturbances]), states.shape[1], len(kept)
     by_port = slopes(
@@ -197,11 +207,11 @@ def linearise_run(
     )  # fmt: skip
 
 
-def analytic_rig(run: Run) -> AnalyticRig:
-    """Return the constants of the analytic plant of a run with ideal drives."""
+def analytic_plant(run: Run) -> AnalyticPlant:
+    """Return the analytic plant of a run with ideal drives."""
     plant = make_plant("analytic", run.scenario, "ideal")
     assert isinstance(plant, AnalyticPlant)
-    return plant.rig
+    return plant
 
 
 def _controller_outputs(run: Run, tracker: Tracker, p: int) -> tuple[Array, Array]:

@@ -153,11 +153,3 @@ def instant(crane, state, length, joint, command, disturbance, wind, work):
     integrate(crane, state, high, command, disturbance, wind, work)
     look_at_end(crane, command, disturbance, wind, work)
     return high
-
-
-@jit
-def advance_state(crane, state, command, disturbance, wind, work):
-    """One control period of `state` (22,) in place."""
-    for _ in range(crane.substeps):
-        settle(crane, state, command, disturbance, wind, work)
-        finish_step(crane, state, command, disturbance, wind, work)

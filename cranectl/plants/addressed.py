@@ -1,0 +1,121 @@
+"""Plants that the loop calls by address: it is compiled once for all of them.
+
+The kernels of a plant are compiled to one C function, in which they are inlined, for each kind of handle.
+"""
+
+import functools
+import hashlib
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from cranectl.plants.plant import Kernels
+from cranectl.support.arrays import Array
+from cranectl.support.jit import UNCOMPILED, jit, jit_address
+from cranectl.support.packed import array_at, packed, type_of, unpacker
+
+_NUMBERS: Any = types.CPointer(types.float64)
+_ARGUMENTS = (_NUMBERS, types.int64, _NUMBERS, *[types.float64] * 3, *[_NUMBERS] * 3)
+MEASURE, ADVANCE = 0, 1
+
+
+class AddressedPlant(NamedTuple):
+    """A plant as compiled code steps it. Whoever steps it keeps the handle that it was made from."""
+
+    address: int
+    block: Array  # its handle, packed
+    warned: NDArray[np.int64]  # (1,) numerical warnings by the end of the last period
+
+
+def addressed_plant(kernels: Kernels, handle: Any) -> AddressedPlant:
+    """Return the plant of `kernels` and `handle`; its numbers are those of now, its arrays stay shared."""
+    warned = np.zeros(1, dtype=np.int64)
+    if UNCOMPILED:
+        return AddressedPlant(cast(Any, kernels), handle, warned)
+    return AddressedPlant(_address(kernels, type_of(handle)), packed(handle), warned)
+
+
+@functools.cache
+def _address(kernels: Kernels, kind: Any) -> int:
+    """Compile `_step` with `kernels` for handles of the type `kind`; the cache knows it by both."""
+    names = [f"{kernel.__module__}.{kernel.__qualname__}" for kernel in kernels]
+    name = hashlib.sha256(" ".join([*names, str(kind)]).encode()).hexdigest()[:16]
+    return jit_address(_step, name, _ARGUMENTS, unpack=unpacker(kind), **kernels._asdict())
+
+
+# The kernels of each plant take these places in its copy of `_step`, see `_address`.
+unpack: Any = None
+measure: Any = None
+advance: Any = None
+warnings: Any = None
+
+
+def _step(block, action, state, bridge, trolley, winch, disturbance, wind, load):
+    """Measure the plant whose handle is packed in `block`, or advance it; returns its warnings."""
+    handle = unpack(block)
+    if action == MEASURE:
+        measure(handle, array_at(state, 10))
+        return 0
+    command = (bridge, trolley, winch)
+    advance(handle, command, array_at(disturbance, 2), array_at(wind, 6), array_at(load, 7))
+    return warnings(handle)
+
+
+@cast(Any, intrinsic)
+def _call(_typing, _address, block, _action, state, command, disturbance, wind, load):
+    """Call `_step` at an address, with pointers to the data of arrays without gaps."""
+    if any(each.layout != "C" for each in (block, state, disturbance, wind, load)):
+        return None
+
+    def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        from llvmlite import ir
+
+        def pointer(kind: Any, array: Any) -> Any:
+            return context.make_array(kind)(context, builder, array).data
+
+        given = [
+            pointer(block, arguments[1]),
+            arguments[2],
+            pointer(state, arguments[3]),
+            *[builder.extract_value(arguments[4], axis) for axis in range(3)],
+            *map(pointer, (disturbance, wind, load), arguments[5:]),
+        ]
+        step = ir.FunctionType(ir.IntType(64), [each.type for each in given]).as_pointer()
+        return builder.call(builder.inttoptr(arguments[0], step), given)
+
+    integer = types.int64
+    return integer(integer, block, integer, state, command, disturbance, wind, load), generate
+
+
+def _call_uncompiled(kernels, handle, action, state, *command_to_load):
+    """Do what `_call` does, in a process that compiles nothing."""
+    if action == MEASURE:
+        kernels.measure(handle, state)
+        return 0
+    kernels.advance(handle, *command_to_load)
+    return int(kernels.warnings(handle))
+
+
+if UNCOMPILED:
+    _call = _call_uncompiled
+
+
+@jit
+def measure_addressed(plant, state):
+    """Write the joint positions and velocities (10,) into `state`."""
+    _call(plant.address, plant.block, MEASURE, state, (0.0, 0.0, 0.0), state, state, state)
+
+
+@jit
+def advance_addressed(plant, command, disturbance, wind, load):
+    """Advance by one control period; see `Plant.advance`."""
+    plant.warned[0] = _call(plant.address, plant.block, ADVANCE, load, command, disturbance, wind, load)
+
+
+@jit
+def addressed_warnings(plant):
+    """Return the number of numerical warnings, or -1 if a kernel raised an exception."""
+    return plant.warned[0]

@@ -1,0 +1,121 @@
+"""Hand numbers and arrays to compiled code as one block of memory, whatever types they have.
+
+A block holds 8 bytes for each number. For each array it holds the address of the data, the shape and the
+strides. It keeps no array alive: whoever uses a block keeps what it was packed from.
+"""
+
+import functools
+import struct
+from collections.abc import Iterator
+from itertools import count
+from typing import Any, cast
+
+import numba
+import numpy as np
+from numba import types
+from numba._dispatcher import compute_fingerprint
+from numba.extending import intrinsic
+
+from cranectl.support.arrays import Array
+
+_WORD = 64  # bits
+_TYPES: dict[bytes, Any] = {}  # by what Numba itself knows them by
+
+
+def packed(value: Any) -> Array:
+    """Return a block of `value`: numbers and arrays, None, and tuples of all these.
+
+    Raises TypeError for anything else.
+    """
+    forms: list[str] = []
+    words: list[float | int] = []
+    _add_words(value, forms, words)
+    return np.frombuffer(bytearray(struct.pack("".join(forms), *words) or bytes(8)))
+
+
+def _add_words(value: Any, forms: list[str], words: list[float | int]) -> None:
+    if isinstance(value, tuple):
+        for part in value:
+            _add_words(part, forms, words)
+    elif isinstance(value, np.ndarray):
+        forms.append(f"{1 + 2 * value.ndim}q")
+        words += (value.ctypes.data, *value.shape, *value.strides)
+    elif isinstance(value, float | np.floating):
+        forms.append("d")
+        words.append(float(value))
+    elif isinstance(value, int | np.integer | np.bool_):
+        forms.append("q")
+        words.append(int(value))
+    elif value is not None:
+        raise TypeError(f"{type(value).__name__} is neither a number nor an array, and cannot be packed")
+
+
+def type_of(value: Any) -> Any:
+    """Return Numba's type of `value`, quickly where it was asked for before."""
+    key = compute_fingerprint(value)
+    if key not in _TYPES:
+        _TYPES[key] = numba.typeof(value)
+    return _TYPES[key]
+
+
+@functools.cache
+def unpacker(kind: Any) -> Any:
+    """Return what compiled code calls with a pointer to a block, to get a value of Numba's type `kind`."""
+
+    @cast(Any, intrinsic)
+    def unpack(_typing, pointer):
+        def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+            return _read(context, builder, kind, arguments[0], count())
+
+        return kind(pointer), generate
+
+    return unpack
+
+
+@cast(Any, intrinsic)
+def array_at(_typing, pointer, length):
+    """Return, in compiled code, the array of `length` doubles at `pointer`: a constant number of them."""
+    kind = types.Array(types.float64, 1, "C")
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        length = context.cast(builder, arguments[1], signature.args[1], types.intp)
+        size = context.get_constant(types.intp, np.dtype(float).itemsize)
+        return _array(context, builder, kind, arguments[0], [length, size])
+
+    return kind(pointer, length), generate
+
+
+def _array(context: Any, builder: Any, kind: Any, data: Any, extent: list[Any]) -> Any:
+    """Generate code that makes an array which counts no references; `extent` is shape and strides."""
+    from numba.np.arrayobj import populate_array
+
+    array = context.make_array(kind)(context, builder)
+    size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+    itemsize = context.get_constant(types.intp, size)
+    shape, strides = extent[: kind.ndim], extent[kind.ndim :]
+    populate_array(array, data=data, shape=shape, strides=strides, itemsize=itemsize, meminfo=None)
+    return array._getvalue()
+
+
+def _read(context: Any, builder: Any, kind: Any, block: Any, places: Iterator[int]) -> Any:
+    """Generate code that reads a value of Numba's type `kind` from the next `places` of a block."""
+    from llvmlite import ir
+
+    integer = ir.IntType(_WORD)
+
+    def word(form: Any) -> Any:
+        place = builder.gep(block, [ir.Constant(integer, next(places))])
+        return builder.load(builder.bitcast(place, form.as_pointer()))
+
+    if isinstance(kind, types.NoneType):
+        return context.get_dummy_value()
+    if isinstance(kind, types.BaseTuple):
+        parts = [_read(context, builder, each, block, places) for each in cast(Any, kind)]
+        return context.make_tuple(builder, kind, parts)
+    if isinstance(kind, types.Array):
+        item = context.get_data_type(kind.dtype)
+        data = builder.inttoptr(word(integer), item.as_pointer())
+        return _array(context, builder, kind, data, [word(integer) for _ in range(2 * kind.ndim)])
+    if isinstance(kind, types.Float):
+        return context.cast(builder, word(ir.DoubleType()), types.float64, kind)
+    return context.cast(builder, word(integer), types.int64, kind)

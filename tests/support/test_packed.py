@@ -1,0 +1,73 @@
+"""What is packed in a block is what compiled code finds there."""
+
+import ctypes
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+import pytest
+from numba import types
+
+from cranectl.support.jit import jit_address
+from cranectl.support.packed import array_at, packed, type_of, unpacker
+
+
+class Part(NamedTuple):
+    """A value of each kind that plants have."""
+
+    flag: bool
+    number: float
+    nothing: None
+    whole: int
+    triple: tuple[float, float, float]
+    grid: Any  # (2, 3), with gaps
+    small: Any  # (4,) int32
+
+
+class Whole(NamedTuple):
+    """A part in a part, with something behind it."""
+
+    part: Part
+    last: float
+
+
+unpack: Any = None
+
+
+def _look(block, found):  # type: ignore[no-untyped-def]
+    part, last = unpack(block)
+    out = array_at(found, 8)
+    out[0], out[1], out[2] = 1.0 if part.flag else 0.0, part.number, part.whole
+    out[3], out[4] = part.triple[2], part.grid[1, 2]
+    out[5], out[6], out[7] = part.small[3], part.grid.shape[1] + part.small.shape[0], last
+    if part.nothing is None:
+        part.grid[0, 1] = -7.0
+    return 5
+
+
+def test_compiled_code_finds_what_was_packed_and_shares_its_arrays() -> None:
+    grid = np.arange(24.0).reshape(4, 6)[::2, ::2]
+    small = np.array([1, 2, 3, -4], dtype=np.int32)
+    whole = Whole(Part(True, 2.5, None, -3, (0.1, 0.2, 0.3), grid, small), np.float64(9.75))
+    pointer: Any = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
+    address = jit_address(_look, "test", (pointer, pointer), unpack=unpacker(type_of(whole)))
+    call = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)(address)
+    block, found = packed(whole), np.zeros(8)
+    assert call(block.ctypes.data, found.ctypes.data) == 5
+    assert found.tolist() == [1.0, 2.5, -3.0, 0.3, grid[1, 2], -4.0, 7.0, 9.75]
+    assert grid[0, 1] == -7.0
+
+
+def test_a_plant_without_numbers_has_a_block_too() -> None:
+    assert packed(()).shape == (1,)
+
+
+def test_what_is_no_number_cannot_be_packed() -> None:
+    with pytest.raises(TypeError, match="str is neither a number nor an array"):
+        packed((1.0, ("text",)))
+
+
+def test_types_are_told_apart() -> None:
+    values = (1.0, np.zeros(2)), (1.0, np.zeros((2, 2))), (1.0, None), (1, np.zeros(2)), (True, np.zeros(2))
+    assert len({type_of(value) for value in values}) == len(values)
+    assert all(type_of(value) == numba.typeof(value) for value in [*values, *values])
