@@ -17,6 +17,7 @@ from numba.core.errors import TypingError
 from numba.core.registry import cpu_target
 from numba.core.types import Boolean, CPointer, Integer, IntEnumMember, float64, int64
 
+from cranectl.support.compilers import PausingCompiler
 from cranectl.support.errors import MAX_PHRASE, describe_error, printable, tell_of_machine
 
 FAILED = -1  # returned by a step that raised
@@ -56,7 +57,7 @@ class CompiledStep(CFunc):
     ) -> None:
         """Prepare `step`, which `compile` then compiles for `arguments` of these types, with `options`."""
         whole = {"nopython": True, "error_model": "numpy", **options}
-        super().__init__(step, (arguments, int64), {}, whole)
+        super().__init__(step, (arguments, int64), {}, whole, pipeline_class=PausingCompiler)
         self._compiled_here: Any = None
 
     def compile(self) -> None:

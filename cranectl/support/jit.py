@@ -32,6 +32,7 @@ from numba.core.caching import (
 )
 
 from cranectl.support.compiled_step import CompiledStep
+from cranectl.support.compilers import LinkedCompiler, PausingCompiler
 from cranectl.support.directories import cache_directory, is_own
 from cranectl.support.errors import printable
 
@@ -75,7 +76,13 @@ def _jit(function: F, *, inline: bool) -> F:
     @functools.cache
     def inner() -> Any:  # made where a compiled caller is compiled, not at each start
         copy = _copied(function, "inner")
-        return _compiled(copy, forceinline=inline, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+        return _compiled(
+            copy,
+            forceinline=inline,
+            pipeline_class=LinkedCompiler,
+            no_cpython_wrapper=True,
+            no_cfunc_wrapper=True,
+        )
 
     compiled.get_call_template = lambda *types: inner().get_call_template(*types)
     compiled.get_overload = lambda types: inner().get_overload(types)
@@ -145,7 +152,8 @@ def why_not_compiled(step: Callable[..., int], error: Exception) -> tuple[str, s
 
 
 def _compiled(function: F, callees: Iterable[Any] = (), **options: Any) -> F:
-    compiled: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
+    whole = {"nogil": True, "error_model": "numpy", "pipeline_class": PausingCompiler, **options}
+    compiled: Any = numba.njit(**whole)(function)
     if not UNCOMPILED:
         compiled._cache = _Cache(function, _digest_of(function, *callees))
     return cast(F, compiled)
