@@ -108,7 +108,7 @@ package: setup ## install the wheel with pip, uvx and pipx, validate and test an
 
 ## Results
 docs: setup ## write the pages that are made from data into build/docs
-	@echo soon
+	$(call limit,600) $(BIN)/python docs/build.py
 
 TABLE ?= build/literature
 JUDGED := validation/benchmark/literature.parquet
@@ -119,7 +119,6 @@ judge: .venv/extras $(TABLE)/tuned/nmpc.toml ## judge every controller of the be
 		$(BIN)/cranectl benchmark run --out $(TABLE) $$controllers --division tuned || exit; done
 	$(BIN)/cranectl benchmark report $(TABLE) $(NMPC) --out $(TABLE)/nmpc.html --table $(TABLE)/nmpc.parquet
 	$(BIN)/cranectl benchmark report $(TABLE) --beside $(TABLE)/nmpc.parquet --table $(JUDGED)
-	$(BIN)/cranectl benchmark report $(JUDGED) --out docs/proofs/literature.html
 
 $(TABLE)/tuned/nmpc.toml: $(TABLE)/nmpc.so | .venv/extras # the compiled controller has a digest of its own
 	$(BIN)/cranectl tune $< --out $(@D)

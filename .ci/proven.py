@@ -53,7 +53,7 @@ SETS = {
             "cranectl/cli/benchmark.py",
             "cranectl/cli/tune.py",
         ),
-        data=("validation/benchmark/**/*", "docs/how-to/benchmark.md", "docs/proofs/literature.html"),
+        data=("validation/benchmark/**/*", "docs/how-to/benchmark.md"),
     ),
     "drake": Set(modules=("tests/drake/*.py",)),
     "planning": Set(

@@ -15,7 +15,7 @@ ROWS = 2
 
 @pytest.fixture
 def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BenchmarkTable:
-    """The shipped table of two controllers, and the places of a copy; no page is written."""
+    """The shipped table of two controllers, and the places of a copy."""
     table = read_table(restamp.TABLE)
     laws = ["lqr", "lqr-integral"]
     monkeypatch.setattr(restamp, "measured_laws", lambda *_args, **_settings: laws)
@@ -23,7 +23,6 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BenchmarkTable:
         restamp.stamp_numbers(law, "old", restamp.NUMBERS[0], tmp_path)
     monkeypatch.setattr(restamp, "NUMBERS", (tmp_path,))
     monkeypatch.setattr(restamp, "TABLE", tmp_path / "table.parquet")
-    monkeypatch.setattr(restamp, "cranectl", lambda _: 0)
     return replace(table, about={**table.about, "rules": "old"})
 
 

@@ -1,30 +1,40 @@
 """The mutation proof: its script catches and lets survive what it should, its page is of today's code."""
 
+import json
 import re
 import subprocess
 import sys
-
-import pytest
+from pathlib import Path
 
 from tests.conftest import ROOT
+from validation.proofs.mutation_results import (
+    DATA,
+    SURVIVED,
+    Row,
+    counts,
+    mutation_page,
+    read_results,
+    survivors,
+    write_results,
+)
 
 COUNT = """
-import sys
-sys.path.insert(0, "validation/proofs")
-import mutations
-print(sum(
-    len(mutations.find_mutants(module, function))
+import json
+from validation.proofs import mutations
+print(json.dumps({
+    f"{module}.{function}": len(mutations.find_mutants(module, function))
     for module, functions in mutations.TARGETS.items()
     for function in functions.split()
-))
+}))
 """
 ONE_FUNCTION = """
 import sys
-sys.path.insert(0, "validation/proofs")
-import mutations
+from pathlib import Path
+from validation.proofs import mutations
 assert all((mutations.ROOT / file).exists() for file in mutations.SUITE)
-function, *mutations.SUITE = sys.argv[1:]
-sys.argv[1:] = [function, "--jobs", "1"]
+function, suite, file = sys.argv[1:]
+mutations.SUITE, mutations.DATA = [suite], Path(file)
+sys.argv[1:] = [function, "--jobs", "1", "--write"]
 sys.exit(mutations.main())
 """
 
@@ -33,39 +43,45 @@ def python(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
 
 
-def test_mutants_of_one_function_are_caught() -> None:
-    done = python("-c", ONE_FUNCTION, "load_velocity", "tests/model/test_flatness.py")
+def test_a_mutant_that_no_test_looks_at_survives(tmp_path: Path) -> None:
+    path = tmp_path / "mutations.json"
+    write_results({}, path)
+    done = python("-c", ONE_FUNCTION, "potential_energy", "tests/support/test_errors.py", str(path))
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "SURVIVED cranectl.model.dynamics.potential_energy" in done.stdout
+    assert survivors(read_results(path)) == sum(counts(read_results(path)).values()) >= 3
+
+
+def test_the_results_are_of_todays_code_and_nothing_survived() -> None:
+    results = read_results(DATA)
+    assert survivors(results) == 0
+    assert json.loads(python("-c", COUNT).stdout) == counts(results), "run validation/proofs/mutations.py"
+
+
+def test_mutants_of_one_function_are_caught_and_take_the_place_of_old_results(tmp_path: Path) -> None:
+    """The file that is read again has what was written, in the order of all."""
+    path = tmp_path / "mutations.json"
+    before = read_results(DATA)
+    write_results(before, path)
+    assert read_results(path) == before
+    done = python("-c", ONE_FUNCTION, "load_velocity", "tests/model/test_flatness.py", str(path))
     assert done.returncode == 0, done.stdout + done.stderr
     caught = re.search(r"(\d+) mutants, (\d+) caught, 0 survived", done.stdout)
     assert caught is not None
     assert caught[1] == caught[2]
     assert int(caught[1]) >= 3
+    after = read_results(path)
+    assert list(after) == list(before)
+    assert counts(after) == counts(before)
+    changed = {function for function in after if after[function] != before[function]}
+    assert changed <= {"cranectl.model.dynamics.load_velocity"}
 
 
-def test_a_mutant_that_no_test_looks_at_survives() -> None:
-    done = python("-c", ONE_FUNCTION, "potential_energy", "tests/support/test_errors.py")
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert "SURVIVED cranectl.model.dynamics.potential_energy" in done.stdout
-
-
-def test_the_page_is_of_todays_code_and_nothing_survived() -> None:
-    page = (ROOT / "docs" / "proofs" / "mutations.md").read_text(encoding="utf-8")
-    found = re.search(r"\*\*(\d+) mutants, (\d+) caught, (\d+) survived\.\*\*", page)
-    assert found is not None
-    assert found[1] == found[2]
-    assert found[3] == "0"
-    assert python("-c", COUNT).stdout.strip() == found[1], "run validation/proofs/mutations.py"
-
-
-@pytest.mark.parametrize(
-    "function",
-    [
-        "model.dynamics.angular_accelerations",
-        "model.flatness.linearising_input",
-        "plants.mujoco.disturbed_step.apply_disturbance",
-        "plants.mujoco.model._set_velocity_drives",
-    ],
-)
-def test_every_kind_of_term_is_on_the_page(function: str) -> None:
-    page = ROOT / "docs" / "proofs" / "mutations.md"
-    assert f"## `cranectl.{function}`" in page.read_text(encoding="utf-8")
+def test_the_page_shows_what_became_of_each_mutant() -> None:
+    killers = ("test_a.py::test_b", None, SURVIVED)
+    text = mutation_page({"f": [Row(3, "a + b", killers), Row(4, "c[0]", (*killers, "test_a.py::test_c"))]})
+    assert "**5 mutants, 3 caught, 2 survived.**" in text
+    assert "| line | term | flipped | dropped | × 1.01 | next index |" in text
+    shown = "`test_a.py::test_b` | enters squared | **survived**"
+    assert f"| 3 | `a + b` | {shown} | no index |" in text
+    assert f"| 4 | `c[0]` | {shown} | `test_a.py::test_c` |" in text

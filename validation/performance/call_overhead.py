@@ -8,8 +8,6 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
-from controller_times import shared_library
-from figures import Figure, figure, interleaved
 
 from cranectl.cli.main import main as cranectl
 from cranectl.controllers.addressed import _call, entered
@@ -18,6 +16,8 @@ from cranectl.loaders.opening import open_law
 from cranectl.planning import load_scenario
 from cranectl.simulate import law_of, plan_scenario
 from cranectl.support.jit import jit
+from validation.performance.controller_times import shared_library
+from validation.performance.figures import Figure, figure, interleaved
 
 SAMPLES = 1_000_000
 

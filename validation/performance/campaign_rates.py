@@ -15,8 +15,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import other_implementations as other
-from figures import Figure, figure, interleaved, ratio_of_best
 
 from cranectl.campaign import Campaign, make_campaign
 from cranectl.campaign.definition import Batch
@@ -32,6 +30,8 @@ from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import start_run, stream_run
 from cranectl.support import resources
 from cranectl.support.jit import jit
+from validation.performance import other_implementations as other
+from validation.performance.figures import Figure, figure, interleaved, ratio_of_best
 
 SCENARIO, DRIVE = "settled-trajectory", "velocity"
 HEAVY = ("lqr+hinf", "lqr+loop-shaping")

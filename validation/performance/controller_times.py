@@ -1,6 +1,6 @@
 """What the laws of the benchmark cost a sample, and in ratios to its baseline.
 
-    python validation/performance/controller_times.py    print the section of docs/proofs/performance.md
+    python validation/performance/controller_times.py    print the section of the page of performance
 
 Part of `performance.py`. The compiled steps of a law alone, over the states of its own run.
 """
@@ -13,7 +13,6 @@ from pathlib import Path
 from time import thread_time
 
 import numpy as np
-from figures import Figure, figure, ratio_of_best
 
 from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
 from cranectl.cli.benchmark import measured_laws
@@ -26,6 +25,7 @@ from cranectl.planning import load_scenario
 from cranectl.simulate import law_of, plan_scenario, simulate_run
 from cranectl.simulate.loops import give_measured
 from cranectl.support.jit import jit
+from validation.performance.figures import Figure, figure
 
 BENCHMARK, SCENARIO, DRIVE = "literature", "hoist-and-go", "velocity"
 FLAGS = ("-O2", "-shared", "-fPIC", "-ffp-contract=off", f"-I{HEADER.parent}")
@@ -68,7 +68,7 @@ class LawTime:
     law: str
     every: int  # samples between two steps
     sample: Figure  # [µs]
-    ratio: Figure  # to the benchmark's baseline, best turn to best turn
+    ratio: float  # to the benchmark's baseline, best turn to best turn
 
 
 @jit
@@ -119,11 +119,11 @@ def law_times(repeats: int) -> list[LawTime]:
             law,
             load_controller(law).every,
             figure(f"a sample of {law}", of_law, "µs"),
-            ratio_of_best(f"{law} / {settings.baseline}", of_law, times[settings.baseline]),
+            min(of_law) / min(times[settings.baseline]),
         )
         for law, of_law in times.items()
     ]
-    return sorted(found, key=lambda each: each.ratio.value)
+    return sorted(found, key=lambda each: each.ratio)
 
 
 def section(times: Iterable[LawTime]) -> str:
@@ -135,7 +135,7 @@ def section(times: Iterable[LawTime]) -> str:
     for each in times:
         low, high = each.sample.spread
         lines.append(
-            f"| `{each.law}` | {each.sample.value:.3g} | {low:.3g} … {high:.3g} | {each.ratio.value:.3g} | "
+            f"| `{each.law}` | {each.sample.value:.3g} | {low:.3g} … {high:.3g} | {each.ratio:.3g} | "
             f"{each.every} | {each.every * each.sample.value:.3g} |"
         )
     return SECTION.format(scenario=f"`{SCENARIO}`", drive=DRIVE, table="\n".join(lines))

@@ -1,34 +1,21 @@
 """What a run costs, in ratios of interleaved repeats.
 
-    python validation/performance/performance.py                          print the table
-    python validation/performance/performance.py --json logs/bench.json --write docs/proofs/performance.md
+    python validation/performance/performance.py            print the tables
+    python validation/performance/performance.py --write    and write performance.json, for `make docs`
 
 Each figure is measured `--repeats` times, what is compared taking turns; the median ratio counts.
 """
 
 import argparse
 import functools
-import json
 import os
 import subprocess
 import sys
 import tempfile
-from dataclasses import asdict
 from pathlib import Path
 
 import foxglove
-from call_overhead import laws_from_outside
-from campaign_rates import (
-    Bare,
-    campaign_against_engine,
-    many_runs,
-    other_ways,
-    plants_and_threads,
-)
-from controller_times import law_times, section
-from figures import Figure, figure, interleaved, seconds
 from foxglove.mcap import MCAPWriteOptions
-from scaling import result_costs, scaling
 
 from cranectl.cases.workers import available_cores
 from cranectl.design import CONTROLLERS, design_controller
@@ -37,6 +24,18 @@ from cranectl.log.reader import read_log, read_signal
 from cranectl.log.writer import CHUNK_SIZE, _send_in_order, write_log
 from cranectl.planning import load_scenario
 from cranectl.simulate import plan_scenario, simulate_run
+from validation.performance.call_overhead import laws_from_outside
+from validation.performance.campaign_rates import (
+    Bare,
+    campaign_against_engine,
+    many_runs,
+    other_ways,
+    plants_and_threads,
+)
+from validation.performance.controller_times import law_times, section
+from validation.performance.figures import Figure, figure, interleaved, seconds
+from validation.performance.page import DATA, table, write_results
+from validation.performance.scaling import result_costs
 
 SCENARIO = "settled-trajectory"
 
@@ -154,20 +153,6 @@ def validation() -> list[Figure]:
     return [figure(f"`cranectl validate`, {available_cores()} cores", [once], "s", 90.0)]
 
 
-def table(figures: list[Figure]) -> str:
-    """Markdown."""
-    lines = ["| | median | spread | limit |", "|---|---|---|---|"]
-    for f in figures:
-        limit = (
-            ""
-            if f.limit is None
-            else f"{'≥' if f.at_least else '≤'} {f.limit:g}{'' if f.good else ' **missed**'}"
-        )
-        low, high = (f"{value:.3g}" for value in f.spread)
-        lines.append(f"| {f.name} | {f.value:.3g} {f.unit} | {low} … {high} | {limit} |")
-    return "\n".join(lines) + "\n"
-
-
 PARTS = (
     run_against_bare_steps,
     elastic_against_engine,
@@ -181,25 +166,6 @@ PARTS = (
     commands,
 )
 
-PAGE = """# Performance
-
-Written by `validation/performance/performance.py`.
-Ratios are medians of interleaved repeats in one process, so they hold on other
-machines; times are of the machine that wrote this page, with two cores. Runs record every signal of every
-sample, campaigns keep metrics.
-
-Bare steps are RK4 of 1 ms without effects, called from a compiled loop, without the engine's clock, which
-cranectl takes away for all. They are of `models/crane.xml`; and of the model that runs take, which moves
-alike to the bit, but is not drawn, nor searched for springs, dampers and constraints that it does not have.
-Other ways to write the same closed loop (`validation/performance/other_implementations.py`) step the
-model file, record nothing, and reach the same last state.
-
-A log is measured against the library that writes MCAP, given the same messages as bytes. What cranectl adds
-is a third of the time: a half of that makes the messages of the 3-D scene, the rest makes those of the
-signals, checks that the runs agree with what is said of them, judges the pair, and reads the file back.
-
-"""
-
 
 def main() -> int:
     """Measure, print, write; exit code 1 if a limit is missed."""
@@ -207,8 +173,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--repeats", type=int, default=9)
-    parser.add_argument("--json", type=Path, metavar="FILE")
-    parser.add_argument("--write", type=Path, metavar="FILE", help="write the page of results")
+    parser.add_argument("--write", action="store_true", help=f"write the results to {DATA.name}")
     parser.add_argument("--quick", action="store_true", help="leave the whole validation out")
     arguments = parser.parse_args()
     figures: list[Figure] = []
@@ -223,13 +188,8 @@ def main() -> int:
     figures += [] if arguments.quick else validation()
     laws = law_times(arguments.repeats)
     print(table(figures) + section(laws))
-    if arguments.json is not None:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        of_laws = [figure for law in laws for figure in (law.sample, law.ratio)]
-        measured = [{**asdict(f), "good": f.good} for f in [*figures, *of_laws]]
-        arguments.json.write_text(json.dumps({"figures": measured}, indent=2, ensure_ascii=False) + "\n")
-    if arguments.write is not None:
-        arguments.write.write_text(PAGE + table(figures) + section(laws) + scaling(figures), encoding="utf-8")
+    if arguments.write:
+        write_results(figures, laws)
     return 0 if all(f.good for f in figures) else 1
 
 

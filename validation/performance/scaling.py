@@ -4,13 +4,12 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from campaign_rates import HEAVY, MEMORY, RATE, RESULT, campaign_of
-from figures import Figure, figure, interleaved
-
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.results import open_store
 from cranectl.campaign.table import read_part, write_part
 from cranectl.campaign.workers import run_batches
+from validation.performance.campaign_rates import HEAVY, MEMORY, RATE, RESULT, campaign_of
+from validation.performance.figures import Figure, figure, interleaved
 
 ROWS = 977  # of a part of a campaign of a million runs
 BATCH_S = 0.013  # of scheduler, client and worker for a batch that does nothing; docs/how-to/campaigns.md

@@ -6,7 +6,7 @@ index is given the next one too. Every time a test in SUITE must fail.
 
     python validation/proofs/mutations.py                 all mutants, exit code 1 if one survives
     python validation/proofs/mutations.py flatness        only targets whose name contains this
-    python validation/proofs/mutations.py --write FILE    and write the table to FILE
+    python validation/proofs/mutations.py --write         and write mutations.json, which `make docs` reads
 
 Kernels run uncompiled, and every mutant in a forked copy of one process that has everything loaded.
 """
@@ -23,7 +23,6 @@ import importlib
 import importlib.util
 import inspect
 import multiprocessing
-import re
 import signal
 import sys
 from collections.abc import Iterator
@@ -33,7 +32,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from limit_terms import INDEX, LIMITED, NUMBERS, is_indexed, is_number, listed_terms
+
+from validation.proofs.limit_terms import INDEX, LIMITED, NUMBERS, is_indexed, is_number, listed_terms
+from validation.proofs.mutation_results import (
+    DATA,
+    KINDS,
+    SURVIVED,
+    Results,
+    Row,
+    read_results,
+    write_results,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -377,63 +386,28 @@ def judge(mutant: Mutant) -> Verdict:
     return Verdict(mutant, run_suite(suite_of(mutant), mutant))
 
 
-HEAD = """# Mutation proof
-
-Written by `validation/proofs/mutations.py`.
-Every term of the equations of motion, the flat map, the linearising law, the
-tracker, the observer's correction, the forces that act on the load, the drive model, the elastic crane,
-the crane in Drake and the limits of planned motions is flipped in sign, dropped, and made 1 % larger, one
-at a time; of limits an index is moved on too. In the cells is the first test that fails.
-
-"""
-SQUARED = "enters squared"
-SURVIVED = "**survived**"
-NO_INDEX = "no index"
-
-
-def sections(verdicts: list[Verdict]) -> dict[str, str]:
-    """Markdown of each function: a row a term, a column an operation, in the cells the test that failed."""
-    rows: dict[str, dict[tuple[int, str, int], dict[str, str]]] = {}
+def results_of(verdicts: list[Verdict]) -> Results:
+    """Return the results by function, a row a term, with the short names of the tests that failed."""
+    found: dict[str, dict[tuple[int, str, int], dict[str, str]]] = {}
     for verdict in verdicts:
         m = verdict.mutant
-        cell = f"`{_short(verdict.killer)}`" if verdict.killer else SURVIVED
-        terms_of = rows.setdefault(f"{m.module}.{m.function}", {})
-        terms_of.setdefault((m.line, m.text, m.term), {})[m.operation] = cell
-    found = {}
-    for function, found_terms in rows.items():
-        indexed = f" {INDEX} |" if any(INDEX in cells for cells in found_terms.values()) else ""
-        lines = [
-            f"## `{function}`",
-            "",
-            f"| line | term | flipped | dropped | × 1.01 |{indexed}",
-            f"|---|---|---|---|---|{'---|' if indexed else ''}",
+        rows = found.setdefault(f"{m.module}.{m.function}", {})
+        killers = rows.setdefault((m.line, " ".join(m.text.split()), m.term), {})
+        killers[m.operation] = _short(verdict.killer) if verdict.killer else SURVIVED
+    return {
+        function: [
+            Row(line, text, tuple(killers.get(kind) for kind in (KINDS if INDEX in killers else OPERATIONS)))
+            for (line, text, _), killers in rows.items()
         ]
-        for (line, text, _), cells in found_terms.items():
-            killers = [cells.get(operation, SQUARED) for operation in OPERATIONS]
-            killers += [cells.get(INDEX, NO_INDEX)] if indexed else []
-            lines.append(f"| {line} | `{' '.join(text.split())}` | {' | '.join(killers)} |")
-        found[function] = "\n".join(lines) + "\n"
-    return found
-
-
-def page(found: dict[str, str], before: str) -> str:
-    """The whole page: `found` in place of the same functions' sections in the page `before`."""
-    kept = {
-        text.split("`")[1]: f"{text.strip()}\n" for text in re.findall(r"(?ms)^## `.*?(?=^## |\Z)", before)
+        for function, rows in found.items()
     }
-    merged = {**kept, **found}
+
+
+def merged(found: Results, before: Results) -> Results:
+    """Return `found` in place of the same functions' results of `before`, of all targets in their order."""
     targets = [f"{module}.{function}" for module, names in TARGETS.items() for function in names.split()]
-    body = [merged[target] for target in targets if target in merged]
-    cells = [
-        cell
-        for text in body
-        for row in text.splitlines()[4:]
-        for cell in row.split("` | ", 1)[1].split(" | ")
-    ]
-    tried = [cell for cell in cells if SQUARED not in cell and NO_INDEX not in cell]
-    survivors = sum(SURVIVED in cell for cell in tried)
-    counts = f"**{len(tried)} mutants, {len(tried) - survivors} caught, {survivors} survived.**\n"
-    return HEAD + "\n".join([counts, *body])
+    both = {**before, **found}
+    return {target: both[target] for target in targets if target in both}
 
 
 def _short(killer: str) -> str:
@@ -448,7 +422,9 @@ def main() -> int:
     )
     parser.add_argument("name", nargs="?", default="", help="only targets whose name contains this")
     parser.add_argument(
-        "--write", type=Path, metavar="FILE", help="write the table of results; with NAME only its part of it"
+        "--write",
+        action="store_true",
+        help=f"write {DATA.name}; with NAME only its part of it",
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N")
     arguments = parser.parse_args()
@@ -475,9 +451,9 @@ def main() -> int:
                 print(f"{len(verdicts)} of {len(mutants)} mutants", flush=True)
     survivors = sum(verdict.killer is None for verdict in verdicts)
     print(f"{len(verdicts)} mutants, {len(verdicts) - survivors} caught, {survivors} survived")
-    if arguments.write is not None:
-        before = arguments.write.read_text(encoding="utf-8") if arguments.name else ""
-        arguments.write.write_text(page(sections(verdicts), before), encoding="utf-8")
+    if arguments.write:
+        before = read_results(DATA) if arguments.name else {}
+        write_results(merged(results_of(verdicts), before), DATA)
     return 1 if survivors else 0
 
 

@@ -31,7 +31,6 @@ from cranectl.campaign.definition import Batch
 from cranectl.campaign.worker import Prepared, Worker
 from cranectl.cli.benchmark import measured_laws
 from cranectl.cli.laws import opened
-from cranectl.cli.main import main as cranectl
 from cranectl.controllers.registry import law_digests
 from cranectl.support.documents import read_toml, toml_text
 from cranectl.support.files import write_text
@@ -39,7 +38,6 @@ from cranectl.support.files import write_text
 BENCHMARK = read_benchmark(DEFAULT)
 TABLE = BENCHMARK.file.parent / "literature.parquet"
 NUMBERS = BENCHMARK.file.parent / "tuned", BENCHMARK.file.parent / "nmpc" / "tuned"  # where tuned numbers are
-PAGE = "docs/proofs/literature.html"
 SEED = 20
 
 
@@ -113,7 +111,7 @@ def restamp(rows: int, controllers: Sequence[str]) -> int:
     about = {**table.about, "rules": rules, "laws": known | stamped}
     write_table(TABLE, BenchmarkTable(about, table.trials))
     print(f"{count} rows of {len(laws)} controllers are equal: digests are stamped")
-    return cranectl(["benchmark", "report", os.path.relpath(TABLE), "--out", PAGE])
+    return 0
 
 
 if __name__ == "__main__":
