@@ -18,24 +18,36 @@ NOTE = ["-c", "open('ran', 'a').write('x')"]
 
 
 @pytest.fixture
-def proven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """The program, with one set of tests in a small project."""
+def as_it_is(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     spec = importlib.util.spec_from_file_location("proven", ROOT / ".ci" / "proven.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     monkeypatch.setitem(sys.modules, "proven", module)
     spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def proven(as_it_is: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The program, with one set of tests in a small project."""
     files = {"tests/slow/test_it.py": TEST, "cranectl/swing.py": SWING, "cranectl/rope.py": "LENGTH = 1\n"}
     files |= {"cranectl/__init__.py": "", "cranectl/other.py": "A = 1\n", "constraints.txt": "numpy==2\n"}
     files |= {"tests/conftest.py": "", "models/crane.xml": "<mujoco/>\n", ".ci/any": ""}
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    monkeypatch.setattr(module, "ROOT", tmp_path)
-    monkeypatch.setattr(module, "SETS", {"slow": module.Set(modules=("tests/slow/*.py",))})
+    monkeypatch.setattr(as_it_is, "ROOT", tmp_path)
+    monkeypatch.setattr(as_it_is, "SETS", {"slow": as_it_is.Set(modules=("tests/slow/*.py",))})
     monkeypatch.chdir(tmp_path)
-    return module
+    return as_it_is
+
+
+def test_every_pattern_of_a_set_finds_files(as_it_is: ModuleType) -> None:
+    """One that finds none, since its folder has moved, would let changes pass."""
+    for each in as_it_is.SETS.values():
+        for pattern in (*each.modules, *each.data, *as_it_is.DATA):
+            assert as_it_is.matching([pattern]), pattern
 
 
 @pytest.fixture
