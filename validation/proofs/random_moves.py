@@ -170,6 +170,8 @@ def main() -> int:
     ):
         spent = [f.seconds for f in chosen]
         ratio = [f.duration / f.shortest for f in chosen if f.duration == f.duration]
+        if not ratio:
+            continue
         by_nine = sum(f.told.startswith("degree 9") for f in chosen)
         refused = sum(f.told.startswith("refused") for f in chosen)
         screen.print(
