@@ -79,7 +79,7 @@ def _load(file: LawFile) -> tuple[ModuleType, LawFile]:
     sys.modules[module.__name__] = module
     linecache.checkcache(str(path))
     try:
-        with beside.running(), contained(), reported_when_slow(f"{file.reference} has been loading"):
+        with contained(), beside.running(), reported_when_slow(f"{file.reference} has been loading"):
             exec(compile(file.content, str(path), "exec"), module.__dict__)
         return module, file.with_beside(beside.folder, beside.taken(path))
     except (InputError, KeyboardInterrupt):  # of what it declares

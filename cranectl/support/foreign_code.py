@@ -19,7 +19,7 @@ _BYTES = 64  # of a fenv_t; no machine's is larger than 32
 _KEPT: list[object] = []  # what has an address must not be collected
 _lock = threading.Lock()
 _inside: list[int] = []  # the threads that run foreign code, one entry for each block
-_before: list[Any] = []  # standard output, `os._exit` and the process before the first block
+_before: list[Any] = []  # standard output, `os._exit`, the process and `sys.path` before the first block
 
 
 @contextlib.contextmanager
@@ -27,12 +27,12 @@ def contained() -> Iterator[None]:
     """Protect this process from the foreign code that the block runs; threads may be in blocks at once.
 
     Its output goes to standard error, since standard output is the command's own. The floating point
-    environment and the working directory are restored afterwards. `os._exit` raises SystemExit.
+    environment, the working directory and `sys.path` are restored afterwards. `os._exit` raises SystemExit.
     """
     here = threading.get_ident()
     with _lock:
         if not _inside:
-            _before[:] = [sys.stdout, os._exit, os.getpid()]
+            _before[:] = [sys.stdout, os._exit, os.getpid(), sys.path[:]]
             sys.stdout, os._exit = sys.stderr, _refuse  # type: ignore[assignment]
         _inside.append(here)
     try:
@@ -44,12 +44,12 @@ def contained() -> Iterator[None]:
         with _lock:
             _inside.remove(here)
             if not _inside:
-                sys.stdout, os._exit, _ = _before
+                sys.stdout, os._exit, _, sys.path[:] = _before
 
 
 def _refuse(code: int) -> None:
     """Raise in a thread of this process that runs foreign code; elsewhere, as in a forked child, end it."""
-    _, leave, process = _before
+    _, leave, process, _ = _before
     if os.getpid() != process or threading.get_ident() not in _inside:
         leave(code)
     raise SystemExit(code)

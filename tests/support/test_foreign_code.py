@@ -1,11 +1,12 @@
-"""Code from outside may round as it likes; what comes after it rounds to nearest."""
+"""Code from outside may round and import as it likes; what comes after it does so as before."""
 
 import ctypes
 import platform
+import sys
 
 import numpy as np
 
-from cranectl.support.foreign_code import environment_kept, keeping_environment
+from cranectl.support.foreign_code import contained, environment_kept, keeping_environment
 
 UPWARD = {"x86_64": 0x800, "AMD64": 0x800, "aarch64": 0x400000, "arm64": 0x400000}[platform.machine()]
 LIBRARY = ctypes.CDLL("libm.so.6" if platform.system() == "Linux" else None)
@@ -34,3 +35,10 @@ def test_rounding_is_restored_after_a_block_and_a_step() -> None:
         seen.append(third())
     assert after_step == third() == nearest
     assert all(number > nearest for number in seen)
+
+
+def test_the_path_of_imports_is_restored() -> None:
+    before = sys.path[:]
+    with contained(), contained():
+        sys.path.clear()
+    assert sys.path == before
