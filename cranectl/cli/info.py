@@ -46,8 +46,8 @@ def _tell_overlay(
 ) -> dict[str, Any]:
     """Print what the runs of an overlay are; return it as plain data."""
     from cranectl.cases.case import RunSummary
+    from cranectl.log.events import origins
     from cranectl.planning.review import with_claims
-    from cranectl.reference.origin import origins
     from cranectl.report.run.differences import what_differs
     from cranectl.report.run.tables import run_table
     from cranectl.support.provenance import other_software
@@ -78,8 +78,8 @@ def _tell_plants(
 ) -> dict[str, Any]:
     """Print what the runs of one scenario are, and how they agree; return it as plain data."""
     from cranectl.compare.agreement import against_reference, judge, least_good
+    from cranectl.log.events import origins
     from cranectl.planning.review import with_claims
-    from cranectl.reference.origin import origins
     from cranectl.report.run.differences import what_was_run
     from cranectl.support.provenance import provenance, provenance_differences
     from cranectl.support.units import difference_text
