@@ -1,6 +1,8 @@
 """The oracle sees what it is there to see."""
 
+import contextlib
 import os
+import signal
 import sys
 import tempfile
 import time
@@ -10,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.fuzz import oracle
+from tests.fuzz.forked import NO_MEMORY, Told, check
 
 
 def raises() -> int:
@@ -102,3 +105,16 @@ def test_good_deeds_are_none(template: Path) -> None:
     repeated = ["run", "s.toml", "--json", "x.mcap", "--json", "new.json", "--out", "x.mcap"]
     assert oracle.check_command(template, repeated)[0] == 0
     assert oracle.check_command(template, ["run", "s.toml", "--rig", "no.toml"])[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("code", "said", "may"),
+    [
+        (-signal.SIGABRT, f"Fatal Python error: _PyErr_NormalizeException: {NO_MEMORY} while …", True),
+        (-signal.SIGABRT, "free(): invalid pointer", False),
+        (-signal.SIGSEGV, NO_MEMORY, False),
+    ],
+)
+def test_only_python_itself_may_abort_for_lack_of_memory(code: int, said: str, may: bool) -> None:
+    with contextlib.nullcontext() if may else pytest.raises(AssertionError):
+        check(Told(code, "", said), ["run"])
