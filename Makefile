@@ -91,7 +91,7 @@ fuzz: .venv/extras ## try odd files, controllers, machines and command lines for
 	$(call saying,1800,"compiling kernels and planning motions") $(BIN)/python -m tests.kernels
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
 
-INSTALLERS = env UV_CACHE_DIR=$(CURDIR)/build/package/uv UV_CONSTRAINT=$(CURDIR)/constraints.txt \
+INSTALLERS = env UV_SYSTEM_CERTS=1 UV_CACHE_DIR=$(CURDIR)/build/package/uv UV_CONSTRAINT=$(CURDIR)/constraints.txt \
 	PIPX_HOME=$(CURDIR)/build/package/pipx PIP_CONSTRAINT=$(CURDIR)/constraints.txt
 package: setup ## install the wheel with pip, uvx and pipx, validate and test an example there
 	rm -rf build/package && mkdir -p build/package/work
