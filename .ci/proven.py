@@ -51,9 +51,10 @@ SETS = {
             "tests/campaign/benchmark/*.py",
             "validation/benchmark/**/*.py",
             "cranectl/cli/benchmark.py",
+            "cranectl/cli/campaign/*.py",
             "cranectl/cli/tune.py",
         ),
-        data=("validation/benchmark/**/*", "docs/how-to/benchmark.md"),
+        data=("validation/benchmark/**/*", "cranectl/report/templates/*", "docs/how-to/benchmark.md"),
     ),
     "drake": Set(modules=("tests/drake/*.py",)),
     "planning": Set(

@@ -38,10 +38,11 @@ def unlisted() -> set[str]:
 def _note(event: str, given: tuple[Any, ...]) -> None:
     if event != "open" or not isinstance(given[0], str) or not given[0].startswith(TRACKED):
         return
-    is_compiled = "__pycache__" in given[0]
-    is_source = given[0].endswith(".py")  # sys.modules has what is imported
+    path = os.path.normpath(given[0])  # `validation/../../elsewhere` is no file of the project
+    is_compiled = "__pycache__" in path
+    is_source = path.endswith(".py")  # sys.modules has what is imported
     if not is_compiled and not is_source and set(given[1] or "").isdisjoint("wax+") and not _is_digested():
-        _opened.add(given[0])
+        _opened.add(path)
 
 
 def _is_digested() -> bool:
