@@ -59,7 +59,7 @@ SETS = {
     ),
     "drake": Set(modules=("tests/drake/*.py",)),
     "planning": Set(
-        modules=("tests/planning/*.py", "tests/benchmark/test_nmpc_plans.py"),
+        modules=("tests/planning/*.py", "tests/benchmark/test_nmpc_plans.py", "cranectl/cli/run.py"),
         data=("validation/benchmark/nmpc/*",),
     ),
 }
