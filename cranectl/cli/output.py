@@ -30,6 +30,7 @@ from cranectl.report.table import Table
 from cranectl.support.documents import mapped
 from cranectl.support.errors import printable
 from cranectl.support.files import write_text, writing
+from cranectl.support.interrupts import in_background
 
 LINE_EVERY = 5.0  # [s] between lines of progress where there is no terminal
 FILE_WIDTH = 160  # what the widest table, of the ladder, takes
@@ -171,14 +172,21 @@ def progress(*columns: ProgressColumn) -> Iterator[Progress]:
         if screen.is_terminal:
             yield shown
             return
-        ended = threading.Event()
-        lines = threading.Thread(target=_print_lines, args=(shown, ended, sys.stderr), daemon=True)
-        lines.start()
+        ended, printed = threading.Event(), threading.Event()
+        stream = sys.stderr
+
+        def print_lines() -> None:
+            try:
+                _print_lines(shown, ended, stream)
+            finally:
+                printed.set()
+
+        in_background(print_lines)
         try:
             yield shown
         finally:
             ended.set()
-            lines.join()
+            printed.wait(LINE_EVERY)
 
 
 def _print_lines(shown: Progress, ended: threading.Event, stream: TextIO) -> None:

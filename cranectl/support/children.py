@@ -32,7 +32,7 @@ from cranectl.support.errors import (
     tell_of_machine,
     was_killed,
 )
-from cranectl.support.interrupts import SIGNALS
+from cranectl.support.interrupts import SIGNALS, in_background
 
 LONGEST_WAIT = 3600.0  # [s] at once
 ASK_INTERVAL = 0.1  # [s] between two looks at what else may end a wait
@@ -239,7 +239,7 @@ def _follow_parent(wait_for_end: Callable[[], object]) -> None:
         wait_for_end()
         os._exit(1)
 
-    threading.Thread(target=end, daemon=True).start()
+    in_background(end)
 
 
 def requests(connection: Connection) -> Iterator[Any]:

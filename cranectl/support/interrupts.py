@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
 from typing import Any
@@ -32,6 +33,14 @@ class Interruption(KeyboardInterrupt):
 def interrupt() -> None:
     """Interrupt what is running."""
     raise Interruption
+
+
+def in_background(act: Callable[[], None]) -> None:
+    """Run `act` in a thread that ends with the process at the latest, and do not wait for its beginning.
+
+    `threading.Thread.start` waits, and for ever if the new thread has too little memory to begin.
+    """
+    _thread.start_new_thread(act, ())
 
 
 def came_of_interrupt(error: BaseException) -> bool:
@@ -70,9 +79,11 @@ class _RaiseAgain:
             self.report(unraisable)
         elif isinstance(unraisable.exc_value, Interruption):
             signal.signal(self.number, self.handler)
-            retry = threading.Timer(RETRY, _raise_in_main_thread, [self.number])
-            retry.daemon = True
-            retry.start()
+            in_background(self._retry)
+
+    def _retry(self) -> None:
+        time.sleep(RETRY)
+        _raise_in_main_thread(self.number)
 
 
 def heed_interrupts(act: Callable[[], None]) -> Mapping[signal.Signals, Any]:
@@ -138,10 +149,12 @@ def interrupts_blocked() -> Iterator[None]:
 def reported_when_slow(what: str) -> Iterator[None]:
     """Say on standard error that `what`, such as "law.py has been loading", takes long, and end nothing."""
     warning = f"cranectl: {printable(what)} for {SLOW:g} s now; Ctrl-C ends the command\n"
-    slow = threading.Timer(SLOW, lambda: os.write(2, warning.encode()))
-    slow.daemon = True
-    slow.start()
-    try:
+    ended = _thread.allocate_lock()
+
+    def report() -> None:
+        if not ended.acquire(timeout=SLOW):
+            os.write(2, warning.encode())
+
+    with ended:
+        in_background(report)
         yield
-    finally:
-        slow.cancel()

@@ -48,9 +48,6 @@ def test_a_file_that_takes_long_to_load_is_told(
 ) -> None:
     monkeypatch.setattr("cranectl.support.interrupts.SLOW", 0.01)
     path = tmp_path / "law.py"
-    path.write_text(
-        "import threading\n"
-        "[one.join() for one in threading.enumerate() if isinstance(one, threading.Timer)]\n" + LAW
-    )
+    path.write_text("import os\nwhile not os.fstat(2).st_size:\n    pass\n" + LAW)  # until it is told
     open_law(f"{path}:damper")
     assert "law.py:damper has been loading for 0.01 s" in capfd.readouterr().err

@@ -1,5 +1,6 @@
 """Signals that end a run, and those that come while a file is finished."""
 
+import _thread
 import os
 import signal
 import subprocess
@@ -10,8 +11,15 @@ from pathlib import Path
 
 import pytest
 
+from cranectl.cli import output
 from cranectl.cli.main import cli, main
-from cranectl.support.interrupts import SIGNALS, heed_interrupts, interrupt, interrupts_wait
+from cranectl.support.interrupts import (
+    SIGNALS,
+    heed_interrupts,
+    interrupt,
+    interrupts_wait,
+    reported_when_slow,
+)
 from tests.pace import HANG
 
 ROOT = Path(__file__).parents[2]
@@ -180,3 +188,12 @@ def test_other_threads_pass() -> None:
     thread.start()
     thread.join()
     assert passed == [signal.default_int_handler]
+
+
+def test_nothing_waits_for_a_thread_that_cannot_begin(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that lacks memory ends before it says that it has begun, and `Thread.start` waits for that."""
+    monkeypatch.setattr(_thread, "start_new_thread", lambda *_: 0)
+    monkeypatch.setattr(threading, "_start_new_thread", lambda *_: pytest.fail("would wait for ever"))
+    monkeypatch.setattr(output, "LINE_EVERY", 0.01)
+    with reported_when_slow("a file has been loading"), output.progress_bar(1.0, "run") as advance:
+        advance(1.0)
