@@ -26,7 +26,8 @@ KINDS = {
 }
 # Logs of runs by label.
 OVERLAYS = {
-    "ladder": "ladder fixed-position --set duration=13 --set log.every=20 --out {ladder}",
+    "ladder": "ladder fixed-position --set duration=3 --set disturbances.0.start=0.5"
+    " --set disturbances.1.start=1 --out {ladder}",
     "overlay": "log overlay {one-plant} {robustified} --label one,lqr+hinf --out {overlay}",
 }
 FOUR = "four"  # cranes, apart
