@@ -10,11 +10,10 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Locator, Page
 
-from tests.pace import slowness
+from tests.pace import HANG, slowness
 from viewer.panels import Layout
 from viewer.pictures import Picture
 
-PATIENCE = 300.0  # [s] after which something hangs; an idle machine needs a hundredth
 TIME = 2  # opcode of the protocol
 T = TypeVar("T")
 
@@ -26,6 +25,7 @@ class Studio:
         self.page, self.origin = page, origin
         self.exceptions: list[str] = []
         self.clock: list[int] = []  # times [ns] that a live server has told
+        page.set_default_timeout(1000 * HANG)
         page.on("pageerror", lambda error: self.exceptions.append(str(error)))
         page.on("websocket", lambda socket: socket.on("framereceived", self._received))
         page.goto(origin)
@@ -37,6 +37,10 @@ class Studio:
     def open_live(self, url: str, layout: Layout) -> None:
         """Connect to a live server."""
         self._open("foxglove-websocket", url, layout)
+
+    def close(self) -> None:
+        """Close the source and the viewer; a viewer whose server has gone would draw without end."""
+        self.page.evaluate("() => hide()")
 
     def topics(self) -> dict[str, str]:
         """Number of messages of each topic in the sidebar, as text."""
@@ -132,7 +136,7 @@ class Studio:
         self.page.evaluate("([query, layout]) => show(query, layout)", [query, layout])
         listed = self.page.locator("[data-topic-stat=count]")
         problem = self.page.get_by_role("tab", name=re.compile(r"Problems\s*\d"))
-        listed.or_(problem).first.wait_for(timeout=1000 * PATIENCE)
+        listed.or_(problem).first.wait_for(timeout=1000 * HANG)
 
 
 def at_rest(look: Callable[[], T]) -> T:
@@ -151,8 +155,8 @@ def at_rest(look: Callable[[], T]) -> T:
 
 
 def eventually(look: Callable[[], T], good: Callable[[T], object]) -> T:
-    """What `look` gives as soon as it is good, or after all patience."""
-    end = time.monotonic() + PATIENCE
+    """What `look` gives as soon as it is good, or once it hangs."""
+    end = time.monotonic() + HANG
     while not good(seen := look()) and time.monotonic() < end:
         time.sleep(0.1)
     return seen

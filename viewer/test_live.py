@@ -12,9 +12,10 @@ import pytest
 
 import cranectl
 from cranectl.scenario import NANOSECONDS
+from tests.pace import HANG
 from viewer import panels, pictures
 from viewer.panels import Layout
-from viewer.studio import PATIENCE, Studio, at_rest, eventually
+from viewer.studio import Studio, at_rest, eventually
 
 COMMAND = "-m cranectl live settled-trajectory --plant mujoco --port 0 --record"
 # 1.48 expects the schemas of services where the protocol of its time had them.
@@ -31,7 +32,7 @@ class Live:
 
 
 @pytest.fixture
-def live(tmp_path: Path) -> Iterator[Live]:
+def live(studio: Studio, tmp_path: Path) -> Iterator[Live]:
     """The command, as a user starts it."""
     record = tmp_path / "live.mcap"
     command = [sys.executable, *COMMAND.split(), str(record)]
@@ -42,6 +43,7 @@ def live(tmp_path: Path) -> Iterator[Live]:
         assert url is not None, "ended without saying where to connect"
         yield Live(process, url, record)
         process.kill()
+    studio.close()
 
 
 @pytest.fixture
@@ -90,7 +92,7 @@ def test_a_session(studio: Studio, live: Live, layout: Layout) -> None:
     assert studio.clock == sorted(studio.clock)
 
     live.process.send_signal(signal.SIGINT)
-    assert live.process.wait(timeout=PATIENCE) == 0
+    assert live.process.wait(timeout=HANG) == 0
     first, second = (
         cranectl.read_log(live.record),
         cranectl.read_log(live.record.with_suffix(".segment2.mcap")),
