@@ -74,3 +74,21 @@ def test_every_target_that_a_page_names_exists(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     named = re.findall(r"(?:`|^    )make ([a-z][a-z-]*)", text, re.MULTILINE)
     assert set(named) <= set(TARGETS)
+
+
+def test_one_file_pins_the_packages_of_every_extra_and_group() -> None:
+    configuration = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    project = configuration["project"]
+    lists = [project["dependencies"], *project["optional-dependencies"].values()]
+    lists += configuration["dependency-groups"].values()
+    pins = [line.split("==")[0] for line in (ROOT / "constraints.txt").read_text().splitlines()]
+    pinned = [re.sub(r"[-_.]+", "-", name).lower() for name in pins]
+    required = {
+        re.sub(r"[-_.]+", "-", name[0]).lower()
+        for group in lists
+        for text in group
+        if (name := re.match(r"[\w.-]+", text))
+    }
+    assert len(pinned) == len(set(pinned))
+    assert required - {project["name"]} <= set(pinned)
+    assert len(required) > 30
