@@ -24,6 +24,7 @@ from cranectl.campaign.benchmark.table import read_table
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.exit_codes import MEANINGS
 from cranectl.cli.list import DOCUMENTS, json_schema
+from cranectl.cli.main import COMMANDS
 from cranectl.controllers.registry import FLAT_FAMILY, WHERE, load_controller
 from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
@@ -47,6 +48,12 @@ def table(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     lines = [list(headings), *([cell.replace("|", r"\|") for cell in row] for row in rows)]
     texts = [f"| {' | '.join(line)} |\n" for line in lines]
     return "".join([texts[0], "|---" * len(lines[0]), "|\n", *texts[1:]])
+
+
+def commands() -> str:
+    """Return a table of all commands by group, as `cranectl --help` lists them."""
+    rows = [(group, f"`{name}`", text) for group, of in COMMANDS.items() for name, text in of.items()]
+    return table(("group", "command", "what it does"), rows)
 
 
 def metrics() -> str:
@@ -217,6 +224,7 @@ def _allowed(kind: dict[str, Any]) -> str:
 
 
 PAGES = {
+    "commands": commands,
     "exit-codes": exit_codes,
     "metrics": metrics,
     "settings": settings,

@@ -1,6 +1,7 @@
 """`cranectl validate`."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,8 @@ from cranectl.support.files import HTML, XML, exists, write_text, writing
 if TYPE_CHECKING:
     from cranectl.cases.case import Case, Failure, Keep
     from cranectl.cases.validation import Validation
+    from cranectl.compare.agreement import Agreement
+    from cranectl.report.table import Table
     from cranectl.scenario import Scenario
 
 SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
@@ -53,6 +56,9 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 @click.option(
     "--pairwise", is_flag=True, help="Compare every plant with every other, and each with finer steps."
 )
+@click.option(
+    "--details", is_flag=True, help="Show every controller and plant, not only the largest differences."
+)
 @command.output_option("--junit", XML, "Write JUnit XML, a test case for each case.")
 @command.output_option("--report", HTML, "Write one HTML page, what failed on top.")
 @command.json_option
@@ -67,6 +73,7 @@ def validate_command(
     patience: float,
     keep: "Keep",
     pairwise: bool,
+    details: bool,
     junit: Path | None,
     report: Path | None,
     screen: Screen,
@@ -76,7 +83,7 @@ def validate_command(
     With all controllers, ideal and velocity drives. The limits and their reasons are in
     validation/tolerances.toml; they hold for every scenario and rig. What a scenario asks in [limits] is
     judged beside the agreement. A scenario that cannot be run is a failed case with its reason; the others
-    run.
+    run. The screen shows the largest differences of each scenario, and what failed.
 
     SCENARIO is a name, a file, or a directory, whose scenarios are taken, with those of directories below.
 
@@ -138,7 +145,7 @@ def validate_command(
     code = _exit_code(validation)
     pairs = pairwise_of(validation) if pairwise else None
     screen.print_each(pair_tables(pairs) if pairs and pairs.pairs else ())
-    _tell(validation, code, out, screen)
+    _tell(validation, code, out, screen, details=details)
     idle = idle_patience(names, patience)
     for source, scenario in loaded.items():
         uses, unread = product(chosen, drives, names), ("log.*",) * (keep == "none")
@@ -216,15 +223,18 @@ def _loaded(
     return loaded, unloaded
 
 
-def _tell(validation: "Validation", code: int, out: Path, screen: Screen) -> None:
-    """What came of the cases on the screen, and on standard error why some could not be run."""
+def _tell(validation: "Validation", code: int, out: Path, screen: Screen, *, details: bool) -> None:
+    """Print the results of the cases, and on standard error why some could not be run."""
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table, run_notes
 
     finished, lost = validation.finished, validation.lost
     if finished or lost:
         agreements, runs = validation.agreements, validation.runs
         unjudged = sum(agreement.passed is None for agreement in agreements)
-        screen.print(agreement_table(agreements, validation.other_failures))
+        if details:
+            screen.print(agreement_table(agreements, validation.other_failures))
+        else:
+            screen.print_each(agreement_lines(agreements, validation.other_failures))
         if (limits := limits_table(runs, worst=SHOWN_FAILURES)) is not None:
             screen.print(limits if limits.rows else limits.note)
         notes = [*limit_notes(agreements), *run_notes(finished)]
@@ -240,6 +250,19 @@ def _tell(validation: "Validation", code: int, out: Path, screen: Screen) -> Non
         aside = [f"({unjudged} of {len(agreements)} pairs not judged)"] if unjudged else []
         screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED, *aside)
     _tell_failures(validation)
+
+
+def agreement_lines(agreements: "Sequence[Agreement]", others: Sequence[str] = ()) -> "Iterator[Table | str]":
+    """Yield a table with one row for each scenario, and one of the plants that disagree."""
+    from cranectl.report.run.tables import agreement_summary, agreement_table
+
+    if agreements:  # a single plant has none
+        yield agreement_summary(agreements, others)
+    if failed := [agreement for agreement in agreements if agreement.passed is False]:
+        table = agreement_table(failed[:SHOWN_FAILURES])
+        yield replace(table, title=f"Plants that disagree: {len(failed)}")
+        if len(failed) > SHOWN_FAILURES:
+            yield f"  and {len(failed) - SHOWN_FAILURES} more, with --details"
 
 
 def _tell_failures(validation: "Validation") -> None:

@@ -1,7 +1,6 @@
-"""`--help`: every command is in a group, in one line; README has the same."""
+"""`--help`: every command is in a group, in one line."""
 
 import re
-import textwrap
 from collections.abc import Iterator
 
 import click
@@ -9,7 +8,6 @@ import pytest
 
 from cranectl.cli import exit_codes
 from cranectl.cli.main import COMMANDS, NAMES, cli
-from tests.conftest import ROOT
 
 
 def groups(group: click.Group) -> Iterator[click.Group]:
@@ -38,12 +36,6 @@ def test_the_groups_hold_every_command_once_and_leave_room() -> None:
     assert len(NAMES) == len(set(NAMES)) <= 20
     assert max(map(len, help_text(cli).splitlines())) <= 80
     assert [line[:-1] for line in help_text(cli).splitlines() if line[:-1] in COMMANDS] == list(COMMANDS)
-
-
-def test_readme_has_every_command() -> None:
-    text = help_text(cli)
-    shown = text[text.index(f"{next(iter(COMMANDS))}:") :]
-    assert textwrap.indent(shown, "    ") in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_help_has_every_exit_code() -> None:

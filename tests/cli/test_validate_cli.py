@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -10,7 +11,10 @@ import pytest
 
 from cranectl.cases import case
 from cranectl.cli.main import main
+from cranectl.cli.validate import agreement_lines
+from cranectl.compare.agreement import Agreement
 from cranectl.log.reader import read_log
+from cranectl.report.table import Table
 from cranectl.simulate import Run
 from cranectl.support import resources
 
@@ -211,3 +215,30 @@ def test_without_logs_all_is_judged_as_with_them(capsys: pytest.CaptureFixture[s
     assert "3 runs, no log kept" in capsys.readouterr().out
     assert not Path("logs", "good").exists()
     assert [run["log"] for run in json.loads(Path("result.json").read_text())["runs"]] == [None] * 3
+
+
+def test_the_screen_has_a_line_for_each_scenario(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["validate", "good.toml", "strict.toml", *FOLLOWED, "--keep", "none"]
+    Path("strict.toml").write_text(GOOD.replace("good", "strict"))
+    assert main(command) == 0
+    short = capsys.readouterr().out
+    assert re.findall(r"^ (\w+) +<.* yes *$", short, re.MULTILINE) == ["good", "strict"]
+    assert "lqr+hinf" not in short
+    assert main([*command, "--details"]) == 0
+    assert capsys.readouterr().out.count("lqr+hinf, elastic") == 2
+    assert main([*command, "--plants", "analytic"]) == 0
+    assert "differences" not in capsys.readouterr().out, "of a single plant"
+
+
+def test_plants_that_disagree_have_a_line_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    good = Agreement("fast", "lqr", "analytic", "mujoco", "ideal", 1e-9, 2e-9, 1e-7, 1e-7, True, "as shipped")
+    bad = [replace(good, controller=name, max_load_error_m=1.0, passed=False) for name in ("pid", "mine")]
+    (table,) = agreement_lines([good])
+    assert isinstance(table, Table)
+    assert [row[0].text for row in table.rows] == ["fast"]
+    monkeypatch.setattr("cranectl.cli.validate.SHOWN_FAILURES", 1)
+    _, failed, more = agreement_lines([good, *bad])
+    assert isinstance(failed, Table)
+    assert [row[0].text for row in failed.rows] == ["fast", " pid"]
+    assert (failed.title, more) == ("Plants that disagree: 2", "  and 1 more, with --details")
+    assert list(agreement_lines([])) == []

@@ -1,6 +1,7 @@
 """Tables of runs: what they share is said once, agreement is judged row by row."""
 
 from dataclasses import replace
+from math import nan
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,13 @@ import pytest
 from cranectl.cases.case import RunSummary
 from cranectl.compare.agreement import Agreement
 from cranectl.metrics.limits import LimitVerdict
-from cranectl.report.run.tables import agreement_table, limit_notes, limits_table, run_table
+from cranectl.report.run.tables import (
+    agreement_summary,
+    agreement_table,
+    limit_notes,
+    limits_table,
+    run_table,
+)
 from cranectl.report.table import Cell
 from cranectl.status import RunStatus
 
@@ -108,3 +115,24 @@ def test_of_many_scenarios_without_limits_a_few_are_named() -> None:
     unjudged = [replace(GOOD, scenario=f"s{k}", passed=None, limits="nobody knows") for k in range(30)]
     assert limit_notes(unjudged) == ["s0, s1, s2 and 27 more, ideal drives: not judged: nobody knows"]
     assert limit_notes(unjudged[:3]) == ["s0, s1, s2, ideal drives: not judged: nobody knows"]
+
+
+def test_a_summary_has_the_largest_differences_of_a_scenario() -> None:
+    worse = replace(GOOD, controller="pid", max_load_error_m=3e-8, max_angle_error_rad=5e-10)
+    velocity = replace(GOOD, drive="velocity", max_load_error_m=2e-9)
+    table = agreement_summary([GOOD, worse, velocity])
+    (row,) = table.rows
+    assert [cell.text for cell in row][:2] == [GOOD.scenario, "3.0e-08"]
+    assert row[-1] == Cell("yes", "good")
+    failed = replace(GOOD, controller="pid", max_load_error_m=1.0, passed=False)
+    (row,) = agreement_summary([GOOD, failed, velocity]).rows
+    assert row[1] == Cell("1.0e+00", "bad")
+    assert row[-1] == Cell("NO (1 of 3)", "bad")
+    unjudged = replace(velocity, passed=None, limit_m=None, limit_rad=None)
+    assert agreement_summary([GOOD, unjudged]).rows[0][-1] == Cell("yes (ideal)", "good")
+    assert agreement_summary([unjudged, velocity]).rows[0][-1] == Cell("yes", "good")
+    slow = replace(GOOD, scenario="slow")
+    broken = agreement_summary([GOOD, GOOD, slow], ["limits broken"] * 2 + [""])
+    assert [row[-1] for row in broken.rows] == [Cell("limits broken", "bad"), Cell("")]
+    lost = replace(failed, max_load_error_m=nan)
+    assert agreement_summary([lost, failed]).rows[0][1].mark == "bad"

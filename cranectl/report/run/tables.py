@@ -1,7 +1,7 @@
 """Tables of runs, agreements and logs, for the terminal and for pages, and what they have no room for."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import degrees
+from math import degrees, isnan
 from typing import TYPE_CHECKING
 
 from cranectl.cases.case import CaseResult, RunSummary
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 MISSING = "-"
 Drives = dict[str, tuple[Agreement, str]]  # by name; with what else is wrong with the case
+SharedLimits = dict[str, tuple[float, float] | None]  # by drive; None where limits differ
 
 
 def run_table(logs: Mapping[str, Sequence[RunSummary]], note: str = "") -> Table:
@@ -147,6 +148,46 @@ def topic_table(description: "LogDescription") -> Table:
     return Table("Topics", ("topic", "message", "messages", "rate [Hz]"), rows, labels=2)
 
 
+def agreement_summary(agreements: Sequence[Agreement], others: Sequence[str] = ()) -> Table:
+    """Return one row for each scenario: the largest differences over its controllers and plants.
+
+    `others` holds for each agreement what else is wrong with its case, or an empty text.
+    """
+    headings, shared = _difference_headings(agreements)
+    rows = []
+    for scenario in dict.fromkeys(agreement.scenario for agreement in agreements):
+        judged = [agreement for agreement in agreements if agreement.scenario == scenario]
+        largest = [cell for drive, limits in shared.items() for cell in _largest(judged, drive, limits)]
+        failed = sum(agreement.passed is False for agreement in judged)
+        several = f" ({failed} of {len(judged)})" if len(judged) > 1 else ""
+        by_drive: Drives = {}
+        for agreement in judged:
+            if agreement.passed is not None or agreement.drive not in by_drive:
+                by_drive[agreement.drive] = (agreement, "")
+        answer = Cell(f"{ANSWERS[False].text}{several}", "bad") if failed else _agree(by_drive)
+        pairs = zip(agreements, others, strict=False)
+        faults = "; ".join(
+            dict.fromkeys(other for agreement, other in pairs if other and agreement.scenario == scenario)
+        )
+        rows.append(cells(scenario, *largest, answer, *[Cell(faults, "bad" if faults else "")] * any(others)))
+    asked = ("plants\nagree", "other\nfaults") if any(others) else ("plants\nagree",)
+    return Table("Largest differences between plants", ("scenario", *headings, *asked), tuple(rows))
+
+
+def _largest(
+    agreements: Sequence[Agreement], drive: str, limits: tuple[float, float] | None
+) -> Iterator[Cell | str]:
+    """Yield the largest difference in position and in angle of all runs with one kind of drive."""
+    loads = [(a.max_load_error_m, a.limit_m) for a in agreements if a.drive == drive]
+    angles = [(a.max_angle_error_rad, a.limit_rad) for a in agreements if a.drive == drive]
+    for differences in (loads, angles):
+        if not differences:
+            yield "-"
+            continue
+        value, limit = max(differences, key=lambda pair: (isnan(pair[0]), pair[0]))
+        yield _difference(value, limit, limits)
+
+
 def agreement_table(agreements: Sequence[Agreement], others: Sequence[str] = ()) -> Table:
     """One row a scenario, controller and plant, its drives side by side.
 
@@ -154,13 +195,7 @@ def agreement_table(agreements: Sequence[Agreement], others: Sequence[str] = ())
     share stands above its column, others beside the numbers.
     """
     others = others or [""] * len(agreements)
-    drives = dict.fromkeys(agreement.drive for agreement in agreements)
-    shared = {drive: _shared([a for a in agreements if a.drive == drive]) for drive in drives}
-    headings = [
-        f"{drive}\n{what}" + ("" if limit is None else f"\n< {limit:.3g}")
-        for drive, limits in shared.items()
-        for what, limit in zip(("load [m]", "angle [rad]"), limits or (None, None), strict=True)
-    ]
+    headings, shared = _difference_headings(agreements)
     several = len({agreement.plant for agreement in agreements}) > 1
     scenarios: dict[str, dict[str, Drives]] = {}
     for agreement, other in zip(agreements, others, strict=True):
@@ -178,13 +213,25 @@ def agreement_table(agreements: Sequence[Agreement], others: Sequence[str] = ())
     return Table("Agreement of the plants", ("controller", *headings, *asked), tuple(rows))
 
 
+def _difference_headings(agreements: Sequence[Agreement]) -> tuple[list[str], SharedLimits]:
+    """Return two headings for each kind of drive, and the limits that all its agreements share."""
+    drives = dict.fromkeys(agreement.drive for agreement in agreements)
+    shared = {drive: _shared([a for a in agreements if a.drive == drive]) for drive in drives}
+    headings = [
+        f"{drive}\n{what}" + ("" if limit is None else f"\n< {limit:.3g}")
+        for drive, limits in shared.items()
+        for what, limit in zip(("load [m]", "angle [rad]"), limits or (None, None), strict=True)
+    ]
+    return headings, shared
+
+
 def _shared(agreements: Sequence[Agreement]) -> tuple[float, float] | None:
     """Return the limits that all have, if they have the same."""
     (load_m, angle_rad), *others = {(agreement.limit_m, agreement.limit_rad) for agreement in agreements}
     return None if others or load_m is None or angle_rad is None else (load_m, angle_rad)
 
 
-def _numbers(drives: Drives, shared: dict[str, tuple[float, float] | None]) -> Iterator[Cell | str]:
+def _numbers(drives: Drives, shared: SharedLimits) -> Iterator[Cell | str]:
     for drive, limits in shared.items():
         if drive not in drives:
             yield from ("-", "-")
@@ -194,9 +241,14 @@ def _numbers(drives: Drives, shared: dict[str, tuple[float, float] | None]) -> I
             (found.max_load_error_m, found.limit_m),
             (found.max_angle_error_rad, found.limit_rad),
         ):
-            beside = "" if limit is None or limits is not None else f" < {limit:.1e}"
-            mark = "" if limit is None or value <= limit else "bad"  # not a number keeps no limit
-            yield Cell(f"{difference_text(value)}{beside}", mark)
+            yield _difference(value, limit, limits)
+
+
+def _difference(value: float, limit: float | None, limits: tuple[float, float] | None) -> Cell:
+    """Return a difference, with its limit unless the column's heading shows it."""
+    beside = "" if limit is None or limits is not None else f" < {limit:.1e}"
+    mark = "" if limit is None or value <= limit else "bad"  # not a number keeps no limit
+    return Cell(f"{difference_text(value)}{beside}", mark)
 
 
 def _agree(drives: Drives) -> Cell:
