@@ -74,7 +74,7 @@ class Exporter:
 
 
 def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> ExportTable:
-    """The signals that any of `patterns` matches, all by default, at every time that any run has.
+    """Return the signals that match any of `patterns`, all by default, at every time of any run.
 
     `runs`: by plant of a log, which share their reference, or by label of an overlay.
 
@@ -104,12 +104,12 @@ def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> Expor
 
 @functools.cache
 def exporters() -> dict[str, Exporter]:
-    """By name: our own, then what installed packages add; raises InputError as `with_extensions`."""
+    """Return cranectl's exporters and those of installed packages, by name; raise InputError."""
     return with_extensions({own.name: own for own in EXPORTERS}, Exporter, extensions.EXPORTERS)
 
 
 def chosen_exporter(name: str | None, out: Path | None) -> Exporter:
-    """That of the format `name` or, without it, of the ending of `out`; of csv without either.
+    """Return the exporter for the format `name`, else for the ending of `out`, else for csv.
 
     Raises InputError if there is no such format.
     """
@@ -127,7 +127,7 @@ def chosen_exporter(name: str | None, out: Path | None) -> Exporter:
 
 
 def write_table(table: ExportTable, path: Path, exporter: Exporter) -> None:
-    """Write `table` to `path`, whole or not at all; raises InputError if that cannot be done."""
+    """Write `table` to `path` in one atomic step; raise InputError if that fails."""
     with writing(path, remedy="choose another place with --out"), replacing(path) as part:
         exporter.write(table, part)
 
@@ -145,7 +145,7 @@ def _recorded(runs: Mapping[str, Run], time_ns: NDArray[np.int64]) -> Iterator[E
 
 
 def _reference(prefix: str, runs: Sequence[Run], time_ns: NDArray[np.int64]) -> Iterator[ExportColumn]:
-    """That which the runs share."""
+    """Yield the columns of the reference that the runs share."""
     times = np.concatenate([run.time_ns for run in runs])
     values = np.concatenate([run.reference for run in runs])
     # A log may lack the reference of the last sample of the run that stopped first: read as NaN.

@@ -44,7 +44,7 @@ _DERIVATIVE_NAMES = ("position", "velocity", "acceleration", "third derivative",
 
 
 def _derivatives(stem: str, symbol: str, what: str, orders: range) -> tuple[Signal, ...]:
-    """`stem_x, stem_y, stem_z` and their time derivatives, derivative by derivative."""
+    """Return `stem_x, stem_y, stem_z` and their time derivatives, derivative by derivative."""
     return tuple(
         Signal(
             f"{stem}_{axis}{DERIVATIVE_SUFFIXES[order]}",
@@ -151,7 +151,7 @@ LOAD_FORCE = SignalGroup(
 
 
 def controller_group(robustifier_order: int) -> SignalGroup:
-    """The controller's own states: the dynamic extension, then each axis's robustifier states."""
+    """Return the controller's states: the dynamic extension, then each axis's robustifier."""
     extension = (
         Signal("zeta", "ζ", "m/s²", "vertical load acceleration held by the tracker"),
         Signal("zeta_dot", "ζ̇", "m/s³", "rate of zeta"),
@@ -182,7 +182,7 @@ _COMMANDS = {"acceleration": ("u", "m/s²"), "velocity": ("w", "m/s"), "force": 
 
 
 def command_group(what: str) -> SignalGroup:
-    """What arrives at the drives after limits and transport, and which set-points were cut off."""
+    """Return what arrives at the drives after limits and transport, and which axes were limited."""
     symbol, unit = _COMMANDS[what]
     axes = {"bridge": "x", "trolley": "y", "rope": "l"}.items()
     told = "what arrives at the drives, and whether a limit has cut it off"
@@ -198,12 +198,12 @@ COMMON = (STATE, LOAD, INPUT, DISTURBANCE)  # recorded of every run, whatever th
 
 @functools.cache
 def flat_groups(robustifier_order: int) -> tuple[SignalGroup, ...]:
-    """What the flat tracker records besides: only it knows z'' and above, v and ζ."""
+    """Return what the flat tracker records in addition: only it knows z'' and above, v and ζ."""
     return (FLAT_OUTPUT, ERROR, VIRTUAL_INPUT, controller_group(robustifier_order))
 
 
 def law_groups(name: str, logged: tuple[Signal, ...]) -> tuple[SignalGroup, ...]:
-    """What any other law `name` records: of load and error what the joints tell, and what it logs itself."""
+    """Return what any other controller records: load, error and its own signals."""
     load = SignalGroup("flat_output", "LoadFromJoints", "load as the joints tell it", FLAT_OUTPUT.signals[:6])
     error = SignalGroup("error", "LoadError", "tracking error z_d - z and its rate", ERROR.signals[:6])
     schema = f"Controller_{name.replace('-', '_')}"  # a schema has the signals of one law

@@ -44,7 +44,7 @@ KINDS = {"number": "number", "integer": "whole number", "string": "text", "boole
 
 
 def table(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """A table in Markdown."""
+    """Return a table in Markdown."""
     lines = [list(headings), *([cell.replace("|", r"\|") for cell in row] for row in rows)]
     texts = [f"| {' | '.join(line)} |\n" for line in lines]
     return "".join([texts[0], "|---" * len(lines[0]), "|\n", *texts[1:]])
@@ -57,7 +57,7 @@ def commands() -> str:
 
 
 def metrics() -> str:
-    """What sums up a run, a row each."""
+    """Return the table of metrics."""
     rows = []
     for metric in METRICS:
         name = f"`{metric.name}`{': ' if metric.parts else ''}{' '.join(metric.parts)}"
@@ -66,20 +66,20 @@ def metrics() -> str:
 
 
 def exit_codes() -> str:
-    """What ends a command, a row each."""
+    """Return the table of exit codes."""
     return table(("code", "meaning"), ((str(code), meaning) for code, meaning in MEANINGS.items()))
 
 
 @functools.cache
 def recorded_run(plant: str, controller: str) -> Run:
-    """A run that records all that it can: with a signal path between plant and controller."""
+    """Return a run that records all that it can, with a signal path between plant and controller."""
     overrides = ["duration=0.01", "disturbances=[]", "effects.sensing={}"]
     scenario = load_scenario("fixed-position", overrides=overrides)
     return simulate_run(scenario, plant=plant, controller=controller, drive="velocity")
 
 
 def signals() -> str:
-    """A section for each group of signals: of the flat family the longest, then what other laws add."""
+    """Return a section for each group of signals: the flat family's, then those of others."""
     groups: dict[str, SignalGroup] = {}
     for controller in FLAT_FAMILY:
         for group in recorded_run("analytic", controller).groups:
@@ -99,7 +99,7 @@ def signals() -> str:
 
 
 def topics() -> str:
-    """What a log of two plants holds, a row a topic."""
+    """Return the table of what a log of two plants holds."""
     rows = {}
     for stream in streams([recorded_run(plant, "lqr+hinf") for plant in PLANTS]):
         topic = re.sub(f"^/({'|'.join(PLANTS)})/", "/PLANT/", stream.topic)
@@ -109,7 +109,7 @@ def topics() -> str:
 
 
 def _fields(schema: bytes, name: str) -> list[str]:
-    """The fields of a message type; those of others than ours are documented by Foxglove."""
+    """Return the fields of a message type; Foxglove documents those that are not cranectl's."""
     files = descriptor_pb2.FileDescriptorSet.FromString(schema).file
     types = {f"{file.package}.{message.name}": message for file in files for message in file.message_type}
     return [f"`{field.name}`" for field in types[name].field]
@@ -119,7 +119,7 @@ NO_BRACKETS = str.maketrans("", "", "[]")
 
 
 def settings() -> str:
-    """A section for each table of a scenario, of the laws in it, then of a campaign and of a benchmark."""
+    """Return a section for each table of scenario, controllers, campaign and benchmark."""
     models = (Scenario, CampaignSettings, Benchmark)
     scenario, campaign, benchmark = (_sections(model.model_json_schema()) for model in models)
     laws = map(_law_section, WHERE)
@@ -128,7 +128,7 @@ def settings() -> str:
 
 
 def standings() -> str:
-    """How all laws of the shipped table stand on its sets, by division, a row each."""
+    """Return how all controllers of the shipped table rank on its sets, by division."""
     settings, file = read_benchmark("literature"), benchmark_file("literature")
     parts = []
     for judged in judged_divisions(settings, read_table(file.parent / "literature.parquet")):
@@ -166,7 +166,7 @@ def _bounds(lowest: float, highest: float) -> dict[str, Any]:
 
 
 def _sections(schema: dict[str, Any]) -> Iterator[str]:
-    """The tables of settings that a JSON Schema has, in the order of its keys."""
+    """Yield the tables of settings that a JSON Schema has, in the order of its keys."""
     waiting = [("", schema)]
     while waiting:
         path, node = waiting.pop(0)
@@ -186,7 +186,7 @@ def _sections(schema: dict[str, Any]) -> Iterator[str]:
 
 
 def _not_null(value: dict[str, Any]) -> dict[str, Any]:
-    """What a key that may be absent holds where it is there."""
+    """Return the schema of a key that may be absent, for where it is present."""
     return next((entry for entry in value.get("anyOf", ()) if entry.get("type") != "null"), value)
 
 
@@ -200,7 +200,7 @@ def _tables(path: str, kind: dict[str, Any]) -> tuple[str, list[dict[str, Any]]]
 
 
 def _text(value: Any) -> str:
-    """A value as TOML has it, numbers to six digits."""
+    """Return a value in TOML's form, numbers to six digits."""
     if isinstance(value, list):
         return f"[{', '.join(map(_text, value))}]"
     if isinstance(value, float):
@@ -235,7 +235,7 @@ PAGES = {
 
 
 def written_anew(name: str, text: str) -> str:
-    """The page `text` with what is generated of it made anew; raises ValueError if it has no place for it."""
+    """Replace the generated part of the page `text`; raise ValueError if it has no place for it."""
     before, begin, rest = text.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not (begin and end):

@@ -185,7 +185,7 @@ def visited_points(scenario: Scenario) -> list[OperatingPoint]:
 
 
 def improved(scenario: Scenario) -> list[tuple[str, str, Scenario]]:
-    """(name, what is changed, the scenario with it): each hardware figure twice as good."""
+    """Return (name, change, scenario) for each hardware figure made twice as good."""
     effects, rig, control = scenario.effects, scenario.rig, scenario.control
     assert effects.sensing is not None
     assert effects.delay is not None
@@ -244,6 +244,6 @@ def _saved(before: Assessment, after: Assessment) -> float:
 
 
 def _list(values: Sequence[float] | np.ndarray) -> str:
-    """`20`, or `20, 20, 30` where they differ."""
+    """Return `20`, or `20, 20, 30` where the values differ."""
     texts = [f"{value:g}" for value in values]
     return texts[0] if all(a == b for a, b in pairwise(texts)) else ", ".join(texts)

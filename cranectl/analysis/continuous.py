@@ -145,7 +145,10 @@ def record_rows(loop, rig, states, reference, disturbance, wind, record):
 
 @jit_called
 def advance_steps(loop, rig, state, steps, reference, disturbance, wind, row_of, states):
-    """Steps of lengths `steps` (n,); `reference` (n, stages, 15), `row_of` (n,): place in `states`, or -1."""
+    """Integrate over steps of lengths `steps` (n,), with `reference` (n, stages, 15).
+
+    `row_of` (n,) is the row of a state in `states`, or -1.
+    """
     size = len(state)
     rates, stage_state = np.zeros((STAGES, size)), np.zeros(size)
     flat, outputs = np.zeros(15), np.zeros(9)
@@ -174,7 +177,9 @@ def advance_steps(loop, rig, state, steps, reference, disturbance, wind, row_of,
 
 
 def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: float = MAX_STEP) -> Run:
-    """`scenario` on the analytic plant under the continuous-time tracker, recorded at the control samples.
+    """Simulate `scenario` on the analytic plant with the continuous-time tracker.
+
+    The states are recorded at the control samples.
 
     Ideal drives, none of the scenario's effects; set-point columns hold the velocities themselves. Stops as
     `simulate_run` does where the law or the rope ends, but not at the workspace's limits.

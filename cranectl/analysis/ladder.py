@@ -136,14 +136,14 @@ def check_steps(scenario: Scenario, variants: Iterable[Scenario]) -> None:
 
 
 def simulated_seconds(scenario: Scenario, top: str) -> float:
-    """Simulated time of all runs up to `top`, for progress."""
+    """Return the simulated time of all runs up to `top`, for progress."""
     names = NAMES[: NAMES.index(top) + 1] if top in NAMES else NAMES
     effects = sum(name in EFFECT_LEVELS for name in names)
     return scenario.duration * (len(names) + max(0, effects - 1))
 
 
 def size_of(load: Array) -> Size:
-    """Of deviations (N, 3); zero if there are none."""
+    """Return the size of deviations (N, 3); zero if there are none."""
     if not len(load):
         return Size(0.0, 0.0, 0.0)
     with np.errstate(over="ignore"):  # of predictions that run away
@@ -159,6 +159,6 @@ def load_difference(run: Run, before: Run) -> Array:
 
 
 def deviation(run: Run, before: Run) -> Size | None:
-    """Of the load of `run` from that of `before`; None if they have no sample in common."""
+    """Return the deviation of the load of `run` from that of `before`; None without common samples."""
     difference = load_difference(run, before)
     return size_of(difference) if len(difference) else None

@@ -34,7 +34,7 @@ BASE = "servos"  # what an effect alone is added to
 
 
 def assumed_effects(scenario: Scenario) -> EffectNumbers:
-    """The scenario's own settings of each effect, else its rig's; delay in whole control periods."""
+    """Return the scenario's settings of each effect, else its rig's, with delays of whole periods."""
     effects, numbers = scenario.effects, scenario.rig.effects
     if not effects.delay:
         periods = -(-nanoseconds(numbers.delay.seconds) // scenario.period_ns)
@@ -44,7 +44,7 @@ def assumed_effects(scenario: Scenario) -> EffectNumbers:
 
 
 def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
-    """`scenario` with exactly these effects; raises InputError where its other settings forbid them."""
+    """Return `scenario` with exactly these effects; raise InputError if its settings forbid them."""
     check_size(scenario.rig, effects)
     table = {
         **scenario.model_dump(mode="json"),
@@ -57,5 +57,5 @@ def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
 
 
 def with_effects(scenario: Scenario, names: Iterable[str]) -> Scenario:
-    """`scenario` with exactly the effects of these names, as assumed for it."""
+    """Return `scenario` with exactly the effects of these names, as assumed for it."""
     return replace_effects(scenario, assumed_effects(scenario).only(*names))

@@ -49,7 +49,7 @@ RESUME = "go on with the same command and --resume: finished batches are kept"
 
 @contextmanager
 def cluster_client(scheduler: str | None, workers: int) -> Iterator["Client"]:
-    """A client of the cluster at `scheduler`; without one, of `workers` new processes on this machine.
+    """Connect to the cluster at `scheduler`, or start `workers` processes on this machine.
 
     Raises InputError if Dask is not installed, if no scheduler answers, or if it has no workers.
     """
@@ -124,7 +124,7 @@ def _check_installed(client: "Client", wanted: Mapping[str, str]) -> None:
 
 
 def _rows(client: "Client", future: "Future[Any]") -> list[Row]:
-    """What came of a batch; raises InputError for what keeps the campaign from going on."""
+    """Return the rows of a batch; raise InputError for what keeps the campaign from going on."""
     from distributed import KilledWorker
     from distributed.comm.core import CommClosedError
 
@@ -233,7 +233,7 @@ def unpacked(sent: bytes) -> tuple[Table, SharedControllers]:
 
 
 def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
-    """The rows of `batch`, or why they cannot be had here, which another try would not change."""
+    """Return the rows of `batch`, or the reason why this worker cannot compute them at all."""
     try:
         with _PREPARING:
             prepared = _prepared(manifest)
@@ -274,7 +274,7 @@ def _prepared(sent: bytes) -> Prepared:
 
 
 def _cancelled() -> Stop:
-    """Whether the batch is not wanted any more: Dask cannot end a thread, so the thread must ask."""
+    """Return a function that says whether the batch is cancelled: Dask cannot end a thread."""
     from distributed import get_worker
 
     worker = get_worker()

@@ -101,7 +101,7 @@ class Batch(NamedTuple):
 
 
 def batches_of(campaign: Campaign) -> list[Batch]:
-    """All batches of `campaign`, by plant, controller and sample.
+    """Return all batches of `campaign`, by plant, controller and sample.
 
     A batch is what a kill can cost each worker: some seconds, so that handing it to a cluster costs less
     than 2 % of it.
@@ -116,7 +116,7 @@ def batches_of(campaign: Campaign) -> list[Batch]:
 
 
 def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = "sample") -> Scenario:
-    """The nominal scenario with `values` (d,) of `campaign.parameters`: what the plant is.
+    """Return the nominal scenario with `values` (d,) of `campaign.parameters`, which the plant gets.
 
     Raises InputError, beginning with `source`, where the scenario does not allow them. About 0.1 ms.
     """
@@ -127,12 +127,12 @@ def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = 
 
 
 def nominal_scenario(campaign: Campaign, sampled: Scenario) -> Scenario:
-    """What the controller takes a sample for: the nominal crane, with the control period that it runs at."""
+    """Return what the controller assumes: the nominal crane, with the control period of the sample."""
     return campaign.nominal.model_copy(update={"control": sampled.control})
 
 
 def parameters_of(settings: CampaignSettings, nominal: Scenario) -> tuple[UncertainParameter, ...]:
-    """The uncertain parameters in the order of the campaign; raises InputError for what `nominal` lacks."""
+    """Return the uncertain parameters in order; raise InputError for those that `nominal` lacks."""
     values = _leaves_of(nominal)
     step = _common_period(settings.uncertain.get(PERIOD), nominal)
     return tuple(
@@ -142,12 +142,12 @@ def parameters_of(settings: CampaignSettings, nominal: Scenario) -> tuple[Uncert
 
 
 def numbers_of(scenario: Scenario) -> dict[str, float]:
-    """Every number of a scenario by its dotted name."""
+    """Return every number of a scenario by its dotted name."""
     return {name: value for name, value in _leaves_of(scenario).items() if _is_number(value)}
 
 
 def _leaves_of(scenario: Scenario) -> dict[str, Any]:
-    """By dotted names, but for what a rig would be like under effects: the effects themselves say it."""
+    """Return values by dotted names, without those of a rig under effects, which the effects state."""
     return dict(leaves(scenario.model_dump(exclude={"rig": {"effects", "rated_load", "look"}})))
 
 
@@ -156,7 +156,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _common_period(distribution: Distribution | None, nominal: Scenario) -> float:
-    """What times must be multiples of [s], whatever control period a run has."""
+    """Return the time of which all times must be multiples [s], with any control period of a run."""
     if distribution is None:
         return nominal.control.period
     period = nominal.control.period
@@ -229,7 +229,7 @@ def _parameter(
 
 
 def _unknown(name: str, values: dict[str, Any]) -> InputError:
-    """The error for a name that has no value; lists those below it, else the nearest."""
+    """Return the error for a name without a value; it lists the names below it, else the nearest."""
     everything = {**values, **dict(leaves(ALL_EFFECTS.model_dump(), "effects"))}
     known = [
         leaf

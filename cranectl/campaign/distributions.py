@@ -55,7 +55,7 @@ class Distribution(Settings, ABC):
         return low, high
 
     def spread_out(self, factor: float, nominal: float) -> "Distribution":
-        """With all values `factor` times as far from the nominal one; those of a discrete one stay."""
+        """Scale the distance of all values from the nominal one; a discrete distribution stays."""
         if factor == 1.0 or self.discrete:
             return self
         centre = 1.0 if self.relative else nominal
@@ -64,7 +64,7 @@ class Distribution(Settings, ABC):
         return self.model_copy(update=self._spread_out(factor, centre))
 
     def _spread_out(self, factor: float, centre: float) -> dict[str, float]:
-        """The numbers that change."""
+        """Return the numbers that change."""
         given = {name: getattr(self, name, None) for name in ("low", "high", "mean")}
         return {k: centre + factor * (value - centre) for k, value in given.items() if value is not None}
 
@@ -74,7 +74,7 @@ class Distribution(Settings, ABC):
         return self.levels or 0
 
     def grid(self) -> Array:
-        """Where on (0, 1) the values of a grid lie: evenly, from end to end or else from tail to tail."""
+        """Return the points on (0, 1) of a grid: evenly from end to end, or from tail to tail."""
         low, high = (0.0, 1.0) if all(map(math.isfinite, self._ends())) else TAILS
         return np.linspace(low, high, self.grid_levels) if self.grid_levels > 1 else np.array([0.5])
 
@@ -136,7 +136,7 @@ class LogUniform(Range):
         return values
 
     def _spread_out(self, factor: float, centre: float) -> dict[str, float]:
-        """By ratios, where there are any."""
+        """Return the ends, scaled by ratios if the centre is positive."""
         if centre <= 0.0:
             return {}
         return {name: centre * (getattr(self, name) / centre) ** factor for name in ("low", "high")}
@@ -171,7 +171,7 @@ class Normal(Range):
         return super()._spread_out(factor, centre) | {"deviation": factor * self.deviation}
 
     def _shares(self, mean: float) -> tuple[float, float, float]:
-        """(side, Φ at the lower, Φ at the upper end), mirrored at the mean to be exact in the upper tail."""
+        """Return (side, Φ at the lower, Φ at the upper end), mirrored so that the upper tail is exact."""
         from scipy.special import ndtr
 
         centre = mean if self.mean is None else self.mean
@@ -208,7 +208,7 @@ class FewValues(Distribution):
         return len(self.shares)
 
     def grid(self) -> Array:
-        """The middle of the share of each value."""
+        """Return the middle of the share of each value."""
         upper = self._upper
         middle: Array = 0.5 * (upper + np.concatenate([[0.0], upper[:-1]]))
         return middle

@@ -160,7 +160,7 @@ class GroupAnalysis:
     separations: tuple[Separation, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """What the page shows beside the summary; arrays stay."""
+        """Return what the page shows besides the summary; arrays stay arrays."""
         found: dict[str, Any] = {"plant": self.group.plant, "controller": self.group.controller}
         if self.correlations is not None:
             extra = {"significant": self.correlations.significant, "bent": self.correlations.bent}
@@ -213,7 +213,7 @@ def analyse(results: Results) -> Analysis:
 
 
 def analysis_json(analysis: Analysis) -> dict[str, Any]:
-    """What the report shows beside the summary, as plain data; arrays become lists."""
+    """Return what the report shows besides the summary as plain data, arrays as lists."""
     return {
         "influence": [mapped(part.to_json(), _plain) for part in analysis.groups],
         "controllers": [mapped(pair.to_json(), _plain) for pair in analysis.controllers],

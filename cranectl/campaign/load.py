@@ -62,14 +62,14 @@ def load_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
 
 
 def make_campaign(settings: CampaignSettings) -> Campaign:
-    """The campaign of `settings`, checked."""
+    """Make and check the campaign of `settings`."""
     campaign = stated_campaign(settings)
     check_values(campaign)
     return campaign
 
 
 def stated_campaign(settings: CampaignSettings) -> Campaign:
-    """The campaign of `settings`, before `check_values`."""
+    """Make the campaign of `settings`, without the checks of `check_values`."""
     for name in settings.controllers:
         checked_controller(name)
     nominal = _nominal_scenario(settings)
@@ -88,7 +88,7 @@ def stated_campaign(settings: CampaignSettings) -> Campaign:
 
 
 def _nominal_scenario(settings: CampaignSettings) -> Scenario:
-    """What the controller assumes: the campaign's scenario, with every uncertain effect switched on."""
+    """Return the scenario that the controller assumes, with every uncertain effect switched on."""
     scenario = load_scenario(settings.scenario, rig=settings.rig, overrides=settings.set)
     named = {name.split(".")[1] for name in settings.uncertain if name.startswith("effects.")}
     off = [effect for effect, given in scenario.effects if given is None and effect in named]
@@ -99,7 +99,7 @@ def _nominal_scenario(settings: CampaignSettings) -> Scenario:
 
 
 def _runs(settings: CampaignSettings, parameters: Sequence[UncertainParameter]) -> int:
-    """Number of samples; raises InputError where it contradicts the sampling."""
+    """Return the number of samples; raise InputError if it contradicts the sampling."""
     if settings.sampling == "saltelli":
         return _saltelli_runs(settings.runs or 0, sum(p.distribution.varies for p in parameters))
     if settings.sampling not in COUNTED:
@@ -167,7 +167,7 @@ def check_values(campaign: Campaign) -> None:
 
 
 def _outermost(parameter: UncertainParameter) -> list[float]:
-    """Each of a few values, the ends of anything else, as far as they are finite."""
+    """Return each of a few values, or the finite ends of any other distribution."""
     distribution = parameter.distribution
     points = [u for u, end in zip((0.0, 1.0), distribution.ends(1.0), strict=True) if math.isfinite(end)]
     at = distribution.grid() if isinstance(distribution, FewValues) else np.array(points)

@@ -44,7 +44,7 @@ class SoftwareOrigin(NamedTuple):
 
 
 def software_of(plants: Iterable[str], controllers: Iterable[str]) -> dict[str, str]:
-    """What makes runs here: this program, what other modules have registered, laws of files."""
+    """Return the software that makes runs here: cranectl, registered modules, controllers from files."""
     own = plant_sources(plants) | controller_sources(controllers) | law_digests(controllers)
     return provenance() | own
 
@@ -73,7 +73,7 @@ def manifest_of(campaign: Campaign) -> Table:
 
 
 def how_it_was_begun(campaign: Campaign, directory: Path, command: Sequence[str]) -> Table:
-    """What a result in `directory` says of the command, and of where the files of controllers are from it.
+    """Return the command and the files of controllers, relative to `directory`, for the manifest.
 
     None of it decides a number. A command with a name that is no UTF-8 has no place in JSON and is left out.
     """
@@ -102,7 +102,7 @@ def controller_from(manifest: Mapping[str, Any], directory: Path, name: str) -> 
 
 
 def checked_manifest(data: Any, source: str) -> Table:
-    """`data`, of any format that can be read, in the newest one; raises InputError for anything else."""
+    """Return `data` in the newest format; raise InputError for anything that is no manifest."""
     number = data.get("format") if isinstance(data, dict) else None
     if isinstance(number, int) and number in READERS:
         manifest = {**data, **READERS[number], "format": FORMAT}
@@ -122,26 +122,26 @@ def checked_manifest(data: Any, source: str) -> Table:
 
 
 def campaign_of(manifest: Mapping[str, Any], source: str) -> Campaign:
-    """The campaign that `manifest` was made of, from nothing else: its scenario's file may have changed."""
+    """Make the campaign from `manifest` alone, as the file of its scenario may have changed."""
     settings = parse_campaign(manifest["campaign"], source)
     nominal = parse_settings(Scenario, manifest["scenario"], source)
     return Campaign(settings, nominal, parameters_of(settings, nominal), manifest["runs"])
 
 
 def origins_of(manifest: Mapping[str, Any]) -> list[SoftwareOrigin]:
-    """What may have made parts of the result, what began it first."""
+    """Return the software that may have made parts of the result, that of its start first."""
     return [origin_of(manifest, versions) for versions in (manifest["versions"], *manifest["accepted"])]
 
 
 def origin_of(manifest: Mapping[str, Any], versions: Mapping[str, str]) -> SoftwareOrigin:
-    """What makes parts by `versions`: its identity is a digest of what decides the numbers of their runs."""
+    """Return the origin of parts made by `versions`; a digest of what decides the numbers identifies it."""
     software = {name: version for name, version in versions.items() if name not in HARMLESS}
     text = json.dumps({**_decisive(manifest), "format": RULE, "versions": software}, sort_keys=True)
     return SoftwareOrigin(hashlib.sha256(text.encode()).hexdigest()[:16], versions)
 
 
 def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
-    """What makes two campaigns differ besides the software that runs them, a phrase each."""
+    """Return in short phrases how two campaigns differ, apart from the software that runs them."""
     different = documents.differences(_decisive(found), _decisive(wanted), absent="absent")
     return [f"{name} is {_short(a)}, not {_short(b)}" for name, a, b in different]
 

@@ -144,7 +144,7 @@ def replay_run(
 
 
 def differences(recorded: Mapping[str, Any], again: Mapping[str, Any]) -> list[str]:
-    """What of `again` is not what was recorded, a phrase each; floats count by their bits."""
+    """Return in short phrases which values of `again` are not the recorded ones, compared to the bit."""
     return [
         f"{name} is {value!r}, was {recorded[name]!r}"
         for name, value in again.items()
@@ -153,5 +153,5 @@ def differences(recorded: Mapping[str, Any], again: Mapping[str, Any]) -> list[s
 
 
 def _exact(value: Any) -> Any:
-    """A value that is another one where a bit differs, as the zeros do; NaN is NaN."""
+    """Return a text that differs wherever a bit of the value differs, as for the two zeros."""
     return repr(float(value)) if isinstance(value, float) else value

@@ -75,16 +75,16 @@ class Results:
         return int(self.table.num_rows)
 
     def column(self, name: str) -> NDArray[Any]:
-        """One column (runs,); numbers that are absent are NaN."""
+        """Return one column (runs,); absent numbers are NaN."""
         values: NDArray[Any] = self.table[name].to_numpy()
         return values
 
     def rows(self, plant: str, controller: str) -> NDArray[np.intp]:
-        """Indices of the rows of one group, by sample."""
+        """Return the indices of the rows of one group, by sample."""
         return np.flatnonzero((self.column("plant") == plant) & (self.column("controller") == controller))
 
     def row(self, index: int) -> Table:
-        """One run as plain data; `index` counts rows of the table."""
+        """Return one run as plain data; `index` counts rows of the table."""
         found: Table = self.table.slice(index, 1).to_pylist()[0]
         return found
 
@@ -127,7 +127,7 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
 
 
 def read_manifest(directory: Path) -> Table:
-    """The manifest of the result in `directory`; raises InputError where there is none."""
+    """Read the manifest of the result in `directory`; raise InputError if there is none."""
     path = directory / MANIFEST_FILE
     if not exists(path):
         raise InputError(
@@ -149,7 +149,7 @@ def read_manifest(directory: Path) -> Table:
 def _survey(
     directory: Path, campaign: Campaign, origins: Sequence[SoftwareOrigin]
 ) -> tuple[dict[Batch, tuple[Any, SoftwareOrigin]], dict[Path, str]]:
-    """The good parts in `directory`, each made by one of `origins`; what is wrong with others, by file."""
+    """Return the good parts in `directory` with their origins, and what is wrong with the others."""
     expected = {directory / PARTS / part_name(batch): batch for batch in batches_of(campaign)}
     parts, damaged = {}, {}
     for path, batch in expected.items():
@@ -272,7 +272,7 @@ def _check_same(directory: Path, kept: Table, wanted: Table, *, resume: bool) ->
 
 
 def _software(directory: Path, kept: Table, installed: dict[str, str], *, accepted: bool) -> Table:
-    """What a resumed result says of what made it; raises InputError for new software unless `accepted`."""
+    """Return the software of a resumed result; raise InputError for new software unless `accepted`."""
     known = [kept["versions"], *kept["accepted"]]
     different = [provenance_differences(each, installed) for each in known]
     if all(different):

@@ -22,7 +22,7 @@ PER_COUNT = 4  # numbers that Philox-4x64 gives for each value of its counter
 
 
 def stream(seed: int, label: str, *, counter: int = 0) -> np.random.Philox:
-    """The stream of `label`, from `counter` on."""
+    """Return the random stream of `label`, from `counter` on."""
     digest = hashlib.blake2b(label.encode(), digest_size=8).digest()
     key = np.array([seed, int.from_bytes(digest, "little")], dtype=np.uint64)
     return np.random.Philox(key=key, counter=counter)
@@ -36,7 +36,7 @@ def uniform_block(seed: int, label: str, first: int, last: int) -> Array:
 
 
 def saltelli_blocks(campaign: Campaign, outputs: Array) -> dict[str, Array]:
-    """`outputs` (runs, s) of a campaign sampled by saltelli as f_A (s, n), f_B (s, n), f_AB (d, s, n).
+    """Arrange `outputs` (runs, s) of a Saltelli design as f_A (s, n), f_B (s, n), f_AB (d, s, n).
 
     d counts the parameters that vary; `sobol_indices(func=blocks, n=blocks["f_A"].shape[1])` gives indices of
     shape (s, d).
@@ -77,12 +77,15 @@ def unit_points(campaign: Campaign, first: int, last: int) -> Array:
 
 
 def monte_carlo(campaign: Campaign, first: int, last: int) -> Array:
-    """Independent points; more runs leave the first ones as they are."""
+    """Draw independent points; more runs leave the first ones unchanged."""
     return _by_column(campaign, last - first, lambda p: uniform_block(*_stream(campaign, p), first, last))
 
 
 def latin_hypercube(campaign: Campaign, first: int, last: int) -> Array:
-    """Each of the `runs` equal parts of every axis is hit once (McKay, Beckman, Conover 1979)."""
+    """Draw points that hit each of `runs` equal parts of every axis once.
+
+    Source: McKay, Beckman and Conover (1979).
+    """
     runs = campaign.runs
 
     def column(parameter: UncertainParameter) -> Array:
@@ -99,7 +102,9 @@ def sobol(campaign: Campaign, first: int, last: int) -> Array:
 
 
 def saltelli(campaign: Campaign, first: int, last: int) -> Array:
-    """For Sobol indices, d + 2 rows for every base point: A, B, then A with one coordinate of B each.
+    """Draw d + 2 rows for each base point: A, B, then A with one coordinate of B each.
+
+    The design serves Sobol indices.
 
     Only parameters that vary count (Saltelli et al. 2010). `runs` = n (d + 2), n a power of two.
     """
@@ -117,14 +122,14 @@ def saltelli(campaign: Campaign, first: int, last: int) -> Array:
 
 
 def grid(campaign: Campaign, first: int, last: int) -> Array:
-    """Every combination of levels, the last parameter fastest."""
+    """Return every combination of levels, the last parameter fastest."""
     axes = [parameter.distribution.grid() for parameter in campaign.parameters]
     indices = np.unravel_index(np.arange(first, last), [len(axis) for axis in axes])
     return np.stack([axis[index] for axis, index in zip(axes, indices, strict=True)], axis=1)
 
 
 def one_at_a_time(campaign: Campaign, first: int, last: int) -> Array:
-    """The nominal values first, then each parameter at its end points, a choice at all its values."""
+    """Return the nominal values, then each parameter alone at its end points or values."""
     steps = [(k, u) for k, p in enumerate(campaign.parameters) for u in p.distribution.end_points()]
     points = np.full((last - first, len(campaign.parameters)), math.nan)
     for column in set(range(len(campaign.parameters))) - set(campaign.varied):
@@ -172,7 +177,7 @@ METHODS: dict[str, Callable[[Campaign, int, int], Array]] = {
 
 
 def gaussian_copula(campaign: Campaign) -> tuple[list[int], Array]:
-    """Which columns are correlated, and the factor (c, c) that correlates their normal scores.
+    """Return the correlated columns, and the factor (c, c) that correlates their normal scores.
 
     It is lower triangular, factor @ factor.T is their correlation. A normal copula of correlation r has
     Spearman's rank correlation (6/π) asin(r/2), whatever the distributions (Kruskal 1958), so

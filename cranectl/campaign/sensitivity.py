@@ -51,7 +51,7 @@ class SobolIndices:
 
 
 def sobol_indices(campaign: Campaign, outputs: Array) -> SobolIndices | None:
-    """Indices from the outputs (runs,) of a campaign sampled by saltelli; None where there are none.
+    """Compute Sobol indices from the outputs (runs,) of a Saltelli design, or return None.
 
     That is so with fewer than LEAST whole base points, or a constant output.
     """
@@ -72,7 +72,7 @@ def sobol_indices(campaign: Campaign, outputs: Array) -> SobolIndices | None:
 
 
 def _terms(a: Array, b: Array, ab: Array) -> Array:
-    """What the estimators are means of, a column for each base point: (2 + 2 d, n)."""
+    """Return the terms whose means are the estimators, a column for each base point: (2 + 2 d, n)."""
     centre = 0.5 * (a.mean() + b.mean())
     a, b, ab = a - centre, b - centre, ab - centre
     return np.vstack((0.5 * (a + b), 0.5 * (a**2 + b**2), b * (ab - a), 0.5 * (a - ab) ** 2))
@@ -158,7 +158,7 @@ class OneAtATimeEffect:
 
 
 def correlations(results: Results, group: Group, values: Array) -> Correlations:
-    """All of a group; `values` (samples, d) of the parameters.
+    """Compute all correlations of a group; `values` (samples, d) are those of the parameters.
 
     Of a Saltelli design only the rows of A and B count, the others repeat them but for one coordinate.
     """
@@ -179,7 +179,7 @@ def correlations(results: Results, group: Group, values: Array) -> Correlations:
 
 
 def independent_rows(results: Results) -> NDArray[np.intp]:
-    """Samples that were drawn independently of each other."""
+    """Return the samples that were drawn independently of each other."""
     campaign = results.campaign
     rows = np.arange(campaign.runs)
     if campaign.settings.sampling == "saltelli":
@@ -194,7 +194,7 @@ def sobol_of(results: Results, group: Group) -> dict[str, SobolIndices]:
 
 
 def separations(results: Results, group: Group, values: Array) -> tuple[Separation, ...]:
-    """One for each parameter, the most different first; none unless some runs failed and some did not."""
+    """Return one separation for each parameter, the largest first; none unless some runs failed."""
     rows = independent_rows(results)
     bad = group.failed[rows]
     good = group.there[rows] & ~bad
@@ -218,7 +218,7 @@ def separations(results: Results, group: Group, values: Array) -> tuple[Separati
 
 
 def one_at_a_time_effects(results: Results, group: Group, values: Array) -> tuple[OneAtATimeEffect, ...]:
-    """The steps of a one-at-a-time design in order; sample 0 has the nominal values."""
+    """Return the steps of a one-at-a-time design in order; sample 0 has the nominal values."""
     campaign = results.campaign
     columns = [k for k, p in enumerate(campaign.parameters) for _ in p.distribution.end_points()]
     return tuple(

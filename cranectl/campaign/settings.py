@@ -94,12 +94,12 @@ class CampaignSettings(Settings):
 
 
 def campaign_names() -> list[str]:
-    """Names of the campaigns that come with cranectl."""
+    """Return the names of the shipped campaigns."""
     return resources.toml_names(resources.CAMPAIGN_DIRECTORY)
 
 
 def campaign_file(name_or_path: str | Path) -> Path:
-    """Where a campaign is read; raises InputError for none."""
+    """Return the file of a campaign; raise InputError if there is none."""
     return resources.toml_file("campaign", str(name_or_path), resources.CAMPAIGN_DIRECTORY)
 
 
@@ -127,7 +127,7 @@ def parse_campaign(table: Mapping[str, Any], source: str) -> CampaignSettings:
 
 
 def _distributions(node: Mapping[str, Any], source: str) -> dict[str, Distribution]:
-    """The distributions below [uncertain] by dotted name of their parameter."""
+    """Return the distributions below [uncertain] by the dotted names of their parameters."""
     found: dict[str, Distribution] = {}
 
     def is_leaf(value: Any) -> bool:  # whether it is a distribution, or can hold none

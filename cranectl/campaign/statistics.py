@@ -28,7 +28,7 @@ def quantiles(values: Array, at: tuple[float, ...] = LEVELS) -> Array:
 
 
 def empirical_distribution(values: Array, most: int = 400) -> tuple[Array, Array]:
-    """Steps (x, F(x)) of the empirical distribution function of (n,) values.
+    """Return the steps (x, F(x)) of the empirical distribution function of (n,) values.
 
     NaN counts as larger than any: F then ends below 1. Beyond `most` steps, every so many-th is left.
     """
@@ -64,7 +64,9 @@ def complete_rows(parameters: Array, outputs: Array) -> Mask:
 
 
 def noise_floor(n: int, tests: int) -> float:
-    """|ρ| of n pairs that chance passes in any of `tests` with 1 - CONFIDENCE at most; 1 for too small n.
+    """Return the size of ρ of n pairs that chance exceeds with probability 1 - CONFIDENCE at most.
+
+    It is valid for `tests` tests at once, and 1 for too small n.
 
     Student's t with n - 2 degrees of freedom, as SciPy's p-values, at Bonferroni's level.
     """
@@ -80,7 +82,7 @@ def noise_floor(n: int, tests: int) -> float:
 
 
 def between_bins(bins_by_parameter: Sequence[Bins], y: Array) -> tuple[Array, Array]:
-    """How far ranks of `y` (n,) differ between bins of each parameter, in whatever way: η and p, each (d,).
+    """Return how much ranks of `y` (n,) differ between bins of each parameter: η and p, each (d,).
 
     η² is the share of the ranks' variance that lies between the bins, p is of the test by Kruskal and
     Wallis. Sees an error that grows with a disturbance to either side, which ρ does not. Rows without `y` are
@@ -129,7 +131,7 @@ def sign_test(fewer: int, more: int) -> float:
 
 
 def equal_bins(values: Array, most: int) -> Bins:
-    """Indices of (n,) values in order, cut into up to `most` parts of equal size, LEAST_IN_BIN at least.
+    """Return indices of (n,) values in order, cut into up to `most` parts of equal size.
 
     Equal values stay together, so parts of discrete values may differ in size; NaN is left out.
     """

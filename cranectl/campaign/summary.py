@@ -72,20 +72,20 @@ class GroupSummary:
 
 
 def summarize(results: Results) -> tuple[GroupSummary, ...]:
-    """One entry for each plant and controller, in the order of the campaign."""
+    """Return one summary for each plant and controller, in the order of the campaign."""
     found = tuple(_summary(results, plant, controller) for plant, controller in results.campaign.groups)
     check_sum("the number of runs", len(results), [group.runs for group in found])
     return found
 
 
 def broken_limits(column: Columns, limits: Mapping[str, float]) -> dict[str, Mask]:
-    """Which runs broke which limit, by metric; a metric that a run lacks breaks its limit."""
+    """Return which runs broke which limit, by metric; a metric that a run lacks breaks its limit."""
     values = {metric: np.asarray(column(metric), dtype=np.float64) for metric in limits}
     return {metric: ~within(metric, values[metric], limit) for metric, limit in limits.items()}
 
 
 def failed(column: Columns, limits: Mapping[str, float]) -> Mask:
-    """Which runs failed, shape (runs,): they did not complete, or they broke a limit."""
+    """Return which runs failed, shape (runs,): they did not complete, or they broke a limit."""
     bad: Mask = np.asarray(column("status")) != RunStatus.COMPLETED.label
     for broken in broken_limits(column, limits).values():
         bad = bad | broken
@@ -161,7 +161,7 @@ class Example(NamedTuple):
 
 
 def examples(results: Results, *, worst: int) -> tuple[Example, ...]:
-    """For each plant and controller the `worst` runs, then the first run of every further way to stop."""
+    """Return the `worst` runs of each plant and controller, then one run of each way to stop."""
     found = []
     for plant, controller in results.campaign.groups:
         rows = results.rows(plant, controller)
@@ -174,7 +174,7 @@ def examples(results: Results, *, worst: int) -> tuple[Example, ...]:
 
 
 def _stops(results: Results, rows: Rows, shown: Sequence[int]) -> dict[int, str]:
-    """The first of `rows` to stop in each way that is not `shown`, with its reason; most frequent first."""
+    """Return the first of `rows` to stop in each further way, with its reason; most frequent first."""
     status, reason = results.column("status"), results.column("reason")
     alike: dict[tuple[str, str], list[int]] = {}
     for row in rows[status[rows] != RunStatus.COMPLETED.label].tolist():
@@ -201,7 +201,7 @@ class Group:
 
 
 def groups_of(results: Results) -> tuple[Group, ...]:
-    """A group for each plant and controller, in the order of the campaign."""
+    """Return a group for each plant and controller, in the order of the campaign."""
     completed = results.column("status") == RunStatus.COMPLETED.label
     bad = failed(results.column, results.campaign.settings.limits.given)
     metrics = {name: results.column(name).astype(np.float64) for name in MAIN_METRICS}
@@ -245,7 +245,7 @@ class Maker:
 
 
 def makers(results: Results) -> tuple[Maker, ...]:
-    """What made the runs, the one that began the result first; nothing where there are no runs."""
+    """Return the software that made the runs, that of the start first; empty where there are no runs."""
     settings = results.campaign.settings
     installed = software_of(settings.plants, settings.controllers)
     counts = np.bincount(results.made_by, minlength=len(results.origins)).tolist()
@@ -257,7 +257,7 @@ def makers(results: Results) -> tuple[Maker, ...]:
 
 
 def software_notes(results: Results) -> list[str]:
-    """What is to be said of it, a line each; nothing where all runs are by what is installed."""
+    """Return a line for each remark about the software; empty if all runs are by what is installed."""
     found = makers(results)
     runs = [f"{maker.runs} {'run' if maker.runs == 1 else 'runs'}" for maker in found]
     mixed = [f"made by {len(found)} sets of sources or versions: {', '.join(runs)}"] if len(found) > 1 else []

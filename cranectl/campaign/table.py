@@ -58,12 +58,12 @@ UNIT = re.compile(r"\[(.*?)\]")  # in the description of a setting
 
 
 def row_columns(campaign: Campaign) -> tuple[ResultColumn, ...]:
-    """The columns of all rows of `campaign`, in order."""
+    """Return the columns of all rows of `campaign`, in order."""
     return (*RUN_COLUMNS, *(describe(campaign, name) for name in campaign.names), *METRIC_COLUMNS.values())
 
 
 def metric_values(metrics: RunMetrics | None) -> Row:
-    """The metrics by name of their columns."""
+    """Return the metrics by the names of their columns."""
     if metrics is None:
         return dict.fromkeys(METRIC_COLUMNS)
     found: list[Value] = []
@@ -74,7 +74,7 @@ def metric_values(metrics: RunMetrics | None) -> Row:
 
 
 def describe(campaign: Campaign, name: str) -> ResultColumn:
-    """The column of a parameter, described as the setting is, or as the list that it is in."""
+    """Return the column of a parameter, with the description of its setting."""
     node: Any = campaign.nominal
     description = ""
     for key in name.split("."):
@@ -88,7 +88,7 @@ def describe(campaign: Campaign, name: str) -> ResultColumn:
 
 
 def arrow_schema(campaign: Campaign, metadata: dict[str, str]) -> Any:
-    """The Arrow schema of a result, with `metadata` of its own."""
+    """Return the Arrow schema of a result, with its own `metadata`."""
     import pyarrow
 
     fields = [
@@ -115,14 +115,14 @@ class ResultDamageError(Exception):
 
 
 def part_name(batch: Batch) -> str:
-    """Name of the file of `batch`."""
+    """Return the name of the file of `batch`."""
     return f"part-{batch.plant}-{batch.controller}-{batch.first:07d}.parquet"
 
 
 def write_part(
     path: Path, campaign: Campaign, origin: SoftwareOrigin, batch: Batch, rows: Sequence[Row]
 ) -> None:
-    """Write the rows of `batch` to `path`, whole or not at all; raises OSError if that cannot be done."""
+    """Write the rows of `batch` to `path` in one atomic step; raise OSError if that fails."""
     import pyarrow
     from pyarrow import parquet
 
@@ -143,7 +143,7 @@ def write_part(
 def read_part(
     path: Path, campaign: Campaign, origins: Sequence[SoftwareOrigin], batch: Batch
 ) -> tuple[Any, SoftwareOrigin]:
-    """The table of `batch` from `path`, and which of `origins` made it.
+    """Read the table of `batch` from `path`, and return it with the one of `origins` that made it.
 
     Raises DamageError if it is not what was written.
     """
@@ -179,7 +179,7 @@ def read_part(
 
 
 def _part_schema(campaign: Campaign, origin: SoftwareOrigin, batch: Batch) -> Any:
-    """The columns of a part, and what it says of itself."""
+    """Return the columns of a part, with metadata that identify it."""
     software = {name: origin.versions[name] for name in FINGERPRINTS if name in origin.versions}
     own = {"campaign": campaign.settings.name, "identity": origin.identity, **software}
     schema = arrow_schema(campaign, own | {name: str(value) for name, value in batch._asdict().items()})
@@ -201,6 +201,6 @@ def _check_schema(found: Any, expected: Any) -> None:
 
 
 def _digest(schema: Any) -> bytes:
-    """Of what a schema says of each column."""
+    """Return the digest of the metadata of all columns."""
     text = repr([sorted((field.metadata or {}).items()) for field in schema])
     return hashlib.sha256(text.encode()).hexdigest()[:16].encode()

@@ -45,7 +45,7 @@ class Prepared:
     """The controllers and their reference, both of the nominal crane, and the samples."""
 
     def __init__(self, campaign: Campaign, controllers: Sequence[str] | None = None) -> None:
-        """`controllers`: by default those of the campaign. Raises InputError where one cannot be run."""
+        """Design all controllers; raise InputError if one of them cannot run."""
         self.campaign = campaign
         names = campaign.settings.controllers if controllers is None else controllers
         self._drawn = functools.lru_cache(maxsize=4)(self._draw)
@@ -59,7 +59,7 @@ class Prepared:
                 self._made(name, campaign.nominal)
 
     def controller(self, name: str, sampled: Scenario) -> PreparedController:
-        """The controller `name`, made for the control period of a sample; raises InputError as above."""
+        """Return the controller `name`, made for the control period of a sample; raise InputError."""
         with self._lock:
             return self._made(name, nominal_scenario(self.campaign, sampled))
 
@@ -123,7 +123,7 @@ class Worker:
         """Nothing to end."""
 
     def _try(self, batch: Batch, sample: int, stop: Stop) -> Row:
-        """One run; whatever of the controller or the plant goes wrong is the reason of a failed row."""
+        """Run one sample; an error of controller or plant becomes the reason of a failed row."""
         campaign, values = self._prepared.campaign, self._prepared.values(sample)
         try:
             scenario = sampled_scenario(campaign, values, f"sample {sample}")
@@ -167,7 +167,7 @@ class Worker:
         return RunEnd(status.label, reason, end_ns / NANOSECONDS, metrics)
 
     def _plant(self, name: str, scenario: Scenario) -> Plant:
-        """The plant of `scenario`: one used before, changed in place, where that can be."""
+        """Return the plant of `scenario`: one used before, changed in place, if that is possible."""
         drive = self._prepared.campaign.settings.drive
         plant = self._plants.get((name, scenario.substeps))
         if plant is not None:
@@ -193,7 +193,7 @@ def row_of(prepared: Prepared, batch: Batch, sample: int, ended: RunEnd) -> Row:
 
 
 def _reason(error: Exception) -> str:
-    """An error on one line, with its type."""
+    """Return an error on one line, with its type."""
     text = (
         f"{error.found}; {error.allowed}" if isinstance(error, InputError) else " ".join(str(error).split())
     )

@@ -102,14 +102,17 @@ def run_batches(
 def made_worker(
     prepared: Prepared, children: "Children", patience: float = BLOCK_TIMEOUT
 ) -> "Worker | ChildWorker":
-    """For one thread; laws from outside run in one of `children`, with `patience` [s] for a block."""
+    """Make the worker of one thread; controllers from outside run in one of `children`.
+
+    A block of a run may take `patience` [s].
+    """
     if not law_digests(prepared.campaign.settings.controllers):
         return Worker(prepared)
     return ChildWorker(prepared, children, patience)
 
 
 def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
-    """Time of all runs on `workers` cores [s], from the first sample with each controller on each plant.
+    """Estimate the time of all runs on `workers` cores [s] from the first sample of each group.
 
     It is run once before it counts, which loads and compiles.
     """
@@ -133,7 +136,7 @@ class Children:
         self._idle: list[Child] = []
 
     def take(self, campaign: Campaign) -> Child:
-        """One that is ready for `campaign`, and no other's until it is given back."""
+        """Take a child process that is ready for `campaign`, for exclusive use."""
         try:
             child = self._idle.pop()
         except IndexError:
@@ -142,7 +145,7 @@ class Children:
         return child
 
     def give_back(self, child: Child) -> None:
-        """One that has nothing to do."""
+        """Give back a child process that has nothing to do."""
         self._idle.append(child)
 
     def __enter__(self) -> Self:
@@ -157,12 +160,12 @@ class ChildWorker:
     """As `Worker`; `close` gives its process back."""
 
     def __init__(self, prepared: Prepared, children: Children, patience: float) -> None:
-        """`patience`: for a block of a run [s]."""
+        """Make a worker that sends runs to a child process; a block may take `patience` [s]."""
         self._prepared, self._children, self._patience = prepared, children, patience
         self._child: Child | None = None
 
     def run_batch(self, batch: Batch, stop: Stop = lambda: False) -> list[Row]:
-        """The rows of `batch`; raises StoppedError soon after `stop` says so."""
+        """Return the rows of `batch`; raise StoppedError soon after `stop` returns True."""
         single = (batch._replace(first=k, last=k + 1) for k in range(batch.first, batch.last))
         return [tried_again(partial(self._try, each, stop)) for each in single]
 
@@ -203,7 +206,7 @@ class ChildWorker:
 
 
 def _work(connection: Connection) -> None:
-    """In the process: what begins a campaign, or a batch of one sample.
+    """Serve requests in the child process: the start of a campaign, or a batch of one sample.
 
     The answer to a batch is nothing at its start and after each block, then a row or an error.
     """

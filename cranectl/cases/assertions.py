@@ -48,7 +48,7 @@ class CaseRuns(dict[str, Run]):
     """The runs of a case, by plant."""
 
     def __init__(self, case: Case) -> None:
-        """Simulates them; raises InputError for wrong input and KeyboardInterrupt where one came."""
+        """Simulate the runs; raise InputError for wrong input and KeyboardInterrupt on an interrupt."""
         super().__init__({run.plant: run for run in simulate_case(case, prepare_case(case))})
         if any(run.status == RunStatus.INTERRUPTED for run in self.values()):
             raise KeyboardInterrupt
@@ -59,18 +59,18 @@ class CaseRuns(dict[str, Run]):
         return f"{self.case.scenario.name}, {self.case.controller}, {self.case.drive} drives"
 
     def write(self, path: Path) -> Path:
-        """The log of all, at the rate that the scenario asks for; raises LogError."""
+        """Write all runs to a log, at the rate that the scenario states; raise LogError."""
         return write_log(path, list(self.values()))
 
     def write_golden(self, path: Path) -> Path:
-        """A log small enough to be kept beside the code; raises LogError."""
+        """Write a log that is small enough to be kept beside the code; raise LogError."""
         scenario = self.case.scenario
         samples = round(scenario.duration * NANOSECONDS / scenario.period_ns)
         return write_log(path, list(self.values()), every=max(samples // GOLDEN_SAMPLES, 1))
 
 
 def briefly(function: Callable[Arguments, None]) -> Callable[Arguments, None]:
-    """What `function` raises because of its arguments points at the line that calls it, not below."""
+    """Make errors of `function` about its arguments point at the line that calls it."""
 
     @functools.wraps(function)
     def asserting(*args: Arguments.args, **kwargs: Arguments.kwargs) -> None:
@@ -187,7 +187,7 @@ def _given(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> Agr
 
 
 def _endings(runs: CaseRuns) -> list[str]:
-    """What is wrong with how they ended."""
+    """Return a sentence for each run that did not end as expected."""
     return [
         f"{run.plant} ends with {run.status.label} at {run.end_s:g} s, expected {run.scenario.expected}"
         for run in runs.values()
@@ -245,12 +245,12 @@ def regression_of(new_log: Path, golden_log: Path, tolerances: Tolerances) -> Re
 
 
 def software_differences(log: Path, other: Path) -> list[str]:
-    """What may make the numbers of two logs differ besides their runs, by `log` and by `other`."""
+    """Return which software differences may explain different numbers in two logs."""
     return provenance_differences(describe_log(log).versions, describe_log(other).versions, word="other")
 
 
 def nothing_shared() -> InputError:
-    """The error of two logs that cannot be compared."""
+    """Return the error of two logs that cannot be compared."""
     return InputError(
         "the logs share no plant",
         allowed="logs of the same plant",

@@ -71,7 +71,7 @@ class RunSummary:
 
     @classmethod
     def of(cls, run: Run, log: Path | None) -> "RunSummary":
-        """The summary of a run that is in `log`; raises InputError for limits that no run can have."""
+        """Summarise a run that is in `log`; raise InputError for limits that no run can have."""
         metrics, asked = run_metrics(run), limits_of(run.scenario, [run.plant])[run.plant]
         names = run.scenario.name, run.design.name, run.plant, run.drive
         limits, beyond = judge_limits(metrics, asked), _beyond_drives(run)
@@ -89,7 +89,7 @@ class RunSummary:
 
 
 def _beyond_drives(run: Run) -> str:
-    """What is commanded most beyond what the drives can do, where the run does not limit it; else nothing."""
+    """Return the largest command beyond the drives' limits, if the run does not limit it; else ""."""
     if run.scenario.effects.limits is not None or run.status.stopped or not len(run.time_ns):
         return ""
     able = run.scenario.drive_limits
@@ -172,7 +172,7 @@ class Failure:
 
     @classmethod
     def of(cls, error: Exception) -> "Failure":
-        """The failure that `error` means."""
+        """Return the failure that `error` means."""
         if isinstance(error, InputError):
             return cls(str(error), bad_input=True)
         text = " ".join(describe_error(error).split())
@@ -191,7 +191,7 @@ def make_case(
     pairwise: bool = False,
     patience: float = BLOCK_TIMEOUT,
 ) -> Case:
-    """A case with the scenario's own controller and name, the usual plants and place for its log by default.
+    """Make a case; by default with the controller, plants and log that the scenario implies.
 
     Raises InputError for plants that cannot be run and for limits that the scenario cannot have.
     """
@@ -279,7 +279,7 @@ def _pair_differences(runs: Sequence[Run]) -> tuple[PairDifference, ...]:
 
 
 def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:
-    """As `run_case`, but whatever goes wrong is a failure: one case must not end the others."""
+    """Do as `run_case`, but return errors as failures: one case must not end the others."""
     try:
         return tried_again(lambda: run_case(case, progress=progress))
     except Exception as error:

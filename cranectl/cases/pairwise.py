@@ -75,7 +75,7 @@ class Pairwise:
 
 
 def pairwise(validation: Validation) -> Pairwise:
-    """Of the pairs in the results of `validation`; runs the worst cases again with finer steps."""
+    """Summarise all pairs of plants in `validation`; the worst cases run again with finer steps."""
     found: dict[tuple[str, str, str], list[tuple[PairDifference, Case]]] = {}
     for case, result in validation.results:
         for pair in result.pairs:
@@ -121,7 +121,7 @@ def _worst(key: tuple[str, str, str], pairs: Sequence[PairDifference]) -> WorstP
 
 
 def convergence(plant: str, case: Case) -> tuple[float, float]:
-    """How far the load moves when steps are a quarter as long [m], and the order by which that falls."""
+    """Return the change of the load with steps a quarter as long [m], and the order of convergence."""
     runs = []
     for times in (1, 2, 4):
         scenario = with_finer_steps(case.scenario, times)
@@ -136,7 +136,7 @@ def convergence(plant: str, case: Case) -> tuple[float, float]:
 
 
 def energy_drift(plant: str, scenario: Scenario) -> float:
-    """Of a free swing of 20 s on the rig of `scenario`, rigid, drives locked: largest change over m g l."""
+    """Return the largest change of energy over m g l in a free swing of 20 s with locked drives."""
     rigid = scenario.model_copy(update={"effects": type(scenario.effects)(), "disturbances": ()})
     crane = make_plant(plant, rigid, "ideal")
     (x, y), lengths = np.mean(rigid.rig.workspace[:2], axis=1), rigid.rig.rope_range

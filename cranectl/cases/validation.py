@@ -29,7 +29,7 @@ class Verdict(NamedTuple):
     overrun: float = math.inf  # how many times a limit its worst value is; inf if it did not end as expected
 
     def command(self, options: Sequence[str]) -> str:
-        """What runs it again alone, with `options` of the validation."""
+        """Return the command that runs this case alone, with `options` of the validation."""
         parts = ["cranectl", "run", self.scenario]
         if self.controller:
             parts += ["--controller", controller_argument(self.controller), "--drive", self.drive]
@@ -142,7 +142,7 @@ class Validation:
 
 
 def _overrun(result: CaseResult) -> float:
-    """Of all that is judged."""
+    """Return the largest ratio of a judged value to its limit."""
     apart = [
         value / limit if value == value else math.inf
         for each in result.agreements
@@ -157,7 +157,7 @@ def _overrun(result: CaseResult) -> float:
 
 
 def _faults(result: CaseResult) -> Iterator[str]:
-    """What is not as it should be, a sentence each."""
+    """Yield a sentence for each fault."""
     for run in result.runs:
         if run.status.label != result.expected:
             yield f"{run.plant} ends with {run.status.label} at {run.end_s:g} s, expected {result.expected}"
@@ -197,5 +197,5 @@ def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:
 
 
 def _printable(text: str) -> str:
-    """Without characters that XML cannot hold."""
+    """Replace characters that XML cannot hold."""
     return "".join(char if char in "\n\t" or ord(char) >= 0x20 else "?" for char in text)

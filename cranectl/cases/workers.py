@@ -30,7 +30,7 @@ Result = CaseResult | Failure | None  # None: an interrupt kept the case from ru
 
 
 def available_cores() -> int:
-    """Number of cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -143,7 +143,7 @@ class _Worker:
 
 
 def _worker_context() -> BaseContext:
-    """How workers are made: forked from a server that has loaded everything, where there is such a thing."""
+    """Return how workers start: forked from a server that has loaded everything, if possible."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")

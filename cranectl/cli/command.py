@@ -52,7 +52,7 @@ class OutputFile(click.Path):
     def __init__(
         self, kind: Kind | None = None, *, endings: tuple[str, ...] = (), dash: bool = False
     ) -> None:
-        """`dash`: whether `-` is standard output."""
+        """Make the type of a file to write; with `dash`, `-` is standard output."""
         super().__init__(path_type=None if dash else Path)
         self.kind, self.endings, self.dash = kind, endings, dash
 
@@ -110,7 +110,7 @@ def _files(value: Any) -> list[Path]:
 
 
 def json_option(function: F) -> F:
-    """Add `--json`; the command gets a `screen` that prints, and writes JSON where that is asked for."""
+    """Add `--json`; the command gets a `screen` that prints, and writes JSON where requested."""
 
     @click.option(
         "--json",
@@ -147,7 +147,7 @@ predict_option = click.option(
 def output_option(
     name: str, kind: Kind | None, help_text: str, *, endings: tuple[str, ...] = ()
 ) -> Callable[[F], F]:
-    """An option for a file to write: of one kind, or of that which one of `endings` names."""
+    """Return an option for a file to write, of one kind or of the kind that its ending names."""
     return click.option(name, metavar="FILE", type=OutputFile(kind, endings=endings), help=help_text)
 
 
@@ -220,7 +220,7 @@ def every_option(function: F) -> F:
 
 
 def plants_option(help_text: str, *, check: str = "", of_logs: bool = False) -> Callable[[F], F]:
-    """`--plants`: names with commas, or all; nothing is () and means what the command says.
+    """Return `--plants`: names with commas, or all; no name means what the command documents.
 
     `check`: a method of plants' entries that raises InputError for those that `all` leaves out. `of_logs`:
     names are as given, for `plants_of_logs`: a log tells of plants only when it is read.
@@ -257,7 +257,7 @@ run_plants_option = plants_option("Default: analytic,elastic,mujoco.", check="ch
 
 
 def names_given(_: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:
-    """Names with commas between, of an option that may be repeated; each once."""
+    """Split names at commas, of an option that may be repeated; each name once."""
     names = [name.strip() for text in given for name in text.split(",")]
     if not all(names):
         raise InputError(
@@ -280,7 +280,7 @@ label_option = click.option(
 
 
 def layout_for(plants: tuple[str, ...], rig: "RigParameters", log: Path) -> str:
-    """What `cranectl log layout` is given to show a log of `plants`."""
+    """Return the arguments of `cranectl log layout` for a log of `plants`."""
     from cranectl.plants.registry import default_plants
     from cranectl.scenario.drawn_size import drawn_as_filed
 
@@ -291,7 +291,7 @@ def layout_for(plants: tuple[str, ...], rig: "RigParameters", log: Path) -> str:
 
 
 def drive_option(*, default: str, force: bool = True) -> Callable[[F], F]:
-    """`--drive`; `force`: whether the command takes force drives."""
+    """Return `--drive`; with `force` the command takes force drives too."""
     forces = "; force: forces on bridge, trolley, winch" if force else ""
     both = "; both: ideal and velocity; all" if default == "both" else ""
     return click.option(

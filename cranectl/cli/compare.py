@@ -110,7 +110,7 @@ def compare_command(
 
 
 def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:
-    """Every signal, then the largest distances; `title` in place of what the runs are called."""
+    """Print every signal, then the largest differences, under `title` or the names of the runs."""
     from cranectl.report.run.differences import comparison_table
 
     screen.print(comparison_table(title or f"{comparison.b} minus {comparison.a}", comparison))
@@ -124,7 +124,7 @@ def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:
 
 
 def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
-    """Every run of an overlay with the first."""
+    """Compare every run of an overlay with the first."""
     from cranectl.compare.runs import against_first
     from cranectl.report.run.differences import distances_table
 
@@ -135,7 +135,7 @@ def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
 
 
 def _compare_plants(log: Path, held: dict[str, "Run"], screen: Screen) -> int:
-    """The plants of one log, judged as by the run that wrote it."""
+    """Compare the plants of one log, judged as by the run that wrote it."""
     from cranectl.cases.case import CaseResult, RunSummary
     from cranectl.compare.agreement import against_reference, judge, least_good
     from cranectl.compare.runs import compare_runs
@@ -199,7 +199,7 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> 
 
 
 def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen) -> int:
-    """The logs in and below two directories, by relative path; one that only GOLDEN has fails."""
+    """Judge the logs in and below two directories; one that only GOLDEN has fails."""
     from cranectl.cases.assertions import Regression, regression_of
     from cranectl.compare.golden import load_tolerances
     from cranectl.report.run.differences import regressions_table
@@ -261,7 +261,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
 
 
 def _pairs(a_log: Path, b_log: Path) -> list[tuple["Run", "Run"]]:
-    """The runs of each plant that two logs share, or the only ones that they hold."""
+    """Return the runs of each plant that two logs share, or the only runs that they hold."""
     from cranectl.cases.assertions import nothing_shared
     from cranectl.log.reader import read_log
 

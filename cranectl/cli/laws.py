@@ -35,7 +35,7 @@ class Seconds(click.FloatRange):
         super().__init__(min=0.0, min_open=True, max=1e6)
 
     def convert(self, value: Any, parameter: Any, context: Any) -> float:
-        """The time [s]; fails for NaN, which no comparison with a bound refuses, and for other text."""
+        """Return the time [s]; refuse NaN, which passes any comparison with a bound, and other text."""
         seconds: float = super().convert(value, parameter, context)
         if isnan(seconds):
             self.fail(f"{value} is not in the range 0<x<=1000000.", parameter, context)
@@ -48,7 +48,7 @@ def is_completing(context: click.Context | None) -> bool:
 
 
 def opened(name: str, directory: Path = Path()) -> str:
-    """`name`, or that of the law in the file that it names, seen from `directory`."""
+    """Return `name`, or the name of the controller in the file that it names, seen from `directory`."""
     if not {".", ":"} & set(name):
         return name
     from cranectl.controllers.registry import UDP, is_reference
@@ -60,7 +60,7 @@ def opened(name: str, directory: Path = Path()) -> str:
 
 
 def controller_option(function: F) -> F:
-    """`--controller` and `--trust` of a command that takes `scenario`; it gets the former."""
+    """Add `--controller` and `--trust` to a command that takes `scenario`."""
 
     @click.option(
         "--controller",
@@ -90,7 +90,7 @@ def _opened_names(
 
 
 def controllers_option(help_text: str, *, opens: bool = True) -> Callable[[F], F]:
-    """`--controller`, one name or more; with `opens` laws in files are opened, and have their names."""
+    """Return `--controller`, which may be repeated; with `opens`, controllers in files are opened."""
     return click.option(
         "--controller",
         "--controllers",
@@ -114,7 +114,7 @@ patience_option = click.option(
 
 
 def trust_option(document: str) -> Callable[[F], F]:
-    """`--trust`."""
+    """Return `--trust`."""
     return click.option(
         "--trust", is_flag=True, help=f"Run the code of a law whose file {document} itself names."
     )

@@ -71,7 +71,7 @@ def list_command(screen: Screen) -> None:
 
 
 def json_schema(document: str) -> dict[str, Any]:
-    """What a file of the kind `document`, one of DOCUMENTS, may hold: JSON Schema, draft 2020-12."""
+    """Return the JSON Schema (draft 2020-12) of a file of the kind `document`, one of DOCUMENTS."""
     from cranectl.campaign.benchmark.settings import Benchmark
     from cranectl.campaign.settings import CampaignSettings
     from cranectl.scenario import Scenario
@@ -114,7 +114,7 @@ def _nested(distribution: dict[str, Any]) -> dict[str, Any]:
 
 
 def _limits() -> dict[str, Any]:
-    """The metrics that may be limited, and a table of them for each plant."""
+    """Return the schema of limits on metrics, with a table of them for each plant."""
     from cranectl.metrics.limits import Limits
     from cranectl.plants.registry import PLANTS
 
@@ -124,7 +124,7 @@ def _limits() -> dict[str, Any]:
 
 
 def _controller(table: dict[str, Any]) -> dict[str, Any]:
-    """A name, or a table of name and parameters of laws."""
+    """Return the schema of a controller: a name, or a table of name and parameters."""
     from cranectl.controllers.registry import controller_names, load_controller
 
     name = {**table["properties"]["name"], "enum": list(controller_names())}

@@ -118,7 +118,7 @@ def _warn(text: str) -> None:
 
 @contextlib.contextmanager
 def _until_ended() -> Iterator[threading.Event]:
-    """An event that a signal sets, instead of stopping in the middle of a block; once."""
+    """Yield an event that the first signal sets, instead of stopping in the middle of a block."""
     stop = threading.Event()
 
     def end() -> None:

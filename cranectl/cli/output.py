@@ -52,7 +52,7 @@ class Screen(Console):
         return super().render_str(printable(text), **options)
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """A line of strings and styled texts, never wrapped, or a table, in parts where it is too wide."""
+        """Print a line without wrapping, or a table, in parts if it is too wide."""
         if len(objects) == 1 and isinstance(objects[0], Table):
             width = self.width
             for part in self._parts(screen_table(objects[0])):
@@ -68,7 +68,7 @@ class Screen(Console):
             self.print(f"{indent}{each}" if isinstance(each, str) else each)
 
     def write_json(self, data: dict[str, Any]) -> None:
-        """Write `data` to the file that is asked for, if any; `-` is standard output."""
+        """Write `data` to the requested file, if any; `-` is standard output."""
         if self._json_file is None:
             return
         text = json.dumps(mapped(data, _finite), indent=2)
@@ -80,7 +80,7 @@ class Screen(Console):
             write_text(place, text + "\n")
 
     def _parts(self, table: ScreenTable) -> Iterator[ScreenTable]:
-        """`table`, dense if need be, or tables of its first column and as many others as fit."""
+        """Yield `table`, narrowed if need be, or tables of its first column and as many others as fit."""
         if self._needed(table) > self.width:
             table = copy(table)
             table.padding = (0, 0)
@@ -104,7 +104,7 @@ class Screen(Console):
             first = after
 
     def _needed(self, table: ScreenTable) -> int:
-        """What `table` needs at least, its foldable columns folded."""
+        """Return the width that `table` needs with its foldable columns folded."""
         options = self.options.update(max_width=10_000)
         needed = Measurement.get(self, options, table).maximum
         for column in table.columns:
@@ -130,12 +130,12 @@ def styled(text: str, style: str) -> Text:
 
 
 def heading(text: str) -> Text:
-    """A heading or note of our own, on several lines."""
+    """Return a heading or note of cranectl, on several lines."""
     return Text("\n".join(map(printable, text.split("\n"))))
 
 
 def screen_table(table: Table) -> ScreenTable:
-    """The table with its note below; what neighbouring headings begin with is said once.
+    """Return the table for a terminal, with its note below.
 
     Where there is little room its texts are folded, but never the first column, nor numbers.
     """
@@ -203,7 +203,7 @@ PASSED, FAILED = styled("passed", "green"), styled("FAILED", "bold red")
 
 
 def _finite(value: Any) -> Any:
-    """`value`, null in place of infinities and NaN, which JSON does not have."""
+    """Return `value`, or None for infinities and NaN, which JSON does not have."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

@@ -21,7 +21,7 @@ LOGS: pytest.StashKey[Path] = pytest.StashKey()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """The options of the plugin."""
+    """Add the options of the plugin."""
     group = parser.getgroup("cranectl", "crane controllers (cranectl)")
     group.addoption(
         "--cranectl-logs",
@@ -38,7 +38,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def closed_loop(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> "Callable[..., CaseRuns]":
-    """A function that runs a scenario in closed loop on the plants and returns the runs, by plant.
+    """Return a function that runs a scenario in closed loop and returns the runs by plant.
 
     `closed_loop(scenario, controller=None, *, plants, drive="ideal", rig=None, overrides=())`: scenario and
     rig by name or as TOML files relative to the file of the test; the controller, by default the scenario's,
@@ -89,7 +89,7 @@ def closed_loop(
 
 @pytest.fixture
 def assert_golden(request: pytest.FixtureRequest) -> "Callable[..., None]":
-    """A function that asserts that runs are those of before: `assert_golden(runs, tolerances="rounding")`.
+    """Return a function that asserts that runs equal those of a golden log.
 
     The golden log lies below the file of the test, in golden/; `--cranectl-update` writes it. `tolerances`:
     "exact", "rounding", or a TOML file relative to the file of the test.
@@ -145,12 +145,12 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> 
 
 
 def _beside(directory: Path, name: str | Path) -> str:
-    """A path relative to `directory`, or a name as it is."""
+    """Return a path relative to `directory`, or a name unchanged."""
     is_path = "/" in str(name) or str(name).endswith(".toml")
     return os.path.normpath(directory / name) if is_path else str(name)
 
 
 def _file_name(test: str, k: int) -> str:
-    """Of the log of a test's k-th closed loop."""
+    """Return the name of the log of a test's k-th closed loop."""
     plain = re.sub(r"[^\w.+]+", "-", test).strip("-")[-MAX_NAME:]
     return f"{plain}-{k + 1}.mcap" if k else f"{plain}.mcap"

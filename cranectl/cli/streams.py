@@ -16,7 +16,7 @@ STANDARD_OUTPUT, STANDARD_ERROR = 1, 2
 
 @contextmanager
 def steady_streams() -> Iterator[None]:
-    """For the length of a command: what cannot be encoded becomes `?`, what cannot be written is dropped."""
+    """Replace characters that cannot be encoded by `?`, and drop what cannot be written, in a command."""
     before = sys.stdout, sys.stderr
     own = _set_apart(sys.stdout)
     sys.stdout, sys.stderr = _steady(sys.stdout, own), _steady(sys.stderr)

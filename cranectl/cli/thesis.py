@@ -28,7 +28,7 @@ def thesis_command(report: Path | None, screen: Screen) -> int:
 
 
 def run_thesis(screen: Screen, report: Path | None) -> int:
-    """Run, print, write what is asked for; returns the exit code."""
+    """Run the chapter, print it, write the requested page; return the exit code."""
     from cranectl.report.page import write_page
     from cranectl.thesis.page import ChapterFigures, printed_tables, thesis_page
     from cranectl.thesis.reproduction import reproduce, total_simulated_seconds

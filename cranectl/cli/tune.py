@@ -98,7 +98,7 @@ def tune_command(
 
 
 def _table(tuned: "Tuned") -> "Table":
-    """The numbers, cost and failures: untuned, with half the budget, with all of it."""
+    """Return a table of numbers, cost and failures: untuned, with half and with all of the budget."""
     from cranectl.report.table import Table, cells
 
     found = tuned.found

@@ -172,7 +172,7 @@ def validate_command(
 
 
 def _sources(names: Sequence[str]) -> list[str]:
-    """`names` with the scenarios of a directory in its place, those of directories below it too.
+    """Replace each directory in `names` by the scenarios in and below it.
 
     Rigs and campaigns there are left out; whatever else is no scenario fails as one. Raises InputError for a
     directory without any.
@@ -208,7 +208,7 @@ def _is_rig_or_campaign(file: Path) -> bool:
 def _loaded(
     asked: command.Asked, names: Sequence[str], plants: Sequence[str]
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
-    """The scenarios by the names they were asked for, and why others cannot be loaded."""
+    """Return the scenarios by their requested names, and why others cannot be loaded."""
     from cranectl.cases.case import Failure
     from cranectl.metrics.limits import limits_of
 
@@ -266,7 +266,7 @@ def agreement_lines(agreements: "Sequence[Agreement]", others: Sequence[str] = (
 
 
 def _tell_failures(validation: "Validation") -> None:
-    """Why cases could not be run, each reason once for a scenario."""
+    """Print why cases could not be run, each reason once for a scenario."""
     screen = Screen(stderr=True)
     alike: dict[tuple[str, Failure], list[str]] = {}
     for scenario, case, failure in validation.failures:
@@ -284,7 +284,7 @@ def _tell_failures(validation: "Validation") -> None:
 
 
 def _exit_code(validation: "Validation") -> int:
-    """The code that says most: interrupted, unforeseen or a worker died, bad input, stopped, disagreed, good.
+    """Return the most serious code: interrupted, unforeseen, bad input, stopped, disagreed, good.
 
     A run that stops as its scenario expects is good.
     """

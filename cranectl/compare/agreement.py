@@ -153,7 +153,7 @@ class Agreement:
 
 
 def against_reference(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[tuple[Run, Run]]:
-    """Every other run with that of the reference plant, which comes second; none where that is missing.
+    """Pair every other run with that of the reference plant, which comes second.
 
     `plants`: those that the reference is of, by default those of `runs`.
     """
@@ -191,14 +191,14 @@ def judge(
 
 
 def all_pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:
-    """Every run with every other; where the reference plant is one of them, it comes second."""
+    """Pair every run with every other; the reference plant comes second."""
     pairs = itertools.combinations(runs, 2)
     reference = reference_plant(run.plant for run in runs)
     return [(b, a) if a.plant == reference else (a, b) for a, b in pairs]
 
 
 def least_good(agreements: Sequence[Agreement]) -> Agreement:
-    """The first that does not hold, else the first that is not judged, else the first."""
+    """Return the first agreement that fails, else the first that is not judged, else the first."""
     return min(agreements, key=lambda agreement: (agreement.passed is not False, agreement.passed is True))
 
 
@@ -212,7 +212,7 @@ def _within(comparison: Comparison, a: Run, b: Run, limits: AgreementLimits) -> 
 
 
 def ended_as_expected(run: Run) -> bool:
-    """Whether `run` ended as its scenario says that runs must."""
+    """Return True if `run` ended as its scenario expects."""
     return run.status.label == run.scenario.expected
 
 
@@ -246,7 +246,7 @@ def judge_steps(
 
 
 def with_finer_steps(scenario: Scenario, times: int) -> Scenario | None:
-    """`scenario` with so many times as many steps, unless that is off the grid of nanoseconds."""
+    """Return `scenario` with `times` as many steps, or None if that needs fractions of nanoseconds."""
     step_ns, rest = divmod(scenario.period_ns, scenario.substeps * times)
     if rest or step_ns < SHORTEST_NS:
         return None

@@ -130,7 +130,7 @@ def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> Regressio
 
 
 def _limits(new: Run, golden: Run, limits: Sequence[SignalLimit]) -> dict[str, SignalLimit]:
-    """The limit of each signal that has one, in the order of the signals."""
+    """Return the limit of each signal that has one, in the order of the signals."""
     in_golden, in_new = named_signals(golden), named_signals(new)
     names = list(dict.fromkeys((*in_golden, *in_new)))
     chosen: dict[str, SignalLimit] = {}

@@ -80,23 +80,23 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
 
 
 def against_first(runs: Mapping[str, Run]) -> dict[str, Comparison]:
-    """Each run minus the first, by label; raises InputError as `compare_runs`."""
+    """Compare each run with the first, by label; raise InputError as `compare_runs` does."""
     (label, first), *others = runs.items()
     return {other: replace(compare_runs(first, run), a=label, b=other) for other, run in others}
 
 
 def named_signals(run: Run) -> dict[str, Signal]:
-    """All signals of a run by group and name, `state.alpha`, in column order."""
+    """Return all signals of a run by group and name, such as `state.alpha`, in column order."""
     return {f"{group.name}.{signal.name}": signal for group in run.groups for signal in group.signals}
 
 
 def compared_signals(run: Run) -> list[str]:
-    """The names of the signals of COMPARED_GROUPS."""
+    """Return the names of the signals of COMPARED_GROUPS."""
     return [name for name in named_signals(run) if name.partition(".")[0] in COMPARED_GROUPS]
 
 
 def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
-    """What is not the same in the scenarios of two runs, a line each: `design.input_weight: 0.1 and 0.11`.
+    """Return a line for each difference of two scenarios, such as `design.input_weight: 0.1 and 0.11`.
 
     Of runs of the same scenario, what is not the same in their computed designs.
     """
@@ -147,7 +147,7 @@ def _label(run: Run) -> str:
 
 
 def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
-    """Two logged runs in the order of a log of two plants, to be written at the rate that they have.
+    """Return two logged runs in the order of a log of two plants.
 
     Raises InputError if one log cannot hold both: it has one controller, drive, reference and rate.
     """

@@ -91,7 +91,7 @@ def addressed_law(controller: Controller, nominal: Nominal, recorded: int) -> Ad
 
 
 def entered(law: AddressedLaw) -> AddressedLaw:
-    """`law`, which is `at_start`, with an address in this process, which runs what it was made of."""
+    """Return the controller with the address of its step in this process; it must come from `at_start`."""
     if law.address:
         return law
     entry, sizes = OPEN.entries[law.entry]
@@ -101,7 +101,7 @@ def entered(law: AddressedLaw) -> AddressedLaw:
 
 
 def _compiled(controller: Controller) -> int:
-    """The address of its step; raises InputError for what Numba cannot compile, with what it says of it."""
+    """Return the address of the compiled step; raise InputError with Numba's reason if that fails."""
     try:
         address = address_of(controller.step)
     except Exception as error:  # of many classes, some of no family
@@ -115,7 +115,7 @@ def _compiled(controller: Controller) -> int:
 
 
 def at_start(law: AddressedLaw) -> AddressedLaw:
-    """`law` with memories of its own, for another run; from outside, with all that it could write to."""
+    """Return the controller with memory of its own; one from outside gets copies of all arrays."""
     if law.outside:
         law = law._replace(parameters=law.parameters.copy(), reference=law.reference.copy())
     return law._replace(**_memories())

@@ -73,13 +73,13 @@ class Parameter:
     length_power: float = 0.0
 
     def sized(self, value: Value, length: float) -> Value:
-        """What `value` on the laboratory rig is on a similar one, `length` times as large."""
+        """Scale `value` from the laboratory rig to a similar one that is `length` times as large."""
         if isinstance(value, str) or self.length_power == 0.0 or length == 1.0:
             return value
         return rounded(value * length**self.length_power)
 
     def checked(self, value: Value, where: str) -> Value:
-        """`value` if it is allowed; raises InputError that tells what is."""
+        """Return `value` if it is allowed; raise InputError that names the allowed values otherwise."""
         if self.choices:
             fits, allowed = value in self.choices, ", ".join(self.choices)
         else:
@@ -142,7 +142,7 @@ class Sizes(NamedTuple):
 
 
 def by_address(*_: Any) -> int:
-    """In place of the step of a law that has an `entry` only."""
+    """Stand in for the step of a controller that has only an `entry`."""
     raise NotImplementedError("it is called by address")
 
 
@@ -204,7 +204,7 @@ class Controller:
             check_whole(f"{self.name}.{what}", place, 0, MAX_MEMORY - 1, "a place of the memory, from 0 on")
 
     def designed(self, given: Mapping[str, Value], length: float = 1.0) -> ControllerDesign:
-        """With every parameter `given` or its default, on a rig `length` times as large as the laboratory's.
+        """Return the design with the `given` parameters, on a rig `length` times the laboratory's.
 
         Raises InputError for a wrong name or value.
         """

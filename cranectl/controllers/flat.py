@@ -94,7 +94,7 @@ def make_tracker(design: Design, *, period: float, gravity: float) -> Tracker:
 
 @jit
 def regularity(state, zeta, gravity):
-    """RUNNING where the linearising law is defined, else the status that says why it is not."""
+    """Return RUNNING where the linearising control law is defined, else the status that says why not."""
     for value in state:
         if not isfinite(value):
             return NON_FINITE
@@ -126,7 +126,7 @@ def robustify(tracker, axis, error, memory):
 
 @jit
 def inner_law(tracker, state, memory, v, command):
-    """The exactly linearising law: (10,) joints and v (3,) [m/s⁴] in, accelerations out.
+    """Evaluate the exactly linearising control law for joints (10,) and v (3,) [m/s⁴].
 
     Writes `command` (3,) [m/s²] and advances zeta and its rate in `memory` by one period.
     """
@@ -140,7 +140,7 @@ def inner_law(tracker, state, memory, v, command):
 
 @jit
 def control_step(tracker, state, reference, memory, row):
-    """One sample: measured joints and reference in, accelerations out.
+    """Compute the accelerations of one sample from measured joints and reference.
 
     `state` (10,), order of `signals.STATE`; `reference` (15,); `memory` is advanced by one period. Writes the
     flat output, error, input, virtual input and controller blocks of the record `row`. Returns RUNNING, or
@@ -191,7 +191,7 @@ def keep_taut(tracker, memory):
 
 @jit
 def wait_step(tracker, state, reference, memory, row):
-    """In place of `control_step` while the rope is slack: dynamic extension and robustifiers wait.
+    """Replace `control_step` while the rope is slack: dynamic extension and robustifiers wait.
 
     The load falls freely, z'' = (0, 0, -g), and position and velocity are those of a rope that is taut.
     """
@@ -208,7 +208,7 @@ def wait_step(tracker, state, reference, memory, row):
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, accelerations out."""
+    """Compute the accelerations of one sample from state and path; see `controller` for the arguments."""
     blocks = int(carray(parameters, (GIVEN.matrices,))[GIVEN.blocks])
     given = carray(parameters, (GIVEN.matrices + BLOCK_SIZE * blocks,))
     inputs, outputs = GIVEN.matrices + 4 * blocks, GIVEN.matrices + 6 * blocks

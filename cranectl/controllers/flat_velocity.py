@@ -55,7 +55,7 @@ def set_points(tracker, lead, measured, reference, extension, row, command):
 
 
 def step(parameters, measured, reference, memory, command):
-    """One sample; see `controller`. State and path in, set-points of velocity out."""
+    """Compute the velocity set-points of one sample from state and path; see `controller`."""
     given, held = carray(parameters, (GIVEN.size,)), carray(memory, (MEMORY.size,))
     begin(reference, held)
     none = carray(parameters, (0,))
@@ -73,7 +73,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def tracker_of(nominal: Nominal) -> Tracker:
-    """The tracker of the flat family with these poles; raises InputError as `make_tracker`."""
+    """Return the tracker of the flat family with these poles; raise InputError as `make_tracker` does."""
     first, second, third, fourth = (float(nominal.parameters[name]) for name in POLES)
     design = design_controller("pole-placement", DesignSettings(poles=(first, second, third, fourth)))
     named = replace(design, name=FLAT_VELOCITY.name)
@@ -107,7 +107,7 @@ def linear_gain(flat_gain: Array, rope_length: float, gravity: float) -> Array:
 
 
 def linearise(nominal: Nominal, rope_length: float) -> LinearLaw:
-    """Of one horizontal axis at rest."""
+    """Return the linear controller of one horizontal axis at rest."""
     gravity = nominal.rig.gravity
     a, b, _ = matrices(rope_length, gravity)
     crane = slice(CRANE_STATES)

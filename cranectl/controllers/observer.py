@@ -32,7 +32,7 @@ class Observer(NamedTuple):
 
 
 def make_observer(bandwidth: float, *, period: float, gravity: float) -> Observer:
-    """An observer with all poles at exp(-bandwidth·period); `bandwidth` [rad/s]."""
+    """Return an observer with all poles at exp(-bandwidth·period); `bandwidth` in rad/s."""
     pole = np.exp(-bandwidth * period)
     return Observer(
         position_gain=1.0 - pole**3,
@@ -59,7 +59,7 @@ def correct(observer, joint, position, memory):
 
 @jit
 def advance(memory, joint, known, period):
-    """Expect the next sample of one joint, whose acceleration is `known` but for the disturbance."""
+    """Predict the next sample of one joint, whose acceleration without disturbance is `known`."""
     acceleration = known + memory[EXPECTED.disturbance + joint]
     velocity = memory[EXPECTED.velocity + joint]
     memory[EXPECTED.position + joint] += period * (velocity + 0.5 * period * acceleration)

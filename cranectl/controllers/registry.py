@@ -46,20 +46,20 @@ def is_reference(text: str) -> bool:
 
 
 def controller_names() -> tuple[str, ...]:
-    """The flat family, then all other laws; raises InputError as `with_extensions`."""
+    """Return the names of the flat family, then of all others; raise InputError as `with_extensions`."""
     return (*FLAT_FAMILY, *WHERE, *_added(), *OPEN.registered)
 
 
 @functools.cache
 def _added() -> dict[str, "Controller"]:
-    """Of other packages."""
+    """Return the controllers of other packages."""
     from cranectl.controllers.controller import Controller
 
     return with_extensions({}, Controller, extensions.CONTROLLERS, taken=(*FLAT_FAMILY, *WHERE))
 
 
 def described_controllers() -> dict[str, tuple[str, str]]:
-    """Where each controller is from, and what it is in a line, by name."""
+    """Return the origin and a one-line description of each controller, by name."""
     found = {}
     origins = {**dict.fromkeys((*FLAT_FAMILY, *WHERE), "cranectl"), **packages(extensions.CONTROLLERS)}
     for name in controller_names():
@@ -69,7 +69,7 @@ def described_controllers() -> dict[str, tuple[str, str]]:
 
 
 def checked_controller(name: str) -> str:
-    """`name` if it is a controller's; raises InputError that lists the known names otherwise."""
+    """Return `name` if it names a controller; raise InputError that lists the known names otherwise."""
     if name in controller_names():
         return name
     if is_reference(name):
@@ -87,7 +87,7 @@ def checked_controller(name: str) -> str:
 
 
 def chosen_controllers(names: Iterable[str]) -> tuple[str, ...]:
-    """Controllers by name, by default the flat family, for `all` all; raises InputError as above."""
+    """Return controllers by name; none mean the flat family, `all` means all."""
     wanted = dict.fromkeys(names)
     if "all" in wanted:
         return controller_names()
@@ -137,7 +137,7 @@ def controller_sources(names: Iterable[str]) -> dict[str, str]:
 
 
 def runs_alone(names: Iterable[str]) -> bool:
-    """Whether there is only one of one of these laws, for one run at a time."""
+    """Return True if any of these controllers can serve only one run at a time."""
     return any(controller.alone for controller in _registered(names))
 
 
@@ -163,7 +163,7 @@ def controller_design(name: str, scenario: Scenario) -> ControllerDesign:
 
 
 def flat_design(name: str, scenario: Scenario) -> Design:
-    """The design `name` of the flat family; raises InputError for any other controller."""
+    """Return the design `name` of the flat family; raise InputError for any other controller."""
     return only_flat(controller_design(name, scenario))
 
 

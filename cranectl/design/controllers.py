@@ -82,7 +82,7 @@ def _computed(name: str, settings: DesignSettings) -> Design:
 
 
 def with_gain(design: Design, gain: np.ndarray) -> Design:
-    """`design` with another state feedback (4,) and the same robustifier, its poles and margins anew.
+    """Return `design` with another state feedback (4,), with its poles and margins computed again.
 
     Raises InputError if the loop of an axis is unstable.
     """

@@ -19,7 +19,7 @@ class SampledBlocks(NamedTuple):
 
 
 def zero_order_hold(a: Array, b: Array, period: float) -> tuple[Array, Array]:
-    """A and B of x' = A x + B u, b (n, m), sampled exactly for an input held over `period` [s]."""
+    """Return A and B of x' = A x + B u, b (n, m), sampled exactly with the input held over `period` [s]."""
     n, m = b.shape
     exponential = expm(period * np.block([[a, b], [np.zeros((m, n + m))]]))
     return exponential[:n, :n], exponential[:n, n:]
@@ -71,6 +71,6 @@ def check_sampled(name: str, loop: Array, period: float, *, remedy: str) -> None
 
 
 def diagonal(blocks: Array | list[Array]) -> Array:
-    """The blocks on the diagonal of one matrix; `block_diag` of nothing has a row too many."""
+    """Return the block-diagonal matrix of `blocks`; `block_diag` of no blocks has a row too many."""
     matrix: Array = block_diag(*blocks) if len(blocks) else np.zeros((0, 0))
     return matrix

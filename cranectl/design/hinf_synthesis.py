@@ -95,7 +95,7 @@ _INFEASIBLE = {
 
 
 def _smallest_gamma(generalised: control.StateSpace, controls: int, measurements: int, name: str) -> float:
-    """The bisection needs to start where there is a controller; how large that is depends on the weights."""
+    """Return the smallest gamma; the bisection starts at one with a controller, found by trial."""
     errors = []
     for start in (1.0, 1e2, 1e4, 1e6):
         try:

@@ -72,7 +72,7 @@ def balanced(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
 
 
 def inner_loop(gain: Array) -> control.StateSpace:
-    """1 / (s⁴ + k_3 s³ + k_2 s² + k_1 s + k_0), what state feedback makes of one axis: v-bar to z.
+    """Return 1 / (s⁴ + k_3 s³ + k_2 s² + k_1 s + k_0), one axis with state feedback from v-bar to z.
 
     In state space: as a ratio of polynomials fourfold poles lose digits.
     """
@@ -134,7 +134,7 @@ def unstable_poles(a: Array) -> NDArray[np.complex128]:
 
 
 def poles_text(a: Array) -> str:
-    """The eigenvalues of `a` for people."""
+    """Return the eigenvalues of `a` as readable text."""
     return ", ".join(_pole_text(pole) for pole in np.linalg.eigvals(a) + 0j)
 
 
@@ -208,7 +208,7 @@ def _normalised(b: Array, c: Array) -> tuple[Array, Array]:
 
 
 def open_loop(gain: Array, robustifier: control.StateSpace) -> control.StateSpace:
-    """The loop cut at v: the chain of four integrators, state feedback and robustifier of one axis."""
+    """Return the loop of one axis cut at v: four integrators, state feedback and robustifier."""
     k = robustifier
     return control.ss(*loop_matrices(gain, k.A, k.B, k.C, k.D), 0.0)
 

@@ -104,7 +104,10 @@ def error_weight(settings: LoopShapingSettings) -> control.StateSpace:
 
 
 def _coprime_problem(plant: control.StateSpace) -> control.StateSpace:
-    """From (disturbances at y and u; u) to (y, u; y): closed by u = K y it is [I; K] (I - G K)^-1 [I G]."""
+    """Return the plant from (disturbance at y and u; u) to (y, u; y).
+
+    Closed by u = K y it is [I; K] (I - G K)^-1 [I G].
+    """
     a, b, c, d = plant.A, plant.B, plant.C, plant.D
     m, p = plant.ninputs, plant.noutputs
     measured = np.hstack([np.eye(p), d, d])

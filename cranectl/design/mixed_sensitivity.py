@@ -140,7 +140,7 @@ def _robustifier(gain: Array, settings: HinfSettings) -> Synthesised:
 def generalised_plant(
     plant: control.StateSpace, w_s: control.StateSpace, w_ks: control.StateSpace
 ) -> control.StateSpace:
-    """From (r, u) to (W_s e, W_ks u, e) with e = r - G u, no state twice."""
+    """Return the plant from (r, u) to (W_s e, W_ks u, e) with e = r - G u, without redundant states."""
     n, n_s, n_k = plant.nstates, w_s.nstates, w_ks.nstates
     p = plant.noutputs
     identity = np.eye(p)

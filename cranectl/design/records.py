@@ -60,7 +60,7 @@ class Robustifier:
         return float(poles[k].real), float(abs(inputs[k] * outputs[k] / poles[k]))
 
     def system(self) -> "control.StateSpace":
-        """As a system of python-control."""
+        """Return the robustifier as a state-space system of python-control."""
         import control
 
         return control.ss(self.a, self.b[:, np.newaxis], self.c[np.newaxis], self.d)
@@ -219,7 +219,7 @@ class Design(ControllerDesign):
 
 
 def loop_matrices(gain: Array, a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array, Array]:
-    """A, B, C of the loop cut at v: chain z'''' = v, then gain · (z, z', z'', z''') + robustifier z.
+    """Return A, B, C of the loop cut at v: z'''' = v, then gain · (z, z', z'', z''') + robustifier z.
 
     The robustifier as matrices (n, n), (n, 1), (1, n), (1, 1).
     """

@@ -12,13 +12,13 @@ CERTAIN = 1e-7  # relative error up to which gains of the Riccati solver are tak
 
 
 def pole_placement_gain(settings: DesignSettings) -> Array:
-    """Gain (4,) that places the poles of one axis at `settings.poles` (4.12), (4.13)."""
+    """Return the gain (4,) that places the poles of one axis at `settings.poles` (4.12), (4.13)."""
     gain: Array = np.asarray(control.place_acker(CHAIN_A, CHAIN_B, [*map(complex, settings.poles)]))
     return gain.reshape(4)
 
 
 def lqr_gain(settings: DesignSettings) -> Array:
-    """Gain (4,) that minimises the integral of x'Qx + R v² for one axis (4.15).
+    """Return the gain (4,) that minimises the integral of x'Qx + R v² for one axis (4.15).
 
     The solver of the Riccati equation fails or loses digits where weights are many decades apart. Then the
     gain comes from the spectral factor.

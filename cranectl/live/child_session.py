@@ -113,7 +113,7 @@ class ChildSession:
 
 
 def _work(connection: Connection, shared: SharedControllers, made: tuple[Any, ...]) -> None:
-    """Do in the process what is asked, and answer with what came of it and where the session stands."""
+    """Serve requests in the child process: call the session, and answer with the result and its position."""
     report_to_parent(connection.send)
     open_again(shared)
     scenario, design, plants, drive, origin_ns = made

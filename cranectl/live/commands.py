@@ -74,7 +74,7 @@ class Controls:
     def __init__(
         self, scenario: Scenario, design: ControllerDesign, *, drive: str = "ideal", speed: float = 1.0
     ) -> None:
-        """Raises InputError for a speed that is not allowed."""
+        """Set the start values of all parameters; raise InputError for a speed that is not allowed."""
         self._wishes, self._refused, self._driven = Wishes(), "", False
         self._scenario, self._design, self._drive = scenario, design, checked_drive(drive)
         self._lock = threading.Lock()
@@ -104,11 +104,11 @@ class Controls:
         return float(self._values["speed"])
 
     def values(self) -> dict[str, Value]:
-        """All parameters."""
+        """Return the values of all parameters."""
         return dict(self._values)
 
     def commands(self) -> list[Command]:
-        """What has been asked for since the last call."""
+        """Return the commands that have arrived since the last call."""
         commands, wishes = list(taken(self._commands)), self._wishes.taken()
         self._driven = self._driven or bool(wishes)
         return [*commands, *wishes]
@@ -161,7 +161,7 @@ class Controls:
         return hand_limits(self._scenario)
 
     def _steer(self, hear: Callable[[bytes, HandLimits], None], message: bytes) -> None:
-        """What is refused is said once, however often it comes."""
+        """Pass a steering message on, and log a refusal once, however often it comes."""
         refusal = ""
         try:
             hear(message, self.hand_limits)
@@ -224,27 +224,27 @@ class Controls:
 
 
 def taken(queue: "SimpleQueue[T]") -> Iterator[T]:
-    """What is in a queue now."""
+    """Yield what is in a queue now."""
     with contextlib.suppress(Empty):
         while True:
             yield queue.get_nowait()
 
 
 def refused(what: str, error: InputError) -> str:
-    """What `/log` says of it."""
+    """Return the line in `/log` about a refusal."""
     parts = (error.found, error.allowed and f"allowed: {error.allowed}", error.remedy)
     return f"{printable(what)} refused: {'; '.join(filter(None, parts))}"
 
 
 def tunable(design: ControllerDesign) -> dict[str, Value]:
-    """What of a controller may be changed in a run: gains, or the parameters of a law, `pid.proportional`."""
+    """Return what can be changed in a run: gains, or the parameters of a controller (`pid.proportional`)."""
     if (axis := design.axis_design) is not None:
         return dict(zip(GAINS, axis.gain.tolist(), strict=True))
     return {f"{design.name}.{name}": value for name, value in design.parameters.items()}
 
 
 def _with_numbers(design: ControllerDesign, numbers: Mapping[str, Any]) -> ControllerDesign:
-    """`design` with all that is tunable in it; raises InputError for what is not allowed."""
+    """Return `design` with these tunable values; raise InputError for values that are not allowed."""
     axis = design.axis_design
     if axis is None:
         given = {name.partition(".")[2]: value for name, value in numbers.items()}

@@ -42,7 +42,7 @@ class Guard(socketserver.ThreadingTCPServer):
     def __init__(
         self, address: tuple[str, int], server: tuple[str, int], origins: Collection[str] = ()
     ) -> None:
-        """Raises OSError or OverflowError for an address that cannot be had."""
+        """Listen at `address`; raise OSError or OverflowError if it cannot be had."""
         self.host, self.server, self.origins = address[0], server, origins
         self.places = threading.BoundedSemaphore(VIEWERS)
         (self.address_family, *_), *_ = socket.getaddrinfo(*address, type=socket.SOCK_STREAM)
@@ -56,7 +56,7 @@ class Guard(socketserver.ThreadingTCPServer):
         self.server_close()
 
     def handle_error(self, *_: object) -> None:
-        """Whoever goes while he is being let in has gone."""
+        """Ignore a viewer that disconnects during the handshake."""
 
 
 class _Visitor(socketserver.BaseRequestHandler):
@@ -122,7 +122,7 @@ def _pass_on(source: socket.socket, sink: socket.socket) -> None:
 
 
 def refusal(head: bytes, host: str, origins: Collection[str]) -> str:
-    """Why a request (RFC 9112) to `host` is turned away; empty if it is not."""
+    """Return why a request (RFC 9112) to `host` is refused, or an empty text."""
     headers = http.client.parse_headers(io.BytesIO(head.partition(b"\r\n")[2]))
     for origin in headers.get_all("Origin", []):
         if not _may_ask(origin, origins):
@@ -139,7 +139,7 @@ def refusal(head: bytes, host: str, origins: Collection[str]) -> str:
 
 
 def checked_origin(text: str) -> str:
-    """`text` as browsers say it; raises InputError if it is no origin of a web page."""
+    """Return `text` in the form that browsers send; raise InputError if it is no origin of a web page."""
     origin = text.lower().rstrip("/")
     scheme, _, place = origin.partition("://")
     if scheme not in ("http", "https") or not _host_of(origin) or set(place) & set("/?#@*"):
@@ -173,7 +173,7 @@ def _is_loopback(host: str) -> bool:
 
 
 def hidden_host() -> str:
-    """An address of this machine that no page can guess: one of 16 million, where the system has them all."""
+    """Return an address of this machine that no web page can guess: one of 16 million, where they exist."""
     host = f"127.{secrets.randbelow(254) + 1}.{secrets.randbelow(256)}.{secrets.randbelow(254) + 1}"
     with contextlib.suppress(OSError), socket.socket() as probe:
         probe.bind((host, 0))
@@ -200,7 +200,7 @@ class _Counter(logging.Handler):
 
 @contextlib.contextmanager
 def complaints(report: Callable[[str], None]) -> Iterator[None]:
-    """`report` the first during the block, and at its end how many there were."""
+    """Report the first complaint of the server during the block, and at its end how many there were."""
     counter = _Counter(report)
     for name in LOGGERS:
         logging.getLogger(name).addHandler(counter)

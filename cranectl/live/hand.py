@@ -43,7 +43,7 @@ class Hand:
     """Takes over where the scenario's reference is at rest for good, and keeps what it is asked."""
 
     def __init__(self, scenario: Scenario, sample: int) -> None:
-        """Takes over at `sample` since the start; raises InputError where it may not."""
+        """Take over at `sample` since the start; raise InputError where that is not possible."""
         self.limits = hand_limits(scenario)
         self._scenario, self._first = scenario, sample
         self._period = scenario.period_ns / NANOSECONDS
@@ -67,7 +67,7 @@ class Hand:
         self._changes: dict[int, HandRequest] = {}  # by sample since the hand took over
 
     def ask(self, sample: int, asked: HandRequest) -> None:
-        """From `sample` on; raises InputError when it is too late or too much for that, and lets go."""
+        """Follow `asked` from `sample` on; raise InputError, and stop, if the session cannot record more."""
         full = sample >= self._end or len(self._changes) >= MOST_CHANGES - 2
         now = RELEASED if full else asked
         if now != self._asked:
@@ -76,7 +76,7 @@ class Hand:
             raise _too_late()
 
     def rows(self, index: NDArray[np.intp]) -> Array:
-        """The reference at the next samples `index` (n,) since the start: shape (n, 15)."""
+        """Return the reference at the next samples `index` (n,) since the start: shape (n, 15)."""
         asked = asked_at([(0, self._asked), (self._end, RELEASED)], index)
         states = drive(self.limits, self._period, self._state, asked)
         rows = derivatives(self.limits, states).reshape(len(index), 15)
@@ -84,7 +84,7 @@ class Hand:
         return rows
 
     def scenario(self, samples: int, controller: str, pulses: Iterable[Disturbance] = ()) -> Scenario:
-        """What was driven until `samples` since the start, under `pulses`, and then released."""
+        """Return the scenario of the motion up to `samples`, under `pulses`, then released."""
         last = min(samples, self._end) - self._first
         wishes, goals = (
             [
@@ -136,7 +136,7 @@ def check_can_be_driven(design: ControllerDesign) -> None:
 
 
 def _at_rest_by(reference: ReferenceSettings, time: float) -> ReferenceSettings:
-    """The reference until `time` [s]; raises InputError if it is not at rest for good then."""
+    """Return the reference until `time` [s]; raise InputError if it is not at rest for good by then."""
     segments = list(reference.segments)
     while segments and isinstance(segments[-1], Hold):
         segments.pop()
@@ -174,7 +174,7 @@ class Wishes:
         self._lock = threading.Lock()
 
     def hear(self, message: bytes, limits: HandLimits) -> None:
-        """A Twist, whose `linear` is a wish; raises InputError for what is none within the limits."""
+        """Take a Twist whose `linear` is a velocity command; raise InputError if it exceeds the limits."""
         said = parse_json(message, "the message")
         linear = said.get("linear") if isinstance(said, dict) else None
         wish = HandRequest(False, *_checked_vector("linear.", linear, -limits.speed, limits.speed))
@@ -182,13 +182,13 @@ class Wishes:
             self._newest, self._heard = wish, self._clock()
 
     def hear_point(self, message: bytes, limits: HandLimits) -> None:
-        """A point {x, y, z} to go to; raises InputError for what is none within the limits."""
+        """Take a point {x, y, z} to move to; raise InputError if it is outside the limits."""
         point = _checked_vector("", parse_json(message, "the request"), limits.low, limits.high)
         with self._lock:
             self._newest, self._taken = HandRequest(True, *point), None
 
     def taken(self) -> list[HandRequest]:
-        """What is new since the last call, if anything is."""
+        """Return the newest command if it is new since the last call."""
         with self._lock:
             if not self._newest.is_point and self._clock() - self._heard > LOST:
                 self._newest = RELEASED
@@ -199,7 +199,7 @@ class Wishes:
 
 
 def _checked_vector(name: str, value: object, low: Array, high: Array) -> list[float]:
-    """The numbers x, y, z of a message; raises InputError for anything else."""
+    """Return the numbers x, y, z of a message; raise InputError for anything else."""
     if not isinstance(value, dict) or not {"x", "y", "z"} <= value.keys():
         found = f"{name.rstrip('.') or 'the point'} = {printable(repr(value), longest=80)}"
         raise InputError(found, allowed="an object of x, y, z", remedy="send all three")
@@ -211,7 +211,7 @@ def _checked_vector(name: str, value: object, low: Array, high: Array) -> list[f
 
 
 def checked_number(name: str, value: object, low: float, high: float) -> float:
-    """`value` as a number from `low` to `high`; raises InputError for anything else."""
+    """Return `value` as a number from `low` to `high`; raise InputError for anything else."""
     number = value if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
     if not low <= number <= high:
         raise InputError(

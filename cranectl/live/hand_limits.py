@@ -32,7 +32,7 @@ Bounds = list[float]  # on a quantity and its derivatives, in the order of the d
 
 
 def hand_limits(scenario: Scenario) -> HandLimits:
-    """The fastest filter that keeps all limits whatever is wished, with wishes up to half the drives' speed.
+    """Find the fastest filter that keeps all limits for any velocity command.
 
     The limits: those of planned motions, but of forces and obstacles. Raises InputError for a rig without
     room in between.
@@ -57,7 +57,7 @@ def hand_limits(scenario: Scenario) -> HandLimits:
 
 
 def _keeps(bound: "Bound", limits: Limits) -> bool:
-    """Whether what is bounded stays within the limits."""
+    """Return True if all bounded quantities stay within the limits."""
     lightest, heaviest = (tension / limits.masses[3] for tension in limits.tension)
     velocity, acceleration, rate = np.array(bound.joints).T
     return bool(
@@ -105,7 +105,7 @@ def _product(a: Bounds, b: Bounds) -> Bounds:
 
 
 def _quotient(a: Bounds, zeta: Bounds, lift: float) -> Bounds:
-    """Of a / (g + zeta), whose denominator is at least `lift`."""
+    """Return bounds of a / (g + zeta), whose denominator is at least `lift`."""
     found: Bounds = []
     for n in range(4):
         found.append((a[n] + sum(comb(n, i) * found[i] * zeta[n - i] for i in range(n))) / lift)
@@ -129,7 +129,7 @@ def _norm(order: int, mu: float) -> float:
 
 @functools.cache
 def _kernel(order: int) -> Polynomial:
-    """The polynomial of the derivative of t³/3! e^-t of this order."""
+    """Return the polynomial factor of the derivative of t³/3! e^-t of this order."""
     polynomial = Polynomial([0.0, 0.0, 0.0, 1.0 / 6.0])
     for _ in range(order):
         polynomial = polynomial.deriv() - polynomial

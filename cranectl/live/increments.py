@@ -69,17 +69,17 @@ class Increments:
         self.start()
 
     def start(self) -> None:
-        """The scenario starts, or starts again."""
+        """Start the scenario, or start it again."""
         self._shown = {plant: _Shown() for plant in self._opacities}
         self._phases = phases(self._scenario)
 
     def take_over(self, time_ns: int) -> None:
-        """A hand drives from then on, in time since the start."""
+        """Mark that teleoperation begins at `time_ns` since the start."""
         before = [each for each in self._phases if each[0] < time_ns]
         self._phases = [*before, (time_ns, Phase.DRIVEN)]
 
     def static_scene(self, runs: Sequence[Run], now_ns: int) -> list[Stream]:
-        """What is run and where, as of now: all that a recording needs before its first increment."""
+        """Return all that a recording needs before its first increment: the run's settings and scene."""
         for shown in self._shown.values():
             shown.status, shown.disturbance = NO_STATUS, NO_DISTURBANCE  # to be sent again
         whole = replace(
@@ -99,7 +99,7 @@ class Increments:
         return [replace(stream, time_ns=np.full_like(stream.time_ns, now_ns)) for stream in streams]
 
     def messages(self, runs: Sequence[Run], origin_ns: int) -> list[Stream]:
-        """Of one increment of each plant's run; `origin_ns` is when the scenario was started."""
+        """Return the messages of one increment of each plant; the scenario started at `origin_ns`."""
         streams = [log_lines(event for run in runs for event in self._events(run, origin_ns))]
         for run in runs:
             streams += self._changes(run, origin_ns)
@@ -117,7 +117,7 @@ class Increments:
         return streams + self._samples(logged) + self._scene(logged, origin_ns)
 
     def last(self) -> list[Stream]:
-        """The newest sample of each plant where it has not been sent: a log ends with it."""
+        """Return the newest sample of each plant that has not been sent: a log ends with it."""
         waiting = [shown for shown in self._shown.values() if shown.waiting]
         for shown in waiting:
             shown.waiting = False
@@ -135,14 +135,14 @@ class Increments:
         return [reference, *recorded, *differences(runs, [*self._opacities])]
 
     def _rows(self, run: Run, origin_ns: int, step: int) -> NDArray[np.intp]:
-        """Every `step`-th sample since the start, and that at which a run stopped."""
+        """Return the indices of every `step`-th sample, and of the one at which a run stopped."""
         chosen = (run.time_ns - origin_ns) // self._period % step == 0
         if run.status.stopped:
             chosen[-1:] = True
         return np.flatnonzero(chosen)
 
     def _events(self, run: Run, origin_ns: int) -> list[Event]:
-        """What is worth a line in this increment."""
+        """Return the events of this increment that are logged."""
         shown = self._shown[run.plant]
         events, before = [], origin_ns - 1
         if shown.newest is not None:
@@ -162,7 +162,7 @@ class Increments:
         return events
 
     def _changes(self, run: Run, origin_ns: int) -> list[Stream]:
-        """The status of a run and what disturbs its load, where they change."""
+        """Return the messages about status and disturbances of a run, where they change."""
         shown = self._shown[run.plant]
         statuses, disturbance = self._statuses(run, origin_ns), _disturbances(run)
         times = run.time_ns.tolist()
@@ -212,7 +212,7 @@ class Increments:
 
 
 def _disturbances(run: Run) -> Array:
-    """What was recorded of them, (N, 5) as `simulate.disturbances_at` has it."""
+    """Return the recorded disturbances, (N, 5) in the order of `simulate.disturbances_at`."""
     return np.hstack([run.block("disturbance"), run.load_force])
 
 
@@ -221,6 +221,6 @@ def _chosen(run: Run, rows: NDArray[np.intp]) -> Run:
 
 
 def _changed(before: NDArray[Any], rows: NDArray[Any]) -> list[int]:
-    """The rows that differ from those before them; `before` (1, M) is that before the first."""
+    """Return the rows that differ from those before them; `before` (1, M) precedes the first."""
     changed: list[int] = np.flatnonzero((np.diff(rows, axis=0, prepend=before) != 0).any(axis=1)).tolist()
     return changed

@@ -68,13 +68,13 @@ def own_place(path: Path, *, numbered: bool = False) -> Iterator[Path]:
 
 
 def next_file(place: Path) -> Path:
-    """The first file of a session's place that does not exist."""
+    """Return the first file name of a session's recording that does not exist."""
     more = (place.with_suffix(f".segment{number}{place.suffix}") for number in count(2))
     return next(file for file in chain([place], more) if not os.path.lexists(file))
 
 
 def _obstacle(place: Path, lock: FileLock) -> str:
-    """Why a session cannot record at `place`; empty if it can, which then has the lock."""
+    """Return why a session cannot record at `place`; empty if it can, which then holds the lock."""
     try:
         lock.acquire(blocking=False)
     except Timeout:
@@ -103,7 +103,7 @@ class Recorder:
     """Writes what a publisher sends into files that are renamed once closed and checked."""
 
     def __init__(self, path: Path, context: foxglove.Context, publisher: Publisher) -> None:
-        """`path` is where this session may write, as `own_place` gives it."""
+        """Prepare to record at `path`, where `own_place` says that this session may write."""
         self.files: list[Path] = []  # that are closed
         self._first, self._context, self._publisher = path, context, publisher
         self._path = path  # of the file that is open

@@ -33,7 +33,7 @@ class Pace:
         self._due = clock()
 
     def restart(self) -> None:
-        """From now on, after a pause."""
+        """Count time from now on, after a pause."""
         self._due = self._clock()
 
     def wait(self, seconds: float) -> tuple[float, float]:
@@ -57,7 +57,7 @@ class LiveServer:
     def __init__(
         self, session: Session | ChildSession, controls: Controls, address: Address, record: Path
     ) -> None:
-        """Listens at once, or raises InputError; records at `record`, which must be the session's own."""
+        """Listen at once, or raise InputError; record at `record`, which must be the session's own."""
         session.prepare()
         self._session, self._controls = session, controls
         self._context = foxglove.Context()
@@ -165,7 +165,7 @@ class LiveServer:
             self._say(refused("driving by hand", error), warning=True)
 
     def _say(self, message: str, *, warning: bool = False) -> None:
-        """A line in `/log`, as of the newest message: a sample may yet follow before the next block."""
+        """Write a line to `/log` with the time of the newest message."""
         event = Event(self._publisher.time_ns, SOURCE, message, warning)
         self._publisher.send([log_lines([event])])
 

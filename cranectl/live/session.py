@@ -95,7 +95,7 @@ class Session:
         self._start()
 
     def advance(self, samples: int) -> list[Run]:
-        """The next increment of every plant's run, without rows where it had stopped before."""
+        """Return the next increment of every plant's run, without rows where it had stopped before."""
         index = np.arange(self._samples, self._samples + samples)
         time_ns = self.origin_ns + index * self.scenario.period_ns
         reference = self._reference(index)
@@ -155,7 +155,7 @@ class Session:
             self._hand.ask(self._samples, asked)
 
     def driven(self) -> Scenario | None:
-        """The scenario that repeats what was driven since the start; None where nothing was."""
+        """Return the scenario that repeats the teleoperation since the start, or None if there was none."""
         return self._hand.scenario(self._samples, self.design.name, self._pulsed) if self._hand else None
 
     def reset(self) -> None:
@@ -179,13 +179,13 @@ class Session:
             state.run = state.run._replace(inputs=state.run.inputs._replace(law=law))
 
     def _reference(self, index: NDArray[np.intp]) -> Array:
-        """What is desired at the next samples `index` (n,): shape (n, 15)."""
+        """Return the reference at the next samples `index` (n,): shape (n, 15)."""
         if self._hand:
             return self._hand.rows(index)
         return self.plan.reference[np.minimum(index, self.scenario.steps)]
 
     def _disturbance(self, index: NDArray[np.intp]) -> Array:
-        """The scenario's and the pulses' at samples `index` (n,): shape (n, 2)."""
+        """Return the disturbances of scenario and pulses at samples `index` (n,): shape (n, 2)."""
         rows = self.plan.disturbance[np.minimum(index, self.scenario.steps)]
         for pulse in self._pulses:
             rows[pulse.acts(index * self.scenario.period_ns)] += pulse.acceleration

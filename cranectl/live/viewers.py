@@ -91,7 +91,7 @@ class Listener(ServerListener):
         return set(taken(self._subscribed))
 
     def services(self) -> list[Service]:
-        """What viewers can call, with a request of `{}` or, to go somewhere, of the point."""
+        """Return the services that viewers can call, with a request of `{}` or of a point."""
         controls, number = self._controls, {"type": "number"}
         return [
             _service("pulse", lambda _: controls.pulse(), "pulse_alpha and pulse_beta say how strong"),
@@ -130,7 +130,7 @@ def listen(
 
 
 def as_parameters(values: Mapping[str, Value]) -> list[Parameter]:
-    """As the server sends them."""
+    """Return values as the server sends them."""
     return [Parameter(name, value=value) for name, value in values.items()]
 
 

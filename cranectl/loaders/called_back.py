@@ -19,7 +19,7 @@ _KEPT: list[object] = []  # what has an address must not be collected
 
 
 def called_back(step: Callable[..., int], name: str, sizes: Sizes) -> int:
-    """The address of a C function that calls `step` with arrays; all but memory and command are read-only."""
+    """Return the address of a C function that calls `step`; only memory and command are writable."""
     lengths = tuple(sizes)
     known: dict[tuple[int, int], Array] = {}
 

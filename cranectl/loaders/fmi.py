@@ -56,7 +56,7 @@ def functions(path: str, fmi: int) -> Functions:
 
 
 def initialised(known: Functions, model: Plain, values: Iterable[float]) -> int:
-    """A new instance in initialisation mode, at time 0, with `values` of the parameters.
+    """Return a new instance in initialisation mode at time 0, with `values` of the parameters.
 
     Raises ValueError that tells which function fails.
     """
@@ -92,7 +92,7 @@ def _check(fmi: int, name: str, status: int) -> None:
 
 
 def failure(fmi: int, name: str, status: int) -> str:
-    """Which function has returned what, and what the FMU says of it."""
+    """Return a text of which function returned what, and of the FMU's own message."""
     exact = name + {2: "Real", 3: "Float64"}[fmi] if name in ("Set", "Get") else name
     told = f"fmi{fmi}{STATUS[status]}" if 0 <= status < len(STATUS) else f"{status}, which is no status"
     return f"fmi{fmi}{exact} returns {told}{_because()}"
@@ -107,13 +107,13 @@ def _because() -> str:
 
 @cache
 def say(text: str) -> None:
-    """On standard error, once; a forked process may not wait for the lock of sys.stderr."""
+    """Write a line to standard error; a forked process may not wait for the lock of sys.stderr."""
     os.write(2, f"cranectl: {text}\n".encode())
 
 
 @cache
 def _logger(fmi: int) -> Any:
-    """Called by the FMU; what FMI 2 would complete the message with is not looked at."""
+    """Return the callback that records error messages of the FMU."""
 
     def log(*given: Any) -> None:
         status, _, message = given[-3:]
@@ -133,7 +133,7 @@ def _callbacks() -> ctypes.Array[c_void_p]:
 
 
 def address(function: Any) -> int:
-    """Of a C function."""
+    """Return the address of a C function."""
     return ctypes.cast(function, c_void_p).value or 0
 
 

@@ -36,7 +36,7 @@ class Fmu:
     """One that is unpacked, and in the process of a run its binary and instances."""
 
     def __init__(self, file: LawFile) -> None:
-        """Raises InputError where it is none, or is not for co-simulation on this machine."""
+        """Read the FMU; raise InputError if it is none, or not for co-simulation on this machine."""
         fmpy = _library()
         place = _unpacked(file, fmpy)
         try:
@@ -97,7 +97,7 @@ class Fmu:
             )
 
     def model(self) -> fmi.Plain:
-        """As `fmi` takes it."""
+        """Return the description of the model that `fmi` needs."""
         return {
             "fmi": self.fmi,
             "name": "cranectl",
@@ -232,7 +232,7 @@ def _library() -> Any:
 
 
 def _unpacked(file: LawFile, fmpy: Any) -> Path:
-    """Where it is; raises InputError for what would be written elsewhere, as zip files can have it."""
+    """Unpack the FMU and return its folder; raise InputError for entries that leave the folder."""
     whole, part, place = (directory_of(file) / name for name in ("law.fmu", "part", "fmu"))
     if place.is_dir():
         return place

@@ -177,7 +177,7 @@ def _keeps_its_start(variable: Any, table: FmuTable) -> bool:
 
 
 def _meant(table: Mapping[str, Any], variables: Sequence[Any], cause: str, source: str) -> dict[str, Any]:
-    """By the name of each variable what it is called here; raises InputError for an entry of none."""
+    """Return the name used here for each variable; raise InputError for an entry without a variable."""
     names = [variable.name for variable in variables]
     for name in table:
         if name not in names:
@@ -281,13 +281,13 @@ def _is_number(variable: Any) -> bool:
 
 
 def _of(variable: Any, attribute: str) -> str:
-    """Its own, or that of its type."""
+    """Return an attribute of a variable, or that of its declared type."""
     declared = getattr(variable.declaredType, attribute, None)
     return getattr(variable, attribute) or declared or ""
 
 
 def _named(variables: Sequence[Any], file: LawFile) -> dict[str, Any]:
-    """By names that signals and settings can have; raises InputError where two would have one."""
+    """Return the variables by names that signals allow; raise InputError if two would be equal."""
     named: dict[str, Any] = {}
     for variable in variables:
         name = re.sub(r"\W+|^(?=\d)", "_", variable.name, flags=re.ASCII)[:LONGEST_SIGNAL]

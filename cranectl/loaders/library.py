@@ -84,7 +84,7 @@ class CNominal(Structure):
 
 
 def symbol(library: ctypes.CDLL, name: str) -> Any:
-    """A function; raises ValueError where there is none."""
+    """Return a function of the library; raise ValueError if it has none of this name."""
     try:
         return getattr(library, name)
     except AttributeError:
@@ -92,7 +92,7 @@ def symbol(library: ctypes.CDLL, name: str) -> Any:
 
 
 def step_of(library: ctypes.CDLL) -> Any:
-    """Its step."""
+    """Return the step function of the library."""
     step = symbol(library, "cranectl_step")
     step.restype, step.argtypes = c_int64, [Doubles] * 5
     return step

@@ -42,7 +42,7 @@ class Neighbours(MetaPathFinder):
     """What one controller imports and reads from its folder; finds the modules of its package."""
 
     def __init__(self, path: Path) -> None:
-        """`path`: of its file."""
+        """Make the finder of modules for the controller whose file is `path`."""
         self.package = f"{PREFIX}{next(_COUNT)}"
         self.folder = path.parent.resolve()
         self.names = vars(builtins) | {"__import__": self._import}
@@ -112,7 +112,7 @@ class Neighbours(MetaPathFinder):
         return None
 
     def _folders(self) -> list[str]:
-        """Its folder, and those that it has added to `sys.path` itself."""
+        """Return the controller's folder, and those that it has added to `sys.path` itself."""
         added = [each for each in sys.path if each and each not in self._before] if self._running else []
         return [str(self.folder), *(added or self._added)]
 

@@ -115,7 +115,7 @@ def directory_of(file: LawFile) -> Path:
 
 
 def copy_of(file: LawFile) -> Path:
-    """The content as it was read, whatever becomes of the file."""
+    """Return the path of a copy of the content as it was read, whatever happens to the file later."""
     path = directory_of(file) / file.path.name
     if not path.exists():
         _put(path, file.content)
@@ -144,7 +144,7 @@ def _put(path: Path, content: bytes) -> None:
 
 
 def slug(name: str) -> str:
-    """The name of a controller from that of a function, class or model: `SlowLaw` is slow-law."""
+    """Return the name of a controller from that of a function, class or model: `SlowLaw` is slow-law."""
     parted = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name)
     return re.sub(r"[^a-z0-9]+", "-", parted.lower()).strip("-")
 
@@ -193,7 +193,7 @@ def file_from(name: str, folder: Path) -> str:
 
 
 def open_again(shared: SharedControllers) -> None:
-    """In a worker process: register what its parent shares, in place of others of the same names.
+    """Register in a worker process the controllers that its parent shares.
 
     Raises InputError where a file here is made of other parts than there.
     """
@@ -231,7 +231,7 @@ def _register(file: LawFile) -> str:
 
 
 def _opened(file: LawFile) -> tuple[Controller, LawFile]:
-    """The controller of a file, and the file with all that it takes along."""
+    """Return the controller of a file, and the file with all that it imports or reads."""
     ending = file.path.suffix or ".toml"
     earlier = {name: OPEN.registered.pop(name) for name, known in OPEN.files.items() if known.is_of(file)}
     controller: Controller

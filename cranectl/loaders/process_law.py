@@ -74,7 +74,7 @@ class ProcessSettings(Settings):
 
 
 def open_process(file: LawFile) -> tuple[Controller, LawFile]:
-    """Return the controller that a TOML file, or a UDP address, tells of; raise InputError."""
+    """Return the controller that a TOML file or a UDP address describes; raise InputError."""
     told = {"address": file.reference}
     if not file.reference.startswith(UDP):
         told = parse_toml(file.content.decode("utf-8", "replace"), str(file.path))

@@ -101,7 +101,7 @@ def _where(error: BaseException, path: Path) -> str:
 
 
 def _laws(module: ModuleType) -> list[str]:
-    """What of a file looks like a law."""
+    """Return the names in a module that look like controllers."""
     return [
         name
         for name, value in vars(module).items()
@@ -192,7 +192,7 @@ def _memory(owner: Any, start: Any) -> Array:
 
 
 def _callable(law: Controller, file: LawFile) -> Controller:
-    """`law` if Numba compiles it, else called back, which is told."""
+    """Return the controller, called back from Python if Numba cannot compile its step, with a warning."""
     try:
         with reported_when_slow(f"Numba has been compiling the step of {file.reference}"):
             address_of(law.step)

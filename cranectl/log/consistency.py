@@ -37,7 +37,7 @@ class Outcome:
 
     @classmethod
     def of(cls, run: Run) -> "Outcome":
-        """Of a whole run."""
+        """Return the outcome of a whole run."""
         return cls(run.status, run.end_ns, len(run.time_ns))
 
 
@@ -145,7 +145,7 @@ def check_run(run: Run, sampling: Sampling) -> None:
 
 
 def finite_samples(outcome: Outcome) -> int:
-    """How many samples must be finite: a run may have stopped because of the numbers of its last."""
+    """Return how many samples must be finite: the last one may have stopped the run."""
     return outcome.samples if outcome.status == RunStatus.COMPLETED else max(outcome.samples - 1, 0)
 
 

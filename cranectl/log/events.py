@@ -68,7 +68,7 @@ class Conditions(NamedTuple):
 
 
 def saturation(run: Run) -> NDArray[np.int64]:
-    """`Saturated` at every sample, shape (N,)."""
+    """Return `Saturated` at every sample, shape (N,)."""
     if "command" not in (group.name for group in run.groups):
         return np.zeros(len(run.time_ns), dtype=np.int64)
     acting: NDArray[np.int64] = (run.block("command")[:, 3:] > 0.0) @ np.array([1, 2, 4])
@@ -76,7 +76,7 @@ def saturation(run: Run) -> NDArray[np.int64]:
 
 
 def status_changes(run: Run) -> list[StatusChange]:
-    """At the start, at every change, and at the end."""
+    """Return the status at the start, at every change, and at the end."""
     inside: NDArray[np.bool_] = workspace_excess(run).max(axis=1) <= 0.0
     limited = saturation(run)
     crossings = run.time_ns[1:][np.diff(inside) | (np.diff(limited) != 0)] if len(inside) else run.time_ns
@@ -110,20 +110,20 @@ def _phase(segment: Segment) -> Phase:
 
 
 def disturbance_times(scenario: Scenario) -> set[int]:
-    """When disturbances begin and end [ns]."""
+    """Return the times at which disturbances begin and end [ns]."""
     times = [time for step in scenario.disturbances for time in (step.start, step.end)]
     return {nanoseconds(time) for time in times if time is not None}
 
 
 def disturbed(disturbances: Array) -> NDArray[np.int64]:
-    """`Disturbed` of disturbances (N, 5) as `simulate.disturbances_at` has them, shape (N,)."""
+    """Return `Disturbed` (N,) of disturbances (N, 5) in the order of `simulate.disturbances_at`."""
     angles, force = disturbances[:, :2] != 0.0, (disturbances[:, 2:] != 0.0).any(axis=1)
     acting: NDArray[np.int64] = angles @ np.array([1, 2]) + 4 * force
     return acting
 
 
 def events(run: Run) -> list[Event]:
-    """The events of one run in the order of time."""
+    """Return the events of one run in the order of time."""
     planned = [event for event in scenario_events(run.scenario, run.plant) if event.time_ns < run.end_ns]
     observed, _ = condition_events(run, Conditions())
     during = sorted([start_event(run, 0), *planned, *observed], key=lambda event: event.time_ns)
@@ -131,18 +131,18 @@ def events(run: Run) -> list[Event]:
 
 
 def start_event(run: Run, time_ns: int) -> Event:
-    """What begins."""
+    """Return the event of the start of a run."""
     return Event(time_ns, run.plant, f"{run.scenario.name} with {run.design.name}, {run.drive} drives")
 
 
 def end_event(run: Run) -> Event:
-    """How and why a run ended."""
+    """Return the event of the end of a run, with its reason."""
     end = f"{run.status.label} at {run.end_s:g} s: {run.status.explanation}"
     return Event(run.end_ns, run.plant, end, warning=run.status.stopped)
 
 
 def scenario_events(scenario: Scenario, plant: str) -> list[Event]:
-    """What is bound to happen: segments of the reference, then disturbances."""
+    """Return the planned events: segments of the reference, then disturbances."""
     planned = []
     if scenario.reference.segments:
         made = origins(scenario)
@@ -157,7 +157,7 @@ def scenario_events(scenario: Scenario, plant: str) -> list[Event]:
 
 
 def condition_events(run: Run, before: Conditions) -> tuple[list[Event], Conditions]:
-    """When axes leave the workspace, drives reach their limits and the rope goes slack, and are back.
+    """Return when axes leave the workspace, drives reach limits, the rope goes slack, and recover.
 
     Only the first time of a drive at its limits: later ones are in the status, and can be as many as samples.
     Also returns the conditions at the end of the run, with which the events of its continuation go on.
@@ -181,7 +181,7 @@ def condition_events(run: Run, before: Conditions) -> tuple[list[Event], Conditi
 
 
 def _changes(run: Run, holds: NDArray[np.bool_], before: bool, begins: str, ends: str) -> list[Event]:
-    """When something begins to hold, with a warning, and when it ends."""
+    """Return an event, with a warning, where a condition begins, and one where it ends."""
     return [
         Event(int(run.time_ns[k]), run.plant, begins if holds[k] else ends, warning=bool(holds[k]))
         for k in np.flatnonzero(np.diff(holds.astype(np.int8), prepend=np.int8(before)))

@@ -61,7 +61,7 @@ class LogHeader(Sampling):
         return tuple(self.models)
 
     def outcome(self, plant: str) -> Outcome:
-        """How the run of `plant` ended; raises DamageError if that is missing."""
+        """Return how the run of `plant` ended; raise DamageError if that is missing."""
         if plant not in self.outcomes:
             raise DamageError(f"it does not say how the run of {plant} ended")
         return self.outcomes[plant]
@@ -85,7 +85,7 @@ class LogHeader(Sampling):
 def parse_header(
     path: str, metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]
 ) -> LogHeader:
-    """The header of the log at `path`.
+    """Parse the header of the log at `path`.
 
     Raises LogError for a foreign log and one of another version, DamageError where it contradicts itself or
     lacks what tells of runs.
@@ -175,7 +175,7 @@ def _outcome(declared: Mapping[str, str]) -> Outcome:
 
 
 def _count(text: str, *, least: int = 0) -> int:
-    """Samples or nanoseconds, no more than there can be."""
+    """Return a number of samples or nanoseconds; raise ValueError for an impossible one."""
     digits = len(str(MAX_NS))
     if not (text.isascii() and text.isdecimal() and len(text) <= digits and least <= int(text) <= MAX_NS):
         raise ValueError(f"'{text[: 2 * digits]}' is no number from {least} to {MAX_NS}")

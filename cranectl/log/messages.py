@@ -44,7 +44,7 @@ def streams(
 
 
 def samples(runs: Sequence[Run]) -> list[Stream]:
-    """The reference at the times of any run, and the signals of the runs."""
+    """Return the reference at the times of any run, and the signals of the runs."""
     time_ns, rows = np.unique(np.concatenate([run.time_ns for run in runs]), return_index=True)
     reference = np.concatenate([run.reference for run in runs])[rows]
     result = [signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference)]
@@ -52,7 +52,7 @@ def samples(runs: Sequence[Run]) -> list[Stream]:
 
 
 def recorded(run: Run) -> Iterator[Stream]:
-    """The signals of a run."""
+    """Yield the signals of a run."""
     for group in run.groups:
         yield signals(topics.plant_topic(run.plant, group.name), group, run.time_ns, run.block(group.name))
 
@@ -66,7 +66,7 @@ def signals(
 
 
 def differences(runs: Sequence[Run], plants: Sequence[str]) -> list[Stream]:
-    """What parts the runs from that of the reference plant; `plants` are all those of the log."""
+    """Return the differences of the runs from that of the reference plant of the log."""
     pairs = against_reference(runs, plants)
     return [s for a, b in pairs for s in _differences(a, b, a.plant if len(plants) > 2 else "")]
 
@@ -84,7 +84,7 @@ def _differences(a: Run, b: Run, name: str) -> list[Stream]:
 
 
 def distances(topic: str, a: Run, b: Run) -> Stream:
-    """How far two runs are apart, over their common times; LEAST where they are nearer."""
+    """Return the distance of two runs over their common times, at least MIN_DISTANCE."""
     time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
     load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
     angles = np.abs(b.angles[in_b] - a.angles[in_a]).max(axis=1)
@@ -92,7 +92,7 @@ def distances(topic: str, a: Run, b: Run) -> Stream:
 
 
 def _verdict(a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None) -> dict[str, str]:
-    """Whether the plants agree, and by how much every signal differs."""
+    """Return whether the plants agree, and by how much every signal differs."""
     comparison = compare_runs(a, b)
     agreement = judge(a, b, limits=limits, comparison=comparison)
     values = {
@@ -137,7 +137,7 @@ def log_lines(unordered: Iterable[Event]) -> Stream:
 
 
 def run_info(runs: Sequence[Run], versions: Mapping[str, str]) -> Stream:
-    """What is run, how the runs stand, and what made them."""
+    """Return what is run, the status of the runs, and the software that made them."""
     first = runs[0]
     values = {
         "scenario": first.scenario.name,
@@ -152,7 +152,7 @@ def run_info(runs: Sequence[Run], versions: Mapping[str, str]) -> Stream:
 
 
 def design_info(design: ControllerDesign) -> Stream:
-    """Gains, poles, margins, or parameters."""
+    """Return gains, poles and margins, or the parameters."""
     values = {name: json.dumps(value) for name, value in design.to_json().items()}
     return _text(topics.DESIGN, "Design", values)
 

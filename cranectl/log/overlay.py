@@ -63,12 +63,12 @@ def read_layers(path: str | Path) -> dict[str, Layer]:
 
 
 def is_overlay(layers: Mapping[str, Layer]) -> bool:
-    """Whether runs have labels; those of other logs have the names of their plants."""
+    """Return True if runs have labels; those of other logs have the names of their plants."""
     return any(label != layer.run.plant for label, layer in layers.items())
 
 
 def check_labels(labels: Sequence[str]) -> None:
-    """Raise InputError unless runs can be told apart by these in a log."""
+    """Raise InputError unless these labels tell runs apart in a log."""
     told = [re.sub(r"\W", "_", label) for label in labels]  # where no other signs can be
     for label, name in zip(labels, told, strict=True):
         if not LABEL.fullmatch(label) or label in PLANTS or told.count(name) > 1:
@@ -89,7 +89,7 @@ def check_labels(labels: Sequence[str]) -> None:
 def gathered(
     paths: Sequence[Path], *, labels: Sequence[str] = (), plants: Sequence[str] = ()
 ) -> dict[str, Layer]:
-    """The runs of several logs by label: of an overlay all, of others those of `plants`.
+    """Return the runs of several logs by label: all of an overlay, those of `plants` of other logs.
 
     By default that of the reference plant. `labels`: of all runs in their order, by default as short as they
     differ. Raises InputError for labels that cannot be, and LogError as `read_log` does.

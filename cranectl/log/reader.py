@@ -123,7 +123,7 @@ def _of(prefix: str, records: Mapping[str, T]) -> dict[str, T]:
 
 
 def check_names(contents: Contents) -> None:
-    """Raise UnsupportedError for merged logs, and where another tool has left out what tells of runs."""
+    """Raise UnsupportedError for merged logs, and for logs without the records that describe runs."""
     for name in sorted(contents.repeated):
         if name.startswith("run/") or name.rpartition("/")[2] in TOLD:
             raise UnsupportedError(f"it has {name} twice, as merged logs have", "name one of the logs")
@@ -139,7 +139,7 @@ def is_of_runs(topic: str) -> bool:
 def blocks_of(
     groups: Mapping[str, SignalGroup], contents: Contents, columns: dict[int, Column]
 ) -> dict[str, TopicSamples]:
-    """The blocks of groups by topic, empty where one has no channel; takes them out of `columns`.
+    """Return the samples of groups by topic, empty without a channel, and remove them from `columns`.
 
     Raises DamageError unless each channel carries the signals of its group, in their order and units.
     """
@@ -169,7 +169,7 @@ def _checked_channels(contents: Contents, groups: Mapping[str, SignalGroup]) -> 
 
 
 def _channels_of(contents: Contents, wanted: Container[str]) -> dict[str, Channel]:
-    """The channel of each of the topics `wanted` that has one; raises DamageError if one has several."""
+    """Return the channel of each topic in `wanted`; raise UnsupportedError if one has several."""
     channels: dict[str, Channel] = {}
     for channel in contents.channels.values():
         if channel.topic in wanted and channels.setdefault(channel.topic, channel) is not channel:
@@ -180,7 +180,7 @@ def _channels_of(contents: Contents, wanted: Container[str]) -> dict[str, Channe
 
 
 def _decoded(topic: str, column: Column, n_signals: int) -> TopicSamples:
-    """The signals in the messages of a topic; raises DamageError for other messages."""
+    """Return the signals in the messages of a topic; raise DamageError for other messages."""
     if (np.diff(column.time_ns) <= 0).any():
         raise DamageError(f"the times of {topic} do not increase")
     try:
@@ -197,7 +197,7 @@ def check_samples(topic: str, block: TopicSamples, outcome: Outcome) -> None:
 
 
 def assembled(header: LogHeader, plant: str, blocks: Mapping[str, TopicSamples], outcome: Outcome) -> Run:
-    """The run of `plant` from the blocks of its topics; raises DamageError if it contradicts itself."""
+    """Return the run of `plant` from its topics; raise DamageError if they contradict each other."""
     own = {topic: blocks[topic] for topic in header.groups_of(plant)}
     (first, block), *_ = own.items()
     time_ns = block.time_ns
@@ -222,7 +222,7 @@ def assembled(header: LogHeader, plant: str, blocks: Mapping[str, TopicSamples],
 
 
 def _at(block: TopicSamples, time_ns: NDArray[np.int64]) -> Array:
-    """The rows of the reference at `time_ns`; raises DamageError if it has not all of them."""
+    """Return the rows of the reference at `time_ns`; raise DamageError if some are missing."""
     common, _, rows = np.intersect1d(time_ns, block.time_ns, assume_unique=True, return_indices=True)
     if len(common) < len(time_ns):
         count = f"the reference has {len(common)} of {len(time_ns)} samples"
@@ -231,7 +231,7 @@ def _at(block: TopicSamples, time_ns: NDArray[np.int64]) -> Array:
 
 
 def _check_block(header: LogHeader, topic: str, names: Sequence[str], block: TopicSamples) -> None:
-    """Raise DamageError unless one topic agrees with what is said of the runs."""
+    """Raise DamageError unless the samples of a topic agree with the header of the log."""
     plant = topic.split("/")[1]
     if plant in header.plants:
         outcome = header.outcome(plant)
@@ -246,7 +246,7 @@ def _check_block(header: LogHeader, topic: str, names: Sequence[str], block: Top
 
 
 def _signals(contents: Contents) -> dict[str, tuple[str, ...]]:
-    """The names of all signals in a log, by topic."""
+    """Return the names of all signals in a log, by topic."""
     names = {}
     for channel in contents.channels.values():
         with contextlib.suppress(DamageError):  # of another kind

@@ -164,7 +164,7 @@ def _saved(contents: Contents, chunks: Sequence[Content]) -> Iterator[Stream]:
 
 
 def _streams(header: LogHeader, whole: Iterable[Stream], runs: Mapping[str, Run]) -> list[Stream]:
-    """The messages that are whole, with what they say of the outcome put right."""
+    """Return the complete messages, with those about the outcome corrected."""
     signals = header.groups().keys() - {topics.REFERENCE_LOAD}
     verdicts = {topics.difference_topic(topics.VERDICT, plant) for plant in ("", *runs)}
     changes = {topics.LOG, *(topics.plant_topic(plant, "status") for plant in runs)}
@@ -189,7 +189,7 @@ def _until(stream: Stream, runs: Mapping[str, Run]) -> Stream:
 
 
 def _ended(saved: Stream, made: Stream, ends: Collection[int]) -> Stream:
-    """What was written during the runs, and what is to be written of their ends."""
+    """Return what was written during the runs, and what has to be written about their ends."""
     known = list(zip(saved.time_ns.tolist(), saved.messages, strict=True))
     new = [row for row in zip(made.time_ns.tolist(), made.messages, strict=True) if row[0] in ends]
     rows = sorted([*known, *(row for row in new if row not in known)], key=lambda row: row[0])

@@ -71,7 +71,7 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
 
 
 def opacities(plants: Sequence[str]) -> dict[str, float]:
-    """How solid each crane is drawn: beside that of the reference plant the others are ghosts.
+    """Return the opacity of each crane: beside that of the reference plant the others are ghosts.
 
     Where all ghosts are in one place they hide what one would.
     """
@@ -248,7 +248,7 @@ def workspace(run: Run) -> Stream:
 
 
 def rows_apart(run: Run, period: float) -> NDArray[np.intp]:
-    """Samples about `period` [s] apart, the first and the last always."""
+    """Return samples about `period` [s] apart, always with the first and the last."""
     if len(run.time_ns) < 2:
         return np.arange(len(run.time_ns))
     step = max(1, round(period * NANOSECONDS / int(run.time_ns[1] - run.time_ns[0])))

@@ -52,7 +52,7 @@ class Stream:
 
 
 def in_order(streams: Sequence[Stream]) -> Iterator[tuple[int, int, bytes]]:
-    """Number of the stream, time [ns] and content of all messages in the order of time, then of streams."""
+    """Yield stream number, time [ns] and content of all messages, in the order of time, then of streams."""
     waiting = [iter(stream.messages) for stream in streams]
     taken = [0] * len(streams)
     longest = max((stream.time_ns for stream in streams), key=len, default=np.empty(0, np.int64))
@@ -187,7 +187,7 @@ def record_schema(name: str, fields: tuple[tuple[str, type], ...]) -> bytes:
 
 
 def encode(schema: bytes, name: str, values: dict[str, Any]) -> bytes:
-    """One message of type `name`, the slow general way."""
+    """Encode one message of type `name`, in the slow general way."""
     return bytes(_message_type(schema, name)(**values).SerializeToString(deterministic=True))
 
 

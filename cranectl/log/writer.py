@@ -77,7 +77,7 @@ def write_logged(path: Path, runs: Sequence[Run], every: int, limits: PairLimits
 def write_container(
     path: Path, metadata: Records, attachments: Sequence[Attachment], sent: Sequence[Stream]
 ) -> None:
-    """Write an MCAP file, whole or not at all; raises LogError.
+    """Write an MCAP file in one atomic step; raise LogError if that fails.
 
     Metadata and attachments come first: without them the messages of a file that is cut off mean nothing.
     """
@@ -107,7 +107,7 @@ def open_file(
 
 
 def unfinished(path: Path, part: Path | None, error: Exception, *, remedy: str) -> LogError:
-    """The error for a log that could not be written to its end: what is in `part` stays if it can be used."""
+    """Return the error of a log that could not be completed; keep `part` if it can be recovered."""
     if part is not None and part.exists():
         if part.stat().st_size > CHUNK_SIZE:
             found = f"cannot write {path} to its end: {error}"
@@ -126,7 +126,7 @@ def _send_in_order(context: foxglove.Context, sent: Sequence[Stream]) -> int:
 
 
 def open_channel(context: foxglove.Context, stream: Stream) -> BaseChannel:
-    """The channel that `stream` goes to.
+    """Open the channel for the messages of `stream`.
 
     Not a `foxglove.Channel`: the library keeps every one of those for as long as the process lives, with the
     context and schema that it belongs to, closed or not.
@@ -142,7 +142,7 @@ def open_channel(context: foxglove.Context, stream: Stream) -> BaseChannel:
 
 
 def check_complete(path: Path, sent: int) -> None:
-    """The writer drops messages rather than fail: count what has arrived."""
+    """Raise OSError unless all messages have arrived: the writer drops some rather than fail."""
     with path.open("rb") as stream:
         written = read_end(stream, path.stat().st_size).messages
     if written != sent:

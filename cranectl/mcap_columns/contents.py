@@ -159,7 +159,7 @@ class Contents:
 
 
 def read_end(stream: BinaryIO, size: int) -> End:
-    """The end of a closed file of `size` bytes; raises DamageError for wrong records or checksums."""
+    """Read the end of a closed file of `size` bytes; raise DamageError for wrong records or checksums."""
     stop = size - len(MAGIC) - _FOOTER_LENGTH
     footer = parse(Footer.read, read_record(stream, max(stop, 0), size - len(MAGIC), Opcode.FOOTER))
     start = footer.summary_start or stop  # without a summary

@@ -53,7 +53,7 @@ class Record(NamedTuple):
 
 
 def read_records(stream: BinaryIO, start: int, stop: int) -> Iterator[Record]:
-    """The records that fill the bytes from `start` to `stop`, where nobody else moves the stream.
+    """Yield the records in the bytes from `start` to `stop`; nothing else may move the stream.
 
     Raises DamageError at a record that does not fit.
     """
@@ -87,7 +87,7 @@ def read_record(stream: BinaryIO, start: int, stop: int, opcode: Opcode) -> Reco
 
 
 def parse(read: Callable[[ReadDataStream], R], record: Record) -> R:
-    """A record parsed by mcap's own `read`; raises DamageError if its fields run over its end."""
+    """Parse a record by mcap's own `read`; raise DamageError if its fields exceed its length."""
     try:
         return read(_Body(BytesIO(record.body)))
     except (McapError, struct.error, ValueError):
@@ -114,7 +114,7 @@ def section_crc(stream: BinaryIO, start: int, stop: int) -> int:
 
 
 def record_name(opcode: int, start: int) -> str:
-    """What to call a record in a sentence."""
+    """Return a record's name for a sentence."""
     return f"the {_words(opcode)} record at byte {start}"
 
 
@@ -225,7 +225,7 @@ _INFLATE: dict[str, Callable[[bytes, int], bytes]] = {"": lambda data, _: data, 
 
 @jit
 def record_tables(data: Bytes) -> tuple[Integers, Integers, int]:
-    """The records in a chunk: messages, definitions, and the byte where they end.
+    """Return tables of messages and definitions in a chunk, and the byte where they end.
 
     Messages are rows (channel, time [ns], start, stop), definitions (opcode, start, stop), with the bytes
     from start to stop without head. A record that is neither, too short or too long ends the tables.
@@ -258,7 +258,7 @@ def record_tables(data: Bytes) -> tuple[Integers, Integers, int]:
 
 @jit
 def rows_of(data: Bytes, table: Integers, channel: int, width: int) -> tuple[Integers, Bytes]:
-    """Times and bodies of a channel's messages; fewer bodies than times if one has not `width` bytes."""
+    """Return times and bodies of a channel's messages; fewer bodies if one has not `width` bytes."""
     n = 0
     for row in range(len(table)):
         n += table[row, 0] == channel
@@ -277,7 +277,7 @@ def rows_of(data: Bytes, table: Integers, channel: int, width: int) -> tuple[Int
 
 @jit
 def little_endian(data: Bytes, at: int, width: int) -> int:
-    """The integer in `width` bytes from `at`; negative where it does not fit into 63 bits."""
+    """Return the integer in `width` bytes from `at`; negative if it does not fit into 63 bits."""
     value = np.int64(0)
     for k in range(width):
         value |= np.int64(data[at + k]) << (8 * k)

@@ -24,7 +24,7 @@ _FIXED64 = 1  # protobuf wire type of a double
 def read_rows(
     path: str | Path, stream: BinaryIO, wanted: Callable[[str], bool]
 ) -> tuple[Contents, dict[int, Column]]:
-    """All of a closed file, and by channel the rows of signals of the topics `wanted`.
+    """Read a closed file, and by channel the rows of signals of the topics `wanted`.
 
     Raises LogError as `open_contents` does, DamageError for what is not whole.
     """
@@ -60,7 +60,7 @@ def columns_of(
 
 
 def row_width(channel: Channel, definition: Schema) -> int:
-    """The bytes of a message of a channel; 0 if it does not carry rows of signals."""
+    """Return the bytes of a message of a channel; 0 if it does not carry rows of signals."""
     try:
         return row_layout(len(signal_names(channel, definition))).itemsize
     except DamageError:
@@ -68,7 +68,7 @@ def row_width(channel: Channel, definition: Schema) -> int:
 
 
 def signal_names(channel: Channel, definition: Schema) -> tuple[str, ...]:
-    """The signals of a channel, from its type; raises DamageError if it does not carry rows of signals."""
+    """Return the signals of a channel; raise DamageError if it does not carry rows of signals."""
     if {channel.message_encoding, definition.encoding} != {"protobuf"}:
         raise DamageError(f"{channel.topic} is not protobuf")
     if len(definition.data) > MAX_DEFINITION:

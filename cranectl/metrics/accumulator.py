@@ -61,7 +61,7 @@ class Accumulator(NamedTuple):
 
 
 def empty_accumulator() -> Accumulator:
-    """Without a sample."""
+    """Return an accumulator without samples."""
     total = np.zeros(1, dtype=TOTALS)
     for names, start in ((_LOWEST, inf), (_HIGHEST, -inf)):
         for name in names:
@@ -202,7 +202,7 @@ def add_outside(setup: MetricsSetup, total: Any, row: Array, time: float, elapse
 
 @jit
 def add_saturation(setup: MetricsSetup, total: Any, command: Array, elapsed: float) -> None:
-    """Flags of saturation; a command is held until the next sample."""
+    """Add the time of saturation; a command is held until the next sample."""
     if setup.flag_column < 0:
         return
     if total.saturated > 0.0:
@@ -217,7 +217,7 @@ def add_saturation(setup: MetricsSetup, total: Any, command: Array, elapsed: flo
 def add_rest(
     setup: MetricsSetup, total: Any, row: Array, reference: Array, time: float, error: float, sway: float
 ) -> None:
-    """A sample at which the reference rests in its end point."""
+    """Add a sample at which the reference rests in its end point."""
     beyond = 0.0
     for i in range(3):
         load = row[LOAD_COLUMN + i]

@@ -24,7 +24,7 @@ def add_clearance(
 
 
 def clearance(load: Array, trolley: Array, low: Array, high: Array, radius: float) -> Array:
-    """From a box `low` to `high` (3,) to the load's ball or its rope, whichever is nearer, (N,) [m].
+    """Return the distance (N,) [m] from a box `low` to `high` (3,) to the nearer of load and rope.
 
     `load`, `trolley` (N, 3). Negative: how deep the ball is inside, or how much of the rope.
     """
@@ -35,7 +35,7 @@ def clearance(load: Array, trolley: Array, low: Array, high: Array, radius: floa
 
 
 def _of_rope(load: Array, trolley: Array, low: Array, high: Array) -> Array:
-    """The distance is convex along the rope: its nearest point is where it ceases to fall."""
+    """Return the distance of the rope, which is convex along it: the minimum is found by bisection."""
     way = load - trolley
     begin, end = np.zeros(len(way)), np.ones(len(way))
     for _ in range(HALVINGS):
@@ -56,13 +56,13 @@ def _of_rope(load: Array, trolley: Array, low: Array, high: Array) -> Array:
 
 
 def _beyond(point: Array, low: Array, high: Array) -> Array:
-    """From the nearest point of the box to `point` (N, 3)."""
+    """Return the vector from the nearest point of the box to `point` (N, 3)."""
     beyond: Array = np.maximum(point - high, 0.0) - np.maximum(low - point, 0.0)
     return beyond
 
 
 def _length(vectors: Array) -> Array:
-    """(N,), of each by itself: the same bits however many there are."""
+    """Return the length (N,) of each vector, with the same bits for any number of vectors."""
     x, y, z = vectors.T
     length: Array = np.sqrt(x * x + y * y + z * z)
     return length

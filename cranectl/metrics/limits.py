@@ -36,7 +36,7 @@ Limits = create_model("Limits", __base__=_Limits, **_LIMITED)
 
 
 def within(metric: str, values: Any, limit: float) -> Any:
-    """Whether `values` of `metric`, one or an array, keep `limit`; NaN, a value that is absent, does not."""
+    """Return whether `values` of `metric`, one or an array, keep `limit`; NaN does not."""
     return values >= limit if low_is_bad(metric) else values <= limit
 
 
@@ -77,7 +77,7 @@ class LimitVerdict:
 
 
 def limits_of(scenario: Scenario, plants: Iterable[str]) -> dict[str, dict[str, float]]:
-    """What `[limits]` of `scenario` asks of runs on each of `plants`, by metric.
+    """Return the limits that `scenario` sets for runs on each of `plants`, by metric.
 
     A table in it named as a plant holds for that plant only, before what holds for all. Raises InputError for
     names and values that cannot be.
@@ -93,12 +93,12 @@ def limits_of(scenario: Scenario, plants: Iterable[str]) -> dict[str, dict[str, 
 
 
 def given_limits(table: Mapping[str, Any], where: str) -> dict[str, float]:
-    """`table` if it holds limits, by metric; raises InputError, which says `where`, if not."""
+    """Return `table` as limits by metric; raise InputError, which names `where`, if it is not."""
     return parse_settings(Limits, table, where).given
 
 
 def judge_limits(metrics: RunMetrics | None, limits: Mapping[str, float]) -> tuple[LimitVerdict, ...]:
-    """The verdict on each of `limits`; a run without samples keeps none."""
+    """Judge each of `limits`; a run without samples keeps none."""
     verdicts = []
     for name, limit in limits.items():
         value = None if metrics is None else metrics.values[name]
@@ -109,7 +109,7 @@ def judge_limits(metrics: RunMetrics | None, limits: Mapping[str, float]) -> tup
 
 
 def broken_since(run: Run, verdict: LimitVerdict) -> float | None:
-    """From when on [s] `run` breaks a limit, wherever it ends; None if it does not at its end.
+    """Return from when on [s] `run` breaks a limit up to its end; None if it does not at its end.
 
     A value that is absent, as of a metric of rest while the reference moves, breaks nothing here.
     """

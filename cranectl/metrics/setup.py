@@ -37,7 +37,7 @@ class MetricsSetup(NamedTuple):
 
 
 def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_COLUMN) -> MetricsSetup:
-    """For runs of `scenario` with `drive`.
+    """Return the setup of the metrics for runs of `scenario` with `drive`.
 
     `flag_column`: where the array that `accumulate` gets as `commands` has the flags; the default is for the
     record of the signal path alone. Ignored for a scenario without one.
@@ -63,7 +63,7 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
 
 @functools.lru_cache(maxsize=64)
 def _rest(settings: ReferenceSettings) -> tuple[float, tuple[float, float, float]]:
-    """When the reference comes to rest for good [ns], and the unit vector along which it does."""
+    """Return when the reference comes to rest for good [ns], and the unit vector along which it does."""
     trajectory = build_trajectory(settings)
     moving = [k for k, path in enumerate(trajectory.paths) if not isinstance(path, HoldPath)]
     if not moving:

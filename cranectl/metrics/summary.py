@@ -72,7 +72,7 @@ def run_metrics(run: Run) -> RunMetrics | None:
 
 
 def metric_course(run: Run, name: str) -> Array:
-    """The metric `name`, which has no parts, had `run` ended at each sample, (N,); NaN where absent."""
+    """Return the metric `name`, if `run` had ended at each sample, (N,); NaN where absent."""
     (metric,) = (metric for metric in all_metrics() if metric.name == name)
     setup, accumulator = _begun(run)
     course = np.full(len(run.time_ns), np.nan)
@@ -86,7 +86,7 @@ def metric_course(run: Run, name: str) -> Array:
 
 
 def workspace_excess(run: Run) -> Array:
-    """How far bridge, trolley and rope are outside their ranges [m], shape (N, 3), 0 inside."""
+    """Return how far bridge, trolley and rope are outside their ranges [m], shape (N, 3), else 0."""
     positions = run.block("state")[:, :6:2]
     low, high = run.scenario.rig.workspace.T
     excess: Array = np.maximum(np.maximum(low - positions, positions - high), 0.0)
@@ -94,7 +94,7 @@ def workspace_excess(run: Run) -> Array:
 
 
 def workspace_violations(run: Run) -> tuple[WorkspaceViolation, ...]:
-    """One entry for each of bridge, trolley, rope that left its range."""
+    """Return one violation for each of bridge, trolley and rope that left its range."""
     metrics = run_metrics(run)
     return () if metrics is None else metrics.workspace_violations
 

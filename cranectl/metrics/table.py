@@ -227,11 +227,11 @@ METRICS = (
 
 @functools.cache
 def all_metrics() -> tuple[Metric, ...]:
-    """The table, then what installed packages add to it; raises InputError as `with_extensions`."""
+    """Return all metrics, cranectl's and those of installed packages; raise InputError."""
     own = {metric.name: metric for metric in METRICS}
     return tuple(with_extensions(own, Metric, extensions.METRICS, taken=TAKEN).values())
 
 
 def low_is_bad(column: str) -> bool:
-    """Whether small values in this column of a metric are the bad ones."""
+    """Return True if small values in this column of a metric are the bad ones."""
     return any(metric.better == "higher" for metric in all_metrics() if column in metric.columns)

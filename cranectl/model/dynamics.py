@@ -58,13 +58,13 @@ def specific_rope_force(rope_length, alpha, alpha_rate, beta, beta_rate, u_x, u_
 
 @jit
 def rope_direction(alpha, beta):
-    """Unit vector n from the trolley to the load."""
+    """Return the unit vector n from the trolley to the load."""
     return sin(beta), cos(beta) * sin(alpha), -cos(alpha) * cos(beta)
 
 
 @jit
 def rope_direction_rate(alpha, alpha_rate, beta, beta_rate):
-    """Time derivative of n [1/s]."""
+    """Return the time derivative of n [1/s]."""
     sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
     return (
         beta_rate * cb,
@@ -96,7 +96,7 @@ def axis_masses(rig: RigParameters) -> AxisMasses:
 
 @jit
 def _rope_force(state, u_x, u_y, u_l, gravity):
-    """`specific_rope_force` at `state` (10,), order of `signals.STATE`."""
+    """Return `specific_rope_force` at `state` (10,), in the order of `signals.STATE`."""
     return specific_rope_force(
         state[ROPE], state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE], u_x, u_y, u_l, gravity
     )
@@ -104,7 +104,7 @@ def _rope_force(state, u_x, u_y, u_l, gravity):
 
 @jit
 def drive_forces(masses, state, u_x, u_y, u_l):
-    """Forces (F_x, F_y, F_l) [N] that accelerate bridge, trolley, rope by (u_x, u_y, u_l) [m/s²].
+    """Return the forces [N] that accelerate bridge, trolley, rope by (u_x, u_y, u_l) [m/s²].
 
     Each moves its own mass against the rope's tension S = -m a_r, which pulls along (n_x, n_y, 1):
     F = P u + w with P = M_drives + m (n_x, n_y, 1)'(n_x, n_y, 1). `state` (10,) as `signals.STATE`.
@@ -120,7 +120,7 @@ def drive_forces(masses, state, u_x, u_y, u_l):
 
 @jit
 def _tension(masses, state, n, u_x, u_y, u_l, winch_mobility):
-    """The rope's [N], if bridge, trolley, rope would accelerate by u but for it; Sherman and Morrison."""
+    """Return the tension of the rope [N], if u are the accelerations without it (Sherman and Morrison)."""
     alone = _rope_force(state, u_x, u_y, u_l, masses.gravity)
     mobility = n[0] * n[0] / masses.bridge + n[1] * n[1] / masses.trolley + winch_mobility
     return -masses.load * alone / (1.0 + masses.load * mobility)

@@ -170,7 +170,7 @@ def _states_and_inputs(rows, gravity, states, inputs):
 def states_and_inputs(
     rows: NDArray[np.float64], gravity: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """`state_and_input` for many samples: rows (N, 15) → states (N, 10), inputs (N, 3)."""
+    """Apply `state_and_input` to many samples: rows (N, 15) → states (N, 10), inputs (N, 3)."""
     states, inputs = np.empty((len(rows), 10)), np.empty((len(rows), 3))
     _states_and_inputs(np.ascontiguousarray(rows), gravity, states, inputs)
     return states, inputs

@@ -58,7 +58,7 @@ class Limits(NamedTuple):
 
 
 def limits_of(scenario: Scenario) -> Limits:
-    """What the crane of a scenario may be asked for, whatever its drives are."""
+    """Return the limits of a scenario's crane for planning, with any kind of drive."""
     rig, planning = scenario.rig, scenario.planning
     share = share_of(scenario)
     drives = scenario.drive_limits
@@ -92,7 +92,7 @@ def key_of(segment: Segment, start: Array, scenario: Scenario) -> str:
 
 
 def share_of(scenario: Scenario) -> float:
-    """What the plan may use of the limits."""
+    """Return the share of the limits that a plan may use."""
     effects = scenario.effects
     rough = effects.sensing or effects.delay or effects.friction
     return scenario.planning.share or (SHARE_WITH_SENSING if rough else SHARE)
@@ -119,7 +119,7 @@ class Motion(NamedTuple):
 
 
 def motion(load: list[Series], gravity: float) -> Motion:
-    """From the load's series of n coefficients, n >= 5; what follows has two fewer."""
+    """Compute the crane's motion from the load's series of n >= 5 coefficients; results have n - 2."""
     x, y, z = (differentiated(series, 2) for series in load)
     lift = [z[0] + gravity, *z[1:]]
     p_x, p_y = ([-c for c in over(a, lift)] for a in (x, y))
@@ -134,7 +134,7 @@ def motion(load: list[Series], gravity: float) -> Motion:
 
 
 def constraints(moved: Motion, limits: Limits) -> list[Constraint]:
-    """All that is limited but the obstacles; infinite limits are left out."""
+    """Return all constraints but the obstacles; infinite limits are left out."""
     found = [
         Constraint(f"load {axis}", series, low, high, limits.size)
         for axis, series, (low, high) in zip("xyz", moved.load, limits.load.tolist(), strict=True)
@@ -176,14 +176,14 @@ def excesses(moved: Motion, limits: Limits) -> dict[str, Array]:
 
 
 def clearance(moved: Motion, box: Box, radius: float) -> Array:
-    """On each of SIDES of a box at each point, (5, N) [m]; below zero: not clear of it. Of floats."""
+    """Return the clearance on each of SIDES of a box at each point, (5, N) [m]; negative: too near."""
     return np.array(
         [np.min([distance[0] for distance in clear_of(moved, box, radius, side)], axis=0) for side in SIDES]
     )
 
 
 def clear_of(moved: Motion, box: Box, radius: float, side: str) -> list[Series]:
-    """What must not be negative for load and rope to be on a `side` of a box: distances [m].
+    """Return distances [m] that must not be negative for load and rope to pass a box on `side`.
 
     Above: the load. Beside: the load, and the rope where it passes the height of the top, below which it
     lies between these two points.

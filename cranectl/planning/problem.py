@@ -95,7 +95,7 @@ class Problem:
     """A task whose limits hold at samples."""
 
     def __init__(self, task: Task, samples: Array, beside: int = PASSAGE_SAMPLES) -> None:
-        """`samples`: parts of the duration, (N,); `beside`: how many on each passage."""
+        """Set up the problem at `samples` (N,), parts of the duration, and `beside` on each passage."""
         self.task = task
         spans, count = task.spans, len(task.instants)
         whole = spline(np.linspace(0.0, 1.0, spans + 1), np.eye(spans + PLANNED_DEGREE), PLANNED_DEGREE)

@@ -99,7 +99,7 @@ def outer_force(passive, state, wind):
 
 @jit
 def passive_accelerations(passive, load_mass, state, wind):
-    """What outer forces and friction of the joint add to (alpha'', beta'') [rad/s²]."""
+    """Compute the part of (alpha'', beta'') [rad/s²] that wind, outer forces and pivot friction cause."""
     if passive is None:
         return 0.0, 0.0
     sa, ca, sb, cb = sin(state[ALPHA]), cos(state[ALPHA]), sin(state[BETA]), cos(state[BETA])
@@ -164,7 +164,7 @@ def derivative(rig, state, accelerations, disturbance, wind, rate):
 
 @jit
 def integrate(rig, state, command, disturbance, wind, stages, stage_state):
-    """One DOP853 step of `state` in place; `stages` (12, 10) and `stage_state` (10,) are work space."""
+    """Advance `state` by one DOP853 step; `stages` (12, 10) and `stage_state` (10,) are work space."""
     for s in range(STAGES):
         for i in range(10):
             increment = 0.0
@@ -218,7 +218,7 @@ def measure_joints(crane, state):
 
 @jit
 def advance(crane, command, disturbance, wind, load):
-    """One control period; see `Plant.advance`."""
+    """Advance the crane by one control period; see `Plant.advance`."""
     accelerations = drive_accelerations(crane.rig.drives, crane.rig, crane.state, command, disturbance, wind)
     observe_load(crane.rig, crane.state, accelerations, wind, load)
     for _ in range(crane.rig.substeps):
@@ -260,7 +260,7 @@ class AnalyticPlant:
         return True
 
     def check_length(self, length: float) -> None:
-        """Any length will do."""
+        """Accept any rope length."""
 
     def reset(self, state: Array) -> None:
         self.state[:] = state

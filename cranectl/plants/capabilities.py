@@ -106,7 +106,7 @@ def _check_no_set_points(effects: EffectSettings, drive: Drive) -> None:
 
 
 def _capable(effect: str) -> tuple[str, str]:
-    """The plants that show `effect`, and what to do to have it, in words."""
+    """Return the labels of the plants that show `effect`, and the remedy for a plant that does not."""
     able = [entry for entry in PLANTS.values() if not lacking(entry, effect)]
     names = ",".join(entry.name for entry in able if not entry.package)
     return labels_of(able), f"take '--plants {names}', or leave the effect out"

@@ -134,7 +134,7 @@ class Plant(Protocol):
     def __init__(
         self, rig: RigParameters, *, drive: Drive, step: float, substeps: int, effects: EffectSettings
     ) -> None:
-        """`step`: of the integrator [s]; `substeps`: steps per control period."""
+        """Make the plant of a run with integrator steps of `step` [s], `substeps` in a control period."""
 
     @property
     def description(self) -> str:
@@ -163,4 +163,4 @@ class Plant(Protocol):
         """
 
     def warnings(self) -> int:
-        """Number of numerical warnings since the last reset."""
+        """Return the number of numerical warnings since the last reset."""

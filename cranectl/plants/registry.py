@@ -117,7 +117,7 @@ class PlantEntry:
             )
 
     def load(self) -> type[Plant]:
-        """Its class; raises InputError as `check_installed` does."""
+        """Import the class of the plant; raise InputError as `check_installed` does."""
         self.check_installed()
         found: type[Plant] = loaded(self.where)
         return found
@@ -219,7 +219,7 @@ ALL = (("all",), ("both",))  # for every plant; both: as long as there were two
 
 
 def default_plants() -> tuple[str, ...]:
-    """What is run where no plants are named."""
+    """Return the plants that run where none are named."""
     return tuple(name for name, entry in PLANTS.items() if entry.by_default)
 
 
@@ -239,7 +239,7 @@ def plant_sources(names: Iterable[str]) -> dict[str, str]:
 
 
 def plant_entry(name: str) -> PlantEntry:
-    """The plant `name`; raises InputError that lists the known ones, nearest first."""
+    """Return the entry of the plant `name`; raise InputError that lists the known ones, nearest first."""
     if name not in PLANTS:
         raise unknown_name("plant", name, PLANTS)
     return PLANTS[name]
@@ -251,7 +251,7 @@ def in_order(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def plants_to_run(names: Iterable[str]) -> tuple[str, ...]:
-    """`in_order`, without names the usual plants; raises InputError as well for one that is not installed."""
+    """Return the plants to run, in order; raise InputError also for one that is not installed."""
     chosen = in_order(names) or default_plants()
     for name in chosen:
         PLANTS[name].check_installed()
@@ -269,7 +269,7 @@ def plants_of_logs(names: Sequence[str], logged: Iterable[str]) -> tuple[str, ..
 
 
 def reference_plant(names: Iterable[str]) -> str:
-    """The plant that the others are compared against: REFERENCE_PLANT, or the last where it is absent."""
+    """Return the plant that the others are compared with: REFERENCE_PLANT, else the last one."""
     ordered = in_order(names)
     return REFERENCE_PLANT if REFERENCE_PLANT in ordered else ordered[-1]
 

@@ -12,7 +12,7 @@ STICTION_RATE = 0.01  # [rad/s], below which a model without a constraint solver
 
 
 def gravity_in_rig(gravity: float, effects: EffectSettings) -> tuple[float, float, float]:
-    """Acceleration of gravity along the rig's x, y, z [m/s²] for rails that slope as in `effects`."""
+    """Return the acceleration of gravity along x, y, z of a rig whose rails slope as in `effects` [m/s²]."""
     if effects.installation is None:
         return 0.0, 0.0, -gravity
     along_x, along_y = (-sin(slope) for slope in effects.installation.tilt)
@@ -26,7 +26,7 @@ def air_drag(effects: EffectSettings) -> float:
 
 
 def air_velocity(wind: Wind | None, samples: int, period: float) -> Array:
-    """Velocity of the air (x, y, z) [m/s] at every sample, shape (samples, 3).
+    """Return the velocity of the air (x, y, z) at every sample [m/s], shape (samples, 3).
 
     Horizontal gusts are white noise through 1/(1 + T s), exactly sampled and stationary from the start, the
     first-order form of Dryden's spectrum (MIL-F-8785C); the same seed gives the same wind.

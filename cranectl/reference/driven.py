@@ -59,7 +59,7 @@ class DrivenPath:
         return states
 
     def sample(self, time: Array) -> Array:
-        """As a path's; exactly what was driven at the samples, and between them as exact."""
+        """Sample the path; exactly what was driven at the samples, and as exact between them."""
         index = np.floor((np.asarray(time) + SAME_SAMPLE) / self.period).astype(int)
         index = index.clip(0, len(self._states) - 1)
         states = self._states[index]
@@ -84,7 +84,7 @@ def at_rest(point: Array) -> Array:
 
 
 def asked_at(changes: Sequence[tuple[int, tuple[float, ...]]], samples: NDArray[np.intp]) -> Array:
-    """Return what is asked at `samples` (n,), where `changes` in the order of time say what from when on."""
+    """Return the command at `samples` (n,), where `changes` hold from their sample on, in order."""
     first = [-1, *(sample for sample, _ in changes)]
     asked = np.array([(0.0,) * ASKED, *(each for _, each in changes)])
     rows: Array = asked[np.searchsorted(first, samples, side="right") - 1]

@@ -47,7 +47,7 @@ def digest(content: bytes) -> str:
 
 
 def read_motion(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -> RecordedMotion:
-    """The columns `wanted` of the file at `path`; raises InputError, LogError for one that is not as mapped.
+    """Read the columns `wanted` of the file at `path`; raise InputError or LogError.
 
     `wanted`: of time, x, y, z, speed.
     """
@@ -155,7 +155,7 @@ def _signed(columns: dict[str, Array], settings: FromFile) -> dict[str, Array]:
 
 
 def _logged(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -> RecordedMotion:
-    """Of a log, which says units itself."""
+    """Read the motion from a log, which states its units."""
     from cranectl.mcap_columns.contents import opened
     from cranectl.mcap_columns.rows import decode_table, read_rows, signal_names
 

@@ -138,7 +138,7 @@ class Recorded:
         return np.array([away[self._fold == k].mean() for k in range(FOLDS)])
 
     def best_spans(self, most: int, good: float) -> int:
-        """The fewest spans that foretell what is left out as well as the best, within its standard error.
+        """Return the fewest spans that predict left-out samples as well as the best, within its error.
 
         Nothing finer is tried once the error is below `good` [m], or has risen for long.
         """
@@ -158,7 +158,7 @@ class Recorded:
         raise AssertionError("the best is as good as itself")
 
     def fitted(self, spans: int, start: Array | None = None) -> "Fit":
-        """The spline of so many spans near the samples; it begins at `start` (3,) [m] if that is given."""
+        """Fit a spline of `spans` to the samples; it begins at `start` (3,) [m] if that is stated."""
         design, whole = self._design(spans), np.zeros_like(self._block)
         known = 0 if start is None else 1
         fixed = np.zeros((known, 3)) if start is None else start[np.newaxis]
@@ -207,7 +207,7 @@ class Fit:
         return float(np.abs(own).max()), float(np.quantile(away, BAND, axis=0).max())
 
     def start_error(self) -> Array:
-        """Standard error of its first point (3,) [m]."""
+        """Return the standard error of the first point (3,) [m]."""
         error: Array = np.std([curve.c[0] for curve in self.drawn], axis=0)
         return error
 

@@ -15,34 +15,34 @@ Series = list[Number]
 
 
 def from_derivatives(values: Sequence[Number]) -> Series:
-    """The series of f, f', f'', …."""
+    """Return the series of f, f', f'', …."""
     return [value * (1.0 / factorial(order)) for order, value in enumerate(values)]
 
 
 def differentiated(series: Series, times: int) -> Series:
-    """The series of a derivative, shorter by so many coefficients."""
+    """Return the series of a derivative, shorter by `times` coefficients."""
     for _ in range(times):
         series = [series[k] * float(k) for k in range(1, len(series))]
     return series
 
 
 def shifted(series: Series, by: float) -> Series:
-    """With a constant added."""
+    """Add a constant."""
     return [series[0] + by, *series[1:]]
 
 
 def plus(a: Series, b: Series) -> Series:
-    """As long as the shorter one."""
+    """Add two series; the sum has the length of the shorter one."""
     return [x + y for x, y in zip(a, b, strict=False)]
 
 
 def times(a: Series, b: Series) -> Series:
-    """Cauchy product, as long as the shorter one."""
+    """Return the Cauchy product, with the length of the shorter series."""
     return [_dot(a[: n + 1], b[n::-1] if n else b[:1]) for n in range(min(len(a), len(b)))]
 
 
 def over(a: Series, b: Series) -> Series:
-    """The quotient; as long as the shorter one."""
+    """Return the quotient, with the length of the shorter series."""
     quotient: Series = []
     for n in range(min(len(a), len(b))):
         rest = a[n] - _dot(quotient, b[n:0:-1]) if n else a[0]
@@ -51,7 +51,7 @@ def over(a: Series, b: Series) -> Series:
 
 
 def root(a: Series) -> Series:
-    """The square root."""
+    """Return the square root of a series."""
     first = square_root(a[0])
     found: Series = [first]
     for n in range(1, len(a)):
@@ -61,7 +61,7 @@ def root(a: Series) -> Series:
 
 
 def square_root(number: Number) -> Number:
-    """Of any kind of number."""
+    """Return the square root of any kind of number."""
     return np.sqrt(number) if isinstance(number, float | np.ndarray) else number.sqrt()
 
 

@@ -22,7 +22,7 @@ PLANNED_DEGREE = 7  # with simple knots C⁶: also the fifth derivative, which t
 
 
 def law_of(segment: AlongPath | Spline) -> Law:
-    """That of a segment that is planned and has one."""
+    """Return the time law of a planned segment."""
     law = segment.time_law
     assert law is not None
     return law.coefficients if isinstance(law, SplineLaw) else law
@@ -30,7 +30,7 @@ def law_of(segment: AlongPath | Spline) -> Law:
 
 @functools.lru_cache(maxsize=256)
 def _polynomials(law: Law) -> tuple[BPoly | BSpline, ...]:
-    """The time law and its first four derivatives; named ones in the Bernstein basis, exact at both ends."""
+    """Return the time law and four derivatives; named ones in the Bernstein basis, exact at both ends."""
     if isinstance(law, str):
         rest = [0.0] * REST_DERIVATIVES[law]
         curve = BPoly.from_derivatives([0.0, 1.0], [[0.0, *rest], [1.0, *rest]])
@@ -41,13 +41,13 @@ def _polynomials(law: Law) -> tuple[BPoly | BSpline, ...]:
 
 
 def spline(breaks: Array, coefficients: Array, degree: int) -> BSpline:
-    """The B-spline with knots at `breaks`, simple but for its ends; coefficients (n,) or (n, 3)."""
+    """Return the B-spline with simple knots at `breaks`; coefficients (n,) or (n, 3)."""
     ends = (np.full(degree, breaks[0]), breaks, np.full(degree, breaks[-1]))
     return BSpline(np.concatenate(ends), coefficients, degree, extrapolate=False)
 
 
 def derivatives(curve: BPoly | BSpline, orders: int = 5) -> tuple[BPoly | BSpline, ...]:
-    """A curve and its first derivatives, `orders` functions in all."""
+    """Return a curve and its first derivatives, `orders` functions in all."""
     return tuple(curve if order == 0 else curve.derivative(order) for order in range(orders))
 
 
@@ -58,6 +58,6 @@ def time_law(law: Law, tau: Array, orders: int = 5) -> Array:
 
 
 def progress(law: Law, time: Array, duration: float) -> Array:
-    """Time law and its derivatives in real time, shape (5, N)."""
+    """Return the time law and its derivatives in real time, shape (5, N)."""
     scale = duration ** -np.arange(5.0)
     return scale[:, np.newaxis] * time_law(law, np.clip(time / duration, 0.0, 1.0))

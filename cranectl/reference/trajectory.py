@@ -32,7 +32,7 @@ class Path(Protocol):
         """Length in time [s]."""
 
     def sample(self, time: Array) -> Array:
-        """Position and four derivatives at local times in [0, duration] [s]: shape (N, 5, 3)."""
+        """Return position and four derivatives at local times in [0, duration] [s]: shape (N, 5, 3)."""
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ class Caption:
         self._fixed = self._fixed_parts(width, height, scale)
 
     def draw(self, picture: Image.Image, time: float) -> None:
-        """What is fixed, and what belongs to `time` [s]."""
+        """Draw what is fixed, and what belongs to `time` [s]."""
         picture.paste(self._fixed, (0, 0), self._fixed)
         pen = ImageDraw.Draw(picture)
         right, y = self._width - self._px(24), self._px(18)
@@ -92,7 +92,7 @@ def _shortened(text: str, letters: ImageFont.FreeTypeFont, width: float) -> str:
 
 
 def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
-    """What is read off at `time` [s]: a line of text each, and the role of its colour."""
+    """Return the texts at `time` [s], each with the role of its colour."""
     errors = {track.label: track.error[track.row(time)] for track in timeline.tracks}
     main, worst = timeline.main.label, max(errors, key=errors.__getitem__)
     told = dict.fromkeys((main, worst)) if timeline.by_label else (main,)

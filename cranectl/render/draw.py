@@ -140,7 +140,7 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
 
 
 def draw_worst_moment(runs: Mapping[str, Run]) -> tuple[float, Image.Image]:
-    """When the load is farthest from its reference [s], and the crane then; raises as `draw_runs` does."""
+    """Return when the load is farthest from its reference [s], and a picture of that moment."""
     timeline = timeline_of(runs)
     with _painter(timeline, render_settings(Path("worst.png"))) as paint:
         return timeline.worst_time, paint(timeline.worst_time)
@@ -148,7 +148,7 @@ def draw_worst_moment(runs: Mapping[str, Run]) -> tuple[float, Image.Image]:
 
 @contextmanager
 def _painter(timeline: Timeline, settings: RenderSettings) -> Iterator[Paint]:
-    """What paints the picture at a time [s], while the context is open; plots are at its right."""
+    """Yield a function that paints the picture at a time [s], with plots at its right."""
     check_engine()
     from cranectl.render.scene import renderer  # imports the engine
 
@@ -202,7 +202,7 @@ def _pictures(paint: Paint, times: Array, progress: Progress | None) -> Iterator
 def write_gif(
     path: Path, pictures: Iterable[Image.Image], count: int, fps: float, samples: Sequence[Image.Image]
 ) -> None:
-    """An endless loop of `count` pictures. They share the palette of `samples`, so that nothing flickers."""
+    """Write an endless loop of `count` pictures with the palette of `samples`, so that nothing flickers."""
     montage = Image.new("RGB", (samples[0].width, samples[0].height * len(samples)))
     for k, sample in enumerate(samples):
         montage.paste(sample, (0, k * sample.height))

@@ -55,7 +55,7 @@ def drawing(model: Any, width: int, height: int) -> Iterator[Any]:
 
 
 def no_opengl(tried: dict[str, str]) -> InputError:
-    """The error for backends that do not work, by name with the reason."""
+    """Return the error for backends that do not work, by name with the reason."""
     reasons = "; ".join(f"MUJOCO_GL={backend}: {reason}" for backend, reason in tried.items())
     return InputError(
         f"no OpenGL to draw with. Tried {reasons}",
@@ -66,7 +66,7 @@ def no_opengl(tried: dict[str, str]) -> InputError:
 
 @functools.cache
 def _chosen() -> tuple[str, dict[str, str]]:
-    """The backend of MUJOCO_GL or the first that needs no screen and works, and why others do not."""
+    """Return the backend of MUJOCO_GL or the first that works without a screen, and why others fail."""
     named = os.environ.get("MUJOCO_GL", "").lower().strip()
     if named in DRAWING:
         return named, {}
@@ -79,7 +79,7 @@ def _chosen() -> tuple[str, dict[str, str]]:
 
 
 def _failure(backend: str) -> str:
-    """Why a backend does not work, or nothing. In a process of its own: a failure would bar all others."""
+    """Return why a backend does not work, or "", tried in its own process, as a failure bars all others."""
     # -P: no module of the working directory, but those of PYTHONPATH as in this process.
     command = [sys.executable, "-P", "-c", PROBE.format(backend)]
     environment = {**os.environ, "MUJOCO_GL": backend}
@@ -91,7 +91,7 @@ def _failure(backend: str) -> str:
 
 
 def _reason(text: str) -> str:
-    """The last line, shortened."""
+    """Return the last line of `text`, shortened."""
     last = (text.strip().splitlines() or ["no reason given"])[-1]
     if "'NoneType' object has no attribute" in last:  # all that PyOpenGL says of a library it has not found
         return "its library is missing"

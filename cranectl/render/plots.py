@@ -93,7 +93,7 @@ class Plots:
         self._background.paste(Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3]))
 
     def draw(self, picture: Image.Image, left: int, time: float) -> None:
-        """The strip into `picture`, from `left` on, at `time` [s]."""
+        """Draw the strip into `picture`, from `left` on, at `time` [s]."""
         strip = self._background.copy()
         pen = ImageDraw.Draw(strip)
         for panel, axes in self._drawn:
@@ -135,7 +135,7 @@ def _panels(timeline: Timeline) -> list[Panel]:
 def _told(
     title: str, unit: str, curves: list[Curve], shown: tuple[float, float], limit: float | None = None
 ) -> Panel:
-    """A diagram in the unit that suits its largest value."""
+    """Return a diagram in the unit that suits its largest value."""
     largest = max(shown[1], *(float(curve.values.max()) for curve in curves))
     factor, prefixed = scaled(unit, largest)
     curves = [replace(curve, values=factor * curve.values) for curve in curves]
@@ -144,7 +144,7 @@ def _told(
 
 
 def _curves(timeline: Timeline, values: Callable[[Track], Array], *, dashed: bool = False) -> list[Curve]:
-    """One curve of each run, those of ghosts first; wide where two should be the same."""
+    """Return one curve of each run, ghosts first; wide where two should be equal."""
     tracks = sorted(timeline.tracks, key=lambda track: not track.ghost)
     wide = not timeline.by_label
     return [Curve(each.colour, each.run.time, values(each), wide and each.ghost, dashed) for each in tracks]
@@ -177,7 +177,7 @@ def _mark_disturbances(axes: Axes, timeline: Timeline, *, named: bool) -> None:
 
 
 def _dot(strip: Image.Image, centre: tuple[float, float], radius: float, colour: str) -> None:
-    """A smooth dot with a white rim: Pillow's own circles have hard edges."""
+    """Draw a smooth dot with a white rim: Pillow's own circles have hard edges."""
     half = int(radius) + 2
     large = Image.new("L", (8 * half, 8 * half))
     x, y = (round(value) for value in centre)

@@ -43,7 +43,7 @@ OBSTACLE = 0.45  # opacity: a load behind one is seen
 
 @contextlib.contextmanager
 def renderer(timeline: Timeline, camera: str, width: int, height: int) -> Iterator["Renderer"]:
-    """A renderer ready to draw pictures of this size; raises InputError without OpenGL."""
+    """Yield a renderer for pictures of this size; raise InputError without OpenGL."""
     rig = timeline.main.run.scenario.rig
     model = _model(rig, width, height)
     if camera == "overview" and rig.look.frame:
@@ -83,7 +83,7 @@ class Renderer:
             self._scene.flags[flag] = False
 
     def draw(self, time: float) -> Pixels:
-        """The picture at `time` [s], shape (height, width, 3)."""
+        """Return the picture at `time` [s], shape (height, width, 3)."""
         self._compose(time)
         width, height = self._size
         viewport = mujoco.MjrRect(0, 0, width, height)
@@ -147,7 +147,7 @@ class Renderer:
         self._add_arrow(load, track.run.load_force[row] / track.run.scenario.rig.load_mass)
 
     def _add_arrow(self, load: Array, push: Array) -> None:
-        """A push that accelerates the load so [m/s²]."""
+        """Add an arrow for a disturbance that accelerates the load by `push` [m/s²]."""
         size = float(np.linalg.norm(push))
         if size > 0.0:
             end = load + push / size * self._scale * min(ARROW_LENGTH * size, LONGEST_ARROW)
@@ -197,7 +197,7 @@ class Renderer:
 
 
 def _scale_bar(rig: RigParameters, *, top: bool) -> tuple[Array, Array]:
-    """Ends of a bar along the bridge's travel (2, 3), and half a tick (3,) [m].
+    """Return the ends (2, 3) of a bar along the bridge's travel, and half a tick (3,) [m].
 
     It lies beside the rig, where nothing else is: on the floor, or as high as the rig for the view from the
     top. It is as long as the largest of 1, 2 and 5 times powers of ten within a third of the travel.
@@ -212,7 +212,7 @@ def _scale_bar(rig: RigParameters, *, top: bool) -> tuple[Array, Array]:
 
 
 def _model(rig: RigParameters, width: int, height: int) -> Any:
-    """The rig in a picture of this size."""
+    """Return the rig's model for a picture of this size."""
     spec = drawn_spec(rig)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     # Of round shapes; more is not seen, and is drawn in software.

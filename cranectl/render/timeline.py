@@ -43,15 +43,15 @@ class Track:
         return slack
 
     def row(self, time: float) -> int:
-        """The sample nearest to `time` [s]; after the end of its run, the last."""
+        """Return the sample nearest to `time` [s]; after the end of its run, the last."""
         return int(np.argmin(np.abs(self.run.time_ns - round(time * 1e9))))
 
     def stopped(self, time: float) -> bool:
-        """Whether the run has ended before its scenario did, by `time` [s]."""
+        """Return True if the run has ended before its scenario, by `time` [s]."""
         return self.run.status.stopped and time >= float(self.run.time[-1])
 
     def trail(self, row: int) -> Array:
-        """Where the load has been in the last seconds, shape (M, 3), oldest first."""
+        """Return where the load has been in the last seconds, shape (M, 3), oldest first."""
         time = self.run.time_ns
         start = int(np.searchsorted(time, time[row] - int(drawn_trail(self.run.scenario.rig) * 1e9)))
         points: Array = self.run.load_position[np.unique(np.linspace(start, row, TRAIL_POINTS).astype(int))]
@@ -94,7 +94,7 @@ class Timeline:
         return max((float(far[np.argmin(np.abs(times - time))]) for times, far in going), default=None)
 
     def times(self, fps: float, speed: float) -> Array:
-        """When each frame is [s]: in even steps from the start, and at the end, which shows how it ended."""
+        """Return the time of each frame [s]: in even steps from the start, and at the end."""
         step = speed / fps
         steps = int(np.ceil(self.duration / step - 1e-9))
         return np.append(np.arange(steps) * step, self.duration)
@@ -132,7 +132,7 @@ def timeline_of(runs: Mapping[str, Run]) -> Timeline:
 
 
 def _drawable(run: Run) -> Run:
-    """The run without samples in which something is nowhere, as before a stop because of that."""
+    """Return the run without samples that cannot be drawn, as before some stops."""
     kept = (np.abs(np.hstack([run.block("state"), run.block("load")])) < FARTHEST).all(axis=1)
     if kept.all():
         return run
@@ -140,7 +140,7 @@ def _drawable(run: Run) -> Run:
 
 
 def dashes(path: Array, scale: float = 1.0) -> Array:
-    """A path (N, 3) as dashes to scale, shape (M, 2, 3); longer ones where there would be too many."""
+    """Return a path (N, 3) as dashes to scale, shape (M, 2, 3), longer ones if there are too many."""
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     period = max(PERIOD * scale, lengths[-1] / MOST_DASHES)
     starts = np.arange(0.0, lengths[-1], period)

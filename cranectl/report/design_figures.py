@@ -94,7 +94,7 @@ def _draw_sensitivities(axes: Axes, loop: control.StateSpace) -> None:
 
 
 def _responses(loop: control.StateSpace) -> tuple[Array, Array]:
-    """The load [m] at STEP_TIME after an error of 1 m, all else at rest, and after a step of 1 m/s⁴ on v."""
+    """Return the load [m] at STEP_TIME after an error of 1 m, and after a step of 1 m/s⁴ on v."""
     unit = np.eye(loop.nstates)
     closed = control.ss(loop.A - loop.B @ loop.C, loop.B, unit[:1], 0.0)
     off = control.initial_response(closed, STEP_TIME, unit[0])

@@ -45,7 +45,7 @@ def designs_table(designs: Sequence[Design]) -> Table:
 
 
 def _pole_rows(poles: Iterable[NDArray[Any]]) -> list[tuple[str, ...]]:
-    """The poles of several loops, a column each."""
+    """Return the poles of several loops, a column each."""
     columns = zip_longest(*map(_poles, poles), fillvalue="")
     return [(f"pole {k} [1/s]", *row) for k, row in enumerate(columns, 1)]
 
@@ -113,7 +113,7 @@ def _poles(poles: NDArray[Any]) -> list[str]:
 
 
 def distinct_poles(poles: NDArray[Any]) -> list[tuple[complex, int]]:
-    """Computed poles with their multiplicities, imaginary parts that are rounding left out.
+    """Return computed poles with their multiplicities, without imaginary parts due to rounding.
 
     Rounding of eps moves an m-fold root by the m-th root of eps, in all directions, but hardly the mean of
     what it falls apart into: m poles within (1e4 eps)^(1/m) of their mean, relative to it, are one.

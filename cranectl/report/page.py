@@ -31,13 +31,13 @@ class Figure:
     def drawn(
         cls, title: str, caption: str, draw: Callable[..., Drawing], *data: Any, **more: Any
     ) -> "Figure":
-        """What `draw(*data)` draws, in the page's style."""
+        """Return the figure that `draw(*data)` draws, in the page's style."""
         with styled():
             return cls(title, inline_svg(draw(*data)), caption, **more)
 
     @classmethod
     def pictured(cls, title: str, caption: str, picture: Image) -> "Figure":
-        """A picture of points, held by the page itself."""
+        """Return a bitmap as a figure that the page itself contains."""
         data = io.BytesIO()
         picture.save(data, format="png", optimize=True)
         source = f"data:image/png;base64,{b64encode(data.getvalue()).decode()}"
@@ -72,7 +72,7 @@ class Page:
 
 
 def render(page: Page) -> str:
-    """The page as HTML."""
+    """Render the page as HTML."""
     environment = Environment(
         loader=PackageLoader("cranectl.report", "templates"),
         autoescape=True,
@@ -92,6 +92,6 @@ def typeset(text: str) -> Markup:
 
 
 def write_page(page: Page, path: Path) -> None:
-    """Write the page, whole or not at all; raises InputError if that cannot be done."""
+    """Write the page in one atomic step; raise InputError if that fails."""
     with writing(path):
         write_text(path, render(page))

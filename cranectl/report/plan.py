@@ -64,7 +64,7 @@ def plan_tables(scenario: Scenario, found: Sequence[Review], least: Sequence[flo
 
 
 def plan_json(scenario: Scenario, found: Sequence[Review], least: Sequence[float] = ()) -> dict[str, Any]:
-    """The same for programs."""
+    """Return the review of a plan as plain data."""
     return {
         "scenario": scenario.name,
         "duration_s": sum(map(seconds, scenario.reference.segments)),

@@ -17,7 +17,7 @@ class Cell:
 
 
 def cells(*values: Cell | str) -> tuple[Cell, ...]:
-    """A row, or a part of one; a text is a cell without a mark."""
+    """Return a row, or a part of one; a text is a cell without a mark."""
     return tuple(Cell(value) if isinstance(value, str) else value for value in values)
 
 

@@ -80,7 +80,7 @@ def spaced(handles: Iterable[Artist]) -> float:
 
 
 def css_variables(dark: bool) -> str:
-    """The roles' values as CSS declarations."""
+    """Return the values of the roles as CSS declarations."""
     return " ".join(f"--{role}: {pair[dark]};" for role, pair in COLOURS.items())
 
 
@@ -172,7 +172,7 @@ def _told(figure: Figure) -> str:
 
 
 def _named(axes: Axes) -> list[Any]:
-    """Return the curves that have a label, as they are drawn, those below first."""
+    """Return the curves that have a label in the order of drawing, the lowest first."""
     return sorted(
         (line for line in axes.lines if not str(line.get_label()).startswith("_")),
         key=lambda line: line.zorder,

@@ -81,7 +81,7 @@ def _answer(pair: WorstPair) -> Cell:
 
 
 def _in_parts(table: Table) -> tuple[Table, ...]:
-    """The first rows, and folded the others, under how many they are."""
+    """Return the first rows, and the others folded, under their number."""
     rest = table.rows[SHOWN:]
     more = replace(table, title=f"{len(rest)} more", rows=rest, folded=True)
     return tuple(part for part in (replace(table, rows=table.rows[:SHOWN]), more) if part.rows)

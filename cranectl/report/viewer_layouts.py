@@ -77,7 +77,7 @@ def layout_json(
 
 
 def _numbered(layout: Layout, panels: dict[str, dict[str, Any]]) -> str | dict[str, Any]:
-    """The layout with ids for panels, which go into `panels`."""
+    """Return the layout with ids for panels, and put the panels into `panels`."""
     if isinstance(layout, dict):
         return layout | {side: _numbered(layout[side], panels) for side in ("first", "second")}
     kind, configuration = layout
@@ -87,7 +87,7 @@ def _numbered(layout: Layout, panels: dict[str, dict[str, Any]]) -> str | dict[s
 
 
 def _single(plants: Sequence[str]) -> Layout:
-    """One run: the crane, where the load is, how far off, angles, inputs, tension."""
+    """Return the layout of one run: the crane, the load, errors, angles, inputs, tension."""
     plant = reference_plant(plants)
     load = [(_path(plant, "load", f"load_{axis}", k), _reference(axis)) for k, axis in enumerate("xyz")]
     plots = [
@@ -110,7 +110,7 @@ def _comparison(plants: Sequence[str]) -> Layout:
 
 
 def _controller(plants: Sequence[str], law: Sequence[Signal] | None = None) -> Layout:
-    """What the controller thought: errors, its commands, and of what it logs the flat family's or a law's."""
+    """Return the layout of the controller: errors, commands, and the signals that it logs."""
     plant = reference_plant(plants)
     plots = [
         _axes_plot(plant, "error", "error", "error e"),
@@ -126,7 +126,7 @@ def _controller(plants: Sequence[str], law: Sequence[Signal] | None = None) -> L
 
 
 def _flat_plots(plant: str) -> list[Panel]:
-    """The linear input and its parts, the states."""
+    """Return plots of the linear input and its parts, and of the controller's states."""
     return [
         _axes_plot(plant, "virtual_input", "virtual_input", "linear input v"),
         _axes_plot(plant, "virtual_input", "robustifier_output", "robustifier's part of v"),
@@ -147,7 +147,7 @@ def _law_plots(plant: str, law: Sequence[Signal]) -> list[Panel]:
 
 
 def _live(plants: Sequence[str]) -> Layout:
-    """A live session: the cranes, the last half minute, and what steers them."""
+    """Return the layout of a live session: the cranes, the last half minute, and its controls."""
     plant = reference_plant(plants)
     plots = [
         _axes_plot(plant, "error", "error", "tracking error"),
@@ -220,14 +220,14 @@ def _several(
 
 
 def _crane_and_standings(scene: Panel, names: Sequence[str]) -> Layout:
-    """How the runs stand below the crane, as high as its rows need, but the crane is to be seen."""
+    """Return the crane above the table of runs, which is as high as its rows need."""
     told = standings(names)
     share = min(TITLE + ROW_HEIGHT * len(told[1]["paths"]), MOST)
     return column([scene, told], (100.0 - share, share))
 
 
 def _axes_plot(plant: str, group: str, stem: str, title: str, suffix: str = "") -> Panel:
-    """The three axes of a quantity."""
+    """Return a plot of the three axes of a quantity."""
     return _joint_plot(plant, group, [f"{stem}_{axis}{suffix}" for axis in "xyz"], title)
 
 
@@ -237,12 +237,12 @@ def _drive_plot(plant: str) -> Panel:
 
 
 def _joint_plot(plant: str, group: str, names: Sequence[str], title: str) -> Panel:
-    """Some signals of one group."""
+    """Return a plot of some signals of one group."""
     return plot(title, [_path(plant, group, name, k) for k, name in enumerate(names)])
 
 
 def _of_each(plants: Sequence[str], group: str, name: str) -> Lines:
-    """A signal of each plant, MuJoCo's before the analytic: the first line of a plot lies on top."""
+    """Return a signal of each plant, MuJoCo's first: the first line of a plot lies on top."""
     return [
         {**_path(plant.name, group, name), "label": plant.label, "color": VIEWER[plant.colour]}
         for plant in (PLANTS[each] for each in reversed(plants))
@@ -258,7 +258,7 @@ def _of_labels(labels: Sequence[str], group: str, name: str, modifier: str = "")
 
 
 def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
-    """One line of a plot."""
+    """Return one line of a plot."""
     signal = SIGNALS[group, name]
     return _line(f"{topics.plant_topic(plant, group)}.{name}", signal, signal.symbol, VIEWER_SERIES[k])
 

@@ -22,7 +22,7 @@ CAMERA = {  # looks at the middle of the rig from outside a long side, past the 
 
 
 def scene_panel(drawn: Sequence[str], *, distance: float = 4.8) -> Panel:
-    """What is `drawn` in space, seen from `distance` [m]: from further away in a narrow panel."""
+    """Return a panel of what is `drawn` in space, seen from `distance` [m]."""
     shown = [topics.REFERENCE_PATH, topics.WORKSPACE, *drawn]
     grid = {
         "layerId": "foxglove.Grid", "instanceId": "floor", "label": "floor", "visible": True,
@@ -70,12 +70,12 @@ def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
 
 
 def field_of(topic: str, name: str) -> str:
-    """A field as viewers name it, who want topics with other signs than letters in quotes."""
+    """Return a field as viewers name it; topics with other signs than letters are in quotes."""
     return f'"{topic}".{name}' if "+" in topic else f"{topic}.{name}"
 
 
 def plot(title: str, paths: Sequence[dict[str, Any]], **limits: float) -> Panel:
-    """A plot over time; its title carries the unit, since viewers have no place for it."""
+    """Return a plot over time, with the unit in its title, since viewers have no place for it."""
     (unit,) = {path["unit"] for path in paths}
     lines = [{key: value for key, value in path.items() if key != "unit"} for path in paths]
     return panel(
@@ -95,18 +95,18 @@ def plot(title: str, paths: Sequence[dict[str, Any]], **limits: float) -> Panel:
 
 
 def without_legend(drawn: Panel) -> Panel:
-    """A plot whose lines are those of another, which tells them apart."""
+    """Return a plot without legend, whose lines are those of another plot."""
     kind, configuration = drawn
     return kind, {**configuration, "showLegend": False}
 
 
 def events() -> Panel:
-    """What happens, in words."""
+    """Return the panel of events in words."""
     return panel("RosOut", "events", searchTerms=[], minLogLevel=1, topicToRender=topics.LOG)
 
 
 def service(name: str) -> Panel:
-    """A button of a live session."""
+    """Return a button of a live session."""
     shown = {"buttonText": name, "layout": "vertical", "editingMode": False, "timeoutSeconds": 10}
     return panel("CallService", name, serviceName=f"/{name}", requestPayload="{}", **shown)
 
@@ -135,7 +135,7 @@ def standings(plants: Sequence[str]) -> Panel:
 
 
 def panel(kind: str, title: str, **configuration: Any) -> Panel:
-    """Both open viewers have their own key for the title."""
+    """Return a panel; both open viewers have their own key for the title."""
     return kind, {**configuration, "foxglovePanelTitle": title, "lichtblickPanelTitle": title}
 
 

@@ -21,7 +21,7 @@ SLOWEST, FASTEST = 1e-3, 1e3  # [1/s], of poles
 
 
 def _pole(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
-    """A number as it is; a complex one, which TOML lacks, as the text that Python has for it."""
+    """Return a number as it is; parse a complex one, which TOML lacks, from its Python text."""
     if not isinstance(value, str):
         return check(value)
     try:

@@ -63,11 +63,11 @@ class Disturbance(Settings):
         return (size, 0.0) if self.joint == "alpha" else (0.0, size)
 
     def acts(self, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether it does at each of the times [ns]."""
+        """Return at which of the times [ns] the disturbance acts."""
         begun: NDArray[np.bool_] = time_ns >= nanoseconds(self.start)
         return begun if self.end is None else begun & (time_ns < nanoseconds(self.end))
 
 
 def nanoseconds(seconds: float) -> int:
-    """Times as they are counted in records and logs."""
+    """Return a time as it is counted in records and logs."""
     return round(seconds * NANOSECONDS)

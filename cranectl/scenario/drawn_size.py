@@ -17,23 +17,23 @@ FILED_BOX = ((-0.125, -0.145, -1.4), (2.125, 1.685, 0.225))  # [m], corners of a
 
 
 def drawn_ends(rig: RigParameters) -> Array:
-    """Where bridge, trolley and rope end along x, y, z [m], shape (3, 2); the longest rope at the floor."""
+    """Return the ends of bridge, trolley and rope along x, y, z [m], shape (3, 2)."""
     return np.array([rig.bridge_range, rig.trolley_range, (-rig.rope_range[1], 0.0)])
 
 
 def drawn_as_filed(rig: RigParameters) -> bool:
-    """Whether the rig has the laboratory's ranges, so that nothing is to be stretched."""
+    """Return True if the rig has the laboratory's ranges, so that nothing is stretched."""
     return bool((drawn_ends(rig) == drawn_ends(LABORATORY)).all())
 
 
 def _extents(rig: RigParameters) -> Array:
-    """Of each range, over the laboratory's, shape (3,)."""
+    """Return the extent of each range relative to the laboratory's, shape (3,)."""
     ratios: Array = np.ptp(drawn_ends(rig), axis=1) / np.ptp(drawn_ends(LABORATORY), axis=1)
     return ratios
 
 
 def drawn_scale(rig: RigParameters) -> float:
-    """How many times thicker than the laboratory's its parts are drawn.
+    """Return how many times thicker than the laboratory's the rig's parts are drawn.
 
     The middle one of the three extents: neither a track of 200 m nor a deep shaft alone makes parts thick.
     """
@@ -41,12 +41,12 @@ def drawn_scale(rig: RigParameters) -> float:
 
 
 def drawn_reach(rig: RigParameters) -> float:
-    """How many times farther than the laboratory's its floor and its surroundings reach."""
+    """Return how many times farther than the laboratory's its floor and surroundings reach."""
     return float(_extents(rig).max())
 
 
 def drawn_load_radius(rig: RigParameters) -> float:
-    """Of the ball that is drawn [m]: by the load's mass, within what is seen on its rig, or as it says."""
+    """Return the radius of the drawn load [m]: that of `look`, or one from the mass of the load."""
     if rig.look.load_radius is not None:
         return rig.look.load_radius
     low, high = (drawn_scale(rig) * FILED_RADIUS * limit for limit in RADIUS_LIMITS)
@@ -54,12 +54,12 @@ def drawn_load_radius(rig: RigParameters) -> float:
 
 
 def drawn_trail(rig: RigParameters) -> float:
-    """How long a trail shows where the load has been [s]: as many swings whatever the rope."""
+    """Return for how long a trail shows the path of the load [s]: as many swings for any rope."""
     return float(FILED_TRAIL * np.sqrt(drawn_scale(rig)))
 
 
 def drawn_place(filed: Array, rig: RigParameters) -> Array:
-    """Where a filed point (x, y, z) of what stands on the floor is drawn [m].
+    """Return where a point (x, y, z) of the model file that stands on the floor is drawn [m].
 
     In scale as far from an end of each range as filed, from the end that is nearer.
     """
@@ -75,7 +75,7 @@ def drawn_box(rig: RigParameters) -> Array:
 
 
 def drawn_eye(filed: Array, axes: Array, tangents: Array, rig: RigParameters) -> tuple[Array, float]:
-    """Where a filed camera stands for another rig [m], and how many times farther from its middle.
+    """Return the place of a camera for another rig [m], and its relative distance from the middle.
 
     Its picture is as full as the laboratory's. `axes` (3, 3) are the directions to its right, up and
     backwards as rows, `tangents` (2,) of half its angles of view.
@@ -89,7 +89,7 @@ def drawn_eye(filed: Array, axes: Array, tangents: Array, rig: RigParameters) ->
 
 
 def _fitted_eye(box: Array, axes: Array, tangents: Array) -> Array:
-    """Where a camera has the whole box in its picture and nothing to spare [m], shape (3,).
+    """Return where a camera sees the whole box and nothing more [m], shape (3,).
 
     A corner p is between its sides if ±u·(p - eye) ≤ t w·(eye - p), u to the right or up, w backwards.
     """

@@ -277,7 +277,7 @@ class EffectNumbers(Settings):
     installation: Installation = Installation()
 
     def only(self, *names: str) -> "EffectSettings":
-        """The effects of these names and no others."""
+        """Return the effects of these names and no others."""
         return EffectSettings(**{name: getattr(self, name) for name in names})
 
 

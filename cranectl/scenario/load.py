@@ -31,7 +31,7 @@ DIGEST_DIGITS = 12  # of a SHA-256
 
 
 def changed_from_default(scenario: Scenario) -> dict[str, Any]:
-    """By dotted name, what but OWN, of which every scenario has its own, is not the default."""
+    """Return by dotted name what differs from the default, without keys that every scenario has."""
     default = Scenario(name="default", duration=1.0, reference=ReferenceSettings(start=(0.0, 0.0, 0.0)))
     usual, asked = (each.model_dump(mode="json", exclude=NOT_TOLD) for each in (default, scenario))
     changed = {name: new for name, _, new in differences(usual, asked, absent=None)}
@@ -39,12 +39,12 @@ def changed_from_default(scenario: Scenario) -> dict[str, Any]:
 
 
 def scenario_names() -> list[str]:
-    """Names of the scenarios that come with cranectl."""
+    """Return the names of the shipped scenarios."""
     return resources.toml_names(resources.SCENARIO_DIRECTORY)
 
 
 def scenario_file(name_or_path: str | Path) -> Path:
-    """Where a scenario is read; raises InputError for none."""
+    """Return the file of a scenario; raise InputError if there is none."""
     return resources.toml_file("scenario", str(name_or_path), resources.SCENARIO_DIRECTORY)
 
 
@@ -65,22 +65,22 @@ def read_scenario(
 
 
 def rig_place(name_or_path: str, directory: Path) -> Path:
-    """A rig that a file in `directory` names, as `load_rig` takes it."""
+    """Return the rig that a file in `directory` names, in the form that `load_rig` takes."""
     return directory / name_or_path if resources.is_path(name_or_path) else Path(name_or_path)
 
 
 def load_rig(name_or_path: str | Path) -> RigParameters:
-    """A rig that comes with cranectl, by its name, or from a TOML file."""
+    """Load a shipped rig by its name, or a rig from a TOML file."""
     return parse_settings(RigParameters, rig_table(name_or_path), str(name_or_path))
 
 
 def rig_names() -> list[str]:
-    """Names of the rigs that come with cranectl."""
+    """Return the names of the shipped rigs."""
     return resources.toml_names(resources.RIG_DIRECTORY)
 
 
 def rig_table(name_or_path: str | Path) -> Table:
-    """All parameters of a rig by its name or path; raises InputError.
+    """Return all parameters of a rig by its name or path; raise InputError.
 
     What neither its file nor one that it extends says is scaled from the laboratory rig.
     """
@@ -159,7 +159,7 @@ def idle_effects(scenario: Scenario, given: Iterable[str]) -> tuple[str, ...]:
 
 
 def default_scenario(*, rig: str | Path | None = None, overrides: Sequence[str] = ()) -> Scenario:
-    """A scenario of defaults: the load hangs in the middle of the rig for a second."""
+    """Return a scenario of defaults: the load hangs in the middle of the rig for a second."""
     table = {"name": "default", "duration": 1.0, "reference": {"start": [0.0, 0.0, -1.0]}}
     scenario = _scenario(table, "default scenario", rig, overrides)
     (left, right), (back, front), (shortest, longest) = scenario.rig.workspace.tolist()
@@ -184,7 +184,7 @@ def _scenario(table: Table, source: str, rig: str | Path | None, overrides: Sequ
 
 
 def _with_numbers(table: Table) -> Table:
-    """The table of a scenario whose effects have, where they say nothing, the numbers of its rig."""
+    """Return the table of a scenario whose effects take missing numbers from its rig."""
     rig, effects = table.get("rig"), table.get("effects")
     numbers = rig.get("effects") if isinstance(rig, dict) else None
     if not isinstance(numbers, dict) or not isinstance(effects, dict):
@@ -198,7 +198,7 @@ def _with_numbers(table: Table) -> Table:
 
 
 def held_files(scenario: Scenario) -> dict[str, bytes]:
-    """By a name that no other file has: what a log attaches."""
+    """Return the files that a log attaches, by names that are unique."""
     segments = enumerate(scenario.reference.segments)
     claims = {str(k): each.claim for k, each in segments if isinstance(each, Plannable) and each.claim}
     splines = [each for each in scenario.reference.segments if isinstance(each, Spline)]
@@ -235,7 +235,7 @@ def put_files(directory: Path, scenario: Scenario) -> None:
 
 
 def files_in(directory: Path) -> dict[str, bytes]:
-    """What `put_files` has written, as `with_files` takes it; what cannot be read is left out."""
+    """Return what `put_files` has written, for `with_files`; unreadable files are left out."""
     found = {}
     for path in _files(directory):
         with suppress(OSError):

@@ -72,7 +72,7 @@ class ControllerSettings(Settings):
 
 
 def controller_table(value: object) -> object:
-    """`controller = "lqr"` for a table of no more than a name."""
+    """Return `controller = "lqr"` as a table with a name."""
     return {"name": value} if isinstance(value, str) else value
 
 
@@ -246,7 +246,7 @@ class Scenario(Settings):
 
 
 def longest_step(period: float, longest: float) -> float:
-    """The longest step [s] that divides `period` and is no longer than `longest`, in whole nanoseconds."""
+    """Return the longest step [s] up to `longest` that divides `period`, in whole nanoseconds."""
     whole = nanoseconds(period)
     parts = range(math.ceil(whole / (longest * NANOSECONDS)), whole + 1)
     return whole // next((n for n in parts[:MOST_PARTS] if whole % n == 0), whole) / NANOSECONDS
@@ -262,5 +262,5 @@ def _check_multiple(name: str, time: float, period: float) -> None:
 
 
 def _divides(step: float, time: float) -> bool:
-    """Whether `time` is a whole multiple of `step`, on the nanosecond grid."""
+    """Return True if `time` is a whole multiple of `step`, on the nanosecond grid."""
     return nanoseconds(time) % nanoseconds(step) == 0

@@ -213,7 +213,7 @@ class Spline(Plannable):
         return self._held
 
     def holding(self, content: bytes) -> "Spline":
-        """The same with `content` as `held`."""
+        """Return a copy that holds `content`."""
         spline = self.model_copy()
         spline._held = content
         return spline
@@ -233,7 +233,7 @@ OWN = ("hold", "line", "arc", "path", "move", "waypoints", "samples", "spline", 
 
 @functools.cache
 def added_kinds() -> dict[str, SegmentKind]:
-    """By name, what other packages bring; raises InputError as `with_extensions`."""
+    """Return the segments of other packages, by name; raise InputError as `with_extensions`."""
     return with_extensions({}, SegmentKind, extensions.SEGMENTS, taken=OWN)
 
 
@@ -290,7 +290,7 @@ Segment = Annotated[
 
 
 def is_planned(segment: Segment) -> bool:
-    """Whether a segment says at what time the load is where."""
+    """Return True if a segment states at what time the load is where."""
     return (
         isinstance(getattr(segment, "duration", None), float)
         and getattr(segment, "time_law", "") != MINIMUM_TIME
@@ -298,14 +298,14 @@ def is_planned(segment: Segment) -> bool:
 
 
 def seconds(segment: Segment) -> float:
-    """How long a planned segment lasts [s]."""
+    """Return the duration of a planned segment [s]."""
     assert is_planned(segment), f"a segment of kind '{segment.kind}' that is not planned"
     length: float = segment.duration  # type: ignore[union-attr, assignment]
     return length
 
 
 def as_asked(segment: Segment) -> list[dict[str, Any]]:
-    """What a scenario says of a segment that may have been planned since: tables without defaults."""
+    """Return the tables, without defaults, with which a scenario requested a segment."""
     if isinstance(segment, BlendedPath):
         return [asked for part in segment.parts for asked in as_asked(part)]
     if isinstance(segment, Spline) and segment.made_from:

@@ -93,7 +93,7 @@ def parse_settings(model: type[S], table: Mapping[str, Any], source: str) -> S:
 
 
 def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
-    """A copy of `table` with `key.sub=value` assignments applied.
+    """Return a copy of `table` with `key.sub=value` assignments applied.
 
     Values are TOML, where complex numbers in lists need no quotes, else strings.
     """
@@ -121,7 +121,7 @@ def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
 
 
 def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, str]:
-    """(found, allowed, remedy) for one pydantic error."""
+    """Return (found, allowed, remedy) for one pydantic error."""
     location, value = details["loc"], details["input"]
     where = ".".join(str(part) for part in location if str(part).strip())
     if details["type"] == "extra_forbidden":
@@ -148,7 +148,7 @@ def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, s
 
 
 def _model_at(model: type[BaseModel], location: Sequence[int | str]) -> type[BaseModel] | None:
-    """The settings class at `location`; list indices and union tags are passed over."""
+    """Return the settings class at `location`, ignoring list indices and union tags."""
     candidates: list[type[BaseModel]] = [model]
     for part in location:
         if isinstance(part, int):

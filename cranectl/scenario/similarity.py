@@ -44,13 +44,13 @@ def completed_rig(given: Table) -> Table:
 
 
 def completed_scenario(table: Table, rig: Table) -> Table:
-    """The table of a scenario on a `rig` of its own: designs and the settling tolerance scaled to it."""
+    """Return a scenario's table on its own `rig`, with designs and settling tolerance scaled to it."""
     scaled = {name: settings().model_dump(mode="json") for name, settings in SCALED_TABLES.items()}
     return {**_completed(scaled, rig, table), "rig": rig}
 
 
 def _completed(laboratory: Table, rig: Table, given: Table) -> Table:
-    """`given` on top of the numbers of the laboratory, scaled to `rig` to three digits."""
+    """Return `given` over the numbers of the laboratory, scaled to `rig` to three digits."""
     usual = RigParameters()
     length = length_scale(rig.get("rope_range", usual.rope_range)[1])
     mass = rig.get("rated_load", usual.rated_load) / usual.rated_load
@@ -90,7 +90,7 @@ def size_of(rig: RigParameters) -> float:
 
 
 def rounded(value: float) -> float:
-    """To the three digits that scaled numbers have."""
+    """Round to the three digits that scaled numbers have."""
     return float(f"{value:.3g}")
 
 

@@ -27,7 +27,7 @@ class Actuation(NamedTuple):
 
 
 def make_actuation(nominal: Scenario, start: Array, drive: Drive = "ideal") -> Actuation:
-    """For a run that starts at `start` (10,) under a controller that takes the crane for `nominal`."""
+    """Make the actuation of a run that starts at `start` (10,) for the crane `nominal`."""
     return Actuation(
         lag=nominal.rig.time_constants * nominal.control.lag_compensation,
         time_constant=nominal.rig.time_constants,
@@ -47,13 +47,13 @@ def actuate(actuation, command):
 
 @jit
 def drive_acceleration(actuation, axis, setpoint, velocity):
-    """What a drive makes of a set-point while it moves with `velocity` [m/s²]."""
+    """Return the acceleration of a drive with this set-point while it moves with `velocity` [m/s²]."""
     return (setpoint - velocity) / actuation.time_constant[axis]
 
 
 @jit
 def take_set_points(actuation, state, command):
-    """`command[:3]` are set-points: put them into `command[3:]` and, before, what drives make of them."""
+    """Move the set-points `command[:3]` to `command[3:]`, and put their accelerations there."""
     for i in range(3):
         command[3 + i] = command[i]
         command[i] = drive_acceleration(actuation, i, command[3 + i], state[2 * i + 1])
@@ -69,7 +69,7 @@ def brake(actuation, command):
 
 @jit
 def take_forces(masses, state, command):
-    """`command[:3]` are forces [N]: replace them by the accelerations that they are meant to bring about."""
+    """Replace the forces `command[:3]` [N] by the accelerations that they are meant to cause."""
     command[0], command[1], command[2] = forced_accelerations(
         masses, state, command[0], command[1], command[2]
     )
@@ -86,7 +86,7 @@ def follow_velocity(masses, actuation, state):
 
 @jit
 def drive_command(masses, slack, column, state, row, command):
-    """What drives are to get, three numbers: those in `row` from `column` on, or forces for `command[:3]`.
+    """Return the commands of the drives: those in `row`, or forces for the accelerations `command[:3]`.
 
     A slack rope holds no load.
     """
@@ -98,5 +98,5 @@ def drive_command(masses, slack, column, state, row, command):
 
 
 def forces_at_rest(nominal: Scenario, start: Array) -> Array:
-    """Of force drives that hold the crane at `start` (10,) without accelerating [N], shape (3,)."""
+    """Return the forces (3,) [N] that hold the crane at `start` (10,) without acceleration."""
     return np.array(drive_forces(axis_masses(nominal.rig), start, 0.0, 0.0, 0.0))

@@ -32,7 +32,7 @@ def shared_zeros(shape: tuple[int, int]) -> Array:
 
 
 def blocks_here(advance: Advance, total: int) -> Iterator[tuple[int, int, int]]:
-    """What `advance` returns, block by block, until `total` rows are complete or a status ends the run."""
+    """Yield the results of `advance`, block by block, until all rows are complete or the run ends."""
     rows, status = 0, int(RunStatus.RUNNING)
     while rows < total and status == RunStatus.RUNNING:
         rows, end, status = advance(rows)
@@ -42,7 +42,7 @@ def blocks_here(advance: Advance, total: int) -> Iterator[tuple[int, int, int]]:
 def blocks_in_child(
     advance: Advance, total: int, name: str, patience: float
 ) -> Iterator[tuple[int, int, int]]:
-    """As `blocks_here`, in a child.
+    """Yield what `blocks_here` yields, computed in a child process.
 
     If it dies, or takes longer than `patience` [s] for a block, it says so and the run ends as
     `controller-failed`. Time in which it waits for a processor, or for a program to start, does not count.

@@ -94,7 +94,7 @@ def command_law(inputs, path, state, k, memory, row):
 
 @jit
 def give_measured(law, path, state, k):
-    """What the law is given: joints and what the observer makes of disturbances, or encoder readings."""
+    """Write what the controller may measure: joints and estimated disturbances, or encoder readings."""
     for i in range(2 * JOINTS):
         law.measured[i] = state[i]
     if path is not None:
@@ -128,7 +128,7 @@ def control_sample(inputs, path, k, row, memory):
 
 @jit
 def command_of(inputs, path, k, row):
-    """What the drives get at sample `k`, three numbers."""
+    """Return the three commands of the drives at sample `k`."""
     if path is None:
         first = inputs.command_column
         return row[first], row[first + 1], row[first + 2]
@@ -139,7 +139,7 @@ def command_of(inputs, path, k, row):
 
 @jit
 def judge_sample(inputs, row):
-    """RUNNING, or why the run ends with this row."""
+    """Return RUNNING, or the status with which the run ends at this row."""
     tension = row[TENSION_COLUMN]
     if not isfinite(tension):
         return NON_FINITE
@@ -156,7 +156,7 @@ def judge_sample(inputs, row):
 
 @jit
 def complete_rows(k, status):
-    """Number of rows worth keeping when the run ends with row `k`: it counts unless it holds no numbers."""
+    """Return the number of valid rows if the run ends with row `k`: it counts unless it is not finite."""
     return k if status == NON_FINITE else k + 1
 
 
@@ -173,7 +173,7 @@ def compiled_loop(plant: Plant) -> AdvanceBlock:
 
 
 def python_loop(plant: Plant) -> AdvanceBlock:
-    """The loop as it stands here; slower, and easy to step through."""
+    """Return the loop in plain Python: slower, and easy to step through."""
     return functools.partial(advance_block, plant)
 
 
@@ -202,12 +202,12 @@ def one_loop() -> Callable[..., tuple[int, int, int]]:
 
 
 def measure(plant: Plant, state: Array) -> None:
-    """The joints of `plant`; in the compiled loop a call by address takes this place, as for the next two."""
+    """Read the joints of `plant`; the compiled loop calls an address here, as in the next two functions."""
     plant.measure(state)
 
 
 def advance(plant: Plant, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
-    """One control period of `plant`."""
+    """Advance `plant` by one control period."""
     plant.advance(np.array(command), disturbance, wind, load)
 
 
@@ -217,7 +217,7 @@ def warnings(plant: Plant) -> int:
 
 
 def advance_block(plant, inputs, path, record, memory, first, last):
-    """Samples `first` to `last` - 1; returns (complete rows, sample it ended at, status)."""
+    """Run samples `first` to `last` - 1; return (complete rows, sample of the end, status)."""
     for k in range(first, last):
         row = record[k]
         measure(plant, row[STATE_COLUMN : STATE_COLUMN + 10])

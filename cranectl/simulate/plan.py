@@ -63,7 +63,7 @@ def plan_reference(scenario: Scenario) -> PlannedReference:
 
 
 def plan_run(planned: PlannedReference, scenario: Scenario) -> Plan:
-    """What happens to the crane of `scenario` on a reference that may be planned for another crane.
+    """Plan the run of `scenario` on a reference that may have been planned for another crane.
 
     Raises InputError where it would start outside of its workspace.
     """
@@ -79,7 +79,7 @@ def plan_run(planned: PlannedReference, scenario: Scenario) -> Plan:
 
 
 def _initial_state(scenario: Scenario, planned: PlannedReference) -> Array:
-    """The first state of the reference, moved and swung by the scenario's offsets."""
+    """Return the first state of the reference, moved and swung by the scenario's offsets."""
     row = planned.reference[:1].copy()
     row[:, :3] += scenario.initial.load_offset
     state: Array = states_and_inputs(row, planned.gravity)[0][0]

@@ -15,7 +15,7 @@ from cranectl.support.arrays import Array
 
 
 def groups_of(scenario: Scenario, design: ControllerDesign, drive: Drive) -> tuple[SignalGroup, ...]:
-    """What a run records, in column order."""
+    """Return the groups of signals that a run records, in column order."""
     staged = DRIVES[drive].command if has_signal_path(scenario.effects, drive) else ""
     return recorded_groups(design.groups, staged=staged, forced=scenario.forced)
 
@@ -83,7 +83,7 @@ class Run:
         return groups_of(self.scenario, self.design, self.drive)
 
     def block(self, group: str) -> Array:
-        """All signals of one group, e.g. `run.block("state")`: shape (N, signals). A view."""
+        """Return a view of all signals of one group, shape (N, signals), e.g. `run.block("state")`."""
         start = 0
         for candidate in self.groups:
             if candidate.name == group:
@@ -92,7 +92,7 @@ class Run:
         raise KeyError(f"no group '{group}'; known: {', '.join(g.name for g in self.groups)}")
 
     def signal(self, name: str) -> Array:
-        """One signal by group and name, e.g. `run.signal("state.alpha")`: shape (N,). A view."""
+        """Return a view of one signal by group and name, shape (N,), e.g. `run.signal("state.alpha")`."""
         group_name, _, signal = name.partition(".")
         block = self.block(group_name)
         names = next(group.names for group in self.groups if group.name == group_name)
@@ -101,7 +101,7 @@ class Run:
         return block[:, names.index(signal)]
 
     def every(self, n: int) -> "Run":
-        """Every n-th control sample, and always the last, where a run that stopped shows why.
+        """Return the run at every n-th control sample, and always at the last one.
 
         Of a run that was logged, those that are there. Views, not copies, where they are evenly spaced.
         """

@@ -138,12 +138,12 @@ def start_run(
 
 
 def tracker_of(scenario: Scenario, design: Design) -> Tracker:
-    """The tracker that runs `design` in `scenario`; raises InputError if its sampling makes it unstable."""
+    """Return the tracker of `design` in `scenario`; raise InputError if the sampled loop is unstable."""
     return make_tracker(design, period=scenario.period_ns / NANOSECONDS, gravity=scenario.rig.gravity)
 
 
 def law_of(nominal: Scenario, design: ControllerDesign, drive: Drive, plan: PlannedReference) -> AddressedLaw:
-    """`design` made to run the reference of `plan` on the crane that it takes for `nominal`.
+    """Prepare `design` for the reference of `plan` on the crane `nominal` that it assumes.
 
     Raises InputError where its sampling makes it unstable, or as its own preparation does.
     """
@@ -155,7 +155,7 @@ def law_of(nominal: Scenario, design: ControllerDesign, drive: Drive, plan: Plan
 def linearised_law(
     nominal: Scenario, design: ControllerDesign, rope_lengths: Sequence[float] = ()
 ) -> list[LinearLaw]:
-    """A law near rest at some rope lengths [m]; nothing if it cannot say it.
+    """Return the controller linearised near rest at some rope lengths [m]; empty if it cannot be.
 
     By default at the shortest, the middle and the longest rope of the rig.
     """
@@ -171,7 +171,7 @@ def linearised_law(
 def nominal_crane(
     nominal: Scenario, design: ControllerDesign, controller: Controller, drive: Drive, plan: PlannedReference
 ) -> Nominal:
-    """What `controller` is prepared for on the crane that it takes the real one for."""
+    """Return what `controller` gets to know of crane, drives and reference when it is prepared."""
     reference = plan.reference
     if controller.follows == "set-point":
         reference = build_trajectory(nominal.reference).set_points(plan.time_ns / NANOSECONDS)
@@ -204,7 +204,7 @@ def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
 
 
 def checked_drive(name: str) -> Drive:
-    """`name` as a drive; raises InputError for an unknown name."""
+    """Return `name` as a kind of drive; raise InputError for an unknown name."""
     for drive in DRIVES:
         if drive == name:
             return drive
@@ -220,7 +220,7 @@ def inputs_of(
     *,
     enter: bool = True,
 ) -> LoopInputs:
-    """What a loop needs to run `plan` from its first row to its last; `enter` as `start_run`."""
+    """Return what a loop needs to run `plan` from its first row to its last; `enter` as in `start_run`."""
     law = at_start(law)
     return LoopInputs(
         law=entered(law) if enter else law,
@@ -245,7 +245,7 @@ def _run_blocks(
     patience: float,
     progress: Progress | None,
 ) -> tuple[int, int, RunStatus]:
-    """Returns (complete rows, index of the sample at which the run ended, status)."""
+    """Run all blocks; return (complete rows, index of the last sample, status)."""
     rows, status, total, inputs = 0, RunStatus.RUNNING, len(plan.time_ns), run.inputs
 
     def advance(first: int) -> tuple[int, int, int]:

@@ -39,7 +39,7 @@ class Encoders(NamedTuple):
 
 
 def make_encoders(sensing: Sensing, samples: int) -> Encoders:
-    """Encoders for a run of `samples`; white noise from the setting's seed."""
+    """Make the encoders of a run of `samples`, with white noise from the seed of the settings."""
     deviation = np.array([*sensing.position_noise, sensing.angle_noise, sensing.angle_noise])
     resolution = np.array([*sensing.position_resolution, sensing.angle_resolution, sensing.angle_resolution])
     white = np.random.default_rng(sensing.seed).standard_normal((samples, 5))
@@ -48,7 +48,7 @@ def make_encoders(sensing: Sensing, samples: int) -> Encoders:
 
 @jit
 def read_encoder(encoders, sample, joint, position):
-    """What the encoder of `joint` says of `position`: noise first, then the nearest step."""
+    """Return the reading of the encoder of `joint` at `position`: noise is added, then it is rounded."""
     value = position + encoders.noise[sample % encoders.noise.shape[0], joint]
     step = encoders.resolution[joint]
     return step * floor(value / step + 0.5) if step > 0.0 else value
@@ -62,7 +62,7 @@ class SetpointLimits(NamedTuple):
 
 
 def make_limits(limits: DriveLimits | None, period: float) -> SetpointLimits:
-    """The limits of drives that are sampled with `period` [s]; none at all for None."""
+    """Return the limits of drives that are sampled with `period` [s]; infinite ones for None."""
     if limits is None:
         return SetpointLimits(np.full(3, np.inf), np.full(3, np.inf))
     return SetpointLimits(np.array(limits.velocity), period * np.array(limits.acceleration))
@@ -73,7 +73,7 @@ CUT_OFF = 1e-9  # of the largest velocity; a limit that changes a set-point by l
 
 @jit
 def limited(limits, axis, setpoint, previous):
-    """The set-point nearest to `setpoint` that the drive may be given after `previous` [m/s]."""
+    """Return the set-point nearest to `setpoint` that the drive may get after `previous` [m/s]."""
     change = limits.change[axis]
     reachable = min(max(setpoint, previous - change), previous + change)
     return min(max(reachable, -limits.velocity[axis]), limits.velocity[axis])
@@ -119,7 +119,7 @@ class SignalPath(NamedTuple):
 
 
 def has_signal_path(effects: EffectSettings, drive: Drive) -> bool:
-    """Whether a run has a signal path: for its effects, or since it records the forces of its drives."""
+    """Return True if a run has a signal path: for its effects, or to record the forces of its drives."""
     return effects.staged or DRIVES[drive].column is None
 
 
@@ -132,7 +132,7 @@ def make_signal_path(
     nominal: Scenario | None = None,
     record: Array | None = None,
 ) -> SignalPath | None:
-    """The signal path of a run that starts at `start` (10,); None where `has_signal_path` says so.
+    """Return the signal path of a run that starts at `start` (10,), or None if it has none.
 
     The observer is designed for `nominal`, by default the scenario itself. `record`: where it is written, by
     default whole memory for `samples`.
@@ -168,7 +168,7 @@ def make_signal_path(
 
 
 def whole_record(scenario: Scenario, record: Array, path: SignalPath | None, wind: Array) -> Array:
-    """The record of a run with the part of its signal path and the forces on its load, if it has them."""
+    """Return the record of a run with the columns of its signal path and of forces on its load, if any."""
     parts = [record] if path is None else [record, path.record]
     if scenario.forced:
         parts.append(wind[:, FORCE:])

@@ -84,7 +84,7 @@ class ChildError(Exception):
     """A child has ended before it answered, or has not answered in time and was ended."""
 
     def __init__(self, exit_code: int | None, timeout: float) -> None:
-        """`exit_code`: None if it has not answered within `timeout` [s]."""
+        """Describe how a child ended; `exit_code` is None if it did not answer within `timeout` [s]."""
         silent = f"took more than {timeout:g} s for a block"
         super().__init__(
             silent if exit_code is None else f"ended its process with {describe_exit(exit_code)}"
@@ -96,7 +96,7 @@ class Child:
     """A process that works for this one, and this end of the pipe between them."""
 
     def __init__(self, pid: int, connection: Connection, process: BaseProcess | None = None) -> None:
-        """`process`: None if it was forked here."""
+        """Hold a child process; `process` is None if it was forked here."""
         self.pid, self.connection, self._process = pid, connection, process
         self._exit_code: int | None = None
         self._is_starting = False  # a program, which no timeout bounds

@@ -29,6 +29,6 @@ VIEWER = {
 
 
 def rgb(colour: str) -> tuple[float, float, float]:
-    """`#rrggbb` as parts of 0 to 1."""
+    """Return `#rrggbb` as three numbers from 0 to 1."""
     red, green, blue = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
     return red, green, blue

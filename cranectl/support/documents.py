@@ -62,23 +62,23 @@ MARK = "\ufeff"  # what Windows editors write before a text in UTF-8
 
 
 def read_toml(path: Path) -> Table:
-    """The table in a TOML file; raises InputError if it is missing, too large or not TOML."""
+    """Read a TOML file; raise InputError if it is missing, too large or not TOML."""
     return parse_toml(_text(path, "TOML"), str(path))
 
 
 def parse_toml(text: str, source: str) -> Table:
-    """The table that `text` holds; raises InputError that names `source` if it is none within the limits."""
+    """Parse `text` as TOML; raise InputError that names `source` if it is none within the limits."""
     table: Table = _parsed(_toml, text, source, "TOML")
     return table
 
 
 def read_json(path: Path) -> Any:
-    """What a JSON file holds; raises InputError if it is missing, too large or not JSON."""
+    """Read a JSON file; raise InputError if it is missing, too large or not JSON."""
     return parse_json(_text(path, "JSON"), str(path))
 
 
 def parse_json(text: str | bytes, source: str) -> Any:
-    """What `text` holds; raises InputError that names `source` if it is no JSON within the limits."""
+    """Parse `text` as JSON; raise InputError that names `source` if it is none within the limits."""
     return _parsed(json.loads, text, source, "JSON")
 
 
@@ -97,7 +97,7 @@ def _text(path: Path, kind: str) -> str:
 
 
 def toml_value(text: str, source: str) -> Any:
-    """The TOML value that `text` is, else `text` itself; raises InputError beyond the limits."""
+    """Return the TOML value that `text` is, else `text` itself; raise InputError beyond the limits."""
     try:
         table = _limited(_toml, f"value = {text}", source)
     except tomllib.TOMLDecodeError:
@@ -125,7 +125,7 @@ def _parsed(parse: Callable[[Any], Any], text: str | bytes, source: str, kind: s
 
 
 def _limited(parse: Callable[[Any], Any], text: str | bytes, source: str) -> Any:
-    """What `parse` makes of `text`; raises InputError beyond the limits, else ValueError as `parse` does."""
+    """Return `parse(text)`; raise InputError beyond the limits, else ValueError as `parse` does."""
     _check_size(text, source)
     try:
         content = parse(text)
@@ -199,12 +199,12 @@ def format_of(content: bytes) -> str:
 
 
 def is_plain(value: Any) -> bool:
-    """Whether `value` is neither table nor list."""
+    """Return True if `value` is neither table nor list."""
     return not isinstance(value, Mapping | list | tuple)
 
 
 def mapped(node: Any, change: Callable[[Any], Any] = lambda value: value) -> Any:
-    """A copy of `node`, tuples as lists, with `change` made to each value that is neither table nor list."""
+    """Copy `node`, with tuples as lists, and apply `change` to each plain value."""
     if is_plain(node):
         return change(node)
     if isinstance(node, Mapping):
@@ -235,7 +235,7 @@ def differences(a: Any, b: Any, path: str = "", *, absent: Any) -> Iterator[tupl
 
 
 def merged(table: Any, changes: Mapping[str, Any]) -> Any:
-    """A copy of `table` with `changes`, tables within tables merged; what is no table there stays."""
+    """Copy `table` with `changes`; tables within tables are merged."""
     if not isinstance(table, Mapping):
         return table
     new = {
@@ -268,7 +268,7 @@ def _index(node: Any, key: str, source: str) -> int:
 
 
 def toml_text(table: Mapping[str, Any], above: str = "") -> str:
-    """The TOML of a table of plain values; what is None, which TOML has not, is left out."""
+    """Return the TOML text of a table of plain values; None, which TOML lacks, is left out."""
     lines, below = [], []
     for name, value in table.items():
         key = name if re.fullmatch(r"[\w-]+", name, re.ASCII) else json.dumps(name)

@@ -49,7 +49,7 @@ class InputError(CranectlError):
 
     @classmethod
     def unwritable(cls, path: Path, error: Exception, *, remedy: str = "choose another place") -> Self:
-        """The error for a file that cannot be written; `remedy` names the option, if any."""
+        """Return the error for a file that cannot be written; `remedy` names the option, if any."""
         return cls(
             f"cannot write {path}: {error}",
             allowed="a file in a directory that can be written, on a disk with space",
@@ -79,7 +79,7 @@ class MachineError(InputError):
 
 
 def printable(text: str, *, longest: int = 500) -> str:
-    """`text` on one line: what acts on a screen becomes an escape, the middle of a long text is left out."""
+    """Return `text` on one line, with control characters escaped and a long middle left out."""
     if len(text) > longest:
         ends = longest // 2
         left_out = f" … {len(text) - 2 * ends} characters … "
@@ -99,7 +99,7 @@ def describe_error(error: BaseException) -> str:
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str], *, remedy: str = "") -> InputError:
-    """The error for a name that is not in a registry; lists the known names in their order.
+    """Return the error for an unknown name, with the known names in their order.
 
     `remedy`: where `name` looks like none of them, by default to choose one.
     """
@@ -117,7 +117,7 @@ def matching(pattern: str, names: Iterable[str]) -> list[str]:
 
 
 def unmatched(pattern: str, names: Iterable[str]) -> InputError:
-    """The error for a pattern that matches none of `names`; lists the nearest names and groups."""
+    """Return the error for a pattern that matches none of `names`, with the nearest names and groups."""
     known = list(names)
     groups = {name.rpartition(".")[0] + ".*" for name in known}
     near = nearest_first(pattern, groups if pattern.endswith("*") else {*known, *groups})[:SHOWN_NEAR_NAMES]
@@ -129,13 +129,13 @@ def unmatched(pattern: str, names: Iterable[str]) -> InputError:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The question after the known name of which `name` looks like a misspelling; nothing without one."""
+    """Return a question after the known name that `name` resembles; empty without one."""
     near = nearest_first(name, known)[:1]
     return f"did you mean '{near[0]}'?" if near and _similarity(name, near[0]) >= 0.6 else ""
 
 
 def nearest_first(name: str, known: Iterable[str]) -> list[str]:
-    """The known names, those most similar to `name` first, equals alphabetically."""
+    """Sort the known names, those most similar to `name` first, equals alphabetically."""
     return sorted(known, key=lambda candidate: (-_similarity(name, candidate), candidate))
 
 

@@ -19,7 +19,7 @@ EXPORTERS = "cranectl.exporters"
 
 
 def loaded(where: str) -> Any:
-    """The object at `where`, module:name."""
+    """Import the object at `where`, module:name."""
     module, _, name = where.partition(":")
     return getattr(importlib.import_module(module), name)
 
@@ -46,7 +46,7 @@ def check_free(kind: str, name: str, taken: Iterable[str]) -> None:
 def with_extensions(
     own: Mapping[str, Any], kind: type[Any], group: str, *, taken: Collection[str] = ()
 ) -> dict[str, Any]:
-    """`own` objects by name, then those of `group` that installed packages declare, each a `kind`.
+    """Return `own` objects by name, then those of `group` that installed packages declare.
 
     Raises InputError for one that cannot be loaded, is no `kind`, or has a name that is there or `taken`.
     """
@@ -69,7 +69,7 @@ def with_extensions(
 
 
 def packages(group: str) -> dict[str, str]:
-    """Which package, of which version, brings an object of `group`, by the object's name."""
+    """Return the package and version that brings each object of `group`, by the object's name."""
     found = {}
     for entry in entry_points(group=group):
         origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value

@@ -27,7 +27,7 @@ except ImportError:  # Windows
 def writing(
     path: Path, *, remedy: str = "choose another place", error: type[InputError] = InputError
 ) -> Iterator[None]:
-    """For a block that writes `path` or finds out whether it could: raises `error` where it cannot."""
+    """Raise `error` if the block fails to write `path`, or finds out that it cannot."""
     try:
         yield
     except (OSError, ValueError) as failure:
@@ -38,7 +38,7 @@ def writing(
 
 @contextlib.contextmanager
 def replacing(path: Path, *, keep_after: tuple[type[Exception], ...] = ()) -> Iterator[Path]:
-    """A place beside `path` to write to; renamed to `path` if the block ends well, removed if not.
+    """Yield a file beside `path`; rename it to `path` if the block ends well, else remove it.
 
     After an error of a class in `keep_after` it stays under its own name. Raises OSError if `path` cannot be
     replaced. Of processes or threads that write the same file at once, the last to finish wins, whole.
@@ -70,7 +70,7 @@ def check_replaceable(path: Path) -> None:
 
 
 def being_written(path: Path) -> bool:
-    """Whether a `replacing(path)` is under way somewhere; parts that a killed process left do not count."""
+    """Return True if a `replacing(path)` is active; files of killed processes do not count."""
     for part in path.parent.glob(f"{glob.escape(path.name)}.*.part"):
         with contextlib.suppress(FileNotFoundError), part.open("rb") as file:
             if not _lock(file):
@@ -79,7 +79,7 @@ def being_written(path: Path) -> bool:
 
 
 def exists(path: Path) -> bool:
-    """Whether something is seen at `path`; nothing is where no name can be, or nobody may look."""
+    """Return True if something exists at `path`; errors mean that nothing does."""
     try:
         return path.exists()
     except (OSError, ValueError):
@@ -87,7 +87,7 @@ def exists(path: Path) -> bool:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write `text` to `path`: whole or not at all, but straight into a device or a pipe.
+    """Write `text` to `path` in one atomic step, or straight into a device or a pipe.
 
     Bytes of a file's name that are not UTF-8 become escapes.
     """
@@ -100,7 +100,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def _refuse_devices(path: Path) -> None:
-    """Renaming a file over a device or a pipe would destroy it."""
+    """Raise OSError for a device or a pipe, which a renamed file would destroy."""
     if path.exists() and not path.is_file():
         raise OSError(f"{path} exists and is no regular file")
 
@@ -153,7 +153,7 @@ LONGEST_BEGINNING = 256  # [bytes]
 
 
 def kind_of(path: Path, endings: Iterable[str]) -> Kind:
-    """The kind that the ending of `path` names; raises InputError if it is none of `endings`."""
+    """Return the kind that the ending of `path` names; raise InputError if it is none of `endings`."""
     if path.suffix.lower() not in endings:
         found = f"{path} ends in '{path.suffix}'"
         raise InputError(found, allowed=", ".join(endings), remedy="name the file by what it is to be")
@@ -205,7 +205,7 @@ def _same(a: Path, b: Path) -> bool:
 
 
 def short_names(files: Sequence[Path]) -> list[str]:
-    """A name for each file: its stem, with as many directories as tell it from the others."""
+    """Return a name for each file: its stem, with as many directories as make it unique."""
     for depth in range(1, max(len(file.parts) for file in files) + 1):
         names = ["/".join((*file.parent.parts, file.stem)[-depth:]) for file in files]
         if len(set(names)) == len(names):

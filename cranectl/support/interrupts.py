@@ -44,7 +44,7 @@ def in_background(act: Callable[[], None]) -> None:
 
 
 def came_of_interrupt(error: BaseException) -> bool:
-    """Whether `error` is an interrupt, or what libraries make of one that comes while they are loaded."""
+    """Return True if an interrupt caused `error`, also one wrapped by a library that was loading."""
     cause: BaseException | None = error
     while cause is not None and not isinstance(cause, KeyboardInterrupt):
         cause = cause.__cause__
@@ -134,7 +134,7 @@ def interrupts_wait() -> Iterator[None]:
 
 @contextlib.contextmanager
 def interrupts_blocked() -> Iterator[None]:
-    """Processes started in the block never get the signals; this one gets those that come at its end."""
+    """Keep signals from processes started in the block; this process gets them at its end."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

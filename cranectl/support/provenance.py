@@ -99,7 +99,7 @@ def _module_digest(path: Path) -> str:
 
 
 def _imported(path: Path) -> set[str]:
-    """The first parts of the names of all modules that a source file imports."""
+    """Return the top-level names of all modules that a source file imports."""
     try:
         nodes = list(ast.walk(ast.parse(path.read_bytes())))
     except (SyntaxError, ValueError):  # it is no source
@@ -121,7 +121,7 @@ def fingerprint(root: Path, paths: Iterable[Path]) -> str:
 def provenance_differences(
     found: Mapping[str, str], now: Mapping[str, str], *, word: str = "now", harmless: bool = False
 ) -> list[str]:
-    """What may make numbers by `found` differ from those by `now`, a phrase each: `sources 12ab, now 34cd`.
+    """Return which versions may explain different numbers, such as `sources 12ab, now 34cd`.
 
     What one of them does not tell is unknown, and unknown is never the same. `word` stands for `now`;
     `harmless`: with what decides no number too.
@@ -142,7 +142,7 @@ def _installed() -> dict[str, str]:
 
 
 def other_software(made_by: Mapping[str, Mapping[str, str]]) -> dict[str, list[str]]:
-    """What differs from what is installed, by difference the labels of all in `made_by` of which it is so."""
+    """Return each difference from the installed software, with the labels to which it applies."""
     others: dict[str, list[str]] = {}
     for label, versions in made_by.items():
         for difference in provenance_differences(versions, provenance()):

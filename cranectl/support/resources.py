@@ -20,12 +20,12 @@ REGRESSION_DIRECTORY = _ROOT / "validation" / "regression"
 
 
 def toml_names(directory: Path) -> list[str]:
-    """Names of the TOML files in one of the directories above."""
+    """Return the names of the TOML files in one of the directories above."""
     return sorted(path.stem for path in directory.glob("*.toml"))
 
 
 def toml_file(kind: str, name_or_path: str, directory: Path) -> Path:
-    """The file of a name in `directory`, or any by its path; raises InputError if there is none."""
+    """Return the file of a name in `directory`, or of a path; raise InputError if there is none."""
     names, path = toml_names(directory), Path(name_or_path)
     if name_or_path in names:
         return directory / f"{name_or_path}.toml"
@@ -48,5 +48,5 @@ def toml_file(kind: str, name_or_path: str, directory: Path) -> Path:
 
 
 def is_path(name_or_path: str) -> bool:
-    """Whether this is the path of a file, which has a directory or an ending, and no name."""
+    """Return True if this is the path of a file, which has a directory or an ending."""
     return "/" in name_or_path or Path(name_or_path).suffix != ""

@@ -16,7 +16,7 @@ PREFIXED = re.compile(r"[cdhkMmµun](m|s|g|N|rad|A|V|W|J|Pa|Hz)\b")  # nor do th
 
 
 def scaled(unit: str, largest: float) -> tuple[float, str]:
-    """The factor that brings values in `unit` up to `largest` to the unit that is told, and that unit."""
+    """Return the factor to the unit in which values up to `largest` are shown, and that unit."""
     size = abs(largest)
     if unit in PLAIN or PREFIXED.match(unit) or not 0.0 < size < math.inf:
         return 1.0, unit
@@ -27,7 +27,7 @@ def scaled(unit: str, largest: float) -> tuple[float, str]:
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:
-    """`value` in `unit` with so many digits and its prefix, 12.3 mm; powers of ten where no prefix fits."""
+    """Return `value` with `digits` digits and a prefixed unit, or with a power of ten."""
     factor, prefixed = scaled(unit, value)
     size = abs(factor * value)
     if 0.0 < size < 1e-3:
@@ -55,7 +55,7 @@ def difference_in(value: float, unit: str) -> str:
 
 
 def plain(setting: Any) -> str:
-    """A value from TOML or JSON; numbers that take more than ten digits have six, texts are as they are."""
+    """Return a value from TOML or JSON as text, long numbers with six digits."""
     if isinstance(setting, list | tuple):
         return f"[{', '.join(map(plain, setting))}]"
     if not isinstance(setting, float):

@@ -57,12 +57,12 @@ class ChapterFigures:
             self._runs = {}
 
     def of(self, scenario: str) -> tuple[Figure, ...]:
-        """The figures of a scenario by number."""
+        """Return the figures of a scenario by number."""
         return tuple(sorted(self.figures[scenario], key=lambda figure: _place(figure.number)))
 
 
 def gain_table(reproduction: Reproduction) -> Table:
-    """Gains of both feedbacks."""
+    """Return a table of the gains of both feedbacks."""
     rows = tuple(
         cells(FEEDBACK[name], *(f"{gain:.5g}" for gain in gains))
         for name, gains in reproduction.gains.items()
@@ -72,7 +72,7 @@ def gain_table(reproduction: Reproduction) -> Table:
 
 
 def robustifier_table(reproduction: Reproduction) -> Table:
-    """What each robustifier does to a lasting error, and how much of it goes through its fastest mode."""
+    """Return what each robustifier does to a lasting error, and the share of its fastest mode."""
     rows = []
     for name, design in reproduction.designs.items():
         if design.gamma_achieved is not None:
@@ -90,7 +90,7 @@ def robustifier_table(reproduction: Reproduction) -> Table:
 
 
 def printed_tables(reproduction: Reproduction) -> dict[str, Table]:
-    """The thesis's tables by their number, printed beside ours, a line a number; its norms are "norms"."""
+    """Return the thesis's tables by number, printed values beside computed ones."""
     return {name: _comparison(table) for name, table in reproduction.tables.items()}
 
 
@@ -118,7 +118,7 @@ def _text(value: float, form: str = ".4f") -> str:
 
 
 def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: str) -> Page:
-    """The whole page."""
+    """Return the whole page."""
     tables = printed_tables(reproduction)
     return Page(
         title="The thesis, run again",
@@ -199,7 +199,7 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
 
 
 def _diagrams(first: str, end: str) -> tuple[Figure, ...]:
-    """The signal-flow pictures numbered from `first` to before `end`."""
+    """Return the signal-flow diagrams numbered from `first` to before `end`."""
     return tuple(
         Figure(texts["title"], diagram_svg(number), texts["note"], number=number)
         for number, texts in DIAGRAMS.items()
@@ -208,12 +208,12 @@ def _diagrams(first: str, end: str) -> tuple[Figure, ...]:
 
 
 def diagram_svg(number: str) -> str:
-    """The diagram `number` as an <svg> element."""
+    """Return the diagram `number` as an <svg> element."""
     return (DIAGRAM_DIRECTORY / f"{number}.svg").read_text(encoding="utf-8").rstrip()
 
 
 def _place(number: str) -> tuple[int, ...]:
-    """(chapter, figure), in whose order figures come."""
+    """Return (chapter, figure), by which figures are sorted."""
     return tuple(int(part) for part in number.split("."))
 
 

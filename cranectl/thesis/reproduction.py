@@ -95,7 +95,7 @@ class Reproduction:
     departures: tuple[Departure, ...]
 
     def numbers(self) -> Iterator[tuple[str, str, str, Number]]:
-        """(table, controller, column, number) of everything printed."""
+        """Yield (table, controller, column, number) of everything printed."""
         for name, table in self.tables.items():
             for controller, numbers in table.rows.items():
                 for column, number in numbers.items():
@@ -193,20 +193,20 @@ def reproduce(
 
 
 def controller_name(name: str) -> str:
-    """A controller as the thesis calls it."""
+    """Return the name of a controller in the thesis."""
     feedback, _, robustifier = name.partition("+")
     return FEEDBACK[feedback] + (f" + {ROBUSTIFIERS[robustifier]}" if robustifier else "")
 
 
 def prints_as(value: float, printed: float, decimals: int) -> bool:
-    """Whether `value`, rounded or cut off to so many decimals, is what was printed."""
+    """Return True if `value`, rounded or cut off to `decimals`, is what was printed."""
     size, unit = abs(value), 10.0**-decimals
     digits = round(abs(printed) / unit)
     return value * printed >= 0.0 and digits in (math.floor(size / unit), math.floor(size / unit + 0.5))
 
 
 def total_simulated_seconds() -> float:
-    """Simulated time of all runs of `reproduce`."""
+    """Return the simulated time of all runs of `reproduce`."""
     seconds = sum(scenario.duration for scenario in _scenarios(_read("printed.toml")["tables"]))
     return seconds * len(CONTROLLERS) * len(SOURCES)
 
@@ -220,7 +220,7 @@ def _scenarios(tables: dict[str, dict[str, Any]]) -> list[Scenario]:
 
 
 def _settings(scenario: Scenario, controller: str, norms: dict[str, float]) -> DesignSettings:
-    """The scenario's; S/KS is designed for the norm that is printed, not for one near the optimum."""
+    """Return the design settings; S/KS is designed for the printed norm, not near the optimum."""
     settings = scenario.design
     if not controller.endswith("+hinf"):
         return settings
@@ -246,7 +246,7 @@ def _readings(run: Run, table: dict[str, Any]) -> dict[str, float]:
 def _norms(
     printed: list[dict[str, Any]], tolerances: dict[str, Any], settings: DesignSettings
 ) -> ThesisTable:
-    """The smallest norms of the designs beside those of section 5.2.1."""
+    """Return the smallest norms of the designs beside those of section 5.2.1."""
     rows = {}
     for entry in printed:
         controller = entry["controller"]

@@ -109,7 +109,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def prepare(nominal):
-    """Return parameters and memory, which begins with the masses as they are believed."""
+    """Return parameters and memory, which begins with the assumed masses."""
     rig, length, given = nominal.rig, nominal.state[ROPE], nominal.parameters
     pace, believed = np.sqrt(rig.gravity / length), np.array(axis_masses(rig)[:4])
     parameters = GIVEN.array(

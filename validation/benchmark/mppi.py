@@ -64,14 +64,14 @@ def uniform(memory):
 
 @jit
 def normal(memory):
-    """Of mean 0 and deviation 1 (Box, Muller)."""
+    """Return a normal random number of mean 0 and deviation 1 (Box and Muller)."""
     radius = sqrt(-2.0 * log(uniform(memory)))
     return radius * cos(2.0 * pi * uniform(memory))
 
 
 @jit
 def between(knots, k):
-    """The input v at step `k` of a plan."""
+    """Return the input v at step `k` of a plan."""
     first = min(k // PER_KNOT, KNOTS - 2)
     share = (k - PER_KNOT * first) / PER_KNOT
     return knots[first] + share * (knots[first + 1] - knots[first])

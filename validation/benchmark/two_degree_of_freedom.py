@@ -81,7 +81,10 @@ def model(speed):
 
 
 def generalised_plant(gain, speed, rho):
-    """From (r, phi, u) to (u, x, rho (x - rho T_ref r); rho r, x), (9.91) and (9.92) of the book."""
+    """Return the plant from (r, phi, u) to (u, x, rho (x - rho T_ref r); rho r, x).
+
+    Source: (9.91) and (9.92) of the book.
+    """
     g, t = shaped_plant(gain), model(speed)
     injection = solve_continuous_are(g.A.T, g.C.T, g.B @ g.B.T, np.eye(1)) @ g.C.T
     nothing = np.zeros((3, 1))

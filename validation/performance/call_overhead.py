@@ -40,7 +40,7 @@ def _inlined(step: Callable[..., int]) -> Callable[..., None]:
 
 
 def laws_from_outside(repeats: int) -> list[Figure]:
-    """The law that `cranectl new` writes, in C by address and in the loop itself, taking turns."""
+    """Measure the controller that `cranectl new` writes: in C by address, and in the loop itself."""
     with tempfile.TemporaryDirectory() as folder:
         with contextlib.redirect_stdout(io.StringIO()):
             for kind, name in (("controller", "twin"), ("c-controller", "servo")):

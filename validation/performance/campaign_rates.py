@@ -63,13 +63,13 @@ UNCERTAIN = {
 
 @jit
 def bare_steps(model, data, n):
-    """`n` steps of the engine by its addresses."""
+    """Do `n` steps of the engine by its addresses."""
     for _ in range(n):
         mj_step(model, data)
 
 
 def campaign_of(controller: str, plant: str) -> Campaign:
-    """A campaign of 256 runs of 25 s, three parameters of the rig uncertain."""
+    """Make a campaign of 256 runs of 25 s, with three uncertain parameters of the rig."""
     table = {
         "name": "bench", "scenario": SCENARIO, "controllers": [controller], "plants": [plant],
         "drive": DRIVE, "runs": 256, "uncertain": UNCERTAIN,
@@ -99,7 +99,7 @@ class Bare:
 
 
 def together(works: Sequence[Callable[[], object]]) -> None:
-    """Each in a thread."""
+    """Run each work in a thread."""
     threads = [threading.Thread(target=work) for work in works]
     for thread in threads:
         thread.start()
@@ -108,7 +108,7 @@ def together(works: Sequence[Callable[[], object]]) -> None:
 
 
 def loop_alone(controller: str) -> Callable[[], object]:
-    """A run of the compiled loop without sampling, metrics and results."""
+    """Return a run of the compiled loop without sampling, metrics and results."""
     scenario = load_scenario(SCENARIO)
     design, plan = design_controller(controller, scenario.design), plan_scenario(scenario)
     law, crane = law_of(scenario, design, DRIVE, plan), make_plant("mujoco", scenario, DRIVE)
@@ -155,7 +155,7 @@ def campaign_against_engine(repeats: int) -> list[Figure]:
 
 
 def plants_and_threads(repeats: int) -> list[Figure]:
-    """Runs per second: analytic against MuJoCo, two threads against one; whole batches through the engine."""
+    """Compare runs per second: analytic with MuJoCo, two threads with one."""
     works: dict[tuple[str, int], Callable[[], object]] = {}
     for plant, runs in (("mujoco", 4), ("analytic", 16)):
         campaign = campaign_of(HEAVY[0], plant)
@@ -212,7 +212,7 @@ def peak_memory(arguments: list[str], folder: str) -> tuple[float, float]:
 
 
 def other_ways(repeats: int) -> list[Figure]:
-    """The same closed loop as one would write it otherwise: time of a run over that of a campaign's."""
+    """Compare the time of a run in a campaign with other ways to write the same loop."""
     controller = HEAVY[0]
     task = other.Task(controller)
     campaign = make_campaign(

@@ -45,7 +45,7 @@ sample, of 1 ms, costs its steps only: the last column is what one takes.
 
 
 def nothing(_parameters, _measured, _reference, _memory, command):
-    """The step of a law that commands zero."""
+    """Command zero, as the step of an empty controller."""
     for axis in range(3):
         command[axis] = 0.0
     return 0
@@ -55,7 +55,7 @@ NOTHING = Controller("nothing", "what a sample costs besides its law", nothing, 
 
 
 def shared_library(*sources: Path, folder: Path | None = None) -> Path:
-    """`sources` in C, built as their users do it, in `folder` or beside them."""
+    """Build `sources` in C as users do, in `folder` or beside them."""
     library = (folder or sources[0].parent) / sources[0].with_suffix(".so").name
     subprocess.run(["cc", *FLAGS, "-o", library, *sources, "-lm"], check=True)
     return library
@@ -73,7 +73,7 @@ class LawTime:
 
 @jit
 def _steps(law, states, memory):
-    """Returns the number of steps that failed."""
+    """Run all steps, and return the number of those that failed."""
     failed = 0
     for k in range(states.shape[0]):
         give_measured(law, None, states[k], k)
@@ -94,7 +94,7 @@ class Again:
         self.states = np.ascontiguousarray(run.block("state"))
 
     def seconds_a_sample(self) -> float:
-        """Of the processor, so that what else runs counts less."""
+        """Return the processor time of a sample, which other work disturbs less."""
         law, memory = entered(at_start(self.law)), self.law.start.copy()
         start = thread_time()
         failed = _steps(law, self.states, memory)
@@ -104,7 +104,7 @@ class Again:
 
 
 def law_times(repeats: int) -> list[LawTime]:
-    """Of every law of the benchmark, and of `nmpc`, which is not in its file since it must be built."""
+    """Measure the time of every controller of the benchmark, and of `nmpc`, which has to be built."""
     settings = read_benchmark(BENCHMARK)
     with tempfile.TemporaryDirectory() as folder:
         nmpc = settings.file.parent / "nmpc"

@@ -35,7 +35,7 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def interleaved(works: Mapping[K, Callable[[], object]], repeats: int) -> dict[K, list[float]]:
-    """Times of each work [s], which take turns; a first turn is a rehearsal."""
+    """Return times of each work [s], which take turns after a rehearsal."""
     rounds = [{name: seconds(work) for name, work in works.items()} for _ in range(repeats + 1)]
     return {name: [times[name] for times in rounds[1:]] for name in works}
 
@@ -43,13 +43,13 @@ def interleaved(works: Mapping[K, Callable[[], object]], repeats: int) -> dict[K
 def figure(
     name: str, values: list[float], unit: str, limit: float | None = None, *, at_least: bool = False
 ) -> Figure:
-    """The median of `values` and their spread."""
+    """Return the median of `values` and their spread."""
     return Figure(name, statistics.median(values), unit, (min(values), max(values)), limit, at_least)
 
 
 def ratio_of_best(
     name: str, above: list[float], below: list[float], limit: float | None = None, *, at_least: bool = False
 ) -> Figure:
-    """The least of `above` over the least of `below`, which neighbours on the machine disturb the least."""
+    """Return the least of `above` over the least of `below`, which other work disturbs least."""
     ratios = [a / b for a, b in zip(above, below, strict=True)]
     return Figure(name, min(above) / min(below), "", (min(ratios), max(ratios)), limit, at_least)

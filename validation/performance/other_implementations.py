@@ -70,7 +70,7 @@ class Task:
         return one * qpos, one * qvel, memory
 
     def law(self, xp: Any, q: Any, v: Any, reference: Any, memory: Memory) -> tuple[Any, Memory]:
-        """Velocity set-points (n, 3) for positions and rates (n, 5) in the model's order."""
+        """Compute velocity set-points (n, 3) for positions and rates (n, 5) in the model's order."""
         t, dt = self.tracker, self.tracker.period
         zeta, zeta_dot, setpoint, xi = memory
         x_c, y_c, length, alpha, beta = (q[:, k] for k in self.positions)
@@ -118,7 +118,7 @@ class Task:
 
 
 def python_loop(task: Task, cranes: int) -> Array:
-    """One crane after the other: the law in NumPy, the engine's binding."""
+    """Simulate one crane after the other: controller in NumPy, the engine's binding."""
     data = mujoco.MjData(task.model)
     ends = np.zeros((cranes, 10))
     for k in range(cranes):
@@ -134,7 +134,7 @@ def python_loop(task: Task, cranes: int) -> Array:
 
 
 def batch_loop(task: Task, cranes: int) -> Array:
-    """All cranes at once: the law in NumPy, `mujoco.batch` on one thread."""
+    """Simulate all cranes at once: controller in NumPy, `mujoco.batch` on one thread."""
     batch = Batch(task.model, nsim=cranes, nthread=1)
     q, v, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
     q[:], v[:], memory = task.start(cranes)
@@ -145,7 +145,7 @@ def batch_loop(task: Task, cranes: int) -> Array:
 
 
 def rollout_loop(task: Task, cranes: int) -> Array:
-    """All cranes at once: the law in NumPy, `mujoco.rollout` for one step on one thread."""
+    """Simulate all cranes at once: controller in NumPy, `mujoco.rollout` step by step."""
     q, v, memory = task.start(cranes)
     full = np.hstack([np.zeros((cranes, 1)), q, v])  # time first
     commands = np.zeros((cranes, 1, task.model.nu))

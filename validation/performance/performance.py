@@ -41,12 +41,12 @@ SCENARIO = "settled-trajectory"
 
 
 def heaviest_controller() -> str:
-    """The one with the largest robustifier."""
+    """Return the controller with the largest robustifier."""
     return max(CONTROLLERS, key=lambda name: design_controller(name).robustifier.sampled_order)
 
 
 def run_against_bare_steps(repeats: int) -> list[Figure]:
-    """A whole run, every signal of every sample recorded, against the engine's own loop."""
+    """Compare a whole run, with every signal recorded, with the engine's own loop."""
     scenario, name = load_scenario(SCENARIO), heaviest_controller()
     design, plan = design_controller(name, scenario.design), plan_scenario(scenario)
     steps = scenario.steps + 1
@@ -69,7 +69,7 @@ def run_against_bare_steps(repeats: int) -> list[Figure]:
 
 
 def elastic_against_engine(repeats: int) -> list[Figure]:
-    """Runs with servos on the elastic plant and on the engine, with the same effects."""
+    """Compare runs with servos on the elastic plant and on the engine, with equal effects."""
     plain, found = load_scenario(SCENARIO), []
     design, numbers = design_controller("lqr", plain.design), plain.rig.effects
     for names in ((), ("friction",), ("frame",), ("rope", "body", "wind", "frame")):
@@ -89,7 +89,7 @@ def elastic_against_engine(repeats: int) -> list[Figure]:
 
 
 def log_against_library(repeats: int) -> list[Figure]:
-    """Writing a pair of runs against feeding the writer library the same messages, ready as bytes."""
+    """Compare writing a pair of runs with feeding the writer library ready bytes."""
     scenario = load_scenario(SCENARIO)
     runs = [
         simulate_run(scenario, plant=plant, controller=heaviest_controller())
@@ -146,7 +146,7 @@ def commands(repeats: int) -> list[Figure]:
 
 
 def validation() -> list[Figure]:
-    """The whole validation, once."""
+    """Measure the time of the whole validation once."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "cranectl", "validate"]
         once = seconds(lambda: subprocess.run(command, cwd=folder, check=True, capture_output=True))

@@ -45,7 +45,7 @@ A thousand million, in the order in which it breaks:
 
 
 def result_costs(repeats: int) -> list[Figure]:
-    """Of a part as large as those of a million runs."""
+    """Measure the costs of a part as large as those of a million runs."""
     campaign = campaign_of("lqr", "analytic")
     ((_, (row,)),) = run_batches(campaign, [Batch("analytic", "lqr", 0, 1)])
     batch = Batch("analytic", "lqr", 0, ROWS)
@@ -66,7 +66,7 @@ def result_costs(repeats: int) -> list[Figure]:
 
 
 def scaling(figures: Sequence[Figure]) -> str:
-    """The plan, from the figures of a benchmark."""
+    """Return the plan of large campaigns from the figures of a benchmark."""
     value = {each.name: each.value for each in figures}
     core_s = 2.0 / value[RATE]
     memory = (value[MEMORY.format("100 000")] - value[MEMORY.format("10 000")]) * 1e6 / 9e4

@@ -32,7 +32,7 @@ def is_number(node: ast.expr) -> bool:
 
 
 def listed_terms(tree: ast.AST) -> Iterator[ast.expr]:
-    """As `mutations.terms`, and what records are made of, and what has an index."""
+    """Yield the terms of `mutations.terms`, arguments of records, and indexed values."""
     for node in ast.walk(tree):
         if (
             isinstance(node, ast.AnnAssign | ast.Assign | ast.AugAssign | ast.Return)
@@ -49,7 +49,7 @@ def listed_terms(tree: ast.AST) -> Iterator[ast.expr]:
 
 
 def _listed(value: ast.expr) -> Iterator[ast.expr]:
-    """The expressions in a value: of lists, tuples, arrays and comprehensions their elements."""
+    """Yield the expressions in a value: elements of lists, tuples, arrays and comprehensions."""
     if isinstance(value, ast.Tuple | ast.List):
         for element in value.elts:
             yield from _listed(element)
@@ -66,7 +66,7 @@ def _listed(value: ast.expr) -> Iterator[ast.expr]:
 
 
 def is_indexed(node: ast.AST) -> bool:
-    """Whether it is an element of something, by one index."""
+    """Return True if a node is an element of something, by one index."""
     return (
         isinstance(node, ast.Subscript)
         and isinstance(node.ctx, ast.Load)
@@ -79,14 +79,14 @@ def _whole(index: ast.expr) -> bool:
 
 
 def scaled(value: Any, factor: float) -> Any:
-    """A number, or all of those in lists."""
+    """Scale a number, or all numbers in lists."""
     if isinstance(value, list | tuple):
         return type(value)(scaled(each, factor) for each in value)
     return factor * value
 
 
 def moved_on(values: Any) -> Any:
-    """At each place what is at the next, at the last what is at the first."""
+    """Shift all values by one place; the last gets the first."""
     return np.roll(values, -1, axis=0) if isinstance(values, np.ndarray) else [*values[1:], values[0]]
 
 

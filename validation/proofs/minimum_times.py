@@ -30,7 +30,7 @@ NO_FORCE_LIMITS = "effects.limits={force=[1e9,1e9,1e9]}"  # which the analytic p
 
 
 def scenario(case: str, *settings: str, shortest: bool = False) -> Scenario:
-    """A case, planned."""
+    """Return a case, planned."""
     start, segments, more = CASES[case]
     timed = {"m": ", duration='shortest'" if shortest else ""}
     timed["l"] = timed["a"] = "duration='shortest'" if shortest else "time_law='minimum-time'"
@@ -40,14 +40,14 @@ def scenario(case: str, *settings: str, shortest: bool = False) -> Scenario:
 
 
 def followed(plan: Scenario, plant: str) -> RunMetrics:
-    """A plan under LQR with velocity drives."""
+    """Run a plan under LQR with velocity drives, and return its metrics."""
     metrics = run_metrics(simulate_run(plan, plant=plant, drive="velocity", controller="lqr"))
     assert metrics is not None
     return metrics
 
 
 def duration(of: Scenario) -> float:
-    """Of its segments [s]."""
+    """Return the duration of the segments [s]."""
     return sum(float(segment.duration) for segment in of.reference.segments)
 
 

@@ -151,7 +151,7 @@ def terms(tree: ast.AST) -> Iterator[ast.expr]:
 
 
 def _elements(value: ast.expr) -> Iterator[ast.expr]:
-    """The scalar expressions in a value: elements of tuples and lists, arguments of np.array and zip."""
+    """Yield the scalar expressions in a value: elements of tuples, lists, np.array and zip."""
     if isinstance(value, ast.Tuple | ast.List):
         for element in value.elts:
             yield from _elements(element)
@@ -221,7 +221,7 @@ def _is_scalar(node: ast.expr) -> bool:
 
 
 def find_mutants(module: str, function: str) -> list[Mutant]:
-    """All mutants of one function."""
+    """Return all mutants of one function."""
     tree = _source(module, function)
     found = []
     for index, node in enumerate(_terms_in_order(tree, module)):
@@ -236,7 +236,7 @@ def find_mutants(module: str, function: str) -> list[Mutant]:
 
 
 def _terms_in_order(tree: ast.AST, module: str) -> list[ast.expr]:
-    """Every term once, as it stands in the source; a mutant names its term by the index in this list."""
+    """Return every term once, in the order of the source; its index names the mutant."""
     if module in LIMITED:
         found = [node for node in listed_terms(tree) if is_number(node)]
     else:
@@ -248,7 +248,7 @@ def _terms_in_order(tree: ast.AST, module: str) -> list[ast.expr]:
 
 
 def _source(module: str, name: str) -> ast.FunctionDef:
-    """Of a function or method, without importing what may not be installed."""
+    """Parse a function or method, without importing what may not be installed."""
     found: Any = ast.parse(Path(importlib.util.find_spec(module).origin).read_text(encoding="utf-8"))
     for part in name.split("."):
         found = next(node for node in found.body if getattr(node, "name", "") == part)
@@ -256,7 +256,7 @@ def _source(module: str, name: str) -> ast.FunctionDef:
 
 
 def mutated_function(mutant: Mutant) -> Any:
-    """The function with its term changed, compiled in its module's namespace."""
+    """Compile the function with its term changed, in its module's namespace."""
     tree = _source(mutant.module, mutant.function)
     target = _terms_in_order(tree, mutant.module)[mutant.term]
     replacement = _changed(copy.deepcopy(target), mutant)
@@ -323,7 +323,7 @@ class FirstFailure:
 
 
 def run_suite(files: list[str], mutant: Mutant | None) -> str | None:
-    """In a forked copy of this process: install the mutant, run the tests; the test that failed, if any."""
+    """Run the tests on a mutant in a forked process, and return the test that failed, if any."""
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
@@ -358,7 +358,7 @@ def _pytest_arguments(files: list[str]) -> list[str]:
 
 
 def suite_of(mutant: Mutant) -> list[str]:
-    """The suite, tests of the mutant's own module in front."""
+    """Return the suite, tests of the mutant's own module first."""
     rooms = mutant.module.split(".")[1:]
     for room in OWN_SUITE.keys() & rooms:
         return OWN_SUITE[room]

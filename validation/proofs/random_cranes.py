@@ -36,7 +36,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def commit() -> str:
-    """The first digits of the commit's hash; 0 outside of a repository."""
+    """Return the first digits of the commit's hash; 0 outside of a repository."""
     command = ["git", "rev-parse", "--short=7", "HEAD"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     return done.stdout.strip() or "0"
@@ -72,7 +72,7 @@ def _can_run(plant: str, scenario: Scenario, drive: str) -> bool:
 
 def _overrides(random: np.random.Generator, drive: str, effects: Sequence[str]) -> list[str]:
     def about(value: Any) -> Any:
-        """From half to double."""
+        """Draw a value from half to double."""
         return (np.array(value) * np.exp(random.uniform(-0.7, 0.7, np.shape(value)))).tolist()
 
     def place() -> list[float]:

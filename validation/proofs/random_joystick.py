@@ -66,7 +66,7 @@ def random_drive(random: np.random.Generator, crane: str, name: str) -> Scenario
 
 
 def load_of_limits(scenario: Scenario) -> dict[str, float]:
-    """How much of each limit the reference of a driven scenario needs, 1 is all of the share that it may."""
+    """Return how much of each limit the reference of a driven scenario needs; 1 is all of its share."""
     reference = plan_reference(scenario).reference  # which refuses what leaves the workspace
     states, inputs = states_and_inputs(reference, scenario.rig.gravity)
     limits = limits_of(scenario)
@@ -84,7 +84,7 @@ def load_of_limits(scenario: Scenario) -> dict[str, float]:
 
 
 def case_of(scenario: Scenario) -> Case:
-    """Of plants that must agree as closely as any."""
+    """Return a case of plants that must agree as closely as any."""
     return make_case(
         scenario, controller="lqr", drive="ideal", plants=("analytic", "mujoco"), keep="none", pairwise=True
     )

@@ -105,7 +105,9 @@ def _with(scenario: Scenario, *segments: Segment) -> Scenario:
 
 
 def excesses(plan: Scenario, samples: int = SAMPLES) -> dict[str, float]:
-    """The largest over each limit, in parts of it or in metres, of what was planned: at samples, by geometry.
+    """Return the largest excess over each limit, relative or in metres, at samples of the plan.
+
+    Obstacles are measured as in runs; a negative excess is a distance.
 
     Of obstacles as runs are measured; negative: what is left.
     """

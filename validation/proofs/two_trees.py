@@ -69,7 +69,7 @@ for line in sys.stdin:
 
 
 def digests(tree: Path) -> str:
-    """What all cases of `validate` record, a line a group."""
+    """Return digests of what all cases of `validate` record, a line for each group."""
     environment = {**os.environ, "PYTHONPATH": str(tree)}
     with tempfile.TemporaryDirectory() as place:
         command = [sys.executable, "-m", "cranectl", "validate"]
@@ -81,7 +81,7 @@ def digests(tree: Path) -> str:
 
 
 def ratios(old: Path, new: Path, plant: str, drive: str, pairs: int) -> np.ndarray:
-    """Time of the new loop over that of the old one, (pairs,)."""
+    """Return the time of the new loop over that of the old one, (pairs,)."""
     workers = [
         subprocess.Popen(
             [sys.executable, "-c", WORKER, plant, drive],

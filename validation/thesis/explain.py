@@ -142,7 +142,7 @@ def derivative(loop, t, x, dx, out):
 
 @jit
 def start(loop):
-    """At rest on the reference."""
+    """Return the state at rest on the reference."""
     x = np.zeros(12 + 3 * loop.a.shape[0])
     x[0], x[2], x[4] = loop.reference[0, 0], loop.reference[0, 1], -loop.reference[0, 2]
     return x
@@ -264,7 +264,7 @@ def scaled(order: int, factor: float, axes: tuple[int, ...] = (0, 1, 2)) -> Call
 
 
 def held(period: float, orders: int) -> Callable[[Array], Array]:
-    """The reference's first derivatives as a staircase."""
+    """Return a change of the reference that holds its first derivatives as a staircase."""
     n = round(period / TABLE_STEP)
 
     def alter(rows: Array) -> Array:
@@ -276,7 +276,7 @@ def held(period: float, orders: int) -> Callable[[Array], Array]:
 
 
 def chords(period: float) -> Callable[[Array], Array]:
-    """The reference's position as a polygon, its derivatives exact."""
+    """Return a change of the reference to a polygon with exact derivatives."""
     n = round(period / TABLE_STEP)
 
     def alter(rows: Array) -> Array:
@@ -374,7 +374,7 @@ HYPOTHESES = (
 
 
 def printed() -> dict[str, Array]:
-    """The tables, rows in the order of CONTROLLERS."""
+    """Return the tables, rows in the order of CONTROLLERS."""
     tables = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))[
         "tables"
     ]
@@ -382,7 +382,7 @@ def printed() -> dict[str, Array]:
 
 
 def printed_gammas() -> dict[str, float]:
-    """By controller, section 5.2.1."""
+    """Return the norms of section 5.2.1 by controller."""
     norms = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))["norms"]
     return {entry["controller"]: entry["gamma"] for entry in norms}
 
@@ -451,7 +451,7 @@ def read_tables(hypothesis: Hypothesis) -> dict[str, Array]:
 
 
 def deviations(tables: dict[str, Array]) -> dict[str, Array]:
-    """From print: relative for peaks [%], absolute for places [mm]."""
+    """Return deviations from print: relative for peaks [%], absolute for positions [mm]."""
     return {
         name: 100.0 * (tables[name] / table - 1.0) if name in ("5.1", "5.3") else 1e3 * (tables[name] - table)
         for name, table in printed().items()
@@ -480,7 +480,7 @@ def noise(controller: str, *, modal: bool) -> dict[str, Array]:
 
 
 def print_noise() -> None:
-    """The noise of every controller, S/KS in both forms."""
+    """Print the noise of every controller, S/KS in both forms."""
     for controller in CONTROLLERS:
         for modal in (True, False) if controller.endswith("+hinf") else (True,):
             print(f"{controller}, {'modal form' if modal else 'as synthesised'}: x, y, l [m/s²]")

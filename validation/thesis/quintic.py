@@ -32,7 +32,7 @@ class Cost:
 
 
 def scenario(law: str) -> Scenario:
-    """The settled trajectory along `law`, without disturbances."""
+    """Return the settled trajectory along `law`, without disturbances."""
     laws = [f"reference.segments.{k}.time_law='{law}'" for k in (0, 1)]
     return load_scenario(
         "settled-trajectory", overrides=[*laws, f"reference.continuity={LAWS[law]}", "disturbances=[]"]

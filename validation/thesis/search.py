@@ -43,7 +43,7 @@ class Reading:
         return self.end_x - self.radius if self.end_x > 1.0 else self.end_x + self.radius
 
     def overrides(self) -> list[str]:
-        """As `--set` for the scenario settled-trajectory."""
+        """Return the values of `--set` for the scenario settled-trajectory."""
         line = f"to=[{self.end_x}, {END_Y}, {END_Z}], time_law='{self.line_law}'"
         arc = (
             f"centre=[{self.centre_x}, {END_Y}], angle={self.half_turns * math.pi}, time_law='{self.arc_law}'"
@@ -56,7 +56,7 @@ TAKEN = Reading(1.65, 0.65, -2, "degree-5", "degree-5")
 
 
 def readings() -> list[Reading]:
-    """The neighbourhood: literal ends 0.6 and 1.65, radii that stay on the rig, half and full turns."""
+    """Return the neighbourhood: literal ends, radii that stay on the rig, half and full turns."""
     from_the_text = itertools.product(
         (0.6, 1.65), (0.35, 0.45, 0.525, 0.6, 0.65, 0.7), (-2, -1, 1, 2), LAWS, LAWS
     )

@@ -39,7 +39,7 @@ class Estimator(NamedTuple):
 
 
 def linear_estimator(observer: Observer) -> Estimator:
-    """The error equations of `cranectl.controllers.observer`."""
+    """Return the error equations of `cranectl.controllers.observer`."""
     period = observer.period
     gain = np.array([observer.position_gain, observer.velocity_gain, observer.disturbance_gain])
     corrected = np.eye(3) - np.outer(gain, [1.0, 0.0, 0.0])

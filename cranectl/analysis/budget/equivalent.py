@@ -32,7 +32,7 @@ from cranectl.support.jit import jit_called
 
 
 def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = None) -> Ports:
-    """The sampled run less the continuous-time ideal.
+    """Return the difference between the sampled run and the continuous-time ideal.
 
     What a hold does is a matter of the continuous law's own signals: those of the sampled run, or better
     those less a deviation `predicted` from them.
@@ -90,7 +90,7 @@ def _rise(signal: Array, period: float, jumps: NDArray[np.intp]) -> Array:
 
 
 def _jumps(run: Run) -> NDArray[np.intp]:
-    """Samples at which the reference's segments meet."""
+    """Return the samples at which the reference's segments meet."""
     joints = build_trajectory(run.scenario.reference).joints[1:]
     return np.ceil(joints * NANOSECONDS / run.scenario.period_ns - 1e-6).astype(np.intp)
 
@@ -111,7 +111,10 @@ def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
 
 @jit_called
 def runge_kutta_defect(rig, states, commands, disturbances, winds, defect):
-    """The classical fourth-order step from each of `states` less the next, into `defect` (N - 1, >= 10)."""
+    """Compute a fourth-order Runge-Kutta step from each state minus the next state.
+
+    The result is in `defect` (N - 1, >= 10).
+    """
     rates, work, state = np.zeros((4, 10)), np.zeros(10), np.zeros(10)
     step = rig.step
     for k in range(len(defect)):
@@ -130,7 +133,7 @@ def runge_kutta_defect(rig, states, commands, disturbances, winds, defect):
 
 
 def delayed(loop: TrajectoryLoop, commands: Array) -> Ports:
-    """`commands` (N - 1, 3) that arrive late, less punctual ones; before the first the drives rest."""
+    """Return the late `commands` (N - 1, 3) minus punctual ones; before the first the drives rest."""
     ports = no_errors(loop)
     arriving = np.vstack([np.zeros((min(loop.delay, len(commands)), 3)), commands])
     ports.arriving[:] = arriving[: len(commands)] - commands
@@ -155,7 +158,10 @@ def limited_commands(run: Run, loop: TrajectoryLoop, limits: DriveLimits, predic
 
 @jit_called
 def cut_off(limits, wanted, start, cut):
-    """What limits take from the set-points `wanted` (N, 3), into `cut`; the tracker's integral follows."""
+    """Compute what limits remove from the set-points `wanted` (N, 3), into `cut`.
+
+    The integral of the tracker follows.
+    """
     previous, shift = start.copy(), np.zeros(3)
     for k in range(len(wanted)):
         for axis in range(3):

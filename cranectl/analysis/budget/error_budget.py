@@ -112,7 +112,7 @@ class Budget:
 
 
 def variants(scenario: Scenario, levels: Sequence[str]) -> list[Scenario]:
-    """`scenario` with the effects of each of the `levels` and of those below it."""
+    """Return `scenario` with the effects of each of the `levels` and of those below it."""
     effects = assumed_effects(scenario)
     settings = {
         "observer": exact(effects.sensing),
@@ -130,7 +130,7 @@ def variants(scenario: Scenario, levels: Sequence[str]) -> list[Scenario]:
 
 
 def simulated_seconds(scenario: Scenario, top: str = LEVELS[-1]) -> float:
-    """Simulated time of a budget's runs of the engine, for progress."""
+    """Return the simulated time of a budget's runs of the engine, for progress."""
     return scenario.duration * (LEVELS.index(top) if top in LEVELS else 0)
 
 

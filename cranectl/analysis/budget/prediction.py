@@ -73,7 +73,7 @@ class Prediction:
 
 
 def predict_levels(nominal: LinearisedRun) -> Iterator[Prediction]:
-    """Every level's prediction, in the order of LEVELS; none of them is run for it.
+    """Yield the prediction of every level, in the order of LEVELS, without a run.
 
     Above a level that is too large for a first order no bound is known either: the motion is not. The first
     level, `sampled`, is no such one, whatever its size: all others start from the nominal run itself, which
@@ -121,7 +121,7 @@ class _Path(NamedTuple):
 
 
 def _beside(prediction: Prediction, path: _Path, lost: str) -> Prediction:
-    """A random effect beside a motion that is known only so well, or above the level `lost` not at all."""
+    """Return a random effect beside a motion with its own error, or above a level that is lost."""
     return replace(prediction, bound=np.inf if lost else prediction.bound + 2.0 * path.change, above=lost)
 
 
@@ -145,7 +145,7 @@ def _find_motion(
 
 
 def _left(below: _Path, path: _Path) -> float:
-    """What the first order leaves out of the step between two paths [m].
+    """Return what the first order leaves out of the step between two paths [m].
 
     Infinite if the third order is more than half of the second: the series, of which each next term goes with
     the square of the one before as in Newton's method, is not known to converge then. Nor is it where the
@@ -164,7 +164,7 @@ def _loop(nominal: LinearisedRun, effects: tuple[str, ...]) -> TrajectoryLoop:
 
 
 def _join(nominal: LinearisedRun, effects: tuple[str, ...], loop: TrajectoryLoop, on: Deviation) -> Ports:
-    """All `effects` on the motion `on`: their signals together."""
+    """Return the signals of all `effects` together on the motion `on`."""
     if "servos" not in effects:
         return integrator_error(nominal.run, loop)
     run, settings = nominal.run, nominal.effects
@@ -181,12 +181,15 @@ def _join(nominal: LinearisedRun, effects: tuple[str, ...], loop: TrajectoryLoop
 
 
 def _bound(estimate: float, left: float, other: float) -> float:
-    """Of a deviation estimated to first order, what that leaves out, and twice any `other` doubt [m]."""
+    """Return the error bound of a first-order estimate [m]: `left` out, and twice any `other` doubt."""
     return float(estimate + left + 2.0 * other + ENGINE_ROUNDING)
 
 
 def _predict_hold(nominal: LinearisedRun) -> Prediction:
-    """The nominal run less the continuous-time ideal; the rest of the hold's expansion is left out too."""
+    """Predict the nominal run minus the continuous-time ideal.
+
+    The rest of the hold's expansion is left out too.
+    """
     run, loop = nominal.run, nominal.loop
     ports = hold_error(run, loop)
     deviations = [propagate(loop, ports)]
@@ -224,13 +227,13 @@ def _bound_friction(
 
 
 def exact(sensing: Sensing) -> Sensing:
-    """Encoders without steps and noise."""
+    """Return encoders without steps and noise."""
     still = {"position_noise": (0.0, 0.0, 0.0), "angle_noise": 0.0}
     return noisy(sensing).model_copy(update=still)
 
 
 def noisy(sensing: Sensing) -> Sensing:
-    """Encoders with noise but without steps."""
+    """Return encoders with noise but without steps."""
     return sensing.model_copy(update={"position_resolution": (0.0, 0.0, 0.0), "angle_resolution": 0.0})
 
 
@@ -268,7 +271,7 @@ def predict_noise(nominal: LinearisedRun) -> Prediction:
 
 
 def predict_quantisation(nominal: LinearisedRun, motion: Deviation) -> Prediction:
-    """Steps along the predicted motion, averaged over where the steps of the drives' encoders lie.
+    """Predict the effect of encoder steps, averaged over the positions of the steps.
 
     An error of at most half a step, of the spectrum that this motion gives it: nearly white when fast, a
     constant at rest. Where the drives come to rest is not known to a step; the angles rest where theirs count

@@ -63,14 +63,14 @@ def no_errors(loop: TrajectoryLoop) -> Ports:
 
 
 def plant_errors(loop: TrajectoryLoop) -> Ports:
-    """That the loop's plant does not obey the nominal run."""
+    """Return the error signals of a plant that does not obey the nominal run."""
     ports = no_errors(loop)
     ports.local[:, : loop.defect.shape[1]] = loop.defect
     return ports
 
 
 def no_deviation(loop: TrajectoryLoop) -> Deviation:
-    """The nominal run itself."""
+    """Return a deviation of zero: the nominal run itself."""
     samples = loop.samples
     rows = max(samples - 1, 0)
     shapes = ((samples, loop.size), (rows, 3), (rows, 2), (rows, 3), (samples, 3))

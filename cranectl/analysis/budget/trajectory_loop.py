@@ -244,7 +244,7 @@ def _controller_matrices(tracker: Tracker) -> tuple[Array, Array]:
 
 
 def dense_robustifier(tracker: Tracker) -> tuple[Array, Array, Array]:
-    """One axis's sampled robustifier as dense (A, b, c)."""
+    """Return the sampled robustifier of one axis as dense (A, b, c)."""
     return (
         diagonal(tracker.state_matrix.reshape(-1, 2, 2)),
         tracker.input_matrix,

@@ -64,15 +64,15 @@ class NominalLoop:
     def plant(
         self, scenario: Scenario, point: OperatingPoint, drive: Drive, plant: MujocoPlant | None = None
     ) -> LinearPlant:
-        """The plant of `scenario`, or another, frozen at `point`, as this controller sees it."""
+        """Return the plant of `scenario`, or another, frozen at `point`, as this controller sees it."""
         return linear_plant(scenario, point, drive, plant=plant, flat=self.design.axis_design is not None)
 
     def close(self, plant: LinearPlant) -> InnerLoop:
-        """A linear plant under the design's state feedback."""
+        """Close a linear plant with the design's state feedback."""
         return inner_loop_of(plant, self.opening.axis.gain)
 
     def inner_loop(self, scenario: Scenario, point: OperatingPoint, drive: Drive) -> InnerLoop:
-        """Both of these."""
+        """Return the plant of `scenario` at `point`, closed with the design's state feedback."""
         return self.close(self.plant(scenario, point, drive))
 
     def judge(self, inner: InnerLoop, point: OperatingPoint) -> "PointVerdict":
@@ -92,12 +92,12 @@ class NominalLoop:
         )
 
     def certifies(self, inner: InnerLoop) -> bool:
-        """Whether the loop around `inner` is known to be stable."""
+        """Return True if the loop around `inner` is proven to be stable."""
         graph = self.opening.graph(inner)
         return self.grade(graph, nu_gap(graph, self.graph))[0] != "refused"
 
     def grade(self, graph: Graph, gap: NuGap) -> tuple[Grade, float]:
-        """What the plant of `graph`, `gap` off the design model, deserves, and how much margin is left."""
+        """Return the grade of a plant with this `graph` and `gap`, and the margin that remains."""
         left = self.margin.margin - gap.gap
         if left > CAUTION:
             return "gap", left
@@ -194,7 +194,7 @@ class Certificate:
 
 
 def worst_of(points: Sequence[PointVerdict]) -> PointVerdict:
-    """The first of those at which the nu-gap leaves least of the margin."""
+    """Return the first point at which the nu-gap leaves least of the margin."""
     return min(points, key=lambda verdict: verdict.margin - verdict.gap)
 
 
@@ -204,7 +204,7 @@ def make_nominal_loops(
     points: Sequence[OperatingPoint],
     opened_at: str | None = None,
 ) -> dict[float, NominalLoop]:
-    """By rope length, the loop of `design` at `points`: of the flat family always the same.
+    """Return the loop of `design` at `points`, by rope length; the flat family has only one.
 
     Of any other law it is the linearisation that the law declares, of a load that hangs at rest. Raises
     InputError for a law that has none, for points at which it says nothing, and as `make_nominal_loop`.

@@ -71,14 +71,14 @@ def find_limits(
 
 
 def with_further_lag(scenario: Scenario, lag: float) -> Scenario:
-    """`scenario` with `lag` [s] added to the time constants of all three drives."""
+    """Return `scenario` with `lag` [s] added to the time constants of all three drives."""
     names = ("bridge_time_constant", "trolley_time_constant", "winch_time_constant")
     rig = scenario.rig.model_copy(update={name: getattr(scenario.rig, name) + lag for name in names})
     return scenario.model_copy(update={"rig": rig})
 
 
 def last_good(good: Callable[[int], bool], first: int, most: int) -> int | None:
-    """The last number before a failure, found by growing strides and then halving; None if `first` fails."""
+    """Return the last number before a failure, by growing strides and halving; None if `first` fails."""
     if not good(first):
         return None
     low, stride = first, STRIDE

@@ -130,7 +130,7 @@ def linear_plant(
 
 
 def run_plant(scenario: Scenario, drive: Drive) -> MujocoPlant:
-    """The MuJoCo plant of `scenario` with the linear part of its effects."""
+    """Return the MuJoCo plant of `scenario` with the linear part of its effects."""
     effects = scenario.effects.linear_part
     plant = make_plant("mujoco", scenario.model_copy(update={"effects": effects}), drive)
     assert isinstance(plant, MujocoPlant)
@@ -138,7 +138,7 @@ def run_plant(scenario: Scenario, drive: Drive) -> MujocoPlant:
 
 
 def _crane_matrix(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, air: Array) -> Array:
-    """(change of the engine's state (n), command (3)) → change one period later (n): (n, n + 3).
+    """Return the matrix (n, n + 3) from (change of state, command) to the change one period later.
 
     The ten joints first, see `plants.mujoco.linearisation`. Without coordinates that nothing depends on.
     """
@@ -176,7 +176,7 @@ def _held_memory(held: HeldState, command: Array, observer: Observer | None) -> 
 def _law_function(
     tracker: Tracker | None, actuation: Actuation, observer: Observer | None, drive: Drive
 ) -> Callable[[Array], Array]:
-    """(joints, memory, v) → (memory one period later, command (3), flat state (12)).
+    """Return the map (joints, memory, v) → (memory one period later, command (3), flat state (12)).
 
     Without a tracker v is what is commanded, and the joints (10) take the place of the flat state.
     """
@@ -223,7 +223,7 @@ def _joined(crane: Array, law: Array, size: int, kept: list[int]) -> SampledSyst
 
 
 def _horizontal(system: SampledSystem) -> SampledSystem:
-    """What the two horizontal axes move, at rest without the rope, which is another law's own axis."""
+    """Return the states that the two horizontal axes move, at rest without the rope's axis."""
     a, b = system.a, system.b[:, HORIZONTAL]
     reached = (np.abs(b) > UNSEEN).any(axis=1)
     for _ in range(len(a)):

@@ -90,7 +90,7 @@ class AxisDesign:
     period: float  # [s], over which v is held
 
     def inner_loop(self) -> InnerLoop:
-        """The design model, all axes of it, under state feedback."""
+        """Return the design model, with all its axes, under state feedback."""
         phi, hold = zero_order_hold(self.a, self.b, self.period)
         eye, n = np.eye(self.axes), SIGNALS * self.axes
         a, b = np.kron(phi, eye), np.kron(hold, eye)
@@ -104,7 +104,7 @@ class AxisDesign:
 
 
 def flat_axis(design: Design, period: float) -> AxisDesign:
-    """The chain z'''' = v, its state feedback, and the robustifier from e to v-bar as the tracker runs it."""
+    """Return the chain z'''' = v, its state feedback, and the sampled robustifier from e to v-bar."""
     r = design.robustifier
     blocks = sampled_blocks(r.a, r.b, r.c, r.d, period)
     first = np.eye(1, SIGNALS)
@@ -118,7 +118,7 @@ def flat_axis(design: Design, period: float) -> AxisDesign:
 
 
 def law_axis(law: LinearLaw, period: float) -> AxisDesign:
-    """The linearisation of a law: the states that it adds to those of the crane are its R.
+    """Return a linearised controller as axis design: its own states become the robustifier R.
 
     F must make the crane stable, as coprime factors ask for. Where the law's own gain does not, another one
     does, and R has the difference: neither loop nor margin change.
@@ -156,7 +156,7 @@ def closed_loop_radius(inner: InnerLoop, robustifier: SampledSystem) -> float:
 
 
 def on_each_axis(system: SampledSystem, axes: int) -> SampledSystem:
-    """The same system on each axis: states axis by axis, inputs and outputs signal by signal."""
+    """Return the same system on each axis: states axis by axis, inputs and outputs signal by signal."""
     eye: Array = np.eye(axes)
     b = np.einsum("xy,si->xsiy", eye, system.b).reshape(axes * len(system.a), axes * SIGNALS)
     a, c, d = np.kron(eye, system.a), np.kron(eye, system.c), np.kron(system.d, eye)
@@ -174,7 +174,7 @@ class Weight:
     pole: float
 
     def denominator(self, z: Complex) -> Complex:
-        """(z - 1)/(z - pole), shape (k, 1, 1)."""
+        """Return (z - 1)/(z - pole), shape (k, 1, 1)."""
         ratio: Complex = ((z - 1.0) / (z - self.pole))[:, None, None]
         return ratio
 
@@ -189,7 +189,7 @@ class Opening:
     scales: Array  # (4,) of z, z', z'', z''' at "v" [1/m⁠·s⁴ …], of an axis at "u": y = scale times signal
 
     def graph(self, inner: InnerLoop) -> Graph:
-        """The plant's graph. Its poles are those of the inner loop; nothing integrates in it."""
+        """Return the graph of the plant; its poles are those of the inner loop, without integrators."""
         poles, weight, axes = inner.arriving.poles(), self.weight, self.axis.axes
         eye = np.eye(axes)
         if weight is not None:
@@ -221,7 +221,7 @@ GRID = np.exp(1j * np.geomspace(1e-5, np.pi, 250))  # of the optimisation only; 
 
 
 def choose_opening(controller: str, axis: AxisDesign, settings: DesignSettings, name: str | None) -> Opening:
-    """The loop opened at `name`: by default "v-bar" for loop shaping, "v" for the others of the flat family.
+    """Choose where the loop is opened: "v-bar" for loop shaping, "v" for the rest of the flat family.
 
     Every other law is opened at "u". Raises InputError for a signal at which it cannot be.
     """

@@ -51,7 +51,7 @@ class NuGap:
 
 
 def nu_gap(first: Graph, second: Graph) -> NuGap:
-    """The nu-gap of two plants of as many inputs and outputs, by their graphs.
+    """Compute the nu-gap of two plants with equal numbers of inputs and outputs from their graphs.
 
     1 also where it cannot be found: poles on the circle, or a grid that cannot resolve the graphs.
     """
@@ -81,7 +81,7 @@ def distance(q_1: Complex, q_2: Complex) -> Array:
 
 
 def orthonormal(graph: Complex) -> Complex:
-    """An orthonormal basis of the span of each (p + m, m) matrix."""
+    """Return an orthonormal basis of the span of each (p + m, m) matrix."""
     basis: Complex = np.linalg.qr(graph)[0]
     return basis
 

@@ -70,7 +70,7 @@ class HeldState:
 
 
 def signals_at(joints: Array, gravity: float) -> HeldState:
-    """The tracker's signals while the drives do not accelerate and the angles in `joints` (10,) rest."""
+    """Return the tracker's signals for resting angles in `joints` (10,) and drives at constant speed."""
     length, alpha, beta = joints[ROPE], joints[ALPHA], joints[BETA]
     drop = cos(alpha) * cos(beta)  # of one metre of rope
     zeta = gravity * (drop * drop - 1.0)
@@ -108,7 +108,7 @@ def grid_of(
     tilts: Sequence[tuple[float, float]],
     hoisting_speeds: Sequence[float],
 ) -> list[OperatingPoint]:
-    """Every combination; raises InputError for ropes out of the rig's range and for numbers out of reach."""
+    """Return every combination; raise InputError for values outside of the rig's ranges."""
     given = [("a tilt of", each, "rad/s²") for tilt in tilts for each in tilt]
     for name, value, unit in (*given, *(("a hoisting speed of", each, "m/s") for each in hoisting_speeds)):
         if not abs(value) <= MAX_OPERATING_VALUE:  # or no number
@@ -141,7 +141,7 @@ REST_ITERATIONS = 30
 def equilibrium(
     plant: MujocoPlant, point: OperatingPoint, drive: Drive, air: Array, gravity: float
 ) -> tuple[Anchor, Array, HeldState]:
-    """The engine's state, the command (3,) that holds it, and the signals there.
+    """Find the engine's state, the command (3,) that holds it, and the signals there.
 
     Raises InputError where no such state is found.
     """
@@ -177,7 +177,7 @@ def equilibrium(
 
 
 def _starting_guess(plant: MujocoPlant, point: OperatingPoint, gravity: float) -> Anchor:
-    """The state of a crane without effects, its rope stretched as it hangs still, and only then running."""
+    """Return the state of a crane without effects, with its rope stretched as it hangs still."""
     joints = np.zeros(10)
     joints[ROPE] = point.rope_length
     joints[ALPHA], joints[BETA] = tilt_angles(point, gravity)

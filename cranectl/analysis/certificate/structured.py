@@ -77,7 +77,7 @@ def _norm_and_slope(matrices: Complex, place: Array) -> tuple[Array, Array]:
 def _half_ellipsoid(
     centre: Array, shape: Array, slope: Array, reach: Array, depth: Array
 ) -> tuple[Array, Array]:
-    """The smallest ellipsoid about what is left of one beyond a cut across it at `depth` of its reach."""
+    """Return the smallest ellipsoid around the rest of one after a cut at `depth` of its reach."""
     n = centre.shape[1]
     direction = np.einsum("kij,kj->ki", shape, slope) / reach[:, None]
     step = (1.0 + n * depth) / (n + 1.0)
@@ -152,7 +152,7 @@ def below_until(continuous: SampledSystem, scaling: Array, level: float, start: 
 
 
 def bilinear(system: SampledSystem) -> SampledSystem:
-    """The continuous system of the same response, at j tan(angle / 2) in place of exp(j angle)."""
+    """Return the continuous system of the same response at j tan(angle / 2) instead of exp(j angle)."""
     inverse = np.linalg.inv(system.a + np.eye(len(system.a)))
     return SampledSystem(
         (system.a - np.eye(len(system.a))) @ inverse,
@@ -310,7 +310,7 @@ def _tolerated(delay: float, angles: Array, spread: float) -> Array:
 
 
 def _finer(system: SampledSystem, bounds: GridBounds, angle: float) -> GridBounds:
-    """With more points about `angle`."""
+    """Return the bounds with more points around `angle`."""
     place = int(np.searchsorted(bounds.angles, angle))
     low, high = bounds.angles[max(place - 2, 0)], bounds.angles[min(place + 1, len(bounds.angles) - 1)]
     more = bounded(system, np.setdiff1d(np.linspace(low, high, MORE), bounds.angles))

@@ -40,7 +40,7 @@ class SampledSystem(NamedTuple):
 
 
 def close_inputs(system: SampledSystem, rows: slice, columns: slice, gain: Array) -> SampledSystem:
-    """The system with the inputs `columns` fed as u + gain @ y of the outputs `rows`.
+    """Feed the inputs `columns` with u + gain @ y of the outputs `rows`.
 
     Needs outputs without feed-through from those inputs, so that no loop is algebraic.
     """
@@ -54,7 +54,7 @@ def close_inputs(system: SampledSystem, rows: slice, columns: slice, gain: Array
 
 
 def with_delay(system: SampledSystem, rows: slice, columns: slice, samples: int) -> SampledSystem:
-    """The system with the inputs `columns` fed by the outputs `rows`, `samples` late; states added last.
+    """Feed the inputs `columns` with the outputs `rows`, `samples` late; new states come last.
 
     Each output waits in a chain of unit delays; in its place among the outputs is what arrives. An input that
     is kept adds to what arrives. `rows` must not be fed through from `columns`.

@@ -32,12 +32,12 @@ class Variable(NamedTuple):
         return log(inside / self.low) / log(self.high / self.low)
 
     def at(self, place: float) -> float:
-        """The number at a place from 0 to 1, to DIGITS digits."""
+        """Return the number at a position from 0 to 1 of the range, to TUNED_DIGITS digits."""
         size = self.low * (self.high / self.low) ** place
         return copysign(float(f"{size:.{TUNED_DIGITS}g}"), self.start)
 
     def sized(self, value: float, length: float) -> float:
-        """What `value` is on a crane `length` times as large as the laboratory rig."""
+        """Scale `value` to a crane that is `length` times as large as the laboratory rig."""
         scaled = self.length_power and length != 1.0
         return rounded(value * length**self.length_power) if scaled else value
 
@@ -55,7 +55,7 @@ DESIGNS: dict[str, dict[str, tuple[float, float]]] = {
 
 
 def variables_of(name: str) -> tuple[Variable, ...]:
-    """What tuning may change of the controller `name`; raises InputError for an unknown one."""
+    """Return what tuning may change of the controller `name`; raise InputError for an unknown one."""
     controller = load_controller(checked_controller(name))
     if controller.axis_design is not None:
         usual = dict(leaves({"design": DesignSettings().model_dump()}))
@@ -69,7 +69,9 @@ def variables_of(name: str) -> tuple[Variable, ...]:
 
 
 def assignments(variables: Sequence[Variable], values: Sequence[float], length: float = 1.0) -> list[str]:
-    """Settings `key=value` of a scenario that give `variables` their `values`; without those at their start.
+    """Return settings `key=value` of a scenario that give `variables` their `values`.
+
+    Variables at their start value are left out.
 
     `variables` are all of a controller, on a crane `length` times as large as the laboratory rig. A list is
     given as a whole.

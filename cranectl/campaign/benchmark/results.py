@@ -92,7 +92,7 @@ def run_trials(
 
 
 def _whole_result(campaign: Campaign, directory: Path) -> Results | None:
-    """The finished result of `campaign` in `directory` by software that is here; None for any other.
+    """Return the finished result of `campaign` in `directory` by the installed software, else None.
 
     It says what `open_store` would make it say, and is neither held nor written.
     """
@@ -109,7 +109,7 @@ def _whole_result(campaign: Campaign, directory: Path) -> Results | None:
 
 
 def _refusal(campaign: Campaign) -> str:
-    """Why the law of `campaign` cannot be run on the nominal crane, "" where it can."""
+    """Return why the controller of `campaign` cannot run on the nominal crane, or an empty text."""
     try:
         Prepared(campaign)
     except InputError as error:
@@ -122,7 +122,7 @@ def _not_run(results: Results) -> str:
 
 
 def begun_trials(benchmark: Benchmark, directory: Path, laws: Sequence[str]) -> list[Trial]:
-    """The trials of `laws` that were begun below `directory`, of all divisions."""
+    """Return the trials of these controllers that were begun below `directory`, in all divisions."""
     trials = (trial for division in DIVISIONS for trial in trials_of(benchmark, laws, division=division))
     return [trial for trial in trials if (directory / trial.place / MANIFEST_FILE).exists()]
 
@@ -136,7 +136,7 @@ def collected(
     tuned: Path,
     advance: Callable[[float], None],
 ) -> BenchmarkTable:
-    """Those of the trials `begun` below `directory` that are whole; `advance` is told of each by a 1.
+    """Collect the complete ones of the trials `begun` below `directory`; call `advance(1)` for each.
 
     `rules`: digest of those of `benchmark`; `tuned`: where the numbers of tuned laws are.
     Raises InputError where no trial is whole, where one is damaged, and where laws have run on other cranes

@@ -28,7 +28,7 @@ class PairedDifference(NamedTuple):
 
 
 def paired_difference(values: Array, baseline: Array, seed: int) -> PairedDifference:
-    """Of (n,) values with those of the baseline on the same cranes; NaN where a run has none."""
+    """Compare (n,) values with those of the baseline on the same cranes; NaN where a run has none."""
     difference = (values - baseline)[np.isfinite(values) & np.isfinite(baseline)]
     if not difference.size:
         return PairedDifference(0, *[float("nan")] * 4)
@@ -42,7 +42,9 @@ def paired_difference(values: Array, baseline: Array, seed: int) -> PairedDiffer
 
 
 def unsettled_time(settling: Array, failed: Mask, horizon: float) -> Array:
-    """Time of the rest, `horizon` [s], that passes unsettled [s], (n,): all of it where a run fails.
+    """Return the time (n,) [s] of the rest phase, `horizon` [s] long, before the load has settled.
+
+    It is all of it where a run fails.
 
     `settling` (n,) is NaN where a run did not settle.
     """
@@ -94,19 +96,21 @@ def profile(ratios: Array, at: Array) -> Array:
 
 
 def dominates(points: Array) -> Mask:
-    """(n, n) of (n, d) points, all d the lower the better: i is as good as j, and better in one."""
+    """Return (n, n) for (n, d) points, lower is better: True where i is as good as j, and better in one."""
     no_worse = (points[:, np.newaxis] <= points[np.newaxis]).all(axis=2)
     better = (points[:, np.newaxis] < points[np.newaxis]).any(axis=2)
     return np.asarray(no_worse & better)
 
 
 def undominated(points: Array) -> Mask:
-    """Which of (n, d) points, all d the lower the better, no other one dominates."""
+    """Return which of (n, d) points no other point dominates; lower is better."""
     return np.asarray(~dominates(points).any(axis=0))
 
 
 def radius(spreads: Array, shares: Array) -> float:
-    """The factor on all spreads at which the share of failures passes ACCEPTED, between factors linear.
+    """Return the factor on all spreads at which the share of failures exceeds ACCEPTED.
+
+    Between the given factors the share is interpolated linearly.
 
     `spreads` increase; 0 where it is passed at the first one already, inf where it is not passed at all.
     """

@@ -156,12 +156,12 @@ class Benchmark(Settings):
 
 
 def benchmark_file(name_or_path: str) -> Path:
-    """Where a benchmark is read; raises InputError for none."""
+    """Return the file of a benchmark; raise InputError if there is none."""
     return resources.toml_file("benchmark", name_or_path, resources.BENCHMARK_DIRECTORY)
 
 
 def read_benchmark(name_or_path: str) -> Benchmark:
-    """A benchmark by name or from a TOML file; raises InputError for what is wrong in it."""
+    """Read a benchmark by name or from a TOML file; raise InputError for what is wrong in it."""
     path = benchmark_file(name_or_path)
     benchmark = parse_settings(Benchmark, read_toml(path), path.name)
     benchmark._file = path

@@ -59,7 +59,7 @@ class Runs:
 
 
 def on_common_cranes(runs: Sequence[Runs]) -> list[Runs]:
-    """`runs`, each on the cranes that all of them have."""
+    """Restrict each of `runs` to the cranes that all of them have."""
     cranes = min(each.failed.size for each in runs)
     return [each.first(cranes) for each in runs]
 
@@ -86,7 +86,7 @@ def runs_of(column: Columns, limits: Mapping[str, float]) -> Runs:
 
 
 def write_table(path: Path, table: BenchmarkTable) -> None:
-    """Write the file, whole or not at all; metrics to four digits."""
+    """Write the table in one atomic step, with metrics to four digits."""
     import pyarrow
     from pyarrow import parquet
 
@@ -115,7 +115,7 @@ def rounded(values: Array) -> Any:
 
 
 def read_table(path: Path) -> BenchmarkTable:
-    """What `write_table` has written; raises InputError for anything else."""
+    """Read what `write_table` has written; raise InputError for anything else."""
     import pyarrow
     from pyarrow import parquet
 

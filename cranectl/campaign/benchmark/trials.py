@@ -46,7 +46,7 @@ class Trial(NamedTuple):
 
 
 def follows(law: str) -> str:
-    """What a law follows, "path" or "set-point"; raises InputError for an unknown one."""
+    """Return what a controller follows, "path" or "set-point"; raise InputError for an unknown one."""
     return load_controller(checked_controller(law)).follows
 
 
@@ -81,7 +81,7 @@ def trials_of(
     *,
     division: Division = "published",
 ) -> list[Trial]:
-    """All trials of `laws`, names of controllers; of `sets` and `scenarios` only, where any are named.
+    """Return all trials of these controllers, restricted to `sets` and `scenarios` if any are named.
 
     By set, scenario and plant, so that what all laws have in common comes together.
     """
@@ -136,7 +136,7 @@ def campaign_of(
 
 
 def crane_length(benchmark: Benchmark, scenario: str) -> float:
-    """How many times as large as the laboratory's the crane of `scenario` is; raises InputError."""
+    """Return the size of the crane of `scenario` relative to the laboratory's; raise InputError."""
     return size_of(read_scenario(scenario_source(benchmark, scenario)).rig)
 
 
@@ -167,7 +167,7 @@ def trial_campaign(
     numbers: Sequence[str] = (),
     **settings: Any,
 ) -> Campaign:
-    """A campaign of `law` on a scenario of the benchmark, with `numbers` of the law, key=value each.
+    """Make a campaign of one controller on a scenario of the benchmark, with `numbers` as key=value.
 
     As `stated_campaign`: what decides which values there are is the same for all laws.
     """

@@ -19,7 +19,7 @@ TOML = Kind("result of tuning", rb"law = ")
 
 
 def tuned_files(directory: Path, law: str) -> tuple[Path, Path]:
-    """Where numbers and points of `law` go; raises InputError where they cannot."""
+    """Return the files for a controller's numbers and points; raise InputError if they cannot be written."""
     files = directory / f"{law}.toml", directory / f"{law}.parquet"
     for path, kind in zip(files, (TOML, PARQUET), strict=True):
         check_place(path, kind, option="--out")
@@ -27,7 +27,7 @@ def tuned_files(directory: Path, law: str) -> tuple[Path, Path]:
 
 
 def tuned_table(tuned: Tuned, benchmark: Benchmark, rules: str) -> dict[str, Any]:
-    """What was found by `rules`, of `rules_of`, for which law; numbers are those on the laboratory rig."""
+    """Return the content of the file of tuned numbers; the numbers are those on the laboratory rig."""
     found = tuned.found
     return {
         "law": tuned.law,
@@ -75,7 +75,7 @@ def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]
 def tuned_settings(
     directory: Path, rules: str, law: str, length: float, benchmark: str = DEFAULT
 ) -> list[str]:
-    """Settings `key=value` of the tuned `law`, on a crane `length` times as large as the laboratory's.
+    """Return settings `key=value` of a tuned controller, on a crane `length` times the laboratory's.
 
     Raises InputError as `tuned_facts`.
     """
@@ -92,7 +92,7 @@ def _is_of(table: Mapping[str, Any], law: str) -> bool:
 
 
 def tuned_facts(directory: Path, rules: str, law: str, benchmark: str = DEFAULT) -> dict[str, Any]:
-    """What tuning gave `law`: `cost` and share `failed` untuned, with half the budget and with all of it.
+    """Return what tuning found: `cost` and share `failed` untuned, with half and with all of the budget.
 
     `numbers` has those of the law by their settings, untuned and found. Raises InputError where there are
     none in `directory`, or law or rules were others when it was tuned. `benchmark`: how it was named.

@@ -39,7 +39,7 @@ Advance = Callable[[int], None]  # told how many runs are done
 
 
 def run_cost(row: Row, scenario: Scenario, broken: bool, variation_price: float) -> float:
-    """The cost of one run of `scenario`; `broken`: whether it broke one of its limits.
+    """Return the cost of one run of `scenario`; `broken` says whether it broke one of its limits.
 
     Of one that completes: 5 c / (5 + c), never more than 5, with
     c = (rms_error_m + final_error_m) / (5 settling_tolerance) + residual_sway_about_lean_rad / 0.1
@@ -61,7 +61,7 @@ def run_cost(row: Row, scenario: Scenario, broken: bool, variation_price: float)
 
 
 def _number(value: Any) -> float:
-    """A metric; what the run has no such thing of costs nothing."""
+    """Return a metric as a number, 0 if the run does not have it."""
     return 0.0 if value is None else float(value)
 
 
@@ -213,7 +213,7 @@ def tune(
 
 
 def _strategy(variables: Sequence[Variable], seed: int) -> Any:
-    """The search from the untuned numbers, in the unit cube; raises InputError without pycma.
+    """Return CMA-ES from the untuned numbers in the unit cube; raise InputError without pycma.
 
     With a coordinate more that means nothing where there is one only, which it does not take.
     """
@@ -239,7 +239,7 @@ def _strategy(variables: Sequence[Variable], seed: int) -> Any:
 
 @contextmanager
 def _evaluating(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Callable[..., list[Point]]]:
-    """Yields what runs candidates in threads; they leave their runs once the block is left."""
+    """Yield a function that runs candidates in threads, which end when the block is left."""
     left = threading.Event()
 
     def costs(scenario: str, values: Sequence[float], may_refuse: bool) -> tuple[list[float], int]:

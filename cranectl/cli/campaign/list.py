@@ -73,7 +73,7 @@ def show_campaign(campaign: "Campaign", no_estimate: bool, screen: Screen) -> No
 
 
 def duration(seconds: float) -> str:
-    """Time for people: two digits or so."""
+    """Return a readable time with about two digits."""
     if seconds < 90.0:
         return f"{max(1, math.ceil(seconds))} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"

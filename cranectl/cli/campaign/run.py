@@ -150,7 +150,7 @@ def _run(campaign: "Campaign", store: "Store", engine: "Engine") -> bool:
 def _progress(
     campaign: "Campaign", missing: Sequence["Batch"]
 ) -> Iterator[Callable[[Sequence["Row"]], None]]:
-    """A bar on standard error over all runs; yields what to call with new rows. Silent if no terminal."""
+    """Show a progress bar over all runs; yield a function that takes new rows."""
     from cranectl.campaign.summary import failed
 
     left = sum(batch.runs for batch in missing)

@@ -70,19 +70,19 @@ def build_crane(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Mu
 
 
 def rotor_inertias(rig: RigParameters, drive: Drive) -> tuple[float, float, float]:
-    """What each drive turns besides the crane [kg]."""
+    """Return the inertia that each drive moves besides the crane [kg]."""
     if DRIVES[drive].is_prescribed:
         return (ideal_inertia(rig),) * 3
     return 0.0, 0.0, rig.winch_mass
 
 
 def ideal_inertia(rig: RigParameters) -> float:
-    """Of an ideal drive [kg]."""
+    """Return the rotor inertia of an ideal drive [kg]."""
     return IDEAL_INERTIA * (rig.bridge_mass + rig.trolley_mass + rig.load_mass)
 
 
 def drive_forces(rig: RigParameters, drive: Drive, effects: EffectSettings) -> tuple[Array, Array]:
-    """Of the forces of the drives [N], gain · command + offset: (3,) each."""
+    """Return gain and offset, (3,) each, of the drives' forces gain · command + offset [N]."""
     if DRIVES[drive].is_prescribed:
         return np.array(rotor_inertias(rig, drive)), np.zeros(3)
     gain, _, held = DRIVES[drive].push(rig, effects)
@@ -90,7 +90,7 @@ def drive_forces(rig: RigParameters, drive: Drive, effects: EffectSettings) -> t
 
 
 def axis_damping(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[float]:
-    """Of the driven joints [N s/m]: a velocity drive's gain on what it measures, and viscous friction."""
+    """Return the damping of the driven joints [N s/m]: gain of a velocity drive, viscous friction."""
     friction = np.array(effects.friction.viscous if effects.friction else (0.0, 0.0, 0.0))
     damping: list[float] = (np.array(DRIVES[drive].push(rig, effects)[1]) + friction).tolist()
     return damping

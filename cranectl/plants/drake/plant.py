@@ -108,7 +108,7 @@ class DrakePlant:
         self._turn_joint(0.0, 0.0)
 
     def observe_load(self, load: Array) -> None:
-        """Position and velocity of the load, and the pull of the rope, into `load` (7,)."""
+        """Write position and velocity of the load and the pull of the rope into `load` (7,)."""
         if not isfinite(self.rates(self.state).sum()):
             load[:] = np.nan
             return
@@ -134,7 +134,7 @@ class DrakePlant:
             self.state += self.step * (RK45.B @ stages)
 
     def rates(self, state: Array) -> Array:
-        """Derivative of `state`, Drake's positions and velocities, under what is held; or NaN."""
+        """Return the derivative of Drake's positions and velocities, or NaN if Drake fails."""
         if not isfinite(state.sum()):  # with which Drake would end the process
             return np.full_like(state, np.nan)
         try:

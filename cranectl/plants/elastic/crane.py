@@ -70,7 +70,7 @@ class ElasticCrane(NamedTuple):
 def make_crane(
     rig: RigParameters, effects: EffectSettings, drive: Drive, *, step: float, substeps: int
 ) -> ElasticCrane:
-    """The crane of `rig` with `effects`."""
+    """Make the elastic crane of `rig` with `effects`."""
     rope, body, frame, friction = effects.rope, effects.body, effects.frame, effects.friction
     gravity, none = gravity_in_rig(rig.gravity, effects), (0.0, 0.0, 0.0)
     ideal, (gain, damping, held) = DRIVES[drive].is_prescribed, DRIVES[drive].push(rig, effects)
@@ -109,7 +109,7 @@ def make_crane(
 
 
 def _rails(rig: RigParameters, frame: Frame | None, gravity: Triple) -> dict[str, tuple[float, float]]:
-    """What holds the rails; the frame's frequencies are those of the empty rig."""
+    """Return mass, weight, stiffness and damping of the rails; frequencies are those of the empty rig."""
     if frame is None:
         return dict.fromkeys(("rail_mass", "rail_weight", "rail_stiffness", "rail_damping"), (0.0, 0.0))
     standing = frame.mass + rig.bridge_mass + rig.trolley_mass
@@ -132,7 +132,7 @@ def set_damping(crane: ElasticCrane, effects: EffectSettings, length: float) -> 
 
 
 def hanging_states(crane: ElasticCrane, joints: Array, tension: Array) -> Array:
-    """(N, 22): joints (N, 10), the rope stretched by its tension (N,) [N], the body in line with it.
+    """Return states (N, 22) at `joints` (N, 10), with the rope stretched by `tension` (N,) [N].
 
     The body turns with the hook, about the rope too; the rails rest.
     """
@@ -150,13 +150,13 @@ def hanging_states(crane: ElasticCrane, joints: Array, tension: Array) -> Array:
 
 
 def directions(states: Array) -> Array:
-    """Of states (N, 10 or 22): the rope's n, (N, 3)."""
+    """Return the unit vectors n along the rope, (N, 3), of `states` (N, 10 or 22)."""
     alpha, beta = states[:, ALPHA], states[:, BETA]
     return np.column_stack([np.sin(beta), np.cos(beta) * np.sin(alpha), -np.cos(alpha) * np.cos(beta)])
 
 
 def load_positions(crane: ElasticCrane, states: Array) -> Array:
-    """Of states (N, 22): the load in the world (N, 3) [m]."""
+    """Return the position of the load in the world, (N, 3) [m], of `states` (N, 22)."""
     positions: Array = (states[:, ROPE] - crane.offset + states[:, STRETCH])[:, None] * directions(states)
     positions += crane.offset * states[:, BODY : BODY + 3]
     positions[:, 0] += states[:, BRIDGE] + states[:, RAILS]

@@ -16,32 +16,32 @@ from cranectl.support.jit import jit
 
 @jit
 def dot(a, b):
-    """Of two vectors."""
+    """Return the dot product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @jit
 def cross(a, b):
-    """Of two vectors."""
+    """Return the cross product of two vectors."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @jit
 def sum_of(a, x, b):
-    """The vector a + x b."""
+    """Return the vector a + x b."""
     return a[0] + x * b[0], a[1] + x * b[1], a[2] + x * b[2]
 
 
 @jit
 def rope_directions(alpha, beta):
-    """The rope's n and its derivatives by the angles, at right angles to each other."""
+    """Return the unit vector n along the rope and its derivatives by alpha and beta."""
     sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
     return (sb, cb * sa, -ca * cb), (0.0, ca * cb, sa * cb), (cb, -sb * sa, sb * ca)
 
 
 @jit
 def rate_of_turn(alpha_rate, beta_rate, n, by_alpha, by_beta):
-    """The rate of n, and what its second derivative has of rates alone."""
+    """Return the rate of n, and the part of its second derivative that depends on the angle rates only."""
     rate = sum_of((0.0, alpha_rate * by_alpha[1], alpha_rate * by_alpha[2]), beta_rate, by_beta)
     both = beta_rate * beta_rate + alpha_rate * alpha_rate
     mixed = 2.0 * alpha_rate * beta_rate
@@ -153,7 +153,7 @@ def n_squared(by_alpha):
 
 @jit
 def is_locked(crane, work, joint):
-    """Whether the acceleration of `joint` is given."""
+    """Return True if friction or an ideal drive prescribes the acceleration of `joint`."""
     return work.stuck[joint] or (crane.prescribed and joint < 3)
 
 
@@ -188,13 +188,13 @@ def move_axes(crane, state, command, work, rate):
 
 @jit
 def given(crane, command, axis):
-    """Acceleration of an axis that is locked [m/s²]."""
+    """Return the prescribed acceleration of a locked axis [m/s²]."""
     return command[axis] if crane.prescribed else 0.0
 
 
 @jit
 def rail_force(crane, state, axis):
-    """Of springs, dampers and slope on the rails [N]."""
+    """Return the force of springs, dampers and slope on the rails along `axis` [N]."""
     place = RAILS + 2 * axis
     spring = crane.rail_stiffness[axis] * state[place] + crane.rail_damping[axis] * state[place + 1]
     return crane.rail_weight[axis] - spring
@@ -211,7 +211,7 @@ def load_pull(work, coordinate):
 
 @jit
 def add_axes(crane, state, command, work):
-    """What runs on the axes, and which coordinates are fixed, into `factor`, `acceleration` and `fixed`."""
+    """Add the masses on the axes and the fixed coordinates to `factor`, `acceleration` and `fixed`."""
     factor, force, fixed = work.factor, work.acceleration, work.fixed
     for i in range(JOINTS):
         force[i] = work.force[i]
@@ -267,7 +267,7 @@ def solve(matrix, force, fixed):
 
 @jit
 def hold(crane, work):
-    """The force with which friction holds each joint that sticks [N, N m], into `holding`."""
+    """Compute the friction force that holds each sticking joint [N, N m], into `holding`."""
     for i in range(JOINTS):
         work.holding[i] = 0.0
         if not work.stuck[i]:

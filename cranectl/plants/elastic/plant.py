@@ -59,7 +59,7 @@ def observe_load(crane, state, work, load):
 
 @jit
 def advance(handle, command, disturbance, wind, load):
-    """One control period; see `Plant.advance`."""
+    """Advance the crane by one control period; see `Plant.advance`."""
     crane, state, work = handle
     for k in range(crane.substeps):
         settle(crane, state, command, disturbance, wind, work)
@@ -146,7 +146,7 @@ class ElasticPlant:
 def taut_state(
     crane: ElasticCrane, effects: EffectSettings, joints: Array, drive: Drive
 ) -> tuple[Array, Array]:
-    """The state (22,) that starts at `joints` (10,), and the command (3,) under which it does.
+    """Return the state (22,) that starts at `joints` (10,), and the command (3,) that keeps it.
 
     The rope, if it can be taut, is stretched so that it neither stretches on nor springs back; its viscosity
     is set. The drives keep their speeds, or, taking forces, hold the weight.

@@ -55,7 +55,7 @@ def change_sides(crane, state, work):
 
 @jit
 def integrate(crane, state, length, command, disturbance, wind, work):
-    """From `state`, whose rates are known, by `length` [s] into `work.end`."""
+    """Integrate from `state`, whose rates are known, over `length` [s] into `work.end`."""
     rates, trial, end = work.rates, work.trial, work.end
     for stage in range(1, STAGES):
         for place in crane.places:
@@ -77,7 +77,7 @@ def integrate(crane, state, length, command, disturbance, wind, work):
 
 @jit
 def margin(crane, state, work, joint):
-    """How far `joint` is from changing sides at `state`: its rate, or its friction less what holds it."""
+    """Return how far `joint` is from sliding or sticking: signed rate, or friction less holding force."""
     if work.stuck[joint]:
         return crane.coulomb[joint] - abs(work.holding[joint])
     return work.sign[joint] * state[2 * joint + 1]
@@ -85,7 +85,7 @@ def margin(crane, state, work, joint):
 
 @jit
 def look_at_end(crane, command, disturbance, wind, work):
-    """What holds the joints that stick, at `work.end`."""
+    """Compute the holding forces of the sticking joints at `work.end`."""
     for joint in range(JOINTS):
         if work.stuck[joint]:
             derivative(crane, work.end, command, disturbance, wind, work, work.rates[STAGES])
@@ -95,7 +95,7 @@ def look_at_end(crane, command, disturbance, wind, work):
 
 @jit
 def changing(crane, work, found):
-    """A joint that changes sides by `work.end`; -1 if there is none but `found`."""
+    """Return a joint other than `found` that begins to slide or stick by `work.end`, or -1."""
     for joint in range(JOINTS):
         if joint != found and margin(crane, work.end, work, joint) < 0.0:
             return joint
@@ -104,7 +104,7 @@ def changing(crane, work, found):
 
 @jit
 def finish_step(crane, state, command, disturbance, wind, work):
-    """A step from `state` that has settled, in place."""
+    """Advance `state`, whose joints stick or slide consistently, to the end of the step, in place."""
     left = crane.step
     for part in range(PARTS):
         if part > 0:
@@ -134,7 +134,10 @@ def finish_step(crane, state, command, disturbance, wind, work):
 
 @jit
 def instant(crane, state, length, joint, command, disturbance, wind, work):
-    """When `joint` changes sides within `length` [s] (Illinois method); `work.end` is just behind it."""
+    """Find when `joint` begins to slide or stick within `length` [s] (Illinois method).
+
+    `work.end` is the state just behind that instant.
+    """
     low, high, above, below = 0.0, length, work.margins[joint], margin(crane, work.end, work, joint)
     if above <= 0.0:
         return length

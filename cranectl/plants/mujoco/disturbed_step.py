@@ -54,7 +54,7 @@ ctypes.c_void_p.in_dll(ctypes.CDLL(_LIBRARY), "mjcb_time").value = None  # the c
 
 
 def _engine(name: str, *arguments: Any) -> Any:
-    """The engine's function `name`, which returns nothing; callable from Python where nothing is compiled."""
+    """Return the engine's function `name`, without a result; compiled or, without Numba, through ctypes."""
     if not _numba_config.DISABLE_JIT:
         return types.ExternalFunction(name, types.void(*arguments))
     function = getattr(ctypes.CDLL(_LIBRARY), name)
@@ -100,7 +100,7 @@ class StageWork(NamedTuple):
 
 
 def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, swings: bool) -> StageWork:
-    """For steps of `data`."""
+    """Make the work space for steps of `data`."""
     slope = np.zeros(model.nv)
     return StageWork(
         qacc=data.qacc,
@@ -130,7 +130,7 @@ def apply_disturbance(rig, disturbance):
 
 @jit
 def push_body(rig, disturbance):
-    """The thesis's disturbance (2,) [rad/s²] on a load that swings, at the present state.
+    """Apply the thesis's disturbance (2,) [rad/s²] to a load that swings below its hook.
 
     A force at its centre: torques at the cardan hinges would act on the hook, which has no mass. The trolley
     takes the opposite force, as it does from a torque, so that a load without extent moves the same.
@@ -149,7 +149,7 @@ def push_body(rig, disturbance):
 
 @jit
 def push_load(rig, disturbance):
-    """The disturbance (2,) [rad/s²] at the present state, in place of the last one."""
+    """Replace the last disturbance of the load by `disturbance` (2,) [rad/s²] at the present state."""
     if rig.swings:
         push_body(rig, disturbance)
     else:
@@ -192,7 +192,7 @@ def evaluate(rig, disturbance, wind, first):
 
 @jit
 def release_load(rig):
-    """No disturbance any more, nor drag; the sensors tell of the start of the step."""
+    """Remove disturbance and drag, and restore the sensor values of the start of the step."""
     rig.applied[rig.rates[3]] = rig.applied[rig.rates[4]] = 0.0
     for i in range(3):
         rig.wrench[i] = rig.reaction[i] = rig.air[i] = 0.0
@@ -248,7 +248,7 @@ def _keep_stage(rig, weight):
 
 @jit
 def _move(rig, slope, acceleration, reach):
-    """From the start of the step along `slope` and `acceleration` (nv,) for `reach` [s]."""
+    """Move from the start of the step along `slope` and `acceleration` (nv,) for `reach` [s]."""
     work = rig.work
     for i in range(len(slope)):
         work.slope[i] = slope[i]
@@ -264,7 +264,7 @@ def _move(rig, slope, acceleration, reach):
 
 @jit
 def step_in_stages(rig, disturbance, wind):
-    """`mj_step` under `disturbance` (2,) [rad/s²] in `wind` (6,); `mjData.time` stands still."""
+    """Step as `mj_step` does, under `disturbance` (2,) [rad/s²] in `wind` (6,); the time stands still."""
     work = rig.work
     mj_check_pos(rig.model, rig.data)
     mj_check_vel(rig.model, rig.data)

@@ -114,7 +114,7 @@ def hang_body(spec: mujoco.MjSpec, _body: Body, _of: Setting) -> None:
 
 
 def body_entries(body: Body, of: Setting) -> list[Entry]:
-    """Hook, load and the joint between them; the load's own mass is the rig's."""
+    """Return the numbers of hook, load and the joint between them; the mass of the load is the rig's."""
     return [
         Entry("body", "hook", "mass", max(body.hook_mass, HOOK_MASS * of.rig.load_mass)),
         Entry("body", "load", "pos", (0.0, 0.0, -body.hook_offset)),
@@ -159,7 +159,7 @@ def add_rope(spec: mujoco.MjSpec, rope: Rope, _of: Setting) -> None:
 
 
 def rope_entries(rope: Rope, of: Setting) -> list[Entry]:
-    """The rope in a model as compiled: without tension; with mass, if any.
+    """Return the numbers of the rope in the compiled model: no tension, and a mass if it has one.
 
     Its mass is a thin rod above its end, cut off at the pivot: it moves with what the winch pays out.
     """
@@ -190,7 +190,7 @@ def add_frame(spec: mujoco.MjSpec, _frame: Frame, _of: Setting) -> None:
 
 
 def frame_entries(frame: Frame, of: Setting) -> list[Entry]:
-    """The frame's mass, which is the inertia (armature) of the two joints, and their springs.
+    """Return the frame's mass, as inertia (armature) of its two joints, and their springs.
 
     Its frequency is the empty rig's: no load, bridge and trolley standing on it.
     """
@@ -243,7 +243,7 @@ def limit_forces(spec: mujoco.MjSpec, _limits: DriveLimits, _of: Setting) -> Non
 
 
 def limit_entries(limits: DriveLimits, _of: Setting) -> list[Entry]:
-    """The largest force of each drive."""
+    """Return the largest force of each drive."""
     forces = zip(ACTUATORS, limits.force, strict=True)
     return [Entry("actuator", name, "forcerange", (-force, force)) for name, force in forces]
 

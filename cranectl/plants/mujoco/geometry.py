@@ -51,7 +51,7 @@ class Solid:
 
 
 def drawn_spec(rig: RigParameters) -> mujoco.MjSpec:
-    """The filed model as it is drawn of a rig; masses, joints and drives are the filed ones."""
+    """Return the model file, its geometry scaled to `rig`; masses and drives stay those of the file."""
     spec = mujoco.MjSpec.from_file(str(resources.MODEL_FILE))
     draw_to_scale(spec, rig)
     return spec
@@ -85,7 +85,7 @@ def draw_to_scale(spec: mujoco.MjSpec, rig: RigParameters) -> None:
 
 
 def _stretch(geom: mujoco.MjsGeom, rig: RigParameters, carried: Array) -> None:
-    """A part of the rig: its ends where those of the ranges are, its thickness to scale."""
+    """Fit a part of the rig to the rig's ranges, with its thickness to scale."""
     scale = drawn_scale(rig)
 
     def place(filed: Array) -> Array:
@@ -101,7 +101,7 @@ def _stretch(geom: mujoco.MjsGeom, rig: RigParameters, carried: Array) -> None:
 
 @functools.lru_cache(maxsize=8)
 def rig_solids(rig: RigParameters) -> tuple[Solid, ...]:
-    """All shapes of a rig, in the order of the file."""
+    """Return all shapes of a rig, in the order of the model file."""
     model = drawn_spec(rig).compile()
     return tuple(_solid(model, k) for k in range(model.ngeom) if int(model.geom_type[k]) in KINDS)
 

@@ -27,13 +27,13 @@ class Anchor(NamedTuple):
 
 
 def anchor_of(plant: MujocoPlant) -> Anchor:
-    """The state that `plant` is in."""
+    """Return the present state of `plant`."""
     mujoco.mj_forward(plant.model, plant.data)
     return Anchor(plant.data.qpos.copy(), plant.data.qvel.copy(), load_velocity(plant))
 
 
 def load_velocity(plant: MujocoPlant) -> Array:
-    """The load's velocity (3,) as the sensors have it [m/s]."""
+    """Return the velocity of the load (3,) from the sensors [m/s]."""
     velocity: Array = plant.data.sensordata[_seen(plant)].copy()
     return velocity
 
@@ -44,14 +44,14 @@ def free_coordinates(plant: MujocoPlant) -> NDArray[np.int64]:
 
 
 def moved(plant: MujocoPlant, anchor: Anchor, turn: Array) -> Anchor:
-    """`anchor` with its positions changed by `turn` (nv,), in the order of qvel."""
+    """Return `anchor` with its positions changed by `turn` (nv,), in the order of qvel."""
     qpos = anchor.qpos.copy()
     mujoco.mj_integratePos(plant.model, qpos, turn, 1.0)
     return anchor._replace(qpos=qpos)
 
 
 def unbalanced(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, air: Array) -> Array:
-    """Forces and moments (nv,) that accelerate at `anchor` under command, the thesis's disturbance and wind.
+    """Return the generalised forces (nv,) that accelerate the crane at `anchor`.
 
     Mass times acceleration, not acceleration itself: on a hook without mass that is ill conditioned.
     """
@@ -64,13 +64,13 @@ def unbalanced(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, 
 
 
 def stretch(plant: MujocoPlant, anchor: Anchor) -> float:
-    """By how much the rope is longer than what is paid out [m]; endless for a rigid rope."""
+    """Return by how much the rope is longer than what is paid out [m]; infinite for a rigid rope."""
     rig = plant.rig
     return float(anchor.qpos[rig.distance[0]] - anchor.qpos[rig.joints[2]]) if rig.rope.active else np.inf
 
 
 def coordinates(plant: MujocoPlant) -> int:
-    """How many changes there are."""
+    """Return the number of coordinates of a change of state."""
     return 2 * int(plant.model.nv) + (3 if plant.rig.drag > 0.0 else 0)
 
 
@@ -86,7 +86,7 @@ def put(plant: MujocoPlant, anchor: Anchor, change: Array) -> None:
 
 
 def change_since(plant: MujocoPlant, anchor: Anchor) -> Array:
-    """By how much the state differs from `anchor`."""
+    """Return the difference of the present state from `anchor`."""
     data, position = plant.data, np.zeros(plant.model.nv)
     mujoco.mj_differentiatePos(plant.model, position, 1.0, anchor.qpos, data.qpos)
     now = anchor._replace(qpos=data.qpos)
@@ -97,7 +97,7 @@ def change_since(plant: MujocoPlant, anchor: Anchor) -> Array:
 
 
 def _about_axes_of(plant: MujocoPlant, new: Anchor, old: Anchor, qvel: Array) -> Array:
-    """`qvel` (nv,) with the load's spin, about its axes at `old`, about those it has at `new`."""
+    """Return `qvel` (nv,) with the load's spin turned from its axes at `old` to those at `new`."""
     if not plant.rig.swings:
         return qvel
     swing, back, turn = plant.model.joint("swing"), np.zeros(4), np.zeros(4)
@@ -119,7 +119,7 @@ def _seen(plant: MujocoPlant) -> NDArray[np.int64]:
 
 
 def _order(plant: MujocoPlant) -> NDArray[np.int64]:
-    """Of the changes, in positions, velocities, sensors as the engine has them."""
+    """Return the order of the changes in the engine's positions, velocities and sensors."""
     nv, rates = plant.model.nv, plant.rig.rates
     measured = np.column_stack([rates, nv + rates]).ravel()
     return np.concatenate([measured, np.setdiff1d(np.arange(coordinates(plant)), measured)])

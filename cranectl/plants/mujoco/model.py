@@ -37,7 +37,7 @@ IDEAL_INERTIA = 1e12  # per kg of the crane
 def compiled_model(
     rig: RigParameters, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
 ) -> mujoco.MjModel:
-    """The model of runs, without drawing; plants of the same rig copy it, and must not change it."""
+    """Compile the model of runs, without drawing; plants of the same rig copy it, and must not change it."""
     spec = model_spec(rig, drive=drive, step=step, effects=effects)
     leave_out_idle(spec, effects)
     return spec.compile()
@@ -57,7 +57,7 @@ def model_description(
 def model_spec(
     rig: RigParameters, *, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
 ) -> mujoco.MjSpec:
-    """The filed model, as drawn, with the parameters, drives, effects and physics step [s] of one run."""
+    """Return the scaled model with the parameters, drives, effects and physics step [s] of one run."""
     spec = mujoco.MjSpec.from_file(str(resources.MODEL_FILE))
     spec.option.timestep = step
     # The file's joint ranges are the rig's end stops. Leaving them is judged by the run, the same on every
@@ -88,13 +88,13 @@ def _shown(effects: EffectSettings, setting: Setting) -> Iterator[tuple[Made, Ef
 
 
 def structure_of(effects: EffectSettings) -> tuple[object, ...]:
-    """What cannot change in a compiled model."""
+    """Return what decides the structure of the compiled model."""
     heavy = effects.rope is not None and effects.rope.mass > 0.0
     return (effects.names, heavy)
 
 
 def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[Entry]:
-    """Every number of the model that depends on the parameters; which ones, on the structure only."""
+    """Return every number of the model that depends on parameters; the structure decides which there are."""
     setting = _setting(rig, drive, effects)
     found = [Entry("option", "", "gravity", gravity_in_rig(rig.gravity, effects))]
     found += [Entry("body", body, "mass", getattr(rig, f"{body}_mass")) for body in BODIES]
@@ -112,7 +112,7 @@ def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> 
 
 
 def ideal_inertia(rig: RigParameters) -> float:
-    """Of each ideal drive [kg]: 1e12 times whatever pulls on it, be it the load, rails that slope or give."""
+    """Return the rotor inertia of each ideal drive [kg]: 1e12 times whatever pulls on it."""
     return IDEAL_INERTIA * (rig.bridge_mass + rig.trolley_mass + rig.load_mass)
 
 

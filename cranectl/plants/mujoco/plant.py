@@ -88,7 +88,7 @@ def read_load(rig, load):
 
 @jit
 def advance(rig, command, disturbance, wind, load):
-    """One control period; see `Plant.advance`."""
+    """Advance the crane by one control period; see `Plant.advance`."""
     set_command(rig, command)
     changing = rig.in_air or rig.rope.active or disturbance[0] != 0.0 or disturbance[1] != 0.0
     for k in range(rig.substeps):

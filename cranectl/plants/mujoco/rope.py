@@ -38,7 +38,7 @@ class ElasticRope(NamedTuple):
 
 
 def elastic_rope(model: mujoco.MjModel, effects: EffectSettings) -> ElasticRope:
-    """The rope in `model`, which must be the run's own; the filed rope, which is rigid, is not active."""
+    """Return views of the rope in the run's own `model`; the rigid rope of the model file is not active."""
     nothing, rope = np.zeros(3), effects.rope
     views = ElasticRope(False, 0, 0, 0.0, 0.0, nothing[:1], nothing, 0.0, nothing[:1], nothing, nothing)
     if rope is None:

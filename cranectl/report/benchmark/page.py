@@ -127,7 +127,7 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
 
 
 def _software(made_by: Sequence[Mapping[str, str]]) -> Iterator[str]:
-    """The first in full, of others what differs from it."""
+    """Yield the first software in full, and of others what differs from it."""
     told: Mapping[str, str] = {}
     for versions in made_by:
         other = {name: version for name, version in versions.items() if told.get(name) != version}
@@ -136,7 +136,7 @@ def _software(made_by: Sequence[Mapping[str, str]]) -> Iterator[str]:
 
 
 def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
-    """What tuning gave each law."""
+    """Yield a section with what tuning found for each controller."""
     tuned = table.about["tuned"]
     if not tuned:
         return

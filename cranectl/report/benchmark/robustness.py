@@ -19,7 +19,7 @@ BEST = 5  # laws whose single effects are not folded
 
 
 def radius_section(judged: Judged) -> Iterator[Section]:
-    """How far out cranes may be."""
+    """Yield a section on how far cranes may deviate."""
     benchmark = judged.benchmark
     ladder = radius_sets(benchmark)
     spreads = np.array([each.spread for each in ladder.values()])

@@ -48,12 +48,12 @@ def section_of(
 
 
 def finite(value: float, form: str, other: str = "") -> str:
-    """The number as text, `other` where there is none."""
+    """Return the number as text, or `other` if it is not finite."""
     return format(value, form) if math.isfinite(value) else other
 
 
 def median(values: Array, failed: Mask) -> str:
-    """The median to three digits, failures worse than any value; empty where no run has one."""
+    """Return the median to three digits, with failures worse than any value; empty without runs."""
     found = scores.median_with_failures(values, failed)
     return "" if math.isnan(found) else finite(float(f"{found:.3g}"), "g", "fails")
 

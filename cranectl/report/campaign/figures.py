@@ -221,7 +221,7 @@ def sobol_bars(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Fig
 
 
 def tornado(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure:
-    """How far each parameter's ends move the largest error from that of the nominal run."""
+    """Draw how far each parameter's ends move the largest error from that of the nominal run."""
     figure, panels = _rows_figure(len(parts), len(parameters))
     for axes, part in zip(panels, parts, strict=True):
         nominal = float(part.group.metrics[MEASURE][0])

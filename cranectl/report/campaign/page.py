@@ -24,7 +24,7 @@ FAINT = 1e-6  # stands for what may be chance
 
 
 def campaign_page(analysis: Analysis, remade_by: str) -> Page:
-    """The page."""
+    """Return the page of a campaign."""
     settings = analysis.results.campaign.settings
     sections = [
         _outcome(analysis),

@@ -31,12 +31,12 @@ _BETTER = f"the better one is named where p is below {1 - CONFIDENCE:.2g}."
 
 
 def metric_name(metric: str) -> str:
-    """Without its unit."""
+    """Return the label of a metric without its unit."""
     return METRIC_LABELS[metric].partition(" [")[0]
 
 
 def parameter_label(campaign: Campaign, name: str) -> str:
-    """Name and unit; without `effects.`, which says nothing here."""
+    """Return name and unit of a parameter, without `effects.`."""
     unit = describe(campaign, name).unit
     short = name.removeprefix("effects.")
     return f"{short} [{unit}]" if unit else short
@@ -53,7 +53,7 @@ def percent(share: float | None) -> str:
 
 
 def probability(p: float) -> str:
-    """Of a test."""
+    """Return the p-value of a test as text."""
     return "–" if p != p else "< 0.001" if p < 1e-3 else f"{p:.3f}"
 
 
@@ -81,7 +81,7 @@ def summary_table(groups: Sequence[GroupSummary], title: str) -> Table:
 
 
 def failure_notes(groups: Sequence[GroupSummary]) -> list[str]:
-    """How runs failed, a line for each controller that has failures; then why some could not be run."""
+    """Return a line on the failures of each controller, then why some runs could not be run."""
     lines = []
     for group in groups:
         how = [f"{count} {status}" for status, count in group.stopped.items()]
@@ -143,7 +143,7 @@ def _sobol_cell(found: SobolIndices | None, k: int) -> Cell:
 
 
 def one_at_a_time_table(part: GroupAnalysis) -> Table:
-    """Every step of a one-at-a-time design."""
+    """Return every step of a one-at-a-time design."""
     nominal = [part.group.metrics[metric][0] for metric in MAIN_METRICS]
     steps: list[tuple[Any, ...]] = [("nominal", "", "0", nominal)]
     steps += [(s.parameter, number(s.value, 4), str(s.sample), s.metrics) for s in part.one_at_a_time]
@@ -197,7 +197,7 @@ def _short(value: Any) -> str:
 
 
 def controller_differences(pairs: Sequence[Pair], sampling: str) -> Table:
-    """One minus the other on the same samples, a row for each metric of each pair."""
+    """Return differences on the same samples, a row for each metric of each pair."""
     tests = len(pairs) * len(MAIN_METRICS)
     rows = []
     for pair in pairs:
@@ -219,7 +219,7 @@ def controller_differences(pairs: Sequence[Pair], sampling: str) -> Table:
 
 
 def failures_table(pairs: Sequence[Pair], sampling: str, title: str) -> Table:
-    """On which samples only one of two groups fails, of which one plant or one controller differs."""
+    """Return the samples on which only one of two groups fails."""
     rows = []
     for pair in pairs:
         found, a, b = pair.failures, pair.first, pair.second
@@ -270,7 +270,7 @@ def _ends(values: Array) -> tuple[float | None, float | None]:
 
 
 def _tested(p: float, tests: int, sampling: str, better: str) -> tuple[str, str]:
-    """A p-value corrected for `tests`, and who is better if it says so; no test without a random sample."""
+    """Return a p-value corrected for `tests`, and who is better if it is significant."""
     if sampling not in INDEPENDENT:
         return "–", "–"
     corrected = min(1.0, p * tests)

@@ -35,7 +35,7 @@ FROZEN = (
 
 
 def ladder_page(scenario: Scenario, controller: str, results: Sequence[LevelResult], remade_by: str) -> Page:
-    """What each effect costs with one controller, alone and on top of the others."""
+    """Return the page on what each effect costs with one controller, alone and in sum."""
     title = f"{scenario.name}, {controller}: the fidelity ladder"
     return Page(title, scenario.title, _ladder_sections(results), remade_by)
 

@@ -78,7 +78,7 @@ def improvements_table(advice: Advice) -> Table:
 
 
 def recommendation(advice: Advice) -> tuple[str, ...]:
-    """What to take and what to improve first, a sentence each."""
+    """Return a sentence on which controller to take, and one on what to improve first."""
     best = advice.best
     if best is None:
         return ("No controller survives: improve drives, delay or sensors, or ask for less.",)
@@ -115,7 +115,7 @@ def map_table(certificate: Certificate) -> Table:
 
 
 def summary_lines(certificate: Certificate) -> list[str]:
-    """Where the margin is least, and how many points are certified."""
+    """Return where the margin is smallest, and how many points are certified."""
     worst, grades = certificate.worst, [verdict.grade for verdict in certificate.points]
     unstable = sum(not verdict.stable for verdict in certificate.points)
     return [
@@ -131,7 +131,7 @@ def summary_lines(certificate: Certificate) -> list[str]:
 
 
 def drive_table(margins: DriveMargins, worst: PointVerdict) -> Table:
-    """What the loop at the worst point tolerates in its drives."""
+    """Return what the loop at the worst point tolerates in its drives."""
     low, high = margins.gain_range
     rows = [
         ("gain and phase, disk margin", f"{margins.disk_margin:.3f}"),
@@ -205,7 +205,7 @@ def _level(result: LevelResult) -> tuple[Cell, ...]:
 
 
 def levels_table(results: Sequence[LevelResult]) -> Table:
-    """What each level adds, where it runs, and the numbers of its effect."""
+    """Return what each level adds, where it runs, and the numbers of its effect."""
     rows = []
     for result in results:
         level = result.level

@@ -62,13 +62,13 @@ class Family:
 
 
 def families_of(runs: Iterable[Run]) -> list[Family]:
-    """The kinds of figures that all of `runs` have signals for."""
+    """Return the kinds of figures for which all of `runs` have signals."""
     recorded = [{group.name for group in run.groups} for run in runs]
     return [family for family in FAMILIES.values() if all(family.group in names for names in recorded)]
 
 
 def largest_difference(family: Family, a: Run, b: Run) -> float:
-    """How far the curves of two runs are apart at most, in the figure's unit, where both have samples."""
+    """Return the largest difference of the curves of two runs, in the figure's unit."""
     n = min(len(a.time_ns), len(b.time_ns))
     return max(float(np.abs(p.values(a)[:n] - p.values(b)[:n]).max()) for p in family.panels)
 
@@ -114,7 +114,7 @@ def _over_time(family: Family, curves: Sequence[RunCurve]) -> Figure:
 
 
 def _constant_axis(interval: Array, unit: str) -> tuple[float, float] | None:
-    """Return the axis of values within `interval` (2,) if they are constant but for rounding."""
+    """Return the axis of values within `interval` (2,) if they are constant up to rounding."""
     (low, high), least = interval, LEAST_SPAN[unit]
     if not 0.0 <= high - low < least:
         return None
@@ -208,7 +208,7 @@ def _mark_disturbances(axes: Axes, run: Run, *, named: bool) -> None:
 
 
 def _near_limits(panel: RunPanel, curves: Sequence[RunCurve]) -> bool:
-    """Whether the limits are worth their room: the curves use half of what is between them, or leave it."""
+    """Return True if limits are worth showing: the curves use half of their range, or leave it."""
     if panel.limits is None:
         return False
     low, high = panel.limits(curves[0].run)
@@ -240,7 +240,7 @@ def _legend(figure: Figure, family: Family, curves: Sequence[RunCurve]) -> None:
 
 
 def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> RunPanel:
-    """A panel of one recorded signal; label and unit come from the table of signals."""
+    """Return a panel of one recorded signal; label and unit come from the table of signals."""
     group_name, _, signal_name = name.partition(".")
     group = next(group for group in recorded_groups(flat_groups(0)) if group.name == group_name)
     signal = next(signal for signal in group.signals if signal.name == signal_name)

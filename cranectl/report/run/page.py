@@ -80,7 +80,7 @@ def log_page(
 
 
 def _plans(logs: Logs) -> list[Section]:
-    """What was planned in minimum time, once where the logs have the same reference."""
+    """Return a section on each plan in minimum time, once for equal references."""
     found: list[Section] = []
     seen = []
     for label, log in logs.items():
@@ -97,7 +97,7 @@ def _plans(logs: Logs) -> list[Section]:
 
 
 def _verdicts(agreements: Mapping[str, Agreement]) -> str:
-    """Whether the plants of each log agree."""
+    """Return sentences on whether the plants of each log agree."""
     sentences = []
     for label, judged in agreements.items():
         limits = judged.limits
@@ -111,7 +111,7 @@ def _verdicts(agreements: Mapping[str, Agreement]) -> str:
 
 
 def _pairs(logs: Logs) -> dict[str, tuple[Run, Run]]:
-    """Each plant's run with that of the reference plant, by the label of the log."""
+    """Pair each plant's run with that of the reference plant, by the label of the log."""
     found = {}
     for label, log in logs.items():
         pairs = against_reference([run for run in log.values() if len(run.time_ns)], log)
@@ -229,5 +229,5 @@ def _beside(run: Run) -> Array:
 
 
 def _kept(value: float, unit: str) -> str:
-    """On one line with its unit."""
+    """Return a quantity that stays on one line with its unit."""
     return quantity(value, unit).replace(" ", "\N{NO-BREAK SPACE}")

@@ -19,7 +19,7 @@ SharedLimits = dict[str, tuple[float, float] | None]  # by drive; None where lim
 
 
 def run_table(logs: Mapping[str, Sequence[RunSummary]], note: str = "") -> Table:
-    """How the runs of each log went, by its label; what all runs have in common stands in the title."""
+    """Return how each run ended, by the label of its log; what all runs share is in the title."""
     runs = [run for log in logs.values() for run in log]
     facts = {
         "log": [label for label, log in logs.items() for _ in log],
@@ -96,7 +96,7 @@ def _numbers_of(metric: Metric, metrics: RunMetrics | None) -> tuple[float | Non
 
 
 def _told(metric: Metric, runs: Sequence[RunMetrics | None]) -> tuple[float, str]:
-    """The factor to the unit in which a metric is told, and that unit: degrees, kN for thousands."""
+    """Return the factor to the unit in which a metric is shown, and that unit (degrees, kN)."""
     if metric.unit == "rad":
         return degrees(1.0), "°"
     largest = max((abs(n) for run in runs for n in _numbers_of(metric, run) if n is not None), default=0.0)
@@ -105,13 +105,15 @@ def _told(metric: Metric, runs: Sequence[RunMetrics | None]) -> tuple[float, str
 
 
 def _text(metric: Metric, metrics: RunMetrics | None, factor: float) -> str:
-    """A dash for what is not there."""
+    """Return a metric as text, with a dash for missing numbers."""
     numbers = _numbers_of(metric, metrics)
     return " ".join(MISSING if n is None else f"{factor * n:z.{metric.row.digits}f}" for n in numbers)
 
 
 def limits_table(runs: Sequence[RunSummary], *, worst: int | None = None) -> Table | None:
-    """What scenarios ask of their runs beside what they got, a row a run and metric; None without limits.
+    """Return limits and values, a row for each run and metric; None without limits.
+
+    `worst` restricts it to so many broken limits, the worst first.
 
     `worst`: so many of those that are broken at most, the worst first.
     """
@@ -189,7 +191,7 @@ def _largest(
 
 
 def agreement_table(agreements: Sequence[Agreement], others: Sequence[str] = ()) -> Table:
-    """One row a scenario, controller and plant, its drives side by side.
+    """Return one row for each scenario, controller and plant, its drives side by side.
 
     `others`: of each agreement's case what else is wrong with it, or nothing. A limit that all scenarios
     share stands above its column, others beside the numbers.
@@ -252,7 +254,7 @@ def _difference(value: float, limit: float | None, limits: tuple[float, float] |
 
 
 def _agree(drives: Drives) -> Cell:
-    """Of one row: of the drives that are judged, named if others are not."""
+    """Return the answer of one row; it names the judged drives if others are not judged."""
     judged = {drive: agreement.passed for drive, (agreement, _) in drives.items()}
     judged = {drive: passed for drive, passed in judged.items() if passed is not None}
     answer = ANSWERS[all(judged.values()) if judged else None]
@@ -271,7 +273,7 @@ def limit_notes(agreements: Sequence[Agreement]) -> list[str]:
 
 
 def few(names: Sequence[str], shown: int = 3) -> str:
-    """The first of them, and how many more there are."""
+    """Return the first of the names, and how many more there are."""
     more = len(names) - shown
     return ", ".join(names) if more <= 0 else f"{', '.join(names[:shown])} and {more} more"
 

@@ -16,12 +16,12 @@ HERE = Path(__file__).parent
 
 
 def symbolic(function):
-    """A compiled `function` of the package for CasADi's symbols."""
+    """Return a compiled `function` of the package for CasADi's symbols."""
     return FunctionType(function.py_func.__code__, {"sin": casadi.sin, "cos": casadi.cos})
 
 
 def functions():
-    """`crane_slope`: rates of the state (10,), order of signals.STATE; `crane_load`: position and velocity.
+    """Yield `crane_slope`, the rates of the state (10,), and `crane_load`, position and velocity.
 
     Both with their Jacobians, column by column. Among the arguments d are pushes on the angles [rad/s²].
     """
@@ -47,7 +47,7 @@ def functions():
 
 
 def write(folder):
-    """`model.c` in `folder`."""
+    """Write `model.c` into `folder`."""
     generator = casadi.CodeGenerator("model.c")
     for function in functions():
         generator.add(function)

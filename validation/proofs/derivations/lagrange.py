@@ -72,7 +72,7 @@ def derive() -> dict[str, Any]:
 
 
 def check_identities(equations: dict[str, Any]) -> None:
-    """By symbols: the cardan accelerations are free of masses and are the corrected (2.12)."""
+    """Prove by symbols that the cardan accelerations are free of masses and are the corrected (2.12)."""
     masses = {m_b, m_t, m_w, m_l}
     assert not equations["cardan"].free_symbols & masses, "the cardan accelerations depend on a mass"
     assert equations["mass"].is_symmetric()
@@ -116,7 +116,7 @@ def check_code(equations: dict[str, Any], *, samples: int = 200, seed: int = 1) 
 
 
 def code_values(position: Any, velocity: Any, acceleration: Any, rig: RigParameters) -> dict[str, Any]:
-    """The same quantities from the code."""
+    """Return the same quantities from the code."""
     _, _, length, alpha, beta = position
     _, _, length_rate, alpha_rate, beta_rate = velocity
     u = acceleration[:3]

@@ -24,7 +24,7 @@ N = sp.Matrix(
 
 
 def cardan_accelerations() -> sp.Matrix:
-    """(alpha'', beta'') under u: the corrected (2.12)."""
+    """Return (alpha'', beta'') under u: the corrected (2.12)."""
     sa, ca, sb, cb = sp.sin(ALPHA), sp.cos(ALPHA), sp.sin(BETA), sp.cos(BETA)
     alpha = (
         2 * LENGTH * ALPHA_DOT * BETA_DOT * sb - GRAVITY * sa - 2 * LENGTH_DOT * ALPHA_DOT * cb - ca * U[1]
@@ -40,7 +40,7 @@ def cardan_accelerations() -> sp.Matrix:
 
 
 def load_acceleration() -> sp.Matrix:
-    """The load's acceleration: (x_c, y_c, 0) + l n differentiated twice, accelerations put in."""
+    """Return the load's acceleration: (x_c, y_c, 0) + l n differentiated twice."""
     angles, rates = sp.Matrix([ALPHA, BETA]), sp.Matrix([ALPHA_DOT, BETA_DOT])
     jacobian = N.jacobian(angles)
     n_dot = jacobian * rates
@@ -55,7 +55,7 @@ def decoupling_without_extension() -> sp.Matrix:
 
 
 def slopes() -> sp.Matrix:
-    """(p_x, p_y) with z_1'' = -p_x (zeta + g), z_2'' = -p_y (zeta + g)."""
+    """Return (p_x, p_y) with z_1'' = -p_x (zeta + g), z_2'' = -p_y (zeta + g)."""
     return sp.Matrix([sp.tan(BETA) / sp.cos(ALPHA), sp.tan(ALPHA)])
 
 

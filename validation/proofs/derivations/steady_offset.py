@@ -75,7 +75,7 @@ def steady_state(
 
 
 def residual(found: dict[str, float], d_alpha: float, d_beta: float, gravity: float = 9.81) -> float:
-    """How far the cardan equations are from rest there [rad/s²]."""
+    """Return how far the cardan equations are from rest there [rad/s²]."""
     length, alpha, beta = found["length"], found["alpha"], found["beta"]
     on_alpha = -gravity * sin(alpha) / (length * cos(beta)) + d_alpha
     on_beta = -gravity * cos(alpha) * sin(beta) / length + d_beta

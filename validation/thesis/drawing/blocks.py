@@ -35,24 +35,24 @@ GREEK_VARIABLE = re.compile(rf"([α-ω]{MARKS})")
 
 
 def new_drawing() -> Drawing:
-    """An empty drawing in the common style."""
+    """Return an empty drawing in the common style."""
     return Drawing(canvas="svg", show=False, color=INK, lw=LINE, fontsize=TEXT, margin=0.15)
 
 
 def block(d: Drawing, centre: Point, text: str, w: float = 1.2, h: float = 1.1) -> Element:
-    """A block with `text` in it; its anchors N, E, S, W (and ENE ...) are where signals start and end."""
+    """Draw a block with `text`; signals start and end at its anchors N, E, S, W (and ENE ...)."""
     box = d.add(Box(w=w, h=h, fill=BLOCK_FILL).at(centre).anchor("center"))
     label(d, centre, text)
     return box
 
 
 def integrator(d: Drawing, centre: Point) -> Element:
-    """A block that integrates over time."""
+    """Draw a block that integrates over time."""
     return block(d, centre, "∫", w=0.9, h=0.9)
 
 
 def summation(d: Drawing, centre: Point, **signs: str) -> Element:
-    """A sum; `signs` by the side from which the signal comes: W="+", S="−"."""
+    """Draw a sum; `signs` by the side from which the signal comes: W="+", S="−"."""
     circle = d.add(Circle(r=SUM_RADIUS, fill=BLOCK_FILL).at(centre).anchor("center"))
     for side, sign in signs.items():
         dx, dy = SIGN_OFFSET[side]
@@ -61,34 +61,34 @@ def summation(d: Drawing, centre: Point, **signs: str) -> Element:
 
 
 def branch(d: Drawing, at: Point) -> None:
-    """The dot where a signal parts in two."""
+    """Draw the dot where a signal parts in two."""
     d.add(Dot(radius=0.07).at(at))
 
 
 def signal(d: Drawing, *path: Point, arrow: str | None = "->", lw: float = LINE) -> None:
-    """A line through all points of `path`, with an arrowhead at its end unless `arrow` is None."""
+    """Draw a line through all points of `path`, with an arrowhead unless `arrow` is None."""
     add(d, Segment(path, arrow=arrow, lw=lw, arrowlength=0.27, arrowwidth=0.19, joinstyle="miter"))
 
 
 def input_from_above(d: Drawing, end: Point, text: str) -> None:
-    """A signal that comes from outside, straight down to `end`, with its name at its start."""
+    """Draw a signal from outside, straight down to `end`, with its name at its start."""
     signal(d, (end[0], end[1] + 1.3), end)
     label(d, (end[0], end[1] + 1.6), text)
 
 
 def dashed(d: Drawing, *path: Point) -> None:
-    """A thin dashed line: a construction line or a frame."""
+    """Draw a thin dashed line: a construction line or a frame."""
     add(d, Segment(path, ls="--", lw=THIN))
 
 
 def frame(d: Drawing, low: Point, high: Point, text: str = "") -> None:
-    """A dashed frame around a part of the picture; `text` stands inside its upper left corner."""
+    """Draw a dashed frame around a part of the picture; `text` stands in its upper left corner."""
     dashed(d, low, (low[0], high[1]), high, (high[0], low[1]), low)
     label(d, (low[0] + 0.2, high[1] - 0.32), text, align="left", size=SMALL)
 
 
 def area(d: Drawing, *corners: Point, fill: str = BLOCK_FILL, lw: float = LINE) -> None:
-    """A filled polygon."""
+    """Draw a filled polygon."""
     add(d, SegmentPoly(corners, fill=fill, lw=lw, joinstyle="round"))
 
 
@@ -102,14 +102,14 @@ def label(d: Drawing, at: Point, text: str, align: Align = "center", size: float
 
 
 def add(d: Drawing, segment: Segment | SegmentBezier | SegmentPoly | SegmentText) -> None:
-    """One drawing primitive, in the drawing's coordinates."""
+    """Add one drawing primitive, in the drawing's coordinates."""
     element = Element().at((0.0, 0.0))
     element.segments.append(segment)
     d.add(element)
 
 
 def to_svg(d: Drawing, title: str) -> str:
-    """The drawing as an <svg> element to be put into a page: scalable, in the page's text colour."""
+    """Return the drawing as an <svg> element for a page: scalable, in the page's text colour."""
     svgconfig.text = "text"
     svg: ElementTree.Element = d.draw(show=False).getsvg()
     box = [_number(float(n)) for n in svg.attrib["viewBox"].split()]
@@ -130,7 +130,7 @@ def to_svg(d: Drawing, title: str) -> str:
 
 
 def _number(value: float) -> str:
-    """Two decimals at most: sub-pixel, and the same on every platform."""
+    """Return at most two decimals: finer than a pixel, and equal on every platform."""
     return f"{round(value, 2) + 0.0:.2f}".rstrip("0").rstrip(".")
 
 

@@ -32,7 +32,7 @@ def project(p: Vector) -> Point:
 
 
 def hanging(alpha: float, beta: float, length: float) -> Point:
-    """Where a rope of this length and direction ends, on paper."""
+    """Return where a rope of this length and direction ends, on paper."""
     return project(
         (
             BRIDGE + length * math.sin(beta),
@@ -84,7 +84,7 @@ def _draw_rig(d: Drawing) -> None:
 
 
 def _draw_angles(d: Drawing) -> None:
-    """The rope, what it is measured against (vertical, its projection on the bridge's plane), both angles."""
+    """Draw the rope, the vertical, its projection on the bridge's plane, and both angles."""
     start, load = hanging(0.0, 0.0, 0.0), hanging(ALPHA, BETA, ROPE)
     in_plane = hanging(ALPHA, 0.0, ROPE * math.cos(BETA))
     vertical = hanging(0.0, 0.0, ROPE * math.cos(BETA) * math.cos(ALPHA))

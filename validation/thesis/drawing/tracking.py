@@ -83,7 +83,7 @@ def draw_extended_loop(d: Drawing) -> None:
 
 
 def _error_feedback(d: Drawing) -> Point:
-    """From the reference to v = z_d⁗ + K e; returns where v comes out."""
+    """Draw the part from the reference to v = z_d⁗ + K e; return where v comes out."""
     error = summation(d, (ERROR, 0.0), W="+", S="−")
     gain = block(d, (4.8, 0.0), "K")
     total = summation(d, (6.7, 0.0), W="+", N="+")

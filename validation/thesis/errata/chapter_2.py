@@ -18,7 +18,7 @@ from validation.thesis.errata.registry import (
 
 @erratum("2.3")
 def kinetic_energy() -> tuple[float, float]:
-    """One mass for r_t in the plane: the bridge, which moves along x only, is lost; M11 inherits it."""
+    """Check T: one mass for r_t loses the bridge, which moves along x only; M11 inherits it."""
 
     def check(state: np.ndarray) -> tuple[float, float]:
         q, qd = split(state)
@@ -69,7 +69,7 @@ def actuated_coordinates() -> tuple[float, float]:
 
 @erratum("F_1 (before 2.7a)")
 def forces_of_the_drives() -> tuple[float, float]:
-    """A coordinate y stands where the trolley's force belongs: (2.7a) would set a force equal to a place."""
+    """Check F_1: a coordinate y stands where the trolley's force belongs."""
 
     def check(state: np.ndarray) -> tuple[float, float]:
         q, _, qdd, m, coriolis, gravity, force = manipulator(state)
@@ -113,7 +113,7 @@ def inertial_coupling() -> tuple[float, float]:
 
 @erratum("M12 (shape)")
 def shape_of_the_coupling() -> tuple[float, float]:
-    """Printed 2 x 3 with a row of zeros; it multiplies the two angles and adds to three forces."""
+    """Check M12: printed 2 x 3, it has to multiply the two angles and add to three forces."""
     q, _ = split(random_states(1)[0])
     _, _, length, a, b = q
     rows = [[0, np.cos(b)], [np.cos(a) * np.cos(b), -np.sin(a) * np.sin(b)], [0, 0]]
@@ -124,7 +124,7 @@ def shape_of_the_coupling() -> tuple[float, float]:
 
 @erratum("M21 (shape)")
 def shape_of_the_coupling_back() -> tuple[float, float]:
-    """Printed 2 x 2; it multiplies three accelerations. The column that is lost, the rope's, is zero."""
+    """Check M21: printed 2 x 2, it has to multiply three accelerations; the lost column is zero."""
     q, _, qdd, m, coriolis, gravity, _ = manipulator(random_states(1)[0])
     _, _, length, a, b = q
     rows = [[0, np.cos(a) * np.cos(b), 0], [np.cos(b), -np.sin(a) * np.sin(b), 0]]
@@ -169,7 +169,7 @@ def coriolis_of_hoisting_on_the_trolley() -> tuple[float, float]:
 
 @erratum("C12")
 def centripetal_forces() -> tuple[float, float]:
-    """Without l, without the row of x, and in the row of y with sin b for cos b and no product of rates."""
+    """Check C12: printed without l and the row of x, and with sin b for cos b in the row of y."""
 
     def check(state: np.ndarray) -> tuple[float, float]:
         q, qd = split(state)
@@ -194,7 +194,7 @@ def centripetal_forces() -> tuple[float, float]:
 
 @erratum("C21, C22")
 def coriolis_blocks() -> tuple[float, float]:
-    """As printed the blocks lack l and have a row too few; C qd decides, since C itself is not unique."""
+    """Check C21, C22: as printed they lack l and a row; C qd decides, since C is not unique."""
 
     def check(state: np.ndarray) -> tuple[float, float]:
         q, qd = split(state)
@@ -237,7 +237,7 @@ def gravity_torques() -> tuple[float, float]:
 
 @erratum("u before 2.12, y_c in 2.12")
 def velocities_as_inputs() -> tuple[float, float]:
-    """With y_c' where y_c'' belongs (and everything else corrected) the angles' accelerations are wrong."""
+    """Check (2.12): with y_c' where y_c'' belongs the angles' accelerations are wrong."""
 
     def check(state: np.ndarray) -> tuple[float, float]:
         q, qd, qdd, *_ = manipulator(state)

@@ -21,7 +21,7 @@ from validation.thesis.errata.registry import (
 
 
 def third_order_example() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A, b of a controllable system, an output of relative degree 2, a flat output."""
+    """Return A, b of a controllable system, an output of relative degree 2, and a flat output."""
     a, b = np.array([[0.0, 1, 0], [0, 0, 0], [0, 0, -1]]), np.array([[0.0], [1], [1]])
     reach = np.hstack([b, a @ b, a @ a @ b])
     return a, b, np.array([[1.0, 0, 0]]), np.array([[0.0, 0, 1]]) @ np.linalg.inv(reach)
@@ -29,7 +29,10 @@ def third_order_example() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarra
 
 @erratum("3.5")
 def relative_degree_of_a_flat_output() -> tuple[float, float]:
-    """With r for n every output with some relative degree qualifies; T of (3.9) is then no diffeomorphism."""
+    """Check r for n: every output with some relative degree would qualify.
+
+    T of (3.9) is then no diffeomorphism.
+    """
     a, b, short, flat = third_order_example()
     assert apart(short @ b, 0) == 0.0
     assert abs((short @ a @ b).item()) > 0.1, "(3.5) as printed holds for it, with r = 2"
@@ -74,7 +77,7 @@ def relative_degree_condition() -> tuple[float, float]:
 
 @erratum("3.14")
 def derivative_of_the_derivative() -> tuple[float, float]:
-    """The new input is y^(r), as in (3.13), not its derivative: y'' = a + M u along y = sin 2t, r = 2."""
+    """Check that the new input is y^(r), as in (3.13), for y'' = a + M u along y = sin 2t."""
     t, a, m = 0.4, 1.3, -0.7
     truth = -4 * np.sin(2 * t)
 
@@ -96,7 +99,7 @@ def input_transformation() -> tuple[float, float]:
 
 
 def crane_fields() -> tuple[sp.Matrix, sp.Matrix, sp.Matrix, sp.Matrix, sp.Matrix]:
-    """(x, f, g, u, h) of (3.21), (3.22), (3.24) with the corrected (2.12)."""
+    """Return (x, f, g, u, h) of (3.21), (3.22), (3.24) with the corrected (2.12)."""
     x = sp.Matrix(sp.symbols("x xd y yd l ld a ad b bd"))
     u = sp.Matrix(sp.symbols("u_x u_y u_l"))
     _, xd, _, yd, length, rate, a, ad, b, bd = x
@@ -131,7 +134,7 @@ def lie_derivative_errors(*forms: Callable[..., sp.Matrix]) -> tuple[float, ...]
 
 @erratum("3.25")
 def load_velocity() -> tuple[float, float]:
-    """Two rows where there are three: the x component is lost, so the shapes differ."""
+    """Check the load's velocity: two rows are printed where there are three, without x."""
     q, qd = split(random_states(1)[0])
     _, _, length, _, b = q
     truth = dynamics.load_jacobian(q) @ qd
@@ -141,7 +144,7 @@ def load_velocity() -> tuple[float, float]:
 
 @erratum("3.26")
 def second_lie_derivative() -> tuple[float, float]:
-    """With h' = L_f h the second term is one L_f too far, with h' for h the first is one short."""
+    """Check h'': with h' = L_f h the second term is one L_f too far, with h one is short."""
     first, second, right = lie_derivative_errors(
         lambda h, u, lf, lg: lf(lf(h)) + lg(lf(lf(h))) * u,
         lambda h, u, lf, lg: lf(h) + lg(lf(h)) * u,
@@ -152,7 +155,7 @@ def second_lie_derivative() -> tuple[float, float]:
 
 @erratum("3.28")
 def acceleration_of_the_load() -> tuple[float, float]:
-    """The right-hand side is z'', not z' (also in the sentence before (3.33))."""
+    """Check that the right-hand side is z'', not z' (also in the sentence before (3.33))."""
 
     def check(state: np.ndarray) -> tuple[float, float]:
         q, qd = split(state)
@@ -165,7 +168,7 @@ def acceleration_of_the_load() -> tuple[float, float]:
 
 @erratum("3.30")
 def rope_direction() -> tuple[float, float]:
-    """(r_t - r_l)/|…| points from load to trolley; the vector printed beside it from trolley to load."""
+    """Check that (r_t - r_l)/|…| points from load to trolley, unlike the vector printed beside it."""
     q, _ = split(random_states(1)[0])
     trolley, load = np.array([q[0], q[1], 0.0]), dynamics.load_position(q)
     n = np.array(dynamics.rope_direction(q[3], q[4]))
@@ -177,7 +180,7 @@ def rope_direction() -> tuple[float, float]:
 
 @erratum("3.37")
 def state_order() -> tuple[float, float]:
-    """(3.21) puts x_c first and l fifth; (3.37) calls l the first state and x_c the fifth."""
+    """Check the order of states: (3.21) puts x_c first and l fifth, (3.37) the other way round."""
     flat = np.concatenate([[1.2, 0.7, -0.6], np.zeros(12)])
     state, inputs = np.zeros(10), np.zeros(3)
     state_and_input(flat, G, state, inputs)
@@ -194,7 +197,7 @@ def rope_length() -> tuple[float, float]:
 
 @erratum("3.39")
 def arguments_of_the_input_map() -> tuple[float, float]:
-    """Two references that agree in z, z', z'' need different inputs: z''' and z'''' are missing arguments."""
+    """Check the input map: references that agree in z, z', z'' need different inputs."""
     flat = np.concatenate([[1.0, 0.8, -0.7], [0.1, 0.2, -0.1], [0.3, -0.2, 0.4], np.zeros(6)])
     higher = np.concatenate([np.zeros(9), [0.5, -0.4, 0.3], [1.0, 2.0, -1.5]])
     inputs = [np.zeros(3), np.zeros(3)]

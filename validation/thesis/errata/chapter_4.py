@@ -26,7 +26,7 @@ def quintic_is_not_smooth_enough() -> tuple[float, float]:
 
 @erratum("4.5")
 def quintic_coefficients() -> tuple[float, float]:
-    """From and to motion with unequal accelerations; the six conditions (4.4) decide."""
+    """Check the quintic between motions with unequal accelerations by the six conditions (4.4)."""
     p0, pf, v0, vf, a0, af, t = 0.2, 1.1, 0.3, -0.2, 0.5, -0.4, 1.7
     right = [
         (20 * pf - 20 * p0 - (8 * vf + 12 * v0) * t - (3 * a0 - af) * t**2) / (2 * t**3),
@@ -51,7 +51,7 @@ def quintic_coefficients() -> tuple[float, float]:
 
 @erratum("4.6, 4.9, 4.17")
 def error_sign() -> tuple[float, float]:
-    """With (3.47), v = K e for e = z_d - z; v = -K e for this e drives the load away."""
+    """Check the sign with (3.47): v = K e for e = z_d - z; v = -K e drives the load away."""
     gain = design_controller("lqr").gain
     chain, b = np.diag(np.ones(3), 1), np.eye(4)[:, 3:]
     # e' = A e - B v, since e is reference minus output.
@@ -62,7 +62,7 @@ def error_sign() -> tuple[float, float]:
 
 @erratum("4.7")
 def three_chains() -> tuple[float, float]:
-    """A as printed is 11 x 11 beside a B of 12 rows; three chains of four need 12 and nilpotency index 4."""
+    """Check A: printed 11 x 11 beside a B of 12 rows; three chains of four need 12."""
     links = [(0, 1), (1, 2), (2, 3), (4, 5), (5, 6), (6, 7), (7, 9), (8, 10)]  # (row, column) of the ones
     printed = np.zeros((11, 11))
     for row, column in links:
@@ -98,7 +98,7 @@ def matrix_exponential() -> tuple[float, float]:
 
 @erratum("4.12, 4.13")
 def feedback_put_into_the_error_system() -> tuple[float, float]:
-    """(4.12) put into (4.13) gives A + BK and a z_d''''; the error obeys e'''' = z_d'''' - v_1."""
+    """Check (4.12) in (4.13), which gives A + BK; the error obeys e'''' = z_d'''' - v_1."""
     k = np.asarray(design_controller("lqr").gain).reshape(1, 4)
     a, b = np.diag(np.ones(3), 1), np.eye(4)[:, 3:]
     e, desired = np.array([0.1, -0.2, 0.3, 0.4]), 0.7
@@ -126,7 +126,7 @@ def hardy_space() -> tuple[float, float]:
     half_plane = (np.linspace(1e-3, 20.0, 200)[:, None] + 1j * omega).ravel()
 
     def excess(g: Callable[[np.ndarray], np.ndarray]) -> float:
-        """How much larger g is inside the half-plane than on its edge: 0 for every member of H-infinity."""
+        """Return how much larger g is inside the half-plane than on its edge: 0 in H-infinity."""
         return max(0.0, float(np.abs(g(half_plane)).max() - np.abs(g(1j * omega)).max()))
 
     assert np.abs(np.exp(1j * omega)).max() == pytest.approx(1.0)
@@ -167,7 +167,7 @@ def lost_inverse() -> tuple[float, float]:
 
 @erratum("4.22")
 def mixed_sensitivity_plant() -> tuple[float, float]:
-    """Without the row of W_ks nothing limits u; with it the loop's norm is that of [W_s S; W_ks K S]."""
+    """Check the plant: without the row of W_ks nothing limits u."""
     g, k = inner_loop(np.array([4.0, 6.0, 4.0, 3.0])), control.ss([[-1.0]], [[1.0]], [[2.0]], [[0.0]])
     w_s, w_ks = control.ss([[-0.1]], [[1.0]], [[0.5]], [[0.2]]), control.ss([], [], [], [[0.3]])
     s = 0.7j
@@ -181,7 +181,7 @@ def mixed_sensitivity_plant() -> tuple[float, float]:
 
 @erratum("4.22 (signals)")
 def signals_of_the_generalised_plant() -> tuple[float, float]:
-    """(z_1, z_2, v) from (w, u), not (z_1, z_2) from (v, u): taken literally W_s S becomes W_s (1 + G K)."""
+    """Check the signals: (z_1, z_2, v) come from (w, u), not (z_1, z_2) from (v, u)."""
     rng = np.random.default_rng(5)
     g, k, w_s = rng.normal(size=3) + 1j * rng.normal(size=3)
     w = 1.0
@@ -198,7 +198,7 @@ Factors = tuple[control.StateSpace, control.StateSpace]
 
 
 def coprime_factors(plant: control.StateSpace) -> tuple[Factors, Factors]:
-    """((N, M) right, (N, M) left), normalised, for a plant without feed-through."""
+    """Return ((N, M) right, (N, M) left), normalised, for a plant without feed-through."""
     a, b, c = plant.A, plant.B, plant.C
     f = -b.T @ solve_continuous_are(a, b, c.T @ c, np.eye(b.shape[1]))
     h = -solve_continuous_are(a.T, c.T, b @ b.T, np.eye(c.shape[0])) @ c.T
@@ -247,7 +247,7 @@ def sizes_of_the_factors() -> tuple[float, float]:
 
 @erratum("Definition 4 (G in RH-infinity)")
 def plants_with_a_factorisation() -> tuple[float, float]:
-    """The thesis's own shaped plant has a pole at 0, so is not in RH-infinity, and has the factors."""
+    """Check that the thesis's shaped plant, with a pole at 0, is not in RH-infinity but has factors."""
     shaped = shaped_plant("lqr")
     in_space = float(shaped.poles().real.max() < -1e-9)
     (n, m), _ = coprime_factors(shaped)

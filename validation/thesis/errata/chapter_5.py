@@ -18,7 +18,7 @@ PRINTED = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(
 
 @functools.cache
 def analytic_run(scenario: str, controller: str) -> Run:
-    """One of the thesis's."""
+    """Run one of the thesis's cases."""
     return simulate_run(load_scenario(scenario), plant="analytic", controller=controller)
 
 
@@ -35,7 +35,7 @@ def norm_not_margin() -> tuple[float, float]:
 
 @erratum("Table 5.1 (caption)")
 def rope_column_is_a_minimum() -> tuple[float, float]:
-    """The rope column holds the signed minimum, not the maximum, for loop shaping not the largest size."""
+    """Check the rope column: it holds the signed minimum, not the maximum or the largest size."""
     printed, right = [], []
     for controller, (_, _, value) in PRINTED["5.1"]["rows"].items():
         metrics = run_metrics(analytic_run("fixed-position", controller))
@@ -52,14 +52,14 @@ def rope_column_is_a_minimum() -> tuple[float, float]:
 
 @erratum("after Table 5.2")
 def which_row_is_best() -> tuple[float, float]:
-    """The text names LQR with H-infinity; the table's smallest offset is that of H-infinity loop shaping."""
+    """Check the best row: the text names LQR with H-infinity, the table has loop shaping."""
     offset = {name: apart(values, (1.0, 0.77, -0.7)) for name, values in PRINTED["5.2"]["rows"].items()}
     return offset["lqr+hinf"], offset["lqr+loop-shaping"]
 
 
 @erratum("5.2.2 (z_1 = 0.6)")
 def end_of_the_line() -> tuple[float, float]:
-    """A line to 0.6 and half a circle to 1.65 (Table 5.4) against a line to 1.65 and a full circle."""
+    """Check Table 5.4: a line to 0.6 and half a circle, against a line to 1.65 and a full one."""
     arc = f"{{kind='arc', duration=10.0, centre=[1.125, 0.77], angle={math.pi!r}, time_law='degree-5'}}"
     line = "{kind='line', duration=10.0, to=[0.6, 0.77, -0.7], time_law='degree-5'}"
     scenario = load_scenario("settled-trajectory", overrides=[f"reference.segments=[{line}, {arc}]"])
@@ -75,7 +75,7 @@ def end_of_the_line() -> tuple[float, float]:
 
 @erratum("Table 5.3 (caption)")
 def rope_column_mixes_extremes() -> tuple[float, float]:
-    """Two rows list the maximum, four the minimum, of l''; for pole placement not the larger of the two."""
+    """Check the column of l'': two rows list the maximum, four the minimum."""
     one_sided: dict[str, list[float]] = {"max": [], "min": [], "size": []}
     right = []
     for controller, (_, _, value) in PRINTED["5.3"]["rows"].items():

@@ -42,7 +42,7 @@ def apart(a: object, b: object) -> float:
 
 
 def beyond(value: float, tolerance: float) -> float:
-    """By how much a deviation exceeds its tolerance: only for what the thesis prints rounded."""
+    """Return by how much a deviation exceeds its tolerance, for what the thesis prints rounded."""
     return max(0.0, float(value) - tolerance)
 
 
@@ -54,7 +54,7 @@ def random_states(count: int) -> np.ndarray:
 
 
 def split(state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(q, qd) in the order x_c, y_c, l, alpha, beta."""
+    """Return (q, qd) in the order x_c, y_c, l, alpha, beta."""
     return state[0::2], state[1::2]
 
 
@@ -65,7 +65,7 @@ def over_states(check: Callable[[np.ndarray], tuple[float, float]]) -> tuple[flo
 
 
 def manipulator(state: np.ndarray) -> tuple[np.ndarray, ...]:
-    """(q, qd, qdd, M, C qd, G, F): motion under INPUT, F from q'' by Newton and by no equation of the thesis.
+    """Return (q, qd, qdd, M, C qd, G, F) of a motion under INPUT.
 
     F is the load's weight and inertia, felt by each coordinate through dr/dq, plus the drives' own inertia.
     """

@@ -1,0 +1,43 @@
+"""The docstrings of the public API have all sections of NumPy's style, and their examples run."""
+
+import doctest
+import importlib
+from collections.abc import Iterator
+
+import pytest
+from numpydoc.validate import validate
+
+import cranectl
+
+# A summary may be all; not every object needs links to others or an example.
+OPTIONAL = {"ES01", "SA01", "EX01"}
+NOT_OBJECTS = {"CONTROLLERS"}  # a tuple, described in its module
+
+
+def faults(name: str) -> list[str]:
+    """Return what numpydoc finds wrong with a docstring, by its code."""
+    return [f"{code}: {text}" for code, text in validate(name)["errors"] if code not in OPTIONAL]
+
+
+@pytest.mark.parametrize("name", sorted(set(cranectl.__all__) - NOT_OBJECTS))
+def test_a_public_object_is_described_whole(name: str) -> None:
+    assert faults(f"cranectl.{name}") == []
+
+
+def test_a_docstring_without_parameters_is_refused() -> None:
+    assert faults("tests.test_docstrings.faults") == [
+        "PR01: Parameters {'name'} not documented",
+        "RT01: No Returns section found",
+    ]
+
+
+def modules() -> Iterator[str]:
+    for name in sorted(set(cranectl.__all__) - NOT_OBJECTS):
+        yield getattr(cranectl, name).__module__
+
+
+@pytest.mark.parametrize("module", sorted(set(modules())))
+def test_examples_of_docstrings_run(module: str, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = doctest.testmod(importlib.import_module(module), optionflags=doctest.ELLIPSIS)
+    assert result.failed == 0
