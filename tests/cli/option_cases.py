@@ -131,6 +131,7 @@ KNOWN = {
     **dict.fromkeys((("campaign/results.py", text) for text in (DIFFERENCES, ROOM, WAIT, BEGAN)), HERE),
     **dict.fromkeys((("plants/capabilities.py", text) for text in (FIXED, DISTURBED, DRIVE)), HERE),
     ("simulate/child.py", "--patience allows more"): HERE,
+    ("cli/validate.py", "and {} more, with --details"): "tests/cli/test_validate_cli.py",
     ("cli/compare.py", "--despite-differences without --merge"): FOUND,
     ("cli/compare.py", "--merge and one log"): FOUND,
     ("cli/compare.py", "--tolerances and --merge"): FOUND,
