@@ -121,7 +121,7 @@ def chosen_exporter(name: str | None, out: Path | None) -> Exporter:
         raise unknown_name("format", name, known)
     raise InputError(
         f"the ending of {out} names no format",
-        allowed=", ".join(f".{each}" for each in known),
+        allowed=", ".join(f".{name}" for name in known),
         remedy="choose such an ending, or say --format",
     )
 

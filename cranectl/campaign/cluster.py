@@ -99,8 +99,8 @@ def run_batches_on(
     coming = as_completed(futures, loop=client.loop)
     while not coming.is_empty():
         if stop():
-            for each in futures:  # or whoever keeps the exception would keep them
-                each.release()
+            for unfinished in futures:  # or whoever keeps the exception would keep them
+                unfinished.release()
             raise StoppedError
         if not coming.has_ready():
             time.sleep(ASK_S)

@@ -168,7 +168,7 @@ def _common_period(distribution: Distribution | None, nominal: Scenario) -> floa
             f"[{period:g}, {2.0 * period:g}, {5.0 * period:g}]",
         )
     periods = distribution.quantile(distribution.grid(), period)
-    return math.lcm(*(max(1, nanoseconds(each)) for each in periods)) / NANOSECONDS
+    return math.lcm(*(max(1, nanoseconds(seconds)) for seconds in periods)) / NANOSECONDS
 
 
 def _parameter(

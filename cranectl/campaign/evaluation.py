@@ -98,7 +98,7 @@ class Pair:
             "first": {"plant": self.first.plant, "controller": self.first.controller},
             "second": {"plant": self.second.plant, "controller": self.second.controller},
             "failures": asdict(self.failures),
-            "differences": [asdict(each) for each in self.differences],
+            "differences": [asdict(difference) for difference in self.differences],
             "agreement": asdict(self.agreement),
         }
 
@@ -169,7 +169,7 @@ class GroupAnalysis:
             found["sobol"] = {name: {**asdict(s), "important": s.important} for name, s in self.sobol.items()}
         if self.one_at_a_time:
             found["one_at_a_time"] = [asdict(effect) for effect in self.one_at_a_time]
-        return found | {"failures": [asdict(each) for each in self.separations]}
+        return found | {"failures": [asdict(separation) for separation in self.separations]}
 
 
 @dataclass(frozen=True)

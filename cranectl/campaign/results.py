@@ -274,7 +274,7 @@ def _check_same(directory: Path, kept: Table, wanted: Table, *, resume: bool) ->
 def _software(directory: Path, kept: Table, installed: dict[str, str], *, accepted: bool) -> Table:
     """Return the software of a resumed result; raise InputError for new software unless `accepted`."""
     known = [kept["versions"], *kept["accepted"]]
-    different = [provenance_differences(each, installed) for each in known]
+    different = [provenance_differences(versions, installed) for versions in known]
     if all(different):
         if not accepted:
             raise InputError(

@@ -214,7 +214,7 @@ def separations(results: Results, group: Group, values: Array) -> tuple[Separati
                 other_median=float(quantiles(x[good], (0.5,))[0]),
             )
         )
-    return tuple(sorted(found, key=lambda each: -each.distance))
+    return tuple(sorted(found, key=lambda separation: -separation.distance))
 
 
 def one_at_a_time_effects(results: Results, group: Group, values: Array) -> tuple[OneAtATimeEffect, ...]:

@@ -161,12 +161,14 @@ def read_part(
     except (OSError, pyarrow.ArrowException, ValueError, OverflowError, MemoryError) as error:
         raise ResultDamageError(str(error).partition("\n")[0]) from None
     identity = (schema.metadata or {}).get(b"identity", b"").decode(errors="replace")
-    origin = next((each for each in origins if each.identity == identity), None)
+    origin = next((candidate for candidate in origins if candidate.identity == identity), None)
     if origin is None:
         raise ResultDamageError("it belongs to another campaign")
     expected = _part_schema(campaign, origin, batch)
     absent = {name for name in expected.names if name.startswith(SINCE_3) and name not in schema.names}
-    known = pyarrow.schema([each for each in expected if each.name not in absent], metadata=expected.metadata)
+    known = pyarrow.schema(
+        [field for field in expected if field.name not in absent], metadata=expected.metadata
+    )
     _check_schema(schema, known)
     keys = [list(range(batch.first, batch.last)), [batch.plant], [batch.controller]]
     found = [table["sample"].to_pylist()]

@@ -82,7 +82,9 @@ class Prepared:
 def _kept_periods(campaign: Campaign) -> list[Scenario]:
     """Return the nominal scenario with each of the shortest control periods that its runs have."""
     found = [parameter for parameter in campaign.parameters if parameter.name == PERIOD]
-    periods = sorted({float(p) for each in found for p in each.values(each.distribution.grid())})
+    periods = sorted(
+        {float(p) for parameter in found for p in parameter.values(parameter.distribution.grid())}
+    )
     controls = [
         campaign.nominal.control.model_copy(update={"period": period}) for period in periods[:KEPT_PERIODS]
     ]

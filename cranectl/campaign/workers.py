@@ -167,7 +167,7 @@ class ChildWorker:
     def run_batch(self, batch: Batch, stop: Stop = lambda: False) -> list[Row]:
         """Return the rows of `batch`; raise StoppedError soon after `stop` returns True."""
         single = (batch._replace(first=k, last=k + 1) for k in range(batch.first, batch.last))
-        return [tried_again(partial(self._try, each, stop)) for each in single]
+        return [tried_again(partial(self._try, one_run, stop)) for one_run in single]
 
     def close(self) -> None:
         """Between batches: they end a process that does not end its run."""

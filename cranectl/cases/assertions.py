@@ -112,7 +112,11 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
         place = ("load position", "m", found.max_load_error_m, found.max_load_error_at_s, limits.load_m)
         angles = [(s.signal, s.unit, s.max_abs, s.at_s, limits.angle_rad) for s in found.signals]
         pair = f"{a.plant} and {b.plant} differ in"
-        faults += [f"{pair} {_difference(*each)}" for each in (place, *angles) if not each[2] <= each[-1]]
+        faults += [
+            f"{pair} {_difference(*difference)}"
+            for difference in (place, *angles)
+            if not difference[2] <= difference[-1]
+        ]
         if abs(a.end_ns - b.end_ns) > limits.end_s * NANOSECONDS:
             faults.append(f"{a.plant} ends at {a.end_s:g} s, {b.plant} at {b.end_s:g} s")
         if not agreement.passed and not given:

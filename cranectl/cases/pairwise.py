@@ -68,9 +68,9 @@ class Pairwise:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; what is not a number is null."""
-        plants = [asdict(each) for each in self.plants]
-        for each in plants:
-            each["order"] = each["order"] if isfinite(each["order"]) else None
+        plants = [asdict(plant) for plant in self.plants]
+        for plant in plants:
+            plant["order"] = plant["order"] if isfinite(plant["order"]) else None
         return {"pairs": [asdict(pair) for pair in self.pairs], "plants": plants}
 
 
@@ -82,7 +82,7 @@ def pairwise(validation: Validation) -> Pairwise:
             agreement = pair.agreement
             key = (agreement.drive, agreement.plant, agreement.reference)
             found.setdefault(key, []).append((pair, case))
-    worst = {key: max(pairs, key=lambda each: _size(each[0])) for key, pairs in found.items()}
+    worst = {key: max(pairs, key=lambda entry: _size(entry[0])) for key, pairs in found.items()}
     rows = tuple(_worst(key, [pair for pair, _ in pairs]) for key, pairs in found.items())
     cases: dict[tuple[str, str], tuple[float, Case]] = {}
     for (drive, *plants), (pair, case) in worst.items():

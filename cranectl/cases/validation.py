@@ -145,10 +145,10 @@ def _overrun(result: CaseResult) -> float:
     """Return the largest ratio of a judged value to its limit."""
     apart = [
         value / limit if value == value else math.inf
-        for each in result.agreements
+        for agreement in result.agreements
         for value, limit in (
-            (each.max_load_error_m, each.limit_m),
-            (each.max_angle_error_rad, each.limit_rad),
+            (agreement.max_load_error_m, agreement.limit_m),
+            (agreement.max_angle_error_rad, agreement.limit_rad),
         )
         if limit is not None
     ]
@@ -177,19 +177,23 @@ def _faults(result: CaseResult) -> Iterator[str]:
 
 def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:
     """JUnit XML: a test case for each, its class the scenario. The same verdicts are the same text."""
-    count = {kind: sum(each.kind == kind for each in verdicts) for kind in ("failed", "error")}
+    count = {kind: sum(verdict.kind == kind for verdict in verdicts) for kind in ("failed", "error")}
     totals = {"tests": str(len(verdicts)), "failures": str(count["failed"]), "errors": str(count["error"])}
     root = ElementTree.Element("testsuites", totals)
     suite = ElementTree.SubElement(root, "testsuite", {"name": "cranectl validate", **totals})
-    for each in verdicts:
-        name = " / ".join(part for part in (each.controller, each.drive, ", ".join(each.plants)) if part)
-        case = ElementTree.SubElement(suite, "testcase", {"classname": each.scenario, "name": name})
-        if each.kind != "passed":
-            tag = "failure" if each.kind == "failed" else "error"
-            fault = ElementTree.SubElement(case, tag, {"message": _printable(each.faults[0].splitlines()[0])})
-            lines = [*each.faults, f"again: {each.command(options)}"]
-            if each.log:
-                lines.append(f"log: {each.log}")
+    for verdict in verdicts:
+        name = " / ".join(
+            part for part in (verdict.controller, verdict.drive, ", ".join(verdict.plants)) if part
+        )
+        case = ElementTree.SubElement(suite, "testcase", {"classname": verdict.scenario, "name": name})
+        if verdict.kind != "passed":
+            tag = "failure" if verdict.kind == "failed" else "error"
+            fault = ElementTree.SubElement(
+                case, tag, {"message": _printable(verdict.faults[0].splitlines()[0])}
+            )
+            lines = [*verdict.faults, f"again: {verdict.command(options)}"]
+            if verdict.log:
+                lines.append(f"log: {verdict.log}")
             fault.text = _printable("\n".join(lines))
     ElementTree.indent(root)
     text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)

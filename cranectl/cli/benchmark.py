@@ -138,7 +138,7 @@ def run_benchmark(
     rules = rules_of(settings)
     directory = out or Path("logs") / f"benchmark-{settings.name}"
     screen = Screen()
-    idle = idle_in_benchmark(settings, [(each.scenario, each.plant, each.law) for each in trials])
+    idle = idle_in_benchmark(settings, [(trial.scenario, trial.plant, trial.law) for trial in trials])
     idle += idle_patience(laws, patience, cluster=scheduler is not None)
     if tuned is not None and division == "published":
         idle.append("--tuned changes nothing here: laws run with their defaults, add --division tuned")
@@ -249,7 +249,7 @@ def report_benchmark(
         told[judged.division] = {}
         for name in settings.sets:
             standings = judged.ranking(name)
-            told[judged.division][name] = [each._asdict() for each in standings]
+            told[judged.division][name] = [standing._asdict() for standing in standings]
             if standings:
                 title = f"{TITLES[judged.division]}, {name}, on {settings.plant}"
                 screen.print(ranking_table(judged, standings, title))

@@ -49,9 +49,11 @@ def budget_command(asked: Asked, controller: str | None, top: str, screen: Scree
     with progress_bar(simulated_seconds(loaded, top), f"{loaded.name}, budget") as advance:
         budget = error_budget(loaded, controller, top=top, progress=advance)
     screen.print(budget_table(budget))
-    levels = ["sensing" if each.level in SENSING else each.level for each in budget.entries]
+    levels = ["sensing" if entry.level in SENSING else entry.level for entry in budget.entries]
     unread = [*OF_RUNS, "metrics.*", "obstacles.*"]
-    unread += [f"effects.{each}.*" for each in EffectSettings.model_fields if each not in levels]
+    unread += [
+        f"effects.{model_field}.*" for model_field in EffectSettings.model_fields if model_field not in levels
+    ]
     tell_idle_in_analysis(screen, loaded, asked, [budget.controller], unread=unread)
     screen.write_json(budget.to_json())
     return exit_codes.GOOD if budget.holds else exit_codes.LIMIT_EXCEEDED

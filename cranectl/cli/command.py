@@ -62,15 +62,18 @@ class Command(click.Command):
 
     def invoke(self, context: click.Context) -> Any:
         _check_memory()
-        given = [(each, context.params.get(each.name or "")) for each in context.command.params]
+        given = [(param, context.params.get(param.name or "")) for param in context.command.params]
         inputs = [
-            path for each, value in given if not isinstance(each.type, OutputFile) for path in _files(value)
+            path
+            for parameter, value in given
+            if not isinstance(parameter.type, OutputFile)
+            for path in _files(value)
         ]
         outputs = [
-            (each.opts[0], each.type, Path(value))
-            for each, value in given
-            if isinstance(each.type, OutputFile) and value is not None
-            if not (each.type.dash and value == "-")
+            (parameter.opts[0], parameter.type, Path(value))
+            for parameter, value in given
+            if isinstance(parameter.type, OutputFile) and value is not None
+            if not (parameter.type.dash and value == "-")
         ]
         for option, to, path in outputs:
             others = [other for that, _, other in outputs if that != option]
@@ -102,10 +105,10 @@ def _check_memory() -> None:
 def _files(value: Any) -> list[Path]:
     """Return the files that the value of a parameter names, or could name."""
     found = []
-    for each in value if isinstance(value, tuple) else (value,):
+    for item in value if isinstance(value, tuple) else (value,):
         with suppress(OSError, ValueError):  # no name of a file
-            if isinstance(each, str | Path) and Path(each).is_file():
-                found.append(Path(each))
+            if isinstance(item, str | Path) and Path(item).is_file():
+                found.append(Path(item))
     return found
 
 

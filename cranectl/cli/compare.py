@@ -220,7 +220,9 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
         except InputError as error:
             outcomes[str(path)] = error.found
     passed = all(isinstance(outcome, Regression) and outcome.passed for outcome in outcomes.values())
-    judged = {path: each if isinstance(each, str) else each.verdicts for path, each in outcomes.items()}
+    judged = {
+        path: outcome if isinstance(outcome, str) else outcome.verdicts for path, outcome in outcomes.items()
+    }
     screen.print(regressions_table(judged))
     screen.print_each(f"not compared: {path}, only in {new}" for path in sorted(held[0] - held[1]))
     screen.print(f"{new}:", PASSED if passed else FAILED)

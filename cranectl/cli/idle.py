@@ -68,11 +68,11 @@ def idle_lines(
         return []
     from cranectl.simulate.idle_settings import RunKind, idle_settings
 
-    keys = [each.partition("=")[0].strip() for each in asked.overrides]
+    keys = [override.partition("=")[0].strip() for override in asked.overrides]
     options = [*keys, *(f"{key}.*" for key in keys)]
     read = [name for name in given if not _fits(name, unread)]
     found = {"the command does not read it": [n for n in given if n not in read and _fits(n, options)]}
-    runs = [RunKind(*each) for each in uses]
+    runs = [RunKind(*use) for use in uses]
     for why, names in idle_settings(scenario, asked.read(), read, runs).items():
         found.setdefault(why, []).extend(names)
     lines = [
@@ -93,7 +93,7 @@ def tell_idle_in_analysis(
     unread: Sequence[str] = OF_RUNS,
 ) -> None:
     """Print what changes nothing in a command that takes the effects of a rig and keeps no log."""
-    uses = [(plant, drive, each) for each in controllers]
+    uses = [(plant, drive, controller) for controller in controllers]
     tell_idle(screen, idle_lines(scenario, asked, uses, unread=unread, all_effects=True))
 
 
@@ -122,7 +122,7 @@ def idle_in_benchmark(benchmark: "Benchmark", runs: Iterable[tuple[str, str, str
     lines: list[str] = []
     listed = list(runs)
     for name, measured in benchmark.scenarios.items() if benchmark.file.parent != BENCHMARK_DIRECTORY else ():
-        if uses := [(plant, benchmark.drive, law) for each, plant, law in listed if each == name]:
+        if uses := [(plant, benchmark.drive, law) for scenario, plant, law in listed if scenario == name]:
             asked = Asked(scenario_source(benchmark, name), None, [*benchmark.set, *measured.set])
             lines += idle_lines(asked.load(), asked, uses, unread=("log.*", "expected"))
     return lines

@@ -90,7 +90,14 @@ def ladder_command(
     write_overlay(log, {r.level.name: Layer(r.run.every(EVERY), EVERY, made_by) for r in results})
     screen.print(ladder_table(results))
     added = [result.level.name for result in results]
-    unread = [*OF_RUNS, *(f"effects.{each}.*" for each in EffectSettings.model_fields if each not in added)]
+    unread = [
+        *OF_RUNS,
+        *(
+            f"effects.{model_field}.*"
+            for model_field in EffectSettings.model_fields
+            if model_field not in added
+        ),
+    ]
     tell_idle_in_analysis(screen, loaded, asked, [name], unread=unread)
     screen.print(f"log: {log}")
     screen.print(f"view: cranectl log layout ladder view.json --log {shlex.quote(str(log))}")

@@ -133,12 +133,18 @@ def _controller(table: dict[str, Any]) -> dict[str, Any]:
         if law.axis_design is not None:  # its numbers are in [design]
             continue
         parameters = {
-            each.name: {
-                "description": f"{each.description} [{each.unit}]" if each.unit else each.description,
-                "default": each.default,
-                **({"enum": list(each.choices)} if each.choices else _number(each.lowest, each.highest)),
+            parameter.name: {
+                "description": f"{parameter.description} [{parameter.unit}]"
+                if parameter.unit
+                else parameter.description,
+                "default": parameter.default,
+                **(
+                    {"enum": list(parameter.choices)}
+                    if parameter.choices
+                    else _number(parameter.lowest, parameter.highest)
+                ),
             }
-            for each in law.parameters
+            for parameter in law.parameters
         }
         laws[law.name] = {
             "type": "object",

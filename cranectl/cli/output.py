@@ -64,8 +64,8 @@ class Screen(Console):
 
     def print_each(self, items: Iterable[str | Table], *, indent: str = "") -> None:
         """Print lines of text, indented, and tables."""
-        for each in items:
-            self.print(f"{indent}{each}" if isinstance(each, str) else each)
+        for item in items:
+            self.print(f"{indent}{item}" if isinstance(item, str) else item)
 
     def write_json(self, data: dict[str, Any]) -> None:
         """Write `data` to the requested file, if any; `-` is standard output."""

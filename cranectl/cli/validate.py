@@ -155,7 +155,7 @@ def validate_command(
     screen.write_json(told if pairs is None else {**told, "pairwise": pairs.to_json()})
     options = [
         *(("--rig", str(asked.rig)) if asked.rig else ()),
-        *(part for each in asked.overrides for part in ("--set", each)),
+        *(part for override in asked.overrides for part in ("--set", override)),
         *(("--patience", f"{patience:g}") if patience != BLOCK_TIMEOUT else ()),
     ]
     if junit is not None:
@@ -244,7 +244,7 @@ def _tell(validation: "Validation", code: int, out: Path, screen: Screen, *, det
         for case in lost:
             name = f"{case.source}, {case.controller}, {case.drive}"
             screen.print(" ", styled(f"{name}: no result, {validation.why_lost}", "bold red"))
-        logs = sum(each.log is not None for each in finished)
+        logs = sum(result.log is not None for result in finished)
         kept = "logs" if logs == len(finished) else f"{logs} of {len(finished)} logs"
         screen.print(f"{len(runs)} runs, {kept} in {out}" if logs else f"{len(runs)} runs, no log kept")
         aside = [f"({unjudged} of {len(agreements)} pairs not judged)"] if unjudged else []

@@ -147,7 +147,7 @@ def _call(_typing, _address, parameters, measured, reference, memory, command):
 
 def _call_uncompiled(address, *arrays):
     """Do what `_call` does, in a process that compiles nothing."""
-    return STEP(address)(*(each.ctypes.data_as(POINTER(c_double)) for each in arrays))
+    return STEP(address)(*(array.ctypes.data_as(POINTER(c_double)) for array in arrays))
 
 
 if UNCOMPILED:

@@ -214,8 +214,8 @@ class Controller:
             if name not in known:
                 raise unknown_name(f"parameter of {where}", name, known)
         values = {
-            name: each.checked(given.get(name, each.sized(each.default, length)), where)
-            for name, each in known.items()
+            name: parameter.checked(given.get(name, parameter.sized(parameter.default, length)), where)
+            for name, parameter in known.items()
         }
         signals = tuple(logged.signal for logged in self.logged)
         return ControllerDesign(self.name, parameters=values, signals=signals, origin=self.origin)

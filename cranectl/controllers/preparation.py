@@ -93,6 +93,8 @@ def _run_own_code(
 def _where(error: BaseException) -> str:
     """Return the line that raised, of the last file that is not an installed library."""
     frames = [
-        each for each in traceback.extract_tb(error.__traceback__)[1:] if "site-packages" not in each.filename
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)[1:]
+        if "site-packages" not in frame.filename
     ]
     return f" in {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""

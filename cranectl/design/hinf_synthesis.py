@@ -181,7 +181,7 @@ def smallest_gamma(problem: FullInformation, highest: float) -> float:
     InputError
         If rounding leaves less than five digits of the result.
     """
-    found, other = (_bisect(each, highest) for each in (problem, _reflected(problem)))
+    found, other = (_bisect(candidate, highest) for candidate in (problem, _reflected(problem)))
     if not abs(other - found) <= AGREEMENT * found:
         raise ill_conditioned("S/KS")
     return found

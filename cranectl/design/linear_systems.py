@@ -305,7 +305,9 @@ def _bandwidth(loop: control.StateSpace, poles: Response) -> float:
     if not len(below) or below[0] == 0:
         return np.inf if not len(below) else 0.0
     k = int(below[0])
-    return float(10.0 ** brentq(lambda each: float(excess(each)[0]), grid[k - 1], grid[k], xtol=1e-10))
+    return float(
+        10.0 ** brentq(lambda exponent: float(excess(exponent)[0]), grid[k - 1], grid[k], xtol=1e-10)
+    )
 
 
 def slowed_and_sampled(system: control.StateSpace, pace: float, period: float) -> control.StateSpace:

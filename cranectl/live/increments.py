@@ -75,7 +75,7 @@ class Increments:
 
     def take_over(self, time_ns: int) -> None:
         """Mark that teleoperation begins at `time_ns` since the start."""
-        before = [each for each in self._phases if each[0] < time_ns]
+        before = [phase for phase in self._phases if phase[0] < time_ns]
         self._phases = [*before, (time_ns, Phase.DRIVEN)]
 
     def static_scene(self, runs: Sequence[Run], now_ns: int) -> list[Stream]:

@@ -32,14 +32,17 @@ def open_library(file: LawFile) -> tuple[Controller, LawFile]:
         start = _ask(file, values, _plain(nominal, told["reads"]))["start"]
         return np.array(start["parameters"]), np.array(start["memory"])
 
-    searched = [each | {"search": each["search"] and tuple(each["search"])} for each in told["parameters"]]
+    searched = [
+        parameter | {"search": parameter["search"] and tuple(parameter["search"])}
+        for parameter in told["parameters"]
+    ]
     controller = Controller(
         **{key: told[key] for key in DECLARED},
         step=by_address,
         prepare=prepare,
         reads=None if told["reads"] is None else tuple(told["reads"]),
-        parameters=tuple(Parameter(**each) for each in searched),
-        logged=tuple(Logged(place, Signal(each[0], *each)) for place, *each in told["signals"]),
+        parameters=tuple(Parameter(**parameter) for parameter in searched),
+        logged=tuple(Logged(place, Signal(texts[0], *texts)) for place, *texts in told["signals"]),
         entry=lambda *_: _address(file),
     )
     return controller, file

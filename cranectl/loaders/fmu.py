@@ -104,7 +104,10 @@ class Fmu:
             "token": self.told.guid,
             "resources": str(self.resources),
             "references": self.variables.fixed_references,
-            "values": [*(each.default for each in self.variables.parameters), *self.variables.constants],
+            "values": [
+                *(parameter.default for parameter in self.variables.parameters),
+                *self.variables.constants,
+            ],
         }
 
     def entry(self, parameters: Array) -> int:

@@ -21,9 +21,9 @@ STATES = {f"state.{name}": k for k, name in enumerate(STATE.names)}
 STATES |= {f"measurement.{name}": k for k, name in enumerate(MEASUREMENT.names)}
 REFERENCES = {f"reference.{name}": MEASURED + k for k, name in enumerate(REFERENCE.names)}
 COMMANDS = ("command.bridge", "command.trolley", "command.rope")
-UNITS = {f"{group}.{each.name}": each.unit for group, signals in (
+UNITS = {f"{group}.{signal.name}": signal.unit for group, signals in (
     ("encoders", STATE), ("state", STATE), ("measurement", MEASUREMENT), ("reference", REFERENCE)
-) for each in signals.signals}  # fmt: skip
+) for signal in signals.signals}  # fmt: skip
 LARGEST_REFERENCE = 2**32 - 1
 HOLD = "held"  # in place of an output, of an axis that nothing commands
 OUR_NAMES = re.compile(r"(encoders|state|measurement|reference)\b")
@@ -84,57 +84,62 @@ def variables_of(file: LawFile, told: Any) -> Variables:
     source = str(file.path.with_suffix(".toml"))
     parsed = parse_toml(file.table.decode("utf-8", "replace"), source)
     table = parse_settings(FmuTable, parsed, source)
-    of = {cause: [each for each in declared if each.causality == cause] for cause in ("input", "output")}
+    of = {
+        cause: [variable for variable in declared if variable.causality == cause]
+        for cause in ("input", "output")
+    }
     held = _held(table, of["output"], source)
     outputs = {name: meant for name, meant in table.outputs.items() if name not in held}
     meant = _meant(outputs, of["output"], "output", source)
     given = _meant(table.inputs, of["input"], "input", source)
-    constant = [each for each in of["input"] if not isinstance(given[each.name], str)]
-    free = [each for each in of["input"] if _keeps_its_start(each, table)]
-    inputs = [each for each in of["input"] if each not in constant and each not in free]
+    constant = [variable for variable in of["input"] if not isinstance(given[variable.name], str)]
+    free = [variable for variable in of["input"] if _keeps_its_start(variable, table)]
+    inputs = [variable for variable in of["input"] if variable not in constant and variable not in free]
     conversion = Conversion(file, source, {unit.name: unit for unit in told.unitDefinitions}, table.units)
-    encoders = any(given[each.name] in ENCODERS for each in inputs)
+    encoders = any(given[variable.name] in ENCODERS for variable in inputs)
     known = {**(ENCODERS if encoders else STATES), **REFERENCES}
     for variable in inputs:
         _check(variable, str(given[variable.name]), known, file, source)
     for variable in constant:
         _check_type(variable, file)
     commands = _commands(meant, of["output"], held, file, source)
-    commanding = [each for each in commands if each is not None]
+    commanding = [place for place in commands if place is not None]
     conversion.check_stated([*inputs, *commanding])
     drives = command_group(table.command).signals[: len(COMMANDS)]
-    others = [each for each in of["output"] if each not in commanding and _is_number(each)]
+    others = [variable for variable in of["output"] if variable not in commanding and _is_number(variable)]
     parameters = _settable(declared, free, connected=[*inputs, *constant])
     return Variables(
         table=table,
         measures="encoders" if encoders else "state",
         input_references=_references(inputs, file),
-        sources=[known[str(given[each.name])] for each in inputs],
+        sources=[known[str(given[variable.name])] for variable in inputs],
         output_references=_references([*commanding, *others], file),
-        commands=[HELD if each is None else commanding.index(each) for each in commands],
+        commands=[
+            HELD if command_place is None else commanding.index(command_place) for command_place in commands
+        ],
         factors=[
-            *(conversion.factor(each, UNITS[given[each.name]], given[each.name]) for each in inputs),
+            *(conversion.factor(variable, UNITS[given[variable.name]], given[variable.name]) for variable in inputs),
             *(
-                1.0 if each is None else conversion.factor(each, drive.unit, command)
-                for each, drive, command in zip(commands, drives, COMMANDS, strict=True)
+                1.0 if place is None else conversion.factor(place, drive.unit, command)
+                for place, drive, command in zip(commands, drives, COMMANDS, strict=True)
             ),
         ],
         logged=tuple(
-            Signal(name, name, _of(each, "unit"), each.description or each.name)
-            for name, each in _named(others, file).items()
+            Signal(name, name, _of(variable, "unit"), variable.description or variable.name)
+            for name, variable in _named(others, file).items()
         ),
         parameters=tuple(
             Parameter(
                 name,
-                _number(each, "start", 0.0, file),
-                _of(each, "unit"),
-                each.description or each.name,
-                _number(each, "min", -inf, file),
-                _number(each, "max", inf, file),
+                _number(variable, "start", 0.0, file),
+                _of(variable, "unit"),
+                variable.description or variable.name,
+                _number(variable, "min", -inf, file),
+                _number(variable, "max", inf, file),
             )
-            for name, each in _named(parameters, file).items()
+            for name, variable in _named(parameters, file).items()
         ),
-        constants=tuple(float(given[each.name]) for each in constant),
+        constants=tuple(float(given[variable.name]) for variable in constant),
         fixed_references=_references([*parameters, *constant], file),
     )
 
@@ -216,7 +221,7 @@ def _commands(
     """Return the output of each command, None where it is held; raises InputError for none, or for two."""
     found: list[Any] = []
     for command in COMMANDS:
-        fitting = [each for each in outputs if meant[each.name] == command]
+        fitting = [output for output in outputs if meant[output.name] == command]
         if command in held and not fitting:
             found.append(None)
             continue
@@ -243,11 +248,11 @@ def _commands(
 
 def _references(variables: Sequence[Any], file: LawFile) -> list[int]:
     """Return the value references; raise InputError for one that FMI does not allow."""
-    references = [each.valueReference for each in variables]
-    for reference, each in zip(references, variables, strict=True):
+    references = [variable.valueReference for variable in variables]
+    for reference, variable in zip(references, variables, strict=True):
         if not 0 <= reference <= LARGEST_REFERENCE:
             raise InputError(
-                f"{file.reference}: {each.causality} '{each.name}' has valueReference = {reference}",
+                f"{file.reference}: {variable.causality} '{variable.name}' has valueReference = {reference}",
                 allowed=f"0 to {LARGEST_REFERENCE}, a number of 32 bits",
                 remedy="correct the model's description, or export it again",
             )
@@ -256,11 +261,11 @@ def _references(variables: Sequence[Any], file: LawFile) -> list[int]:
 
 def _settable(declared: Sequence[Any], free: Sequence[Any], connected: Sequence[Any]) -> list[Any]:
     """Return the parameters and free inputs, each once: aliases share the value of another variable."""
-    taken = {each.valueReference for each in connected}
+    taken = {variable.valueReference for variable in connected}
     found: dict[int, Any] = {}
-    for each in (*(each for each in declared if each.causality == "parameter"), *free):
-        if _is_number(each) and each.valueReference not in taken:
-            found.setdefault(each.valueReference, each)
+    for variable in (*(variable for variable in declared if variable.causality == "parameter"), *free):
+        if _is_number(variable) and variable.valueReference not in taken:
+            found.setdefault(variable.valueReference, variable)
     return list(found.values())
 
 

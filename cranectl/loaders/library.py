@@ -123,11 +123,11 @@ def declaration(library: ctypes.CDLL) -> Plain:
         "name": text(told.name),
         "title": text(told.title),
         "numbers": max(told.numbers, told.parameter_count),
-        "parameters": [parameter(each) for each in parameters[: told.parameter_count]],
+        "parameters": [parameter(item) for item in parameters[: told.parameter_count]],
         "reads": read_fields(library, cast(pointer, POINTER(kind)).contents),
         "signals": [
-            [each.place, text(each.name), text(each.unit), text(each.description)]
-            for each in told.signals[: told.signal_count]
+            [signal.place, text(signal.name), text(signal.unit), text(signal.description)]
+            for signal in told.signals[: told.signal_count]
         ],
     }
 
@@ -222,5 +222,5 @@ def answer(path: str, question: Plain) -> Plain:
     told = declaration(library)
     if question["values"] is not None:
         return told | {"start": prepare(library, told, question["values"], question["nominal"])}
-    check(library, told, prepare(library, told, [each["default"] for each in told["parameters"]], None))
+    check(library, told, prepare(library, told, [item["default"] for item in told["parameters"]], None))
     return told

@@ -113,7 +113,9 @@ class Neighbours(MetaPathFinder):
 
     def _folders(self) -> list[str]:
         """Return the controller's folder, and those that it has added to `sys.path` itself."""
-        added = [each for each in sys.path if each and each not in self._before] if self._running else []
+        added = (
+            [folder for folder in sys.path if folder and folder not in self._before] if self._running else []
+        )
         return [str(self.folder), *(added or self._added)]
 
     def _counts(self, file: Path) -> bool:

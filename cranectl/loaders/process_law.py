@@ -105,7 +105,7 @@ def open_process(file: LawFile) -> tuple[Controller, LawFile]:
 def _with_named(settings: ProcessSettings, file: LawFile) -> LawFile:
     """Return the file with those that `program` and `files` name; raise InputError for absent ones."""
     folder = file.folder
-    named = {each for each in settings.program if _is_file(folder / each)}
+    named = {word for word in settings.program if _is_file(folder / word)}
     for pattern in settings.files:
         found = [path for path in folder.glob(pattern) if path.is_file()] if pattern else []
         if not found:

@@ -212,7 +212,7 @@ def _check_tension(run: Run, sound: int) -> None:
     allowed += rig.load_mass * float(turned.mean())
     allowed += rope.mass * float(state[:, ROPE].max()) * rig.gravity if rope else 0.0
     found = (float(np.trapezoid(lifted, time)) / (time[-1] - time[0]), float(np.median(lifted)))
-    if min(abs(each - needed) for each in found) > allowed:
+    if min(abs(tension - needed) for tension in found) > allowed:
         raise DamageError(
             f"the rope of {run.plant} lifts {found[1]:.3g} N, the load of its scenario needs {needed:.3g} N"
         )

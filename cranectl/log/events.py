@@ -190,7 +190,7 @@ def _changes(run: Run, holds: NDArray[np.bool_], before: bool, begins: str, ends
 
 def origins(scenario: Scenario) -> dict[str, str]:
     """Return by name, `segment 0`, what a segment from a file is made of, and what its plan claims."""
-    made = {f"segment {k}": _origin(each) for k, each in enumerate(scenario.reference.segments)}
+    made = {f"segment {k}": _origin(segment) for k, segment in enumerate(scenario.reference.segments)}
     return {name: origin for name, origin in made.items() if origin}
 
 

@@ -244,7 +244,7 @@ def file_attachments(runs: Sequence[Run]) -> list[Attachment]:
         attached.append((f"{run.plant}.{name}", kind, run.model.encode()))
     files = held_files(first.scenario)
     attached += [(name, "application/octet-stream", content) for name, content in files.items()]
-    return [Attachment(0, 0, *each) for each in attached]
+    return [Attachment(0, 0, *content) for content in attached]
 
 
 def _documents(scenario: Scenario, design: ControllerDesign) -> dict[str, str]:

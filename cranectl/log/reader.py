@@ -127,7 +127,7 @@ def check_names(contents: Contents) -> None:
     for name in sorted(contents.repeated):
         if name.startswith("run/") or name.rpartition("/")[2] in TOLD:
             raise UnsupportedError(f"it has {name} twice, as merged logs have", "name one of the logs")
-    if not contents.metadata and any(each.name.startswith(TYPES) for each in contents.schemas.values()):
+    if not contents.metadata and any(schema.name.startswith(TYPES) for schema in contents.schemas.values()):
         raise UnsupportedError("it has no metadata, as filtered logs have", FILTERED)
 
 

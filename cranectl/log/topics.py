@@ -48,7 +48,9 @@ class Stream:
     def of(cls, topic: str, kind: Any, times: Iterable[int], messages: Iterable[Any]) -> "Stream":
         """Return messages of `kind`, one of Foxglove's own, at their times [ns]."""
         definition, time_ns = kind.get_schema(), np.array(times, dtype=np.int64)
-        return cls(topic, definition.name, definition.data, time_ns, [each.encode() for each in messages])
+        return cls(
+            topic, definition.name, definition.data, time_ns, [message.encode() for message in messages]
+        )
 
 
 def in_order(streams: Sequence[Stream]) -> Iterator[tuple[int, int, bytes]]:
@@ -175,8 +177,8 @@ def _encoded(values: NDArray[np.float64]) -> list[bytes]:
 def record_schema(name: str, fields: tuple[tuple[str, type], ...]) -> bytes:
     """Return the FileDescriptorSet of a message of strings, bools and named enumerations."""
     message = descriptor_pb2.DescriptorProto(name=name)
-    for number, (each, kind) in enumerate(fields, start=1):
-        added = message.field.add(name=each, number=number, label=Field.LABEL_OPTIONAL)
+    for number, (field_name, kind) in enumerate(fields, start=1):
+        added = message.field.add(name=field_name, number=number, label=Field.LABEL_OPTIONAL)
         added.type = FIELD_TYPES.get(kind, Field.TYPE_ENUM)
         if issubclass(kind, IntEnum):
             added.type_name = f".{PACKAGE}.{name}.{kind.__name__}"

@@ -84,8 +84,13 @@ class Contents:
         """
         bare: list[Record] = []  # records of messages that stand in no chunk, one after the other
         for record in read_records(stream, len(MAGIC), self.size):
-            if bare and (record.opcode not in BARE or sum(each.length for each in bare) > MAX_BARE):
-                records = b"".join(PREFIX.pack(each.opcode, len(each.body)) + each.body for each in bare)
+            if bare and (
+                record.opcode not in BARE or sum(bare_record.length for bare_record in bare) > MAX_BARE
+            ):
+                records = b"".join(
+                    PREFIX.pack(bare_record.opcode, len(bare_record.body)) + bare_record.body
+                    for bare_record in bare
+                )
                 yield self._content(cut_up(records, "its messages"), bare[0].start)
                 self.stop = record.start
                 bare = []

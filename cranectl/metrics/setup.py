@@ -55,7 +55,9 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
         load_mass=rig.load_mass,
         coulomb=np.array(friction.coulomb if friction else (0.0, 0.0, 0.0)),
         viscous=np.array(friction.viscous if friction else (0.0, 0.0, 0.0)),
-        obstacles=np.array([(each.low, each.high) for each in scenario.obstacles]).reshape(-1, 2, 3),
+        obstacles=np.array([(obstacle.low, obstacle.high) for obstacle in scenario.obstacles]).reshape(
+            -1, 2, 3
+        ),
         load_radius=drawn_load_radius(rig),
         flag_column=flag_column if has_signal_path(scenario.effects, drive) else NO_FLAGS,
     )

@@ -132,7 +132,7 @@ def _(s: Interval, coefficients: Array, count: int) -> list[Series]:
         for j in range(len(about) - 2, k - 1, -1):
             value = value * step + about[j] * float(comb(j, k))
         found.append(value)
-    return [[each[:, axis] for each in padded(found, count)] for axis in range(3)]
+    return [[coefficient[:, axis] for coefficient in padded(found, count)] for axis in range(3)]
 
 
 @select_between.register
@@ -215,7 +215,7 @@ def inputs(columns: Array) -> list[Gradient]:
 @expand_about.register
 def _(s: Gradient, coefficients: Array, count: int) -> list[Series]:
     found = padded(shifted_powers(list(coefficients), s.value[:, None] - 0.5), count + 1)
-    slopes = [(k + 1) * each for k, each in enumerate(found[1:])]
+    slopes = [(k + 1) * power for k, power in enumerate(found[1:])]
     return [
         [
             Gradient(value[:, axis], slope[:, axis, None] * s.slope)

@@ -42,7 +42,7 @@ def deviation(before: LineOrArc, after: LineOrArc, taken: float, *, enclosed: bo
             there, ones = Interval(at, at), Interval(one, one)
             whole = between(there + reach, ones)
             values = [a[0] + b[1] * reach for a, b in zip(between(there, ones), whole, strict=True)]
-            squares = sum(np.maximum(np.abs(each.low), np.abs(each.high)) ** 2 for each in values)
+            squares = sum(np.maximum(np.abs(value.low), np.abs(value.high)) ** 2 for value in values)
         else:
             squares = sum(axis[0] ** 2 for axis in between(at, one))
         found = max(found, float(np.sqrt(squares.max())))

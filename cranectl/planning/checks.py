@@ -34,10 +34,10 @@ def check_point(point: Array, limits: Limits, what: str) -> None:
     """Raise InputError where the load cannot hang at rest at `point` (x, y, z) [m]."""
     place = ", ".join(f"{value:g}" for value in point)
     still = motion([[np.array([value]), *[np.zeros(1)] * 5] for value in point], limits.gravity)
-    for each in constraints(still, limits):
-        value = float(each.series[0][0])
-        if value > each.high + PROOF_MARGIN or value < each.low - PROOF_MARGIN:
-            _cannot_hang(each, value, limits, f"{what}, ({place}),")
+    for constraint in constraints(still, limits):
+        value = float(constraint.series[0][0])
+        if value > constraint.high + PROOF_MARGIN or value < constraint.low - PROOF_MARGIN:
+            _cannot_hang(constraint, value, limits, f"{what}, ({place}),")
     for box in limits.obstacles:
         most = float(clearance(still, box, limits.radius).max())
         if most < -PROOF_MARGIN:

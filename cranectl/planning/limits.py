@@ -161,14 +161,17 @@ def constraints(moved: Motion, limits: Limits) -> list[Constraint]:
             _symmetric(f"{axis} force", forces[i], limits.force[i]),
             _symmetric(f"{axis} jerk", differentiated(rate, 1), limits.jerk[i]),
         ]
-    return [each for each in found if np.isfinite(each.low) or np.isfinite(each.high)]
+    return [constraint for constraint in found if np.isfinite(constraint.low) or np.isfinite(constraint.high)]
 
 
 def excesses(moved: Motion, limits: Limits) -> dict[str, Array]:
     """Over each limit at each point (N,), in parts of it; below zero: what is left. Of floats."""
     found = {
-        each.name: np.maximum(each.series[0] - each.high, each.low - each.series[0]) / each.scale
-        for each in constraints(moved, limits)
+        constraint.name: np.maximum(
+            constraint.series[0] - constraint.high, constraint.low - constraint.series[0]
+        )
+        / constraint.scale
+        for constraint in constraints(moved, limits)
     }
     for box in limits.obstacles:
         found[box.key] = -np.max(clearance(moved, box, limits.radius), axis=0) / limits.size

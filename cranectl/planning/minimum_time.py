@@ -80,7 +80,7 @@ def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law
 
     `stopping`: law, duration [s], length [m] of each part alone.
     """
-    durations, lengths = (np.array([each[k] for each in stopping]) for k in (1, 2))
+    durations, lengths = (np.array([part[k] for part in stopping]) for k in (1, 2))
     begins = np.cumsum(durations) - durations
     at = np.linspace(0.0, durations.sum(), GUESS)
     guess = sum(
@@ -125,8 +125,10 @@ def _minimum_time(
             proof = prove(breaks, coefficients, PLANNED_DEGREE, task.limits, to_load)
             if proof.is_valid:
                 return ShortestMotion(duration, coefficients, proof)
-            violated = {each.name for each in proof.violations}
-            broken = np.array([0.5 * (each.start + each.end) / duration for each in proof.violations])
+            violated = {violation.name for violation in proof.violations}
+            broken = np.array(
+                [0.5 * (violation.start + violation.end) / duration for violation in proof.violations]
+            )
         beside_them = (broken[:, None] + NEARBY / (task.spans * FINE)).ravel()
         fractions = np.unique(np.clip(np.concatenate([fractions, beside_them]), 0.0, 1.0))
         beside *= 1 + bool(violated & obstacles)
@@ -190,7 +192,7 @@ def _narrowed(ranges: Array, gap: float) -> Array:
 def _guess(problem: Problem) -> tuple[float, Array]:
     """Return the duration [s] and coefficients of the quickest of smooth splines near the guess."""
     fitted = [_fitted(problem, smoothing) for smoothing in SMOOTHING_WEIGHTS]
-    return min(((_quickest(problem.task, each), each) for each in fitted), key=lambda pair: pair[0])
+    return min(((_quickest(problem.task, guess), guess) for guess in fitted), key=lambda pair: pair[0])
 
 
 def _fitted(problem: Problem, smoothing: float) -> Array:

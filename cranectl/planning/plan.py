@@ -71,9 +71,9 @@ def with_planned_segments(scenario: Scenario, directory: Path) -> Scenario:
         if blended and isinstance(segment, Line | Arc):
             segment, blended = path_with_blends([*blended, segment], here, where), []
         ready = [segment] if is_planned(segment) else _ready(segment, here, scenario, directory, where)
-        for each in ready:
-            segments.append(each)
-            here = end_point(each, here)
+        for planned in ready:
+            segments.append(planned)
+            here = end_point(planned, here)
     length = sum(map(seconds, segments))
     check_length(length, scenario, f"{scenario.name}: the segments last", "leave segments out")
     reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
@@ -108,11 +108,13 @@ def _planned_segment(
         text = kept("plans", [key, version("clarabel")], lambda: _planned(segment, start, scenario, where))
         plans = _PLANS.validate_json(text)
         _PLANNED[key] = [
-            each.claiming(claim) if isinstance(each, Plannable) else each for each, claim in plans
+            planned.claiming(claim) if isinstance(planned, Plannable) else planned for planned, claim in plans
         ]
     return [
-        each.holding(segment.held) if isinstance(each, Spline) and isinstance(segment, Spline) else each
-        for each in _PLANNED[key]
+        planned.holding(segment.held)
+        if isinstance(planned, Spline) and isinstance(segment, Spline)
+        else planned
+        for planned in _PLANNED[key]
     ]
 
 
@@ -124,9 +126,9 @@ def _planned(segment: Along | Spline | Move, start: Array, scenario: Scenario, w
     else:
         found = [planned_along(segment, start, scenario, where)]
     plans = []
-    for each in found:
-        plans.append((each, claim_of(each, start, scenario)))
-        start = end_point(each, start)
+    for planned in found:
+        plans.append((planned, claim_of(planned, start, scenario)))
+        start = end_point(planned, start)
     return _PLANS.dump_json(plans).decode()
 
 

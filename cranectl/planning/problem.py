@@ -147,8 +147,8 @@ class Problem:
         excess, efforts = [], []
         for index, group in enumerate(self.groups):
             limits, others = _parted(group.bounded(self.series_of(list(self._jets(x, group)[0].T))))
-            excess += [each.excess() for each in limits]
-            efforts += [each.excess() for each in others if not index]
+            excess += [limit.excess() for limit in limits]
+            efforts += [other.excess() for other in others if not index]
         return np.concatenate([*excess, self.in_order(x)[0]]), np.concatenate(efforts)
 
     def in_order(self, x: Array) -> tuple[Array, Array]:
@@ -181,10 +181,10 @@ class Problem:
         moved = np.concatenate([jets[None], jets + np.diag(size)[:, None, :]])  # (1 + width, N, width)
         total = np.zeros((width + 1, count, width))
         rows = _parted(group.bounded(self.series_of(inputs(moved.reshape(-1, width)))))[0]
-        for each, multiplier in zip(rows, multipliers, strict=True):
+        for row, multiplier in zip(rows, multipliers, strict=True):
             if multiplier.any():
-                slope = each.constraint.series[0].slope.reshape(total.shape)
-                total += (each.sign / each.constraint.scale * multiplier)[:, None] * slope
+                slope = row.constraint.series[0].slope.reshape(total.shape)
+                total += (row.sign / row.constraint.scale * multiplier)[:, None] * slope
         by_jets = (total[1:] - total[0]) / size[:, None, None]  # (width, N, width)
         half = np.matmul(by_jets.transpose(1, 0, 2), by_x)  # (N, width, unknowns)
         hessian += np.tensordot(by_x, half, axes=((0, 1), (0, 1)))
@@ -236,13 +236,13 @@ class Problem:
         """Return all that is limited at every sample."""
         limits = self.task.limits
         found = []
-        for each in constraints(motion(self.task.to_load(coordinates), limits.gravity), limits):
-            if np.isfinite(each.high):
-                found.append(Bounded(each, each.high, 1.0))
-            if np.isfinite(each.low):
-                found.append(Bounded(each, each.low, -1.0))
-            if each.name.endswith(EFFORT):
-                found.append(Bounded(each, None, 1.0))
+        for constraint in constraints(motion(self.task.to_load(coordinates), limits.gravity), limits):
+            if np.isfinite(constraint.high):
+                found.append(Bounded(constraint, constraint.high, 1.0))
+            if np.isfinite(constraint.low):
+                found.append(Bounded(constraint, constraint.low, -1.0))
+            if constraint.name.endswith(EFFORT):
+                found.append(Bounded(constraint, None, 1.0))
         if self.task.forwards:
             rates = [Constraint("progress", [c[1]], 0.0, np.inf, 1.0) for c in coordinates]
             found += [Bounded(rate, 0.0, -1.0) for rate in rates]
@@ -293,7 +293,7 @@ def _chained(found: Sequence[Bounded], by_x: Array) -> tuple[Array, Array]:
     """Return excesses over the bounds, or the efforts themselves, and their slopes by the unknowns."""
     if not found:
         return np.zeros(0), np.zeros((0, by_x.shape[2]))
-    numbers = [each.excess() for each in found]
+    numbers = [bounded.excess() for bounded in found]
     by_jets = np.stack([number.slope for number in numbers], axis=1)
     by_unknowns = np.matmul(by_jets, by_x).transpose(1, 0, 2)
     return np.concatenate([number.value for number in numbers]), by_unknowns.reshape(-1, by_x.shape[2])

@@ -43,7 +43,7 @@ def solve(problem: Problem, x: Array, sizes: Array, least_penalty: float = PENAL
     A small penalty on excesses allows long steps, one that is too small leaves some: then it is raised.
     """
     unit = problem.duration(x)
-    for penalty in (each for each in PENALTIES if each >= least_penalty):
+    for penalty in (candidate for candidate in PENALTIES if candidate >= least_penalty):
         merit = Merit(problem, sizes, unit, effort=EFFORT_WEIGHT * unit, excess=penalty * unit)
         found = _minimise(merit, x)._replace(penalty=penalty)
         x = found.x

@@ -48,8 +48,8 @@ class PolynomialPieces(NamedTuple):
         """Return the chosen pieces as twice as many: first all left halves, then all right ones."""
         start, half = self.start[chosen], self.length[chosen] * 0.5
         both = []
-        for each in self.derivatives:
-            left, right = _halves(each[chosen])
+        for derivative in self.derivatives:
+            left, right = _halves(derivative[chosen])
             both.append(
                 Interval(np.concatenate([left.low, right.low]), np.concatenate([left.high, right.high]))
             )
@@ -178,10 +178,10 @@ def _margins(pieces: PolynomialPieces, limits: Limits, to_load: ToLoad) -> Itera
     for box in limits.obstacles:
         beside, inside = [], []
         for side in SIDES:
-            distances, centres = (clear_of(each, box, limits.radius, side) for each in (whole, middle))
+            distances, centres = (clear_of(motion, box, limits.radius, side) for motion in (whole, middle))
             enclosures = [_enclosed(a, b, radius) for a, b in zip(distances, centres, strict=True)]
-            beside.append(np.min([each.low for each in enclosures], axis=0))
-            inside.append(np.max([-each[0].high for each in centres], axis=0))
+            beside.append(np.min([enclosure.low for enclosure in enclosures], axis=0))
+            inside.append(np.max([-centre[0].high for centre in centres], axis=0))
         yield box.key, np.max(beside, axis=0) + PROOF_MARGIN, np.min(inside, axis=0) - PROOF_MARGIN
 
 

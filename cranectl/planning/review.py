@@ -68,9 +68,9 @@ class Review(NamedTuple):
     def by_limit(self) -> dict[str, list[Acting]]:
         """Return the limits that act, those that do so longest first."""
         found: dict[str, list[Acting]] = {}
-        for each in self.acting:
-            found.setdefault(each.name, []).append(each)
-        lasting = {name: sum(each.end - each.start for each in times) for name, times in found.items()}
+        for acting in self.acting:
+            found.setdefault(acting.name, []).append(acting)
+        lasting = {name: sum(time.end - time.start for time in times) for name, times in found.items()}
         return {name: found[name] for name in sorted(found, key=lambda name: -lasting[name])}
 
     @property
@@ -123,7 +123,7 @@ def least_durations(plan: Scenario, asked: Scenario, directory: Path = Path()) -
     """
     finer = asked.planning.model_copy(update={"refinement": 2 * asked.planning.refinement})
     plans = plan, planned(asked.model_copy(update={"planning": finer}), directory)
-    coarse, fine = ([seconds(segment) for segment in each.reference.segments] for each in plans)
+    coarse, fine = ([seconds(segment) for segment in plan.reference.segments] for plan in plans)
     if len(coarse) != len(fine):  # one of them stops on its way
         return (float("nan"),) * len(coarse)
     return tuple(2.0 * b - a for a, b in zip(coarse, fine, strict=True))
@@ -164,7 +164,10 @@ def _review(
     series = series_along(*curve[:3], time)
     load = curve.to_load(series) if curve.to_load else series
     path = np.stack([axis[0] for axis in load], axis=1)
-    shares = {each.name: _share(each) for each in constraints(motion(load, limits.gravity), limits)}
+    shares = {
+        constraint.name: _share(constraint)
+        for constraint in constraints(motion(load, limits.gravity), limits)
+    }
     acting = [
         Acting(name, float(time[a]), float(time[b]))
         for name, share in shares.items()
@@ -181,7 +184,7 @@ def _review(
         start=begins,
         duration=duration,
         least=least,
-        acting=tuple(sorted(acting, key=lambda each: each.start)),
+        acting=tuple(sorted(acting, key=lambda stretch: stretch.start)),
         proof=_PROOFS[key],
         time=time,
         shares=shares,

@@ -62,9 +62,9 @@ def _largest(proof: Proof, limits: Limits) -> dict[str, float]:
     """Return the largest excess over each limit that is not proven, in parts of it."""
     sizes = {box.key: limits.size for box in limits.obstacles}
     found: dict[str, float] = {}
-    for each in proof.violations:
-        excess = each.excess / sizes.get(each.name, 1.0)
-        found[each.name] = max(found.get(each.name, 0.0), excess)
+    for violation in proof.violations:
+        excess = violation.excess / sizes.get(violation.name, 1.0)
+        found[violation.name] = max(found.get(violation.name, 0.0), excess)
     return found
 
 

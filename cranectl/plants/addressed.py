@@ -67,7 +67,7 @@ def _step(block, action, state, bridge, trolley, winch, disturbance, wind, load)
 @cast(Any, intrinsic)
 def _call(_typing, _address, block, _action, state, command, disturbance, wind, load):
     """Call `_step` at an address, with pointers to the data of arrays without gaps."""
-    if any(each.layout != "C" for each in (block, state, disturbance, wind, load)):
+    if any(array.layout != "C" for array in (block, state, disturbance, wind, load)):
         return None
 
     def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
@@ -83,7 +83,7 @@ def _call(_typing, _address, block, _action, state, command, disturbance, wind, 
             *[builder.extract_value(arguments[4], axis) for axis in range(3)],
             *map(pointer, (disturbance, wind, load), arguments[5:]),
         ]
-        step = ir.FunctionType(ir.IntType(64), [each.type for each in given]).as_pointer()
+        step = ir.FunctionType(ir.IntType(64), [argument.type for argument in given]).as_pointer()
         return builder.call(builder.inttoptr(arguments[0], step), given)
 
     integer = types.int64

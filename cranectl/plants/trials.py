@@ -136,7 +136,7 @@ def _effects(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
         is_moved = entry.servos if kind.is_servo else not kind.is_prescribed
         if (part.on_axes and not is_moved) or (name == "limits" and not kind.is_servo):
             continue
-        numbers = {each: other.none for each, other in EFFECTS[name].parts.items()}
+        numbers = {key: other.none for key, other in EFFECTS[name].parts.items()}
         without = _with_effect(moving, name, numbers)
         given = _with_effect(moving, name, {**numbers, key: part.tried})
         yield Probe(setting, without, given, _differs)

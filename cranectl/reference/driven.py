@@ -86,7 +86,7 @@ def at_rest(point: Array) -> Array:
 def asked_at(changes: Sequence[tuple[int, tuple[float, ...]]], samples: NDArray[np.intp]) -> Array:
     """Return the command at `samples` (n,), where `changes` hold from their sample on, in order."""
     first = [-1, *(sample for sample, _ in changes)]
-    asked = np.array([(0.0,) * ASKED, *(each for _, each in changes)])
+    asked = np.array([(0.0,) * ASKED, *(command for _, command in changes)])
     rows: Array = asked[np.searchsorted(first, samples, side="right") - 1]
     return rows
 

@@ -89,7 +89,7 @@ def _interpolate(
     count, conditions = len(points), len(orders)
 
     def solve(values: Array, left: Array, right: Array) -> BSpline:
-        ends = [list(zip(orders, each, strict=True)) for each in (left, right)] if conditions else None
+        ends = [list(zip(orders, end, strict=True)) for end in (left, right)] if conditions else None
         return make_interp_spline(parameter, values, k=degree, bc_type=ends)
 
     zero = np.zeros((conditions, 3))
@@ -183,7 +183,10 @@ class Recorded:
             for k in range(DRAWS)
         ]
         tied = free_coefficients(spans)
-        curves = [spline(breaks, each[tied], NEAR) for each in (free, *(free + new for new in drawn))]
+        curves = [
+            spline(breaks, coefficients[tied], NEAR)
+            for coefficients in (free, *(free + new for new in drawn))
+        ]
         return Fit(curves[0], residual, tuple(curves[1:]))
 
 

@@ -70,7 +70,7 @@ class Circular:
         north = [c * y + s * x for c, s in zip(cosine, sine, strict=True)]
         level = [c * 0.0 for c in progress]
         places = *self.centre.tolist(), float(self.start[2])
-        return [shifted(each, at) for each, at in zip((east, north, level), places, strict=True)]
+        return [shifted(coordinate, at) for coordinate, at in zip((east, north, level), places, strict=True)]
 
     @property
     def length(self) -> float:
@@ -119,7 +119,7 @@ def expand_about(s: Number, coefficients: Array, count: int) -> list[Series]:
     Zeros beyond the polynomial's degree.
     """
     found = padded(shifted_powers(list(coefficients), s[:, None] - 0.5), count)
-    return [[each[:, axis] for each in found] for axis in range(3)]
+    return [[coefficient[:, axis] for coefficient in found] for axis in range(3)]
 
 
 @singledispatch
@@ -145,7 +145,7 @@ def padded(series: Series, count: int) -> Series:
 
 def shifted_powers(coefficients: Sequence[Array | float], at: Number) -> Series:
     """Return the coefficients of a polynomial in powers of x as one in powers of x - at: Horner's scheme."""
-    found: Series = [at * 0.0 + each for each in coefficients]
+    found: Series = [at * 0.0 + coefficient for coefficient in coefficients]
     for first in range(len(found) - 1):
         for k in range(len(found) - 2, first - 1, -1):
             found[k] = found[k] + at * found[k + 1]
@@ -181,7 +181,9 @@ class Chain:
         """Return the load's motion from that of s; of an interval all that segments in it make of it."""
         (progress,) = coordinates
         first = progress[0]
-        edges = np.concatenate([[0.0], np.cumsum([each.length for each in self.segments]) / self.length])
+        edges = np.concatenate(
+            [[0.0], np.cumsum([segment.length for segment in self.segments]) / self.length]
+        )
         low, high = [-np.inf, *edges[1:-1].tolist()], [*edges[1:-1].tolist(), np.inf]
         found: list[tuple[Any, list[Series]]] = []
         for k, (begin, end) in enumerate(itertools.pairwise(edges.tolist())):

@@ -173,7 +173,7 @@ def check_demand(
 
 def _demand(curve: BSpline, scenario: Scenario, time: Array) -> Array | None:
     """Return velocity, acceleration of the set-points w = v + tau u (2, N, 3); None with a slack rope."""
-    rows = np.hstack([each(time) for each in derivatives(curve)])
+    rows = np.hstack([derivative(time) for derivative in derivatives(curve)])
     gravity = scenario.rig.gravity
     if (rows[:, ACCELERATION + Z] <= -gravity).any() or (rows[:, Z] >= 0.0).any():
         return None

@@ -97,8 +97,8 @@ def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
     main, worst = timeline.main.label, max(errors, key=errors.__getitem__)
     told = dict.fromkeys((main, worst)) if timeline.by_label else (main,)
     lines = [
-        (f"{each if timeline.by_label else 'load'} off by {quantity(errors[each], 'm')}", "muted")
-        for each in told
+        (f"{label if timeline.by_label else 'load'} off by {quantity(errors[label], 'm')}", "muted")
+        for label in told
     ]
     if (distance := timeline.distance(time)) is not None:
         far = quantity(distance, "m")

@@ -147,7 +147,9 @@ def _curves(timeline: Timeline, values: Callable[[Track], Array], *, dashed: boo
     """Return one curve of each run, ghosts first; wide where two should be equal."""
     tracks = sorted(timeline.tracks, key=lambda track: not track.ghost)
     wide = not timeline.by_label
-    return [Curve(each.colour, each.run.time, values(each), wide and each.ghost, dashed) for each in tracks]
+    return [
+        Curve(track.colour, track.run.time, values(track), wide and track.ghost, dashed) for track in tracks
+    ]
 
 
 def _draw(axes: Axes, panel: Panel) -> None:

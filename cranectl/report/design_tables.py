@@ -38,7 +38,10 @@ def designs_table(designs: Sequence[Design]) -> Table:
         for k in range(4)
     ]
     margins = (_margin_rows(design.margins) for design in designs)
-    rows += [(each[0][0], *(text for _, text, _ in each)) for each in zip(*margins, strict=True)]
+    rows += [
+        (cells_of_row[0][0], *(text for _, text, _ in cells_of_row))
+        for cells_of_row in zip(*margins, strict=True)
+    ]
     rows += _pole_rows(design.closed_loop_poles for design in designs)
     headings = ("one axis", *(design.name for design in designs))
     return Table("Designs", headings, tuple(cells(*row) for row in rows), labels=1 + len(designs))
@@ -55,9 +58,14 @@ def law_tables(
 ) -> tuple[Table, ...]:
     """Parameters of a law, and what it achieves near rest at some rope lengths, if it can say it."""
     rows = tuple(
-        cells(each.name, value if isinstance(value, str) else f"{value:g}", each.unit, each.description)
-        for each in controller.parameters
-        for value in (design.parameters[each.name],)
+        cells(
+            parameter.name,
+            value if isinstance(value, str) else f"{value:g}",
+            parameter.unit,
+            parameter.description,
+        )
+        for parameter in controller.parameters
+        for value in (design.parameters[parameter.name],)
     )
     title = f"{design.name}: {controller.title}"
     tables = [Table(title, ("parameter", "", "", ""), rows, labels=4)]
@@ -103,7 +111,7 @@ def _gamma_rows(design: Design) -> list[tuple[str, str, str]]:
 
 def _poles(poles: NDArray[Any]) -> list[str]:
     """Return the poles as text, the slowest first, multiple ones once."""
-    slowest_first = sorted(distinct_poles(poles), key=lambda each: (-each[0].real, each[0].imag))
+    slowest_first = sorted(distinct_poles(poles), key=lambda pole: (-pole[0].real, pole[0].imag))
     return [
         f"{pole.real:.4g}"
         + (f" {pole.imag:+.4g}i" if pole.imag else "")

@@ -52,7 +52,11 @@ def plan_tables(scenario: Scenario, found: Sequence[Review], least: Sequence[flo
         note += " Least with any knots: extrapolated from this plan and one with twice as many, an estimate."
     tables = [Table("", tuple(headings), tuple(rows), labels=2, note=note if found else "")]
     acting = [
-        cells(str(review.segment), name, ", ".join(f"{each.start:.2f}–{each.end:.2f}" for each in stretches))
+        cells(
+            str(review.segment),
+            name,
+            ", ".join(f"{stretch.start:.2f}–{stretch.end:.2f}" for stretch in stretches),
+        )
         for review in found
         for name, stretches in review.by_limit.items()
     ]
@@ -79,7 +83,7 @@ def plan_json(scenario: Scenario, found: Sequence[Review], least: Sequence[float
                 "proven": review.proof.is_valid,
                 "pieces": review.proof.pieces,
                 "slack": review.proof.slack,
-                "acting": [each._asdict() for each in review.acting],
+                "acting": [stretch._asdict() for stretch in review.acting],
             }
             for review in found
         ],

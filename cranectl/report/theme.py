@@ -134,7 +134,7 @@ TIME = "time [s]"  # label of an axis that pages enlarge
 def _time_axes(figure: Figure) -> list[Axes]:
     """Return the axes of `figure` over time: one of those that share an x-axis has its label."""
     shared = ((axes, axes.get_shared_x_axes().get_siblings(axes)) for axes in figure.axes)
-    labels = ((axes, [each.get_xlabel() for each in siblings]) for axes, siblings in shared)
+    labels = ((axes, [sibling.get_xlabel() for sibling in siblings]) for axes, siblings in shared)
     return [axes for axes, texts in labels if next(filter(None, texts), "") == TIME]
 
 

@@ -20,12 +20,14 @@ def validation_page(
 ) -> Page:
     """Return the page of `validation`; `options` belong to the commands that run a case again."""
     verdicts, finished = validation.verdicts, validation.finished
-    failed = sorted((each for each in verdicts if each.kind != "passed"), key=lambda each: -each.overrun)
+    failed = sorted(
+        (verdict for verdict in verdicts if verdict.kind != "passed"), key=lambda verdict: -verdict.overrun
+    )
     rows = []
-    for each in failed:
-        case = ", ".join(filter(None, (each.scenario, each.controller, each.drive)))
-        faults = "; ".join(" ".join(fault.split()) for fault in each.faults)
-        report = shlex.join(["cranectl", "report", each.log]) if each.log else each.command(options)
+    for verdict in failed:
+        case = ", ".join(filter(None, (verdict.scenario, verdict.controller, verdict.drive)))
+        faults = "; ".join(" ".join(fault.split()) for fault in verdict.faults)
+        report = shlex.join(["cranectl", "report", verdict.log]) if verdict.log else verdict.command(options)
         rows.append(cells(case, faults, report))
     tables = _in_parts(Table("", ("case", "what is wrong", "to see it"), tuple(rows), labels=3))
     lead = f"{len(verdicts) - len(failed)} of {len(verdicts)} cases passed."
@@ -62,10 +64,10 @@ def pair_tables(found: Pairwise) -> tuple[Table, Table]:
     }
     apart = tabulate("Every plant against every other, at most", found.pairs, columns, labels=2)
     rows = []
-    for each in found.plants:
-        order = "-" if isnan(each.order) else f"{each.order:.1f}"
-        where, drift = f"{each.scenario}, {each.controller}", difference_text(each.energy_drift)
-        rows.append(cells(each.drive, each.plant, difference_text(each.step_error_m), order, drift, where))
+    for plant in found.plants:
+        order = "-" if isnan(plant.order) else f"{plant.order:.1f}"
+        where, drift = f"{plant.scenario}, {plant.controller}", difference_text(plant.energy_drift)
+        rows.append(cells(plant.drive, plant.plant, difference_text(plant.step_error_m), order, drift, where))
     headings = ("drives", "plant", "step error\n[m]", "order", "energy drift\n[m g l]", "step error, where")
     note = (
         "Step error: how far the load moves when the plant's own steps are a quarter as long, and the order "

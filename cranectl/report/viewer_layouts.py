@@ -245,7 +245,7 @@ def _of_each(plants: Sequence[str], group: str, name: str) -> Lines:
     """Return a signal of each plant, MuJoCo's first: the first line of a plot lies on top."""
     return [
         {**_path(plant.name, group, name), "label": plant.label, "color": VIEWER[plant.colour]}
-        for plant in (PLANTS[each] for each in reversed(plants))
+        for plant in (PLANTS[plant_name] for plant_name in reversed(plants))
     ]
 
 

@@ -80,9 +80,9 @@ def drawn_eye(filed: Array, axes: Array, tangents: Array, rig: RigParameters) ->
     Its picture is as full as the laboratory's. `axes` (3, 3) are the directions to its right, up and
     backwards as rows, `tangents` (2,) of half its angles of view.
     """
-    old, new = (_fitted_eye(drawn_box(each), axes, tangents) for each in (LABORATORY, rig))
+    old, new = (_fitted_eye(drawn_box(drawn), axes, tangents) for drawn in (LABORATORY, rig))
     distances = [
-        axes[2] @ (eye - drawn_box(each).mean(axis=0)) for each, eye in ((LABORATORY, old), (rig, new))
+        axes[2] @ (eye - drawn_box(drawn).mean(axis=0)) for drawn, eye in ((LABORATORY, old), (rig, new))
     ]
     farther = distances[1] / distances[0]
     return new + farther * (filed - old), float(farther)

@@ -35,7 +35,7 @@ class Part(NamedTuple):
 
     def acts(self, value: Any) -> bool:
         """Return True if a value of the setting is not that of nothing."""
-        return any(each != self.none for each in (value if isinstance(value, tuple) else (value,)))
+        return any(number != self.none for number in (value if isinstance(value, tuple) else (value,)))
 
 
 def spread(number: float, like: Any) -> Any:
@@ -310,11 +310,15 @@ class EffectSettings(Settings):
         return tuple(name for name, effect in self if effect is not None)
 
 
-EFFECTS: dict[str, type[Effect]] = {k: type(each.default) for k, each in EffectNumbers.model_fields.items()}
+EFFECTS: dict[str, type[Effect]] = {
+    k: type(model_field.default) for k, model_field in EffectNumbers.model_fields.items()
+}
 # What of them plants show: some as a whole, of some the parts.
 WHOLE_EFFECTS = [
     name for name, kind in EFFECTS.items() if not kind.is_staged and (kind.is_structural or not kind.parts)
 ]
-PARTS = {f"{name}.{part}": each for name, kind in EFFECTS.items() for part, each in kind.parts.items()}
+PARTS = {
+    f"{name}.{part}": declared for name, kind in EFFECTS.items() for part, declared in kind.parts.items()
+}
 NO_EFFECTS = EffectSettings()
 ALL_EFFECTS = EffectNumbers().only(*EffectNumbers.model_fields)

@@ -33,7 +33,7 @@ DIGEST_DIGITS = 12  # of a SHA-256
 def changed_from_default(scenario: Scenario) -> dict[str, Any]:
     """Return by dotted name what differs from the default, without keys that every scenario has."""
     default = Scenario(name="default", duration=1.0, reference=ReferenceSettings(start=(0.0, 0.0, 0.0)))
-    usual, asked = (each.model_dump(mode="json", exclude=NOT_TOLD) for each in (default, scenario))
+    usual, asked = (settings.model_dump(mode="json", exclude=NOT_TOLD) for settings in (default, scenario))
     changed = {name: new for name, _, new in differences(usual, asked, absent=None)}
     return dict(leaves(changed, is_leaf=lambda value: not isinstance(value, dict)))
 
@@ -200,8 +200,10 @@ def _with_numbers(table: Table) -> Table:
 def held_files(scenario: Scenario) -> dict[str, bytes]:
     """Return the files that a log attaches, by names that are unique."""
     segments = enumerate(scenario.reference.segments)
-    claims = {str(k): each.claim for k, each in segments if isinstance(each, Plannable) and each.claim}
-    splines = [each for each in scenario.reference.segments if isinstance(each, Spline)]
+    claims = {
+        str(k): segment.claim for k, segment in segments if isinstance(segment, Plannable) and segment.claim
+    }
+    splines = [segment for segment in scenario.reference.segments if isinstance(segment, Spline)]
     files = {_name(spline): spline.held for spline in splines if spline.held}
     return {**files, PLAN: json.dumps(claims).encode()} if claims else files
 

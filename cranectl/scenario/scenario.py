@@ -166,9 +166,9 @@ class Scenario(Settings):
                 remedy=f"set control.physics_step to {longest_step(period, shortest):g}, or correct the rig",
             )
         times = {"duration": self.duration}
-        for index, each in enumerate(self.disturbances):
-            times[f"disturbances.{index}.start"] = each.start
-            times[f"disturbances.{index}.end"] = self.duration if each.end is None else each.end
+        for index, disturbance in enumerate(self.disturbances):
+            times[f"disturbances.{index}.start"] = disturbance.start
+            times[f"disturbances.{index}.end"] = self.duration if disturbance.end is None else disturbance.end
         for name, time in times.items():
             _check_multiple(name, time, period)
             if time > self.duration or (name.endswith("start") and time >= self.duration):

@@ -57,7 +57,7 @@ def scales_of(model: type[BaseModel], prefix: str = "") -> dict[str, Scaled]:
         key = f"{prefix}{name}"
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
             found |= scales_of(field.annotation, f"{key}.")
-        scales = [each for each in field.metadata if isinstance(each, Scaled)]
+        scales = [item for item in field.metadata if isinstance(item, Scaled)]
         names = [key] if len(scales) == 1 else [f"{key}.{k}" for k in range(len(scales))]
         found |= dict(zip(names, scales, strict=True))
     return found

@@ -81,7 +81,7 @@ def idle_settings(
     for use in uses:
         with suppress(InputError):
             runs.append((use, controller_design(use.controller, scenario)))
-    numbers = (each for each in leaves(scenario.model_dump()) if isinstance(each[1], int | float))
+    numbers = (leaf for leaf in leaves(scenario.model_dump()) if isinstance(leaf[1], int | float))
     zero = {name: value == 0 for name, value in numbers}
     for name in names:
         reasons = [_why_idle(name, scenario, asked, run, zero) for run in runs]
@@ -104,11 +104,13 @@ def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bo
         return f"it is built into the {entry.label} plant"
     if fnmatchcase(name, LAG) and not DRIVES[drive].is_servo:
         return f"{drive} drives have no lag"
-    for factor in (each for pattern in FACTORS if fnmatchcase(name, pattern) for each in FACTORS[pattern]):
+    for factor in (
+        factor_name for pattern in FACTORS if fnmatchcase(name, pattern) for factor_name in FACTORS[pattern]
+    ):
         if name.startswith("disturbances."):  # of this one
             factor = factor.replace("*", name.split(".")[1], 1)
         names = matching(factor, zero)
-        if names and all(zero[each] for each in names):
+        if names and all(zero[other] for other in names):
             return f"{', '.join(names)} is 0 in all runs"
     return None
 
@@ -133,7 +135,7 @@ def _why_idle(
         if getattr(scenario.effects, name.split(".")[2], None) is None:
             return None  # `idle_effects` tells it
         name = name.removeprefix("rig.")
-        told, holds = (dict(leaves(each.model_dump())) for each in (scenario.rig, scenario))
+        told, holds = (dict(leaves(settings.model_dump())) for settings in (scenario.rig, scenario))
         if told.get(name) != holds.get(name):
             return f"{name} is given"
     if table == "limits":
@@ -145,7 +147,7 @@ def _why_idle(
     unread = UNREAD.get(use.controller, "") if DRIVES[use.drive].command != "force" else ""
     if fnmatchcase(name, unread):
         return f"{use.controller} does not read these encoders"
-    zero = {each: is_zero for each, is_zero in zero.items() if not fnmatchcase(each, unread)}
+    zero = {key: is_zero for key, is_zero in zero.items() if not fnmatchcase(key, unread)}
     why = why_idle_on_plant(name, use.plant, use.drive, zero)
     if why and fnmatchcase(name, LAG) and (planned or _is_told(name, scenario, use, design)):
         return None
@@ -173,7 +175,7 @@ def _why_idle_in_plan(name: str, asked: Scenario) -> str | None:
         if getattr(segment, "time_law", None) == MINIMUM_TIME
         or (isinstance(segment, Move) and segment.duration is None)
     ]
-    if not solved and not any(getattr(each, "duration", None) == SHORTEST for each in unplanned):
+    if not solved and not any(getattr(segment, "duration", None) == SHORTEST for segment in unplanned):
         return "no segment of the reference is planned"
     if name == "planning.refinement" and not solved:
         return "only motions in minimum time are solved for, and the reference has none"
@@ -214,8 +216,8 @@ def _is_told(name: str, scenario: Scenario, use: RunKind, design: ControllerDesi
     controller, plan = controller_of(design), plan_reference(scenario)
     try:
         one, other = (
-            prepared(controller, nominal_crane(each, design, controller, use.drive, plan))
-            for each in (scenario, scenario.model_copy(update={"rig": changed}))
+            prepared(controller, nominal_crane(candidate, design, controller, use.drive, plan))
+            for candidate in (scenario, scenario.model_copy(update={"rig": changed}))
         )
     except InputError:  # it looks at the number
         return True

@@ -32,7 +32,7 @@ DRAWN, TRAIL = 30_000, 200_000
 
 def check_planned(scenario: Scenario, *, others: Iterable[Scenario] = ()) -> None:
     """Raise InputError if the plan of `scenario`, with those of `others`, takes too much memory."""
-    samples = sum(each.steps + 1 for each in (scenario, *others))
+    samples = sum(planned.steps + 1 for planned in (scenario, *others))
     check_held(scenario, PLANNING * samples * NUMBER, "the reference")
 
 

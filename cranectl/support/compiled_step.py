@@ -82,7 +82,7 @@ def _wrap_step(context: Any, library: Any, described: Any, _environment: Any, _h
     module = context.create_module("step_wrapper")
     signature = context.call_conv.get_function_type(described.restype, described.argtypes)
     compiled = ir.Function(module, signature, described.llvm_func_name)
-    pointers = [context.get_value_type(each) for each in described.argtypes]
+    pointers = [context.get_value_type(argtype) for argtype in described.argtypes]
     result = context.get_value_type(int64)
     wrapper = ir.Function(module, ir.FunctionType(result, pointers), described.llvm_cfunc_wrapper_name)
     builder = ir.IRBuilder(wrapper.append_basic_block("entry"))

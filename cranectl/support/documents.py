@@ -275,7 +275,7 @@ def toml_text(table: Mapping[str, Any], above: str = "") -> str:
         if isinstance(value, Mapping):
             below.append(f"\n[{above}{key}]\n{toml_text(value, f'{above}{key}.')}")
         elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
-            below += [f"\n[[{above}{key}]]\n{toml_text(each, f'{above}{key}.')}" for each in value]
+            below += [f"\n[[{above}{key}]]\n{toml_text(item, f'{above}{key}.')}" for item in value]
         elif value is not None:
             lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}\n")
     return "".join([*lines, *below])

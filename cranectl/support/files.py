@@ -187,7 +187,7 @@ def _obstacle(path: Path, kind: Kind, inputs: Iterable[Path]) -> str:
         return "this goes into a file, not to standard output"
     if path.is_dir():
         return "it is a directory"
-    if any(_same(path, each) for each in inputs):
+    if any(_same(path, other) for other in inputs):
         return "the same command reads it, or writes it for something else"
     if not path.exists():
         return ""

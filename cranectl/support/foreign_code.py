@@ -84,7 +84,7 @@ def keeping_environment(step: int) -> int:
     def called(address: int, kind: Any, arguments: Any) -> Any:
         return builder.call(builder.inttoptr(ir.Constant(whole, address), kind.as_pointer()), arguments)
 
-    get, put = (ctypes.cast(each, ctypes.c_void_p).value or 0 for each in _functions())
+    get, put = (ctypes.cast(function, ctypes.c_void_p).value or 0 for function in _functions())
     room = builder.alloca(ir.ArrayType(ir.IntType(8), _BYTES))
     room.align = 16
     before = builder.bitcast(room, pointer)

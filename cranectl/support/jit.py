@@ -161,7 +161,7 @@ def _compiled(function: F, callees: Iterable[Any] = (), **options: Any) -> F:
 
 def _digest_of(*functions: Any) -> str:
     """Digest of all that `functions` are compiled from."""
-    return sources_digest(*(Path(inspect.getfile(inspect.unwrap(each))) for each in functions))
+    return sources_digest(*(Path(inspect.getfile(inspect.unwrap(function))) for function in functions))
 
 
 @functools.cache
@@ -269,8 +269,8 @@ def sources_digest(*paths: Path) -> str:
         seen |= new
         waiting += new
     digest = hashlib.sha256()
-    for each in sorted(seen):
-        digest.update(_source(each).encode() + b"\0")
+    for file in sorted(seen):
+        digest.update(_source(file).encode() + b"\0")
     return digest.hexdigest()
 
 

@@ -110,7 +110,7 @@ def _read(context: Any, builder: Any, kind: Any, block: Any, places: Iterator[in
     if isinstance(kind, types.NoneType):
         return context.get_dummy_value()
     if isinstance(kind, types.BaseTuple):
-        parts = [_read(context, builder, each, block, places) for each in cast(Any, kind)]
+        parts = [_read(context, builder, part, block, places) for part in cast(Any, kind)]
         return context.make_tuple(builder, kind, parts)
     if isinstance(kind, types.Array):
         item = context.get_data_type(kind.dtype)

@@ -93,7 +93,7 @@ def _module_digest(path: Path) -> str:
         for name in _imported(waiting.pop()) - {"cranectl"}:
             module, package = folder / f"{name}.py", folder / name
             new = {module} if module.is_file() else set(_files_in(package)) if package.is_dir() else set()
-            waiting += [each for each in new - seen if each.suffix == ".py"]
+            waiting += [path for path in new - seen if path.suffix == ".py"]
             seen |= new
     return fingerprint(folder, seen)
 

@@ -227,7 +227,10 @@ def make_nominal_loops(
             remedy="take --tilt 0 0 and --hoisting-speed 0, and no mean wind",
         )
     linear = linearised_law(scenario, design, lengths)
-    return {each.rope_length: make_nominal_loop(scenario, design, opened_at, each) for each in linear}
+    return {
+        controller_at.rope_length: make_nominal_loop(scenario, design, opened_at, controller_at)
+        for controller_at in linear
+    }
 
 
 def make_nominal_loop(

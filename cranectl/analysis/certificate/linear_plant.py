@@ -50,10 +50,10 @@ def _names(effect: str, settings: Sequence[str]) -> list[str]:
 
 # What enters, whole effects first, and what is left out.
 LINEAR = sorted(
-    (each for name, kind in EFFECTS.items() for each in _names(name, kind.linear)),
+    (full_name for name, kind in EFFECTS.items() for full_name in _names(name, kind.linear)),
     key=lambda name: "." in name,
 )
-NOT_LINEAR = [each for name, kind in EFFECTS.items() for each in _names(name, kind.nonlinear)]
+NOT_LINEAR = [full_name for name, kind in EFFECTS.items() for full_name in _names(name, kind.nonlinear)]
 
 
 def present(effects: EffectSettings, names: Sequence[str]) -> list[str]:

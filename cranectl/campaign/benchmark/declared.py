@@ -62,9 +62,14 @@ def variables_of(name: str) -> tuple[Variable, ...]:
         bounds = {f"design.{key}": ends for part in name.split("+") for key, ends in DESIGNS[part].items()}
         return tuple(Variable(key, usual[key], *ends, scale_of(key).length) for key, ends in bounds.items())
     return tuple(
-        Variable(f"controller.{name}.{each.name}", float(each.default), *each.search, each.length_power)
-        for each in controller.parameters
-        if each.search is not None
+        Variable(
+            f"controller.{name}.{parameter.name}",
+            float(parameter.default),
+            *parameter.search,
+            parameter.length_power,
+        )
+        for parameter in controller.parameters
+        if parameter.search is not None
     )
 
 
@@ -76,13 +81,17 @@ def assignments(variables: Sequence[Variable], values: Sequence[float], length: 
     `variables` are all of a controller, on a crane `length` times as large as the laboratory rig. A list is
     given as a whole.
     """
-    sized = {each.key: each.sized(value, length) for each, value in zip(variables, values, strict=True)}
+    sized = {
+        variable.key: variable.sized(value, length) for variable, value in zip(variables, values, strict=True)
+    }
     lists: dict[str, list[float]] = {}
     for key, value in sized.items():
         above, _, last = key.rpartition(".")
         if last.isdecimal():
             lists.setdefault(above, []).append(value)
-    changed = [each.key for each, value in zip(variables, values, strict=True) if value != each.start]
+    changed = [
+        variable.key for variable, value in zip(variables, values, strict=True) if value != variable.start
+    ]
     places = dict.fromkeys(above if (above := key.rpartition(".")[0]) in lists else key for key in changed)
     return [f"{place}={lists.get(place, sized.get(place))!r}" for place in places]
 

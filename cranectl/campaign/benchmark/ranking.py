@@ -60,7 +60,7 @@ class Judged(NamedTuple):
         place = (self.division, self.benchmark.plant, crane_set)
         there = {trial.scenario for trial in self.table.trials if trial[:3] == place}
         suited = self.benchmark.scenarios.items()
-        return [name for name, each in suited if len(each.suits) > 1 and name in there]
+        return [name for name, scenario in suited if len(scenario.suits) > 1 and name in there]
 
     def ranking(self, crane_set: str) -> list[Standing]:
         """Return the standing of every law that has been run there.
@@ -74,11 +74,11 @@ class Judged(NamedTuple):
             runs = [each for name in shared if (each := self.runs(crane_set, name, law)) is not None]
             if shared and len(runs) == len(shared):
                 found.append(_standing(law, runs, durations))
-        return sorted(found, key=lambda each: (each.failed, each.unsettled))
+        return sorted(found, key=lambda standing: (standing.failed, standing.unsettled))
 
     def unfinished(self, crane_set: str) -> list[str]:
         """Return the laws that have runs on a set, but not on all scenarios of its ranking."""
-        shown = {each.law for each in self.ranking(crane_set)}
+        shown = {standing.law for standing in self.ranking(crane_set)}
         place = (self.division, self.benchmark.plant, crane_set)
         there = dict.fromkeys(trial.law for trial in self.table.trials if trial[:3] == place)
         return [law for law in there if law not in shown]
@@ -93,7 +93,7 @@ class Judged(NamedTuple):
         """All laws, in the order of the ranking on the set with the widest spread that has any."""
         widest = sorted(self.benchmark.sets, key=lambda name: -self.benchmark.sets[name].spread)
         found = next(filter(None, map(self.ranking, widest)), [])
-        return list(dict.fromkeys([*(each.law for each in found), *self.laws]))
+        return list(dict.fromkeys([*(standing.law for standing in found), *self.laws]))
 
 
 def _standing(law: str, runs: Sequence[Runs], durations: Sequence[float]) -> Standing:

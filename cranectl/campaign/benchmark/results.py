@@ -175,7 +175,7 @@ def collected(
         "rules": rules,
         "seed": benchmark.seed,
         "made_by": list(made_by.values()),
-        "durations": {name: each.duration for name, each in nominal.items()},
+        "durations": {name: scenario.duration for name, scenario in nominal.items()},
         "laws": {trial.law: information(trial.law) for trial in trials},
         "tuned": {
             law: tuned_facts(tuned, rules, law, str(benchmark.file))

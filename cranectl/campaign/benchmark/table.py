@@ -60,8 +60,8 @@ class Runs:
 
 def on_common_cranes(runs: Sequence[Runs]) -> list[Runs]:
     """Restrict each of `runs` to the cranes that all of them have."""
-    cranes = min(each.failed.size for each in runs)
-    return [each.first(cranes) for each in runs]
+    cranes = min(run.failed.size for run in runs)
+    return [run.first(cranes) for run in runs]
 
 
 @dataclass(frozen=True)
@@ -157,8 +157,8 @@ def joined(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
 def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
     """Raise InputError where rules, seed, files or numbers of laws are others in `table` than in `about`."""
     told = [(name, table.about[name], about[name]) for name in ("rules", "seed")]
-    for each, what in (("laws", "file"), ("tuned", "numbers")):
-        found, known = table.about[each], about.get(each, {})
+    for part, what in (("laws", "file"), ("tuned", "numbers")):
+        found, known = table.about[part], about.get(part, {})
         told += [(f"{what} of {law}", found[law][what], known[law][what]) for law in found if law in known]
     for name, found, wanted in told:
         if found != wanted:

@@ -145,8 +145,8 @@ def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: MeasuredScenari
     if not cranes.only:
         return found
     alone = {
-        name: each
-        for name, each in found.items()
+        name: distribution
+        for name, distribution in found.items()
         if any(f"{name}.".startswith(f"{only}.") for only in cranes.only)
     }
     if not alone:

@@ -104,7 +104,7 @@ def tuned_facts(directory: Path, rules: str, law: str, benchmark: str = DEFAULT)
         raise InputError(f"{law} is not tuned: {path} is no file", remedy=f"tune it: {again}")
     table = read_toml(path)
     variables, found = variables_of(law), dict(leaves(table.get("parameters", {})))
-    same_numbers = found.keys() == {each.key for each in variables}
+    same_numbers = found.keys() == {variable.key for variable in variables}
     if not _is_of(table, law) or not same_numbers:
         raise InputError(
             f"{path} holds the numbers of another version of {law}",
@@ -118,7 +118,7 @@ def tuned_facts(directory: Path, rules: str, law: str, benchmark: str = DEFAULT)
             remedy=f"tune it again: {again}",
         )
     try:
-        numbers = {each.key: [each.start, float(found[each.key])] for each in variables}
+        numbers = {variable.key: [variable.start, float(found[variable.key])] for variable in variables}
         return {**{name: table[name] for name in ("runs", "cost", "failed")}, "numbers": numbers}
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(

@@ -107,7 +107,9 @@ class Tuned:
     @property
     def parameters(self) -> dict[str, float]:
         """The best numbers by their setting, on the laboratory rig."""
-        return dict(zip((each.key for each in self.variables), self.found["full"].values, strict=True))
+        return dict(
+            zip((variable.key for variable in self.variables), self.found["full"].values, strict=True)
+        )
 
 
 def consistent_points(untuned: Point, half: Point, full: Point) -> dict[str, Point]:
@@ -198,7 +200,7 @@ def tune(
             allowed=f"{2 * cranes.runs} runs or more",
             remedy="raise --runs, or the benchmark's tuning.runs",
         )
-    start = tuple(each.start for each in variables)
+    start = tuple(variable.start for variable in variables)
     search = _strategy(variables, benchmark.tuning.seed) if variables else None
     with _evaluating(cranes, 1 if runs_alone([law]) else workers, advance) as evaluate:
         points = evaluate([start], may_refuse=False)
@@ -225,7 +227,7 @@ def _strategy(variables: Sequence[Variable], seed: int) -> Any:
             allowed="an installation with the extra 'tune'",
             remedy="pip install 'cranectl[tune]'",
         ) from None
-    start = [each.place for each in variables]
+    start = [variable.place for variable in variables]
     random = np.random.default_rng(seed)
     options = {
         "bounds": [0.0, 1.0],
@@ -263,7 +265,7 @@ def _evaluating(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Cal
         ]
         points = []
         for values, by_scenario in zip(candidates, asked, strict=True):
-            costs_of, failures = zip(*(each.result() for each in by_scenario), strict=True)
+            costs_of, failures = zip(*(future.result() for future in by_scenario), strict=True)
             cost = float(np.mean(list(itertools.chain(*costs_of))))
             points.append(Point(tuple(values), cost, sum(failures) / cranes.runs))
             advance(cranes.runs)

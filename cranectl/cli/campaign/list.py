@@ -31,13 +31,19 @@ def list_campaigns(screen: Screen) -> None:
     campaigns = [load_campaign(name) for name in campaign_names()]
     headings = ("campaign", "scenario", "sampling", "parameters", "runs")
     rows = tuple(
-        cells(each.name, each.scenario, each.sampling, str(len(campaign.parameters)), str(campaign.runs))
-        for campaign, each in ((campaign, campaign.settings) for campaign in campaigns)
+        cells(
+            settings.name,
+            settings.scenario,
+            settings.sampling,
+            str(len(campaign.parameters)),
+            str(campaign.runs),
+        )
+        for campaign, settings in ((campaign, campaign.settings) for campaign in campaigns)
     )
     screen.print(Table("Campaigns", headings, rows, labels=3))
-    for each in campaigns:
-        screen.print(f"{each.settings.name}: {each.settings.title}")
-    screen.write_json({"campaigns": [_facts(each) for each in campaigns]})
+    for campaign in campaigns:
+        screen.print(f"{campaign.settings.name}: {campaign.settings.title}")
+    screen.write_json({"campaigns": [_facts(campaign) for campaign in campaigns]})
 
 
 @click.command("show", cls=Command)

@@ -132,7 +132,10 @@ def replay_campaign(
             replays.append(replay_run(results, row, out or result / REPLAYS, every=every, progress=advance))
     for replay in replays:
         screen.print(f"{replay.log}:", PASSED if replay.same else FAILED, replay.text)
-        software = (f"made by other software: {each}" for each in replay.software_differences)
+        software = (
+            f"made by other software: {software_difference}"
+            for software_difference in replay.software_differences
+        )
         for line in (*replay.differences, *software):
             screen.print(f"  {line}")
     screen.write_json({"replays": [replay.to_json() for replay in replays]})

@@ -61,7 +61,7 @@ def _summary(divisions: list[Judged]) -> Iterator[Section]:
         fronts = {}
         for name, found in sets.items():
             full = scores.undominated(points_of(found))
-            fronts[name] = {each.law for each, best in zip(found, full, strict=True) if best}
+            fronts[name] = {standing.law for standing, best in zip(found, full, strict=True) if best}
         everywhere = [law for law in judged.best_first if all(law in front for front in fronts.values())]
         title = TITLES[judged.division]
         texts.append(f"{title}, on {', '.join(sets)} alike: {', '.join(everywhere) or 'none'}.")
@@ -74,7 +74,7 @@ def _undominated(
     judged: Judged, sets: Mapping[str, Sequence[Standing]], fronts: Mapping[str, set[str]]
 ) -> Table:
     """Return the controllers on any of the fronts, those on most of them first."""
-    by_law = {name: {each.law: each for each in found} for name, found in sets.items()}
+    by_law = {name: {standing.law: standing for standing in found} for name, found in sets.items()}
     count = {law: sum(law in front for front in fronts.values()) for law in judged.best_first}
     laws = sorted((law for law, times in count.items() if times), key=lambda law: -count[law])
     rows = []
@@ -89,7 +89,7 @@ def _undominated(
             failed = Cell(f"{share:.1f}", "best" if law in fronts[name] else "")
             row += [failed, f"{unsettled:.1f}", finite(each.effort, ".2f", "fails")]
         rows.append(cells(*named(judged, law), *row))
-    headings = (*NAMED, *(f"{name}\n{each}" for name in sets for each in SHOWN))
+    headings = (*NAMED, *(f"{name}\n{column}" for name in sets for column in SHOWN))
     title = f"{TITLES[judged.division]}: {len(laws)} of {len(set().union(*by_law.values()))} laws"
     note = "A star: undominated on that set. RMS u in m/s²."
     return Table(title, headings, tuple(rows), labels=2, note=note)
@@ -142,7 +142,7 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
         return
     stages = ("untuned", "half", "full")
     rows, numbers = [], []
-    for law, facts in sorted(tuned.items(), key=lambda each: each[1]["cost"]["full"]):
+    for law, facts in sorted(tuned.items(), key=lambda item: item[1]["cost"]["full"]):
         costs = (f"{facts['cost'][stage]:.3f}" for stage in stages)
         failed = (f"{100.0 * facts['failed'][stage]:.0f}" for stage in stages)
         told = information_class(table.about["laws"][law])

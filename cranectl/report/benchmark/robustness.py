@@ -22,13 +22,13 @@ def radius_section(judged: Judged) -> Iterator[Section]:
     """Yield a section on how far cranes may deviate."""
     benchmark = judged.benchmark
     ladder = radius_sets(benchmark)
-    spreads = np.array([each.spread for each in ladder.values()])
+    spreads = np.array([cranes.spread for cranes in ladder.values()])
     scenario = benchmark.radius.scenario
     cranes = [_possible(judged, name, scenario) for name in ladder]
     found = []
     for law in judged.best_first:
         runs = [judged.runs(name, scenario, law) for name in ladder]
-        there = [_failed_share(each, of) for each, of in zip(runs, cranes, strict=True) if each is not None]
+        there = [_failed_share(run, of) for run, of in zip(runs, cranes, strict=True) if run is not None]
         if len(there) == len(ladder):
             shares = np.array(there)
             found.append((scores.radius(spreads, shares), law, shares))
@@ -40,7 +40,7 @@ def radius_section(judged: Judged) -> Iterator[Section]:
             finite(factor, ".2f", f"above {spreads[-1]:g}") if factor else f"below {spreads[0]:g}",
             *(f"{100.0 * share:.0f}" for share in shares),
         )
-        for factor, law, shares in sorted(found, key=lambda each: -each[0])
+        for factor, law, shares in sorted(found, key=lambda row: -row[0])
     )
     headings = (*NAMED, "radius", *(f"failed [%] at\n{spread:g}" for spread in spreads))
     text = (
@@ -78,7 +78,7 @@ def singles_section(judged: Judged) -> Iterator[Section]:
             rows = []
             for law in some:
                 runs = [(there[law][name], cranes[name]) for name in columns]
-                texts = ("" if each is None else cell(each, of) for each, of in runs)
+                texts = ("" if own is None else cell(own, of) for own, of in runs)
                 rows.append(cells(*named(judged, law), *texts))
             title = f"{'The others' if folded else 'The best'}: {told}"
             tables += [Table(title, headings, tuple(rows), labels=2, folded=folded)] if rows else []
@@ -133,10 +133,10 @@ def second_section(judged: Judged) -> Iterator[Section]:
             if not pairs:
                 continue
             by_plant = list(zip(*pairs, strict=True))
-            here, there = (np.concatenate([r.failed for r in each]) for each in by_plant)
-            errors = (np.concatenate([r.metrics[COMPARED] for r in each]) for each in by_plant)
+            here, there = (np.concatenate([r.failed for r in runs]) for runs in by_plant)
+            errors = (np.concatenate([r.metrics[COMPARED] for r in runs]) for runs in by_plant)
             apart = np.abs(np.subtract(*errors))[~(here | there)]
-            shares = (f"{100.0 * each.mean():.1f}" for each in (here, there))
+            shares = (f"{100.0 * failed.mean():.1f}" for failed in (here, there))
             texts = str((here != there).sum()), median(1e3 * apart, np.zeros(apart.size, dtype=bool))
             rows.append(cells(*named(judged, law), str(there.size), *shares, *texts))
         if rows:

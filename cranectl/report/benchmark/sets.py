@@ -79,7 +79,7 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
     laws, tasks = [s.law for s in found], []
     for scenario in judged.shared_scenarios(name):
         runs = on_common_cranes([judged.table.trials[judged.trial(name, scenario, law)] for law in laws])
-        tasks.append(np.stack([each.task for each in runs]))  # (laws, cranes that all of them have met)
+        tasks.append(np.stack([run.task for run in runs]))  # (laws, cranes that all of them have met)
     profiles = Figure.drawn(
         "performance profiles",
         "Share of all runs that a law has settled within so many times the time of the law that was "
@@ -90,7 +90,7 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
         alone=True,
     )
     tables = [ranking_table(judged, found, f"All laws on {benchmark.plant}"), _failures(judged, name)]
-    tables += [each for scenario in benchmark.scenarios for each in _scenario(judged, name, scenario)]
+    tables += [table for scenario in benchmark.scenarios for table in _scenario(judged, name, scenario)]
     cranes = benchmark.sets[name]
     text = (
         f"Spread {cranes.spread:g}, {cranes.draws} cranes, the same in every scenario; the intervals treat "
@@ -116,13 +116,15 @@ def ranking_table(judged: Judged, found: Sequence[Standing], title: str) -> Tabl
     headings = (*NAMED, "front,\nor behind", "runs", "failed\n%", "failed\n95 %", "settled\n%",
                 "unsettled\ntime %", "RMS u\nm/s²", "variation\nm/s² in 1 s")  # fmt: skip
     rows = []
-    for each, ahead in zip(found, better.T, strict=True):
-        low, high = failure_interval(each.failures, each.runs)
+    for standing, ahead in zip(found, better.T, strict=True):
+        low, high = failure_interval(standing.failures, standing.runs)
         front = found[int(np.argmax(ahead))].law if ahead.any() else ANSWERS[True]
-        failed = f"{100.0 * each.failed:.1f}", f"{100.0 * low:.1f} to {100.0 * high:.1f}"
-        settled = f"{100.0 * each.settled:.0f}", f"{100.0 * each.unsettled:.1f}"
-        inputs = finite(each.effort, ".3f", "fails"), finite(each.variation, ".1f", "fails")
-        rows.append(cells(*named(judged, each.law), front, str(each.runs), *failed, *settled, *inputs))
+        failed = f"{100.0 * standing.failed:.1f}", f"{100.0 * low:.1f} to {100.0 * high:.1f}"
+        settled = f"{100.0 * standing.settled:.0f}", f"{100.0 * standing.unsettled:.1f}"
+        inputs = finite(standing.effort, ".3f", "fails"), finite(standing.variation, ".1f", "fails")
+        rows.append(
+            cells(*named(judged, standing.law), front, str(standing.runs), *failed, *settled, *inputs)
+        )
     note = (
         "Over the scenarios that suit laws of every kind; effort and variation are medians of the runs. "
         "Behind: the first law as good in unsettled time, effort and failures, and better in one of them."
@@ -191,7 +193,7 @@ def _difference(own: Array, theirs: Array, *, form: str) -> tuple[str, str, str]
     found = scores.paired_difference(own, theirs, seed=0)
     if found.cranes < scores.MIN_INTERVAL_VALUES:
         return NOTHING
-    low, high = (format(each, form) for each in (found.low, found.high))
+    low, high = (format(bound, form) for bound in (found.low, found.high))
     return f"{found.median:{form}}", f"{low} to {high}", f"{found.effect:+.2f}"
 
 

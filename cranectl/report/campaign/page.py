@@ -143,7 +143,7 @@ def _leading(values: Sequence[float] | Array, beyond_chance: int) -> list[int]:
 def _strengths(parts: Sequence[GroupAnalysis]) -> Array:
     """Return the strongest of all controllers (parameters, metrics); what may be chance below FAINT."""
     found = [part.correlations for part in parts if part.correlations is not None]
-    strengths = [each.strength + FAINT * np.abs(np.nan_to_num(each.rho)) for each in found]
+    strengths = [entry.strength + FAINT * np.abs(np.nan_to_num(entry.rho)) for entry in found]
     strongest: Array = np.max(strengths, axis=0)
     return strongest
 
@@ -173,10 +173,12 @@ def _failures(analysis: Analysis) -> Iterator[Section]:
         having = [part for part in parts if part.separations]
         if not having:
             continue
-        found = [each for part in having for each in part.separations]
-        names = list(dict.fromkeys(each.parameter for each in found))
-        distances = [max(each.distance for each in found if each.parameter == name) for name in names]
-        beyond = len({each.parameter for each in found if each.significant})
+        found = [separation for part in having for separation in part.separations]
+        names = list(dict.fromkeys(separation.parameter for separation in found))
+        distances = [
+            max(separation.distance for separation in found if separation.parameter == name) for name in names
+        ]
+        beyond = len({separation.parameter for separation in found if separation.significant})
         columns = [analysis.results.campaign.names.index(names[j]) for j in _leading(distances, beyond)]
         title = f"failure rate over what separates most, {parts[0].group.plant}"
         verdict = _failures_sentence(having)
@@ -276,8 +278,10 @@ def _failures_sentence(parts: Sequence[GroupAnalysis]) -> str:
     """Tell which parameters separate failed runs from the others."""
     texts = []
     for part in parts:
-        found = [each for each in part.separations if each.significant][:NAMED_PARAMETERS]
-        named = ", ".join(f"{each.parameter} (distance {each.distance:.2f})" for each in found)
+        found = [separation for separation in part.separations if separation.significant][:NAMED_PARAMETERS]
+        named = ", ".join(
+            f"{separation.parameter} (distance {separation.distance:.2f})" for separation in found
+        )
         texts.append(f"{part.group.controller}: {named or 'no parameter beyond chance'}.")
     return f"What separates failed from other runs. {' '.join(texts)}"
 

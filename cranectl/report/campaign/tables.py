@@ -110,10 +110,10 @@ def separation_table(parts: Sequence[GroupAnalysis]) -> Table:
     """Compare the parameters of failed runs with those of the others."""
     rows = []
     for part in parts:
-        for each in part.separations[:SEPARATING]:
-            distance = Cell(number(each.distance), "bad" if each.significant else "")
-            medians = number(each.failed_median), number(each.other_median)
-            rows.append(cells(part.group.controller, each.parameter, distance, *medians))
+        for separation in part.separations[:SEPARATING]:
+            distance = Cell(number(separation.distance), "bad" if separation.significant else "")
+            medians = number(separation.failed_median), number(separation.other_median)
+            rows.append(cells(part.group.controller, separation.parameter, distance, *medians))
     headings = ("controller", "parameter", "distance", "median of failed", "of the others")
     note = (
         "Distance: Kolmogorov-Smirnov, 0 for the same distribution, 1 for values apart, largest first. Red: "
@@ -202,11 +202,15 @@ def controller_differences(pairs: Sequence[Pair], sampling: str) -> Table:
     rows = []
     for pair in pairs:
         one, other = pair.second.controller, pair.first.controller
-        for each in pair.differences:
-            better = one if each.second_better > each.first_better else other
-            found = (str(each.samples), *map(number, each.quantiles), percent(each.better_share))
-            test = _tested(each.p, tests, sampling, better)
-            rows.append(cells(f"{one} minus {other}", METRIC_LABELS[each.metric], *found, *test))
+        for difference in pair.differences:
+            better = one if difference.second_better > difference.first_better else other
+            found = (
+                str(difference.samples),
+                *map(number, difference.quantiles),
+                percent(difference.better_share),
+            )
+            test = _tested(difference.p, tests, sampling, better)
+            rows.append(cells(f"{one} minus {other}", METRIC_LABELS[difference.metric], *found, *test))
     headings = (
         "controllers", "metric", "samples", *(f"{100 * q:g} %" for q in LEVELS), "the first is better in %",
         "p", "better",

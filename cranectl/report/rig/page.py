@@ -61,8 +61,8 @@ def rig_page(
 
 
 def _ladder_sections(results: Sequence[LevelResult]) -> tuple[Section, ...]:
-    added = {each.level.name: each.cumulative.max for each in results if each.cumulative}
-    alone = [each.alone.max if each.alone else np.nan for each in results if each.cumulative]
+    added = {result.level.name: result.cumulative.max for result in results if result.cumulative}
+    alone = [result.alone.max if result.alone else np.nan for result in results if result.cumulative]
     figures: tuple[Figure, ...] = ()
     if added:  # else the first level is alone
         most, name = max((most, name) for name, most in added.items())
@@ -82,7 +82,7 @@ def _ladder_sections(results: Sequence[LevelResult]) -> tuple[Section, ...]:
 
 def _budget_figure(budget: Budget) -> Figure:
     entries = budget.entries
-    estimated, measured = [each.estimate.max for each in entries], [each.measured.max for each in entries]
+    estimated, measured = [entry.estimate.max for entry in entries], [entry.measured.max for entry in entries]
     pair = {"estimated": estimated, "measured": measured}
     names, bounds = [entry.level for entry in entries], [entry.bound for entry in entries]
     rough = [entry.level for entry in entries if entry.rough]
@@ -114,7 +114,7 @@ def level_distances(results: Sequence[LevelResult]) -> Drawing:
     """Draw the distance of each load from the first one's over time, solid, then dashed."""
     (drawing, axes), first = canvas(WIDTH, 3.4), results[0].run
     distances = [np.linalg.norm(load_difference(result.run, first), axis=1) for result in results[1:]]
-    apart = max((np.nanmax(each, initial=0.0) for each in distances), default=0.0) > LEAST
+    apart = max((np.nanmax(distance, initial=0.0) for distance in distances), default=0.0) > LEAST
     axes.set_autoscaley_on(apart)  # without a distance there is nothing to scale by
     for k, (result, apart_by) in enumerate(zip(results[1:], distances, strict=True)):
         away = 1e3 * apart_by.clip(min=0.1 * LEAST)

@@ -226,7 +226,7 @@ def budget_table(budget: Budget) -> Table:
         if entry.rough:
             estimate = tuple(Cell(f"~{cell.text}", "open") for cell in estimate)
         ratios = (entry.ratio, entry.looseness)
-        ratio, looseness = (f"{each:.2f}" if math.isfinite(each) else MISSING for each in ratios)
+        ratio, looseness = (f"{ratio:.2f}" if math.isfinite(ratio) else MISSING for ratio in ratios)
         bound = Cell(_millimetres(entry.bound, 2), "" if entry.holds else "bad")
         rows.append(cells(entry.level, *estimate, *_sizes(entry.measured, 2), ratio, bound, looseness))
     for name, size in (("all", budget.total), ("unexplained", budget.rest)):
@@ -237,5 +237,7 @@ def budget_table(budget: Budget) -> Table:
         remarks.append(
             "~ marks estimates without a bound, which may be far off, as may what they leave unexplained."
         )
-    remarks += [f"{each.level}: ended with {each.status}." for each in entries if each.status != "completed"]
+    remarks += [
+        f"{entry.level}: ended with {entry.status}." for entry in entries if entry.status != "completed"
+    ]
     return Table(title, headings, tuple(rows), note="\n".join(remarks))

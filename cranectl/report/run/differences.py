@@ -32,10 +32,12 @@ def what_was_run(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> tuple
     }
     if versions:
         made = (versions[label].items() for label in logs)
-        facts["made with"] = [", ".join(f"{name} {version}" for name, version in each) for each in made]
+        facts["made with"] = [
+            ", ".join(f"{name} {version}" for name, version in versions) for versions in made
+        ]
     settings = {
-        name: [_text(each[name]) if name in each else "default" for each in changed]
-        for name in dict.fromkeys(name for each in changed for name in each)
+        name: [_text(settings[name]) if name in settings else "default" for settings in changed]
+        for name in dict.fromkeys(name for settings in changed for name in settings)
     }
     return _by_log("", logs, facts), _by_log("Settings that are not the default", logs, settings)
 
@@ -49,10 +51,12 @@ def what_differs(logs: Logs) -> Table | None:
         asked: dict[str, Any] = {"plants": list(log), "drives": run.drive, "controller": run.controller}
         asked["scenario"] = run.scenario.model_dump(mode="json", exclude={"controller"})
         flat.append(dict(leaves((_parameters(run) if one_law else {}) | asked)))
-    names = dict.fromkeys(name for each in flat for name in each)
-    differing = [name for name in names if any(each.get(name) != flat[0].get(name) for each in flat)]
+    names = dict.fromkeys(name for settings in flat for name in settings)
+    differing = [name for name in names if any(settings.get(name) != flat[0].get(name) for settings in flat)]
     rows = {
-        name.removeprefix("scenario."): [_text(each[name]) if name in each else "–" for each in flat]
+        name.removeprefix("scenario."): [
+            _text(settings[name]) if name in settings else "–" for settings in flat
+        ]
         for name in differing
     }
     return _by_log("What differs", logs, rows) if rows else None
@@ -102,19 +106,23 @@ def comparison_table(title: str, comparison: Comparison, *, folded: bool = False
 def distances_table(first: str, comparisons: Mapping[str, Comparison]) -> Table:
     """Return how far runs are from the one labelled `first`, by label."""
     rows = []
-    for label, each in comparisons.items():
-        load, angles = each.max_load_error_m, difference_in(each.max_angle_error_rad, "rad")
-        rows.append(cells(label, difference_in(load, "m"), _when(each.max_load_error_at_s, load), angles))
+    for label, comparison in comparisons.items():
+        load, angles = comparison.max_load_error_m, difference_in(comparison.max_angle_error_rad, "rad")
+        rows.append(
+            cells(label, difference_in(load, "m"), _when(comparison.max_load_error_at_s, load), angles)
+        )
     return Table(f"Farthest from {first}", ("", "load", "at [s]", "angles"), tuple(rows))
 
 
 def regression_table(verdict: RegressionVerdict) -> Table:
     """Return a run beside its golden one: one row a signal, then how they ended."""
     rows = []
-    for each in verdict.signals:
-        difference, when = difference_text(each.max_abs), _when(each.at_s, each.max_abs)
+    for signal in verdict.signals:
+        difference, when = difference_text(signal.max_abs), _when(signal.at_s, signal.max_abs)
         rows.append(
-            cells(each.signal, each.unit, difference, when, f"{each.limit:.1e}", VERDICTS[each.passed])
+            cells(
+                signal.signal, signal.unit, difference, when, f"{signal.limit:.1e}", VERDICTS[signal.passed]
+            )
         )
     difference, limit = difference_text(verdict.end_difference_s), f"{verdict.end_difference_limit_s:.1e}"
     rows.append(cells("ends", "s", difference, "", limit, VERDICTS[verdict.ends_passed]))

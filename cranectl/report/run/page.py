@@ -143,7 +143,11 @@ def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, .
     if pairs:
         title, text = "distance of the plants' loads", _verdicts(agreements)
         found = agreements.values()
-        limits = {f"{each.drive} drives": each.limit_m for each in found if each.limit_m is not None}
+        limits = {
+            f"{agreement.drive} drives": agreement.limit_m
+            for agreement in found
+            if agreement.limit_m is not None
+        }
         figures.append(Figure.drawn(title, text, distance_figure, pairs, limits))
     return tuple(figures)
 
@@ -221,7 +225,7 @@ _CAPTIONS: dict[str, tuple[tuple[str, Callable[[Run], float], str], ...]] = {
 
 
 def _accelerations(run: Run) -> list[float]:
-    return [abs(each) for each in _measured(run).peak_acceleration_m_s2]
+    return [abs(peak) for peak in _measured(run).peak_acceleration_m_s2]
 
 
 def _beside(run: Run) -> Array:

@@ -118,7 +118,7 @@ def limits_table(runs: Sequence[RunSummary], *, worst: int | None = None) -> Tab
     `worst`: so many of those that are broken at most, the worst first.
     """
     verdicts = shown = [(run, verdict) for run in runs for verdict in run.limits]
-    broken = sorted((each for each in verdicts if not each[1].kept), key=lambda each: -each[1].overrun)
+    broken = sorted((pair for pair in verdicts if not pair[1].kept), key=lambda pair: -pair[1].overrun)
     if worst is not None:
         shown = broken[:worst]
     metrics = {metric.name: metric for metric in all_metrics()}
