@@ -82,13 +82,13 @@ def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> Expor
     pattern that matches nothing.
     """
     time_ns = np.unique(np.concatenate([run.time_ns for run in runs.values()]))
-    found = list(_recorded(runs, time_ns))
+    result = list(_recorded(runs, time_ns))
     if _by_label(runs):
         for label, run in runs.items():
-            found += _reference(f"{label}.reference", [run], time_ns)
+            result += _reference(f"{label}.reference", [run], time_ns)
     else:
-        found += _reference("reference", [*runs.values()], time_ns)
-    columns = {column.name: column for column in found}
+        result += _reference("reference", [*runs.values()], time_ns)
+    columns = {column.name: column for column in result}
     chosen: set[str] = set()
     for pattern in patterns or ("*",):
         matched = matching(pattern, columns)

@@ -185,12 +185,14 @@ def command_group(what: str) -> SignalGroup:
     """Return what arrives at the drives after limits and transport, and which axes were limited."""
     symbol, unit = _COMMANDS[what]
     axes = {"bridge": "x", "trolley": "y", "rope": "l"}.items()
-    told = "what arrives at the drives, and whether a limit has cut it off"
-    given = [Signal(f"{n}_command", f"{symbol}_{a}", unit, f"{what} given to the {n} drive") for n, a in axes]
+    description = "what arrives at the drives, and whether a limit has cut it off"
+    arriving = [
+        Signal(f"{n}_command", f"{symbol}_{a}", unit, f"{what} given to the {n} drive") for n, a in axes
+    ]
     limited = [
         Signal(f"{n}_limited", f"sat_{a}", "1", f"1 while the {n} drive's limits act") for n, a in axes
     ]
-    return SignalGroup("command", f"{what.capitalize()}Command", told, (*given, *limited))
+    return SignalGroup("command", f"{what.capitalize()}Command", description, (*arriving, *limited))
 
 
 COMMON = (STATE, LOAD, INPUT, DISTURBANCE)  # recorded of every run, whatever the law
@@ -213,15 +215,15 @@ def law_groups(name: str, logged: tuple[Signal, ...]) -> tuple[SignalGroup, ...]
 
 @functools.cache
 def recorded_groups(
-    law: tuple[SignalGroup, ...], *, staged: str = "", forced: bool = False
+    controller_groups: tuple[SignalGroup, ...], *, staged: str = "", forced: bool = False
 ) -> tuple[SignalGroup, ...]:
-    """Everything a run records at every sample, in column order: what is common, then what its `law` adds.
+    """Return everything that a run records at every sample, in column order: `controller_groups` come last.
 
     `staged`: what the drives of a run with a signal path take, which is recorded too with the path; so
     are the forces of a run whose load is `forced`.
     """
     path = (MEASUREMENT, command_group(staged)) if staged else ()
-    return (*COMMON, *law, *path, *((LOAD_FORCE,) if forced else ()))
+    return (*COMMON, *controller_groups, *path, *((LOAD_FORCE,) if forced else ()))
 
 
 # First column of each group; the compiled loops write blocks at these offsets.

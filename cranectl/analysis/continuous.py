@@ -221,8 +221,8 @@ def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: flo
 def _distance(times: Array, sorted_times: Array) -> Array:
     """Return how far each of `times` is from the nearest of `sorted_times`, infinitely without any."""
     padded = np.concatenate([[-np.inf], sorted_times, [np.inf]])
-    place = np.searchsorted(padded, times)
-    nearest: Array = np.minimum(np.abs(padded[place] - times), np.abs(times - padded[place - 1]))
+    index = np.searchsorted(padded, times)
+    nearest: Array = np.minimum(np.abs(padded[index] - times), np.abs(times - padded[index - 1]))
     return nearest
 
 

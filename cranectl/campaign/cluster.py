@@ -115,12 +115,12 @@ def _check_installed(client: "Client", wanted: Mapping[str, str]) -> None:
     """Raise InputError if a package is absent or another one; later workers are asked with a batch."""
     # By Dask's own means: where there is no cranectl, none of our functions can be called.
     names = [name for name in PACKAGES if name not in HARMLESS]
-    found: Any = client.get_versions(packages=names)
+    versions: Any = client.get_versions(packages=names)
     # The scheduler only loads cranectl, so that its other packages do not matter.
-    places = [("scheduler", found["scheduler"]["packages"], ["cranectl"])]
-    places += [(f"worker {place}", its["packages"], names) for place, its in found["workers"].items()]
-    for where, packages, asked in places:
-        _check_software({**wanted, **{name: packages[name] or "absent" for name in asked}}, wanted, where)
+    places = [("scheduler", versions["scheduler"]["packages"], ["cranectl"])]
+    places += [(f"worker {worker}", its["packages"], names) for worker, its in versions["workers"].items()]
+    for where, packages, required in places:
+        _check_software({**wanted, **{name: packages[name] or "absent" for name in required}}, wanted, where)
 
 
 def _rows(client: "Client", future: "Future[Any]") -> list[Row]:
@@ -129,7 +129,7 @@ def _rows(client: "Client", future: "Future[Any]") -> list[Row]:
     from distributed.comm.core import CommClosedError
 
     try:
-        found: list[Row] | InputError = _result(client, future)
+        rows: list[Row] | InputError = _result(client, future)
     except (CancelledError, CommClosedError, ConnectionError) as error:
         raise InputError(
             "the scheduler is gone, or has dropped this campaign",
@@ -150,9 +150,9 @@ def _rows(client: "Client", future: "Future[Any]") -> list[Row]:
             allowed="the same cranectl on the scheduler and on all workers",
             remedy=f"install it there, then {RESUME}",
         ) from error
-    if isinstance(found, InputError):
-        raise found
-    return found
+    if isinstance(rows, InputError):
+        raise rows
+    return rows
 
 
 def _result(client: "Client", future: "Future[Any]") -> Any:
@@ -221,15 +221,15 @@ def _local(distributed: Any, workers: int) -> Iterator["Client"]:
         yield client
 
 
-def packed(manifest: Table, laws: Sequence[LawFile]) -> bytes:
+def packed(manifest: Table, files: Sequence[LawFile]) -> bytes:
     """Return what is sent with every batch, some 2 kB: data kept on workers would be lost with them."""
-    return zlib.compress(pickle.dumps((json.dumps(manifest), tuple(laws))))
+    return zlib.compress(pickle.dumps((json.dumps(manifest), tuple(files))))
 
 
 def unpacked(sent: bytes) -> tuple[Table, SharedControllers]:
     """Return the manifest and the controllers in `sent`, which `packed` has made."""
-    manifest, laws = pickle.loads(zlib.decompress(sent))
-    return json.loads(manifest), SharedControllers(laws)
+    manifest, files = pickle.loads(zlib.decompress(sent))
+    return json.loads(manifest), SharedControllers(files)
 
 
 def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
@@ -250,9 +250,9 @@ def dask_setup(_worker: Any) -> None:
             signal.signal(number, signal.SIG_IGN)
 
 
-def _check_software(found: Mapping[str, str], wanted: Mapping[str, str], where: str) -> None:
-    """Raise InputError, with names, if rows by `found` could differ from those by `wanted`."""
-    different = provenance_differences(found, wanted, word="here")
+def _check_software(versions: Mapping[str, str], wanted: Mapping[str, str], where: str) -> None:
+    """Raise InputError, with names, if rows by `versions` could differ from those by `wanted`."""
+    different = provenance_differences(versions, wanted, word="here")
     if different:
         raise InputError(
             f"the {where} has other software: {'; '.join(different)}",
@@ -266,8 +266,8 @@ def _prepared(sent: bytes) -> Prepared:
     """Made once in each process; raises InputError where its software is not that of the manifest."""
     from distributed import get_worker
 
-    manifest, laws = unpacked(sent)
-    open_again(laws)
+    manifest, files = unpacked(sent)
+    open_again(files)
     here = software_of(manifest["campaign"]["plants"], manifest["campaign"]["controllers"])
     _check_software(here, manifest["versions"], f"worker {get_worker().address}")
     return Prepared(campaign_of(manifest, "the manifest of the campaign"))

@@ -65,8 +65,8 @@ class Distribution(Settings, ABC):
 
     def _spread_out(self, factor: float, centre: float) -> dict[str, float]:
         """Return the numbers that change."""
-        given = {name: getattr(self, name, None) for name in ("low", "high", "mean")}
-        return {k: centre + factor * (value - centre) for k, value in given.items() if value is not None}
+        numbers = {name: getattr(self, name, None) for name in ("low", "high", "mean")}
+        return {k: centre + factor * (value - centre) for k, value in numbers.items() if value is not None}
 
     @property
     def grid_levels(self) -> int:
@@ -101,8 +101,8 @@ class Range(Distribution):
     def _increases(self) -> Self:
         low, high = self._ends()
         if not low < high:
-            found = f"low = {low:g} is not below high = {high:g}"
-            raise RuleError(found, allowed="low must be below high", remedy="exchange the two")
+            problem = f"low = {low:g} is not below high = {high:g}"
+            raise RuleError(problem, allowed="low must be below high", remedy="exchange the two")
         return self
 
     def _ends(self) -> Ends:

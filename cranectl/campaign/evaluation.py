@@ -161,15 +161,15 @@ class GroupAnalysis:
 
     def to_json(self) -> dict[str, Any]:
         """Return what the page shows besides the summary; arrays stay arrays."""
-        found: dict[str, Any] = {"plant": self.group.plant, "controller": self.group.controller}
+        data: dict[str, Any] = {"plant": self.group.plant, "controller": self.group.controller}
         if self.correlations is not None:
             extra = {"significant": self.correlations.significant, "bent": self.correlations.bent}
-            found["correlations"] = asdict(self.correlations) | extra
+            data["correlations"] = asdict(self.correlations) | extra
         if self.sobol:
-            found["sobol"] = {name: {**asdict(s), "important": s.important} for name, s in self.sobol.items()}
+            data["sobol"] = {name: {**asdict(s), "important": s.important} for name, s in self.sobol.items()}
         if self.one_at_a_time:
-            found["one_at_a_time"] = [asdict(effect) for effect in self.one_at_a_time]
-        return found | {"failures": [asdict(separation) for separation in self.separations]}
+            data["one_at_a_time"] = [asdict(effect) for effect in self.one_at_a_time]
+        return data | {"failures": [asdict(separation) for separation in self.separations]}
 
 
 @dataclass(frozen=True)
@@ -228,8 +228,8 @@ def _of_group(results: Results, group: Group, summary: GroupSummary, values: Arr
         steps = one_at_a_time_effects(results, group, values)
         return GroupAnalysis(group, summary, None, {}, steps, ())
     indices = sobol_of(results, group) if sampling == "saltelli" else {}
-    found = correlations(results, group, values)
-    return GroupAnalysis(group, summary, found, indices, (), separations(results, group, values))
+    strengths = correlations(results, group, values)
+    return GroupAnalysis(group, summary, strengths, indices, (), separations(results, group, values))
 
 
 def _plain(value: Any) -> Any:

@@ -95,10 +95,10 @@ def resume_command(manifest: Mapping[str, Any]) -> str:
 def controller_from(manifest: Mapping[str, Any], directory: Path, name: str) -> str:
     """Return what `--controller` is given for the controller `name` of the result in `directory`."""
     files = manifest.get("files")
-    found = files.get(name) if isinstance(files, dict) else None
-    if not isinstance(found, str):
+    file = files.get(name) if isinstance(files, dict) else None
+    if not isinstance(file, str):
         return name
-    return found if found.startswith(UDP) else os.path.normpath(directory / found)
+    return file if file.startswith(UDP) else os.path.normpath(directory / file)
 
 
 def checked_manifest(data: Any, source: str) -> Table:
@@ -140,9 +140,9 @@ def origin_of(manifest: Mapping[str, Any], versions: Mapping[str, str]) -> Softw
     return SoftwareOrigin(hashlib.sha256(text.encode()).hexdigest()[:16], versions)
 
 
-def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
+def differences(manifest: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
     """Return in short phrases how two campaigns differ, apart from the software that runs them."""
-    different = documents.differences(_decisive(found), _decisive(wanted), absent="absent")
+    different = documents.differences(_decisive(manifest), _decisive(wanted), absent="absent")
     return [f"{name} is {_short(a)}, not {_short(b)}" for name, a, b in different]
 
 

@@ -67,8 +67,8 @@ def chosen_rows(
     if metric not in METRIC_COLUMNS:
         raise unknown_name("metric", metric, METRIC_COLUMNS)
     chosen = np.ones(len(results), dtype=np.bool_)
-    asked = (("plant", plants, settings.plants), ("controller", controllers, settings.controllers))
-    for kind, names, known in asked:
+    requested = (("plant", plants, settings.plants), ("controller", controllers, settings.controllers))
+    for kind, names, known in requested:
         for name in names:
             if name not in known:
                 raise unknown_name(kind, name, known)

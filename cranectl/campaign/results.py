@@ -85,8 +85,8 @@ class Results:
 
     def row(self, index: int) -> Table:
         """Return one run as plain data; `index` counts rows of the table."""
-        found: Table = self.table.slice(index, 1).to_pylist()[0]
-        return found
+        row: Table = self.table.slice(index, 1).to_pylist()[0]
+        return row
 
 
 def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
@@ -210,23 +210,23 @@ def open_store(
     with writing(directory, remedy=ELSEWHERE):
         (directory / PARTS).mkdir(parents=True, exist_ok=True)
         try:
-            held = lock.acquire(blocking=False)
+            locked = lock.acquire(blocking=False)
         except Timeout:
             raise InputError(
                 f"another process is writing {directory}",
                 allowed="one process for each result",
                 remedy="wait for it, or choose another place with --out",
             ) from None
-    with held:
+    with locked:
         manifest = manifest_of(campaign) | how_it_was_begun(campaign, directory, command)
         _check_empty(directory)  # again: another process may have been faster
         if overwrite:
             _clear(directory)
         if exists(directory / MANIFEST_FILE):
-            kept = read_manifest(directory)
-            _check_same(directory, kept, manifest, resume=resume)
-            manifest |= _software(directory, kept, manifest["versions"], accepted=despite_differences)
-            manifest["command"] = kept.get("command", [])
+            known = read_manifest(directory)
+            _check_same(directory, known, manifest, resume=resume)
+            manifest |= _software(directory, known, manifest["versions"], accepted=despite_differences)
+            manifest["command"] = known.get("command", [])
         with writing(directory, remedy=ELSEWHERE):
             write_text(directory / MANIFEST_FILE, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
             put_files(directory, campaign.nominal)
@@ -254,14 +254,14 @@ def _check_empty(directory: Path) -> None:
         )
 
 
-def _check_same(directory: Path, kept: Table, wanted: Table, *, resume: bool) -> None:
+def _check_same(directory: Path, manifest: Table, wanted: Table, *, resume: bool) -> None:
     if not resume:
         raise InputError(
-            f"{directory} holds a result of the campaign '{kept['campaign']['name']}' already",
+            f"{directory} holds a result of the campaign '{manifest['campaign']['name']}' already",
             allowed="a new or an empty directory",
             remedy="complete it with --resume, replace it with --overwrite, or choose another --out",
         )
-    different = differences(kept, wanted)
+    different = differences(manifest, wanted)
     if different:
         more = f" and {len(different) - SHOWN_PARTS} more" if len(different) > SHOWN_PARTS else ""
         raise InputError(
@@ -271,9 +271,9 @@ def _check_same(directory: Path, kept: Table, wanted: Table, *, resume: bool) ->
         )
 
 
-def _software(directory: Path, kept: Table, installed: dict[str, str], *, accepted: bool) -> Table:
+def _software(directory: Path, manifest: Table, installed: dict[str, str], *, accepted: bool) -> Table:
     """Return the software of a resumed result; raise InputError for new software unless `accepted`."""
-    known = [kept["versions"], *kept["accepted"]]
+    known = [manifest["versions"], *manifest["accepted"]]
     different = [provenance_differences(versions, installed) for versions in known]
     if all(different):
         if not accepted:
@@ -295,8 +295,8 @@ def _prepared(directory: Path, campaign: Campaign, manifest: Table) -> Store:
     missing = tuple(batch for batch in batches_of(campaign) if batch not in parts)
     quarantined = []
     for path, why in damaged.items():
-        place = path.replace(path.with_name(f"{path.name}{QUARANTINED}"))
-        quarantined.append(f"{path.name} was damaged ({why}); now {place.name}")
+        folder = path.replace(path.with_name(f"{path.name}{QUARANTINED}"))
+        quarantined.append(f"{path.name} was damaged ({why}); now {folder.name}")
     origin = origin_of(manifest, software_of(campaign.settings.plants, campaign.settings.controllers))
     return Store(directory, campaign, origin, missing, tuple(quarantined))
 

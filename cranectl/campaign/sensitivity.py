@@ -90,13 +90,13 @@ def _bootstrap(terms: Array) -> list[Array]:
     """Means of the terms over base points drawn with replacement, RESAMPLES rows in all."""
     n = terms.shape[1]
     random = np.random.default_rng(0)
-    each = max(1, min(RESAMPLES, MAX_DRAWN_NUMBERS // n))
-    found = []
-    for first in range(0, RESAMPLES, each):
-        rows = min(each, RESAMPLES - first)
+    chunk = max(1, min(RESAMPLES, MAX_DRAWN_NUMBERS // n))
+    indices = []
+    for first in range(0, RESAMPLES, chunk):
+        rows = min(chunk, RESAMPLES - first)
         counts = random.multinomial(n, np.full(n, 1.0 / n), size=rows)
-        found.append(counts @ terms.T / n)
-    return found
+        indices.append(counts @ terms.T / n)
+    return indices
 
 
 @dataclass(frozen=True)
@@ -126,8 +126,8 @@ class Correlations:
     def bent(self) -> Mask:
         """Where η is beyond chance and larger than |ρ| explains: a minimum, a maximum, a step."""
         beyond = self.p * 2 * self.p.size < 1.0 - CONFIDENCE
-        found: Mask = beyond & (np.nan_to_num(self.eta) ** 2 > 2.0 * np.nan_to_num(self.rho) ** 2)
-        return found
+        bent: Mask = beyond & (np.nan_to_num(self.eta) ** 2 > 2.0 * np.nan_to_num(self.rho) ** 2)
+        return bent
 
     @property
     def strength(self) -> Array:
@@ -189,8 +189,8 @@ def independent_rows(results: Results) -> NDArray[np.intp]:
 
 def sobol_of(results: Results, group: Group) -> dict[str, SobolIndices]:
     """Sobol indices by metric, of those that have any."""
-    found = {name: sobol_indices(results.campaign, group.metrics[name]) for name in MAIN_METRICS}
-    return {name: indices for name, indices in found.items() if indices is not None}
+    by_metric = {name: sobol_indices(results.campaign, group.metrics[name]) for name in MAIN_METRICS}
+    return {name: indices for name, indices in by_metric.items() if indices is not None}
 
 
 def separations(results: Results, group: Group, values: Array) -> tuple[Separation, ...]:
@@ -201,11 +201,11 @@ def separations(results: Results, group: Group, values: Array) -> tuple[Separati
     if not (bad.any() and good.any()):
         return ()
     columns = compared_parameters(results)
-    found = []
+    result = []
     for column in columns:
         x = values[rows, column]
         distance, p = kolmogorov_smirnov(x[bad], x[good])
-        found.append(
+        result.append(
             Separation(
                 parameter=results.campaign.names[column],
                 distance=distance,
@@ -214,7 +214,7 @@ def separations(results: Results, group: Group, values: Array) -> tuple[Separati
                 other_median=float(quantiles(x[good], (0.5,))[0]),
             )
         )
-    return tuple(sorted(found, key=lambda separation: -separation.distance))
+    return tuple(sorted(result, key=lambda separation: -separation.distance))
 
 
 def one_at_a_time_effects(results: Results, group: Group, values: Array) -> tuple[OneAtATimeEffect, ...]:

@@ -128,20 +128,20 @@ def parse_campaign(table: Mapping[str, Any], source: str) -> CampaignSettings:
 
 def _distributions(node: Mapping[str, Any], source: str) -> dict[str, Distribution]:
     """Return the distributions below [uncertain] by the dotted names of their parameters."""
-    found: dict[str, Distribution] = {}
+    distributions: dict[str, Distribution] = {}
 
     def is_leaf(value: Any) -> bool:  # whether it is a distribution, or can hold none
         return not isinstance(value, Mapping) or not value or "distribution" in value
 
     for name, table in leaves(node, is_leaf=is_leaf):
-        if name in found:
+        if name in distributions:
             raise InputError(
                 f"{source}: parameter '{name}' appears twice under [uncertain]",
                 allowed="one distribution for each parameter",
                 remedy="remove one of the two tables",
             )
-        found[name] = _distribution(name, table, source)
-    return found
+        distributions[name] = _distribution(name, table, source)
+    return distributions
 
 
 def _distribution(name: str, table: Any, source: str) -> Distribution:

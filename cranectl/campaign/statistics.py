@@ -21,10 +21,10 @@ LEVELS = (0.05, 0.5, 0.95)  # of the quantiles that are told
 def quantiles(values: Array, at: tuple[float, ...] = LEVELS) -> Array:
     """Quantiles of the values that are there (n,), linear between order statistics; NaN without any."""
     finite = values[np.isfinite(values)]
-    found = np.quantile(finite, at) if finite.size else np.full(len(at), np.nan)
-    named = [(f"the {level:g} quantile", float(value)) for level, value in zip(at, found, strict=True)]
+    values_at = np.quantile(finite, at) if finite.size else np.full(len(at), np.nan)
+    named = [(f"the {level:g} quantile", float(value)) for level, value in zip(at, values_at, strict=True)]
     check_ascending(*named, rounding=QUANTILE_ROUNDING)
-    return found
+    return values_at
 
 
 def empirical_distribution(values: Array, most: int = 400) -> tuple[Array, Array]:
@@ -35,8 +35,8 @@ def empirical_distribution(values: Array, most: int = 400) -> tuple[Array, Array
     finite = np.sort(values[~np.isnan(values)])
     steps = np.arange(1, finite.size + 1)
     if finite.size > most:
-        kept = np.unique(np.linspace(0, finite.size - 1, most).round().astype(np.intp))
-        finite, steps = finite[kept], steps[kept]
+        chosen = np.unique(np.linspace(0, finite.size - 1, most).round().astype(np.intp))
+        finite, steps = finite[chosen], steps[chosen]
     return finite, steps / max(1, values.size)
 
 
@@ -95,8 +95,8 @@ def between_bins(bins_by_parameter: Sequence[Bins], y: Array) -> tuple[Array, Ar
     ranks = np.full(y.size, np.nan)
     ranks[there] = rankdata(y[there])
     for k, bins in enumerate(bins_by_parameter):
-        found = [ranks[rows] for rows in bins]
-        parts = [part[~np.isnan(part)] for part in found]
+        ranks_by_bin = [ranks[rows] for rows in bins]
+        parts = [part[~np.isnan(part)] for part in ranks_by_bin]
         parts = [part for part in parts if part.size >= LEAST_IN_BIN]
         if len(parts) < 2:
             continue
@@ -116,8 +116,8 @@ def kolmogorov_smirnov(a: Array, b: Array) -> tuple[float, float]:
     a, b = a[np.isfinite(a)], b[np.isfinite(b)]
     if not (a.size and b.size):
         return math.nan, math.nan
-    found = ks_2samp(a, b, method="asymp")
-    return float(found.statistic), float(found.pvalue)
+    test = ks_2samp(a, b, method="asymp")
+    return float(test.statistic), float(test.pvalue)
 
 
 def sign_test(fewer: int, more: int) -> float:

@@ -73,9 +73,9 @@ class GroupSummary:
 
 def summarize(results: Results) -> tuple[GroupSummary, ...]:
     """Return one summary for each plant and controller, in the order of the campaign."""
-    found = tuple(_summary(results, plant, controller) for plant, controller in results.campaign.groups)
-    check_sum("the number of runs", len(results), [group.runs for group in found])
-    return found
+    summaries = tuple(_summary(results, plant, controller) for plant, controller in results.campaign.groups)
+    check_sum("the number of runs", len(results), [group.runs for group in summaries])
+    return summaries
 
 
 def broken_limits(column: Columns, limits: Mapping[str, float]) -> dict[str, Mask]:
@@ -162,15 +162,15 @@ class Example(NamedTuple):
 
 def examples(results: Results, *, worst: int) -> tuple[Example, ...]:
     """Return the `worst` runs of each plant and controller, then one run of each way to stop."""
-    found = []
+    result = []
     for plant, controller in results.campaign.groups:
         rows = results.rows(plant, controller)
         shown = worst_first(results, MEASURE, rows)[:worst].tolist()
         why = dict.fromkeys(shown, "largest error") | _stops(results, rows, shown)
         for row, reason in why.items():
             run = {name: results.row(row)[name] for name in ("sample", "status", "end_s", "max_error_m")}
-            found.append(Example(plant=plant, controller=controller, why=reason, **run))
-    return tuple(found)
+            result.append(Example(plant=plant, controller=controller, why=reason, **run))
+    return tuple(result)
 
 
 def _stops(results: Results, rows: Rows, shown: Sequence[int]) -> dict[int, str]:
@@ -206,7 +206,7 @@ def groups_of(results: Results) -> tuple[Group, ...]:
     bad = failed(results.column, results.campaign.settings.limits.given)
     metrics = {name: results.column(name).astype(np.float64) for name in MAIN_METRICS}
     metrics[EFFORT] = effort(results.column)
-    found = []
+    groups = []
     for plant, controller in results.campaign.groups:
         rows = results.rows(plant, controller)
         samples = results.column("sample")[rows]
@@ -215,8 +215,8 @@ def groups_of(results: Results) -> tuple[Group, ...]:
         by_sample = {name: np.full(results.campaign.runs, np.nan) for name in metrics}
         for name, values in metrics.items():
             by_sample[name][samples] = np.where(completed[rows], values[rows], np.nan)
-        found.append(Group(plant, controller, there, done, broken, by_sample))
-    return tuple(found)
+        groups.append(Group(plant, controller, there, done, broken, by_sample))
+    return tuple(groups)
 
 
 def parameter_values(results: Results) -> Array:
@@ -258,12 +258,16 @@ def makers(results: Results) -> tuple[Maker, ...]:
 
 def software_notes(results: Results) -> list[str]:
     """Return a line for each remark about the software; empty if all runs are by what is installed."""
-    found = makers(results)
-    runs = [f"{maker.runs} {'run' if maker.runs == 1 else 'runs'}" for maker in found]
-    mixed = [f"made by {len(found)} sets of sources or versions: {', '.join(runs)}"] if len(found) > 1 else []
+    software = makers(results)
+    runs = [f"{maker.runs} {'run' if maker.runs == 1 else 'runs'}" for maker in software]
+    mixed = (
+        [f"made by {len(software)} sets of sources or versions: {', '.join(runs)}"]
+        if len(software) > 1
+        else []
+    )
     others = [
         f"{count} by other software than what is installed: {'; '.join(maker.differences)}"
-        for maker, count in zip(found, runs, strict=True)
+        for maker, count in zip(software, runs, strict=True)
         if maker.differences
     ]
     drives = [

@@ -66,11 +66,11 @@ def metric_values(metrics: RunMetrics | None) -> Row:
     """Return the metrics by the names of their columns."""
     if metrics is None:
         return dict.fromkeys(METRIC_COLUMNS)
-    found: list[Value] = []
+    numbers: list[Value] = []
     for metric in _RECORDED:
         value = metrics.values[metric.name]
-        found += value if isinstance(value, tuple) else [value] * len(metric.columns)
-    return dict(zip(METRIC_COLUMNS, found, strict=True))
+        numbers += value if isinstance(value, tuple) else [value] * len(metric.columns)
+    return dict(zip(METRIC_COLUMNS, numbers, strict=True))
 
 
 def describe(campaign: Campaign, name: str) -> ResultColumn:
@@ -171,9 +171,9 @@ def read_part(
     )
     _check_schema(schema, known)
     keys = [list(range(batch.first, batch.last)), [batch.plant], [batch.controller]]
-    found = [table["sample"].to_pylist()]
-    found += [sorted(set(table[name].to_pylist())) for name in ("plant", "controller")]
-    if found != keys:
+    contents = [table["sample"].to_pylist()]
+    contents += [sorted(set(table[name].to_pylist())) for name in ("plant", "controller")]
+    if contents != keys:
         raise ResultDamageError("its rows are not those of its batch")
     for name in absent:
         table = table.append_column(name, pyarrow.nulls(len(table), expected.field(name).type))
@@ -188,17 +188,17 @@ def _part_schema(campaign: Campaign, origin: SoftwareOrigin, batch: Batch) -> An
     return schema.with_metadata({**schema.metadata, DIGEST: _digest(schema)})
 
 
-def _check_schema(found: Any, expected: Any) -> None:
+def _check_schema(stored: Any, expected: Any) -> None:
     """Raise DamageError unless a part says that it is what it must be."""
-    told, own = found.metadata, expected.metadata
-    batch = [told.get(key, b"").decode(errors="replace") for key in BATCH]
+    metadata, own = stored.metadata, expected.metadata
+    batch = [metadata.get(key, b"").decode(errors="replace") for key in BATCH]
     if batch != [own[key].decode() for key in BATCH]:
         raise ResultDamageError(f"it holds the batch {' '.join(batch)}")
     # Words that describe a column may change; parts of format 1 have no digest of them.
-    if told | {DIGEST: b""} != own | {DIGEST: b""} or told.get(DIGEST) not in (None, _digest(found)):
+    if metadata | {DIGEST: b""} != own | {DIGEST: b""} or metadata.get(DIGEST) not in (None, _digest(stored)):
         raise ResultDamageError("what it says of itself was changed")
-    units = [[(field.metadata or {}).get(b"unit") for field in schema] for schema in (found, expected)]
-    if not found.equals(expected) or units[0] != units[1]:
+    units = [[(field.metadata or {}).get(b"unit") for field in schema] for schema in (stored, expected)]
+    if not stored.equals(expected) or units[0] != units[1]:
         raise ResultDamageError("its columns are not those of the campaign")
 
 

@@ -75,15 +75,15 @@ class Prepared:
 
     def _make(self, name: str, nominal: Scenario) -> PreparedController:
         design, planned = self._designs[name], self._planned(nominal)
-        law = law_of(nominal, design, self.campaign.settings.drive, planned)
-        return PreparedController(nominal, planned, law, record_width(design))
+        compiled = law_of(nominal, design, self.campaign.settings.drive, planned)
+        return PreparedController(nominal, planned, compiled, record_width(design))
 
 
 def _kept_periods(campaign: Campaign) -> list[Scenario]:
     """Return the nominal scenario with each of the shortest control periods that its runs have."""
-    found = [parameter for parameter in campaign.parameters if parameter.name == PERIOD]
+    uncertain = [parameter for parameter in campaign.parameters if parameter.name == PERIOD]
     periods = sorted(
-        {float(p) for parameter in found for p in parameter.values(parameter.distribution.grid())}
+        {float(p) for parameter in uncertain for p in parameter.values(parameter.distribution.grid())}
     )
     controls = [
         campaign.nominal.control.model_copy(update={"period": period}) for period in periods[:KEPT_PERIODS]

@@ -95,31 +95,37 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
         raise InputError(
             f"a run of {', '.join(runs)} only", allowed="two plants or more", remedy="name more in 'plants'"
         )
-    given = load_m is not None or angle_rad is not None
+    is_limited = load_m is not None or angle_rad is not None
     case = runs.case
-    known = {} if given else limits_for(case.scenario, case.drive, case.plants)
+    known = {} if is_limited else limits_for(case.scenario, case.drive, case.plants)
     faults, hints = _endings(runs), []
     for a, b in pairs:
-        found = compare_runs(a, b, signals=("state.alpha", "state.beta"))
+        comparison = compare_runs(a, b, signals=("state.alpha", "state.beta"))
         limits = known.get((a.plant, b.plant)) or _given(runs, load_m, angle_rad)
-        agreement = judge(a, b, limits=limits, comparison=found)
+        agreement = judge(a, b, limits=limits, comparison=comparison)
         if isinstance(limits, NoLimits):
             raise InputError(
                 f"nobody knows how far the plants may differ: {limits.reason}",
                 allowed="scenarios, controllers and drives of which it is known, or limits of your own",
                 remedy="say how far, as assert_agree(runs, load_m=0.01, angle_rad=0.02)",
             )
-        place = ("load position", "m", found.max_load_error_m, found.max_load_error_at_s, limits.load_m)
-        angles = [(s.signal, s.unit, s.max_abs, s.at_s, limits.angle_rad) for s in found.signals]
+        position = (
+            "load position",
+            "m",
+            comparison.max_load_error_m,
+            comparison.max_load_error_at_s,
+            limits.load_m,
+        )
+        angles = [(s.signal, s.unit, s.max_abs, s.at_s, limits.angle_rad) for s in comparison.signals]
         pair = f"{a.plant} and {b.plant} differ in"
         faults += [
             f"{pair} {_difference(*difference)}"
-            for difference in (place, *angles)
+            for difference in (position, *angles)
             if not difference[2] <= difference[-1]
         ]
         if abs(a.end_ns - b.end_ns) > limits.end_s * NANOSECONDS:
             faults.append(f"{a.plant} ends at {a.end_s:g} s, {b.plant} at {b.end_s:g} s")
-        if not agreement.passed and not given:
+        if not agreement.passed and not is_limited:
             step = judge_steps((a, b), limits).curing_step_s
             hints += [] if step is None else [f"they agree with control.physics_step = {step:g}"]
     _fail_for(faults, hints)
@@ -133,16 +139,16 @@ def assert_limits(runs: CaseRuns, **limits: float) -> None:
     InputError for unknown metrics, and if no limit is given at all.
     """
     faults = _endings(runs)
-    given = given_limits(limits, "assert_limits")
+    stated = given_limits(limits, "assert_limits")
     for plant, own in limits_of(runs.case.scenario, runs).items():
-        asked = {**own, **given}
-        if not asked:
+        limits_to_keep = {**own, **stated}
+        if not limits_to_keep:
             raise InputError(
                 f"no limit for the run of {plant}",
                 allowed="[limits] in the scenario, or arguments of assert_limits",
                 remedy="say what the run must keep, as assert_limits(runs, max_error_m=0.05)",
             )
-        for verdict in judge_limits(run_metrics(runs[plant]), asked):
+        for verdict in judge_limits(run_metrics(runs[plant]), limits_to_keep):
             if not verdict.kept:
                 since = broken_since(runs[plant], verdict)
                 when = "" if since is None else f", from {since:g} s on"

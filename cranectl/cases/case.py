@@ -72,9 +72,9 @@ class RunSummary:
     @classmethod
     def of(cls, run: Run, log: Path | None) -> "RunSummary":
         """Summarise a run that is in `log`; raise InputError for limits that no run can have."""
-        metrics, asked = run_metrics(run), limits_of(run.scenario, [run.plant])[run.plant]
+        metrics, stated = run_metrics(run), limits_of(run.scenario, [run.plant])[run.plant]
         names = run.scenario.name, run.design.name, run.plant, run.drive
-        limits, beyond = judge_limits(metrics, asked), _beyond_drives(run)
+        limits, beyond = judge_limits(metrics, stated), _beyond_drives(run)
         return cls(*names, run.status, run.end_s, log, metrics, limits, beyond)
 
     def to_json(self) -> dict[str, Any]:
@@ -93,13 +93,15 @@ def _beyond_drives(run: Run) -> str:
     if run.scenario.effects.limits is not None or run.status.stopped or not len(run.time_ns):
         return ""
     able = run.scenario.drive_limits
-    asked = np.abs(np.hstack([run.block("input")[:, :3], run.block("state")[:, 1:6:2]])).max(axis=0)
-    ratios = asked / np.array([*able.acceleration, *able.velocity])
+    commanded = np.abs(np.hstack([run.block("input")[:, :3], run.block("state")[:, 1:6:2]])).max(axis=0)
+    ratios = commanded / np.array([*able.acceleration, *able.velocity])
     worst = int(np.argmax(ratios))
     if ratios[worst] <= 1.0:
         return ""
     axis, unit = ("bridge", "trolley", "winch")[worst % 3], ("m/s²", "m/s")[worst // 3]
-    said = f"asks {asked[worst]:.3g} {unit} of the {axis}, {ratios[worst]:.3g} times what its drive can do: "
+    said = (
+        f"asks {commanded[worst]:.3g} {unit} of the {axis}, {ratios[worst]:.3g} times what its drive can do: "
+    )
     said += "give the move more time"
     if (ratios[3:] > 1.0).any():  # with limits it might be refused
         return said
@@ -225,8 +227,8 @@ def prepare_case(case: Case) -> dict[str, Any]:
     design = controller_design(case.controller, case.scenario)
     check_runs(case.scenario, design, case.drive, len(case.plants), logged=case.keep != "none")
     plan = plan_scenario(case.scenario)
-    law = law_of(case.scenario, design, case.drive, plan)
-    return {"drive": case.drive, "design": design, "plan": plan, "law": law, "patience": case.patience}
+    compiled = law_of(case.scenario, design, case.drive, plan)
+    return {"drive": case.drive, "design": design, "plan": plan, "law": compiled, "patience": case.patience}
 
 
 def simulate_case(
@@ -270,12 +272,12 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
 
 
 def _pair_differences(runs: Sequence[Run]) -> tuple[PairDifference, ...]:
-    found = []
+    differences = []
     for a, b in all_pairs([run for run in runs if len(run.time_ns)]):
         comparison = compare_runs(a, b, signals=("load.rope_tension",))
         agreement = judge(a, b, comparison=comparison)
-        found.append(PairDifference(agreement, comparison.signals[0].max_abs))
-    return tuple(found)
+        differences.append(PairDifference(agreement, comparison.signals[0].max_abs))
+    return tuple(differences)
 
 
 def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:

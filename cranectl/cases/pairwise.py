@@ -76,14 +76,14 @@ class Pairwise:
 
 def pairwise(validation: Validation) -> Pairwise:
     """Summarise all pairs of plants in `validation`; the worst cases run again with finer steps."""
-    found: dict[tuple[str, str, str], list[tuple[PairDifference, Case]]] = {}
+    by_pair: dict[tuple[str, str, str], list[tuple[PairDifference, Case]]] = {}
     for case, result in validation.results:
         for pair in result.pairs:
             agreement = pair.agreement
             key = (agreement.drive, agreement.plant, agreement.reference)
-            found.setdefault(key, []).append((pair, case))
-    worst = {key: max(pairs, key=lambda entry: _size(entry[0])) for key, pairs in found.items()}
-    rows = tuple(_worst(key, [pair for pair, _ in pairs]) for key, pairs in found.items())
+            by_pair.setdefault(key, []).append((pair, case))
+    worst = {key: max(pairs, key=lambda entry: _size(entry[0])) for key, pairs in by_pair.items()}
+    rows = tuple(_worst(key, [pair for pair, _ in pairs]) for key, pairs in by_pair.items())
     cases: dict[tuple[str, str], tuple[float, Case]] = {}
     for (drive, *plants), (pair, case) in worst.items():
         for plant in plants:

@@ -152,8 +152,8 @@ def _overrun(result: CaseResult) -> float:
         )
         if limit is not None
     ]
-    asked = [limit.overrun for run in result.runs for limit in run.limits]
-    return max([*apart, *asked], default=0.0) if result.as_expected else math.inf
+    limits = [limit.overrun for run in result.runs for limit in run.limits]
+    return max([*apart, *limits], default=0.0) if result.as_expected else math.inf
 
 
 def _faults(result: CaseResult) -> Iterator[str]:

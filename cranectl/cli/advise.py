@@ -62,22 +62,22 @@ def advise_command(asked: Asked, controllers: tuple[str, ...], report: Path | No
     loaded = asked.load()
     chosen = [flat_design(name, loaded).name for name in controllers] or list(CONTROLLERS)
     with progress_bar(len(chosen) + IMPROVEMENTS, loaded.name, done="assessed") as advance:
-        found = advise(loaded, chosen, progress=advance)
-    screen.print(controllers_table(found))
-    if found.best is not None:
-        screen.print(improvements_table(found))
-    screen.print_each(recommendation(found))
+        advice = advise(loaded, chosen, progress=advance)
+    screen.print(controllers_table(advice))
+    if advice.best is not None:
+        screen.print(improvements_table(advice))
+    screen.print_each(recommendation(advice))
     tell_idle_in_analysis(screen, loaded, asked, chosen)
-    if report is not None and found.best is not None:
-        _write_report(found, report, command_given())
+    if report is not None and advice.best is not None:
+        _write_report(advice, report, command_given())
         screen.print(f"report: {report}")
-    screen.write_json(found.to_json())
-    if found.best is None:
+    screen.write_json(advice.to_json())
+    if advice.best is None:
         return exit_codes.RUN_STOPPED
-    return exit_codes.GOOD if found.best.guaranteed else exit_codes.LIMIT_EXCEEDED
+    return exit_codes.GOOD if advice.best.guaranteed else exit_codes.LIMIT_EXCEEDED
 
 
-def _write_report(found: "Advice", report: Path, command: str) -> None:
+def _write_report(advice: "Advice", report: Path, command: str) -> None:
     """Evaluate the fidelity levels with the best controller, budget it, and write all of it."""
     from cranectl.analysis.budget.error_budget import error_budget
     from cranectl.analysis.certificate.certify import make_nominal_loops
@@ -86,11 +86,11 @@ def _write_report(found: "Advice", report: Path, command: str) -> None:
     from cranectl.report.page import write_page
     from cranectl.report.rig.page import rig_page
 
-    best, scenario = found.best, found.scenario
+    best, scenario = advice.best, advice.scenario
     assert best is not None
     point, design = best.certificate.worst.point, design_controller(best.controller, scenario.design)
     nominal_loop = make_nominal_loops(scenario, design, [point])[point.rope_length]
     worst = nominal_loop.inner_loop(scenario, point, "velocity")
     results = list(evaluate_levels(scenario, best.controller))
     budget = error_budget(scenario, best.controller)
-    write_page(rig_page(found, (nominal_loop, worst), results, budget, command), report)
+    write_page(rig_page(advice, (nominal_loop, worst), results, budget, command), report)

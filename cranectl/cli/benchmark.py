@@ -35,19 +35,19 @@ def measured_laws(
     from cranectl.controllers.registry import checked_controller
 
     is_ours = benchmark.file.resolve().is_relative_to(BENCHMARK_DIRECTORY.resolve())
-    found = []
-    for law in named or benchmark.laws:
-        if law not in benchmark.laws:
-            found.append(checked_controller(opened(law)))
+    opened_names = []
+    for name in named or benchmark.laws:
+        if name not in benchmark.laws:
+            opened_names.append(checked_controller(opened(name)))
             continue
-        if {".", ":"} & set(law) and not trust and not is_ours:
+        if {".", ":"} & set(name) and not trust and not is_ours:
             raise InputError(
-                f"{benchmark.file} names the law {law}, and no file runs code by itself",
+                f"{benchmark.file} names the law {name}, and no file runs code by itself",
                 allowed="laws by name, and files named on the command line",
                 remedy="if you know what is in it, add --trust, or name it: --controller PATH",
             )
-        found.append(opened(law, benchmark.file.parent))
-    return tuple(found)
+        opened_names.append(opened(name, benchmark.file.parent))
+    return tuple(opened_names)
 
 
 tuned_option = click.option(
@@ -127,11 +127,11 @@ def run_benchmark(
     from cranectl.cases.workers import available_cores
 
     settings = read_benchmark(benchmark)
-    laws = measured_laws(settings, controllers, trust=trust)
-    trials = trials_of(settings, laws, sets, scenarios, division=division)
+    names = measured_laws(settings, controllers, trust=trust)
+    trials = trials_of(settings, names, sets, scenarios, division=division)
     if not trials:
         raise InputError(
-            f"none of the sets of cranes has a scenario of these that suits {', '.join(laws)}",
+            f"none of the sets of cranes has a scenario of these that suits {', '.join(names)}",
             allowed="scenarios that suit a law, on sets that have them",
             remedy="leave out --scenario or --set-of-cranes, or name others",
         )
@@ -139,7 +139,7 @@ def run_benchmark(
     directory = out or Path("logs") / f"benchmark-{settings.name}"
     screen = Screen()
     idle = idle_in_benchmark(settings, [(trial.scenario, trial.plant, trial.law) for trial in trials])
-    idle += idle_patience(laws, patience, cluster=scheduler is not None)
+    idle += idle_patience(names, patience, cluster=scheduler is not None)
     if tuned is not None and division == "published":
         idle.append("--tuned changes nothing here: laws run with their defaults, add --division tuned")
     tell_idle(screen, idle)
@@ -166,7 +166,7 @@ def run_benchmark(
                 not_run.append(f"could not be run: {trial.law} on {trial.scenario}: {reason}")
     for line in sorted(not_run):
         screen.print(line)
-    screen.print(f"{len(trials)} pieces of {len(laws)} laws: {directory}")
+    screen.print(f"{len(trials)} pieces of {len(names)} laws: {directory}")
     return exit_codes.RUN_STOPPED if not_run else exit_codes.GOOD
 
 
@@ -221,14 +221,14 @@ def report_benchmark(
     settings = read_benchmark(benchmark)
     rules, there = rules_of(settings), _table_place(result)
     if there.is_file():
-        found = read_table(there)
-        check_comparable(found, {"rules": rules, "seed": settings.seed})
-        found = of_laws(found, tuple(map(opened, controllers))) if controllers else found
+        judged_table = read_table(there)
+        check_comparable(judged_table, {"rules": rules, "seed": settings.seed})
+        judged_table = of_laws(judged_table, tuple(map(opened, controllers))) if controllers else judged_table
     else:
-        laws = measured_laws(settings, controllers, trust=trust)
-        begun = begun_trials(settings, result, laws)
+        names = measured_laws(settings, controllers, trust=trust)
+        begun = begun_trials(settings, result, names)
         with progress_bar(len(begun), settings.name, unit="pieces", done="read") as advance:
-            found = collected(
+            judged_table = collected(
                 settings,
                 rules,
                 result,
@@ -237,24 +237,24 @@ def report_benchmark(
                 advance=advance,
             )
     if beside is not None:
-        found = joined([found, read_table(_table_place(beside))])
-    place = result.with_suffix("") if there.is_file() else result
-    page = out or Path(f"{place}.html" if place.name else f"{place.absolute().name}.html")
+        judged_table = joined([judged_table, read_table(_table_place(beside))])
+    folder = result.with_suffix("") if there.is_file() else result
+    page = out or Path(f"{folder}.html" if folder.name else f"{folder.absolute().name}.html")
     results = None if beside or there.is_file() else result
-    write_page(benchmark_page(settings, found, command_given(), results), page)
+    write_page(benchmark_page(settings, judged_table, command_given(), results), page)
     if table is not None:
-        write_table(table, found)
-    told: dict[str, dict[str, list[dict[str, object]]]] = {}
-    for judged in judged_divisions(settings, found):
-        told[judged.division] = {}
+        write_table(table, judged_table)
+    rankings: dict[str, dict[str, list[dict[str, object]]]] = {}
+    for judged in judged_divisions(settings, judged_table):
+        rankings[judged.division] = {}
         for name in settings.sets:
             standings = judged.ranking(name)
-            told[judged.division][name] = [standing._asdict() for standing in standings]
+            rankings[judged.division][name] = [standing._asdict() for standing in standings]
             if standings:
                 title = f"{TITLES[judged.division]}, {name}, on {settings.plant}"
                 screen.print(ranking_table(judged, standings, title))
     screen.print(f"report: {page}")
-    screen.write_json({"benchmark": settings.name, **found.about, "divisions": told})
+    screen.write_json({"benchmark": settings.name, **judged_table.about, "divisions": rankings})
 
 
 def _table_place(path: Path) -> Path:

@@ -119,16 +119,16 @@ def certify_command(
     )
     nominal_loops = make_nominal_loops(loaded, design, points, open_at)
     with progress_bar(len(points), design.name, done="points") as advance:
-        found = certify(nominal_loops, loaded, points, drive=checked, progress=advance)
-    nominal_loop = nominal_loops[found.worst.point.rope_length]
-    inner = nominal_loop.inner_loop(loaded, found.worst.point, checked)
+        certificate = certify(nominal_loops, loaded, points, drive=checked, progress=advance)
+    nominal_loop = nominal_loops[certificate.worst.point.rope_length]
+    inner = nominal_loop.inner_loop(loaded, certificate.worst.point, checked)
     margins = drive_margins(inner, nominal_loop.opening.axis.robustifier, nominal_loop.period)
     lengths = sorted({point.rope_length for point in points})
     ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
     limit_list = [find_limits(nominal_loops[end.rope_length], loaded, end, checked) for end in ends]
-    screen.print(map_table(found))
-    screen.print_each(summary_lines(found))
-    screen.print(drive_table(margins, found.worst))
+    screen.print(map_table(certificate))
+    screen.print_each(summary_lines(certificate))
+    screen.print(drive_table(margins, certificate.worst))
     if limit_list:
         screen.print(limit_table(limit_list))
     taken, left = present(loaded.effects, LINEAR), present(loaded.effects, NOT_LINEAR)
@@ -141,9 +141,9 @@ def certify_command(
         from cranectl.report.rig.page import certificate_figure  # matplotlib, only where asked for
         from cranectl.report.theme import save_figure
 
-        save_figure(certificate_figure(found, (nominal_loop, inner)), plot)
+        save_figure(certificate_figure(certificate, (nominal_loop, inner)), plot)
         screen.print(f"picture: {plot}")
-    data = found.to_json() | {
+    data = certificate.to_json() | {
         "drive_margins_at_worst": margins.to_json(),
         "taken_in": taken,
         "left_out": left,
@@ -151,4 +151,4 @@ def certify_command(
     if limit_list:
         data["limits"] = [found_limits.to_json() for found_limits in limit_list]
     screen.write_json(data)
-    return exit_codes.GOOD if found.certified else exit_codes.LIMIT_EXCEEDED
+    return exit_codes.GOOD if certificate.certified else exit_codes.LIMIT_EXCEEDED

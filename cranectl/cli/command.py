@@ -37,8 +37,8 @@ class Invocation(NamedTuple):
 
 def arguments_given() -> tuple[str, ...]:
     """Return the arguments of the present command as they were typed."""
-    given = click.get_current_context().find_object(Invocation)
-    return given.arguments if given else ()
+    invocation = click.get_current_context().find_object(Invocation)
+    return invocation.arguments if invocation else ()
 
 
 def command_given() -> str:
@@ -62,16 +62,16 @@ class Command(click.Command):
 
     def invoke(self, context: click.Context) -> Any:
         _check_memory()
-        given = [(param, context.params.get(param.name or "")) for param in context.command.params]
+        values = [(param, context.params.get(param.name or "")) for param in context.command.params]
         inputs = [
             path
-            for parameter, value in given
+            for parameter, value in values
             if not isinstance(parameter.type, OutputFile)
             for path in _files(value)
         ]
         outputs = [
             (parameter.opts[0], parameter.type, Path(value))
-            for parameter, value in given
+            for parameter, value in values
             if isinstance(parameter.type, OutputFile) and value is not None
             if not (parameter.type.dash and value == "-")
         ]
@@ -104,12 +104,12 @@ def _check_memory() -> None:
 
 def _files(value: Any) -> list[Path]:
     """Return the files that the value of a parameter names, or could name."""
-    found = []
+    files = []
     for item in value if isinstance(value, tuple) else (value,):
         with suppress(OSError, ValueError):  # no name of a file
             if isinstance(item, str | Path) and Path(item).is_file():
-                found.append(Path(item))
-    return found
+                files.append(Path(item))
+    return files
 
 
 def json_option(function: F) -> F:
@@ -123,10 +123,10 @@ def json_option(function: F) -> F:
         help="Write the result as JSON; - is standard output, tables then go to standard error.",
     )
     @functools.wraps(function)
-    def command(*args: Any, json_file: str | None, **given: Any) -> Any:
+    def command(*args: Any, json_file: str | None, **options: Any) -> Any:
         from cranectl.cli.output import Screen
 
-        return function(*args, screen=Screen(json_file), **given)
+        return function(*args, screen=Screen(json_file), **options)
 
     return command  # type: ignore[return-value]
 
@@ -204,9 +204,9 @@ def scenario_options(function: F) -> F:
     )
     @functools.wraps(function)
     def command(
-        *, rig: Path | None, overrides: tuple[str, ...], scenario: str | None = None, **given: Any
+        *, rig: Path | None, overrides: tuple[str, ...], scenario: str | None = None, **options: Any
     ) -> Any:
-        return function(asked=Asked(scenario, rig, overrides), **given)
+        return function(asked=Asked(scenario, rig, overrides), **options)
 
     return command  # type: ignore[return-value]
 
@@ -216,8 +216,8 @@ def every_option(function: F) -> F:
 
     @click.option("--every", type=int, metavar="N", help="Log every N-th control sample (1: all of them).")
     @functools.wraps(function)
-    def command(*, every: int | None, asked: Asked, **given: Any) -> Any:
-        return function(asked=asked if every is None else asked.having(f"log.every={every}"), **given)
+    def command(*, every: int | None, asked: Asked, **options: Any) -> Any:
+        return function(asked=asked if every is None else asked.having(f"log.every={every}"), **options)
 
     return command  # type: ignore[return-value]
 
@@ -236,9 +236,9 @@ def plants_option(help_text: str, *, check: str = "", of_logs: bool = False) -> 
 
 
 def _plants(
-    context: click.Context, parameter: click.Parameter, given: tuple[str, ...], *, check: str
+    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...], *, check: str
 ) -> tuple[str, ...]:
-    names = names_given(context, parameter, given)
+    names = names_given(context, parameter, texts)
     if not names or context.resilient_parsing:
         return ()
     from cranectl.plants.registry import ALL, PLANTS, plant_entry
@@ -259,12 +259,12 @@ def _plants(
 run_plants_option = plants_option("Default: analytic,elastic,mujoco.", check="check_installed")
 
 
-def names_given(_: click.Context, parameter: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:
+def names_given(_: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> tuple[str, ...]:
     """Split names at commas, of an option that may be repeated; each name once."""
-    names = [name.strip() for text in given for name in text.split(",")]
+    names = [name.strip() for text in texts for name in text.split(",")]
     if not all(names):
         raise InputError(
-            f"{parameter.opts[0]} {','.join(given)}: a name is empty",
+            f"{parameter.opts[0]} {','.join(texts)}: a name is empty",
             allowed="a name, or names with a comma between",
             remedy="remove the comma that is too many",
         )

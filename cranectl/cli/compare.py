@@ -134,25 +134,27 @@ def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
     return exit_codes.GOOD
 
 
-def _compare_plants(log: Path, held: dict[str, "Run"], screen: Screen) -> int:
+def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> int:
     """Compare the plants of one log, judged as by the run that wrote it."""
     from cranectl.cases.case import CaseResult, RunSummary
     from cranectl.compare.agreement import against_reference, judge, least_good
     from cranectl.compare.runs import compare_runs
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table
 
-    if len(held) < 2:
+    if len(by_plant) < 2:
         raise InputError(
             f"{log} holds the run of one plant only",
             allowed="a log of two or more plants, or two logs",
             remedy="run with --plants all, or name a second log",
         )
-    pairs = against_reference(list(held.values()))
+    pairs = against_reference(list(by_plant.values()))
     runs = list({run.plant: run for pair in pairs for run in pair}.values())
     comparisons = [compare_runs(*pair) for pair in pairs]
     judged = CaseResult(
         tuple(RunSummary.of(run, log) for run in runs),
-        tuple(judge(*pair, comparison=found) for pair, found in zip(pairs, comparisons, strict=True)),
+        tuple(
+            judge(*pair, comparison=difference) for pair, difference in zip(pairs, comparisons, strict=True)
+        ),
         expected=runs[0].scenario.expected,
     )
     for comparison in comparisons:
@@ -185,17 +187,17 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> 
     from cranectl.compare.golden import load_tolerances
     from cranectl.report.run.differences import regression_table
 
-    found = regression_of(new_log, golden_log, load_tolerances(tolerances))
-    for verdict in found.verdicts:
+    regression = regression_of(new_log, golden_log, load_tolerances(tolerances))
+    for verdict in regression.verdicts:
         screen.print(regression_table(verdict))
-    screen.print_each(f"not compared: {plant}, only in {only}" for plant, only in found.unshared.items())
-    screen.print_each(f"golden and new differ in {difference}" for difference in found.differing_fields)
+    screen.print_each(f"not compared: {plant}, only in {only}" for plant, only in regression.unshared.items())
+    screen.print_each(f"golden and new differ in {difference}" for difference in regression.differing_fields)
     screen.print_each(
-        f"golden was made by other software: {difference}" for difference in found.software_differences
+        f"golden was made by other software: {difference}" for difference in regression.software_differences
     )
-    screen.print(f"{new_log.name}:", PASSED if found.passed else FAILED)
-    screen.write_json(found.to_json())
-    return exit_codes.GOOD if found.passed else exit_codes.LIMIT_EXCEEDED
+    screen.print(f"{new_log.name}:", PASSED if regression.passed else FAILED)
+    screen.write_json(regression.to_json())
+    return exit_codes.GOOD if regression.passed else exit_codes.LIMIT_EXCEEDED
 
 
 def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen) -> int:
@@ -205,17 +207,17 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
     from cranectl.report.run.differences import regressions_table
 
     limits = load_tolerances(tolerances)
-    held = [{path.relative_to(place) for path in place.rglob("*.mcap")} for place in (new, golden)]
-    if not held[1]:
+    paths = [{path.relative_to(folder) for path in folder.rglob("*.mcap")} for folder in (new, golden)]
+    if not paths[1]:
         raise InputError(
             f"{golden}: a directory without logs",
             allowed="directories with logs",
             remedy="name another GOLDEN",
         )
     outcomes: dict[str, Regression | str] = {}
-    for path in sorted(held[1]):
+    for path in sorted(paths[1]):
         try:
-            missing = path not in held[0]
+            missing = path not in paths[0]
             outcomes[str(path)] = "missing" if missing else regression_of(new / path, golden / path, limits)
         except InputError as error:
             outcomes[str(path)] = error.found
@@ -224,7 +226,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
         path: outcome if isinstance(outcome, str) else outcome.verdicts for path, outcome in outcomes.items()
     }
     screen.print(regressions_table(judged))
-    screen.print_each(f"not compared: {path}, only in {new}" for path in sorted(held[0] - held[1]))
+    screen.print_each(f"not compared: {path}, only in {new}" for path in sorted(paths[0] - paths[1]))
     screen.print(f"{new}:", PASSED if passed else FAILED)
     logs = {
         path: {"passed": False, "problem": outcome} if isinstance(outcome, str) else outcome.to_json()
@@ -242,10 +244,10 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
     from cranectl.support.provenance import provenance, provenance_differences
 
     runs = [list(read_log(log).values()) for log in (a_log, b_log)]
-    for log, held in zip((a_log, b_log), runs, strict=True):
-        if len(held) != 1:
+    for log, runs_of_log in zip((a_log, b_log), runs, strict=True):
+        if len(runs_of_log) != 1:
             raise InputError(
-                f"{log} holds the runs of {len(held)} plants",
+                f"{log} holds the runs of {len(runs_of_log)} plants",
                 allowed="logs of one plant each",
                 remedy="use it as it is",
             )

@@ -54,10 +54,12 @@ def design_command(names: tuple[str, ...], asked: Asked, plot: Path | None, scre
         tell_idle_in_analysis, screen, loaded, asked, names, plant="analytic", drive="ideal"
     )
     if designs[0].axis_design is None and len(designs) == 1 and plot is None:
-        law = designs[0]
-        screen.print_each(law_tables(law, load_controller(law.name), linearised_law(loaded, law)))
+        controller = designs[0]
+        screen.print_each(
+            law_tables(controller, load_controller(controller.name), linearised_law(loaded, controller))
+        )
         tell(unread=UNREAD)
-        screen.write_json(law.to_json())
+        screen.write_json(controller.to_json())
         return
     flat = [only_flat(design) for design in designs]
     for design in flat:

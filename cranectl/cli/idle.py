@@ -63,20 +63,20 @@ def idle_lines(
     """
     from cranectl.scenario.load import given_settings, idle_effects
 
-    given = [name for name in given_settings(*asked) if name not in LABELS]
-    if not given:
+    stated = [name for name in given_settings(*asked) if name not in LABELS]
+    if not stated:
         return []
     from cranectl.simulate.idle_settings import RunKind, idle_settings
 
     keys = [override.partition("=")[0].strip() for override in asked.overrides]
     options = [*keys, *(f"{key}.*" for key in keys)]
-    read = [name for name in given if not _fits(name, unread)]
-    found = {"the command does not read it": [n for n in given if n not in read and _fits(n, options)]}
+    read = [name for name in stated if not _fits(name, unread)]
+    reasons = {"the command does not read it": [n for n in stated if n not in read and _fits(n, options)]}
     runs = [RunKind(*use) for use in uses]
     for why, names in idle_settings(scenario, asked.read(), read, runs).items():
-        found.setdefault(why, []).extend(names)
+        reasons.setdefault(why, []).extend(names)
     lines = [
-        f"{scenario.name}: {_listed(names)} nothing here: {why}" for why, names in found.items() if names
+        f"{scenario.name}: {_listed(names)} nothing here: {why}" for why, names in reasons.items() if names
     ]
     effects = () if all_effects else idle_effects(scenario, read)
     return [*([_effects_line(scenario, effects, runs)] if effects else []), *lines]
@@ -102,12 +102,14 @@ def idle_in_campaign(campaign: "Campaign") -> list[str]:
     from cranectl.campaign.settings import COUNTED
     from cranectl.simulate import checked_drive
 
-    told = campaign.settings
-    uses = product(told.plants, (checked_drive(told.drive),), told.controllers)
-    asked = Asked(told.scenario, told.rig, told.set)
+    settings = campaign.settings
+    uses = product(settings.plants, (checked_drive(settings.drive),), settings.controllers)
+    asked = Asked(settings.scenario, settings.rig, settings.set)
     lines = idle_lines(campaign.nominal, asked, uses, unread=("limits.*", "expected"))
-    if "seed" in told.model_fields_set and told.sampling in COUNTED:
-        lines.append(f"{told.name}: seed changes nothing here: {told.sampling} sampling draws nothing")
+    if "seed" in settings.model_fields_set and settings.sampling in COUNTED:
+        lines.append(
+            f"{settings.name}: seed changes nothing here: {settings.sampling} sampling draws nothing"
+        )
     return lines
 
 
@@ -122,7 +124,9 @@ def idle_in_benchmark(benchmark: "Benchmark", runs: Iterable[tuple[str, str, str
     lines: list[str] = []
     listed = list(runs)
     for name, measured in benchmark.scenarios.items() if benchmark.file.parent != BENCHMARK_DIRECTORY else ():
-        if uses := [(plant, benchmark.drive, law) for scenario, plant, law in listed if scenario == name]:
+        if uses := [
+            (plant, benchmark.drive, controller) for scenario, plant, controller in listed if scenario == name
+        ]:
             asked = Asked(scenario_source(benchmark, name), None, [*benchmark.set, *measured.set])
             lines += idle_lines(asked.load(), asked, uses, unread=("log.*", "expected"))
     return lines

@@ -33,9 +33,9 @@ def info_command(log: Path, screen: Screen) -> None:
     from cranectl.report.run.tables import topic_table
 
     layers, description = read_layers(log), describe_log(log)
-    told = (_tell_overlay if is_overlay(layers) else _tell_plants)(description, layers, screen)
+    table = (_tell_overlay if is_overlay(layers) else _tell_plants)(description, layers, screen)
     screen.print(topic_table(description))
-    screen.write_json({**description.to_json(), **told})
+    screen.write_json({**description.to_json(), **table})
 
 
 WIDEST = 4  # runs whose settings are told beside each other
@@ -85,15 +85,17 @@ def _tell_plants(
     from cranectl.support.units import difference_text
 
     runs = {name: layer.run for name, layer in layers.items()}
-    held = list(runs.values())
-    agreements = [judge(*pair) for pair in against_reference([run for run in held if len(run.time_ns)], runs)]
+    run_list = list(runs.values())
+    agreements = [
+        judge(*pair) for pair in against_reference([run for run in run_list if len(run.time_ns)], runs)
+    ]
     software = provenance_differences(description.versions, provenance())
-    scenario, design = held[0].scenario, f"{held[0].controller}, {held[0].drive} drives"
+    scenario, design = run_list[0].scenario, f"{run_list[0].controller}, {run_list[0].drive} drives"
     facts = [
         ("file", description.path),
         ("scenario", f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name),
         ("design", design),
-        *((r.plant, f"{r.status.label} at {r.end_s:g} s, {len(r.time_ns)} samples") for r in held),
+        *((r.plant, f"{r.status.label} at {r.end_s:g} s, {len(r.time_ns)} samples") for r in run_list),
         *(("reference", f"{name}: {origin}") for name, origin in origins(with_claims(scenario)).items()),
         ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
@@ -114,8 +116,8 @@ def _tell_plants(
     _, settings = what_was_run({"": runs}, {})
     screen.print(settings if settings.rows else "All settings have their defaults.")
     return {
-        **_asked(held[0]),
-        "runs": [_outcome(run) for run in held],
+        **_asked(run_list[0]),
+        "runs": [_outcome(run) for run in run_list],
         "agreement": least_good(agreements).to_json() if agreements else None,
         "agreements": [agreement.to_json() for agreement in agreements],
         "software_differences": software,

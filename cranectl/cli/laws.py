@@ -71,21 +71,21 @@ def controller_option(function: F) -> F:
     )
     @trust_option("SCENARIO")
     @functools.wraps(function)
-    def command(*, trust: bool, controller: str | None, scenario: str, **given: Any) -> Any:
+    def command(*, trust: bool, controller: str | None, scenario: str, **options: Any) -> Any:
         if trust and controller is None:
             from cranectl.scenario.load import read_scenario, scenario_file
 
             named = read_scenario(scenario).controller.name
             controller = opened(named, scenario_file(scenario).parent)
-        return function(controller=controller, scenario=scenario, **given)
+        return function(controller=controller, scenario=scenario, **options)
 
     return command  # type: ignore[return-value]
 
 
 def _opened_names(
-    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
+    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
 ) -> tuple[str, ...]:
-    names = names_given(context, parameter, given)
+    names = names_given(context, parameter, texts)
     return names if is_completing(context) else tuple(map(opened, names))
 
 

@@ -54,8 +54,8 @@ def list_command(screen: Screen) -> None:
     scenarios = [read_scenario(name) for name in scenario_names()]
     rows = tuple(cells(s.name, f"{s.duration:g} s", s.controller.name, s.title) for s in scenarios)
     screen.print(Table("Scenarios", ("name", "duration", "controller", "what it is"), rows, labels=4))
-    laws = [(name, origin, title) for name, (origin, title) in described_controllers().items()]
-    rows = tuple(cells(*law) for law in laws)
+    controllers = [(name, origin, title) for name, (origin, title) in described_controllers().items()]
+    rows = tuple(cells(*controller) for controller in controllers)
     screen.print(Table("Controllers", ("name", "from", "what it is"), rows, labels=3))
     registries: dict[str, tuple[str, ...]] = {
         "rigs": tuple(rig_names()),
@@ -66,8 +66,10 @@ def list_command(screen: Screen) -> None:
     listed: list[dict[str, Any]] = [
         scenario.model_dump(include={"name", "title", "duration", "controller"}) for scenario in scenarios
     ]
-    told = {name: list(entries) for name, entries in registries.items()}
-    screen.write_json({"scenarios": listed, "controllers": [name for name, *_ in laws], **told})
+    entries_by_registry = {name: list(entries) for name, entries in registries.items()}
+    screen.write_json(
+        {"scenarios": listed, "controllers": [name for name, *_ in controllers], **entries_by_registry}
+    )
 
 
 def json_schema(document: str) -> dict[str, Any]:
@@ -128,9 +130,9 @@ def _controller(table: dict[str, Any]) -> dict[str, Any]:
     from cranectl.controllers.registry import controller_names, load_controller
 
     name = {**table["properties"]["name"], "enum": list(controller_names())}
-    laws = {}
-    for law in map(load_controller, controller_names()):
-        if law.axis_design is not None:  # its numbers are in [design]
+    tables = {}
+    for controller in map(load_controller, controller_names()):
+        if controller.axis_design is not None:  # its numbers are in [design]
             continue
         parameters = {
             parameter.name: {
@@ -144,15 +146,15 @@ def _controller(table: dict[str, Any]) -> dict[str, Any]:
                     else _number(parameter.lowest, parameter.highest)
                 ),
             }
-            for parameter in law.parameters
+            for parameter in controller.parameters
         }
-        laws[law.name] = {
+        tables[controller.name] = {
             "type": "object",
-            "description": law.title,
+            "description": controller.title,
             "properties": parameters,
             "additionalProperties": False,
         }
-    both = {**table, "properties": {"name": name, **laws}, "additionalProperties": False}
+    both = {**table, "properties": {"name": name, **tables}, "additionalProperties": False}
     return {"anyOf": [name, both], "description": table["description"]}
 
 

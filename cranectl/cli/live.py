@@ -87,10 +87,10 @@ def live_command(
     address = Address(host, port, tuple(map(checked_origin, origins)))
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
     wanted = record or log.with_stem(f"{log.stem}-live")
-    every = [(plant, session.drive, law) for plant in plants for law in {design.name, *controller_names()}]
+    every = [(plant, session.drive, name) for plant in plants for name in {design.name, *controller_names()}]
     tell_idle(Screen(), idle_lines(loaded, asked, every))  # of which one may choose
-    with _until_ended() as stop, complaints(_warn), own_place(wanted, numbered=record is None) as place:
-        server = LiveServer(session, controls, address, place)
+    with _until_ended() as stop, complaints(_warn), own_place(wanted, numbered=record is None) as folder:
+        server = LiveServer(session, controls, address, folder)
         if host not in HERE:
             _warn(
                 f"listening on {host}: anyone who reaches port {server.port} there can "
@@ -101,7 +101,7 @@ def live_command(
         _say(f"view: Foxglove, Open connection, ws://{machine}:{server.port}")
         _say(f"layout: {layout or 'start with --layout view.json for one of this rig'}, to be imported there")
         _say("steer: panels Parameters and Service Call; by hand: Teleop on /wish")
-        _say(f"log: {place}; Ctrl-C ends the session and closes it")
+        _say(f"log: {folder}; Ctrl-C ends the session and closes it")
         server.serve(stop)
     for path in server.recorded or ("nothing recorded",):
         _say(f"recorded: {path}")

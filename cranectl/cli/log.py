@@ -103,7 +103,7 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
         plants=plants,
         labels=labels,
         rig=rigs[0] if rigs else LABORATORY,
-        law=design.signals if design and design.axis_design is None else None,
+        logged=design.signals if design and design.axis_design is None else None,
     )
     with writing(out):
         write_text(out, content)

@@ -109,17 +109,17 @@ def main(arguments: list[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["MPLBACKEND"] = "agg"  # pictures go into files, whatever the user's own plots need
     heed_interrupts(interrupt)
-    given = sys.argv[1:] if arguments is None else arguments
+    words = sys.argv[1:] if arguments is None else arguments
     with steady_streams():
-        return _run([argument for argument in given if argument != TRACEBACK], TRACEBACK in given)
+        return _run([argument for argument in words if argument != TRACEBACK], TRACEBACK in words)
 
 
 def _run(arguments: list[str], full_traceback: bool) -> int:
     try:
         if any("\0" in argument for argument in arguments):  # no shell can pass one
             raise InputError("an argument with a null character", remedy="leave it out")
-        given = Invocation(tuple(arguments), full_traceback)
-        code = cli.main(args=arguments, prog_name="cranectl", standalone_mode=False, obj=given)
+        invocation = Invocation(tuple(arguments), full_traceback)
+        code = cli.main(args=arguments, prog_name="cranectl", standalone_mode=False, obj=invocation)
     except click.ClickException as error:
         shown = io.StringIO()
         error.show(file=shown)

@@ -75,9 +75,9 @@ class Screen(Console):
         if self._json_file == "-":
             print(text)
             return
-        place = Path(self._json_file)
-        with writing(place, remedy="choose another place with --json"):
-            write_text(place, text + "\n")
+        path = Path(self._json_file)
+        with writing(path, remedy="choose another place with --json"):
+            write_text(path, text + "\n")
 
     def _parts(self, table: ScreenTable) -> Iterator[ScreenTable]:
         """Yield `table`, narrowed if need be, or tables of its first column and as many others as fit."""

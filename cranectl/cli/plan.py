@@ -52,15 +52,15 @@ def plan_command(asked: Asked, plot: Path | None, bound: bool, screen: Screen) -
 
     written, directory = asked.read(), scenario_file(str(asked.source)).parent
     ready = planned(written, directory)
-    found = reviews(ready)
-    least = least_durations(ready, written, directory) if bound and found else ()
-    if plot is not None and not found:
+    reviewed = reviews(ready)
+    least = least_durations(ready, written, directory) if bound and reviewed else ()
+    if plot is not None and not reviewed:
         raise InputError(
             f"nothing to draw: all segments of {ready.name} say themselves when the load is where",
             allowed="a scenario with a segment in minimum time",
             remedy="take kind = 'move', or time_law = 'minimum-time' instead of a duration",
         )
-    screen.print_each(plan_tables(ready, found, least))
+    screen.print_each(plan_tables(ready, reviewed, least))
     effects = [name for name, kind in EFFECTS.items() if kind.is_structural or not kind.adds]
     unread = (*OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
     tell_idle_in_analysis(screen, ready, asked, [ready.controller.name], unread=unread)
@@ -68,8 +68,8 @@ def plan_command(asked: Asked, plot: Path | None, bound: bool, screen: Screen) -
         from cranectl.report.plan import plan_figure
         from cranectl.report.theme import save_figure
 
-        save_figure(plan_figure(found, ready), plot)
+        save_figure(plan_figure(reviewed, ready), plot)
         screen.print(f"picture: {plot}")
-    screen.write_json(plan_json(ready, found, least))
-    proven = all(review.proof.is_valid for review in found)
+    screen.write_json(plan_json(ready, reviewed, least))
+    proven = all(review.proof.is_valid for review in reviewed)
     return exit_codes.GOOD if proven else exit_codes.LIMIT_EXCEEDED

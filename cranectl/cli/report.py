@@ -70,8 +70,8 @@ def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
     ]
     worst = {}
     try:
-        for label, held in of_logs.items():
-            worst[label] = draw_worst_moment(held)
+        for label, runs in of_logs.items():
+            worst[label] = draw_worst_moment(runs)
     except InputError as error:
         notes.append(f"No picture of the crane: {error.found}")
     write_page(log_page(of_logs, command_given(), notes, versions=versions, worst=worst), out)

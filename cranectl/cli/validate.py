@@ -151,8 +151,8 @@ def validate_command(
         uses, unread = product(chosen, drives, names), ("log.*",) * (keep == "none")
         idle += idle_lines(scenario, asked._replace(source=source), uses, unread=unread)
     tell_idle(screen, idle)
-    told = validation.to_json(passed=code == exit_codes.GOOD)
-    screen.write_json(told if pairs is None else {**told, "pairwise": pairs.to_json()})
+    data = validation.to_json(passed=code == exit_codes.GOOD)
+    screen.write_json(data if pairs is None else {**data, "pairwise": pairs.to_json()})
     options = [
         *(("--rig", str(asked.rig)) if asked.rig else ()),
         *(part for override in asked.overrides for part in ("--set", override)),
@@ -182,8 +182,8 @@ def _sources(names: Sequence[str]) -> list[str]:
         if not exists(Path(name)) or not Path(name).is_dir():
             sources.append(name)
             continue
-        found = sorted(Path(name).rglob("*.toml"), key=str)
-        files = [str(file) for file in found if not _is_rig_or_campaign(file)]
+        files_below = sorted(Path(name).rglob("*.toml"), key=str)
+        files = [str(file) for file in files_below if not _is_rig_or_campaign(file)]
         if not files:
             raise InputError(
                 f"{name}: a directory without scenarios",
@@ -245,8 +245,8 @@ def _tell(validation: "Validation", code: int, out: Path, screen: Screen, *, det
             name = f"{case.source}, {case.controller}, {case.drive}"
             screen.print(" ", styled(f"{name}: no result, {validation.why_lost}", "bold red"))
         logs = sum(result.log is not None for result in finished)
-        kept = "logs" if logs == len(finished) else f"{logs} of {len(finished)} logs"
-        screen.print(f"{len(runs)} runs, {kept} in {out}" if logs else f"{len(runs)} runs, no log kept")
+        logs_text = "logs" if logs == len(finished) else f"{logs} of {len(finished)} logs"
+        screen.print(f"{len(runs)} runs, {logs_text} in {out}" if logs else f"{len(runs)} runs, no log kept")
         aside = [f"({unjudged} of {len(agreements)} pairs not judged)"] if unjudged else []
         screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED, *aside)
     _tell_failures(validation)

@@ -93,14 +93,14 @@ def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> Agre
     # What the schemes of effects leave besides; lengths are those of the laboratory's rig.
     size = scenario.rig.rope_range[1] / RigParameters().rope_range[1]
     for name in scenario.effects.names:
-        found = known.get(name, {})
-        found = {**found, **found.get(drive, {})}
-        if found:
+        stated = known.get(name, {})
+        stated = {**stated, **stated.get(drive, {})}
+        if stated:
             limits = replace(
                 limits,
-                load_m=max(limits.load_m, max(size, 1.0) * found["load_m"]),
-                angle_rad=max(limits.angle_rad, found["angle_rad"]),
-                reason=found["reason"],
+                load_m=max(limits.load_m, max(size, 1.0) * stated["load_m"]),
+                angle_rad=max(limits.angle_rad, stated["angle_rad"]),
+                reason=stated["reason"],
             )
     return limits
 
@@ -115,8 +115,8 @@ def agreement_limits(drive: str) -> AgreementLimits:
 @functools.cache
 def _closed_loop() -> dict[str, Any]:
     """Read the limits of `validation/tolerances.toml`, once for all pairs."""
-    found: dict[str, Any] = read_toml(resources.TOLERANCE_FILE)["closed-loop"]
-    return found
+    table: dict[str, Any] = read_toml(resources.TOLERANCE_FILE)["closed-loop"]
+    return table
 
 
 @dataclass(frozen=True)

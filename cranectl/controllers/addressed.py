@@ -67,7 +67,7 @@ def addressed_law(controller: Controller, nominal: Nominal, recorded: int) -> Ad
         reference = np.concatenate([reference, np.repeat(reference[-1:], controller.preview, axis=0)])
     rows = 15 * (1 + controller.preview)
     sizes = Sizes(len(parameters), 12, rows, len(memory), 3)
-    law = AddressedLaw(
+    compiled = AddressedLaw(
         address=0 if controller.entry else _compiled(controller),
         parameters=parameters,
         reference=reference,
@@ -87,17 +87,17 @@ def addressed_law(controller: Controller, nominal: Nominal, recorded: int) -> Ad
     )
     if controller.entry:
         OPEN.entries.append((controller.entry, sizes))
-    return law
+    return compiled
 
 
-def entered(law: AddressedLaw) -> AddressedLaw:
+def entered(compiled: AddressedLaw) -> AddressedLaw:
     """Return the controller with the address of its step in this process; it must come from `at_start`."""
-    if law.address:
-        return law
-    entry, sizes = OPEN.entries[law.entry]
+    if compiled.address:
+        return compiled
+    entry, sizes = OPEN.entries[compiled.entry]
     with environment_kept():
-        address = entry(sizes, law.parameters)
-    return law._replace(address=keeping_environment(address))
+        address = entry(sizes, compiled.parameters)
+    return compiled._replace(address=keeping_environment(address))
 
 
 def _compiled(controller: Controller) -> int:
@@ -114,11 +114,13 @@ def _compiled(controller: Controller) -> int:
     return address if controller.origin is None else keeping_environment(address)
 
 
-def at_start(law: AddressedLaw) -> AddressedLaw:
+def at_start(compiled: AddressedLaw) -> AddressedLaw:
     """Return the controller with memory of its own; one from outside gets copies of all arrays."""
-    if law.outside:
-        law = law._replace(parameters=law.parameters.copy(), reference=law.reference.copy())
-    return law._replace(**_memories())
+    if compiled.outside:
+        compiled = compiled._replace(
+            parameters=compiled.parameters.copy(), reference=compiled.reference.copy()
+        )
+    return compiled._replace(**_memories())
 
 
 def _memories() -> dict[str, Any]:
@@ -155,54 +157,56 @@ if UNCOMPILED:
 
 
 @jit
-def record_law(law, state, reference, memory, row):
+def record_law(compiled, state, reference, memory, row):
     """Write load and error as the joints tell them, and what the law logs, into the record `row`."""
-    recorded = law.places.shape[0]
-    if law.records_all:
+    recorded = compiled.places.shape[0]
+    if compiled.records_all:
         first = memory.shape[0] - recorded
         for i in range(recorded):
             row[LAW_LOAD_COLUMN + i] = memory[first + i]
         return
-    flat_output(state, 0.0, 0.0, 0.0, law.scratch)
+    flat_output(state, 0.0, 0.0, 0.0, compiled.scratch)
     for i in range(6):
-        row[LAW_LOAD_COLUMN + i] = law.scratch[i]
-        row[LAW_ERROR_COLUMN + i] = reference[i] - law.scratch[i]
+        row[LAW_LOAD_COLUMN + i] = compiled.scratch[i]
+        row[LAW_ERROR_COLUMN + i] = reference[i] - compiled.scratch[i]
     for i in range(recorded):
-        row[LAW_SIGNALS_COLUMN + i] = memory[law.places[i]]
+        row[LAW_SIGNALS_COLUMN + i] = memory[compiled.places[i]]
 
 
 @jit
-def addressed_step(law, state, reference, memory, row):
+def addressed_step(compiled, state, reference, memory, row):
     """Take one sample of any controller; `law.measured` is what it is given.
 
     Returns RUNNING, or why the law cannot go on, in which case nothing is written.
     """
-    if not law.records_all:  # else the step itself judges the state that it writes down
+    if not compiled.records_all:  # else the step itself judges the state that it writes down
         status = regularity(state, 0.0, 1.0)
         if status != RUNNING:
             return status
-    sample = law.clock[0]
-    if law.every == 1 or sample % law.every == 0:
-        rows = law.reference[min(sample, law.samples - 1)]
-        status = _call(law.address, law.parameters, law.measured, rows, memory, law.command)
+    sample = compiled.clock[0]
+    if compiled.every == 1 or sample % compiled.every == 0:
+        rows = compiled.reference[min(sample, compiled.samples - 1)]
+        status = _call(
+            compiled.address, compiled.parameters, compiled.measured, rows, memory, compiled.command
+        )
         if status != 0:
             return status if SLACK_ROPE <= status <= NON_FINITE else CONTROLLER_FAILED
         for i in range(3):
-            if not isfinite(law.command[i]):
+            if not isfinite(compiled.command[i]):
                 return CONTROLLER_FAILED
     for i in range(3):
-        row[INPUT_COLUMN + i] = law.command[i]
-    law.clock[0] += 1
-    record_law(law, state, reference, memory, row)
+        row[INPUT_COLUMN + i] = compiled.command[i]
+    compiled.clock[0] += 1
+    record_law(compiled, state, reference, memory, row)
     return RUNNING
 
 
 @jit
-def addressed_wait(law, state, reference, memory, row):
+def addressed_wait(compiled, state, reference, memory, row):
     """Wait, in place of `addressed_step`, while the rope is slack; tell those that want to know it."""
-    if law.slack_place >= 0:
-        memory[law.slack_place] = ROPE_SLACK
-        rows = law.reference[min(law.clock[0], law.samples - 1)]
-        _call(law.address, law.parameters, law.measured, rows, memory, law.command)
-    law.clock[0] += 1
-    record_law(law, state, reference, memory, row)
+    if compiled.slack_place >= 0:
+        memory[compiled.slack_place] = ROPE_SLACK
+        rows = compiled.reference[min(compiled.clock[0], compiled.samples - 1)]
+        _call(compiled.address, compiled.parameters, compiled.measured, rows, memory, compiled.command)
+    compiled.clock[0] += 1
+    record_law(compiled, state, reference, memory, row)

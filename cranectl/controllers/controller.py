@@ -203,18 +203,18 @@ class Controller:
         for what, place in places.items():
             check_whole(f"{self.name}.{what}", place, 0, MAX_MEMORY - 1, "a place of the memory, from 0 on")
 
-    def designed(self, given: Mapping[str, Value], length: float = 1.0) -> ControllerDesign:
-        """Return the design with the `given` parameters, on a rig `length` times the laboratory's.
+    def designed(self, stated: Mapping[str, Value], length: float = 1.0) -> ControllerDesign:
+        """Return the design with the `stated` parameters, on a rig `length` times the laboratory's.
 
         Raises InputError for a wrong name or value.
         """
         known = {parameter.name: parameter for parameter in self.parameters}
         where = f"controller.{self.name}"
-        for name in given:
+        for name in stated:
             if name not in known:
                 raise unknown_name(f"parameter of {where}", name, known)
         values = {
-            name: parameter.checked(given.get(name, parameter.sized(parameter.default, length)), where)
+            name: parameter.checked(stated.get(name, parameter.sized(parameter.default, length)), where)
             for name, parameter in known.items()
         }
         signals = tuple(logged.signal for logged in self.logged)
@@ -267,8 +267,8 @@ def check_names(owner: str, kind: str, names: Iterable[Any]) -> None:
     for name in names:
         fits = isinstance(name, str) and re.fullmatch(pattern, name) is not None
         if not fits or name in seen:
-            found = f"{owner} {verb} {f'two {kind}s' if fits else f'a {kind}'} named {shown(name)}"
-            raise InputError(found, allowed=allowed, remedy="take another name")
+            problem = f"{owner} {verb} {f'two {kind}s' if fits else f'a {kind}'} named {shown(name)}"
+            raise InputError(problem, allowed=allowed, remedy="take another name")
         seen.add(name)
 
 

@@ -210,28 +210,28 @@ def wait_step(tracker, state, reference, memory, row):
 def step(parameters, measured, reference, memory, command):
     """Compute the accelerations of one sample from state and path; see `controller` for the arguments."""
     blocks = int(carray(parameters, (GIVEN.matrices,))[GIVEN.blocks])
-    given = carray(parameters, (GIVEN.matrices + BLOCK_SIZE * blocks,))
+    inputs_array = carray(parameters, (GIVEN.matrices + BLOCK_SIZE * blocks,))
     inputs, outputs = GIVEN.matrices + 4 * blocks, GIVEN.matrices + 6 * blocks
     tracker = Tracker(
-        given[GIVEN.gain : GIVEN.feedthrough],
-        given[GIVEN.matrices : inputs],
-        given[inputs:outputs],
-        given[outputs:],
-        given[GIVEN.feedthrough],
-        given[GIVEN.period],
-        given[GIVEN.gravity],
+        inputs_array[GIVEN.gain : GIVEN.feedthrough],
+        inputs_array[GIVEN.matrices : inputs],
+        inputs_array[inputs:outputs],
+        inputs_array[outputs:],
+        inputs_array[GIVEN.feedthrough],
+        inputs_array[GIVEN.period],
+        inputs_array[GIVEN.gravity],
     )
     states = MEMORY.robustifier + 6 * blocks
     whole = carray(memory, (states + BASE_WIDTH + 6 * blocks,))
-    held, row, wanted = whole[:states], whole[states:], carray(command, (3,))
+    state_memory, row, wanted = whole[:states], whole[states:], carray(command, (3,))
     state, desired = carray(measured, (10,)), carray(reference, (15,))
-    begin(desired, held)
-    if held[MEMORY.slack] != SLACK_ENDS_RUN:
-        keep_taut(tracker, held)
-    if held[MEMORY.slack] == ROPE_SLACK:
-        wait_step(tracker, state, desired, held, row)
+    begin(desired, state_memory)
+    if state_memory[MEMORY.slack] != SLACK_ENDS_RUN:
+        keep_taut(tracker, state_memory)
+    if state_memory[MEMORY.slack] == ROPE_SLACK:
+        wait_step(tracker, state, desired, state_memory, row)
         return RUNNING
-    status = control_step(tracker, state, desired, held, row)
+    status = control_step(tracker, state, desired, state_memory, row)
     for axis in range(3):
         wanted[axis] = row[INPUT_COLUMN + axis]
         if status == RUNNING and not isfinite(wanted[axis]):

@@ -56,18 +56,18 @@ def set_points(tracker, lead, measured, reference, extension, row, command):
 
 def step(parameters, measured, reference, memory, command):
     """Compute the velocity set-points of one sample from state and path; see `controller`."""
-    given, held = carray(parameters, (GIVEN.size,)), carray(memory, (MEMORY.size,))
-    begin(reference, held)
+    numbers, buffer = carray(parameters, (GIVEN.size,)), carray(memory, (MEMORY.size,))
+    begin(reference, buffer)
     none = carray(parameters, (0,))
-    gain, period, gravity = given[: GIVEN.period], given[GIVEN.period], given[GIVEN.gravity]
+    gain, period, gravity = numbers[: GIVEN.period], numbers[GIVEN.period], numbers[GIVEN.gravity]
     tracker = Tracker(gain, none, none, none, 0.0, period, gravity)
     return set_points(
         tracker,
-        given[GIVEN.lead :],
+        numbers[GIVEN.lead :],
         carray(measured, (12,)),
         carray(reference, (15,)),
-        held[: MEMORY.row],
-        held[MEMORY.row :],
+        buffer[: MEMORY.row],
+        buffer[MEMORY.row :],
         carray(command, (3,)),
     )
 

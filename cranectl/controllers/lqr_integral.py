@@ -39,16 +39,16 @@ def feedback(parameters, measured, desired, integral, joint, angle, row, share):
     for i in range(STATES):
         first = parameters[GIVEN.gain + STATES * row + i]
         gain = first + share * (parameters[GIVEN.gain + STATES * (row + 1) + i] - first)
-        place = joint + i if i < 2 else angle + i - 2
-        total += gain * (integral if i == 4 else measured[place] - desired[place])
+        column = joint + i if i < 2 else angle + i - 2
+        total += gain * (integral if i == 4 else measured[column] - desired[column])
     return total
 
 
 def step(parameters, measured, reference, memory, command):
     """Take one sample; see `controller`. State and path in, accelerations out."""
-    held = carray(memory, (MEMORY.size,))
-    integral, desired = held[: MEMORY.desired], held[MEMORY.desired : MEMORY.inputs]
-    inputs, load = held[MEMORY.inputs : MEMORY.load], held[MEMORY.load :]
+    buffer = carray(memory, (MEMORY.size,))
+    integral, desired = buffer[: MEMORY.desired], buffer[MEMORY.desired : MEMORY.inputs]
+    inputs, load = buffer[MEMORY.inputs : MEMORY.load], buffer[MEMORY.load :]
     gravity, period = parameters[GIVEN.gravity], parameters[GIVEN.period]
     if not state_on_path(reference, gravity, desired, inputs):
         return RunStatus.SLACK_ROPE
@@ -99,9 +99,9 @@ _ROPE = ([[0, 1.0, 0], [0, 0, 0], [1.0, 0, 0]], [[0], [1.0], [0]], np.eye(3))
 
 
 def _gain(nominal: Nominal, a: Array, b: Array, c: Array) -> Array:
-    given = nominal.parameters
-    weights = [float(given[f"{name}_weight"]) for name in ("error", "rate", "integral")]
-    r = float(given["input_weight"])
+    numbers = nominal.parameters
+    weights = [float(numbers[f"{name}_weight"]) for name in ("error", "rate", "integral")]
+    r = float(numbers["input_weight"])
     try:
         cost = solve_continuous_are(a, b, c.T @ np.diag(weights) @ c, [[r]])
     except np.linalg.LinAlgError as error:

@@ -99,10 +99,10 @@ def feedback(parameters, state, limit):
 
 def step(parameters, measured, reference, memory, command):
     """Take one sample; see `controller`. State and path in, accelerations out."""
-    held = carray(memory, (MEMORY.size,))
-    leaning, desired = held[MEMORY.leaning : MEMORY.desired], held[MEMORY.desired : MEMORY.inputs]
-    inputs, load = held[MEMORY.inputs : MEMORY.load], held[MEMORY.load : MEMORY.state]
-    state = held[MEMORY.state : MEMORY.begun]
+    buffer = carray(memory, (MEMORY.size,))
+    leaning, desired = buffer[MEMORY.leaning : MEMORY.desired], buffer[MEMORY.desired : MEMORY.inputs]
+    inputs, load = buffer[MEMORY.inputs : MEMORY.load], buffer[MEMORY.load : MEMORY.state]
+    state = buffer[MEMORY.state : MEMORY.begun]
     gravity, period, length = parameters[GIVEN.gravity], parameters[GIVEN.period], measured[ROPE]
     lift = reference[ACCELERATION + Z] + gravity
     if lift <= 0.0 or reference[Z] >= 0.0 or length <= 0.0:
@@ -114,18 +114,18 @@ def step(parameters, measured, reference, memory, command):
     for i in range(15):
         leaning[i] = reference[i]
     for axis in range(2):
-        estimate = held[3 * axis : 3 * axis + 3]
-        if held[MEMORY.begun] == 0.0:
+        estimate = buffer[3 * axis : 3 * axis + 3]
+        if buffer[MEMORY.begun] == 0.0:
             estimate[0], estimate[1] = load[axis], load[VELOCITY + axis]
         innovation = load[axis] - estimate[0]
         for i in range(3):
             estimate[i] += parameters[GIVEN.observer + i] * innovation
         leaning[ACCELERATION + axis] -= estimate[PUSH]
-    held[MEMORY.begun] = 1.0
+    buffer[MEMORY.begun] = 1.0
     state_and_input(leaning, gravity, desired, inputs)
     speed = sqrt(gravity * length)
     for axis in range(2):
-        estimate, joint = held[3 * axis : 3 * axis + 3], BRIDGE if axis == X else TROLLEY
+        estimate, joint = buffer[3 * axis : 3 * axis + 3], BRIDGE if axis == X else TROLLEY
         # Its drives follow the path itself: x_c'' = z'' - (p h)'', with the rope's slope p and drop h.
         command[axis] = inputs[axis] + estimate[PUSH]
         state[0] = (measured[joint] - desired[joint]) / length

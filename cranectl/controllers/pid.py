@@ -84,19 +84,19 @@ def step(parameters, measured, reference, memory, command):
 
 def prepare(nominal: Nominal) -> tuple[Array, Array]:
     """Return parameters and memory; the shaper is made for one rope length."""
-    given = nominal.parameters
-    length = given["rope_length"] or nominal.state[ROPE]
-    amplitudes, times = impulses(str(given["shaper"]), 2.0 * pi * sqrt(length / nominal.rig.gravity))
+    numbers = nominal.parameters
+    length = numbers["rope_length"] or nominal.state[ROPE]
+    amplitudes, times = impulses(str(numbers["shaper"]), 2.0 * pi * sqrt(length / nominal.rig.gravity))
     delays = [round(time / nominal.period) for time in times]
     rows, unused = delays[-1] + 1, (0, MAX_IMPULSES - len(delays))
     parameters = GIVEN.array(
         period=nominal.period,
-        filter=given["filter_time"],
+        filter=numbers["filter_time"],
         impulses=len(amplitudes),
         rows=rows,
         amplitude=np.pad(amplitudes, unused),
         delay=np.pad(delays, unused),
-        **{name: given[name] for name in ("proportional", "integral", "derivative")},
+        **{name: numbers[name] for name in ("proportional", "integral", "derivative")},
     )
     error = nominal.reference[0, :3] * (1.0, 1.0, -1.0) - nominal.state[:5:2]
     return parameters, MEMORY.array(error=error, ring=np.zeros(KEPT * rows))

@@ -23,14 +23,14 @@ def prepared(controller: Controller, nominal: Nominal) -> tuple[Array, Array]:
     anything else or returns no such pair, and where it logs a place that the memory does not have.
     """
     returned = _run_own_code(controller, "prepare", controller.prepare, PAIR, nominal)
-    found = f"prepare of {controller.name} returns "
+    problem = f"prepare of {controller.name} returns "
     if not isinstance(returned, tuple | list) or len(returned) != 2:
-        raise InputError(found + shown(returned), allowed=PAIR, remedy="return both, an empty one too")
+        raise InputError(problem + shown(returned), allowed=PAIR, remedy="return both, an empty one too")
     try:
         parameters, memory = map(real_numbers, returned)
     except (TypeError, ValueError, MemoryError) as error:
         raise InputError(
-            f"{found}{shown(returned)}: {error}",
+            f"{problem}{shown(returned)}: {error}",
             allowed=PAIR,
             remedy=f"return real numbers, at most {MAX_MEMORY} in each",
         ) from error
@@ -69,17 +69,17 @@ def real_numbers(values: Any) -> Array:
 
 
 def _run_own_code(
-    controller: Controller, name: str, function: Callable[..., Any], allowed: str, *given: Any
+    controller: Controller, name: str, function: Callable[..., Any], allowed: str, *arguments: Any
 ) -> Any:
     """Return what a function of the controller returns; raise InputError for anything that it raises.
 
     What a function of this package raises is reported as it is.
     """
     if str(getattr(function, "__module__", "")).partition(".")[0] == __name__.partition(".")[0]:
-        return function(*given)
+        return function(*arguments)
     try:
         with contained(), reported_when_slow(f"{name} of {controller.name} has been running"):
-            return function(*given)
+            return function(*arguments)
     except (InputError, KeyboardInterrupt):
         raise
     except BaseException as error:

@@ -60,12 +60,15 @@ def _added() -> dict[str, "Controller"]:
 
 def described_controllers() -> dict[str, tuple[str, str]]:
     """Return the origin and a one-line description of each controller, by name."""
-    found = {}
+    described = {}
     origins = {**dict.fromkeys((*FLAT_FAMILY, *WHERE), "cranectl"), **packages(extensions.CONTROLLERS)}
     for name in controller_names():
-        law = load_controller(name)
-        found[name] = (law.origin.reference if law.origin else origins.get(name, "this process"), law.title)
-    return found
+        controller = load_controller(name)
+        described[name] = (
+            controller.origin.reference if controller.origin else origins.get(name, "this process"),
+            controller.title,
+        )
+    return described
 
 
 def checked_controller(name: str) -> str:
@@ -114,8 +117,8 @@ def controller_of(design: ControllerDesign) -> "Controller":
     if design.axis_design is not None:
         return load_controller(FLAT_FAMILY[0])
     origin = design.origin
-    found = OPEN.versions.get((design.name, origin.sha256)) if origin else None
-    return found or load_controller(design.name)
+    version = OPEN.versions.get((design.name, origin.sha256)) if origin else None
+    return version or load_controller(design.name)
 
 
 def controller_argument(name: str) -> str:
@@ -126,7 +129,11 @@ def controller_argument(name: str) -> str:
 
 def law_digests(names: Iterable[str]) -> dict[str, str]:
     """Return the first digits of the digest of each controller that is in a file, by `law NAME`."""
-    return {f"law {law.name}": law.code[:FINGERPRINT_DIGITS] for law in _registered(names) if law.code}
+    return {
+        f"law {controller.name}": controller.code[:FINGERPRINT_DIGITS]
+        for controller in _registered(names)
+        if controller.code
+    }
 
 
 def controller_sources(names: Iterable[str]) -> dict[str, str]:
@@ -151,15 +158,15 @@ def controller_design(name: str, scenario: Scenario) -> ControllerDesign:
     Raises InputError for a wrong name, also of a table of parameters, and for settings that it cannot meet.
     """
     checked_controller(name)
-    laws = [law for law in controller_names() if law not in FLAT_FAMILY]
-    for law in scenario.controller.parameters:
-        if law not in laws:
-            raise unknown_name("law", law, laws)
+    names = [other for other in controller_names() if other not in FLAT_FAMILY]
+    for other in scenario.controller.parameters:
+        if other not in names:
+            raise unknown_name("law", other, names)
     controller = load_controller(name)
     if controller.axis_design is not None:
         return controller.axis_design(scenario.design)
-    given = scenario.controller.parameters.get(name, {})
-    return controller.designed(given, size_of(scenario.rig))
+    stated = scenario.controller.parameters.get(name, {})
+    return controller.designed(stated, size_of(scenario.rig))
 
 
 def flat_design(name: str, scenario: Scenario) -> Design:

@@ -59,13 +59,13 @@ class Slots(tuple[int, ...]):
         """
         if unknown := set(values) - set(self._fields[:-1]):
             raise ValueError(f"no slot '{min(unknown)}', there are {', '.join(self._fields[:-1])}")
-        found = []
+        parts = []
         for name, start, end in zip(self._fields, self, self[1:], strict=False):
             numbers = np.asarray(values.get(name, np.zeros(end - start)), dtype=float).ravel()
             if len(numbers) != end - start and end != start:
                 raise ValueError(f"{len(numbers)} numbers for the slot '{name}', which has {end - start}")
-            found.append(numbers)
-        return np.concatenate(found)
+            parts.append(numbers)
+        return np.concatenate(parts)
 
     def logged(self, **signals: Iterable[Signal]) -> tuple[Logged, ...]:
         """Return what is recorded at every sample: of each slot the first numbers, one for each signal."""

@@ -37,8 +37,8 @@ def sampled_blocks(a: Array, b: Array, c: Array, d: float, period: float) -> Sam
     state, drive = np.zeros((n, 2, 2)), np.zeros((n, 2))
     for k in range(n):
         rows = slice(2 * k, 2 * k + 2)
-        state[k], held = zero_order_hold(a[rows, rows], b[rows, None], period)
-        drive[k] = held[:, 0]
+        state[k], input_column = zero_order_hold(a[rows, rows], b[rows, None], period)
+        drive[k] = input_column[:, 0]
     return SampledBlocks(state, drive, np.ascontiguousarray(c.reshape(n, 2)), float(d))
 
 
@@ -50,10 +50,10 @@ def sampled_loop(gain: Array, blocks: SampledBlocks, period: float) -> Array:
     """
     phi, hold = zero_order_hold(np.diag(np.ones(3), 1), np.eye(4)[:, 3:], period)
     measured = np.eye(4)[:1]
-    law = gain.reshape(1, 4) + blocks.feedthrough * measured
+    feedback = gain.reshape(1, 4) + blocks.feedthrough * measured
     return np.block(
         [
-            [phi - hold @ law, -hold @ blocks.output_matrix.reshape(1, -1)],
+            [phi - hold @ feedback, -hold @ blocks.output_matrix.reshape(1, -1)],
             [blocks.input_matrix.reshape(-1, 1) @ measured, diagonal(blocks.state_matrix)],
         ]
     )

@@ -181,10 +181,10 @@ def smallest_gamma(problem: FullInformation, highest: float) -> float:
     InputError
         If rounding leaves less than five digits of the result.
     """
-    found, other = (_bisect(candidate, highest) for candidate in (problem, _reflected(problem)))
-    if not abs(other - found) <= AGREEMENT * found:
+    first, other = (_bisect(candidate, highest) for candidate in (problem, _reflected(problem)))
+    if not abs(other - first) <= AGREEMENT * first:
         raise ill_conditioned("S/KS")
-    return found
+    return first
 
 
 def _bisect(problem: FullInformation, highest: float) -> float:

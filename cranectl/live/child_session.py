@@ -66,8 +66,8 @@ class ChildSession:
     def pulse(self, acceleration: tuple[float, float], seconds: float) -> None:
         self._ask("pulse", acceleration, seconds)
 
-    def steer(self, asked: HandRequest) -> None:
-        self._ask("steer", asked)
+    def steer(self, request: HandRequest) -> None:
+        self._ask("steer", request)
 
     def driven(self) -> Scenario | None:
         scenario: Scenario | None = self._ask("driven")
@@ -80,12 +80,12 @@ class ChildSession:
         else:
             self._ask("reset")
 
-    def _ask(self, what: str, *given: Any, patience: float = 0.0) -> Any:
+    def _ask(self, what: str, *arguments: Any, patience: float = 0.0) -> Any:
         """Return what the session in the process answers, None without one; raises InputError as it does."""
         if self._child is None:
             return None
         try:
-            self._child.send((what, given))
+            self._child.send((what, arguments))
             answer, self.origin_ns, self.now_ns, self.moving = self._child.receive(patience or self._patience)
         except ChildError as error:
             self._child, self.moving, answer = None, False, None
@@ -118,10 +118,10 @@ def _work(connection: Connection, shared: SharedControllers, made: tuple[Any, ..
     open_again(shared)
     scenario, design, plants, drive, origin_ns = made
     session: Session | None = None
-    for what, given in requests(connection):
+    for what, arguments in requests(connection):
         try:
             session = session or Session(scenario, design, plants=plants, drive=drive, origin_ns=origin_ns)
-            answer = getattr(session, what)(*given)
+            answer = getattr(session, what)(*arguments)
         except InputError as error:
             connection.send(error)
         else:

@@ -123,11 +123,13 @@ class Controls:
             self._say(text, warning=True)
             return
         with self._lock:
-            law = {name: value for name, value in changes.items() if name in LAW or "." in name}
-            if law:
-                self._try(", ".join(law), self._set_law, law)
+            controller_changes = {
+                name: value for name, value in changes.items() if name in LAW or "." in name
+            }
+            if controller_changes:
+                self._try(", ".join(controller_changes), self._set_law, controller_changes)
             for name in changes:
-                if name not in law:
+                if name not in controller_changes:
                     self._try(name, self._set, name, changes[name])
 
     def pulse(self) -> None:
@@ -247,7 +249,7 @@ def _with_numbers(design: ControllerDesign, numbers: Mapping[str, Any]) -> Contr
     """Return `design` with these tunable values; raise InputError for values that are not allowed."""
     axis = design.axis_design
     if axis is None:
-        given = {name.partition(".")[2]: value for name, value in numbers.items()}
-        return load_controller(design.name).designed(given)
+        stated = {name.partition(".")[2]: value for name, value in numbers.items()}
+        return load_controller(design.name).designed(stated)
     gain = np.array([checked_number(name, value, -MAX_GAIN, MAX_GAIN) for name, value in numbers.items()])
     return with_gain(axis, gain) if (gain != axis.gain).any() else axis

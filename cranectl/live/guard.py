@@ -141,8 +141,8 @@ def refusal(head: bytes, host: str, origins: Collection[str]) -> str:
 def checked_origin(text: str) -> str:
     """Return `text` in the form that browsers send; raise InputError if it is no origin of a web page."""
     origin = text.lower().rstrip("/")
-    scheme, _, place = origin.partition("://")
-    if scheme not in ("http", "https") or not _host_of(origin) or set(place) & set("/?#@*"):
+    scheme, _, authority = origin.partition("://")
+    if scheme not in ("http", "https") or not _host_of(origin) or set(authority) & set("/?#@*"):
         raise InputError(
             f"--allow-origin {text}",
             allowed="scheme, machine and, if it is in its address, port of a web page",

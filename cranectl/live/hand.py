@@ -66,19 +66,19 @@ class Hand:
         self.table = np.empty((self._end + self._rest + 1, 15))  # by sample since the start, as far as driven
         self._changes: dict[int, HandRequest] = {}  # by sample since the hand took over
 
-    def ask(self, sample: int, asked: HandRequest) -> None:
-        """Follow `asked` from `sample` on; raise InputError, and stop, if the session cannot record more."""
+    def ask(self, sample: int, request: HandRequest) -> None:
+        """Follow `request` from `sample` on; raise InputError if the session cannot record more."""
         full = sample >= self._end or len(self._changes) >= MOST_CHANGES - 2
-        now = RELEASED if full else asked
+        now = RELEASED if full else request
         if now != self._asked:
             self._asked = self._changes[sample - self._first] = now
-        if full and asked != RELEASED:
+        if full and request != RELEASED:
             raise _too_late()
 
     def rows(self, index: NDArray[np.intp]) -> Array:
         """Return the reference at the next samples `index` (n,) since the start: shape (n, 15)."""
-        asked = asked_at([(0, self._asked), (self._end, RELEASED)], index)
-        states = drive(self.limits, self._period, self._state, asked)
+        requests = asked_at([(0, self._asked), (self._end, RELEASED)], index)
+        states = drive(self.limits, self._period, self._state, requests)
         rows = derivatives(self.limits, states).reshape(len(index), 15)
         self.table[index[index < len(self.table)]] = rows[index < len(self.table)]
         return rows
@@ -88,9 +88,9 @@ class Hand:
         last = min(samples, self._end) - self._first
         wishes, goals = (
             [
-                (sample * self._period, *asked[1:])
-                for sample, asked in self._changes.items()
-                if asked.is_point == goal and sample < last
+                (sample * self._period, *request[1:])
+                for sample, request in self._changes.items()
+                if request.is_point == goal and sample < last
             ]
             for goal in (False, True)
         )
@@ -177,9 +177,9 @@ class Wishes:
         """Take a Twist whose `linear` is a velocity command; raise InputError if it exceeds the limits."""
         said = parse_json(message, "the message")
         linear = said.get("linear") if isinstance(said, dict) else None
-        wish = HandRequest(False, *_checked_vector("linear.", linear, -limits.speed, limits.speed))
+        command = HandRequest(False, *_checked_vector("linear.", linear, -limits.speed, limits.speed))
         with self._lock:
-            self._newest, self._heard = wish, self._clock()
+            self._newest, self._heard = command, self._clock()
 
     def hear_point(self, message: bytes, limits: HandLimits) -> None:
         """Take a point {x, y, z} to move to; raise InputError if it is outside the limits."""

@@ -106,10 +106,10 @@ def _product(a: Bounds, b: Bounds) -> Bounds:
 
 def _quotient(a: Bounds, zeta: Bounds, lift: float) -> Bounds:
     """Return bounds of a / (g + zeta), whose denominator is at least `lift`."""
-    found: Bounds = []
+    bounds: Bounds = []
     for n in range(4):
-        found.append((a[n] + sum(comb(n, i) * found[i] * zeta[n - i] for i in range(n))) / lift)
-    return found
+        bounds.append((a[n] + sum(comb(n, i) * bounds[i] * zeta[n - i] for i in range(n))) / lift)
+    return bounds
 
 
 @functools.lru_cache(maxsize=64)

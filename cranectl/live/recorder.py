@@ -54,37 +54,37 @@ def own_place(path: Path, *, numbered: bool = False) -> Iterator[Path]:
     with writing(path, remedy=REMEDY, error=LogError):
         check_replaceable(path)
         more = (path.with_stem(f"{path.stem}-{number}") for number in count(2)) if numbered else ()
-        for place in chain([path], more):
-            lock = FileLock(place.with_name(place.name + LOCK))
-            obstacle = _obstacle(place, lock)
+        for path_tried in chain([path], more):
+            lock = FileLock(path_tried.with_name(path_tried.name + LOCK))
+            obstacle = _obstacle(path_tried, lock)
             if not obstacle:
                 break
         else:
             raise LogError(obstacle, allowed="a place where nothing is recorded", remedy=REMEDY)
     try:
-        yield place
+        yield path_tried
     finally:
         _let_go(lock)
 
 
-def next_file(place: Path) -> Path:
+def next_file(path: Path) -> Path:
     """Return the first file name of a session's recording that does not exist."""
-    more = (place.with_suffix(f".segment{number}{place.suffix}") for number in count(2))
-    return next(file for file in chain([place], more) if not os.path.lexists(file))
+    more = (path.with_suffix(f".segment{number}{path.suffix}") for number in count(2))
+    return next(file for file in chain([path], more) if not os.path.lexists(file))
 
 
-def _obstacle(place: Path, lock: FileLock) -> str:
-    """Return why a session cannot record at `place`; empty if it can, which then holds the lock."""
+def _obstacle(path: Path, lock: FileLock) -> str:
+    """Return why a session cannot record at `path`; empty if it can, which then holds the lock."""
     try:
         lock.acquire(blocking=False)
     except Timeout:
-        return f"another session records at {place}"
+        return f"another session records at {path}"
     # Before 0.3 the segments of a session were called takes.
-    segments = re.compile(rf"{re.escape(place.stem)}(\.(segment|take)\d+)?{re.escape(place.suffix)}")
-    recorded = sorted(file.name for file in place.parent.iterdir() if segments.fullmatch(file.name))
+    segments = re.compile(rf"{re.escape(path.stem)}(\.(segment|take)\d+)?{re.escape(path.suffix)}")
+    recorded = sorted(file.name for file in path.parent.iterdir() if segments.fullmatch(file.name))
     if recorded:
         _let_go(lock)
-        return f"{place.parent / recorded[0]} is there already"
+        return f"{path.parent / recorded[0]} is there already"
     return ""
 
 

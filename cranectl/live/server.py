@@ -149,16 +149,16 @@ class LiveServer:
         else:
             self._say(f"{text} refused: the run has stopped; call /reset", warning=True)
 
-    def _drive(self, asked: HandRequest) -> None:
+    def _drive(self, request: HandRequest) -> None:
         try:
             if not self._session.moving:
                 raise InputError("the run has stopped", remedy="call /reset")
-            self._session.steer(asked)
-            if asked.is_point:
-                self._say(f"goes to ({', '.join(map(_short, asked[1:]))}) m")
-            elif asked != RELEASED and not self._driven:
+            self._session.steer(request)
+            if request.is_point:
+                self._say(f"goes to ({', '.join(map(_short, request[1:]))}) m")
+            elif request != RELEASED and not self._driven:
                 self._say("driven by hand")
-            if asked != RELEASED and not self._driven:
+            if request != RELEASED and not self._driven:
                 self._increments.take_over(self._session.now_ns - self._session.origin_ns)
                 self._driven = True
         except InputError as error:

@@ -114,16 +114,16 @@ class Session:
         The set-points carry over. From one of the flat family to another the dynamic extension does as well,
         and so do the states of a robustifier that stays; any other law begins at the reference as it is now.
         """
-        law = law_of(self.scenario, design, self.drive, self.plan)
+        compiled = law_of(self.scenario, design, self.drive, self.plan)
         if self._hand:
             check_can_be_driven(design)
-        self._law = law
+        self._law = compiled
         before, self.design = self.design, design
         for state in self._states:
-            own, memory = entered(at_start(law)), law.start.copy()
+            own, memory = entered(at_start(compiled)), compiled.start.copy()
             own.clock[0] = self._samples
-            if kept := _kept_memory(before, design, state.run.memory):
-                memory[:kept] = state.run.memory[:kept]
+            if carried_over := _kept_memory(before, design, state.run.memory):
+                memory[:carried_over] = state.run.memory[:carried_over]
             inputs = state.run.inputs._replace(law=own)
             state.run = state.run._replace(inputs=inputs, memory=memory)
             self._hand_over(state)
@@ -138,12 +138,12 @@ class Session:
             self._pulsed.append(Disturbance.model_validate(table))
         self._pulses += self._pulsed[-2:]
 
-    def steer(self, asked: HandRequest) -> None:
+    def steer(self, request: HandRequest) -> None:
         """Drive the load by hand from the next sample on: its stopping point, with a velocity or to a point.
 
         Raises InputError where a hand may not take over.
         """
-        if self._hand is None and asked != RELEASED:
+        if self._hand is None and request != RELEASED:
             check_can_be_driven(self.design)
             hand = Hand(self.scenario, self._samples)
             for state in self._states:
@@ -152,7 +152,7 @@ class Session:
             for state in self._states:
                 self._hand_over(state)
         if self._hand:
-            self._hand.ask(self._samples, asked)
+            self._hand.ask(self._samples, request)
 
     def driven(self) -> Scenario | None:
         """Return the scenario that repeats the teleoperation since the start, or None if there was none."""
@@ -175,8 +175,10 @@ class Session:
     def _hand_over(self, state: _PlantState) -> None:
         """Have a law that reads its own reference read what is driven."""
         if self._hand:
-            law = state.run.inputs.law._replace(reference=self._hand.table, samples=len(self._hand.table))
-            state.run = state.run._replace(inputs=state.run.inputs._replace(law=law))
+            compiled = state.run.inputs.law._replace(
+                reference=self._hand.table, samples=len(self._hand.table)
+            )
+            state.run = state.run._replace(inputs=state.run.inputs._replace(law=compiled))
 
     def _reference(self, index: NDArray[np.intp]) -> Array:
         """Return the reference at the next samples `index` (n,): shape (n, 15)."""

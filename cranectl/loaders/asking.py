@@ -24,13 +24,13 @@ def ask(program: str, binary: Path, question: dict[str, Any]) -> dict[str, Any]:
     except TimeoutError:
         raise ValueError(f"gives no answer within {DECLARATION_TIMEOUT:g} s") from None
     try:
-        told: dict[str, Any] = json.loads(out)
+        answer: dict[str, Any] = json.loads(out)
     except ValueError:
         how = describe_exit(code)
         raise ValueError(f"ended the process that asked it what it declares, with {how}") from None
-    if "error" in told:
-        raise ValueError(told["error"])
-    return told
+    if "error" in answer:
+        raise ValueError(answer["error"])
+    return answer
 
 
 def main() -> None:
@@ -40,10 +40,10 @@ def main() -> None:
     _, program, binary = sys.argv
     question = json.loads(sys.stdin.readline())
     try:
-        told = runpy.run_path(program)["answer"](binary, question)
+        answer = runpy.run_path(program)["answer"](binary, question)
     except (OSError, ValueError) as error:
-        told = {"error": str(error)}
-    answering.write(json.dumps(told))
+        answer = {"error": str(error)}
+    answering.write(json.dumps(answer))
     answering.close()
 
 

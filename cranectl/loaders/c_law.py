@@ -25,24 +25,24 @@ DECLARED = ("name", "title", "command", "follows", "measures", "every", "preview
 
 def open_library(file: LawFile) -> tuple[Controller, LawFile]:
     """Return the controller of a library; raise InputError where it does not keep to what it declares."""
-    told = _ask(file, None, None)
+    declared = _ask(file, None, None)
 
     def prepare(nominal: Nominal) -> tuple[Array, Array]:
         values = [float(value) for value in nominal.parameters.values()]
-        start = _ask(file, values, _plain(nominal, told["reads"]))["start"]
+        start = _ask(file, values, _plain(nominal, declared["reads"]))["start"]
         return np.array(start["parameters"]), np.array(start["memory"])
 
     searched = [
         parameter | {"search": parameter["search"] and tuple(parameter["search"])}
-        for parameter in told["parameters"]
+        for parameter in declared["parameters"]
     ]
     controller = Controller(
-        **{key: told[key] for key in DECLARED},
+        **{key: declared[key] for key in DECLARED},
         step=by_address,
         prepare=prepare,
-        reads=None if told["reads"] is None else tuple(told["reads"]),
+        reads=None if declared["reads"] is None else tuple(declared["reads"]),
         parameters=tuple(Parameter(**parameter) for parameter in searched),
-        logged=tuple(Logged(place, Signal(texts[0], *texts)) for place, *texts in told["signals"]),
+        logged=tuple(Logged(place, Signal(texts[0], *texts)) for place, *texts in declared["signals"]),
         entry=lambda *_: _address(file),
     )
     return controller, file

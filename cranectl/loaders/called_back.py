@@ -24,13 +24,13 @@ def called_back(step: Callable[..., int], name: str, sizes: Sizes) -> int:
     known: dict[tuple[int, int], Array] = {}
 
     def array(address: int, k: int) -> Array:
-        found = known.get((address, k))
-        if found is None:
-            found = np.ctypeslib.as_array(ctypes.cast(address, _DOUBLES), (lengths[k],))
-            found.flags.writeable = k > 2
+        view = known.get((address, k))
+        if view is None:
+            view = np.ctypeslib.as_array(ctypes.cast(address, _DOUBLES), (lengths[k],))
+            view.flags.writeable = k > 2
             if k != 2:  # the rows of the reference are many
-                known[address, k] = found
-        return found
+                known[address, k] = view
+        return view
 
     def call(*addresses: int) -> int:
         try:

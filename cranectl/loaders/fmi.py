@@ -44,15 +44,15 @@ _ARGUMENTS: dict[int, dict[str, list[Any]]] = {
 
 def functions(path: str, fmi: int) -> Functions:
     """Return those of a binary; raise OSError or ValueError where there are none."""
-    binary, found = ctypes.CDLL(path), {}
+    binary, known = ctypes.CDLL(path), {}
     for name, arguments in _ARGUMENTS[fmi].items():
         try:
             function = getattr(binary, f"fmi{fmi}{name}")
         except AttributeError:
             raise ValueError(f"its binary has no function fmi{fmi}{name}") from None
         function.restype, function.argtypes = _RESULTS.get(name, c_int), arguments
-        found[name.removesuffix("Real").removesuffix("Float64")] = function
-    return found
+        known[name.removesuffix("Real").removesuffix("Float64")] = function
+    return known
 
 
 def initialised(known: Functions, model: Plain, values: Iterable[float]) -> int:
@@ -94,8 +94,8 @@ def _check(fmi: int, name: str, status: int) -> None:
 def failure(fmi: int, name: str, status: int) -> str:
     """Return a text of which function returned what, and of the FMU's own message."""
     exact = name + {2: "Real", 3: "Float64"}[fmi] if name in ("Set", "Get") else name
-    told = f"fmi{fmi}{STATUS[status]}" if 0 <= status < len(STATUS) else f"{status}, which is no status"
-    return f"fmi{fmi}{exact} returns {told}{_because()}"
+    outcome = f"fmi{fmi}{STATUS[status]}" if 0 <= status < len(STATUS) else f"{status}, which is no status"
+    return f"fmi{fmi}{exact} returns {outcome}{_because()}"
 
 
 _said: deque[str] = deque(maxlen=1)  # by an FMU, of errors
@@ -115,8 +115,8 @@ def say(text: str) -> None:
 def _logger(fmi: int) -> Any:
     """Return the callback that records error messages of the FMU."""
 
-    def log(*given: Any) -> None:
-        status, _, message = given[-3:]
+    def log(*arguments: Any) -> None:
+        status, _, message = arguments[-3:]
         if status >= ERROR and message is not None:
             text = message.decode("utf-8", "replace")
             _said.append("".join(c if c.isprintable() else " " for c in text.strip()))

@@ -38,37 +38,37 @@ class Fmu:
     def __init__(self, file: LawFile) -> None:
         """Read the FMU; raise InputError if it is none, or not for co-simulation on this machine."""
         fmpy = _library()
-        place = _unpacked(file, fmpy)
+        folder = _unpacked(file, fmpy)
         try:
             # Tools in use write what the schema forbids; what is used here is checked here.
-            told = fmpy.read_model_description(str(place), validate=False)
+            description = fmpy.read_model_description(str(folder), validate=False)
         except Exception as error:  # of many classes
             raise wrong(file, f"its description cannot be read: {' '.join(str(error).split())}") from None
-        if told.fmiVersion not in ("2.0", "3.0"):
-            raise wrong(file, f"it has version {told.fmiVersion} of FMI")
-        if told.coSimulation is None:
+        if description.fmiVersion not in ("2.0", "3.0"):
+            raise wrong(file, f"it has version {description.fmiVersion} of FMI")
+        if description.coSimulation is None:
             raise wrong(file, "it is for model exchange only: it would need a solver of its importer")
-        self.file, self.told, self.kind = file, told, told.coSimulation
-        self.fmi = int(told.fmiVersion[0])
+        self.file, self.told, self.kind = file, description, description.coSimulation
+        self.fmi = int(description.fmiVersion[0])
         platform = fmpy.platform if self.fmi == 2 else fmpy.platform_tuple
         identifier = self.kind.modelIdentifier or ""
         if not re.fullmatch(r"[A-Za-z_]\w*", identifier, flags=re.ASCII):
             raise wrong(file, f"its modelIdentifier is '{identifier}', which is no identifier of C")
         name = f"{identifier}{fmpy.sharedLibraryExtension}"
-        self.binary = place / "binaries" / platform / name
+        self.binary = folder / "binaries" / platform / name
         if not self.binary.is_file():
-            there = ", ".join(sorted(path.name for path in (place / "binaries").glob("*"))) or "none at all"
-            sources = ", and sources in C" if (place / "sources").is_dir() else ""
+            there = ", ".join(sorted(path.name for path in (folder / "binaries").glob("*"))) or "none at all"
+            sources = ", and sources in C" if (folder / "sources").is_dir() else ""
             remedy = f"compile these for this machine: fmpy compile {shlex.quote(str(file.path))}"
             raise wrong(
                 file,
                 f"it has no binary binaries/{platform}/{name}, it has {there}{sources}",
                 remedy if sources else "export it for this machine",
             )
-        if not self.binary.resolve().is_relative_to(place.resolve()):
+        if not self.binary.resolve().is_relative_to(folder.resolve()):
             raise wrong(file, f"its binary binaries/{platform}/{name} lies outside of it")
-        self.resources = place / "resources"
-        self.variables: Variables = variables_of(file, told)
+        self.resources = folder / "resources"
+        self.variables: Variables = variables_of(file, description)
         exchanged = (self.variables.input_references, self.variables.output_references)
         self._references = [np.array(references, dtype=np.uint32) for references in exchanged]
         self._tell = _TELL(self._failed)
@@ -169,7 +169,7 @@ def open_fmu(file: LawFile) -> tuple[Controller, LawFile]:
         raise wrong(file, f"{error}{needs if fmu.kind.needsExecutionTool else ''}") from None
     address_of(fmu_step.step)  # compiled before any run
     variables, table = fmu.variables, fmu.variables.table
-    commanded = [place for place in variables.commands if place != fmu_step.HELD]
+    commanded = [index for index in variables.commands if index != fmu_step.HELD]
 
     def prepare(nominal: Nominal) -> tuple[Array, Array]:
         fmu.check_period(nominal.period)
@@ -193,8 +193,8 @@ def open_fmu(file: LawFile) -> tuple[Controller, LawFile]:
         reads=(),
         parameters=variables.parameters,
         logged=tuple(
-            Logged(place, signal)
-            for place, signal in enumerate(variables.logged, fmu_step.MEMORY.values + len(commanded))
+            Logged(index, signal)
+            for index, signal in enumerate(variables.logged, fmu_step.MEMORY.values + len(commanded))
         ),
         entry=lambda _, parameters: fmu.entry(parameters),
     )
@@ -236,9 +236,9 @@ def _library() -> Any:
 
 def _unpacked(file: LawFile, fmpy: Any) -> Path:
     """Unpack the FMU and return its folder; raise InputError for entries that leave the folder."""
-    whole, part, place = (directory_of(file) / name for name in ("law.fmu", "part", "fmu"))
-    if place.is_dir():
-        return place
+    whole, part, folder = (directory_of(file) / name for name in ("law.fmu", "part", "fmu"))
+    if folder.is_dir():
+        return folder
     try:
         with zipfile.ZipFile(BytesIO(file.content)) as archive:
             items = archive.infolist()
@@ -251,9 +251,9 @@ def _unpacked(file: LawFile, fmpy: Any) -> Path:
             raise wrong(file, f"it has more than {MAX_UNPACKED_BYTES} bytes when it is unpacked")
         whole.write_bytes(file.content)
         fmpy.extract(whole, part)
-        part.rename(place)
+        part.rename(folder)
     except InputError:
         raise
     except Exception as error:  # of many classes
         raise wrong(file, f"it cannot be unpacked: {error}") from None
-    return place
+    return folder

@@ -48,8 +48,8 @@ def _place(_typing, pointer, _index):
     """Return the address of a double."""
     from llvmlite import ir
 
-    def generate(_context: Any, builder: Any, _: Any, given: Any) -> Any:
-        return builder.ptrtoint(builder.gep(given[0], [given[1]]), ir.IntType(64))
+    def generate(_context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        return builder.ptrtoint(builder.gep(arguments[0], [arguments[1]]), ir.IntType(64))
 
     return types.int64(pointer, types.int64), generate
 
@@ -76,8 +76,8 @@ def _do_step(parameters, memory):
         return _call(c, (instance, time, period, final))
     memory[MEMORY.terminate] = 0.0
     event, terminate = _place(memory, MEMORY.event), _place(memory, MEMORY.terminate)
-    told = (event, terminate, _place(memory, MEMORY.early), _place(memory, MEMORY.last))
-    status = _call(c, (instance, time, period, final, *told))
+    reported = (event, terminate, _place(memory, MEMORY.early), _place(memory, MEMORY.last))
+    status = _call(c, (instance, time, period, final, *reported))
     # Its byte is the lowest of the double.
     return np.int32(DISCARD) if status < DISCARD and memory[MEMORY.terminate] != 0.0 else status
 

@@ -43,18 +43,18 @@ class Conversion(NamedTuple):
         """
         if variable.name in self.stated:
             return self.stated[variable.name]
-        told = variable.unit or getattr(variable.declaredType, "unit", None) or ""
-        if not told or _plain(told) == _plain(unit):
+        unit_name = variable.unit or getattr(variable.declaredType, "unit", None) or ""
+        if not unit_name or _plain(unit_name) == _plain(unit):
             return 1.0
-        base = getattr(self.definitions.get(told), "baseUnit", None)
+        base = getattr(self.definitions.get(unit_name), "baseUnit", None)
         if base is None:
-            raise self._wrong(variable, f"in '{told}', which it does not define", unit, signal)
+            raise self._wrong(variable, f"in '{unit_name}', which it does not define", unit, signal)
         dimensions = tuple(getattr(base, name) for name in ("kg", "m", "s"))
         if dimensions != DIMENSIONS[unit] or any(getattr(base, name) for name in OTHERS):
-            raise self._wrong(variable, f"in '{told}', no unit of this kind", unit, signal)
+            raise self._wrong(variable, f"in '{unit_name}', no unit of this kind", unit, signal)
         if base.offset or not (isfinite(base.factor) and base.factor > 0.0):
             scale = f"{base.factor:g} {unit} and an offset of {base.offset:g}"
-            raise self._wrong(variable, f"in '{told}', defined as {scale}", unit, signal)
+            raise self._wrong(variable, f"in '{unit_name}', defined as {scale}", unit, signal)
         return float(base.factor)
 
     def check_stated(self, variables: Sequence[Any]) -> None:

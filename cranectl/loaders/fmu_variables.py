@@ -65,7 +65,7 @@ class Variables(NamedTuple):
     fixed_references: list[int]  # of the parameters, then of the constants
 
 
-def variables_of(file: LawFile, told: Any) -> Variables:
+def variables_of(file: LawFile, description: Any) -> Variables:
     """Return what the variables of a description are here.
 
     Parameters
@@ -80,7 +80,7 @@ def variables_of(file: LawFile, told: Any) -> Variables:
     InputError
         For a variable without a meaning, of another type or in another unit.
     """
-    declared = told.modelVariables
+    declared = description.modelVariables
     source = str(file.path.with_suffix(".toml"))
     parsed = parse_toml(file.table.decode("utf-8", "replace"), source)
     table = parse_settings(FmuTable, parsed, source)
@@ -88,21 +88,23 @@ def variables_of(file: LawFile, told: Any) -> Variables:
         cause: [variable for variable in declared if variable.causality == cause]
         for cause in ("input", "output")
     }
-    held = _held(table, of["output"], source)
-    outputs = {name: meant for name, meant in table.outputs.items() if name not in held}
+    held_axes = _held(table, of["output"], source)
+    outputs = {name: meant for name, meant in table.outputs.items() if name not in held_axes}
     meant = _meant(outputs, of["output"], "output", source)
-    given = _meant(table.inputs, of["input"], "input", source)
-    constant = [variable for variable in of["input"] if not isinstance(given[variable.name], str)]
+    sources = _meant(table.inputs, of["input"], "input", source)
+    constant = [variable for variable in of["input"] if not isinstance(sources[variable.name], str)]
     free = [variable for variable in of["input"] if _keeps_its_start(variable, table)]
     inputs = [variable for variable in of["input"] if variable not in constant and variable not in free]
-    conversion = Conversion(file, source, {unit.name: unit for unit in told.unitDefinitions}, table.units)
-    encoders = any(given[variable.name] in ENCODERS for variable in inputs)
+    conversion = Conversion(
+        file, source, {unit.name: unit for unit in description.unitDefinitions}, table.units
+    )
+    encoders = any(sources[variable.name] in ENCODERS for variable in inputs)
     known = {**(ENCODERS if encoders else STATES), **REFERENCES}
     for variable in inputs:
-        _check(variable, str(given[variable.name]), known, file, source)
+        _check(variable, str(sources[variable.name]), known, file, source)
     for variable in constant:
         _check_type(variable, file)
-    commands = _commands(meant, of["output"], held, file, source)
+    commands = _commands(meant, of["output"], held_axes, file, source)
     commanding = [place for place in commands if place is not None]
     conversion.check_stated([*inputs, *commanding])
     drives = command_group(table.command).signals[: len(COMMANDS)]
@@ -112,13 +114,16 @@ def variables_of(file: LawFile, told: Any) -> Variables:
         table=table,
         measures="encoders" if encoders else "state",
         input_references=_references(inputs, file),
-        sources=[known[str(given[variable.name])] for variable in inputs],
+        sources=[known[str(sources[variable.name])] for variable in inputs],
         output_references=_references([*commanding, *others], file),
         commands=[
             HELD if command_place is None else commanding.index(command_place) for command_place in commands
         ],
         factors=[
-            *(conversion.factor(variable, UNITS[given[variable.name]], given[variable.name]) for variable in inputs),
+            *(
+                conversion.factor(variable, UNITS[sources[variable.name]], sources[variable.name])
+                for variable in inputs
+            ),
             *(
                 1.0 if place is None else conversion.factor(place, drive.unit, command)
                 for place, drive, command in zip(commands, drives, COMMANDS, strict=True)
@@ -139,15 +144,15 @@ def variables_of(file: LawFile, told: Any) -> Variables:
             )
             for name, variable in _named(parameters, file).items()
         ),
-        constants=tuple(float(given[variable.name]) for variable in constant),
+        constants=tuple(float(sources[variable.name]) for variable in constant),
         fixed_references=_references([*parameters, *constant], file),
     )
 
 
 def _held(table: FmuTable, outputs: Sequence[Any], source: str) -> list[str]:
     """Return the commands that the table holds; raises InputError where it cannot."""
-    held = [name for name, meant in table.outputs.items() if meant == HOLD]
-    for name in held:
+    names = [name for name, meant in table.outputs.items() if meant == HOLD]
+    for name in names:
         if name not in COMMANDS:
             raise InputError(
                 f"{source}: outputs: {name} = '{HOLD}'",
@@ -160,13 +165,13 @@ def _held(table: FmuTable, outputs: Sequence[Any], source: str) -> list[str]:
                 allowed=f"'{HOLD}' where accelerations or velocities are commanded: no force does not hold",
                 remedy="let the model command this axis too, or export it with accelerations",
             )
-    if len(held) == len(COMMANDS):
+    if len(names) == len(COMMANDS):
         raise InputError(
             f"{source}: outputs: all axes are '{HOLD}'",
             allowed="one output at least that commands an axis",
             remedy=f"say which of {', '.join(each.name for each in outputs) or 'no outputs'} commands",
         )
-    return held
+    return names
 
 
 def _keeps_its_start(variable: Any, table: FmuTable) -> bool:
@@ -216,18 +221,18 @@ def _check_type(variable: Any, file: LawFile) -> None:
 
 
 def _commands(
-    meant: dict[str, str], outputs: Sequence[Any], held: Sequence[str], file: LawFile, source: str
+    meant: dict[str, str], outputs: Sequence[Any], held_axes: Sequence[str], file: LawFile, source: str
 ) -> list[Any]:
     """Return the output of each command, None where it is held; raises InputError for none, or for two."""
-    found: list[Any] = []
+    result: list[Any] = []
     for command in COMMANDS:
         fitting = [output for output in outputs if meant[output.name] == command]
-        if command in held and not fitting:
-            found.append(None)
+        if command in held_axes and not fitting:
+            result.append(None)
             continue
-        if len(fitting) != 1 or command in held:
+        if len(fitting) != 1 or command in held_axes:
             number = f"{len(fitting)} outputs are" if len(fitting) > 1 else "no output is"
-            number = f"an output is '{HOLD}' and" if command in held else number
+            number = f"an output is '{HOLD}' and" if command in held_axes else number
             raise InputError(
                 f"{file.reference}: {number} {command}",
                 allowed=f"one each for {', '.join(COMMANDS)}, of {', '.join(meant) or 'no outputs'}",
@@ -235,7 +240,7 @@ def _commands(
                 f"or that its axis is not moved: [outputs] '{command}' = '{HOLD}'",
             )
         _check_type(fitting[0], file)
-        found += fitting
+        result += fitting
     for name, signal in meant.items():
         if signal not in (*COMMANDS, name):
             raise InputError(
@@ -243,7 +248,7 @@ def _commands(
                 allowed=", ".join(COMMANDS),
                 remedy="choose one of these, or leave the line out: the output is logged then",
             )
-    return found
+    return result
 
 
 def _references(variables: Sequence[Any], file: LawFile) -> list[int]:
@@ -262,11 +267,11 @@ def _references(variables: Sequence[Any], file: LawFile) -> list[int]:
 def _settable(declared: Sequence[Any], free: Sequence[Any], connected: Sequence[Any]) -> list[Any]:
     """Return the parameters and free inputs, each once: aliases share the value of another variable."""
     taken = {variable.valueReference for variable in connected}
-    found: dict[int, Any] = {}
+    settable: dict[int, Any] = {}
     for variable in (*(variable for variable in declared if variable.causality == "parameter"), *free):
         if _is_number(variable) and variable.valueReference not in taken:
-            found.setdefault(variable.valueReference, variable)
-    return list(found.values())
+            settable.setdefault(variable.valueReference, variable)
+    return list(settable.values())
 
 
 def _number(variable: Any, attribute: str, otherwise: float, file: LawFile) -> float:

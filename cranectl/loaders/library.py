@@ -106,37 +106,39 @@ def declaration(library: ctypes.CDLL) -> Plain:
     pointer = tell()
     if not pointer:
         raise ValueError("cranectl_controller returns no declaration")
-    told = pointer.contents
-    if told.abi not in PARAMETERS:
-        raise ValueError(f"it was built for version {told.abi} of the interface, this is {max(PARAMETERS)}")
-    kind = CReading if told.abi >= 3 else CDeclaration
-    if told.size != ctypes.sizeof(kind):
-        raise ValueError(f"its declaration has {told.size} bytes, it should have {ctypes.sizeof(kind)}")
-    found: Plain = {name: getattr(told, name) for name in HIGHEST}
-    for name, value in found.items():
+    declared = pointer.contents
+    if declared.abi not in PARAMETERS:
+        raise ValueError(
+            f"it was built for version {declared.abi} of the interface, this is {max(PARAMETERS)}"
+        )
+    kind = CReading if declared.abi >= 3 else CDeclaration
+    if declared.size != ctypes.sizeof(kind):
+        raise ValueError(f"its declaration has {declared.size} bytes, it should have {ctypes.sizeof(kind)}")
+    plain: Plain = {name: getattr(declared, name) for name in HIGHEST}
+    for name, value in plain.items():
         lowest, highest = int(name == "every"), HIGHEST[name]
         if not lowest <= value <= highest:
             raise ValueError(f"{name} = {value}, allowed is {lowest} to {highest}")
-    parameters = cast(told.parameters, POINTER(PARAMETERS[told.abi]))
-    found |= {name: choices[found[name]] for name, choices in CHOICES.items()}
-    return found | {
-        "name": text(told.name),
-        "title": text(told.title),
-        "numbers": max(told.numbers, told.parameter_count),
-        "parameters": [parameter(item) for item in parameters[: told.parameter_count]],
+    parameters = cast(declared.parameters, POINTER(PARAMETERS[declared.abi]))
+    plain |= {name: choices[plain[name]] for name, choices in CHOICES.items()}
+    return plain | {
+        "name": text(declared.name),
+        "title": text(declared.title),
+        "numbers": max(declared.numbers, declared.parameter_count),
+        "parameters": [parameter(item) for item in parameters[: declared.parameter_count]],
         "reads": read_fields(library, cast(pointer, POINTER(kind)).contents),
         "signals": [
             [signal.place, text(signal.name), text(signal.unit), text(signal.description)]
-            for signal in told.signals[: told.signal_count]
+            for signal in declared.signals[: declared.signal_count]
         ],
     }
 
 
-def read_fields(library: ctypes.CDLL, told: Any) -> list[str] | None:
+def read_fields(library: ctypes.CDLL, declared: Any) -> list[str] | None:
     """Return the fields of the rig that it declares to read, None where it does not say."""
     if not hasattr(library, "cranectl_prepare"):
         return []
-    raw = getattr(told, "reads", None)
+    raw = getattr(declared, "reads", None)
     names = None if raw is None else text(raw).split()
     for name in names or ():
         if name not in OF_RIG:
@@ -144,22 +146,22 @@ def read_fields(library: ctypes.CDLL, told: Any) -> list[str] | None:
     return names
 
 
-def parameter(told: Any) -> Plain:
+def parameter(declared: Any) -> Plain:
     """Return a parameter as `Parameter` takes it; raise ValueError for a search that is none."""
-    low, high = getattr(told, "search", (0.0, 0.0))
+    low, high = getattr(declared, "search", (0.0, 0.0))
     search = None if low == high == 0.0 else (low, high)
     if search and not 0.0 < low < high < math.inf:
-        name = text(told.name)
+        name = text(declared.name)
         raise ValueError(f"search of {name} from {low:g} to {high:g}, allowed is 0 < low < high, or 0 to 0")
     return {
-        "name": text(told.name),
-        "default": told.initial,
-        "unit": text(told.unit),
-        "description": text(told.description),
-        "lowest": told.lowest,
-        "highest": told.highest,
+        "name": text(declared.name),
+        "default": declared.initial,
+        "unit": text(declared.unit),
+        "description": text(declared.description),
+        "lowest": declared.lowest,
+        "highest": declared.highest,
         "search": search,
-        "length_power": getattr(told, "length_power", 0.0),
+        "length_power": getattr(declared, "length_power", 0.0),
     }
 
 
@@ -168,22 +170,22 @@ def text(raw: bytes | None) -> str:
     return (raw or b"").decode("utf-8", "replace")
 
 
-def prepare(library: ctypes.CDLL, told: Plain, values: list[float], nominal: Plain | None) -> Plain:
+def prepare(library: ctypes.CDLL, declared: Plain, values: list[float], nominal: Plain | None) -> Plain:
     """Return parameters and memory at the start; `nominal`: fields of `CNominal` by name."""
-    parameters = (c_double * max(told["numbers"], 1))(*values)
-    memory = (c_double * max(told["memory"], 1))()
+    parameters = (c_double * max(declared["numbers"], 1))(*values)
+    memory = (c_double * max(declared["memory"], 1))()
     if nominal is not None and hasattr(library, "cranectl_prepare"):
-        given = CNominal(**{k: tuple(v) if isinstance(v, list) else v for k, v in nominal.items()})
+        nominal_struct = CNominal(**{k: tuple(v) if isinstance(v, list) else v for k, v in nominal.items()})
         library.cranectl_prepare.restype = c_int64
         library.cranectl_prepare.argtypes = [POINTER(CNominal), Doubles, Doubles]
-        if (code := library.cranectl_prepare(given, parameters, memory)) != 0:
+        if (code := library.cranectl_prepare(nominal_struct, parameters, memory)) != 0:
             raise ValueError(f"cranectl_prepare returns {code}: it cannot be prepared for this crane")
     return {"parameters": list(parameters), "memory": list(memory)}
 
 
-def check(library: ctypes.CDLL, told: Plain, start: Plain) -> None:
+def check(library: ctypes.CDLL, declared: Plain, start: Plain) -> None:
     """Raise ValueError where a step writes what it must not, or remembers anything outside of its memory."""
-    step, width = step_of(library), 15 * (1 + told["preview"])
+    step, width = step_of(library), 15 * (1 + declared["preview"])
     dice, near = random.Random(1), (0.9, 0.1, 0.7, 0.1, 0.8, *[0.1] * 5, 0.0, 0.0)
     rows = [[value * dice.uniform(0.8, 1.2) for value in near] for _ in range(TRIAL_STEPS)]
     measured = [(c_double * len(row))(*row) for row in rows]
@@ -219,8 +221,12 @@ def answer(path: str, question: Plain) -> Plain:
     Raises OSError or ValueError with what is wrong with it.
     """
     library = ctypes.CDLL(path)
-    told = declaration(library)
+    declared = declaration(library)
     if question["values"] is not None:
-        return told | {"start": prepare(library, told, question["values"], question["nominal"])}
-    check(library, told, prepare(library, told, [item["default"] for item in told["parameters"]], None))
-    return told
+        return declared | {"start": prepare(library, declared, question["values"], question["nominal"])}
+    check(
+        library,
+        declared,
+        prepare(library, declared, [item["default"] for item in declared["parameters"]], None),
+    )
+    return declared

@@ -131,10 +131,10 @@ class Neighbours(MetaPathFinder):
         top = name.partition(".")[0]
         if level or not self._is_beside(top):
             with self._noting(self if level else None):
-                found = builtins.__import__(name, names, local, wanted or (), level)
+                module = builtins.__import__(name, names, local, wanted or (), level)
             if not level and self._running:
                 self._note_package(top)
-            return found
+            return module
         own = f"{self.package}.{name}"
         leaf = builtins.__import__(own, None, None, tuple(wanted or ("__name__",)), 0)
         return leaf if wanted else sys.modules[f"{self.package}.{top}"]
@@ -142,10 +142,10 @@ class Neighbours(MetaPathFinder):
     def _is_beside(self, top: str) -> bool:
         if top not in self._beside:
             spec = None if top == OUR_PACKAGE else self._spec(top)
-            found = spec is not None and not _is_elsewhere(top, spec)
+            is_beside = spec is not None and not _is_elsewhere(top, spec)
             if not self._running:
-                return found
-            self._beside[top] = found
+                return is_beside
+            self._beside[top] = is_beside
         return self._beside[top]
 
     def _note_package(self, top: str) -> None:
@@ -158,9 +158,9 @@ class Neighbours(MetaPathFinder):
                 self._opened.update(map(_located, folder.rglob("*.py")))
 
     @contextlib.contextmanager
-    def _noting(self, law: "Neighbours | None") -> Iterator[None]:
+    def _noting(self, owner: "Neighbours | None") -> Iterator[None]:
         before = getattr(_READING, "law", None)
-        _READING.law = law if self._running else None
+        _READING.law = owner if self._running else None
         try:
             yield
         finally:
@@ -206,11 +206,11 @@ def _listen() -> None:
     sys.addaudithook(_hear)
 
 
-def _hear(event: str, given: tuple[Any, ...]) -> None:
+def _hear(event: str, arguments: tuple[Any, ...]) -> None:
     """Note which files the controller's code opens to read, modules' own and data."""
-    if event != "open" or (law := getattr(_READING, "law", None)) is None:
+    if event != "open" or (owner := getattr(_READING, "law", None)) is None:
         return
-    path, mode, flags = given
+    path, mode, flags = arguments
     reads = not set(mode) & set("wax+") if isinstance(mode, str) else not flags & (os.O_WRONLY | os.O_RDWR)
     if reads and isinstance(path, str | bytes | os.PathLike):
-        law.note(os.fsdecode(path))
+        owner.note(os.fsdecode(path))

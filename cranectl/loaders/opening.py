@@ -179,8 +179,8 @@ def open_law(reference: str) -> str:
         raise InputError(
             f"{path}: {error.strerror or error}", allowed="a file with a law", remedy="correct the path"
         ) from error
-    place = str(path.parent.resolve() / path.name)
-    return _register(LawFile(reference, path, match["symbol"] or "", content, table, place))
+    absolute = str(path.parent.resolve() / path.name)
+    return _register(LawFile(reference, path, match["symbol"] or "", content, table, absolute))
 
 
 def file_from(name: str, folder: Path) -> str:

@@ -75,10 +75,10 @@ class ProcessSettings(Settings):
 
 def open_process(file: LawFile) -> tuple[Controller, LawFile]:
     """Return the controller that a TOML file or a UDP address describes; raise InputError."""
-    told = {"address": file.reference}
+    table = {"address": file.reference}
     if not file.reference.startswith(UDP):
-        told = parse_toml(file.content.decode("utf-8", "replace"), str(file.path))
-    settings = parse_settings(ProcessSettings, told, file.reference)
+        table = parse_toml(file.content.decode("utf-8", "replace"), str(file.path))
+    settings = parse_settings(ProcessSettings, table, file.reference)
     if not file.beside:  # which a worker has already
         file = _with_named(settings, file)
     check_name("controller", settings.name)
@@ -107,14 +107,14 @@ def _with_named(settings: ProcessSettings, file: LawFile) -> LawFile:
     folder = file.folder
     named = {word for word in settings.program if _is_file(folder / word)}
     for pattern in settings.files:
-        found = [path for path in folder.glob(pattern) if path.is_file()] if pattern else []
-        if not found:
+        files = [path for path in folder.glob(pattern) if path.is_file()] if pattern else []
+        if not files:
             raise InputError(
                 f"{file.reference}: no file is named by files = '{pattern}'",
                 allowed=f"files below {folder}, or patterns of them such as data/*.csv",
                 remedy="correct 'files'",
             )
-        named |= {path.relative_to(folder).as_posix() for path in found}
+        named |= {path.relative_to(folder).as_posix() for path in files}
     try:
         return file.with_beside(folder, named)
     except OSError as error:
@@ -152,9 +152,9 @@ def _step(settings: ProcessSettings, connect: "Callable[[], _Program | _Datagram
         limit = free or (ANSWER_TIMEOUT if sequence > 0 else START_TIMEOUT)
         timeout = Timeout(UNKNOWN if free else connection.process, limit)
         with starting() if sequence == 0 else nullcontext():
-            found = timeout.wait_for(partial(_answer, connection, answer, sequence))
-        if found is not None:
-            memory[MEMORY.held :] = found
+            received = timeout.wait_for(partial(_answer, connection, answer, sequence))
+        if received is not None:
+            memory[MEMORY.held :] = received
         elif free is not None:
             memory[MEMORY.missed] += 1.0
         else:

@@ -55,17 +55,17 @@ def open_python(file: LawFile) -> tuple[Controller, LawFile]:
             allowed=", ".join(f"{file.path}:{name}" for name in _laws(module)) or "a file with a law",
             remedy=f"name it: {file.path}:NAME",
         )
-    found = getattr(module, file.symbol, None)
-    step = found if inspect.isfunction(found) else getattr(found, "step", None)
-    if inspect.isfunction(found) or (inspect.isclass(found) and callable(step)):
-        found = _declared(found, step, file)
-    if not isinstance(found, Controller):
+    value = getattr(module, file.symbol, None)
+    step = value if inspect.isfunction(value) else getattr(value, "step", None)
+    if inspect.isfunction(value) or (inspect.isclass(value) and callable(step)):
+        value = _declared(value, step, file)
+    if not isinstance(value, Controller):
         raise InputError(
             f"'{file.reference}': {file.path} has no law '{file.symbol}'",
             allowed=", ".join(_laws(module)) or "a function, a class with a step, a cranectl.Controller",
             remedy=f"define step({', '.join(ARGUMENTS)}), see 'cranectl new controller'",
         )
-    return _callable(found, file), opened
+    return _callable(value, file), opened
 
 
 def _load(file: LawFile) -> tuple[ModuleType, LawFile]:
@@ -111,8 +111,8 @@ def _laws(module: ModuleType) -> list[str]:
     ]
 
 
-def _title(found: Any, name: str) -> str:
-    lines = (inspect.getdoc(found) or name).splitlines()
+def _title(value: Any, name: str) -> str:
+    lines = (inspect.getdoc(value) or name).splitlines()
     return lines[0].rstrip(".") if lines else name
 
 
@@ -127,36 +127,36 @@ def _checked(step: Any, file: LawFile) -> Any:
     return step
 
 
-def _declared(found: Any, step: Any, file: LawFile) -> Controller:
+def _declared(source: Any, step: Any, file: LawFile) -> Controller:
     """Return the controller of a class or function, by attributes called as those of a `Controller`.
 
     Besides, `parameters` may be {name: number} and `logged` {name: place of the memory}; `memory` is its
     `Slots`, how many zeros, or where it starts. Without a `prepare` the step gets the parameters' numbers in
     their order.
     """
-    name = getattr(found, "name", slug(file.symbol))
-    parameters = getattr(found, "parameters", {})
+    name = getattr(source, "name", slug(file.symbol))
+    parameters = getattr(source, "parameters", {})
     if isinstance(parameters, Mapping):
         parameters = tuple(
             Parameter(key, _number(name, key, value), "", "") for key, value in parameters.items()
         )
-    logged = getattr(found, "logged", {})
+    logged = getattr(source, "logged", {})
     if isinstance(logged, Mapping):
-        logged = tuple(Logged(place, Signal(key, key, "", "")) for key, place in logged.items())
-    memory = _memory(name, getattr(found, "memory", MEMORY))
+        logged = tuple(Logged(index, Signal(key, key, "", "")) for key, index in logged.items())
+    memory = _memory(name, getattr(source, "memory", MEMORY))
 
     def prepare(nominal: Nominal) -> tuple[Array, Array]:
         return np.array([*map(float, nominal.parameters.values())] or [0.0]), memory.copy()
 
     return Controller(
         name=name,
-        title=_title(found, str(name)),
+        title=_title(source, str(name)),
         step=_checked(step, file),
-        prepare=getattr(found, "prepare", prepare),
+        prepare=getattr(source, "prepare", prepare),
         parameters=parameters,
         logged=logged,
-        **({} if hasattr(found, "prepare") else {"reads": ()})
-        | {key: getattr(found, key) for key in DECLARED if hasattr(found, key)},
+        **({} if hasattr(source, "prepare") else {"reads": ()})
+        | {key: getattr(source, key) for key in DECLARED if hasattr(source, key)},
     )
 
 
@@ -191,18 +191,18 @@ def _memory(owner: Any, start: Any) -> Array:
     return memory
 
 
-def _callable(law: Controller, file: LawFile) -> Controller:
+def _callable(controller: Controller, file: LawFile) -> Controller:
     """Return the controller, called back from Python if Numba cannot compile its step, with a warning."""
     try:
         with reported_when_slow(f"Numba has been compiling the step of {file.reference}"):
-            address_of(law.step)
+            address_of(controller.step)
     except Exception as error:  # of many classes, some of no family
-        said, where = why_not_compiled(law.step, error)
+        said, where = why_not_compiled(controller.step, error)
         if multiprocessing.parent_process() is None:  # workers would say it once more
             print(
                 f"cranectl: {file.reference} is called back from the compiled loop, some microseconds a "
                 f"sample: Numba cannot compile it: {where}: {said}",
                 file=sys.stderr,
             )
-        return replace(law, entry=lambda sizes, _: called_back(law.step, file.reference, sizes))
-    return law
+        return replace(controller, entry=lambda sizes, _: called_back(controller.step, file.reference, sizes))
+    return controller

@@ -211,8 +211,9 @@ def _check_tension(run: Run, sound: int) -> None:
     allowed = FORCE_ERROR[bool((load[:, TENSION] <= 0.0).any())] * mass * rig.gravity
     allowed += rig.load_mass * float(turned.mean())
     allowed += rope.mass * float(state[:, ROPE].max()) * rig.gravity if rope else 0.0
-    found = (float(np.trapezoid(lifted, time)) / (time[-1] - time[0]), float(np.median(lifted)))
-    if min(abs(tension - needed) for tension in found) > allowed:
+    tensions = (float(np.trapezoid(lifted, time)) / (time[-1] - time[0]), float(np.median(lifted)))
+    if min(abs(tension - needed) for tension in tensions) > allowed:
         raise DamageError(
-            f"the rope of {run.plant} lifts {found[1]:.3g} N, the load of its scenario needs {needed:.3g} N"
+            f"the rope of {run.plant} lifts {tensions[1]:.3g} N, "
+            f"the load of its scenario needs {needed:.3g} N"
         )

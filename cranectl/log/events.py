@@ -203,10 +203,9 @@ def _origin(segment: Segment) -> str:
 def _file_of(spline: Spline) -> str:
     source, fit = spline.source, spline.fit
     assert source is not None
-    held = "held here" if spline.held else "not held here"
-    file = (
-        f"{spline.made_from.get('kind')} from {source.file} (SHA-256 {source.sha256[:DIGEST_DIGITS]}, {held})"
-    )
+    where = "held here" if spline.held else "not held here"
+    digest = source.sha256[:DIGEST_DIGITS]
+    file = f"{spline.made_from.get('kind')} from {source.file} (SHA-256 {digest}, {where})"
     if fit is None:
         return f"{file}: {len(spline.breaks)} points"
     left_out, residual = (quantity(error, "m") for error in (fit.left_out_error, fit.residual))

@@ -127,8 +127,8 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     OverflowError or RecursionError where it is no such header.
     """
     declared = metadata["cranectl"]
-    asked = parse_settings(Scenario, _json(attachments, "scenario.json"), "scenario.json")
-    scenario = with_files(asked, attachments)
+    stated = parse_settings(Scenario, _json(attachments, "scenario.json"), "scenario.json")
+    scenario = with_files(stated, attachments)
     plants = declared["plants"].split(",")
     if len(set(plants)) < len(plants):
         raise ValueError(f"it has a plant twice: {declared['plants']}")
@@ -154,15 +154,15 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     return header
 
 
-def _described(plant: str, told: Mapping[str, str]) -> PlantEntry:
+def _described(plant: str, declared: Mapping[str, str]) -> PlantEntry:
     """Return the plant of a log that no package here brings; older logs tell only its name."""
     return PlantEntry(
         name=plant,
-        label=told.get("label", plant[:LONGEST_LABEL]),
-        colour=told.get("colour", PLANT_COLOURS[-1]),
+        label=declared.get("label", plant[:LONGEST_LABEL]),
+        colour=declared.get("colour", PLANT_COLOURS[-1]),
         where="",
         batch=0,
-        servos=told.get("servos") == "true",
+        servos=declared.get("servos") == "true",
         by_default=False,
     )
 
@@ -215,7 +215,7 @@ def outcome_metadata(outcome: Outcome) -> dict[str, str]:
 def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
     """Return the metadata records of a log of these runs."""
     first = runs[0]
-    told = {
+    records = {
         "cranectl": {
             "format": FORMATS[-1],
             "scenario": first.scenario.name,
@@ -229,8 +229,8 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
     for entry in (plant_entry(run.plant) for run in runs):
         if not entry.is_own:  # for where its package is not installed
             servos = str(entry.servos).lower()
-            told[f"plant/{entry.name}"] = {"label": entry.label, "colour": entry.colour, "servos": servos}
-    return told | {f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs}
+            records[f"plant/{entry.name}"] = {"label": entry.label, "colour": entry.colour, "servos": servos}
+    return records | {f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs}
 
 
 def file_attachments(runs: Sequence[Run]) -> list[Attachment]:

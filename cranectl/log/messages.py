@@ -109,8 +109,8 @@ def _verdict(a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None) -> di
 
 def _beside(largest: float, limit: float | None, unit: str, limits: str) -> str:
     """Return the largest distance and its limit, or why there is none."""
-    told = f"no limit: {limits}" if limit is None else f"limit {limit:g} {unit}"
-    return f"{difference_text(largest)} {unit}, {told}"
+    limit_text = f"no limit: {limits}" if limit is None else f"limit {limit:g} {unit}"
+    return f"{difference_text(largest)} {unit}, {limit_text}"
 
 
 def status(plant: str, changes: Sequence[StatusChange]) -> Stream:

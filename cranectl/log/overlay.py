@@ -69,9 +69,9 @@ def is_overlay(layers: Mapping[str, Layer]) -> bool:
 
 def check_labels(labels: Sequence[str]) -> None:
     """Raise InputError unless these labels tell runs apart in a log."""
-    told = [re.sub(r"\W", "_", label) for label in labels]  # where no other signs can be
-    for label, name in zip(labels, told, strict=True):
-        if not LABEL.fullmatch(label) or label in PLANTS or told.count(name) > 1:
+    shown = [re.sub(r"\W", "_", label) for label in labels]  # where no other signs can be
+    for label, name in zip(labels, shown, strict=True):
+        if not LABEL.fullmatch(label) or label in PLANTS or shown.count(name) > 1:
             raise InputError(
                 f"the label '{label}'",
                 allowed=f"up to {MAX_LABEL} letters, digits, '_', '+', '-', each once, "
@@ -101,18 +101,18 @@ def gathered(
         whole = is_overlay(layers)
         wanted = layers if whole else plants or (reference_plant(layers),)
         named += [(name if whole else "", path.stem, layers[name]) for name in wanted if name in layers]
-    found = [layer for _, _, layer in named]
+    runs_found = [layer for _, _, layer in named]
     if not labels:
-        short = labels_of([layer.run for layer in found], [stem for _, stem, _ in named])
+        short = labels_of([layer.run for layer in runs_found], [stem for _, stem, _ in named])
         labels = [own or label for (own, _, _), label in zip(named, short, strict=True)]
-    if len(labels) != len(found):
+    if len(labels) != len(runs_found):
         raise InputError(
-            f"{len(labels)} labels of {len(found)} runs",
+            f"{len(labels)} labels of {len(runs_found)} runs",
             allowed="a label for each run",
             remedy="say --label once for each run, or not at all",
         )
     check_labels(labels)
-    return dict(zip(labels, found, strict=True))
+    return dict(zip(labels, runs_found, strict=True))
 
 
 def labels_of(runs: Sequence[Run], stems: Sequence[str]) -> list[str]:
@@ -122,8 +122,13 @@ def labels_of(runs: Sequence[Run], stems: Sequence[str]) -> list[str]:
     """
     names = [(run.scenario.name, run.design.name, run.drive, run.plant) for run in runs]
     several = len({scenario for scenario, *_ in names}) > 1
-    parts = [kept for size in range(1, 5) for kept in combinations(range(4), size) if (0 in kept) == several]
-    choices = [["-".join(name[k] for k in kept) for name in names] for kept in parts]
+    parts = [
+        parts_shown
+        for size in range(1, 5)
+        for parts_shown in combinations(range(4), size)
+        if (0 in parts_shown) == several
+    ]
+    choices = [["-".join(name[k] for k in parts_shown) for name in names] for parts_shown in parts]
     for choice in (*choices, stems):
         labels = [_fitting(label) for label in choice]
         if len({*labels} - {*PLANTS, ""}) == len(runs):

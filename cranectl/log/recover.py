@@ -63,7 +63,7 @@ def recover_log(source: str | Path, out: str | Path | None = None) -> Recovery:
     source = Path(source)
     with opened(source, remedy="run the scenario again") as stream:
         check_begin(source, stream)
-        place = _place(source, out)
+        target = _place(source, out)
         contents, chunks = Contents(stream.seek(0, 2)), list[Content]()
         try:
             chunks.extend(contents.chunks(stream))
@@ -82,10 +82,10 @@ def recover_log(source: str | Path, out: str | Path | None = None) -> Recovery:
     if lost:
         metadata["recovered"] = {"source": source.name, "lost_bytes": str(lost)}
     put_right = _streams(header, _saved(contents, chunks), runs)
-    write_container(place, metadata, list(contents.attachments.values()), put_right)
+    write_container(target, metadata, list(contents.attachments.values()), put_right)
     return Recovery(
         source=str(source),
-        log=str(place),
+        log=str(target),
         messages=contents.messages.total(),
         size=contents.size,
         lost=lost,
@@ -112,15 +112,15 @@ def _nothing(source: Path) -> LogError:
 
 def _place(source: Path, out: str | Path | None) -> Path:
     named = PART.fullmatch(source.name)
-    place = Path(out or source.with_name(named[1] if named else f"{source.stem}.recovered.mcap"))
-    if out is None and place.exists():
+    target = Path(out or source.with_name(named[1] if named else f"{source.stem}.recovered.mcap"))
+    if out is None and target.exists():
         raise LogError(
-            f"{place} exists and may be whole",
+            f"{target} exists and may be whole",
             allowed="a place that is free",
             remedy="choose another place with --out",
         )
-    check_writable(place, inputs=[source])
-    return place
+    check_writable(target, inputs=[source])
+    return target
 
 
 def _runs(header: LogHeader, contents: Contents, chunks: Sequence[Content]) -> dict[str, Run]:
@@ -184,8 +184,8 @@ def _until(stream: Stream, runs: Mapping[str, Run]) -> Stream:
     """Cut a stream at the end of its plant's run, or of the longest."""
     plant = stream.topic.removeprefix("/").partition("/")[0]
     end_ns = runs[plant].end_ns if plant in runs else max(run.end_ns for run in runs.values())
-    kept = np.flatnonzero(stream.time_ns <= end_ns).tolist()
-    return replace(stream, time_ns=stream.time_ns[kept], messages=[stream.messages[k] for k in kept])
+    rows = np.flatnonzero(stream.time_ns <= end_ns).tolist()
+    return replace(stream, time_ns=stream.time_ns[rows], messages=[stream.messages[k] for k in rows])
 
 
 def _ended(saved: Stream, made: Stream, ends: Collection[int]) -> Stream:

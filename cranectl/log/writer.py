@@ -110,8 +110,8 @@ def unfinished(path: Path, part: Path | None, error: Exception, *, remedy: str) 
     """Return the error of a log that could not be completed; keep `part` if it can be recovered."""
     if part is not None and part.exists():
         if part.stat().st_size > CHUNK_SIZE:
-            found = f"cannot write {path} to its end: {error}"
-            return LogError(found, remedy=f"make room, then cranectl log recover {shlex.quote(str(part))}")
+            problem = f"cannot write {path} to its end: {error}"
+            return LogError(problem, remedy=f"make room, then cranectl log recover {shlex.quote(str(part))}")
         part.unlink()
     return LogError.unwritable(path, error, remedy=remedy)
 

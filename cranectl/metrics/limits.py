@@ -84,12 +84,12 @@ def limits_of(scenario: Scenario, plants: Iterable[str]) -> dict[str, dict[str, 
     """
     tables = {name: value for name, value in scenario.limits.asked.items() if isinstance(value, Mapping)}
     shared = {name: value for name, value in scenario.limits.asked.items() if name not in tables}
-    asked = {"": given_limits(shared, f"{scenario.name}, [limits]")}
+    stated = {"": given_limits(shared, f"{scenario.name}, [limits]")}
     for plant, table in tables.items():
         plant_entry(plant)  # raises for an unknown one
         own = given_limits(table, f"{scenario.name}, [limits.{plant}]")
-        asked[plant] = {**asked[""], **own}
-    return {plant: asked.get(plant, asked[""]) for plant in plants}
+        stated[plant] = {**stated[""], **own}
+    return {plant: stated.get(plant, stated[""]) for plant in plants}
 
 
 def given_limits(table: Mapping[str, Any], where: str) -> dict[str, float]:
@@ -103,8 +103,8 @@ def judge_limits(metrics: RunMetrics | None, limits: Mapping[str, float]) -> tup
     for name, limit in limits.items():
         value = None if metrics is None else metrics.values[name]
         assert value is None or isinstance(value, float)  # a metric with parts has no limit
-        kept = value is not None and bool(within(name, value, limit))
-        verdicts.append(LimitVerdict(name, value, limit, kept))
+        is_kept = value is not None and bool(within(name, value, limit))
+        verdicts.append(LimitVerdict(name, value, limit, is_kept))
     return tuple(verdicts)
 
 

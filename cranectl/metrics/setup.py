@@ -43,8 +43,8 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
     record of the signal path alone. Ignored for a scenario without one.
     """
     rig = scenario.rig
-    held = not DRIVES[drive].is_prescribed  # by friction
-    friction = scenario.effects.friction if held else None
+    has_friction = not DRIVES[drive].is_prescribed  # by friction
+    friction = scenario.effects.friction if has_friction else None
     rest_ns, direction = _rest(scenario.reference)
     return MetricsSetup(
         rest_ns=rest_ns,

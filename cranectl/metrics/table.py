@@ -90,12 +90,12 @@ TAKEN = ("status", "duration_s", "workspace_violations", "values", "sample", "re
 DRIVES, ANGLES = ("bridge", "trolley", "rope"), ("alpha", "beta")
 
 
-def _total(place: str) -> Callable[[Measured], Any]:
-    return lambda run: run.total[place]
+def _total(field: str) -> Callable[[Measured], Any]:
+    return lambda run: run.total[field]
 
 
-def _rms(place: str) -> Callable[[Measured], Any]:
-    return lambda run: np.sqrt(run.total[place] / run.total["samples"])
+def _rms(field: str) -> Callable[[Measured], Any]:
+    return lambda run: np.sqrt(run.total[field] / run.total["samples"])
 
 
 def _at_rest(value: Callable[[Measured], Any]) -> Callable[[Measured], Any]:

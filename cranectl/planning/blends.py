@@ -28,7 +28,7 @@ def deviation(before: LineOrArc, after: LineOrArc, taken: float, *, enclosed: bo
     smooth = blend(before, after, taken)
     edges = np.linspace(0.0, 0.5, STRETCHES + 1)
     middle, reach = 0.5 * (edges[:-1] + edges[1:]), Interval(-edges[1:2], edges[1:2]) * 0.51
-    found = 0.0
+    largest = 0.0
     for part, begin, offset in ((before, 0.0, 1.0 - taken / before.length), (after, 0.5, 0.0)):
         scale = 2.0 * taken / part.length
 
@@ -45,8 +45,8 @@ def deviation(before: LineOrArc, after: LineOrArc, taken: float, *, enclosed: bo
             squares = sum(np.maximum(np.abs(value.low), np.abs(value.high)) ** 2 for value in values)
         else:
             squares = sum(axis[0] ** 2 for axis in between(at, one))
-        found = max(found, float(np.sqrt(squares.max())))
-    return found * (1.0 + SQUARES_ROUNDING)
+        largest = max(largest, float(np.sqrt(squares.max())))
+    return largest * (1.0 + SQUARES_ROUNDING)
 
 
 def check_corner(before: LineOrArc, after: LineOrArc, where: str) -> None:

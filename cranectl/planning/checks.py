@@ -32,17 +32,18 @@ RATES = {
 
 def check_point(point: Array, limits: Limits, what: str) -> None:
     """Raise InputError where the load cannot hang at rest at `point` (x, y, z) [m]."""
-    place = ", ".join(f"{value:g}" for value in point)
+    coordinates = ", ".join(f"{value:g}" for value in point)
     still = motion([[np.array([value]), *[np.zeros(1)] * 5] for value in point], limits.gravity)
     for constraint in constraints(still, limits):
         value = float(constraint.series[0][0])
         if value > constraint.high + PROOF_MARGIN or value < constraint.low - PROOF_MARGIN:
-            _cannot_hang(constraint, value, limits, f"{what}, ({place}),")
+            _cannot_hang(constraint, value, limits, f"{what}, ({coordinates}),")
     for box in limits.obstacles:
         most = float(clearance(still, box, limits.radius).max())
         if most < -PROOF_MARGIN:
             raise InputError(
-                f"{what}, ({place}), is in the obstacle '{box.name}', or nearer to it than the load's radius "
+                f"{what}, ({coordinates}), is in the obstacle '{box.name}', "
+                "or nearer to it than the load's radius "
                 f"of {limits.radius:g} m, or the rope is",
                 allowed=f"points at least {-most:.3g} m further away, or above "
                 f"{box.high[2] + limits.radius:g} m",
@@ -50,18 +51,18 @@ def check_point(point: Array, limits: Limits, what: str) -> None:
             )
 
 
-def _cannot_hang(each: Constraint, value: float, limits: Limits, what: str) -> NoReturn:
-    subject = each.name.split()[0]
-    if each.name.endswith("force"):
+def _cannot_hang(constraint: Constraint, value: float, limits: Limits, what: str) -> NoReturn:
+    subject = constraint.name.split()[0]
+    if constraint.name.endswith("force"):
         raise InputError(
-            f"the winch may pull with {each.high:.3g} N, and the load weighs {-value:.3g} N: "
+            f"the winch may pull with {constraint.high:.3g} N, and the load weighs {-value:.3g} N: "
             "it cannot even be held",
-            allowed=f"a load of less than {each.high / limits.gravity:.3g} kg, or a stronger winch",
+            allowed=f"a load of less than {constraint.high / limits.gravity:.3g} kg, or a stronger winch",
             remedy=f"correct rig.load_mass or {limits.drives}.force, or raise planning.share",
         )
     raise InputError(
-        f"{what} is out of reach: there the {each.name} is {value:.4g} m",
-        allowed=f"{each.name} from {each.low:.4g} to {each.high:.4g} m",
+        f"{what} is out of reach: there the {constraint.name} is {value:.4g} m",
+        allowed=f"{constraint.name} from {constraint.low:.4g} to {constraint.high:.4g} m",
         remedy=REMEDIES[subject],
     )
 
@@ -113,7 +114,7 @@ def too_long(duration: float, name: str, limits: Limits, takes: str) -> InputErr
     """Return the error for a motion of `duration` [s], which the limit `name` allows no faster."""
     axis = name.split()[0]
     words, key = next(
-        (found for ending, found in RATES.items() if name.endswith(ending)), (name, "the limits")
+        (quantity for ending, quantity in RATES.items() if name.endswith(ending)), (name, "the limits")
     )
     length = f"{duration:.4g} s" if np.isfinite(duration) else f"more than {MAX_TRIED_DURATION:g} s"
     return InputError(
@@ -123,23 +124,23 @@ def too_long(duration: float, name: str, limits: Limits, takes: str) -> InputErr
     )
 
 
-def check_excesses(found: dict[str, float], limits: Limits, what: str) -> None:
+def check_excesses(excesses: dict[str, float], limits: Limits, what: str) -> None:
     """Raise InputError for a path on which limits are broken however slowly it is driven.
 
-    `found`: by how much, in parts of each limit; empty where none is.
+    `excesses`: by how much, in parts of each limit; empty where none is.
     """
-    if not found:
+    if not excesses:
         return
-    worst = max(found, key=lambda name: found[name])
-    away = found[worst] * limits.size
+    worst = max(excesses, key=lambda name: excesses[name])
+    away = excesses[worst] * limits.size
     if worst in {box.key for box in limits.obstacles}:
-        told = f"it comes {away:.3g} m too near to the {worst}"
+        problem = f"it comes {away:.3g} m too near to the {worst}"
     elif worst in (*AXES, *(f"load {axis}" for axis in "xyz")):
-        told = f"{worst} is beyond its range by {away:.3g} m"
+        problem = f"{worst} is beyond its range by {away:.3g} m"
     else:
-        told = f"{worst} is exceeded by {found[worst]:.3g} of it"
+        problem = f"{worst} is exceeded by {excesses[worst]:.3g} of it"
     raise InputError(
-        f"{what} cannot be driven however slowly: {told}",
+        f"{what} cannot be driven however slowly: {problem}",
         allowed="a path along which the load can hang at rest everywhere",
         remedy="take kind = 'move', which finds a way, or another path",
     )

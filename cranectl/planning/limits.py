@@ -135,16 +135,16 @@ def motion(load: list[Series], gravity: float) -> Motion:
 
 def constraints(moved: Motion, limits: Limits) -> list[Constraint]:
     """Return all constraints but the obstacles; infinite limits are left out."""
-    found = [
+    result = [
         Constraint(f"load {axis}", series, low, high, limits.size)
         for axis, series, (low, high) in zip("xyz", moved.load, limits.load.tolist(), strict=True)
     ]
     lean2 = plus(times(moved.slopes[0], moved.slopes[0]), times(moved.slopes[1], moved.slopes[1]))
-    found.append(Constraint("lean of the rope", lean2, -np.inf, limits.lean**2, limits.lean**2))
+    result.append(Constraint("lean of the rope", lean2, -np.inf, limits.lean**2, limits.lean**2))
     bridge_mass, trolley_mass, winch_mass, mass = limits.masses.tolist()
     tension = [c * mass for c in times(moved.secant, moved.acceleration[2])]
     weight = mass * limits.gravity
-    found.append(Constraint("tension of the rope", tension, *limits.tension, weight))
+    result.append(Constraint("tension of the rope", tension, *limits.tension, weight))
     rates = [differentiated(axis, 2) for axis in moved.axes]
     forces = [
         plus([c * bridge_mass for c in rates[0]], [c * mass for c in moved.acceleration[0]]),
@@ -154,19 +154,21 @@ def constraints(moved: Motion, limits: Limits) -> list[Constraint]:
     for i, (axis, (low, high)) in enumerate(zip(AXES, limits.axes.tolist(), strict=True)):
         series, rate = moved.axes[i], rates[i]
         setpoint = plus(differentiated(series, 1), [c * float(limits.lag[i]) for c in rate])
-        found += [
+        result += [
             Constraint(axis, series, low, high, limits.size),
             _symmetric(f"{axis} set-point", setpoint, limits.velocity[i]),
             _symmetric(f"{axis} set-point's rate", differentiated(setpoint, 1), limits.acceleration[i]),
             _symmetric(f"{axis} force", forces[i], limits.force[i]),
             _symmetric(f"{axis} jerk", differentiated(rate, 1), limits.jerk[i]),
         ]
-    return [constraint for constraint in found if np.isfinite(constraint.low) or np.isfinite(constraint.high)]
+    return [
+        constraint for constraint in result if np.isfinite(constraint.low) or np.isfinite(constraint.high)
+    ]
 
 
 def excesses(moved: Motion, limits: Limits) -> dict[str, Array]:
     """Over each limit at each point (N,), in parts of it; below zero: what is left. Of floats."""
-    found = {
+    by_name = {
         constraint.name: np.maximum(
             constraint.series[0] - constraint.high, constraint.low - constraint.series[0]
         )
@@ -174,8 +176,8 @@ def excesses(moved: Motion, limits: Limits) -> dict[str, Array]:
         for constraint in constraints(moved, limits)
     }
     for box in limits.obstacles:
-        found[box.key] = -np.max(clearance(moved, box, limits.radius), axis=0) / limits.size
-    return found
+        by_name[box.key] = -np.max(clearance(moved, box, limits.radius), axis=0) / limits.size
+    return by_name
 
 
 def clearance(moved: Motion, box: Box, radius: float) -> Array:

@@ -84,8 +84,8 @@ def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law
     begins = np.cumsum(durations) - durations
     at = np.linspace(0.0, durations.sum(), GUESS)
     guess = sum(
-        length / lengths.sum() * time_law(law, np.clip((at - begin) / duration, 0.0, 1.0), 1)[0]
-        for (law, duration, length), begin in zip(stopping, begins, strict=True)
+        length / lengths.sum() * time_law(stop_law, np.clip((at - begin) / duration, 0.0, 1.0), 1)[0]
+        for (stop_law, duration, length), begin in zip(stopping, begins, strict=True)
     )
     ends = np.zeros(1), np.ones(1)
     guessed = guess[:, None], float(durations.sum())
@@ -205,8 +205,8 @@ def _fitted(problem: Problem, smoothing: float) -> Array:
     passed = VIA_POINT_WEIGHT * problem.curves[0](np.array(task.instants[: len(task.via)]))
     rows = np.vstack([basis, rough, passed])
     still = np.zeros((len(rough), tied.shape[1]))
-    asked = np.vstack([task.guess, still, *(VIA_POINT_WEIGHT * point for point in task.via)]) - rows @ tied
-    tied[problem.free] = np.linalg.lstsq(rows[:, problem.free], asked, rcond=None)[0]
+    wanted = np.vstack([task.guess, still, *(VIA_POINT_WEIGHT * point for point in task.via)]) - rows @ tied
+    tied[problem.free] = np.linalg.lstsq(rows[:, problem.free], wanted, rcond=None)[0]
     return tied
 
 

@@ -60,10 +60,10 @@ def with_planned_segments(scenario: Scenario, directory: Path) -> Scenario:
     segments: list[Segment] = []
     here = np.array(scenario.reference.start)
     blended: list[Line | Arc] = []  # with what follows
-    asked = scenario.reference.segments
-    for index, segment in enumerate(asked):
+    requested = scenario.reference.segments
+    for index, segment in enumerate(requested):
         if isinstance(segment, Line | Arc) and segment.blend:
-            follower = asked[index + 1] if index + 1 < len(asked) else None
+            follower = requested[index + 1] if index + 1 < len(requested) else None
             check_follower(follower, f"reference.segments.{index}")
             blended.append(segment)
             continue
@@ -88,10 +88,10 @@ def _ready(
     if isinstance(segment, Samples):
         return [samples(segment, start, scenario, directory, where)]
     if isinstance(segment, WayPoints):
-        found = way_points(segment, start, scenario, directory, where)
-        if all(map(is_planned, found)):
-            return found
-        (segment,) = found
+        ready = way_points(segment, start, scenario, directory, where)
+        if all(map(is_planned, ready)):
+            return ready
+        (segment,) = ready
     assert isinstance(segment, AlongPath | Spline | Move)
     return _planned_segment(segment, start, scenario, where)
 
@@ -120,13 +120,13 @@ def _planned_segment(
 
 def _planned(segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str) -> str:
     if isinstance(segment, Move):
-        found = planned_move(segment, start, scenario, where)
+        segments = planned_move(segment, start, scenario, where)
     elif isinstance(segment, BlendedPath) and segment.time_law == MINIMUM_TIME:
-        found = planned_with_blends(segment, start, scenario, where)
+        segments = planned_with_blends(segment, start, scenario, where)
     else:
-        found = [planned_along(segment, start, scenario, where)]
+        segments = [planned_along(segment, start, scenario, where)]
     plans = []
-    for planned in found:
+    for planned in segments:
         plans.append((planned, claim_of(planned, start, scenario)))
         start = end_point(planned, start)
     return _PLANS.dump_json(plans).decode()
@@ -142,10 +142,10 @@ def planned_along(segment: Along | Spline, start: Array, scenario: Scenario, whe
     check_least_time(start, end, limits, where)
     quickest = np.inf
     if segment.time_law == MINIMUM_TIME:
-        found = _faster(along_path(geometry, limits, about_shortest(geometry, limits, where)), scenario)
-        if found and found.duration <= MAX_DURATION:
-            return _with_law(segment, found)
-        quickest = found.duration if found else np.inf
+        motion = _faster(along_path(geometry, limits, about_shortest(geometry, limits, where)), scenario)
+        if motion and motion.duration <= MAX_DURATION:
+            return _with_law(segment, motion)
+        quickest = motion.duration if motion else np.inf
     duration = shortest(geometry, limits, where)
     check_duration(min(duration, quickest), limiting(geometry, limits, duration), limits, where)
     return _timed(segment, duration, "degree-9")
@@ -154,25 +154,27 @@ def planned_along(segment: Along | Spline, start: Array, scenario: Scenario, whe
 def planned_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, where: str) -> list[Segment]:
     """Plan one motion along all parts, or, where that is no faster, the parts with a stop at each corner."""
     stopping: list[Along | Spline] = []
-    given = parts_of(segment.parts, start, where)
-    for index, (part, path) in enumerate(zip(segment.parts, given, strict=True)):
+    parts = parts_of(segment.parts, start, where)
+    for index, (part, path) in enumerate(zip(segment.parts, parts, strict=True)):
         alone = part.model_copy(update={"blend": 0.0})
         stopping.append(planned_along(alone, path.start, scenario, f"{where}, part {index + 1}"))
     geometry = geometry_of(segment, start, where)
     limits = limits_of(scenario)._replace(size=EXCESS_PRECISION * geometry.length)
-    laws = [(law_of(part), seconds(part), path.length) for part, path in zip(stopping, given, strict=True)]
-    found = _faster(along_parts(geometry, limits, laws), scenario)
-    return [_with_law(segment, found)] if found and found.duration < MAX_DURATION else list(stopping)
+    time_laws = [
+        (law_of(part), seconds(part), path.length) for part, path in zip(stopping, parts, strict=True)
+    ]
+    shortest = _faster(along_parts(geometry, limits, time_laws), scenario)
+    return [_with_law(segment, shortest)] if shortest and shortest.duration < MAX_DURATION else list(stopping)
 
 
-def _with_law(segment: Along | Spline, found: ShortestMotion) -> Along | Spline:
-    law = SplineLaw(coefficients=tuple(np.clip(found.coefficients[:, 0], 0.0, 1.0).tolist()))
-    return _timed(segment, found.duration, law)
+def _with_law(segment: Along | Spline, shortest: ShortestMotion) -> Along | Spline:
+    time_law = SplineLaw(coefficients=tuple(np.clip(shortest.coefficients[:, 0], 0.0, 1.0).tolist()))
+    return _timed(segment, shortest.duration, time_law)
 
 
-def _timed(segment: Along | Spline, duration: float, law: SplineLaw | str) -> Along | Spline:
+def _timed(segment: Along | Spline, duration: float, time_law: SplineLaw | str) -> Along | Spline:
     key = "lasts" if isinstance(segment, Spline) else "duration"
-    return segment.model_copy(update={key: duration, "time_law": law})
+    return segment.model_copy(update={key: duration, "time_law": time_law})
 
 
 def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
@@ -186,10 +188,10 @@ def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) ->
     durations = [shortest(way, limits, where) for way in ways]
     quickest = longest = sum(durations)
     if segment.duration is None:
-        found = _faster(free_motion(segment, points, corners, limits, longest), scenario)
-        if found and found.duration <= MAX_DURATION:
-            return [_spline(segment, found)]
-        quickest = found.duration if found else longest
+        motion = _faster(free_motion(segment, points, corners, limits, longest), scenario)
+        if motion and motion.duration <= MAX_DURATION:
+            return [_spline(segment, motion)]
+        quickest = motion.duration if motion else longest
     slowest = int(np.argmax(durations))
     check_duration(quickest, limiting(ways[slowest], limits, durations[slowest]), limits, where)
     if segment.constant_rope:  # on straight lines it is not: the trolley swings out beside the load
@@ -207,18 +209,18 @@ def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) ->
 
 def _points_of(segment: Move, start: Array) -> list[Array]:
     """Return the points of a move from its start to its end, each (3,), repeated ones once."""
-    asked = [start, *map(np.array, segment.via), np.array(segment.to)]
-    moved = [after for before, after in itertools.pairwise(asked) if not np.array_equal(before, after)]
+    points = [start, *map(np.array, segment.via), np.array(segment.to)]
+    moved = [after for before, after in itertools.pairwise(points) if not np.array_equal(before, after)]
     return [start, *moved]
 
 
-def _spline(segment: Move, found: ShortestMotion) -> Spline:
-    breaks = np.linspace(0.0, found.duration, len(found.coefficients) - PLANNED_DEGREE + 1)
+def _spline(segment: Move, shortest: ShortestMotion) -> Spline:
+    breaks = np.linspace(0.0, shortest.duration, len(shortest.coefficients) - PLANNED_DEGREE + 1)
     return Spline(
         kind="spline",
         degree=7,
         breaks=tuple(breaks.tolist()),
-        coefficients=tuple(map(tuple, found.coefficients.tolist())),
+        coefficients=tuple(map(tuple, shortest.coefficients.tolist())),
         made_from=segment.model_dump(mode="json", exclude_defaults=True),
     )
 
@@ -297,5 +299,5 @@ def _faster(task: Task, scenario: Scenario) -> ShortestMotion | None:
     """Find a motion that is faster than the law of degree 9, with the knots of `[planning]`."""
     if not np.isfinite(task.duration):  # there is no finite guess
         return None
-    found = minimum_time(replace(task, spans=scenario.planning.refinement * task.spans))
-    return found if found and found.duration < task.duration else None
+    refined = minimum_time(replace(task, spans=scenario.planning.refinement * task.spans))
+    return refined if refined and refined.duration < task.duration else None

@@ -109,8 +109,8 @@ class Problem:
         # Rows by the motion's begin, the instants, its end: how much later stretches begin than they end.
         passed = itertools.pairwise([0, *range(1, len(task.via) + 1), -1])
         stretches = [*passed, *((passage.begin, passage.end) for passage in task.passages)]
-        each = np.eye(count + 2)
-        late = [each[begin] - each[end] for begin, end in stretches if (begin, end) != (0, -1)]
+        instants = np.eye(count + 2)
+        late = [instants[begin] - instants[end] for begin, end in stretches if (begin, end) != (0, -1)]
         self._late = np.array(late).reshape(-1, count + 2)
 
     def basis(self, parts: Array) -> Array:
@@ -235,18 +235,18 @@ class Problem:
     def _limited(self, coordinates: list[Series]) -> list[Bounded]:
         """Return all that is limited at every sample."""
         limits = self.task.limits
-        found = []
+        bounds = []
         for constraint in constraints(motion(self.task.to_load(coordinates), limits.gravity), limits):
             if np.isfinite(constraint.high):
-                found.append(Bounded(constraint, constraint.high, 1.0))
+                bounds.append(Bounded(constraint, constraint.high, 1.0))
             if np.isfinite(constraint.low):
-                found.append(Bounded(constraint, constraint.low, -1.0))
+                bounds.append(Bounded(constraint, constraint.low, -1.0))
             if constraint.name.endswith(EFFORT):
-                found.append(Bounded(constraint, None, 1.0))
+                bounds.append(Bounded(constraint, None, 1.0))
         if self.task.forwards:
             rates = [Constraint("progress", [c[1]], 0.0, np.inf, 1.0) for c in coordinates]
-            found += [Bounded(rate, 0.0, -1.0) for rate in rates]
-        return found
+            bounds += [Bounded(rate, 0.0, -1.0) for rate in rates]
+        return bounds
 
     def _passing(self, index: int, point: Array) -> Sampled:
         """Demand that a point is met at an instant: two inequalities for each coordinate."""
@@ -265,8 +265,8 @@ class Problem:
         """Demand that load and rope stay on a side of an obstacle, from one instant to another."""
         limits = self.task.limits
         box, part = limits.obstacles[passage.box], np.linspace(0.0, 1.0, count)[:, None]
-        each = np.eye(len(self.task.instants) + 2)
-        weights = (1.0 - part) * each[passage.begin] + part * each[passage.end]
+        instants = np.eye(len(self.task.instants) + 2)
+        weights = (1.0 - part) * instants[passage.begin] + part * instants[passage.end]
 
         def bounded(coordinates: list[Series]) -> list[Bounded]:
             moved = motion(self.task.to_load([c[:3] for c in coordinates]), limits.gravity)
@@ -284,16 +284,16 @@ def series_along(breaks: Array, coefficients: Array, degree: int, time: Array) -
     return [from_derivatives([row[:, j] for row in rows]) for j in range(coefficients.shape[1])]
 
 
-def _parted(found: Sequence[Bounded]) -> tuple[list[Bounded], list[Bounded]]:
+def _parted(bounds: Sequence[Bounded]) -> tuple[list[Bounded], list[Bounded]]:
     """Divide into those with a bound, and the efforts."""
-    return [f for f in found if f.bound is not None], [f for f in found if f.bound is None]
+    return [f for f in bounds if f.bound is not None], [f for f in bounds if f.bound is None]
 
 
-def _chained(found: Sequence[Bounded], by_x: Array) -> tuple[Array, Array]:
+def _chained(bounds: Sequence[Bounded], by_x: Array) -> tuple[Array, Array]:
     """Return excesses over the bounds, or the efforts themselves, and their slopes by the unknowns."""
-    if not found:
+    if not bounds:
         return np.zeros(0), np.zeros((0, by_x.shape[2]))
-    numbers = [bounded.excess() for bounded in found]
+    numbers = [bounded.excess() for bounded in bounds]
     by_jets = np.stack([number.slope for number in numbers], axis=1)
     by_unknowns = np.matmul(by_jets, by_x).transpose(1, 0, 2)
     return np.concatenate([number.value for number in numbers]), by_unknowns.reshape(-1, by_x.shape[2])

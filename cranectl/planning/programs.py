@@ -45,11 +45,11 @@ def solve(problem: Problem, x: Array, sizes: Array, least_penalty: float = PENAL
     unit = problem.duration(x)
     for penalty in (candidate for candidate in PENALTIES if candidate >= least_penalty):
         merit = Merit(problem, sizes, unit, effort=EFFORT_WEIGHT * unit, excess=penalty * unit)
-        found = _minimise(merit, x)._replace(penalty=penalty)
-        x = found.x
-        if found.solved:
+        minimum = _minimise(merit, x)._replace(penalty=penalty)
+        x = minimum.x
+        if minimum.solved:
             break
-    return found
+    return minimum
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,10 @@ class Merit:
 
     def near(self, x: Array) -> Linearisation:
         """Return the problem near x, by moves."""
-        found = self.problem.linearised(x)
-        return found._replace(slope=found.slope * self.sizes, effort_slope=found.effort_slope * self.sizes)
+        linearised = self.problem.linearised(x)
+        return linearised._replace(
+            slope=linearised.slope * self.sizes, effort_slope=linearised.effort_slope * self.sizes
+        )
 
     def predicted(self, x: Array, near: Linearisation, hessian: Array, move: Array) -> float:
         """Return what the program takes the merit after `move` for."""
@@ -108,12 +110,12 @@ class Merit:
 
 def _minimise(merit: Merit, x: Array) -> Solution:
     """Descend to a minimum: leave a saddle, as motions in a plane often are, along its negative curvature."""
-    found, downhill = _descend(merit, x, MAX_STEPS)
-    if not found.solved or not downhill.any():
-        return found
-    other, _ = _descend(merit, found.x + merit.sizes * SADDLE_STEP * downhill, MAX_STEPS // 4)
-    better = other.solved and merit.problem.duration(other.x) < merit.problem.duration(found.x)
-    return other if better else found
+    minimum, downhill = _descend(merit, x, MAX_STEPS)
+    if not minimum.solved or not downhill.any():
+        return minimum
+    other, _ = _descend(merit, minimum.x + merit.sizes * SADDLE_STEP * downhill, MAX_STEPS // 4)
+    better = other.solved and merit.problem.duration(other.x) < merit.problem.duration(minimum.x)
+    return other if better else minimum
 
 
 def _descend(merit: Merit, x: Array, max_steps: int) -> tuple[Solution, Array]:
@@ -125,10 +127,10 @@ def _descend(merit: Merit, x: Array, max_steps: int) -> tuple[Solution, Array]:
     enough = MIN_GAIN * merit.problem.duration(x)
     chosen = np.zeros(len(near.excess), dtype=bool)
     for _ in range(max_steps):
-        found = _program(merit, near, near.excess, hessian, radius=radius, chosen=chosen)
-        if found is None:
+        step = _program(merit, near, near.excess, hessian, radius=radius, chosen=chosen)
+        if step is None:
             return Solution(x, solved=False), downhill
-        move, multipliers = found
+        move, multipliers = step
         gain = value - merit.predicted(x, near, hessian, move)
         if gain < enough:
             break

@@ -67,11 +67,11 @@ class Review(NamedTuple):
     @property
     def by_limit(self) -> dict[str, list[Acting]]:
         """Return the limits that act, those that do so longest first."""
-        found: dict[str, list[Acting]] = {}
+        by_name: dict[str, list[Acting]] = {}
         for acting in self.acting:
-            found.setdefault(acting.name, []).append(acting)
-        lasting = {name: sum(time.end - time.start for time in times) for name, times in found.items()}
-        return {name: found[name] for name in sorted(found, key=lambda name: -lasting[name])}
+            by_name.setdefault(acting.name, []).append(acting)
+        lasting = {name: sum(time.end - time.start for time in times) for name, times in by_name.items()}
+        return {name: by_name[name] for name in sorted(by_name, key=lambda name: -lasting[name])}
 
     @property
     def in_short(self) -> str:
@@ -88,12 +88,12 @@ class Review(NamedTuple):
 
 def reviews(scenario: Scenario) -> list[Review]:
     """Review all segments of a scenario that were planned, and none of others."""
-    found, here, begins = [], np.array(scenario.reference.start), 0.0
+    result, here, begins = [], np.array(scenario.reference.start), 0.0
     for index, segment in enumerate(scenario.reference.segments):
-        if asked := in_words(segment):
-            found.append(_review(scenario, index, asked, segment, start=here, begins=begins))
+        if request := in_words(segment):
+            result.append(_review(scenario, index, request, segment, start=here, begins=begins))
         here, begins = end_point(segment, here), begins + seconds(segment)
-    return found
+    return result
 
 
 def with_claims(scenario: Scenario) -> Scenario:
@@ -109,20 +109,20 @@ def with_claims(scenario: Scenario) -> Scenario:
 
 def claim_of(segment: Segment, start: Array, scenario: Scenario) -> str:
     """Return the review, in short, of a segment that was planned from `start` (3,) [m]; else nothing."""
-    asked = in_words(segment)
-    return _review(scenario, 0, asked, segment, start=start, begins=0.0).in_short if asked else ""
+    request = in_words(segment)
+    return _review(scenario, 0, request, segment, start=start, begins=0.0).in_short if request else ""
 
 
-def least_durations(plan: Scenario, asked: Scenario, directory: Path = Path()) -> tuple[float, ...]:
-    """Estimate the least duration of each segment [s] with any knots, from the `plan` of what is `asked` for.
+def least_durations(plan: Scenario, requested: Scenario, directory: Path = Path()) -> tuple[float, ...]:
+    """Estimate the least duration of each segment [s] with any knots, from the `plan` of `requested`.
 
     With T(n) of n knot spans it is T(2n) - (T(n) - T(2n)). What knots cost falls as 1/n, so this is near the
     shortest motion of all, whose drives' accelerations jump: measured 0.3 % above it, 1.5 % over an obstacle
     (docs/explanation/planning.md). An estimate, since each plan is the best near its guess. Raises InputError
     for what cannot be planned.
     """
-    finer = asked.planning.model_copy(update={"refinement": 2 * asked.planning.refinement})
-    plans = plan, planned(asked.model_copy(update={"planning": finer}), directory)
+    finer = requested.planning.model_copy(update={"refinement": 2 * requested.planning.refinement})
+    plans = plan, planned(requested.model_copy(update={"planning": finer}), directory)
     coarse, fine = ([seconds(segment) for segment in plan.reference.segments] for plan in plans)
     if len(coarse) != len(fine):  # one of them stops on its way
         return (float("nan"),) * len(coarse)
@@ -156,7 +156,7 @@ def curve_of(segment: Segment, start: Array) -> SegmentCurve:
 
 
 def _review(
-    scenario: Scenario, index: int, asked: str, segment: Segment, *, start: Array, begins: float
+    scenario: Scenario, index: int, request: str, segment: Segment, *, start: Array, begins: float
 ) -> Review:
     limits, curve = limits_of(scenario), curve_of(segment, start)
     duration = seconds(segment)
@@ -174,13 +174,13 @@ def _review(
         for a, b in _stretches(share >= ACTS)
     ]
     least = float(max(least_times(path[0], path[-1], limits)))
-    check_duration(least, duration, asked)
+    check_duration(least, duration, request)
     key = key_of(segment, start, scenario)
     if key not in _PROOFS:
         _PROOFS[key] = prove(*curve[:3], limits, curve.to_load)
     return Review(
         segment=index,
-        planned=asked,
+        planned=request,
         start=begins,
         duration=duration,
         least=least,
@@ -193,10 +193,10 @@ def _review(
     )
 
 
-def check_duration(least: float, duration: float, asked: str) -> None:
+def check_duration(least: float, duration: float, request: str) -> None:
     """Raise InconsistentError for a motion that is quicker than the drives can be without a load."""
     bound = ("the least time of the drives without a load", least)
-    check_ascending(bound, (f"the planned duration of {asked}", duration), rounding=TIME_ROUNDING)
+    check_ascending(bound, (f"the planned duration of {request}", duration), rounding=TIME_ROUNDING)
 
 
 def _asked(segment: Segment, start: Array) -> Array:
@@ -209,11 +209,13 @@ def _asked(segment: Segment, start: Array) -> Array:
     return np.zeros((0, 3))
 
 
-def _share(each: Constraint) -> Array:
+def _share(constraint: Constraint) -> Array:
     """Return the share of a range, one at either end and none in its middle, or of a one-sided limit."""
-    one_sided = not np.isfinite(each.low)
-    middle, half = 0.5 * (each.low + each.high), 0.5 * (each.high - each.low)
-    share: Array = each.series[0] / each.high if one_sided else np.abs(each.series[0] - middle) / half
+    one_sided = not np.isfinite(constraint.low)
+    middle, half = 0.5 * (constraint.low + constraint.high), 0.5 * (constraint.high - constraint.low)
+    share: Array = (
+        constraint.series[0] / constraint.high if one_sided else np.abs(constraint.series[0] - middle) / half
+    )
     return share
 
 

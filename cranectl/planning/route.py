@@ -22,19 +22,19 @@ def stops(points: list[Array], limits: Limits, where: str) -> list[Array]:
 
     Raises InputError where there is no way over it.
     """
-    found = [points[0]]
+    result = [points[0]]
     for end in points[1:]:
-        start = found[-1]
+        start = result[-1]
         if is_blocked(start, end, limits):
             top = max(float(box.high[2]) for box in limits.obstacles)
             height = max(top + (1.0 + PASSAGE_CLEARANCE) * limits.radius, start[2], end[2])
             check_way_over(height, limits, where)
             over = [np.array([*start[:2], height]), np.array([*end[:2], height])]
-            found += [point for point in over if not np.allclose(point, found[-1], atol=1e-9)]
-            if np.allclose(found[-1], end, atol=1e-9):
+            result += [point for point in over if not np.allclose(point, result[-1], atol=1e-9)]
+            if np.allclose(result[-1], end, atol=1e-9):
                 continue
-        found.append(end)
-    return found
+        result.append(end)
+    return result
 
 
 def is_blocked(start: Array, end: Array, limits: Limits) -> bool:
@@ -67,8 +67,8 @@ def rounded(points: list[Array]) -> Array:
     half = max(1, int(CORNER_SHARE / 2 / (fine[1] - fine[0]))) if len(points) > 2 else 0
     kernel = np.ones(2 * half + 1) / (2 * half + 1)
     smooth = np.stack([np.convolve(column, kernel, mode="same") for column in path.T], axis=1)
-    law = time_law("degree-9", np.linspace(0.0, 1.0, GUESS))[0]
-    return np.stack([np.interp(law, fine, column) for column in smooth.T], axis=1)
+    progress = time_law("degree-9", np.linspace(0.0, 1.0, GUESS))[0]
+    return np.stack([np.interp(progress, fine, column) for column in smooth.T], axis=1)
 
 
 def passages_of(

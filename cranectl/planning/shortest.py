@@ -61,11 +61,11 @@ def about_shortest(geometry: Geometry, limits: Limits, where: str) -> float:
 def _largest(proof: Proof, limits: Limits) -> dict[str, float]:
     """Return the largest excess over each limit that is not proven, in parts of it."""
     sizes = {box.key: limits.size for box in limits.obstacles}
-    found: dict[str, float] = {}
+    largest: dict[str, float] = {}
     for violation in proof.violations:
         excess = violation.excess / sizes.get(violation.name, 1.0)
-        found[violation.name] = max(found.get(violation.name, 0.0), excess)
-    return found
+        largest[violation.name] = max(largest.get(violation.name, 0.0), excess)
+    return largest
 
 
 def limiting(geometry: Geometry, limits: Limits, duration: float) -> str:
@@ -89,7 +89,7 @@ def prove_law(geometry: Geometry, limits: Limits, duration: float) -> Proof:
 
 def exceeded(geometry: Geometry, limits: Limits, duration: float) -> dict[str, float]:
     """Return the most over each limit at samples, in parts of it; below zero: what is left."""
-    law = time_law("degree-9", np.linspace(0.0, 1.0, SAMPLES), ORDERS)
-    in_time = law * (duration ** -np.arange(float(ORDERS)))[:, None]
+    progress = time_law("degree-9", np.linspace(0.0, 1.0, SAMPLES), ORDERS)
+    in_time = progress * (duration ** -np.arange(float(ORDERS)))[:, None]
     moved = motion(geometry([from_derivatives(list(in_time))]), limits.gravity)
     return {name: float(over.max()) - PROOF_MARGIN for name, over in excesses(moved, limits).items()}

@@ -76,15 +76,15 @@ def _call(_typing, _address, block, _action, state, command, disturbance, wind, 
         def pointer(kind: Any, array: Any) -> Any:
             return context.make_array(kind)(context, builder, array).data
 
-        given = [
+        values = [
             pointer(block, arguments[1]),
             arguments[2],
             pointer(state, arguments[3]),
             *[builder.extract_value(arguments[4], axis) for axis in range(3)],
             *map(pointer, (disturbance, wind, load), arguments[5:]),
         ]
-        step = ir.FunctionType(ir.IntType(64), [argument.type for argument in given]).as_pointer()
-        return builder.call(builder.inttoptr(arguments[0], step), given)
+        step = ir.FunctionType(ir.IntType(64), [argument.type for argument in values]).as_pointer()
+        return builder.call(builder.inttoptr(arguments[0], step), values)
 
     integer = types.int64
     return integer(integer, block, integer, state, command, disturbance, wind, load), generate

@@ -293,14 +293,14 @@ def _analytic_rig(
 
 
 def _axis_drives(rig: RigParameters, drive: Drive, effects: EffectSettings) -> AxisDrives:
-    masses, (gain, damping, held) = axis_masses(rig), DRIVES[drive].push(rig, effects)
+    masses, (gain, damping, load_force) = axis_masses(rig), DRIVES[drive].push(rig, effects)
     along_x, along_y, _ = gravity_in_rig(rig.gravity, effects)
     return AxisDrives(
         masses,
         slope=(masses.bridge * along_x, masses.trolley * along_y),
         gain=gain,
         damping=damping,
-        held=held[2],
+        held=load_force[2],
     )
 
 

@@ -29,10 +29,10 @@ def check_scenario(scenario: Scenario, *, plant: str, drive: Drive) -> None:
                 remedy=f"{remedy.partition(', or ')[0]}, or add --set 'disturbances=[]'",
             )
     for name, value in entry.fixed.items():
-        given = getattr(scenario.rig, name)
-        if given != value:
+        stated = getattr(scenario.rig, name)
+        if stated != value:
             raise InputError(
-                f"rig.{name} = {given:g} on the {entry.label} plant, which has {value:g} built in",
+                f"rig.{name} = {stated:g} on the {entry.label} plant, which has {value:g} built in",
                 allowed=f"rig.{name} = {value:g}",
                 remedy=f"add --set rig.{name}={value:g}, or choose other plants with --plants",
             )

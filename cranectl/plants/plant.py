@@ -39,8 +39,8 @@ class DriveKind:
         """Return gain, damping and what is held [N] of the force gain · command - damping · rate - held."""
         bridge, trolley, winch = rig.velocity_gains.tolist()
         none, servo = (0.0, 0.0, 0.0), (bridge, trolley, winch)
-        held = (0.0, 0.0, rig.hanging_mass(effects) * rig.gravity if self.holds_weight else 0.0)
-        return (servo, servo, held) if self.is_servo else ((1.0, 1.0, 1.0), none, held)
+        load_force = (0.0, 0.0, rig.hanging_mass(effects) * rig.gravity if self.holds_weight else 0.0)
+        return (servo, servo, load_force) if self.is_servo else ((1.0, 1.0, 1.0), none, load_force)
 
 
 DRIVES: dict[Drive, DriveKind] = {

@@ -64,8 +64,8 @@ class PlantEntry:
                 allowed=", ".join(PLANT_COLOURS),
                 remedy="take one of these",
             )
-        for given, known, what in ((self.lacks, LACKS, "lacks"), (self.fixed, BUILT_IN, "fixed")):
-            for name in given:
+        for declared, known, what in ((self.lacks, LACKS, "lacks"), (self.fixed, BUILT_IN, "fixed")):
+            for name in declared:
                 if name not in known:
                     raise unknown_name(f"setting in {what} of the plant {self.name}:", name, known)
 
@@ -119,8 +119,8 @@ class PlantEntry:
     def load(self) -> type[Plant]:
         """Import the class of the plant; raise InputError as `check_installed` does."""
         self.check_installed()
-        found: type[Plant] = loaded(self.where)
-        return found
+        plant: type[Plant] = loaded(self.where)
+        return plant
 
 
 class Plants(MutableMapping[str, PlantEntry]):

@@ -75,21 +75,21 @@ def _declaration(ignored: tuple[str, ...]) -> str:
     lacks = [f"'{name}': 'which has none'" for name in ignored if not name.startswith("rig.")]
     rig = [name.removeprefix("rig.") for name in ignored if name.startswith("rig.")]
     fixed = [f"'{name}': {getattr(RIG, name):g}" for name in rig]
-    told = (("lacks", lacks), ("fixed", fixed))
-    return ", ".join(f"{field}={{{', '.join(numbers)}}}" for field, numbers in told if numbers)
+    declarations = (("lacks", lacks), ("fixed", fixed))
+    return ", ".join(f"{field}={{{', '.join(numbers)}}}" for field, numbers in declarations if numbers)
 
 
 def _ignored(entry: PlantEntry, drive: Drive) -> tuple[str, ...]:
     """Return the settings to which a plant does not react."""
-    found = dict[str, None]()
+    ignored = dict[str, None]()
     for probe in _probes(entry, drive):
         try:
-            without, given = (_outcome(entry, drive, trial) for trial in (probe.without, probe.given))
+            without, with_setting = (_outcome(entry, drive, trial) for trial in (probe.without, probe.given))
         except InputError:  # the plant itself refuses the setting
             continue
-        if not probe.reacts(without, given):
-            found[probe.setting] = None
-    return tuple(found)
+        if not probe.reacts(without, with_setting):
+            ignored[probe.setting] = None
+    return tuple(ignored)
 
 
 def _probes(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
@@ -117,8 +117,8 @@ def _pushes() -> Iterator[Probe]:
 def _parameters(drive: Drive) -> Iterator[Probe]:
     rest, moving = ProbeRun(), ProbeRun(swinging=True, driven=True)
     for name, factor in (("load_mass", 2.0), ("gravity", 1.5)):
-        given = replace(rest, scaled={name: factor})
-        yield Probe(f"rig.{name}", rest, given, _grows(1, TENSION, RIG.weight))
+        scaled = replace(rest, scaled={name: factor})
+        yield Probe(f"rig.{name}", rest, scaled, _grows(1, TENSION, RIG.weight))
     part = "time_constant" if DRIVES[drive].is_servo else "mass"
     for axis in () if DRIVES[drive].is_prescribed else ("bridge", "trolley", "winch"):
         name = f"{axis}_{part}"
@@ -138,8 +138,8 @@ def _effects(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
             continue
         numbers = {key: other.none for key, other in EFFECTS[name].parts.items()}
         without = _with_effect(moving, name, numbers)
-        given = _with_effect(moving, name, {**numbers, key: part.tried})
-        yield Probe(setting, without, given, _differs)
+        with_effect = _with_effect(moving, name, {**numbers, key: part.tried})
+        yield Probe(setting, without, with_effect, _differs)
 
 
 def _with_effect(trial: ProbeRun, name: str, numbers: Mapping[str, float]) -> ProbeRun:
@@ -149,14 +149,14 @@ def _with_effect(trial: ProbeRun, name: str, numbers: Mapping[str, float]) -> Pr
 
 
 def _grows(part: int, column: int, expected: float) -> Callable[[Outcome, Outcome], bool]:
-    def reacts(without: Outcome, given: Outcome) -> bool:
-        return bool(given[part][column] - without[part][column] > REACTION * expected)
+    def reacts(without: Outcome, with_setting: Outcome) -> bool:
+        return bool(with_setting[part][column] - without[part][column] > REACTION * expected)
 
     return reacts
 
 
-def _differs(without: Outcome, given: Outcome) -> bool:
-    return any(not np.array_equal(a, b) for a, b in zip(without, given, strict=True))
+def _differs(without: Outcome, with_setting: Outcome) -> bool:
+    return any(not np.array_equal(a, b) for a, b in zip(without, with_setting, strict=True))
 
 
 def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Outcome:

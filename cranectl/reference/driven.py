@@ -52,9 +52,9 @@ class DrivenPath:
     def _states(self) -> Array:
         """At every sample, at rest at the last: shape (N + 1, 3, STATES)."""
         samples = round(self.duration / self.period)
-        asked = asked_at(self.changes, np.arange(samples + 1))
+        requests = asked_at(self.changes, np.arange(samples + 1))
         state = at_rest(self.start)
-        states = drive(self.limits, self.period, state, asked)
+        states = drive(self.limits, self.period, state, requests)
         states[-1] = at_rest(stop_of(self.limits, states[-1:])[0])
         return states
 
@@ -68,11 +68,11 @@ class DrivenPath:
         return derivatives(self.limits, states)
 
     def _between(self, sample: int, seconds: float) -> Array:
-        asked = asked_at(self.changes, np.array([sample]))
+        requests = asked_at(self.changes, np.array([sample]))
         state = self._states[sample].copy()
-        wish = np.empty(3)
-        _heed(*self.limits, self.period, state, asked[0], wish)
-        moved: Array = np.column_stack([state, wish]) @ transition(self.limits.bandwidth, seconds).T
+        velocity = np.empty(3)
+        _heed(*self.limits, self.period, state, requests[0], velocity)
+        moved: Array = np.column_stack([state, velocity]) @ transition(self.limits.bandwidth, seconds).T
         return moved
 
 
@@ -86,18 +86,18 @@ def at_rest(point: Array) -> Array:
 def asked_at(changes: Sequence[tuple[int, tuple[float, ...]]], samples: NDArray[np.intp]) -> Array:
     """Return the command at `samples` (n,), where `changes` hold from their sample on, in order."""
     first = [-1, *(sample for sample, _ in changes)]
-    asked = np.array([(0.0,) * ASKED, *(command for _, command in changes)])
-    rows: Array = asked[np.searchsorted(first, samples, side="right") - 1]
+    requests = np.array([(0.0,) * ASKED, *(command for _, command in changes)])
+    rows: Array = requests[np.searchsorted(first, samples, side="right") - 1]
     return rows
 
 
-def drive(limits: HandLimits, period: float, state: Array, asked: Array) -> Array:
-    """Move `state` (3, STATES) on by a sample for each row of `asked` (n, ASKED).
+def drive(limits: HandLimits, period: float, state: Array, requests: Array) -> Array:
+    """Move `state` (3, STATES) on by a sample for each row of `requests` (n, ASKED).
 
     Returns the states at those samples, before what is asked there acts: shape (n, 3, STATES).
     """
-    states = np.empty((len(asked), 3, STATES))
-    _drive(*limits, period, transition(limits.bandwidth, period), state, asked, states)
+    states = np.empty((len(requests), 3, STATES))
+    _drive(*limits, period, transition(limits.bandwidth, period), state, requests, states)
     return states
 
 
@@ -140,16 +140,16 @@ def _drive(
     period: float,
     moves: Array,
     state: Array,
-    asked: Array,
+    requests: Array,
     states: Array,
 ) -> None:
-    wish, new = np.empty(3), np.empty(STATES)
-    for k in range(asked.shape[0]):
+    velocity, new = np.empty(3), np.empty(STATES)
+    for k in range(requests.shape[0]):
         states[k] = state
-        _heed(bandwidth, speed, low, high, period, state, asked[k], wish)
+        _heed(bandwidth, speed, low, high, period, state, requests[k], velocity)
         for axis in range(3):
             for i in range(STATES):
-                new[i] = moves[i, STATES] * wish[axis]
+                new[i] = moves[i, STATES] * velocity[axis]
                 for j in range(STATES):
                     new[i] += moves[i, j] * state[axis, j]
             state[axis] = new
@@ -163,21 +163,21 @@ def _heed(
     high: Array,
     period: float,
     state: Array,
-    asked: Array,
-    wish: Array,
+    requests: Array,
+    velocity: Array,
 ) -> None:
-    """Write the velocities for the next period into `wish`: as asked, but no further than the box.
+    """Write the velocities for the next period into `velocity`: as asked, but no further than the box.
 
     To a point stop goes straight, as fast as the slowest axis lets it, and arrives within a sample.
     """
     left = period
     for axis in range(3):
         stop = _stop(bandwidth, state[axis])
-        left = max(left, abs(asked[1 + axis] - stop) / speed[axis])
+        left = max(left, abs(requests[1 + axis] - stop) / speed[axis])
     for axis in range(3):
         stop = _stop(bandwidth, state[axis])
-        wanted = (asked[1 + axis] - stop) / left if asked[0] > 0.0 else asked[1 + axis]
-        wish[axis] = min(max(wanted, (low[axis] - stop) / period), (high[axis] - stop) / period)
+        wanted = (requests[1 + axis] - stop) / left if requests[0] > 0.0 else requests[1 + axis]
+        velocity[axis] = min(max(wanted, (low[axis] - stop) / period), (high[axis] - stop) / period)
 
 
 @jit

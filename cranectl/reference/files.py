@@ -86,18 +86,18 @@ def read_motion(path: Path, settings: FromFile, wanted: Sequence[str], where: st
 def _check_used(settings: FromFile, wanted: Sequence[str], where: str) -> None:
     """Raise InputError for a column, or its unit, that is given and not `wanted`."""
     default = FromFile()
-    given = [
+    stated = [
         f"{table}.{kind}"
         for kind in ("time", "speed")
         for table in ("columns", "units")
         if kind not in wanted
         and getattr(getattr(settings, table), kind) != getattr(getattr(default, table), kind)
     ]
-    if given:
+    if stated:
         raise InputError(
-            f"{where}: {' and '.join(given)}, which changes nothing: what is read is {', '.join(wanted)}",
+            f"{where}: {' and '.join(stated)}, which changes nothing: what is read is {', '.join(wanted)}",
             allowed="columns that are read, and their units",
-            remedy=f"leave out {' and '.join(given)}",
+            remedy=f"leave out {' and '.join(stated)}",
         )
 
 
@@ -107,28 +107,28 @@ def _quantity(kind: str) -> str:
 
 def _in_si(kind: str, column: FileColumn, settings: FromFile, where: str) -> Array:
     """Return a column in SI; raise InputError if its unit is not given, or another than the file says."""
-    quantity, told = _quantity(kind), column.unit
-    name, given = getattr(settings.columns, kind), getattr(settings.units, quantity)
+    quantity, stated_unit = _quantity(kind), column.unit
+    name, unit = getattr(settings.columns, kind), getattr(settings.units, quantity)
     allowed = _units_of(quantity)
-    if given is None and not told:
+    if unit is None and not stated_unit:
         raise InputError(
             f"{where}: the unit of {quantity} is not given",
             allowed=f"units.{quantity}: {', '.join(allowed)}",
             remedy=f"say in what it is, units = {{{quantity} = '{allowed[0]}', …}}: a guess could err",
         )
-    if told and told not in allowed:
+    if stated_unit and stated_unit not in allowed:
         raise InputError(
-            f"{where}: the file says that '{name}' is in '{told}'",
+            f"{where}: the file says that '{name}' is in '{stated_unit}'",
             allowed=", ".join(allowed),
             remedy="write the column in one of these units",
         )
-    if told and (given or told) != told:
+    if stated_unit and (unit or stated_unit) != stated_unit:
         raise InputError(
-            f"{where}: units.{quantity} = '{given}', where the file says that '{name}' is in '{told}'",
+            f"{where}: units.{quantity} = '{unit}', where the file says that '{name}' is in '{stated_unit}'",
             allowed=f"the unit of the file, one of {', '.join(allowed)}",
             remedy=f"leave out units.{quantity}, or correct the file",
         )
-    return FACTORS[told or given] * column.values
+    return FACTORS[stated_unit or unit] * column.values
 
 
 def _units_of(quantity: str) -> list[str]:
@@ -139,12 +139,12 @@ def _units_of(quantity: str) -> list[str]:
 
 def _of_table(content: bytes, settings: FromFile, wanted: Sequence[str], where: str) -> dict[str, Array]:
     """Return the columns `wanted` of a CSV or Parquet file in SI; a number in place of a name is constant."""
-    told = {kind: getattr(settings.columns, kind) for kind in wanted}
-    named = {kind: name for kind, name in told.items() if isinstance(name, str)}
+    columns = {kind: getattr(settings.columns, kind) for kind in wanted}
+    named = {kind: name for kind, name in columns.items() if isinstance(name, str)}
     read = read_columns(content, named, {kind: _units_of(_quantity(kind)) for kind in named}, where)
     rows = len(next(iter(read.values())).values) if read else 0
     constant = {
-        kind: FileColumn(np.full(rows, value), "") for kind, value in told.items() if kind not in named
+        kind: FileColumn(np.full(rows, value), "") for kind, value in columns.items() if kind not in named
     }
     return {kind: _in_si(kind, {**read, **constant}[kind], settings, where) for kind in wanted}
 
@@ -197,9 +197,9 @@ def _logged(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -
         rows = decode_table(columns[number].messages, len(names))
     with path.open("rb") as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-    found = {axis: rows[:, names.index(f"load_{axis}")] for axis in AXES}
-    found["time"] = 1e-9 * (columns[number].time_ns - columns[number].time_ns[0])
-    return RecordedMotion(_signed(found, settings), path.name, sha256, _as_parquet(found))
+    positions = {axis: rows[:, names.index(f"load_{axis}")] for axis in AXES}
+    positions["time"] = 1e-9 * (columns[number].time_ns - columns[number].time_ns[0])
+    return RecordedMotion(_signed(positions, settings), path.name, sha256, _as_parquet(positions))
 
 
 def _as_parquet(columns: Mapping[str, Array]) -> bytes:

@@ -164,9 +164,9 @@ class Recorded:
         fixed = np.zeros((known, 3)) if start is None else start[np.newaxis]
         rest, side = design, self.points
         if start is not None:
-            rest, held = design.without_first(), np.zeros((1, design.columns, 3))
-            held[0, 0] = start
-            side = self.points - design.at(whole, held)
+            rest, fixed_part = design.without_first(), np.zeros((1, design.columns, 3))
+            fixed_part[0, 0] = start
+            side = self.points - design.at(whole, fixed_part)
         factor = cholesky_banded(rest.banded(whole, 1)[0])
         free = np.vstack([fixed, _solve(factor, rest.times(whole, 1, side)[0])])
         del side

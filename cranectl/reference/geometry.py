@@ -118,8 +118,8 @@ def expand_about(s: Number, coefficients: Array, count: int) -> list[Series]:
 
     Zeros beyond the polynomial's degree.
     """
-    found = padded(shifted_powers(list(coefficients), s[:, None] - 0.5), count)
-    return [[coefficient[:, axis] for coefficient in found] for axis in range(3)]
+    coefficients_about = padded(shifted_powers(list(coefficients), s[:, None] - 0.5), count)
+    return [[coefficient[:, axis] for coefficient in coefficients_about] for axis in range(3)]
 
 
 @singledispatch
@@ -130,10 +130,10 @@ def select_between(s: Number, low: float, high: float) -> tuple[NDArray[np.intp]
 
 
 @singledispatch
-def gathered(like: Number, found: list[tuple[NDArray[np.intp], Number]]) -> Number:
+def gathered(like: Number, parts: list[tuple[NDArray[np.intp], Number]]) -> Number:
     """Return the numbers of all points, as many as in `like`, from those of each segment."""
     value = np.empty_like(like)
-    for where, part in found:
+    for where, part in parts:
         value[where] = part
     return value
 
@@ -145,11 +145,11 @@ def padded(series: Series, count: int) -> Series:
 
 def shifted_powers(coefficients: Sequence[Array | float], at: Number) -> Series:
     """Return the coefficients of a polynomial in powers of x as one in powers of x - at: Horner's scheme."""
-    found: Series = [at * 0.0 + coefficient for coefficient in coefficients]
-    for first in range(len(found) - 1):
-        for k in range(len(found) - 2, first - 1, -1):
-            found[k] = found[k] + at * found[k + 1]
-    return found
+    shifted_series: Series = [at * 0.0 + coefficient for coefficient in coefficients]
+    for first in range(len(shifted_series) - 1):
+        for k in range(len(shifted_series) - 2, first - 1, -1):
+            shifted_series[k] = shifted_series[k] + at * shifted_series[k + 1]
+    return shifted_series
 
 
 def polynomial(curve: BPoly | BSpline, begin: float, end: float, length: float) -> Polynomial:
@@ -185,16 +185,16 @@ class Chain:
             [[0.0], np.cumsum([segment.length for segment in self.segments]) / self.length]
         )
         low, high = [-np.inf, *edges[1:-1].tolist()], [*edges[1:-1].tolist(), np.inf]
-        found: list[tuple[Any, list[Series]]] = []
+        parts: list[tuple[Any, list[Series]]] = []
         for k, (begin, end) in enumerate(itertools.pairwise(edges.tolist())):
             where, own = select_between(first, low[k], high[k])
             if len(where):
                 inside = [own, *(c[where] for c in progress[1:])]
                 scale = 1.0 / (end - begin)
-                found.append((where, self.segments[k]([[c * scale for c in shifted(inside, -begin)]])))
+                parts.append((where, self.segments[k]([[c * scale for c in shifted(inside, -begin)]])))
         return [
             [
-                gathered(first, [(where, load[axis][order]) for where, load in found])
+                gathered(first, [(where, load[axis][order]) for where, load in parts])
                 for order in range(len(progress))
             ]
             for axis in range(3)
@@ -243,13 +243,13 @@ def geometry_of(segment: Along | Spline, start: Array, where: str = "segment") -
 
 def parts_of(segments: Sequence[Line | Arc], start: Array, where: str = "segment") -> list[LineOrArc]:
     """Return their paths, one after the other; raises InputError where one has no length."""
-    found: list[LineOrArc] = []
+    parts: list[LineOrArc] = []
     for index, segment in enumerate(segments):
         part = geometry_of(segment, start, f"{where}, part {index + 1},")
         assert isinstance(part, LineOrArc)
-        found.append(part)
+        parts.append(part)
         start = place(part, 1.0) if isinstance(segment, Arc) else np.array(segment.to)
-    return found
+    return parts
 
 
 def blended(parts: Sequence[LineOrArc], taken: Sequence[float]) -> Chain:
@@ -277,9 +277,9 @@ def blend(before: LineOrArc, after: LineOrArc, taken: float) -> Polynomial:
     for end in ends:
         end *= width ** np.arange(MET)[:, None]
         end[0] -= corner  # small numbers: their differences keep their digits
-    found = polynomial(BPoly.from_derivatives([0.0, 1.0], ends), 0.0, 1.0, width)
-    found.coefficients[0] += corner
-    return found
+    curve = polynomial(BPoly.from_derivatives([0.0, 1.0], ends), 0.0, 1.0, width)
+    curve.coefficients[0] += corner
+    return curve
 
 
 def derivatives_at(part: LineOrArc, s: float) -> Array:

@@ -55,18 +55,18 @@ def way_points(
     time = time - time[0]
     if segment.time_law is not None:
         return [_segment(segment, _curve_through(segment, time, points, scenario, where), motion)]
-    found: list[Spline | Hold] = []
+    segments: list[Spline | Hold] = []
     for first, last, rests in _stretches(points, EXACT * _negligible(scenario)):
         own = time[first : last + 1] - time[first]
         if rests:
             points[first : last + 1] = points[first]
             rest = {"kind": "hold", "duration": float(own[-1])}
-            found.append(parse_settings(Hold, rest, f"{where}, a rest"))
+            segments.append(parse_settings(Hold, rest, f"{where}, a rest"))
             continue
         curve = _curve_through(segment, own, points[first : last + 1], scenario, where)
         check_demand([curve], scenario, where, begins=float(time[first]))
-        found.append(_segment(segment, curve, motion))
-    return found
+        segments.append(_segment(segment, curve, motion))
+    return segments
 
 
 def _stretches(points: Array, near: float) -> Iterator[tuple[int, int, bool]]:
@@ -142,13 +142,13 @@ def samples(segment: Samples, start: Array, scenario: Scenario, directory: Path,
 
 def _times(segment: WayPoints, motion: RecordedMotion | None, points: Array, where: str) -> Array:
     """Return when each point is passed (N,) [s]."""
-    given = segment.times if segment.times is not None else segment.speed
-    if given is None and motion is not None and "time" in motion.columns:
+    stated = segment.times if segment.times is not None else segment.speed
+    if stated is None and motion is not None and "time" in motion.columns:
         return motion.columns["time"]
-    if isinstance(given, tuple) and len(given) != len(points):
+    if isinstance(stated, tuple) and len(stated) != len(points):
         what = "speeds" if segment.times is None else "times"
         raise InputError(
-            f"{where}: {len(given)} {what} for {len(points)} points",
+            f"{where}: {len(stated)} {what} for {len(points)} points",
             allowed="one for each point",
             remedy="add or remove some",
         )
@@ -214,18 +214,19 @@ def _moved(
     away = np.abs(first + offset - start)
     allowed = _negligible(scenario) + 4.0 * error
     if (away > allowed).any():
-        told = ", ".join(f"{number:.4f}" for number in first + offset)
+        coordinates = ", ".join(f"{number:.4f}" for number in first + offset)
         if (first + offset)[2] >= 0.0 > start[2] and segment.signs[2] == 1:
             raise InputError(
-                f"{where} starts at [{told}], not below the trolley",
+                f"{where} starts at [{coordinates}], not below the trolley",
                 allowed="z upwards from the height of the trolley, so that a hanging load has z below 0",
                 remedy="signs = [1, 1, -1] if the file counts z downwards; or offset = "
                 f"'{TO_START}' if it counts from elsewhere",
             )
         raise InputError(
-            f"{where} starts at [{told}], where the load is at {[round(x, 4) for x in start.tolist()]}",
+            f"{where} starts at [{coordinates}], "
+            f"where the load is at {[round(x, 4) for x in start.tolist()]}",
             allowed=f"at most {1e3 * allowed.max():.2g} mm between them",
-            remedy=f"reference.start = [{told}] if it is the first segment, or move there before, or "
+            remedy=f"reference.start = [{coordinates}] if it is the first segment, or move there before, or "
             f"offset = '{TO_START}'",
         )
     moved: Array = points + offset

@@ -123,9 +123,9 @@ def _signed_times(
 
 
 @jit
-def _at(first: Integers, values: Array, group: Integers, coefficients: Array, found: Array) -> Array:
+def _at(first: Integers, values: Array, group: Integers, coefficients: Array, values_at: Array) -> Array:
     for i in range(len(first)):
         for k in range(ORDER):
             for axis in range(3):
-                found[i, axis] += values[i, k] * coefficients[group[i], first[i] + k, axis]
-    return found
+                values_at[i, axis] += values[i, k] * coefficients[group[i], first[i] + k, axis]
+    return values_at

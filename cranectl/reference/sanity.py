@@ -147,26 +147,26 @@ def check_demand(
     """
     if time is None:
         time = np.arange(0.0, curves[0].t[-1], scenario.control.period)
-    asked = [demand for curve in curves if (demand := _demand(curve, scenario, time)) is not None]
-    if not asked:
+    demands = [demand for curve in curves if (demand := _demand(curve, scenario, time)) is not None]
+    if not demands:
         return
     limits = scenario.drive_limits
     allowed = np.array([limits.velocity, limits.acceleration])
-    peaks = np.quantile(np.abs(asked).max(axis=2), UPPER if len(asked) > 1 else 1.0, axis=0)
+    peaks = np.quantile(np.abs(demands).max(axis=2), UPPER if len(demands) > 1 else 1.0, axis=0)
     beyond = np.argwhere(peaks > allowed)
     if not len(beyond):
         return
     kind, drive = beyond[0]
     quantity, unit = list(UNITS.items())[kind]
-    when = begins + time[int(np.argmax(np.abs(asked[0][kind, :, drive])))]
+    when = begins + time[int(np.argmax(np.abs(demands[0][kind, :, drive])))]
     key = f"{scenario.drive_limits_key}.{quantity}"
-    likely = ", the upper end of what its noise leaves open," if len(asked) > 1 else ""
+    likely = ", the upper end of what its noise leaves open," if len(demands) > 1 else ""
     raise InputError(
         f"{where} asks the set-point of the {DRIVES[drive]} for {peaks[kind, drive]:.3g} {unit}{likely} "
         f"near {when:.3g} s",
         allowed=f"{quantity} up to {allowed[kind, drive]:g} {unit}, as {key} says",
         remedy="give the motion more time, or fewer knots by spans"
-        if len(asked) > 1
+        if len(demands) > 1
         else f"give the motion more time, or raise {key} if the drive can do more",
     )
 

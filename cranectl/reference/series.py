@@ -53,11 +53,11 @@ def over(a: Series, b: Series) -> Series:
 def root(a: Series) -> Series:
     """Return the square root of a series."""
     first = square_root(a[0])
-    found: Series = [first]
+    coefficients: Series = [first]
     for n in range(1, len(a)):
-        rest = a[n] - _dot(found[1:], found[:0:-1]) if n > 1 else a[n]
-        found.append(rest / (first * 2.0))
-    return found
+        rest = a[n] - _dot(coefficients[1:], coefficients[:0:-1]) if n > 1 else a[n]
+        coefficients.append(rest / (first * 2.0))
+    return coefficients
 
 
 def square_root(number: Number) -> Number:

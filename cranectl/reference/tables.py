@@ -75,9 +75,11 @@ def read_columns(
         )
     try:
         read = _parquet if packed else _csv
-        table, told = read(content, named, where)
-        found = {
-            kind: _numbers(kind, name, table[name], told.get(name) or _unit_of(name, units[kind]), where)
+        table, unit_texts = read(content, named, where)
+        columns = {
+            kind: _numbers(
+                kind, name, table[name], unit_texts.get(name) or _unit_of(name, units[kind]), where
+            )
             for kind, name in named.items()
         }
     except (pa.ArrowException, KeyError, OSError, ValueError, IndexError) as error:
@@ -86,7 +88,7 @@ def read_columns(
         ) from None
     del table
     pa.default_memory_pool().release_unused()  # it keeps as much as the numbers take
-    return found
+    return columns
 
 
 def _unit_of(name: str, units: Sequence[str]) -> str:
@@ -94,8 +96,8 @@ def _unit_of(name: str, units: Sequence[str]) -> str:
 
     `units`: those of the quantity that are read.
     """
-    found = _UNIT.search(name)
-    unit = known_unit(next(filter(None, found.groups()), "")) if found else ""
+    match = _UNIT.search(name)
+    unit = known_unit(next(filter(None, match.groups()), "")) if match else ""
     return unit if unit in (*units, *OTHER_UNITS[units[0]]) else ""
 
 
@@ -165,7 +167,7 @@ def _parquet(content: bytes, named: Mapping[str, str], where: str) -> tuple[Any,
         raise ValueError(f"it has {file.metadata.num_rows} rows, more than {MOST_ROWS}")
     schema = file.schema_arrow
     _check_names(schema.names, named, where)
-    told = {}
+    units = {}
     for kind, name in named.items():
         field = schema.field(name)
         if not (_is_number(field.type) or (kind == "time" and _is_instant(field.type))):
@@ -176,8 +178,8 @@ def _parquet(content: bytes, named: Mapping[str, str], where: str) -> tuple[Any,
             )
         metadata = {key.lower(): value for key, value in (field.metadata or {}).items()}
         unit = metadata.get(b"unit") or metadata.get(b"units") or b""
-        told[name] = known_unit(unit.decode("utf-8", "replace").strip())
-    return file.read(columns=list(named.values())), told
+        units[name] = known_unit(unit.decode("utf-8", "replace").strip())
+    return file.read(columns=list(named.values())), units
 
 
 def _csv(content: bytes, named: Mapping[str, str], where: str) -> tuple[Any, dict[str, str]]:
@@ -222,9 +224,10 @@ def _csv(content: bytes, named: Mapping[str, str], where: str) -> tuple[Any, dic
         if not wrong:
             raise
         row = wrong[0]
-        place = f"line {first + row.number}" if row.number else "a line"
+        where_in_file = f"line {first + row.number}" if row.number else "a line"
         raise InputError(
-            f"{where}: {place} has {row.actual_columns} cells, the line of names has {row.expected_columns}: "
+            f"{where}: {where_in_file} has {row.actual_columns} cells, "
+            f"the line of names has {row.expected_columns}: "
             f"{row.text[:60]}",
             allowed=f"as many cells in each line, '{separator}' between them".replace("\t", "tab"),
             remedy="correct that line, or leave it out",

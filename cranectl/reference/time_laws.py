@@ -23,9 +23,9 @@ PLANNED_DEGREE = 7  # with simple knots C⁶: also the fifth derivative, which t
 
 def law_of(segment: AlongPath | Spline) -> Law:
     """Return the time law of a planned segment."""
-    law = segment.time_law
-    assert law is not None
-    return law.coefficients if isinstance(law, SplineLaw) else law
+    time_law = segment.time_law
+    assert time_law is not None
+    return time_law.coefficients if isinstance(time_law, SplineLaw) else time_law
 
 
 @functools.lru_cache(maxsize=256)

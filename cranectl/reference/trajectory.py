@@ -165,19 +165,19 @@ class Trajectory:
 
     def jumps(self) -> list[tuple[float, int, float]]:
         """Return discontinuities: (time [s], derivative order, size), the start from rest included."""
-        found = []
+        jumps = []
         before = HoldPath(self.start, 1.0).sample(np.array([1.0]))[0]
         for time, path in zip(self.joints, (*self.paths, self._final_hold()), strict=True):
             samples = path.sample(np.linspace(0.0, path.duration, 101))
             scale = np.maximum(1.0, np.abs(samples).max(axis=(0, 2)))
             jump = np.abs(samples[0] - before).max(axis=1)
-            found += [
+            jumps += [
                 (float(time), order, float(jump[order]))
                 for order in range(5)
                 if jump[order] > JUMP_TOLERANCE * scale[order]
             ]
             before = samples[-1]
-        return found
+        return jumps
 
     def _final_hold(self) -> HoldPath:
         return HoldPath(_end_of(self.paths[-1]) if self.paths else self.start, 1.0)

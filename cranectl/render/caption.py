@@ -75,8 +75,8 @@ class Caption:
         for k, (sign, text) in enumerate(rows):
             middle = (k + 0.5) * step
             sign(ImageDraw.Draw(signs), middle * SMOOTH, sign_width * SMOOTH, self._unit * SMOOTH)
-            place = left + self._px(40), top + middle
-            pen.text(place, text, LIGHT["ink"], letters, anchor="lm")
+            corner = left + self._px(40), top + middle
+            pen.text(corner, text, LIGHT["ink"], letters, anchor="lm")
         layer.alpha_composite(signs.resize((sign_width, step * len(rows)), Image.Resampling.BOX), (left, top))
         return layer
 
@@ -87,18 +87,18 @@ class Caption:
 def _shortened(text: str, letters: ImageFont.FreeTypeFont, width: float) -> str:
     if letters.getlength(text) <= width:
         return text
-    kept = next(n for n in range(len(text), -1, -1) if letters.getlength(text[:n] + "…") <= width)
-    return text[:kept] + "…"
+    length = next(n for n in range(len(text), -1, -1) if letters.getlength(text[:n] + "…") <= width)
+    return text[:length] + "…"
 
 
 def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
     """Return the texts at `time` [s], each with the role of its colour."""
     errors = {track.label: track.error[track.row(time)] for track in timeline.tracks}
     main, worst = timeline.main.label, max(errors, key=errors.__getitem__)
-    told = dict.fromkeys((main, worst)) if timeline.by_label else (main,)
+    labels = dict.fromkeys((main, worst)) if timeline.by_label else (main,)
     lines = [
         (f"{label if timeline.by_label else 'load'} off by {quantity(errors[label], 'm')}", "muted")
-        for label in told
+        for label in labels
     ]
     if (distance := timeline.distance(time)) is not None:
         far = quantity(distance, "m")

@@ -174,8 +174,8 @@ def _mark_disturbances(axes: Axes, timeline: Timeline, *, named: bool) -> None:
         if disturbance.end is not None:
             axes.axvline(disturbance.end, linestyle=(0, (2, 2)), **line)
         if named:
-            name, place = names.get(disturbance.joint or "", "force on load"), (disturbance.start, 1.0)
-            axes.annotate(name, place, (3.0, -9.0), above, "offset points", color=LIGHT["series-4"])
+            name, anchor = names.get(disturbance.joint or "", "force on load"), (disturbance.start, 1.0)
+            axes.annotate(name, anchor, (3.0, -9.0), above, "offset points", color=LIGHT["series-4"])
 
 
 def _dot(strip: Image.Image, centre: tuple[float, float], radius: float, colour: str) -> None:

@@ -99,8 +99,8 @@ class Renderer:
         x, y, z = self._model.cam_mat0[camera].reshape(3, 3).T @ (self._bar[1] - self._eye)
         width, height = self._size
         focal = height / 2.0 / np.tan(np.radians(self._model.cam_fovy[camera]) / 2.0)
-        place = float(width / 2.0 - focal * x / z), float(height / 2.0 + focal * y / z)
-        return f"{np.ptp(self._bar[:, 0]):g} m", place
+        anchor = float(width / 2.0 - focal * x / z), float(height / 2.0 + focal * y / z)
+        return f"{np.ptp(self._bar[:, 0]):g} m", anchor
 
     def _compose(self, time: float) -> None:
         for track, model, data in self._tracks:

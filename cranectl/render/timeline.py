@@ -133,10 +133,12 @@ def timeline_of(runs: Mapping[str, Run]) -> Timeline:
 
 def _drawable(run: Run) -> Run:
     """Return the run without samples that cannot be drawn, as before some stops."""
-    kept = (np.abs(np.hstack([run.block("state"), run.block("load")])) < FARTHEST).all(axis=1)
-    if kept.all():
+    drawable = (np.abs(np.hstack([run.block("state"), run.block("load")])) < FARTHEST).all(axis=1)
+    if drawable.all():
         return run
-    return replace(run, time_ns=run.time_ns[kept], table=run.table[kept], reference=run.reference[kept])
+    return replace(
+        run, time_ns=run.time_ns[drawable], table=run.table[drawable], reference=run.reference[drawable]
+    )
 
 
 def dashes(path: Array, scale: float = 1.0) -> Array:

@@ -74,12 +74,18 @@ def law_tables(
 
         from cranectl.design.linear_systems import closed_loop_poles, loop_margins
 
-        loops = [control.ss(law.a, law.b, law.gain.reshape(1, -1), 0.0) for law in linear]
+        loops = [
+            control.ss(loop_model.a, loop_model.b, loop_model.gain.reshape(1, -1), 0.0)
+            for loop_model in linear
+        ]
         margins = [_margin_rows(loop_margins(loop)) for loop in loops]
-        lines = [("gain", *("  ".join(f"{value:.4g}" for value in law.gain) for law in linear))]
+        lines = [("gain", *("  ".join(f"{value:.4g}" for value in loop_model.gain) for loop_model in linear))]
         lines += _pole_rows(closed_loop_poles(loop) for loop in loops)
         lines += [(row[0][0], *(text for _, text, _ in row)) for row in zip(*margins, strict=True)]
-        headings = ("one horizontal axis", *(f"rope of {law.rope_length:g} m" for law in linear))
+        headings = (
+            "one horizontal axis",
+            *(f"rope of {loop_model.rope_length:g} m" for loop_model in linear),
+        )
         title = "Linearised about rest, loop opened at the drive's acceleration"
         tables.append(Table(title, headings, tuple(cells(*line) for line in lines), labels=1 + len(linear)))
     return tuple(tables)
@@ -126,7 +132,7 @@ def distinct_poles(poles: NDArray[Any]) -> list[tuple[complex, int]]:
     Rounding of eps moves an m-fold root by the m-th root of eps, in all directions, but hardly the mean of
     what it falls apart into: m poles within (1e4 eps)^(1/m) of their mean, relative to it, are one.
     """
-    left, found = np.asarray(poles, dtype=complex), []
+    left, distinct = np.asarray(poles, dtype=complex), []
     while len(left):
         for m in range(len(left), 0, -1):
             group = np.argsort(np.abs(left - left[0]), kind="stable")[:m]
@@ -134,6 +140,6 @@ def distinct_poles(poles: NDArray[Any]) -> list[tuple[complex, int]]:
             if np.abs(left[group] - mean).max() <= known * abs(mean):
                 break
         real = abs(mean.imag) <= known * abs(mean)
-        found.append((complex(mean.real if real else mean), m))
+        distinct.append((complex(mean.real if real else mean), m))
         left = np.delete(left, group)
-    return found
+    return distinct

@@ -24,12 +24,12 @@ PANELS = {  # title: quantities, each with its label
 }
 
 
-def plan_tables(scenario: Scenario, found: Sequence[Review], least: Sequence[float] = ()) -> list[Table]:
+def plan_tables(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[float] = ()) -> list[Table]:
     """Tell when which segment is driven; of planned ones what proves them, and the limits that act.
 
     `least` [s] is how long each would last at best, or nothing if that was not asked for.
     """
-    reviews = {review.segment: review for review in found}
+    reviews = {review.segment: review for review in reviewed}
     rows, begins = [], 0.0
     for index, segment in enumerate(scenario.reference.segments):
         review, duration = reviews.get(index), seconds(segment)
@@ -50,14 +50,14 @@ def plan_tables(scenario: Scenario, found: Sequence[Review], least: Sequence[flo
     if least:
         headings.append("least with any knots\n[s], gap")
         note += " Least with any knots: extrapolated from this plan and one with twice as many, an estimate."
-    tables = [Table("", tuple(headings), tuple(rows), labels=2, note=note if found else "")]
+    tables = [Table("", tuple(headings), tuple(rows), labels=2, note=note if reviewed else "")]
     acting = [
         cells(
             str(review.segment),
             name,
             ", ".join(f"{stretch.start:.2f}–{stretch.end:.2f}" for stretch in stretches),
         )
-        for review in found
+        for review in reviewed
         for name, stretches in review.by_limit.items()
     ]
     if acting:
@@ -67,7 +67,7 @@ def plan_tables(scenario: Scenario, found: Sequence[Review], least: Sequence[flo
     return tables
 
 
-def plan_json(scenario: Scenario, found: Sequence[Review], least: Sequence[float] = ()) -> dict[str, Any]:
+def plan_json(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[float] = ()) -> dict[str, Any]:
     """Return the review of a plan as plain data."""
     return {
         "scenario": scenario.name,
@@ -85,19 +85,19 @@ def plan_json(scenario: Scenario, found: Sequence[Review], least: Sequence[float
                 "slack": review.proof.slack,
                 "acting": [stretch._asdict() for stretch in review.acting],
             }
-            for review in found
+            for review in reviewed
         ],
     }
 
 
-def plan_figure(found: Sequence[Review], scenario: Scenario) -> Figure:
+def plan_figure(reviewed: Sequence[Review], scenario: Scenario) -> Figure:
     """Draw the load's path from above and from a side, and what its limits leave over time."""
     figure, panels = canvas(WIDTH, 9.6, 6, 1, height_ratios=(2.4, 2.0, 1.0, 1.0, 1.0, 1.0))
     above, side, *stack = panels
-    _draw_path(above, found, scenario, 1, "y [m]")
-    _draw_path(side, found, scenario, 2, "z [m]")
+    _draw_path(above, reviewed, scenario, 1, "y [m]")
+    _draw_path(side, reviewed, scenario, 2, "z [m]")
     for axes, (title, names) in zip(stack, PANELS.items(), strict=True):
-        for (colour, (name, label)), (k, review) in product(enumerate(names.items()), enumerate(found)):
+        for (colour, (name, label)), (k, review) in product(enumerate(names.items()), enumerate(reviewed)):
             if len(share := np.abs(review.shares.get(name, ()))):
                 shown = label if k == 0 else "_nolegend_"
                 axes.plot(review.start + review.time, share, color=f"C{colour}", label=shown)
@@ -112,8 +112,8 @@ def plan_figure(found: Sequence[Review], scenario: Scenario) -> Figure:
     return figure
 
 
-def _draw_path(axes: Axes, found: Sequence[Review], scenario: Scenario, vertical: int, label: str) -> None:
-    for k, review in enumerate(found):
+def _draw_path(axes: Axes, reviewed: Sequence[Review], scenario: Scenario, vertical: int, label: str) -> None:
+    for k, review in enumerate(reviewed):
         line = review.path[:, [0, vertical]].T
         axes.plot(*line, color=f"C{k}")
         axes.plot(*line[:, [0, -1]], ".", color=f"C{k}")

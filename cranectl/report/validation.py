@@ -50,7 +50,7 @@ def validation_page(
     return Page("Validation", lead, tuple(sections), remade_by)
 
 
-def pair_tables(found: Pairwise) -> tuple[Table, Table]:
+def pair_tables(pairwise: Pairwise) -> tuple[Table, Table]:
     """Return how far each plant is from each other at most, and what each does by itself."""
     columns: dict[str, Callable[[WorstPair], Cell | str]] = {
         "drives": lambda pair: pair.drive,
@@ -62,9 +62,9 @@ def pair_tables(found: Pairwise) -> tuple[Table, Table]:
         "load, where": lambda pair: f"{pair.scenario}, {pair.controller}",
         "agree": _answer,
     }
-    apart = tabulate("Every plant against every other, at most", found.pairs, columns, labels=2)
+    apart = tabulate("Every plant against every other, at most", pairwise.pairs, columns, labels=2)
     rows = []
-    for plant in found.plants:
+    for plant in pairwise.plants:
         order = "-" if isnan(plant.order) else f"{plant.order:.1f}"
         where, drift = f"{plant.scenario}, {plant.controller}", difference_text(plant.energy_drift)
         rows.append(cells(plant.drive, plant.plant, difference_text(plant.step_error_m), order, drift, where))

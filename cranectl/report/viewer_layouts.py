@@ -54,21 +54,21 @@ def layout_json(
     plants: Iterable[str] = (),
     labels: Sequence[str] = (),
     rig: RigParameters = LABORATORY,
-    law: Sequence[Signal] | None = None,
+    logged: Sequence[Signal] | None = None,
 ) -> str:
     """Return the layout `name` as a file's content, for a log of `plants`, by default the usual ones.
 
     What shows one run shows the reference plant's.
 
     `labels`: of the runs of an overlay; of a ladder by default all. The camera sees the whole `rig`.
-    `law`: what a controller that is not of the flat family logs under its own names. Raises InputError for an
+    `logged`: what a controller outside the flat family logs under its own names. Raises InputError for an
     unknown name, and for an overlay without labels.
     """
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
     panels: dict[str, dict[str, Any]] = {}
     shown = labels if name in ("overlay", "ladder") else in_order(plants or default_plants())
-    drawn = _controller(shown, law) if name == "controller" else LAYOUTS[name](shown)
+    drawn = _controller(shown, logged) if name == "controller" else LAYOUTS[name](shown)
     content: dict[str, Any] = {"layout": _numbered(drawn, panels), "configById": panels}
     content |= {"globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1.0}}
     for configuration in panels.values():
@@ -109,13 +109,13 @@ def _comparison(plants: Sequence[str]) -> Layout:
     return row([left, _several(partial(_of_each, plants), row(_distance_plots(plants)))], (42, 58))
 
 
-def _controller(plants: Sequence[str], law: Sequence[Signal] | None = None) -> Layout:
+def _controller(plants: Sequence[str], logged: Sequence[Signal] | None = None) -> Layout:
     """Return the layout of the controller: errors, commands, and the signals that it logs."""
     plant = reference_plant(plants)
     plots = [
         _axes_plot(plant, "error", "error", "error e"),
         _axes_plot(plant, "error", "error", "its rate", "_dot"),
-        *(_flat_plots(plant) if law is None else _law_plots(plant, law)),
+        *(_flat_plots(plant) if logged is None else _law_plots(plant, logged)),
         _drive_plot(plant),
         _joint_plot(plant, "disturbance", ("alpha_disturbance", "beta_disturbance"), "disturbances"),
     ]
@@ -135,10 +135,10 @@ def _flat_plots(plant: str) -> list[Panel]:
     ]
 
 
-def _law_plots(plant: str, law: Sequence[Signal]) -> list[Panel]:
+def _law_plots(plant: str, logged: Sequence[Signal]) -> list[Panel]:
     """Return plots of what a controller logs, one for each of the first units."""
     topic, by_unit = topics.plant_topic(plant, "controller"), dict[str, list[dict[str, Any]]]()
-    for signal in law:
+    for signal in logged:
         lines = by_unit.setdefault(signal.unit, [])
         if len(lines) < len(VIEWER_SERIES):
             colour = VIEWER_SERIES[len(lines)]
@@ -221,9 +221,9 @@ def _several(
 
 def _crane_and_standings(scene: Panel, names: Sequence[str]) -> Layout:
     """Return the crane above the table of runs, which is as high as its rows need."""
-    told = standings(names)
-    share = min(TITLE + ROW_HEIGHT * len(told[1]["paths"]), MOST)
-    return column([scene, told], (100.0 - share, share))
+    panel = standings(names)
+    share = min(TITLE + ROW_HEIGHT * len(panel[1]["paths"]), MOST)
+    return column([scene, panel], (100.0 - share, share))
 
 
 def _axes_plot(plant: str, group: str, stem: str, title: str, suffix: str = "") -> Panel:
@@ -254,7 +254,7 @@ def _of_labels(labels: Sequence[str], group: str, name: str, modifier: str = "")
     first = 1 if name == DISTANCE.name else 0
     fields = (field_of(topics.plant_topic(label, group), name) for label in labels)
     lines = zip(fields, labels, VIEWER_SERIES, strict=False)
-    return [_line(f"{field}{modifier}", SIGNALS[group, name], *told) for field, *told in lines][first:]
+    return [_line(f"{field}{modifier}", SIGNALS[group, name], *look) for field, *look in lines][first:]
 
 
 def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
@@ -273,8 +273,8 @@ def _distance_plots(plants: Sequence[str]) -> list[Panel]:
         lines = []
         for name in others:
             topic = topics.difference_topic(topics.DISTANCE.name, name if several else "")
-            told = (PLANTS[name].label, VIEWER[PLANTS[name].colour]) if several else (signal.symbol, colour)
-            lines.append(_line(f"{topic}.{signal.name}.@log10", signal, *told))
+            look = (PLANTS[name].label, VIEWER[PLANTS[name].colour]) if several else (signal.symbol, colour)
+            lines.append(_line(f"{topic}.{signal.name}.@log10", signal, *look))
         plots.append(plot(f"log₁₀ {signal.symbol}", lines, minYValue=DISTANCE_EXPONENT))
     return plots
 

@@ -49,9 +49,9 @@ def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
     """Stretch a view of the laboratory's rig to another: camera and floor. Give wishes the rig's speeds."""
     for button in ("upButton", "downButton", "leftButton", "rightButton"):
         if button in configuration:
-            wish = configuration[button]
-            most = rig.effects.limits.velocity["xyz".index(wish["field"][-1])]
-            wish["value"] = round(wish["value"] * most, 4)
+            wanted = configuration[button]
+            most = rig.effects.limits.velocity["xyz".index(wanted["field"][-1])]
+            wanted["value"] = round(wanted["value"] * most, 4)
     if "cameraState" not in configuration or drawn_as_filed(rig):
         return
     camera, floor = configuration["cameraState"], configuration["layers"]["floor"]

@@ -34,9 +34,9 @@ class Disturbance(Settings):
                 remedy="raise its end, or leave it out",
             )
         if (self.joint is None) != (self.magnitude is None) or (self.joint is None) == (self.force is None):
-            told = [name for name in ("joint", "magnitude", "force") if getattr(self, name) is not None]
+            stated = [name for name in ("joint", "magnitude", "force") if getattr(self, name) is not None]
             raise RuleError(
-                f"a disturbance with {', '.join(told) or 'a time only'}",
+                f"a disturbance with {', '.join(stated) or 'a time only'}",
                 allowed="a disturbance has either joint and magnitude [rad/s²] or force [N]",
                 remedy="give joint and magnitude, or force, and leave the other out",
             )

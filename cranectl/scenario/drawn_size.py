@@ -65,8 +65,8 @@ def drawn_place(filed: Array, rig: RigParameters) -> Array:
     """
     old, new = drawn_ends(LABORATORY), drawn_ends(rig)
     nearer = np.arange(3), np.abs(old - filed[:, None]).argmin(axis=1)
-    place: Array = new[nearer] + drawn_scale(rig) * (filed - old[nearer])
-    return place
+    position: Array = new[nearer] + drawn_scale(rig) * (filed - old[nearer])
+    return position
 
 
 def drawn_box(rig: RigParameters) -> Array:

@@ -33,8 +33,10 @@ DIGEST_DIGITS = 12  # of a SHA-256
 def changed_from_default(scenario: Scenario) -> dict[str, Any]:
     """Return by dotted name what differs from the default, without keys that every scenario has."""
     default = Scenario(name="default", duration=1.0, reference=ReferenceSettings(start=(0.0, 0.0, 0.0)))
-    usual, asked = (settings.model_dump(mode="json", exclude=NOT_TOLD) for settings in (default, scenario))
-    changed = {name: new for name, _, new in differences(usual, asked, absent=None)}
+    usual, requested = (
+        settings.model_dump(mode="json", exclude=NOT_TOLD) for settings in (default, scenario)
+    )
+    changed = {name: new for name, _, new in differences(usual, requested, absent=None)}
     return dict(leaves(changed, is_leaf=lambda value: not isinstance(value, dict)))
 
 
@@ -134,12 +136,14 @@ def given_settings(
                 table["rig"] = merged(table["rig"], own)
     if "controller" in table:
         table = {**table, "controller": controller_table(table["controller"])}
-    given = {name for name, _ in _said(table) if not shipped or (rig is not None and name.startswith("rig."))}
-    asked = [assignment.partition("=")[0].strip() for assignment in overrides]
+    stated = {
+        name for name, _ in _said(table) if not shipped or (rig is not None and name.startswith("rig."))
+    }
+    assigned = [assignment.partition("=")[0].strip() for assignment in overrides]
     return {
         name: value
         for name, value in _said(override(table, overrides))
-        if name in given or any(f"{name}.".startswith(f"{key}.") for key in asked)
+        if name in stated or any(f"{name}.".startswith(f"{key}.") for key in assigned)
     }
 
 
@@ -148,9 +152,9 @@ def _said(table: Table) -> Iterator[tuple[str, Any]]:
     return leaves(table, is_leaf=lambda value: is_plain(value) or not value)
 
 
-def idle_effects(scenario: Scenario, given: Iterable[str]) -> tuple[str, ...]:
-    """Return the effects that `scenario` does not have, but its rig has numbers of among `given`."""
-    named = {name.split(".")[2] for name in given if name.startswith("rig.effects.")}
+def idle_effects(scenario: Scenario, stated: Iterable[str]) -> tuple[str, ...]:
+    """Return the effects that `scenario` does not have, but its rig has numbers of among `stated`."""
+    named = {name.split(".")[2] for name in stated if name.startswith("rig.effects.")}
     return tuple(
         name
         for name in EffectSettings.model_fields
@@ -216,10 +220,10 @@ def with_files(scenario: Scenario, files: Mapping[str, bytes]) -> Scenario:
     if not files:
         return scenario
     claims = parse_json(files[PLAN], PLAN) if PLAN in files else {}
-    told = claims if isinstance(claims, dict) else {}
+    known_claims = claims if isinstance(claims, dict) else {}
     segments: list[Segment] = []
     for k, segment in enumerate(scenario.reference.segments):
-        if isinstance(segment, Plannable) and isinstance(claim := told.get(str(k)), str):
+        if isinstance(segment, Plannable) and isinstance(claim := known_claims.get(str(k)), str):
             segment = segment.claiming(claim)
         if isinstance(segment, Spline) and _name(segment) in files:
             segment = segment.holding(files[_name(segment)])
@@ -238,11 +242,11 @@ def put_files(directory: Path, scenario: Scenario) -> None:
 
 def files_in(directory: Path) -> dict[str, bytes]:
     """Return what `put_files` has written, for `with_files`; unreadable files are left out."""
-    found = {}
+    contents = {}
     for path in _files(directory):
         with suppress(OSError):
-            found[f"{FOLDER}/{path.name}"] = path.read_bytes()
-    return found
+            contents[f"{FOLDER}/{path.name}"] = path.read_bytes()
+    return contents
 
 
 def remove_files(directory: Path) -> None:
@@ -254,8 +258,8 @@ def remove_files(directory: Path) -> None:
 
 
 def _files(directory: Path) -> list[Path]:
-    held = (directory / FOLDER).glob(f"{'[0-9a-f]' * DIGEST_DIGITS}-*")
-    return sorted(path for path in (*held, directory / PLAN) if path.is_file())
+    paths = (directory / FOLDER).glob(f"{'[0-9a-f]' * DIGEST_DIGITS}-*")
+    return sorted(path for path in (*paths, directory / PLAN) if path.is_file())
 
 
 def _name(spline: Spline) -> str:

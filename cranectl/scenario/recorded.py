@@ -52,8 +52,8 @@ class Driven(Settings):
         """From which sample on what was asked: 1 for a goal or 0 for a wish, and its x, y, z."""
         return sorted(
             (round(time / self.period), (goal, x, y, z))
-            for goal, asked in ((0.0, self.wishes), (1.0, self.goals))
-            for time, x, y, z in asked
+            for goal, requests in ((0.0, self.wishes), (1.0, self.goals))
+            for time, x, y, z in requests
         )
 
     @model_validator(mode="after")
@@ -89,7 +89,11 @@ class Driven(Settings):
                 allowed="of wishes and goals only one can begin at a time",
                 remedy="leave one of the two out",
             )
-        if any(abs(v) > most for _, *wish in self.wishes for v, most in zip(wish, self.speed, strict=True)):
+        if any(
+            abs(v) > most
+            for _, *velocity in self.wishes
+            for v, most in zip(velocity, self.speed, strict=True)
+        ):
             raise RuleError(
                 "a wish is above speed",
                 allowed=f"no wish may be above speed = {list(self.speed)} m/s",

@@ -66,10 +66,10 @@ class Move(Settings):
 
     @model_validator(mode="after")
     def _bends_if_told_how(self) -> "Move":
-        told = [name for name in ("plane", "constant_rope") if getattr(self, name)]
-        if told and self.duration is not None:
+        stated = [name for name in ("plane", "constant_rope") if getattr(self, name)]
+        if stated and self.duration is not None:
             raise RuleError(
-                f"{' and '.join(told)} with duration = 'shortest'",
+                f"{' and '.join(stated)} with duration = 'shortest'",
                 allowed="one of the two: 'shortest' goes straight from point to point",
                 remedy="leave duration out, or the others",
             )
@@ -118,8 +118,8 @@ class WayPoints(FromFile):
         default = FromFile()
         of_file = [name for name in OF_FILE if getattr(self, name) != getattr(default, name)]
         if self.points is not None and of_file and self.columns.speed is None:
-            found = f"{', '.join(of_file)} with points"
-            raise RuleError(found, allowed="points alone, which are in no file", remedy="leave them out")
+            problem = f"{', '.join(of_file)} with points"
+            raise RuleError(problem, allowed="points alone, which are in no file", remedy="leave them out")
         timed = [self.times is not None, self.speed is not None, self.columns.speed is not None]
         needed = self.points is not None and self.time_law is None
         if sum(timed) > 1 or (needed and not any(timed[:2])):
@@ -259,8 +259,8 @@ class AddedSegment(Settings):
             _ = self.settings
         except ValidationError as error:
             wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg'].lower()}" for e in error.errors())
-            found, remedy = f"a segment of kind '{self.kind}': {wrong}", "see what the package says of it"
-            raise RuleError(found, allowed="what its package takes", remedy=remedy) from None
+            problem, remedy = f"a segment of kind '{self.kind}': {wrong}", "see what the package says of it"
+            raise RuleError(problem, allowed="what its package takes", remedy=remedy) from None
         return self
 
     @property
@@ -307,11 +307,11 @@ def seconds(segment: Segment) -> float:
 def as_asked(segment: Segment) -> list[dict[str, Any]]:
     """Return the tables, without defaults, with which a scenario requested a segment."""
     if isinstance(segment, BlendedPath):
-        return [asked for part in segment.parts for asked in as_asked(part)]
+        return [requested for part in segment.parts for requested in as_asked(part)]
     if isinstance(segment, Spline) and segment.made_from:
         return [segment.made_from]
-    told = segment.model_dump(mode="json", exclude_defaults=True)
+    table = segment.model_dump(mode="json", exclude_defaults=True)
     if isinstance(segment, AlongPath | Spline) and isinstance(segment.time_law, SplineLaw):
-        del told["lasts" if isinstance(segment, Spline) else "duration"]
-        told["time_law"] = MINIMUM_TIME
-    return [told]
+        del table["lasts" if isinstance(segment, Spline) else "duration"]
+        table["time_law"] = MINIMUM_TIME
+    return [table]

@@ -52,15 +52,15 @@ FORCE = MASS  # since gravity stays
 
 def scales_of(model: type[BaseModel], prefix: str = "") -> dict[str, Scaled]:
     """Return how the numbers of `model` scale, by dotted name; what stays is left out."""
-    found: dict[str, Scaled] = {}
+    result: dict[str, Scaled] = {}
     for name, field in model.model_fields.items():
         key = f"{prefix}{name}"
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            found |= scales_of(field.annotation, f"{key}.")
+            result |= scales_of(field.annotation, f"{key}.")
         scales = [item for item in field.metadata if isinstance(item, Scaled)]
         names = [key] if len(scales) == 1 else [f"{key}.{k}" for k in range(len(scales))]
-        found |= dict(zip(names, scales, strict=True))
-    return found
+        result |= dict(zip(names, scales, strict=True))
+    return result
 
 
 class RuleError(ValueError):

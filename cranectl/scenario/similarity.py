@@ -26,13 +26,13 @@ SCALED_TABLES: dict[str, type[Settings]] = {
 }
 
 
-def completed_rig(given: Table) -> Table:
-    """Return all parameters of a rig: those in `given`, the others scaled to it.
+def completed_rig(stated: Table) -> Table:
+    """Return all parameters of a rig: those in `stated`, the others scaled to it.
 
     Raises InputError for a rope to which they cannot be scaled.
     """
     shortest, longest = LONGEST_ROPES
-    rope = given.get("rope_range", RigParameters().rope_range)[1]
+    rope = stated.get("rope_range", RigParameters().rope_range)[1]
     if not shortest <= rope <= longest:
         raise InputError(
             f"rig.rope_range ends at {rope:g} m",
@@ -40,7 +40,7 @@ def completed_rig(given: Table) -> Table:
             "scaled",
             remedy="correct rig.rope_range, or its unit: it is in metres",
         )
-    return _completed(RigParameters().model_dump(mode="json"), given, given)
+    return _completed(RigParameters().model_dump(mode="json"), stated, stated)
 
 
 def completed_scenario(table: Table, rig: Table) -> Table:
@@ -49,8 +49,8 @@ def completed_scenario(table: Table, rig: Table) -> Table:
     return {**_completed(scaled, rig, table), "rig": rig}
 
 
-def _completed(laboratory: Table, rig: Table, given: Table) -> Table:
-    """Return `given` over the numbers of the laboratory, scaled to `rig` to three digits."""
+def _completed(laboratory: Table, rig: Table, stated: Table) -> Table:
+    """Return `stated` over the numbers of the laboratory, scaled to `rig` to three digits."""
     usual = RigParameters()
     length = length_scale(rig.get("rope_range", usual.rope_range)[1])
     mass = rig.get("rated_load", usual.rated_load) / usual.rated_load
@@ -60,7 +60,7 @@ def _completed(laboratory: Table, rig: Table, given: Table) -> Table:
         factor = length**scale.length * mass**scale.mass
         if factor != 1.0:
             assign(whole, name, rounded(factor * value), name)
-    completed: Table = merged(whole, given)
+    completed: Table = merged(whole, stated)
     return completed
 
 
@@ -73,10 +73,10 @@ def scale_of(name: str) -> Scaled:
 @functools.cache
 def _scales() -> dict[str, Scaled]:
     """Return what the annotations say: ratios, angles, seeds, electronics, gravity and air have none."""
-    found = scales_of(RigParameters)
+    scales = scales_of(RigParameters)
     for table, settings in SCALED_TABLES.items():
-        found |= scales_of(settings, f"{table}.")
-    return found
+        scales |= scales_of(settings, f"{table}.")
+    return scales
 
 
 def length_scale(longest: float) -> float:

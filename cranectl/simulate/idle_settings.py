@@ -61,7 +61,7 @@ class RunKind(NamedTuple):
 
 
 def idle_settings(
-    scenario: Scenario, asked: Scenario, names: Iterable[str], uses: Iterable[RunKind]
+    scenario: Scenario, requested: Scenario, names: Iterable[str], uses: Iterable[RunKind]
 ) -> dict[str, list[str]]:
     """Return those of `names`, dotted, that change nothing in any of `uses`, by the reason in the first.
 
@@ -76,7 +76,7 @@ def idle_settings(
     uses
         The runs; those whose controller cannot be designed say so themselves and are passed over.
     """
-    found: dict[str, list[str]] = {}
+    idle: dict[str, list[str]] = {}
     runs = []
     for use in uses:
         with suppress(InputError):
@@ -84,10 +84,10 @@ def idle_settings(
     numbers = (leaf for leaf in leaves(scenario.model_dump()) if isinstance(leaf[1], int | float))
     zero = {name: value == 0 for name, value in numbers}
     for name in names:
-        reasons = [_why_idle(name, scenario, asked, run, zero) for run in runs]
+        reasons = [_why_idle(name, scenario, requested, run, zero) for run in runs]
         if reasons and None not in reasons:
-            found.setdefault(str(reasons[0]), []).append(name)
-    return found
+            idle.setdefault(str(reasons[0]), []).append(name)
+    return idle
 
 
 def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bool]) -> str | None:
@@ -118,7 +118,7 @@ def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bo
 def _why_idle(
     name: str,
     scenario: Scenario,
-    asked: Scenario,
+    requested: Scenario,
     run: tuple[RunKind, ControllerDesign],
     zero: Mapping[str, bool],
 ) -> str | None:
@@ -128,20 +128,20 @@ def _why_idle(
     if table == "design":
         return _why_idle_in_design(name, scenario, design)
     if table == "planning":
-        return _why_idle_in_plan(name, asked)
+        return _why_idle_in_plan(name, requested)
     if table == "controller":
         return _why_idle_controller(name, use, design)
     if name.startswith("rig.effects."):
         if getattr(scenario.effects, name.split(".")[2], None) is None:
             return None  # `idle_effects` tells it
         name = name.removeprefix("rig.")
-        told, holds = (dict(leaves(settings.model_dump())) for settings in (scenario.rig, scenario))
-        if told.get(name) != holds.get(name):
+        rig_numbers, holds = (dict(leaves(settings.model_dump())) for settings in (scenario.rig, scenario))
+        if rig_numbers.get(name) != holds.get(name):
             return f"{name} is given"
     if table == "limits":
         plant = name.split(".")[1]
         return f"nothing runs on the {plant} plant" if plant in PLANTS and plant != use.plant else None
-    planned = not asked.reference.planned
+    planned = not requested.reference.planned
     if name == "control.lag_compensation":
         return None if planned else _why_no_lead(use, design)
     unread = UNREAD.get(use.controller, "") if DRIVES[use.drive].command != "force" else ""
@@ -165,10 +165,10 @@ def _why_idle_in_design(name: str, scenario: Scenario, design: ControllerDesign)
     return None
 
 
-def _why_idle_in_plan(name: str, asked: Scenario) -> str | None:
+def _why_idle_in_plan(name: str, requested: Scenario) -> str | None:
     if name == "planning.solver":
         return "one solver plans all motions"
-    unplanned = [segment for segment in asked.reference.segments if not is_planned(segment)]
+    unplanned = [segment for segment in requested.reference.segments if not is_planned(segment)]
     solved = [
         segment
         for segment in unplanned
@@ -179,20 +179,20 @@ def _why_idle_in_plan(name: str, asked: Scenario) -> str | None:
         return "no segment of the reference is planned"
     if name == "planning.refinement" and not solved:
         return "only motions in minimum time are solved for, and the reference has none"
-    if name == "planning.clearance" and asked.planning.load_box is not None:
+    if name == "planning.clearance" and requested.planning.load_box is not None:
         return "planning.load_box says where the load may be"
     return None
 
 
 def _why_idle_controller(name: str, use: RunKind, design: ControllerDesign) -> str | None:
-    law = name.split(".")[1]
-    if law == "name":
+    controller_name = name.split(".")[1]
+    if controller_name == "name":
         return None
-    if law != use.controller:
-        return f"{law} does not run"
+    if controller_name != use.controller:
+        return f"{controller_name} does not run"
     if name in UNUSED:
         factor, off = UNUSED[name]
-        return f"controller.{law}.{factor} is {off}" if design.parameters[factor] == off else None
+        return f"controller.{controller_name}.{factor} is {off}" if design.parameters[factor] == off else None
     return None
 
 

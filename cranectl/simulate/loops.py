@@ -69,41 +69,41 @@ class LoopInputs(NamedTuple):
 @jit
 def command_law(inputs, path, state, k, memory, row):
     """Have the controller command, or brake the drives while the rope is slack; make the set-points."""
-    law, reference = inputs.law, inputs.reference[k]
+    compiled, reference = inputs.law, inputs.reference[k]
     command = row[INPUT_COLUMN : INPUT_COLUMN + 6]
     follow_velocity(inputs.actuation.masses, inputs.actuation, state)
-    give_measured(law, path, state, k)
+    give_measured(compiled, path, state, k)
     if inputs.slack[0] > 0.0:
-        addressed_wait(law, state, reference, memory, row)
+        addressed_wait(compiled, state, reference, memory, row)
         brake(inputs.actuation, command)
         actuate(inputs.actuation, command)
         return RUNNING
-    if inputs.recover and law.slack_place >= 0:
-        memory[law.slack_place] = ROPE_TAUT
-    status = addressed_step(law, state, reference, memory, row)
+    if inputs.recover and compiled.slack_place >= 0:
+        memory[compiled.slack_place] = ROPE_TAUT
+    status = addressed_step(compiled, state, reference, memory, row)
     if status != RUNNING:
         return status
-    if law.velocity:
+    if compiled.velocity:
         take_set_points(inputs.actuation, state, command)
     else:
-        if law.force:
-            take_forces(law.masses, state, command)
+        if compiled.force:
+            take_forces(compiled.masses, state, command)
         actuate(inputs.actuation, command)
     return RUNNING
 
 
 @jit
-def give_measured(law, path, state, k):
+def give_measured(compiled, path, state, k):
     """Write what the controller may measure: joints and estimated disturbances, or encoder readings."""
     for i in range(2 * JOINTS):
-        law.measured[i] = state[i]
+        compiled.measured[i] = state[i]
     if path is not None:
-        law.measured[10], law.measured[11] = path.record[k, 10], path.record[k, 11]
-    if law.encoders:
+        compiled.measured[10], compiled.measured[11] = path.record[k, 10], path.record[k, 11]
+    if compiled.encoders:
         for joint in range(JOINTS):
-            law.measured[joint] = state[2 * joint] if path is None else path.readings[joint]
+            compiled.measured[joint] = state[2 * joint] if path is None else path.readings[joint]
         for i in range(JOINTS, 12):
-            law.measured[i] = 0.0
+            compiled.measured[i] = 0.0
 
 
 @jit
@@ -184,9 +184,9 @@ class CompiledLoop:
     plant: AddressedPlant
     handle: Any  # kept, since `plant` refers to its arrays
 
-    def __call__(self, *given: Any) -> tuple[int, int, int]:
+    def __call__(self, *arguments: Any) -> tuple[int, int, int]:
         """Run a block, as `AdvanceBlock` has it."""
-        return one_loop()(self.plant, *given)
+        return one_loop()(self.plant, *arguments)
 
 
 @functools.cache

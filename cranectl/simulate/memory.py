@@ -44,7 +44,7 @@ def check_runs(
     `logged`: whether they are written to a log of every n-th sample, as the scenario says.
     """
     samples, columns = scenario.steps + 1, _recorded(scenario, design, drive)
-    held = NUMBER * (samples * (PLANNED + plants * columns) + COMMAND_UNDER_WAY * scenario.delay_samples)
+    needed = NUMBER * (samples * (PLANNED + plants * columns) + COMMAND_UNDER_WAY * scenario.delay_samples)
     # The last run has the parts of its record besides, until they are put together.
     parted = has_signal_path(scenario.effects, drive) or scenario.forced
     last = NUMBER * samples * ((columns if parted else 0) + (NOISE if scenario.effects.sensing else 0))
@@ -57,7 +57,7 @@ def check_runs(
         drawn = DRAWN + TRAIL / drawn_trail(scenario.rig)
         written = copied * (samples // every + 2) * NUMBER + drawn * plants * scenario.duration
     many = "a run" if plants == 1 else f"the runs of {plants} plants"
-    check_held(scenario, held + max(last, written), many, fewer_plants=plants > 1)
+    check_held(scenario, needed + max(last, written), many, fewer_plants=plants > 1)
 
 
 def fits(run: Run, *, more: int) -> bool:
@@ -74,21 +74,21 @@ def check_several(
     `columns`: numbers for each sample that come on top of the runs.
     """
     whole = sum(map(len, recorded_groups(design.groups, staged="velocity", forced=True)))
-    held = NUMBER * (scenario.steps + 1) * (PLANNING + runs * whole + columns)
-    check_held(scenario, held, what, most=most)
+    needed = NUMBER * (scenario.steps + 1) * (PLANNING + runs * whole + columns)
+    check_held(scenario, needed, what, most=most)
 
 
 def check_held(
-    scenario: Scenario, held: float, what: str, *, most: int = MAX_BYTES, fewer_plants: bool = False
+    scenario: Scenario, needed: float, what: str, *, most: int = MAX_BYTES, fewer_plants: bool = False
 ) -> None:
-    """Raise InputError if `what` of `scenario`, of `held` bytes, takes more than `most`."""
-    if held <= most:
+    """Raise InputError if `what` of `scenario`, of `needed` bytes, takes more than `most`."""
+    if needed <= most:
         return
-    times, samples = math.ceil(held / most), scenario.steps + 1
+    times, samples = math.ceil(needed / most), scenario.steps + 1
     raise InputError(
         f"{what} of {scenario.name} with {samples} control samples would take "
-        f"{held / 2**30:.3g} GiB of memory",
-        allowed=f"at most {most / 2**30:g} GiB, which is {int(most / held * samples)} samples",
+        f"{needed / 2**30:.3g} GiB of memory",
+        allowed=f"at most {most / 2**30:g} GiB, which is {int(most / needed * samples)} samples",
         remedy=f"set control.period to {_longer_period(scenario, times):g}, or shorten duration"
         + (", or name fewer plants" if fewer_plants else ""),
     )

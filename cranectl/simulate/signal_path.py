@@ -85,9 +85,9 @@ def transport(line, sample, command):
     length = line.shape[0]
     if length == 0:
         return
-    place = sample % length
+    slot = sample % length
     for axis in range(3):
-        line[place, axis], command[axis] = command[axis], line[place, axis]
+        line[slot, axis], command[axis] = command[axis], line[slot, axis]
 
 
 ROPE = 2  # among the joints

@@ -40,7 +40,7 @@ class _StepTarget:
     def target_context(self) -> Any:
         """A shallow copy of Numba's own, which shares all code, with one method replaced."""
         context: Any = cpu_target.target_context.subtarget()
-        context.create_cfunc_wrapper = lambda *given: _wrap_step(context, *given)
+        context.create_cfunc_wrapper = lambda *arguments: _wrap_step(context, *arguments)
         return context
 
 
@@ -63,9 +63,9 @@ class CompiledStep(CFunc):
     def compile(self) -> None:
         """Compile the step, and let it find what its exceptions are made with, which Numba's own cannot."""
         super().compile()
-        if (found := self._compiled_here) is not None:
-            _ENVIRONMENTS.append(found.environment)
-            cpu_target.target_context.codegen().set_env(found.fndesc.env_name, found.environment)
+        if (compiled := self._compiled_here) is not None:
+            _ENVIRONMENTS.append(compiled.environment)
+            cpu_target.target_context.codegen().set_env(compiled.fndesc.env_name, compiled.environment)
 
     def _compile_uncached(self) -> Any:
         self._compiled_here = self._compiler.compile(self._sig.args, None)  # type: ignore[attr-defined]

@@ -25,13 +25,13 @@ class LinkedLibrary(JITCodeLibrary):
         self._verify_declare_only_symbols()
         self._finalized = True
         linked = self._get_module_for_linking()
-        kept = [
+        environments = [
             global_variable
             for global_variable in linked.global_variables
             if global_variable.name.startswith("_ZN08NumbaEnv")
         ]
         empty = str(self._codegen._create_empty_module(self.name))
-        self._final_module = llvm.parse_assembly("\n".join([empty, *map(str, kept)]))
+        self._final_module = llvm.parse_assembly("\n".join([empty, *map(str, environments)]))
         super()._finalize_final_module()
 
 

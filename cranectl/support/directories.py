@@ -61,7 +61,7 @@ def _candidates() -> list[Path]:
         return [Path(chosen).absolute() / f"cranectl{user}"]
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     places = [_PACKAGE / "__pycache__" / "kernels", Path(home) / "cranectl"]
-    return [place for place in places if place.is_absolute()]
+    return [path for path in places if path.is_absolute()]
 
 
 def _obstacle(directory: Path) -> str:

@@ -86,13 +86,13 @@ def _text(path: Path, kind: str) -> str:
     try:
         with open_input(path, piped=MAX_DOCUMENT_BYTES + 1) as file:
             content = file.read(MAX_DOCUMENT_BYTES + 1)
-        if len(content) > MAX_DOCUMENT_BYTES and (found := format_of(content)):
-            raise _other(str(path), kind, found)
+        if len(content) > MAX_DOCUMENT_BYTES and (other_format := format_of(content)):
+            raise _other(str(path), kind, other_format)
         _check_size(content, str(path))
         return content.decode("utf-8")
     except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a null character in the name
-        if isinstance(error, UnicodeDecodeError) and (found := format_of(content)):
-            raise _other(str(path), kind, found) from None
+        if isinstance(error, UnicodeDecodeError) and (other_format := format_of(content)):
+            raise _other(str(path), kind, other_format) from None
         raise InputError(f"cannot read {path}: {error}", remedy=f"name a readable {kind} file") from None
 
 
@@ -118,9 +118,9 @@ def _parsed(parse: Callable[[Any], Any], text: str | bytes, source: str, kind: s
     try:
         return _limited(parse, text, source)
     except ValueError as error:  # those of tomllib and json among them; a number of thousands of digits
-        found = format_of(text.encode(errors="replace") if isinstance(text, str) else text)
-        if found and found != kind:
-            raise _other(source, kind, found) from None
+        other_format = format_of(text.encode(errors="replace") if isinstance(text, str) else text)
+        if other_format and other_format != kind:
+            raise _other(source, kind, other_format) from None
         raise _invalid(source, kind, error) from None
 
 
@@ -177,9 +177,9 @@ def _invalid(source: str, kind: str, error: ValueError) -> InputError:
     )
 
 
-def _other(source: str, kind: str, found: str) -> InputError:
+def _other(source: str, kind: str, other_format: str) -> InputError:
     return InputError(
-        f"{source} is {found}, not {kind}",
+        f"{source} is {other_format}, not {kind}",
         allowed=f"settings as {kind} in UTF-8",
         remedy=f"name a {kind} file, or write the settings into one",
     )
@@ -217,19 +217,19 @@ def leaves(
 ) -> Iterator[tuple[str, Any]]:
     """Path and value of every leaf below `node`, which lies at `path`; what is no leaf is table or list."""
     for key, value in node.items() if isinstance(node, Mapping) else enumerate(node):
-        place = f"{path}.{key}" if path else str(key)
+        name = f"{path}.{key}" if path else str(key)
         if is_leaf(value):
-            yield place, value
+            yield name, value
         else:
-            yield from leaves(value, place, is_leaf=is_leaf)
+            yield from leaves(value, name, is_leaf=is_leaf)
 
 
 def differences(a: Any, b: Any, path: str = "", *, absent: Any) -> Iterator[tuple[str, Any, Any]]:
     """Path and both values where two tables differ, down to what is not a table in both."""
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         for key in dict.fromkeys([*a, *b]):
-            place = f"{path}.{key}" if path else key
-            yield from differences(a.get(key, absent), b.get(key, absent), place, absent=absent)
+            name = f"{path}.{key}" if path else key
+            yield from differences(a.get(key, absent), b.get(key, absent), name, absent=absent)
     elif a != b:
         yield path, a, b
 

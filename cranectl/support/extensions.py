@@ -50,13 +50,13 @@ def with_extensions(
 
     Raises InputError for one that cannot be loaded, is no `kind`, or has a name that is there or `taken`.
     """
-    found = dict(own)
+    objects = dict(own)
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
         try:
             added = entry.load()
             if not isinstance(added, kind):
                 raise TypeError(f"{type(added).__name__} is no {kind.__name__}")
-            if added.name in found or added.name in taken:
+            if added.name in objects or added.name in taken:
                 raise ValueError(f"the name '{added.name}' is taken")
         except Exception as error:
             raise InputError(
@@ -64,14 +64,14 @@ def with_extensions(
                 allowed=f"a cranectl {kind.__name__} with a name of its own",
                 remedy="correct or remove the package that brings it",
             ) from error
-        found[added.name] = added
-    return found
+        objects[added.name] = added
+    return objects
 
 
 def packages(group: str) -> dict[str, str]:
     """Return the package and version that brings each object of `group`, by the object's name."""
-    found = {}
+    origins = {}
     for entry in entry_points(group=group):
         origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
-        found[entry.load().name] = origin
-    return found
+        origins[entry.load().name] = origin
+    return origins

@@ -155,8 +155,8 @@ LONGEST_BEGINNING = 256  # [bytes]
 def kind_of(path: Path, endings: Iterable[str]) -> Kind:
     """Return the kind that the ending of `path` names; raise InputError if it is none of `endings`."""
     if path.suffix.lower() not in endings:
-        found = f"{path} ends in '{path.suffix}'"
-        raise InputError(found, allowed=", ".join(endings), remedy="name the file by what it is to be")
+        problem = f"{path} ends in '{path.suffix}'"
+        raise InputError(problem, allowed=", ".join(endings), remedy="name the file by what it is to be")
     return BY_ENDING[path.suffix.lower()]
 
 
@@ -177,9 +177,9 @@ def check_place(
         if not obstacle and (path.is_file() or not path.exists()):
             check_replaceable(path)
     if obstacle:
-        found = f"cannot write {path}: {obstacle}"
+        problem = f"cannot write {path}: {obstacle}"
         allowed = f"a free place, or a file of the same kind ({kind.name})"
-        raise kind.error(found, allowed=allowed, remedy=remedy)
+        raise kind.error(problem, allowed=allowed, remedy=remedy)
 
 
 def _obstacle(path: Path, kind: Kind, inputs: Iterable[Path]) -> str:

@@ -104,8 +104,8 @@ def _read(context: Any, builder: Any, kind: Any, block: Any, places: Iterator[in
     integer = ir.IntType(_WORD)
 
     def word(form: Any) -> Any:
-        place = builder.gep(block, [ir.Constant(integer, next(places))])
-        return builder.load(builder.bitcast(place, form.as_pointer()))
+        pointer = builder.gep(block, [ir.Constant(integer, next(places))])
+        return builder.load(builder.bitcast(pointer, form.as_pointer()))
 
     if isinstance(kind, types.NoneType):
         return context.get_dummy_value()

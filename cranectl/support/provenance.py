@@ -119,15 +119,15 @@ def fingerprint(root: Path, paths: Iterable[Path]) -> str:
 
 
 def provenance_differences(
-    found: Mapping[str, str], now: Mapping[str, str], *, word: str = "now", harmless: bool = False
+    versions: Mapping[str, str], now: Mapping[str, str], *, word: str = "now", harmless: bool = False
 ) -> list[str]:
     """Return which versions may explain different numbers, such as `sources 12ab, now 34cd`.
 
     What one of them does not tell is unknown, and unknown is never the same. `word` stands for `now`;
     `harmless`: with what decides no number too.
     """
-    names = dict.fromkeys([*now, *found, *FINGERPRINTS])
-    pairs = [(name, found.get(name, UNKNOWN), now.get(name, UNKNOWN)) for name in names]
+    names = dict.fromkeys([*now, *versions, *FINGERPRINTS])
+    pairs = [(name, versions.get(name, UNKNOWN), now.get(name, UNKNOWN)) for name in names]
     return [
         f"{name} {one}, {word} {other}"
         for name, one, other in pairs

@@ -190,11 +190,11 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
         [(runs[r, "analytic"], runs[r, source]) for r in ROBUSTIFIERS]
         for source in ("mujoco", "mujoco_velocity")
     )
-    for name, place in places.items():
+    for name, position in places.items():
         family = FAMILIES[name]
         apart = agreement(family, ideal, "Analytic and MuJoCo curves differ by at most")
         text = f"{caption(family, shown)} {apart}, {agreement(family, velocity, 'with velocity drives by')}."
-        more = {"alone": name == "space", "number": f"5.{place}"}
+        more = {"alone": name == "space", "number": f"5.{position}"}
         yield Figure.drawn(f"{family.title}, {FEEDBACK[feedback]}", text, family.draw, family, curves, **more)
 
 
@@ -232,9 +232,9 @@ def _draw_time_laws() -> Drawing:
     """Draw position, velocity, acceleration of both time laws."""
     tau = np.linspace(0.0, 1.0, 401)
     drawing, stack = canvas(WIDTH, 4.6, 3, 1, sharex=True)
-    for law, style in (("degree-5", {"linewidth": 2.0}), ("degree-9", {"linestyle": (0, (5, 2))})):
-        for axes, values in zip(stack, time_law(law, tau), strict=False):
-            axes.plot(tau, values, label=law.replace("-", " "), **style)
+    for name, style in (("degree-5", {"linewidth": 2.0}), ("degree-9", {"linestyle": (0, (5, 2))})):
+        for axes, values in zip(stack, time_law(name, tau), strict=False):
+            axes.plot(tau, values, label=name.replace("-", " "), **style)
     for axes, label in zip(stack, ("s [1]", "ds/dτ [1]", "d²s/dτ² [1]"), strict=True):
         axes.set_ylabel(label)
         axes.margins(x=0.0)

@@ -135,8 +135,8 @@ class Reproduction:
             for name, table in self.tables.items()
         }
         numbers = [(f"{name} {column}", number) for name, _, column, number in self.numbers()]
-        unexplained = {f"{place}: {number.reason}" for place, number in numbers if not number.explained}
-        told = ("signal", "first_time_s", "max_excess_m")
+        unexplained = {f"{where}: {number.reason}" for where, number in numbers if not number.explained}
+        fields = ("signal", "first_time_s", "max_excess_m")
         return {
             "passed": self.passed,
             "gains": self.gains,
@@ -145,7 +145,7 @@ class Reproduction:
             "unexplained": sorted(unexplained),
             "departures": [
                 {"scenario": d.scenario, "controller": d.controller}
-                | {name: getattr(d.violation, name) for name in told}
+                | {name: getattr(d.violation, name) for name in fields}
                 for d in self.departures
             ],
         }

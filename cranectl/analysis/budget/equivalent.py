@@ -165,9 +165,9 @@ def cut_off(limits, wanted, start, cut):
     previous, shift = start.copy(), np.zeros(3)
     for k in range(len(wanted)):
         for axis in range(3):
-            asked = wanted[k, axis] + shift[axis]
-            previous[axis] = limited(limits, axis, asked, previous[axis])
-            shift[axis] += previous[axis] - asked
+            requested = wanted[k, axis] + shift[axis]
+            previous[axis] = limited(limits, axis, requested, previous[axis])
+            shift[axis] += previous[axis] - requested
             cut[k, axis] = shift[axis]
 
 

@@ -93,7 +93,7 @@ def propagate(loop: TrajectoryLoop, ports: Ports, friction: FrictionPort = NO_FR
 @jit_called
 def propagate_signals(loop, ports, friction, deviation):
     """Fill `deviation`, all but its load."""
-    state, given, commanded = deviation.state, deviation.given, deviation.commanded
+    state, to_drives, commanded = deviation.state, deviation.given, deviation.commanded
     p = loop.kept.shape[0]
     controller = p + EXTENSION
     for k in range(len(state) - 1):
@@ -106,11 +106,11 @@ def propagate_signals(loop, ports, friction, deviation):
         if k >= loop.delay:
             arrived += commanded[k - loop.delay]
         w = x[p:controller]
-        given[k] = loop.integral * w + loop.lead * arrived + ports.drive[k]
+        to_drives[k] = loop.integral * w + loop.lead * arrived + ports.drive[k]
         deviation.disturbance[k] = ports.disturbance[k]
         following[:] = ports.local[k]
         following[:p] += np.dot(loop.by_state[at], x[:p])
-        following[:p] += np.dot(loop.by_command[at], given[k])
+        following[:p] += np.dot(loop.by_command[at], to_drives[k])
         following[:p] += np.dot(loop.by_disturbance[at], ports.disturbance[k])
         following[p:controller] += w + loop.period * arrived
         following[controller:] += np.dot(loop.controller_state, x[controller:])

@@ -170,32 +170,32 @@ def linearise_run(
     joints, inputs = np.ascontiguousarray(run.block("state")), run.block("input")
     commands = inputs[:-1, 3:] if velocity else inputs[:-1, :3]
     disturbances = run.block("disturbance")[:-1]
-    states, kept, stride = joints, np.arange(10), 1
+    states, moving, stride = joints, np.arange(10), 1
     if crane is not None:
-        states, kept = hanging_states(crane, joints, run.tension), crane.places
+        states, moving = hanging_states(crane, joints, run.tension), crane.places
         stride = LINEARISATION_STRIDE
     plant = SteppedPlant(AnalyticPlant.kernels, analytic_plant(run).handle)
     if crane is not None:
         plant = SteppedPlant(ElasticPlant.kernels, ElasticHandle(crane, np.zeros(STATES), make_work()))
     winds = np.hstack([np.zeros((samples, 3)), run.load_force]) if winds is None else winds
-    ports, size, p = np.hstack([states[:-1], commands, disturbances]), states.shape[1], len(kept)
+    ports, size, p = np.hstack([states[:-1], commands, disturbances]), states.shape[1], len(moving)
     by_port = slopes(
-        lambda at: next_states(plant, at, winds[::stride])[:, kept],
+        lambda at: next_states(plant, at, winds[::stride])[:, moving],
         ports[::stride],
-        [*kept, *range(size, size + 5)],
+        [*moving, *range(size, size + 5)],
     )
     flat, outputs = _controller_outputs(run, tracker, p)
     load, load_offset = flat[:, :3, :10], np.zeros((samples, 3))
     if crane is not None:
-        load = slopes(partial(load_positions, crane), states, kept)
+        load = slopes(partial(load_positions, crane), states, moving)
         load_offset = load_positions(crane, states) - run.load_position
     controller_state, controller_input = _controller_matrices(tracker)
     return TrajectoryLoop(
-        plant, kept, states, commands, disturbances, winds, stride,
+        plant, moving, states, commands, disturbances, winds, stride,
         by_state=np.ascontiguousarray(by_port[:, :, :p]),
         by_command=np.ascontiguousarray(by_port[:, :, p : p + 3]),
         by_disturbance=np.ascontiguousarray(by_port[:, :, p + 3 :]),
-        defect=(next_states(plant, ports, winds) - states[1:])[:, kept],
+        defect=(next_states(plant, ports, winds) - states[1:])[:, moving],
         load=np.ascontiguousarray(load),
         load_offset=load_offset,
         outputs=outputs,
@@ -222,24 +222,24 @@ def _controller_outputs(run: Run, tracker: Tracker, p: int) -> tuple[Array, Arra
     output, extension, robustifier = dense_robustifier(tracker)[2], p + EXTENSION, p + ROBUSTIFIER
     measured = [*range(10), extension, extension + 1]
     rows = np.zeros((len(ports), 9, robustifier + 3 * len(output)))
-    v, given, error = rows[:, :3], rows[:, 3:6], rows[:, 6:]
+    v, robustified, error = rows[:, :3], rows[:, 3:6], rows[:, 6:]
     error[:, :, :10] = -flat[:, :3, :10]
     v[:, :, measured] = -tracker.feedthrough * flat[:, :3]
     for order in range(4):
         v[:, :, measured] -= tracker.gain[order] * flat[:, 3 * order : 3 * order + 3]
     v[:, :, robustifier:] += np.kron(np.eye(3), output)
-    given[:] = by_v @ v
-    given[:, :, measured] += command
+    robustified[:] = by_v @ v
+    robustified[:, :, measured] += command
     return flat, rows
 
 
 def _controller_matrices(tracker: Tracker) -> tuple[Array, Array]:
     """Return `controller_state` and `controller_input` of a `TrajectoryLoop`."""
-    period, (state, given, _) = tracker.period, dense_robustifier(tracker)
+    period, (state, robustifier_input, _) = tracker.period, dense_robustifier(tracker)
     eye = np.eye(3)
-    by_error = np.zeros((2 + 3 * len(given), 9))
+    by_error = np.zeros((2 + 3 * len(robustifier_input), 9))
     by_error[:2, 2] = 0.5 * period**2, period  # v of the vertical axis
-    by_error[2:, 6:] = np.kron(eye, given[:, None])
+    by_error[2:, 6:] = np.kron(eye, robustifier_input[:, None])
     return block_diag([[1.0, period], [0.0, 1.0]], np.kron(eye, state)), by_error
 
 

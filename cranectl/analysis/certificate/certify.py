@@ -212,8 +212,12 @@ def make_nominal_loops(
     lengths = list(dict.fromkeys(point.rope_length for point in points))
     if design.axis_design is not None:
         return dict.fromkeys(lengths, make_nominal_loop(scenario, design, opened_at))
-    law = controller_of(design)
-    if law.linearise is None or (law.command, law.measures, law.every) != ("acceleration", "state", 1):
+    controller = controller_of(design)
+    if controller.linearise is None or (controller.command, controller.measures, controller.every) != (
+        "acceleration",
+        "state",
+        1,
+    ):
         raise InputError(
             f"'{design.name}' has no linear design of one axis, from state to acceleration once a period",
             allowed="the flat family, and laws that declare such a linearisation",

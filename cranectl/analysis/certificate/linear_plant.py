@@ -61,8 +61,8 @@ def present(effects: EffectSettings, names: Sequence[str]) -> list[str]:
 
     def value(name: str) -> Any:
         effect, _, setting = name.partition(".")
-        found = getattr(effects, effect)
-        return getattr(found, setting) if found and setting and name != "wind.mean" else found
+        settings = getattr(effects, effect)
+        return getattr(settings, setting) if settings and setting and name != "wind.mean" else settings
 
     return [name for name in names if np.any(value(name))]
 
@@ -112,20 +112,20 @@ def linear_plant(
     tracker = tracker_of(scenario, design_controller("pole-placement"))  # only its inner law is used
     wind = scenario.effects.wind
     air = np.array([*(wind.mean if wind else (0.0, 0.0, 0.0)), 0.0, 0.0, 0.0])
-    anchor, command, held = equilibrium(plant, point, drive, air, tracker.gravity)
+    anchor, command, state = equilibrium(plant, point, drive, air, tracker.gravity)
     crane_matrix = _crane_matrix(plant, anchor, command, np.array(point.tilt), air)
     sensing = scenario.effects.sensing
-    given = {"period": tracker.period, "gravity": tracker.gravity}
-    observer = None if sensing is None else make_observer(sensing.observer_bandwidth, **given)
-    actuation = make_actuation(scenario, held.joints)
-    law = _law_function(tracker if flat else None, actuation, observer, drive)
-    memory = _held_memory(held, command, observer)
-    at = np.concatenate([held.joints, memory, held.virtual_input])
+    arguments = {"period": tracker.period, "gravity": tracker.gravity}
+    observer = None if sensing is None else make_observer(sensing.observer_bandwidth, **arguments)
+    actuation = make_actuation(scenario, state.joints)
+    controller_map = _law_function(tracker if flat else None, actuation, observer, drive)
+    memory = _held_memory(state, command, observer)
+    at = np.concatenate([state.joints, memory, state.virtual_input])
     steps = np.concatenate([np.full(10 + len(memory), STEP), np.full(3, V_STEP)])
-    law_matrix = differences(law, at, steps)
+    law_matrix = differences(controller_map, at, steps)
     set_points = range(SETPOINT, ESTIMATE) if DRIVES[drive].command != "velocity" else ()
-    kept = [k for k in range(len(memory)) if k not in set_points]
-    whole = _joined(crane_matrix, law_matrix, len(memory), kept)
+    retained = [k for k in range(len(memory)) if k not in set_points]
+    whole = _joined(crane_matrix, law_matrix, len(memory), retained)
     return LinearPlant(whole if flat else _horizontal(whole), scenario.delay_samples)
 
 
@@ -152,19 +152,19 @@ def _crane_matrix(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Arra
     at, step = np.append(np.zeros(n), command), step_at(plant, anchor)
     matrix = differences(crane, at, np.full(n + 3, step))
     moving = np.abs(matrix[:, :n] * (1.0 - np.eye(n))) >= UNSEEN  # [state, by another]
-    kept = np.arange(n)
-    while not (seen := (kept < JOINT_SIGNALS) | moving[np.ix_(kept, kept)].any(axis=0)).all():
-        kept = kept[seen]
-    reduced: Array = matrix[np.ix_(kept, [*kept, *range(n, n + 3)])]
+    retained = np.arange(n)
+    while not (seen := (retained < JOINT_SIGNALS) | moving[np.ix_(retained, retained)].any(axis=0)).all():
+        retained = retained[seen]
+    reduced: Array = matrix[np.ix_(retained, [*retained, *range(n, n + 3)])]
     return reduced
 
 
-def _held_memory(held: HeldState, command: Array, observer: Observer | None) -> Array:
+def _held_memory(state: HeldState, command: Array, observer: Observer | None) -> Array:
     memory = np.zeros(ESTIMATE)
-    memory[MEMORY.zeta], memory[SETPOINT:ESTIMATE] = held.zeta, command
+    memory[MEMORY.zeta], memory[SETPOINT:ESTIMATE] = state.zeta, command
     if observer is None:
         return memory
-    joints, estimate = held.joints, initial_estimate(held.joints)
+    joints, estimate = state.joints, initial_estimate(state.joints)
     # What keeps the angles from falling back is a disturbance to the observer.
     fall = angular_accelerations(
         joints[ROPE], joints[ROPE_RATE], joints[ALPHA], 0.0, joints[BETA], 0.0, 0.0, 0.0, observer.gravity
@@ -183,41 +183,41 @@ def _law_function(
     size = ESTIMATE + (0 if observer is None else EXPECTED.size)
     first = DRIVES[drive].column or 0
 
-    def law(values: Array) -> Array:
+    def controller_map(values: Array) -> Array:
         joints, memory, v = values[:10].copy(), values[10 : 10 + size].copy(), values[10 + size :]
-        given, flat = np.zeros(6), np.zeros(15)
+        commands, flat = np.zeros(6), np.zeros(15)
         estimate = memory[ESTIMATE:]
         if observer is not None:
             for joint in range(JOINTS):
                 correct(observer, joint, joints[2 * joint], estimate)
             joints[0::2], joints[1::2] = estimate[:JOINTS], estimate[JOINTS : 2 * JOINTS]
         if tracker is None:
-            given[:3] = v
+            commands[:3] = v
         else:
             flat_output(joints, memory[MEMORY.zeta], memory[MEMORY.zeta + 1], tracker.gravity, flat)
-            inner_law(tracker, joints, memory, v, given[:3])
-        actuate(actuation._replace(velocity=memory[SETPOINT:ESTIMATE]), given)
+            inner_law(tracker, joints, memory, v, commands[:3])
+        actuate(actuation._replace(velocity=memory[SETPOINT:ESTIMATE]), commands)
         if observer is not None:
-            predict(observer, given[:3], estimate)
-        return np.concatenate([memory, given[first : first + 3], joints if tracker is None else flat[:12]])
+            predict(observer, commands[:3], estimate)
+        return np.concatenate([memory, commands[first : first + 3], joints if tracker is None else flat[:12]])
 
-    return law
+    return controller_map
 
 
-def _joined(crane: Array, law: Array, size: int, kept: list[int]) -> SampledSystem:
-    """Crane and law in one system, of the memory only `kept`: set-points mean nothing to ideal drives.
+def _joined(crane: Array, controller_map: Array, size: int, retained: list[int]) -> SampledSystem:
+    """Crane and law in one system, of the memory only `retained`: set-points mean nothing to ideal drives.
 
     The law sees the crane's first ten states.
     """
-    rows, n, m = [*kept, *range(size, len(law))], len(crane), len(kept)
+    rows, n, m = [*retained, *range(size, len(controller_map))], len(crane), len(retained)
     seen = np.zeros((len(rows), n))
-    seen[:, :JOINT_SIGNALS] = law[rows, :JOINT_SIGNALS]
-    law_a = np.hstack([seen, law[np.ix_(rows, [JOINT_SIGNALS + k for k in kept])]])
-    law_b = law[np.ix_(rows, range(JOINT_SIGNALS + size, JOINT_SIGNALS + size + 3))]
+    seen[:, :JOINT_SIGNALS] = controller_map[rows, :JOINT_SIGNALS]
+    law_a = np.hstack([seen, controller_map[np.ix_(rows, [JOINT_SIGNALS + k for k in retained])]])
+    law_b = controller_map[np.ix_(rows, range(JOINT_SIGNALS + size, JOINT_SIGNALS + size + 3))]
     a, b = np.zeros((n + m, n + m)), np.zeros((n + m, 6))
     a[:n, :n], b[:n, ARRIVING] = crane[:, :n], crane[:, n:]
     a[n:], b[n:, V] = law_a[:m], law_b[:m]
-    d = np.zeros((len(law) - size, 6))
+    d = np.zeros((len(controller_map) - size, 6))
     d[:, V] = law_b[m:]
     return SampledSystem(a, b, law_a[m:], d)
 

@@ -59,8 +59,8 @@ class InnerLoop:
         if self.delay == 0:
             return response[:, rest, rest]
         late = (z**-self.delay - 1.0)[:, None, None]
-        own, given = late * response[:, drives, drives], late * response[:, drives, rest]
-        added = np.linalg.solve(np.eye(own.shape[1]) - own, given)
+        own, external = late * response[:, drives, drives], late * response[:, drives, rest]
+        added = np.linalg.solve(np.eye(own.shape[1]) - own, external)
         total: Complex = response[:, rest, rest] + response[:, rest, drives] @ added
         return total
 
@@ -117,19 +117,19 @@ def flat_axis(design: Design, period: float) -> AxisDesign:
     return AxisDesign(np.diag(np.ones(3), 1), np.eye(4)[:, 3:], design.gain, robustifier, 3, period)
 
 
-def law_axis(law: LinearLaw, period: float) -> AxisDesign:
+def law_axis(controller: LinearLaw, period: float) -> AxisDesign:
     """Return a linearised controller as axis design: its own states become the robustifier R.
 
     F must make the crane stable, as coprime factors ask for. Where the law's own gain does not, another one
     does, and R has the difference: neither loop nor margin change.
     """
     crane, own = slice(SIGNALS), slice(SIGNALS, None)
-    a, b, gain = law.a[crane, crane], law.b[crane], law.gain[crane]
+    a, b, gain = controller.a[crane, crane], controller.b[crane], controller.gain[crane]
     phi, hold = zero_order_hold(a, b, period)
     if np.abs(np.linalg.eigvals(phi - hold @ gain[None])).max() >= 1.0 - MARGINAL:
         gain = (b.T @ solve_continuous_are(a, b, np.eye(SIGNALS), [[1.0]]))[0]
-    phi, hold = zero_order_hold(law.a[own, own], law.a[own, crane], period)
-    robustifier = SampledSystem(phi, hold, law.gain[None, own], (law.gain[crane] - gain)[None])
+    phi, hold = zero_order_hold(controller.a[own, own], controller.a[own, crane], period)
+    robustifier = SampledSystem(phi, hold, controller.gain[None, own], (controller.gain[crane] - gain)[None])
     return AxisDesign(a, b, gain, robustifier, 2, period)
 
 
@@ -198,11 +198,11 @@ class Opening:
         def symbol(z: Complex) -> Complex:
             measured = inner.response(z)
             if weight is not None:
-                output, given = weight.proportional * measured[:, :axes], weight.denominator(z) * eye
+                output, injected = weight.proportional * measured[:, :axes], weight.denominator(z) * eye
             else:
                 output = np.repeat(self.scales, axes)[:, None] * measured
-                given = eye - np.kron(self.axis.gain, eye) @ measured
-            return np.concatenate([output, given], axis=1)
+                injected = eye - np.kron(self.axis.gain, eye) @ measured
+            return np.concatenate([output, injected], axis=1)
 
         return Graph(symbol, poles)
 

@@ -109,9 +109,9 @@ def grid_of(
     hoisting_speeds: Sequence[float],
 ) -> list[OperatingPoint]:
     """Return every combination; raise InputError for values outside of the rig's ranges."""
-    given = [("a tilt of", angle, "rad/s²") for tilt in tilts for angle in tilt]
+    values = [("a tilt of", angle, "rad/s²") for tilt in tilts for angle in tilt]
     for name, value, unit in (
-        *given,
+        *values,
         *(("a hoisting speed of", hoisting_speed, "m/s") for hoisting_speed in hoisting_speeds),
     ):
         if not abs(value) <= MAX_OPERATING_VALUE:  # or no number

@@ -46,14 +46,14 @@ def structured_values(matrices: Complex) -> tuple[Array, Array]:
     The bound is the norm of D M D^-1 itself, so that it holds however well the scalings were found.
     """
     k, m, _ = matrices.shape
-    place = np.zeros((k, m))
+    centre = np.zeros((k, m))
     shape = np.broadcast_to(RADIUS**2 * np.eye(m - 1), (k, m - 1, m - 1)).copy()
     best_place, best = np.zeros((k, m)), np.full(k, np.inf)
     active = np.arange(k)
     for _ in range(SCALING_ITERATIONS):
-        value, slope = _norm_and_slope(matrices[active], place[active])
+        value, slope = _norm_and_slope(matrices[active], centre[active])
         better = value < best[active]
-        best[active[better]], best_place[active[better]] = value[better], place[active[better]]
+        best[active[better]], best_place[active[better]] = value[better], centre[active[better]]
         reach = np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", slope, shape[active], slope), 0.0))
         # No point of the ellipsoid is lower than this one by more than the reach.
         left = value - reach < best[active] * (1.0 - BOUND_TOLERANCE)
@@ -61,14 +61,14 @@ def structured_values(matrices: Complex) -> tuple[Array, Array]:
         if len(active) == 0:
             break
         depth = np.minimum((value - best[active]) / reach, 0.99)
-        half = _half_ellipsoid(place[active, 1:], shape[active], slope, reach, depth)
-        place[active, 1:], shape[active] = half
+        half = _half_ellipsoid(centre[active, 1:], shape[active], slope, reach, depth)
+        centre[active, 1:], shape[active] = half
     return np.maximum(best, MIN_DIVISOR), np.exp(best_place)
 
 
-def _norm_and_slope(matrices: Complex, place: Array) -> tuple[Array, Array]:
-    """Norm of D M D^-1 (k,), log D = `place` (k, m), and its slope over all of them but the first."""
-    scale = np.exp(place)
+def _norm_and_slope(matrices: Complex, centre: Array) -> tuple[Array, Array]:
+    """Norm of D M D^-1 (k,), log D = `centre` (k, m), and its slope over all of them but the first."""
+    scale = np.exp(centre)
     u, s, vh = np.linalg.svd(scale[:, :, None] * matrices / scale[:, None, :])
     slope = s[:, :1] * (np.abs(u[:, :, 0]) ** 2 - np.abs(vh[:, 0, :]) ** 2)
     return s[:, 0], slope[:, 1:]
@@ -311,8 +311,8 @@ def _tolerated(delay: float, angles: Array, spread: float) -> Array:
 
 def _finer(system: SampledSystem, bounds: GridBounds, angle: float) -> GridBounds:
     """Return the bounds with more points around `angle`."""
-    place = int(np.searchsorted(bounds.angles, angle))
-    low, high = bounds.angles[max(place - 2, 0)], bounds.angles[min(place + 1, len(bounds.angles) - 1)]
+    index = int(np.searchsorted(bounds.angles, angle))
+    low, high = bounds.angles[max(index - 2, 0)], bounds.angles[min(index + 1, len(bounds.angles) - 1)]
     more = bounded(system, np.setdiff1d(np.linspace(low, high, MORE), bounds.angles))
     order = np.argsort(np.append(bounds.angles, more.angles), kind="stable")
     return GridBounds(*(np.concatenate(pair)[order] for pair in zip(bounds, more, strict=True)))

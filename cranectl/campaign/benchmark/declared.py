@@ -31,9 +31,9 @@ class Variable(NamedTuple):
         inside = min(max(abs(self.start), self.low), self.high)
         return log(inside / self.low) / log(self.high / self.low)
 
-    def at(self, place: float) -> float:
+    def at(self, position: float) -> float:
         """Return the number at a position from 0 to 1 of the range, to TUNED_DIGITS digits."""
-        size = self.low * (self.high / self.low) ** place
+        size = self.low * (self.high / self.low) ** position
         return copysign(float(f"{size:.{TUNED_DIGITS}g}"), self.start)
 
     def sized(self, value: float, length: float) -> float:
@@ -93,7 +93,7 @@ def assignments(variables: Sequence[Variable], values: Sequence[float], length: 
         variable.key for variable, value in zip(variables, values, strict=True) if value != variable.start
     ]
     places = dict.fromkeys(above if (above := key.rpartition(".")[0]) in lists else key for key in changed)
-    return [f"{place}={lists.get(place, sized.get(place))!r}" for place in places]
+    return [f"{key_path}={lists.get(key_path, sized.get(key_path))!r}" for key_path in places]
 
 
 def information_class(facts: Mapping[str, Any]) -> str:
@@ -110,13 +110,13 @@ def information_class(facts: Mapping[str, Any]) -> str:
     return ", ".join([follows, facts["measures"], *(name for name, there in more.items() if there)])
 
 
-def information(law: str) -> dict[str, Any]:
+def information(name: str) -> dict[str, Any]:
     """Return what a controller follows, measures, commands, sees ahead and reads of the rig, as plain data.
 
     `reads_path`: its numbers are made from all of the path. This and `rig` are None if it does not declare
     what it reads.
     """
-    controller = load_controller(law)
+    controller = load_controller(name)
     reads = controller.reads
     masses = ["masses"] if controller.command == "force" else []  # by which the loop knows what a force does
     return {
@@ -127,5 +127,5 @@ def information(law: str) -> dict[str, Any]:
         "reads_path": None if reads is None else "path" in reads,
         "every": controller.every,
         "rig": None if reads is None else sorted({*reads} - {"path"}) + masses,
-        "file": law_digests([law]).get(f"law {law}", ""),
+        "file": law_digests([name]).get(f"law {name}", ""),
     }

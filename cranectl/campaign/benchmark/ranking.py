@@ -33,11 +33,11 @@ class Standing(NamedTuple):
 
 def checked_standing(*fields: Any) -> Standing:
     """Return a standing; raises InconsistentError for counts and shares that contradict each other."""
-    found = Standing(*fields)
-    check_ascending(("failures", found.failures), (f"runs of {found.law}", found.runs))
-    for name, share in (("settled", found.settled), ("unsettled", found.unsettled)):
+    standing = Standing(*fields)
+    check_ascending(("failures", standing.failures), (f"runs of {standing.law}", standing.runs))
+    for name, share in (("settled", standing.settled), ("unsettled", standing.unsettled)):
         check_ascending(("zero", 0.0), (f"the share that {name}", share), ("one", 1.0), rounding=1e-12)
-    return found
+    return standing
 
 
 class Judged(NamedTuple):
@@ -57,8 +57,8 @@ class Judged(NamedTuple):
 
     def shared_scenarios(self, crane_set: str) -> list[str]:
         """Return the scenarios that suit laws of every kind and on which any has been run."""
-        place = (self.division, self.benchmark.plant, crane_set)
-        there = {trial.scenario for trial in self.table.trials if trial[:3] == place}
+        judged = (self.division, self.benchmark.plant, crane_set)
+        there = {trial.scenario for trial in self.table.trials if trial[:3] == judged}
         suited = self.benchmark.scenarios.items()
         return [name for name, scenario in suited if len(scenario.suits) > 1 and name in there]
 
@@ -69,19 +69,19 @@ class Judged(NamedTuple):
         """
         shared = self.shared_scenarios(crane_set)
         durations = [float(self.table.about["durations"][scenario]) for scenario in shared]
-        found = []
-        for law in self.laws:
-            runs = [each for name in shared if (each := self.runs(crane_set, name, law)) is not None]
+        standings = []
+        for controller in self.laws:
+            runs = [each for name in shared if (each := self.runs(crane_set, name, controller)) is not None]
             if shared and len(runs) == len(shared):
-                found.append(_standing(law, runs, durations))
-        return sorted(found, key=lambda standing: (standing.failed, standing.unsettled))
+                standings.append(_standing(controller, runs, durations))
+        return sorted(standings, key=lambda standing: (standing.failed, standing.unsettled))
 
     def unfinished(self, crane_set: str) -> list[str]:
         """Return the laws that have runs on a set, but not on all scenarios of its ranking."""
         shown = {standing.law for standing in self.ranking(crane_set)}
-        place = (self.division, self.benchmark.plant, crane_set)
-        there = dict.fromkeys(trial.law for trial in self.table.trials if trial[:3] == place)
-        return [law for law in there if law not in shown]
+        judged = (self.division, self.benchmark.plant, crane_set)
+        there = dict.fromkeys(trial.law for trial in self.table.trials if trial[:3] == judged)
+        return [controller for controller in there if controller not in shown]
 
     @property
     def laws(self) -> list[str]:
@@ -92,15 +92,15 @@ class Judged(NamedTuple):
     def best_first(self) -> list[str]:
         """All laws, in the order of the ranking on the set with the widest spread that has any."""
         widest = sorted(self.benchmark.sets, key=lambda name: -self.benchmark.sets[name].spread)
-        found = next(filter(None, map(self.ranking, widest)), [])
-        return list(dict.fromkeys([*(standing.law for standing in found), *self.laws]))
+        standings = next(filter(None, map(self.ranking, widest)), [])
+        return list(dict.fromkeys([*(standing.law for standing in standings), *self.laws]))
 
 
-def _standing(law: str, runs: Sequence[Runs], durations: Sequence[float]) -> Standing:
+def _standing(controller: str, runs: Sequence[Runs], durations: Sequence[float]) -> Standing:
     timed = list(zip(runs, durations, strict=True))
     failed = np.concatenate([r.failed for r in runs])
     return checked_standing(
-        law,
+        controller,
         failed.size,
         int(failed.sum()),
         float(np.mean([scores.settled_share(r.settling, r.failed) for r in runs])),
@@ -110,9 +110,9 @@ def _standing(law: str, runs: Sequence[Runs], durations: Sequence[float]) -> Sta
     )
 
 
-def points_of(found: Sequence[Standing]) -> Array:
+def points_of(standings: Sequence[Standing]) -> Array:
     """Return (laws, 3): unsettled share of the rest, effort, share of failures; the lower the better."""
-    return np.array([[s.unsettled, s.effort, s.failed] for s in found])
+    return np.array([[s.unsettled, s.effort, s.failed] for s in standings])
 
 
 def rest_time(runs: Runs, duration: float) -> float:

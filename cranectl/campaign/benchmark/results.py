@@ -66,13 +66,13 @@ def run_trials(
         if left.is_set():
             raise StoppedError
         campaign = campaign_for(trial)
-        place = directory / trial.place
-        whole = _whole_result(campaign, place)
+        folder = directory / trial.place
+        whole = _whole_result(campaign, folder)
         if whole is not None:
             return Ended(trial, _not_run(whole))
         check_values(campaign)
         try:
-            with open_store(campaign, place, resume=True, despite_differences=despite_differences) as store:
+            with open_store(campaign, folder, resume=True, despite_differences=despite_differences) as store:
                 write_missing(campaign, store)
         except MachineError:  # no result: the trial is run again the next time
             raise
@@ -80,7 +80,7 @@ def run_trials(
             if refused := _refusal(campaign):
                 return Ended(trial, refused)
             raise
-        return Ended(trial, _not_run(read_results(place)), store.quarantined)
+        return Ended(trial, _not_run(read_results(folder)), store.quarantined)
 
     with ThreadPoolExecutor(workers, thread_name_prefix="trial") as pool:
         try:
@@ -99,13 +99,13 @@ def _whole_result(campaign: Campaign, directory: Path) -> Results | None:
     if not (directory / MANIFEST_FILE).exists():
         return None
     try:
-        found = read_results(directory)
+        results = read_results(directory)
     except InputError:  # which `open_store` mends, or says
         return None
     wanted = manifest_of(campaign)
-    told = {name: value for name, value in wanted.items() if name not in ("versions", "accepted")}
-    made_here = any(not provenance_differences(o.versions, wanted["versions"]) for o in found.origins)
-    return found if made_here and found.manifest | told == found.manifest else None
+    stated = {name: value for name, value in wanted.items() if name not in ("versions", "accepted")}
+    made_here = any(not provenance_differences(o.versions, wanted["versions"]) for o in results.origins)
+    return results if made_here and results.manifest | stated == results.manifest else None
 
 
 def _refusal(campaign: Campaign) -> str:
@@ -121,9 +121,11 @@ def _not_run(results: Results) -> str:
     return str(results.column("reason")[0]) if set(results.column("status")) == {FAILED} else ""
 
 
-def begun_trials(benchmark: Benchmark, directory: Path, laws: Sequence[str]) -> list[Trial]:
+def begun_trials(benchmark: Benchmark, directory: Path, controllers: Sequence[str]) -> list[Trial]:
     """Return the trials of these controllers that were begun below `directory`, in all divisions."""
-    trials = (trial for division in DIVISIONS for trial in trials_of(benchmark, laws, division=division))
+    trials = (
+        trial for division in DIVISIONS for trial in trials_of(benchmark, controllers, division=division)
+    )
     return [trial for trial in trials if (directory / trial.place / MANIFEST_FILE).exists()]
 
 
@@ -153,7 +155,9 @@ def collected(
         _check_same(results, wanted_of(trial._replace(law=ANY)), trial.law)
         trials[trial] = runs_of(results.column, results.campaign.settings.limits.given)
         for origin in results.origins:
-            software = {name: told for name, told in origin.versions.items() if not name.startswith("law ")}
+            software = {
+                name: version for name, version in origin.versions.items() if not name.startswith("law ")
+            }
             made_by[tuple(software.items())] = software
         nominal[trial.scenario] = results.campaign.nominal
         if trial.division == "tuned":
@@ -178,28 +182,28 @@ def collected(
         "durations": {name: scenario.duration for name, scenario in nominal.items()},
         "laws": {trial.law: information(trial.law) for trial in trials},
         "tuned": {
-            law: tuned_facts(tuned, rules, law, str(benchmark.file))
-            for law in dict.fromkeys(trial.law for trial in trials if trial.division == "tuned")
+            controller: tuned_facts(tuned, rules, controller, str(benchmark.file))
+            for controller in dict.fromkeys(trial.law for trial in trials if trial.division == "tuned")
         },
     }
     return BenchmarkTable(about, trials)
 
 
-def _check_same(results: Results, wanted: Table, law: str) -> None:
-    """Raise InputError where `results` are not of the campaign `wanted` of any law, or `law` was another.
+def _check_same(results: Results, wanted: Table, controller: str) -> None:
+    """Raise InputError unless `results` are those of the campaign `wanted` with this `controller`.
 
     What is the law's own is not looked at, nor how many cranes there are.
     """
-    found = results.manifest
+    manifest = results.manifest
     alike = {
-        **found,
-        "campaign": found["campaign"] | {own: wanted["campaign"][own] for own in ("controllers", "runs")},
-        "scenario": found["scenario"] | {own: wanted["scenario"][own] for own in ("controller", "design")},
+        **manifest,
+        "campaign": manifest["campaign"] | {own: wanted["campaign"][own] for own in ("controllers", "runs")},
+        "scenario": manifest["scenario"] | {own: wanted["scenario"][own] for own in ("controller", "design")},
         "runs": wanted["runs"],
     }
     other = differences(alike, wanted)
-    known = law_digests([law]).items()
-    other += [f"{law} was another" for o in results.origins if not known <= o.versions.items()][:1]
+    known = law_digests([controller]).items()
+    other += [f"{controller} was another" for o in results.origins if not known <= o.versions.items()][:1]
     if other:
         raise InputError(
             f"{results.directory} was not run by this benchmark: {'; '.join(other)}",

@@ -122,8 +122,8 @@ def read_table(path: Path) -> BenchmarkTable:
     try:
         with open_input(path) as stream:
             whole = parquet.read_table(stream)
-        told = json.loads(whole.schema.metadata[ABOUT])
-        about = {name: told[name] for name in TOLD}
+        metadata = json.loads(whole.schema.metadata[ABOUT])
+        about = {name: metadata[name] for name in TOLD}
         keys = list(zip(*(whole[name].to_pylist() for name in Trial._fields), strict=True))
         columns = {name: whole[name].to_numpy() for name in (*METRICS, EFFORT, VARIATION, "failed", "status")}
     except (OSError, pyarrow.ArrowException, KeyError, TypeError, ValueError) as error:
@@ -156,24 +156,31 @@ def joined(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
 
 def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
     """Raise InputError where rules, seed, files or numbers of laws are others in `table` than in `about`."""
-    told = [(name, table.about[name], about[name]) for name in ("rules", "seed")]
+    compared = [(name, table.about[name], about[name]) for name in ("rules", "seed")]
     for part, what in (("laws", "file"), ("tuned", "numbers")):
-        found, known = table.about[part], about.get(part, {})
-        told += [(f"{what} of {law}", found[law][what], known[law][what]) for law in found if law in known]
-    for name, found, wanted in told:
-        if found != wanted:
+        entries, known = table.about[part], about.get(part, {})
+        compared += [
+            (f"{what} of {controller}", entries[controller][what], known[controller][what])
+            for controller in entries
+            if controller in known
+        ]
+    for name, entries, wanted in compared:
+        if entries != wanted:
             raise InputError(
-                f"results whose {name} differ: {found} and {wanted}",
+                f"results whose {name} differ: {entries} and {wanted}",
                 allowed="results of one benchmark, by the same rules, on the same cranes, of the same laws",
                 remedy="run the laws again with this version of the benchmark",
             )
 
 
-def of_laws(table: BenchmarkTable, laws: Collection[str]) -> BenchmarkTable:
-    """Only the trials of `laws`; raises InputError where there is none of one."""
-    for law in laws:
-        if law not in table.about["laws"]:
-            raise unknown_name("law of the table", law, table.about["laws"])
-    kept = {name: {law: table.about[name][law] for law in table.about[name] if law in laws}
+def of_laws(table: BenchmarkTable, controllers: Collection[str]) -> BenchmarkTable:
+    """Only the trials of `controllers`; raises InputError where there is none of one."""
+    for controller in controllers:
+        if controller not in table.about["laws"]:
+            raise unknown_name("law of the table", controller, table.about["laws"])
+    about = {
+        name: {controller: facts for controller, facts in table.about[name].items() if controller in controllers}
             for name in ("laws", "tuned")}  # fmt: skip
-    return BenchmarkTable({**table.about, **kept}, {p: r for p, r in table.trials.items() if p.law in laws})
+    return BenchmarkTable(
+        {**table.about, **about}, {p: r for p, r in table.trials.items() if p.law in controllers}
+    )

@@ -45,9 +45,9 @@ class Trial(NamedTuple):
         return Path(*self)
 
 
-def follows(law: str) -> str:
+def follows(controller: str) -> str:
     """Return what a controller follows, "path" or "set-point"; raise InputError for an unknown one."""
-    return load_controller(checked_controller(law)).follows
+    return load_controller(checked_controller(controller)).follows
 
 
 def sets_of(benchmark: Benchmark) -> dict[str, CraneSet]:
@@ -92,13 +92,13 @@ def trials_of(
                 raise unknown_name(f"{kind} of {benchmark.name}", name, there)
     plants = (benchmark.plant, benchmark.second_plant)
     return [
-        Trial(division, plant, name, scenario, law)
+        Trial(division, plant, name, scenario, controller)
         for name in sets or known
-        for (scenario, measured), plant, law in product(benchmark.scenarios.items(), plants, laws)
+        for (scenario, measured), plant, controller in product(benchmark.scenarios.items(), plants, laws)
         if scenario in (known[name].scenarios or benchmark.scenarios)
         and scenario in (scenarios or benchmark.scenarios)
         and (plant == benchmark.plant or name in benchmark.sets)
-        and follows(law) in measured.suits
+        and follows(controller) in measured.suits
     ]
 
 
@@ -141,18 +141,18 @@ def crane_length(benchmark: Benchmark, scenario: str) -> float:
 
 
 def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: MeasuredScenario) -> dict[str, Any]:
-    found = _flat(benchmark.uncertain, cranes.uncertain, measured.uncertain)
+    distributions = _flat(benchmark.uncertain, cranes.uncertain, measured.uncertain)
     if not cranes.only:
-        return found
+        return distributions
     alone = {
         name: distribution
-        for name, distribution in found.items()
+        for name, distribution in distributions.items()
         if any(f"{name}.".startswith(f"{only}.") for only in cranes.only)
     }
     if not alone:
         raise InputError(
             f"{', '.join(cranes.only)}: nothing of it is uncertain",
-            allowed=", ".join(found),
+            allowed=", ".join(distributions),
             remedy="name one of these, or a table of some",
         )
     return alone
@@ -213,8 +213,8 @@ def rules_of(benchmark: Benchmark) -> str:
     scenarios = {}
     for name in benchmark.scenarios:
         scenario = read_scenario(scenario_source(benchmark, name))
-        given = scenario.model_dump(mode="json", exclude_unset=True, exclude={"title"})
-        scenarios[name] = [given, scenario.rig.model_dump(mode="json")]
+        stated = scenario.model_dump(mode="json", exclude_unset=True, exclude={"title"})
+        scenarios[name] = [stated, scenario.rig.model_dump(mode="json")]
     table = benchmark.model_dump(mode="json", exclude={"laws", "seed", "title"})
     text = json.dumps([table, scenarios], sort_keys=True)
     for path in sorted(Path(inspect.getfile(cranectl.metrics)).parent.glob("*.py")):
@@ -228,4 +228,4 @@ def _flat(*tables: Mapping[str, Any]) -> dict[str, Any]:
     def is_leaf(value: Any) -> bool:
         return not isinstance(value, Mapping) or "distribution" in value
 
-    return {name: found for table in tables for name, found in leaves(table, is_leaf=is_leaf)}
+    return {name: distribution for table in tables for name, distribution in leaves(table, is_leaf=is_leaf)}

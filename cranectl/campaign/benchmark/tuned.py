@@ -18,9 +18,9 @@ DEFAULT = "literature"  # the benchmark where none is named
 TOML = Kind("result of tuning", rb"law = ")
 
 
-def tuned_files(directory: Path, law: str) -> tuple[Path, Path]:
+def tuned_files(directory: Path, controller: str) -> tuple[Path, Path]:
     """Return the files for a controller's numbers and points; raise InputError if they cannot be written."""
-    files = directory / f"{law}.toml", directory / f"{law}.parquet"
+    files = directory / f"{controller}.toml", directory / f"{controller}.parquet"
     for path, kind in zip(files, (TOML, PARQUET), strict=True):
         check_place(path, kind, option="--out")
     return files
@@ -28,7 +28,7 @@ def tuned_files(directory: Path, law: str) -> tuple[Path, Path]:
 
 def tuned_table(tuned: Tuned, benchmark: Benchmark, rules: str) -> dict[str, Any]:
     """Return the content of the file of tuned numbers; the numbers are those on the laboratory rig."""
-    found = tuned.found
+    points = tuned.found
     return {
         "law": tuned.law,
         "code": code_of(tuned.law),
@@ -37,15 +37,15 @@ def tuned_table(tuned: Tuned, benchmark: Benchmark, rules: str) -> dict[str, Any
         "seed": benchmark.tuning.seed,
         "budget_runs": tuned.evaluations * tuned.runs_each,
         "runs": len(tuned.points) * tuned.runs_each,
-        "cost": {name: point.cost for name, point in found.items()},
-        "failed": {name: point.failed for name, point in found.items()},
+        "cost": {name: point.cost for name, point in points.items()},
+        "failed": {name: point.failed for name, point in points.items()},
         "parameters": tuned.parameters,
     }
 
 
-def code_of(law: str) -> str | None:
+def code_of(controller: str) -> str | None:
     """Return the digest of the code of a controller in a file, None for one of the package."""
-    return OPEN.registered[law].code or None if law in OPEN.registered else None
+    return OPEN.registered[controller].code or None if controller in OPEN.registered else None
 
 
 def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]) -> None:
@@ -57,7 +57,7 @@ def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]
     import pyarrow
     from pyarrow import parquet
 
-    numbers, place = files
+    numbers, points_file = files
     keys = [variable.key for variable in tuned.variables]
     columns = {
         "evaluation": list(range(len(tuned.points))),
@@ -66,48 +66,48 @@ def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]
         "failed_share": [point.failed for point in tuned.points],
     }
     points = pyarrow.table(columns, metadata={name: table[name] for name in ("law", "benchmark", "rules")})
-    with writing(place), replacing(place) as unfinished:
+    with writing(points_file), replacing(points_file) as unfinished:
         parquet.write_table(points, unfinished, compression="zstd")
     with writing(numbers):
         write_text(numbers, toml_text(table))
 
 
 def tuned_settings(
-    directory: Path, rules: str, law: str, length: float, benchmark: str = DEFAULT
+    directory: Path, rules: str, controller: str, length: float, benchmark: str = DEFAULT
 ) -> list[str]:
     """Return settings `key=value` of a tuned controller, on a crane `length` times the laboratory's.
 
     Raises InputError as `tuned_facts`.
     """
-    numbers = tuned_facts(directory, rules, law, benchmark)["numbers"]
-    return assignments(variables_of(law), [found for _, found in numbers.values()], length)
+    numbers = tuned_facts(directory, rules, controller, benchmark)["numbers"]
+    return assignments(variables_of(controller), [value for _, value in numbers.values()], length)
 
 
-def _is_of(table: Mapping[str, Any], law: str) -> bool:
-    """Return True if the numbers in `table` were found for `law` as it is; earlier files tell its content."""
+def _is_of(table: Mapping[str, Any], controller: str) -> bool:
+    """Return True if the numbers in `table` were found for the present code of `controller`."""
     if "sha256" not in table:
-        return bool(table.get("code") == code_of(law))
-    origin = OPEN.registered[law].origin if law in OPEN.registered else None
+        return bool(table.get("code") == code_of(controller))
+    origin = OPEN.registered[controller].origin if controller in OPEN.registered else None
     return bool(table["sha256"] == (origin.sha256 if origin else None))
 
 
-def tuned_facts(directory: Path, rules: str, law: str, benchmark: str = DEFAULT) -> dict[str, Any]:
+def tuned_facts(directory: Path, rules: str, controller: str, benchmark: str = DEFAULT) -> dict[str, Any]:
     """Return what tuning found: `cost` and share `failed` untuned, with half and with all of the budget.
 
     `numbers` has those of the law by their settings, untuned and found. Raises InputError where there are
     none in `directory`, or law or rules were others when it was tuned. `benchmark`: how it was named.
     """
-    path = directory / f"{law}.toml"
+    path = directory / f"{controller}.toml"
     named = [] if benchmark == DEFAULT else ["--benchmark", benchmark]
-    again = shlex.join(["cranectl", "tune", controller_argument(law), *named, "--out", str(directory)])
+    again = shlex.join(["cranectl", "tune", controller_argument(controller), *named, "--out", str(directory)])
     if not path.is_file():
-        raise InputError(f"{law} is not tuned: {path} is no file", remedy=f"tune it: {again}")
+        raise InputError(f"{controller} is not tuned: {path} is no file", remedy=f"tune it: {again}")
     table = read_toml(path)
-    variables, found = variables_of(law), dict(leaves(table.get("parameters", {})))
-    same_numbers = found.keys() == {variable.key for variable in variables}
-    if not _is_of(table, law) or not same_numbers:
+    variables, values = variables_of(controller), dict(leaves(table.get("parameters", {})))
+    same_numbers = values.keys() == {variable.key for variable in variables}
+    if not _is_of(table, controller) or not same_numbers:
         raise InputError(
-            f"{path} holds the numbers of another version of {law}",
+            f"{path} holds the numbers of another version of {controller}",
             allowed="numbers that were found for the law as it is",
             remedy=f"tune it again: {again}",
         )
@@ -118,7 +118,7 @@ def tuned_facts(directory: Path, rules: str, law: str, benchmark: str = DEFAULT)
             remedy=f"tune it again: {again}",
         )
     try:
-        numbers = {variable.key: [variable.start, float(found[variable.key])] for variable in variables}
+        numbers = {variable.key: [variable.start, float(values[variable.key])] for variable in variables}
         return {**{name: table[name] for name in ("runs", "cost", "failed")}, "numbers": numbers}
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(

@@ -65,13 +65,15 @@ def _number(value: Any) -> float:
     return 0.0 if value is None else float(value)
 
 
-def tuning_campaign(benchmark: Benchmark, scenario: str, law: str, settings: Sequence[str] = ()) -> Campaign:
-    """Return the cranes of `scenario` on which `law` is tuned, with `settings`."""
+def tuning_campaign(
+    benchmark: Benchmark, scenario: str, controller: str, settings: Sequence[str] = ()
+) -> Campaign:
+    """Return the cranes of `scenario` on which `controller` is tuned, with `settings`."""
     tuning = benchmark.tuning
     return trial_campaign(
         benchmark,
         scenario,
-        law,
+        controller,
         plant=benchmark.plant,
         numbers=settings,
         runs=tuning.draws,
@@ -206,11 +208,13 @@ def tune(
         points = evaluate([start], may_refuse=False)
         while search is not None and len(points) < evaluations:  # only the budget ends it
             places = search.ask()
-            asked = [tuple(v.at(p) for v, p in zip(variables, place, strict=False)) for place in places]
-            found = evaluate(asked[: evaluations - len(points)], may_refuse=True)
-            points += found
-            if len(found) == len(places):
-                search.tell(places, [point.cost for point in found])
+            candidates = [
+                tuple(v.at(p) for v, p in zip(variables, position, strict=False)) for position in places
+            ]
+            points_found = evaluate(candidates[: evaluations - len(points)], may_refuse=True)
+            points += points_found
+            if len(points_found) == len(places):
+                search.tell(places, [point.cost for point in points_found])
     return Tuned(law, variables, evaluations, cranes.runs, tuple(points))
 
 
@@ -259,12 +263,12 @@ def _evaluating(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Cal
         return cranes.costs(scenario, rows)
 
     def evaluate(candidates: Sequence[tuple[float, ...]], *, may_refuse: bool) -> list[Point]:
-        asked = [
+        pending = [
             [pool.submit(costs, name, values, may_refuse) for name in cranes.campaigns]
             for values in candidates
         ]
         points = []
-        for values, by_scenario in zip(candidates, asked, strict=True):
+        for values, by_scenario in zip(candidates, pending, strict=True):
             costs_of, failures = zip(*(future.result() for future in by_scenario), strict=True)
             cost = float(np.mean(list(itertools.chain(*costs_of))))
             points.append(Point(tuple(values), cost, sum(failures) / cranes.runs))

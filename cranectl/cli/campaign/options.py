@@ -42,7 +42,7 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
     )
     @trust_option("CAMPAIGN")
     @functools.wraps(function)
-    def command(campaign: str, overrides: Sequence[str], trust: bool, **given: Any) -> Any:
+    def command(campaign: str, overrides: Sequence[str], trust: bool, **options: Any) -> Any:
         from cranectl.campaign import campaign_file, load_campaign, read_campaign
         from cranectl.campaign.settings import CampaignSettings
 
@@ -55,13 +55,15 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
             if root[0] in fields and (root[0] != "rig" or len(root) == 1)  # rig.load_mass is the scenario's
         ]
         shared = [text for text in overrides if text not in own]
-        replaced = {key: given.pop(key) for key in ("runs", "controllers", "plants", "drive", "rig", "seed")}
+        replaced = {
+            key: options.pop(key) for key in ("runs", "controllers", "plants", "drive", "rig", "seed")
+        }
         if trust and not replaced["controllers"]:
-            named, place = read_campaign(campaign, overrides=own).controllers, campaign_file(campaign).parent
-            replaced["controllers"] = tuple(opened(name, place) for name in named)
+            named, folder = read_campaign(campaign, overrides=own).controllers, campaign_file(campaign).parent
+            replaced["controllers"] = tuple(opened(name, folder) for name in named)
         own += [f"{key}={to_toml(value)}" for key, value in replaced.items() if value not in (None, ())]
         if shared:
             own.append(f"set={to_toml([*read_campaign(campaign, overrides=own).set, *shared])}")
-        return function(load_campaign(campaign, overrides=own), **given)
+        return function(load_campaign(campaign, overrides=own), **options)
 
     return command

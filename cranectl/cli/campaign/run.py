@@ -123,8 +123,8 @@ def run_campaign(
     show_result(results, screen)
     if interrupted:
         again = resume_command(results.manifest) or "the same command and --resume"
-        kept = f"{len(results)} of {len(results) + results.missing_runs} runs are kept"
-        screen.print(f"interrupted: {kept}; go on with: {again}")
+        remaining = f"{len(results)} of {len(results) + results.missing_runs} runs are kept"
+        screen.print(f"interrupted: {remaining}; go on with: {again}")
         return exit_codes.INTERRUPTED
     return exit_codes.RUN_STOPPED if set(results.column("status")) == {FAILED} else exit_codes.GOOD
 

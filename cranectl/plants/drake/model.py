@@ -85,8 +85,8 @@ def drive_forces(rig: RigParameters, drive: Drive, effects: EffectSettings) -> t
     """Return gain and offset, (3,) each, of the drives' forces gain · command + offset [N]."""
     if DRIVES[drive].is_prescribed:
         return np.array(rotor_inertias(rig, drive)), np.zeros(3)
-    gain, _, held = DRIVES[drive].push(rig, effects)
-    return np.array(gain), 0.0 - np.array(held)
+    gain, _, load_force = DRIVES[drive].push(rig, effects)
+    return np.array(gain), 0.0 - np.array(load_force)
 
 
 def axis_damping(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[float]:

@@ -73,7 +73,7 @@ def make_crane(
     """Make the elastic crane of `rig` with `effects`."""
     rope, body, frame, friction = effects.rope, effects.body, effects.frame, effects.friction
     gravity, none = gravity_in_rig(rig.gravity, effects), (0.0, 0.0, 0.0)
-    ideal, (gain, damping, held) = DRIVES[drive].is_prescribed, DRIVES[drive].push(rig, effects)
+    ideal, (gain, damping, load_force) = DRIVES[drive].is_prescribed, DRIVES[drive].push(rig, effects)
     coulomb, viscous = (friction.coulomb, friction.viscous) if friction and not ideal else (none, none)
     pivot = (friction.pivot_coulomb, friction.pivot_viscous) if friction else (0.0, 0.0)
     there = ((0, STRETCH, True), (STRETCH, BODY, rope), (BODY, RAILS, body), (RAILS, STATES, frame))
@@ -81,7 +81,7 @@ def make_crane(
         prescribed=ideal,
         gain=gain,
         damping=damping,
-        held=held,
+        held=load_force,
         limit=effects.limits.force if effects.limits else (inf, inf, inf),
         axis_mass=(rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass),
         gravity=gravity,

@@ -195,8 +195,8 @@ def given(crane, command, axis):
 @jit
 def rail_force(crane, state, axis):
     """Return the force of springs, dampers and slope on the rails along `axis` [N]."""
-    place = RAILS + 2 * axis
-    spring = crane.rail_stiffness[axis] * state[place] + crane.rail_damping[axis] * state[place + 1]
+    index = RAILS + 2 * axis
+    spring = crane.rail_stiffness[axis] * state[index] + crane.rail_damping[axis] * state[index + 1]
     return crane.rail_weight[axis] - spring
 
 

@@ -115,13 +115,13 @@ class ElasticPlant:
 
         def rates(state: Array) -> Array:
             settle(crane, state, command, STILL_AIR[:2], STILL_AIR, work)
-            found: Array = work.rates[0, places].copy()
-            return found
+            first_rates: Array = work.rates[0, places].copy()
+            return first_rates
 
         rest = rates(hanging)
         system = [
-            (rates(hanging + FINE_DIFFERENCE * np.eye(len(hanging))[place]) - rest) / FINE_DIFFERENCE
-            for place in places
+            (rates(hanging + FINE_DIFFERENCE * np.eye(len(hanging))[index]) - rest) / FINE_DIFFERENCE
+            for index in places
         ]
         return float(np.abs(np.linalg.eigvals(np.array(system))).max())
 

@@ -58,17 +58,17 @@ def integrate(crane, state, length, command, disturbance, wind, work):
     """Integrate from `state`, whose rates are known, over `length` [s] into `work.end`."""
     rates, trial, end = work.rates, work.trial, work.end
     for stage in range(1, STAGES):
-        for place in crane.places:
+        for index in crane.places:
             increment = 0.0
             for j in range(stage):
-                increment += A[stage, j] * rates[j, place]
-            trial[place] = state[place] + length * increment
+                increment += A[stage, j] * rates[j, index]
+            trial[index] = state[index] + length * increment
         derivative(crane, trial, command, disturbance, wind, work, rates[stage])
-    for place in crane.places:
+    for index in crane.places:
         increment = 0.0
         for stage in range(STAGES):
-            increment += B[stage] * rates[stage, place]
-        end[place] = state[place] + length * increment
+            increment += B[stage] * rates[stage, index]
+        end[index] = state[index] + length * increment
     if crane.swings:
         x, y, z = end[BODY], end[BODY + 1], end[BODY + 2]
         scale = 1.0 / sqrt(x * x + y * y + z * z)
@@ -94,10 +94,10 @@ def look_at_end(crane, command, disturbance, wind, work):
 
 
 @jit
-def changing(crane, work, found):
-    """Return a joint other than `found` that begins to slide or stick by `work.end`, or -1."""
+def changing(crane, work, known):
+    """Return a joint other than `known` that begins to slide or stick by `work.end`, or -1."""
     for joint in range(JOINTS):
-        if joint != found and margin(crane, work.end, work, joint) < 0.0:
+        if joint != known and margin(crane, work.end, work, joint) < 0.0:
             return joint
     return -1
 
@@ -112,18 +112,18 @@ def finish_step(crane, state, command, disturbance, wind, work):
         start = work.margins
         for joint in range(JOINTS):
             start[joint] = margin(crane, state, work, joint)
-        length, found = left, -1
+        length, changed = left, -1
         integrate(crane, state, length, command, disturbance, wind, work)
         if crane.rubs and part < PARTS - 1:
             look_at_end(crane, command, disturbance, wind, work)
             for _ in range(JOINTS):
-                joint = changing(crane, work, found)
+                joint = changing(crane, work, changed)
                 if joint < 0:
                     break
-                found = joint
+                changed = joint
                 length = instant(crane, state, length, joint, command, disturbance, wind, work)
-        for place in crane.places:
-            state[place] = work.end[place]
+        for index in crane.places:
+            state[index] = work.end[index]
         for joint in range(JOINTS):
             if work.sign[joint] * state[2 * joint + 1] < 0.0:
                 state[2 * joint + 1] = 0.0
@@ -148,11 +148,11 @@ def instant(crane, state, length, joint, command, disturbance, wind, work):
         middle = high - right * (high - low) / (right - left)
         integrate(crane, state, middle, command, disturbance, wind, work)
         look_at_end(crane, command, disturbance, wind, work)
-        found = margin(crane, work.end, work, joint)
-        if found < 0.0:
-            high, below, right, left = middle, found, found, 0.5 * left
+        margin_found = margin(crane, work.end, work, joint)
+        if margin_found < 0.0:
+            high, below, right, left = middle, margin_found, margin_found, 0.5 * left
         else:
-            low, left, right = middle, found, 0.5 * right
+            low, left, right = middle, margin_found, 0.5 * right
     integrate(crane, state, high, command, disturbance, wind, work)
     look_at_end(crane, command, disturbance, wind, work)
     return high

@@ -164,16 +164,16 @@ def rope_entries(rope: Rope, of: Setting) -> list[Entry]:
     Its mass is a thin rod above its end, cut off at the pivot: it moves with what the winch pays out.
     """
     density, length = rope.mass, of.length
-    found = [
+    entries = [
         Entry("joint", DISTANCE, "ref", of.drawn),
         Entry("joint", DISTANCE, "range", of.rig.rope_range),
         Entry("actuator", ELASTICITY, "biasprm", (0.0, 0.0, 0.0)),
     ]
     if density == 0.0:
-        return found
+        return entries
     across = density * length**3 / 12.0
     return [
-        *found,
+        *entries,
         Entry("body", MASS, "mass", density * length),
         Entry("body", MASS, "ipos", (0.0, 0.0, 0.5 * length)),
         Entry("body", MASS, "inertia", (across, across, SLENDER * across)),
@@ -195,15 +195,15 @@ def frame_entries(frame: Frame, of: Setting) -> list[Entry]:
     Its frequency is the empty rig's: no load, bridge and trolley standing on it.
     """
     mass = frame.mass + of.rig.bridge_mass + of.rig.trolley_mass
-    found: list[Entry] = []
+    entries: list[Entry] = []
     for name, frequency in zip(FRAME, frame.frequency, strict=True):
         omega = 2.0 * pi * frequency
-        found += [
+        entries += [
             Entry("joint", name, "armature", frame.mass),
             Entry("joint", name, "stiffness", mass * omega**2),
             Entry("joint", name, "damping", 2.0 * frame.damping_ratio * mass * omega),
         ]
-    return found
+    return entries
 
 
 # A sticking joint creeps with force / mass · (1 - impedance) / impedance · time constant / 2, with these and
@@ -228,10 +228,10 @@ def friction_entries(friction: Friction, of: Setting) -> list[Entry]:
     """Coulomb's and viscous friction of each joint."""
     pivot = (friction.pivot_coulomb, friction.pivot_viscous)
     axes = zip(DRIVEN_JOINTS, friction.coulomb, friction.viscous, strict=True)
-    found = [(name, *pivot) for name in CARDAN_JOINTS] + (list(axes) if of.is_moved_by_force else [])
+    joints = [(name, *pivot) for name in CARDAN_JOINTS] + (list(axes) if of.is_moved_by_force else [])
     return [
         entry
-        for name, coulomb, viscous in found
+        for name, coulomb, viscous in joints
         for entry in (Entry("joint", name, "frictionloss", coulomb), Entry("joint", name, "damping", viscous))
     ]
 

@@ -101,9 +101,9 @@ def _about_axes_of(plant: MujocoPlant, new: Anchor, old: Anchor, qvel: Array) ->
     if not plant.rig.swings:
         return qvel
     swing, back, turn = plant.model.joint("swing"), np.zeros(4), np.zeros(4)
-    place, rate = int(swing.qposadr[0]), int(swing.dofadr[0])
-    mujoco.mju_negQuat(back, new.qpos[place : place + 4])
-    mujoco.mju_mulQuat(turn, back, old.qpos[place : place + 4])
+    address, rate = int(swing.qposadr[0]), int(swing.dofadr[0])
+    mujoco.mju_negQuat(back, new.qpos[address : address + 4])
+    mujoco.mju_mulQuat(turn, back, old.qpos[address : address + 4])
     turned = qvel.copy()
     mujoco.mju_rotVecQuat(turned[rate : rate + 3], qvel[rate : rate + 3], turn)
     return turned

@@ -96,19 +96,19 @@ def structure_of(effects: EffectSettings) -> tuple[object, ...]:
 def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[Entry]:
     """Return every number of the model that depends on parameters; the structure decides which there are."""
     setting = _setting(rig, drive, effects)
-    found = [Entry("option", "", "gravity", gravity_in_rig(rig.gravity, effects))]
-    found += [Entry("body", body, "mass", getattr(rig, f"{body}_mass")) for body in BODIES]
+    entries = [Entry("option", "", "gravity", gravity_in_rig(rig.gravity, effects))]
+    entries += [Entry("body", body, "mass", getattr(rig, f"{body}_mass")) for body in BODIES]
     ranges = zip(DRIVEN_JOINTS, (rig.bridge_range, rig.trolley_range, rig.rope_range), strict=True)
-    found += [Entry("joint", joint, "range", limits) for joint, limits in ranges]
-    found += [Entry("joint", "rope_length", "ref", setting.drawn)]
+    entries += [Entry("joint", joint, "range", limits) for joint, limits in ranges]
+    entries += [Entry("joint", "rope_length", "ref", setting.drawn)]
     if DRIVES[drive].is_prescribed:
-        found += _set_ideal_drives(rig)
+        entries += _set_ideal_drives(rig)
     elif DRIVES[drive].is_servo:
-        found += _set_velocity_drives(rig, drive, effects)
+        entries += _set_velocity_drives(rig, drive, effects)
     else:  # motors, a force for a command
-        found += [Entry("joint", "rope_length", "armature", rig.winch_mass)]
+        entries += [Entry("joint", "rope_length", "armature", rig.winch_mass)]
     shown = _shown(effects, setting)
-    return [*found, *(entry for made, own in shown for entry in made.entries(own, setting))]
+    return [*entries, *(entry for made, own in shown for entry in made.entries(own, setting))]
 
 
 def ideal_inertia(rig: RigParameters) -> float:
@@ -131,9 +131,9 @@ def _set_ideal_drives(rig: RigParameters) -> list[Entry]:
 def _set_velocity_drives(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[Entry]:
     armature = rig.winch_mass
     drives = []
-    for name, gain, damping, held in zip(ACTUATORS, *DRIVES[drive].push(rig, effects), strict=True):
+    for name, gain, damping, load_force in zip(ACTUATORS, *DRIVES[drive].push(rig, effects), strict=True):
         proportional = (gain,)
-        bias = (0.0 - held, 0.0, -damping)
+        bias = (0.0 - load_force, 0.0, -damping)
         drives.append(Entry("actuator", name, "gainprm", proportional))
         drives.append(Entry("actuator", name, "biasprm", bias))
     drives.append(Entry("joint", "rope_length", "armature", armature))

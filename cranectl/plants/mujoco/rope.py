@@ -69,8 +69,8 @@ def set_damping(views: ElasticRope, rope: Rope, mass: float, length: float) -> N
 def start_taut(model: mujoco.MjModel, data: mujoco.MjData, views: ElasticRope) -> None:
     """Stretch the rope in `data` so that it neither stretches on nor springs back, if it can be taut."""
     distance = model.joint(DISTANCE)
-    place, rate = distance.qposadr[0], distance.dofadr[0]
-    data.qpos[place], data.qvel[rate] = data.qpos[views.winch], data.qvel[views.winch_rate]
+    address, rate = distance.qposadr[0], distance.dofadr[0]
+    data.qpos[address], data.qvel[rate] = data.qpos[views.winch], data.qvel[views.winch_rate]
     pay_out(views, data.qpos)
     tension = 0.0
     for _ in range(ROUNDS if model.dof_frictionloss.any() else 1):
@@ -82,7 +82,7 @@ def start_taut(model: mujoco.MjModel, data: mujoco.MjData, views: ElasticRope) -
         free, with_unit = stretching
         tension = max(tension + free / (free - with_unit), 0.0)
     data.qfrc_applied[[rate, views.winch_rate]] = 0.0
-    data.qpos[place] -= tension / views.law[1]
+    data.qpos[address] -= tension / views.law[1]
 
 
 @jit

@@ -55,14 +55,18 @@ def _summary(divisions: list[Judged]) -> Iterator[Section]:
     )
     texts, tables = [text], []
     for judged in divisions:
-        sets = {name: found for name in judged.benchmark.sets if (found := judged.ranking(name))}
+        sets = {name: standings for name in judged.benchmark.sets if (standings := judged.ranking(name))}
         if not sets:
             continue
         fronts = {}
-        for name, found in sets.items():
-            full = scores.undominated(points_of(found))
-            fronts[name] = {standing.law for standing, best in zip(found, full, strict=True) if best}
-        everywhere = [law for law in judged.best_first if all(law in front for front in fronts.values())]
+        for name, standings in sets.items():
+            full = scores.undominated(points_of(standings))
+            fronts[name] = {standing.law for standing, best in zip(standings, full, strict=True) if best}
+        everywhere = [
+            controller
+            for controller in judged.best_first
+            if all(controller in front for front in fronts.values())
+        ]
         title = TITLES[judged.division]
         texts.append(f"{title}, on {', '.join(sets)} alike: {', '.join(everywhere) or 'none'}.")
         tables.append(_undominated(judged, sets, fronts))
@@ -74,23 +78,31 @@ def _undominated(
     judged: Judged, sets: Mapping[str, Sequence[Standing]], fronts: Mapping[str, set[str]]
 ) -> Table:
     """Return the controllers on any of the fronts, those on most of them first."""
-    by_law = {name: {standing.law: standing for standing in found} for name, found in sets.items()}
-    count = {law: sum(law in front for front in fronts.values()) for law in judged.best_first}
-    laws = sorted((law for law, times in count.items() if times), key=lambda law: -count[law])
+    by_law = {
+        name: {standing.law: standing for standing in standings_of_set}
+        for name, standings_of_set in sets.items()
+    }
+    count = {
+        controller: sum(controller in front for front in fronts.values()) for controller in judged.best_first
+    }
+    controllers = sorted(
+        (controller for controller, times in count.items() if times),
+        key=lambda controller: -count[controller],
+    )
     rows = []
-    for law in laws:
+    for controller in controllers:
         row: list[Cell | str] = []
         for name, standings in by_law.items():
-            if law not in standings:
+            if controller not in standings:
                 row += [""] * len(SHOWN)
                 continue
-            each = standings[law]
-            share, unsettled = 100.0 * each.failed, 100.0 * each.unsettled
-            failed = Cell(f"{share:.1f}", "best" if law in fronts[name] else "")
-            row += [failed, f"{unsettled:.1f}", finite(each.effort, ".2f", "fails")]
-        rows.append(cells(*named(judged, law), *row))
+            own_standing = standings[controller]
+            share, unsettled = 100.0 * own_standing.failed, 100.0 * own_standing.unsettled
+            failed = Cell(f"{share:.1f}", "best" if controller in fronts[name] else "")
+            row += [failed, f"{unsettled:.1f}", finite(own_standing.effort, ".2f", "fails")]
+        rows.append(cells(*named(judged, controller), *row))
     headings = (*NAMED, *(f"{name}\n{column}" for name in sets for column in SHOWN))
-    title = f"{TITLES[judged.division]}: {len(laws)} of {len(set().union(*by_law.values()))} laws"
+    title = f"{TITLES[judged.division]}: {len(controllers)} of {len(set().union(*by_law.values()))} laws"
     note = "A star: undominated on that set. RMS u in m/s²."
     return Table(title, headings, tuple(rows), labels=2, note=note)
 
@@ -108,31 +120,31 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
         f"Made by {'; some with '.join(_software(table.about['made_by']))}.",
     )
     rows = []
-    for law, facts in sorted(table.about["laws"].items()):
+    for controller, facts in sorted(table.about["laws"].items()):
         follows = "set points" if facts["follows"] == "set-point" else "path"
         ahead, known = facts["preview"] or NOT_DECLARED, NOT_DECLARED
         if (rig := facts["rig"]) is not None:
             ahead = facts["preview"] or "none"
             known = ", ".join(name.replace("_", " ") for name in rig) or "nothing"
         ahead = "all of the path" if facts["reads_path"] else str(ahead)
-        rows.append(cells(law, follows, facts["measures"], ahead, facts["commands"], known))
+        rows.append(cells(controller, follows, facts["measures"], ahead, facts["commands"], known))
     headings = ("law", "follows", "measures", "preview", "commands", "knows of the rig")
     note = (
         "What is measured as state comes from encoders and an observer that is common to all laws. Preview: "
         "control periods of the path ahead, or all of it where a law is made. Of masses and drives, those by "
         "which its numbers go. The column 'told' of the other tables sums this up."
     )
-    told = Table("", headings, tuple(rows), labels=6, note=note)
-    return Section("rules", "Rules and information", texts, (told,))
+    table_of_controllers = Table("", headings, tuple(rows), labels=6, note=note)
+    return Section("rules", "Rules and information", texts, (table_of_controllers,))
 
 
 def _software(made_by: Sequence[Mapping[str, str]]) -> Iterator[str]:
     """Yield the first software in full, and of others what differs from it."""
-    told: Mapping[str, str] = {}
+    first: Mapping[str, str] = {}
     for versions in made_by:
-        other = {name: version for name, version in versions.items() if told.get(name) != version}
+        other = {name: version for name, version in versions.items() if first.get(name) != version}
         yield ", ".join(f"{name} {version}" for name, version in other.items())
-        told = made_by[0]
+        first = made_by[0]
 
 
 def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
@@ -142,17 +154,17 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
         return
     stages = ("untuned", "half", "full")
     rows, numbers = [], []
-    for law, facts in sorted(tuned.items(), key=lambda item: item[1]["cost"]["full"]):
+    for controller, facts in sorted(tuned.items(), key=lambda item: item[1]["cost"]["full"]):
         costs = (f"{facts['cost'][stage]:.3f}" for stage in stages)
         failed = (f"{100.0 * facts['failed'][stage]:.0f}" for stage in stages)
-        told = information_class(table.about["laws"][law])
-        rows.append(cells(law, told, str(facts["runs"]), *costs, *failed))
+        information = information_class(table.about["laws"][controller])
+        rows.append(cells(controller, information, str(facts["runs"]), *costs, *failed))
         changed = [
-            f"{key.removeprefix('design.').removeprefix(f'controller.{law}.')} {before:g} → {found:g}"
-            for key, (before, found) in sorted(facts["numbers"].items())
+            f"{key.removeprefix('design.').removeprefix(f'controller.{controller}.')} {before:g} → {after:g}"
+            for key, (before, after) in sorted(facts["numbers"].items())
         ]
         if changed:
-            numbers.append(cells(law, told, ", ".join(changed)))
+            numbers.append(cells(controller, information, ", ".join(changed)))
     settings = benchmark.tuning
     text = (
         f"Every law by CMA-ES in a budget of {settings.runs} runs, from its defaults, on cranes that are "
@@ -177,10 +189,10 @@ def _failures(divisions: list[Judged], result: Path | None) -> Iterator[Section]
     tables = []
     for judged in divisions:
         rows = [
-            cells(*named(judged, law), name, *found)
-            for law in judged.best_first
+            cells(*named(judged, controller), name, *failure)
+            for controller in judged.best_first
             for name in judged.benchmark.sets
-            if (found := _first_failure(judged, law, name, result))
+            if (failure := _first_failure(judged, controller, name, result))
         ]
         if rows:
             tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=7, folded=True))
@@ -195,19 +207,19 @@ def _failures(divisions: list[Judged], result: Path | None) -> Iterator[Section]
         yield Section("failures", "Failures to look at", (text,), tuple(tables))
 
 
-def _first_failure(judged: Judged, law: str, crane_set: str, result: Path | None) -> tuple[str, ...]:
+def _first_failure(judged: Judged, controller: str, crane_set: str, result: Path | None) -> tuple[str, ...]:
     """Scenario, crane, how the run ended, the command that shows it; empty where none failed."""
     for scenario in judged.benchmark.scenarios:
-        trial = judged.trial(crane_set, scenario, law)
+        trial = judged.trial(crane_set, scenario, controller)
         runs = judged.table.trials.get(trial)
         if runs is not None and runs.failed.any():
             sample = int(np.flatnonzero(runs.failed)[0])
             status = runs.status[sample]
             ended = "beyond a limit" if status == RunStatus.COMPLETED.label else status
-            place = result / trial.place if result else trial.place
-            command = ["cranectl", "campaign", "replay", str(place), "--run", str(sample)]
-            if judged.table.about["laws"][law]["file"]:
-                named = controller_from(read_manifest(place), place, law) if result else law
-                command += ["--controller", FILE if named == law else named]
+            folder = result / trial.place if result else trial.place
+            command = ["cranectl", "campaign", "replay", str(folder), "--run", str(sample)]
+            if judged.table.about["laws"][controller]["file"]:
+                named = controller_from(read_manifest(folder), folder, controller) if result else controller
+                command += ["--controller", FILE if named == controller else named]
             return scenario, str(sample), ended, shlex.join(command)
     return ()

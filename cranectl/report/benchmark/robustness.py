@@ -25,22 +25,22 @@ def radius_section(judged: Judged) -> Iterator[Section]:
     spreads = np.array([cranes.spread for cranes in ladder.values()])
     scenario = benchmark.radius.scenario
     cranes = [_possible(judged, name, scenario) for name in ladder]
-    found = []
-    for law in judged.best_first:
-        runs = [judged.runs(name, scenario, law) for name in ladder]
+    radii = []
+    for controller in judged.best_first:
+        runs = [judged.runs(name, scenario, controller) for name in ladder]
         there = [_failed_share(run, of) for run, of in zip(runs, cranes, strict=True) if run is not None]
         if len(there) == len(ladder):
             shares = np.array(there)
-            found.append((scores.radius(spreads, shares), law, shares))
-    if not found:
+            radii.append((scores.radius(spreads, shares), controller, shares))
+    if not radii:
         return
     rows = tuple(
         cells(
-            *named(judged, law),
+            *named(judged, controller),
             finite(factor, ".2f", f"above {spreads[-1]:g}") if factor else f"below {spreads[0]:g}",
             *(f"{100.0 * share:.0f}" for share in shares),
         )
-        for factor, law, shares in sorted(found, key=lambda row: -row[0])
+        for factor, controller, shares in sorted(radii, key=lambda row: -row[0])
     )
     headings = (*NAMED, "radius", *(f"failed [%] at\n{spread:g}" for spread in spreads))
     text = (
@@ -49,8 +49,8 @@ def radius_section(judged: Judged) -> Iterator[Section]:
     )
     left_out = {spread: int((~of).sum()) for spread, of in zip(spreads, cranes, strict=True) if not of.all()}
     if left_out:
-        told = ", ".join(f"{count} at {spread:g}" for spread, count in left_out.items())
-        text += f" Left out are cranes that could not be simulated with any law: {told}."
+        missing = ", ".join(f"{count} at {spread:g}" for spread, count in left_out.items())
+        text += f" Left out are cranes that could not be simulated with any law: {missing}."
     yield section_of(judged, "radius", "radius", text, (Table("", headings, rows, labels=2),))
 
 
@@ -63,24 +63,29 @@ def singles_section(judged: Judged) -> Iterator[Section]:
     together = f"{RADIUS}{singles.spread:g}"
     columns = {name: name.removeprefix(SINGLE) for name in single_sets(benchmark)}
     columns = {**{name: name for name in exact[:1]}, **columns, together: "all"}
-    found = {
-        law: {name: judged.runs(name, singles.scenario, law) for name in columns} for law in judged.best_first
+    runs_by_controller = {
+        controller: {name: judged.runs(name, singles.scenario, controller) for name in columns}
+        for controller in judged.best_first
     }
-    there = {law: of for law, of in found.items() if any(of[name] for name in single_sets(benchmark))}
+    there = {
+        controller: of
+        for controller, of in runs_by_controller.items()
+        if any(of[name] for name in single_sets(benchmark))
+    }
     if not there:
         return
-    columns = {name: told for name, told in columns.items() if any(of[name] for of in there.values())}
+    columns = {name: heading for name, heading in columns.items() if any(of[name] for of in there.values())}
     cranes = {name: _possible(judged, name, singles.scenario) for name in columns}
     tables = []
     for some, folded in ((list(there)[:BEST], False), (list(there)[BEST:], True)):
-        for told, cell in (("failed [%]", _failures), ("RMS error, 50 % [mm]", _error)):
-            headings = (*NAMED, *(f"{told}\n{effect}" for effect in columns.values()))
+        for heading, cell in (("failed [%]", _failures), ("RMS error, 50 % [mm]", _error)):
+            headings = (*NAMED, *(f"{heading}\n{effect}" for effect in columns.values()))
             rows = []
-            for law in some:
-                runs = [(there[law][name], cranes[name]) for name in columns]
+            for controller in some:
+                runs = [(there[controller][name], cranes[name]) for name in columns]
                 texts = ("" if own is None else cell(own, of) for own, of in runs)
-                rows.append(cells(*named(judged, law), *texts))
-            title = f"{'The others' if folded else 'The best'}: {told}"
+                rows.append(cells(*named(judged, controller), *texts))
+            title = f"{'The others' if folded else 'The best'}: {heading}"
             tables += [Table(title, headings, tuple(rows), labels=2, folded=folded)] if rows else []
     text = (
         f"On {singles.scenario} one uncertainty alone, {singles.spread:g} times as wide as at spread 1, on a "
@@ -94,7 +99,11 @@ def singles_section(judged: Judged) -> Iterator[Section]:
 
 def _possible(judged: Judged, name: str, scenario: str) -> Mask:
     """Cranes of a set that could be simulated with some law, by sample; all where there are not two laws."""
-    of_laws = [runs for law in judged.best_first if (runs := judged.runs(name, scenario, law)) is not None]
+    of_laws = [
+        runs
+        for controller in judged.best_first
+        if (runs := judged.runs(name, scenario, controller)) is not None
+    ]
     some = np.zeros(max((runs.failed.size for runs in of_laws), default=0), dtype=bool)
     for runs in of_laws:
         some[: runs.failed.size] |= np.array(runs.status) != FAILED
@@ -123,12 +132,12 @@ def second_section(judged: Judged) -> Iterator[Section]:
     tables: list[Table] = []
     for name in benchmark.sets:
         rows = []
-        for law in judged.best_first:
+        for controller in judged.best_first:
             pairs = [
                 on_common_cranes([first, second])
                 for scenario in benchmark.scenarios
-                if (first := judged.runs(name, scenario, law)) is not None
-                and (second := judged.runs(name, scenario, law, benchmark.second_plant)) is not None
+                if (first := judged.runs(name, scenario, controller)) is not None
+                and (second := judged.runs(name, scenario, controller, benchmark.second_plant)) is not None
             ]
             if not pairs:
                 continue
@@ -138,7 +147,7 @@ def second_section(judged: Judged) -> Iterator[Section]:
             apart = np.abs(np.subtract(*errors))[~(here | there)]
             shares = (f"{100.0 * failed.mean():.1f}" for failed in (here, there))
             texts = str((here != there).sum()), median(1e3 * apart, np.zeros(apart.size, dtype=bool))
-            rows.append(cells(*named(judged, law), str(there.size), *shares, *texts))
+            rows.append(cells(*named(judged, controller), str(there.size), *shares, *texts))
         if rows:
             tables.append(Table(f"Cranes: {name}", headings, tuple(rows), labels=2, folded=bool(tables)))
     if tables:

@@ -26,17 +26,17 @@ MOST_RATIO = 10.0
 NAMED_PROFILES = 8  # laws that have a line of their own in a profile
 LEAST_EFFORT = 1e-2  # [m/s²] that is drawn, on a logarithmic scale
 DIFFERENCES = tuple(
-    f"{what} less baseline\n{told}"
+    f"{what} less baseline\n{heading}"
     for what, unit in (("RMS error", "mm"), ("unsettled", "s"))
-    for told in (f"50 % [{unit}]", "95 % of it", "effect")
+    for heading in (f"50 % [{unit}]", "95 % of it", "effect")
 )
 NOTHING = ("", "", "")  # where there is no difference
 
 
-def named(judged: Judged, law: str) -> tuple[Cell, ...]:
+def named(judged: Judged, controller: str) -> tuple[Cell, ...]:
     """Return what the rows of a law begin with, below NAMED."""
-    head = "head" if law == judged.benchmark.baseline else ""
-    return cells(Cell(law, head), information_class(judged.table.about["laws"][law]))
+    head = "head" if controller == judged.benchmark.baseline else ""
+    return cells(Cell(controller, head), information_class(judged.table.about["laws"][controller]))
 
 
 def section_of(
@@ -54,42 +54,44 @@ def finite(value: float, form: str, other: str = "") -> str:
 
 def median(values: Array, failed: Mask) -> str:
     """Return the median to three digits, with failures worse than any value; empty without runs."""
-    found = scores.median_with_failures(values, failed)
-    return "" if math.isnan(found) else finite(float(f"{found:.3g}"), "g", "fails")
+    value = scores.median_with_failures(values, failed)
+    return "" if math.isnan(value) else finite(float(f"{value:.3g}"), "g", "fails")
 
 
 def set_section(judged: Judged, name: str) -> Iterator[Section]:
     """Tell how the controllers stand on one of the sets that are judged."""
-    found = judged.ranking(name)
-    if not found:
+    standings = judged.ranking(name)
+    if not standings:
         return
     benchmark = judged.benchmark
-    points = points_of(found)
+    points = points_of(standings)
     best, drawable = scores.undominated(points), np.asarray(np.isfinite(points).all(axis=1))
     drawn = Figure.drawn(
         "effort against settling",
         "Filled and named: no other law is as good in settling, effort and failures and better in one. "
         "Larger circles fail more often.",
         _draw_fronts,
-        [s.law for s, there in zip(found, drawable, strict=True) if there],
+        [s.law for s, there in zip(standings, drawable, strict=True) if there],
         points[drawable],
         best[drawable],
         alone=True,
     )
-    laws, tasks = [s.law for s in found], []
+    controllers, tasks = [s.law for s in standings], []
     for scenario in judged.shared_scenarios(name):
-        runs = on_common_cranes([judged.table.trials[judged.trial(name, scenario, law)] for law in laws])
+        runs = on_common_cranes(
+            [judged.table.trials[judged.trial(name, scenario, controller)] for controller in controllers]
+        )
         tasks.append(np.stack([run.task for run in runs]))  # (laws, cranes that all of them have met)
     profiles = Figure.drawn(
         "performance profiles",
         "Share of all runs that a law has settled within so many times the time of the law that was "
         "quickest on that crane, both from the start of the run; failures never. The eight best have names.",
         _draw_profiles,
-        laws,
+        controllers,
         scores.performance_ratios(np.hstack(tasks)),
         alone=True,
     )
-    tables = [ranking_table(judged, found, f"All laws on {benchmark.plant}"), _failures(judged, name)]
+    tables = [ranking_table(judged, standings, f"All laws on {benchmark.plant}"), _failures(judged, name)]
     tables += [table for scenario in benchmark.scenarios for table in _scenario(judged, name, scenario)]
     cranes = benchmark.sets[name]
     text = (
@@ -107,18 +109,18 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
     yield section_of(judged, name, name, text, tables, drawn, profiles)
 
 
-def ranking_table(judged: Judged, found: Sequence[Standing], title: str) -> Table:
+def ranking_table(judged: Judged, standings: Sequence[Standing], title: str) -> Table:
     """Tell how controllers stand; none on the front is dominated in settling, effort and failures.
 
     Of the others it names the first law that does.
     """
-    better = scores.dominates(points_of(found))
+    better = scores.dominates(points_of(standings))
     headings = (*NAMED, "front,\nor behind", "runs", "failed\n%", "failed\n95 %", "settled\n%",
                 "unsettled\ntime %", "RMS u\nm/s²", "variation\nm/s² in 1 s")  # fmt: skip
     rows = []
-    for standing, ahead in zip(found, better.T, strict=True):
+    for standing, ahead in zip(standings, better.T, strict=True):
         low, high = failure_interval(standing.failures, standing.runs)
-        front = found[int(np.argmax(ahead))].law if ahead.any() else ANSWERS[True]
+        front = standings[int(np.argmax(ahead))].law if ahead.any() else ANSWERS[True]
         failed = f"{100.0 * standing.failed:.1f}", f"{100.0 * low:.1f} to {100.0 * high:.1f}"
         settled = f"{100.0 * standing.settled:.0f}", f"{100.0 * standing.unsettled:.1f}"
         inputs = finite(standing.effort, ".3f", "fails"), finite(standing.variation, ".1f", "fails")
@@ -135,11 +137,15 @@ def ranking_table(judged: Judged, found: Sequence[Standing], title: str) -> Tabl
 def _failures(judged: Judged, name: str) -> Table:
     """Share of failures by scenario, folded."""
     rows = []
-    for law in judged.best_first:
-        found = [judged.runs(name, scenario, law) for scenario in judged.benchmark.scenarios]
-        if any(found):
-            shares = ("" if runs is None else f"{100.0 * runs.failed.mean():.0f}" for runs in found)
-            rows.append(cells(*named(judged, law), *shares))
+    for controller in judged.best_first:
+        runs_by_scenario = [
+            judged.runs(name, scenario, controller) for scenario in judged.benchmark.scenarios
+        ]
+        if any(runs_by_scenario):
+            shares = (
+                "" if runs is None else f"{100.0 * runs.failed.mean():.0f}" for runs in runs_by_scenario
+            )
+            rows.append(cells(*named(judged, controller), *shares))
     headings = (*NAMED, *(f"failed [%]\n{scenario}" for scenario in judged.benchmark.scenarios))
     return Table("Failures by scenario", headings, tuple(rows), labels=2, folded=True)
 
@@ -151,12 +157,12 @@ def _scenario(judged: Judged, name: str, scenario: str) -> Iterator[Table]:
     headings = (*NAMED, "failed\n%", "settled\n%", "settling time\n50 % [s]", "settling time\n90 % [s]",
                 "sway about lean\n50 % [°]", "RMS error\n50 % [mm]", *DIFFERENCES)  # fmt: skip
     rows = []
-    for law in judged.best_first:
-        runs = judged.runs(name, scenario, law)
+    for controller in judged.best_first:
+        runs = judged.runs(name, scenario, controller)
         if runs is None:
             continue
-        sees_path = judged.table.about["laws"][law]["follows"] != "set-point"
-        other = theirs if law != judged.benchmark.baseline else None
+        sees_path = judged.table.about["laws"][controller]["follows"] != "set-point"
+        other = theirs if controller != judged.benchmark.baseline else None
         settling, failed = runs.settling, runs.failed
         shares = (failed.mean(), scores.settled_share(settling, failed))
         times = (finite(scores.settling_quantile(settling, failed, at), ".2f", "never") for at in (0.5, 0.9))
@@ -164,7 +170,7 @@ def _scenario(judged: Judged, name: str, scenario: str) -> Iterator[Table]:
         error = median(1e3 * runs.metrics[COMPARED], failed) if sees_path else ""
         less = _less(runs, other, duration, sees_path=sees_path)
         texts = (*(f"{100.0 * share:.0f}" for share in shares), *times, sway, error)
-        rows.append(cells(*named(judged, law), *texts, *less))
+        rows.append(cells(*named(judged, controller), *texts, *less))
     if rows:
         yield Table(f"On {scenario}", headings, tuple(rows), labels=2, folded=True)
 
@@ -190,14 +196,14 @@ def _less(runs: Runs, baseline: Runs | None, duration: float, *, sees_path: bool
 
 def _difference(own: Array, theirs: Array, *, form: str) -> tuple[str, str, str]:
     """Return values less those of the baseline: median, its interval, effect."""
-    found = scores.paired_difference(own, theirs, seed=0)
-    if found.cranes < scores.MIN_INTERVAL_VALUES:
+    difference = scores.paired_difference(own, theirs, seed=0)
+    if difference.cranes < scores.MIN_INTERVAL_VALUES:
         return NOTHING
-    low, high = (format(bound, form) for bound in (found.low, found.high))
-    return f"{found.median:{form}}", f"{low} to {high}", f"{found.effect:+.2f}"
+    low, high = (format(bound, form) for bound in (difference.low, difference.high))
+    return f"{difference.median:{form}}", f"{low} to {high}", f"{difference.effect:+.2f}"
 
 
-def _draw_profiles(laws: Sequence[str], ratios: Array) -> Drawing:
+def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
     """Draw the share of runs that each controller brings to rest within a ratio of the quickest time.
 
     `ratios` (laws, problems) are those of the laws that are drawn, the best of them by its line alone.
@@ -209,7 +215,7 @@ def _draw_profiles(laws: Sequence[str], ratios: Array) -> Drawing:
     for k in best[NAMED_PROFILES:]:
         axes.step(at, 100.0 * shares[k], where="post", color=STAND_IN["muted"], linewidth=0.6)
     for rank, k in enumerate(best[:NAMED_PROFILES]):
-        axes.step(at, 100.0 * shares[k], where="post", label=laws[k], **series_style(rank))
+        axes.step(at, 100.0 * shares[k], where="post", label=controllers[k], **series_style(rank))
     axes.set(xscale="log", xlim=(1.0, MOST_RATIO), ylim=(0.0, 100.0))
     axes.set(xlabel="time to settle over that of the quickest law", ylabel="runs [%]")
     axes.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])
@@ -218,7 +224,7 @@ def _draw_profiles(laws: Sequence[str], ratios: Array) -> Drawing:
     return figure
 
 
-def _draw_fronts(laws: Sequence[str], points: Array, best: Mask) -> Drawing:
+def _draw_fronts(controllers: Sequence[str], points: Array, best: Mask) -> Drawing:
     """Draw effort against the unsettled share of the rest; points (n, 3) with the share of failures.
 
     Laws that no other dominates have their names and are full; the size tells the failures.
@@ -231,10 +237,16 @@ def _draw_fronts(laws: Sequence[str], points: Array, best: Mask) -> Drawing:
     # Names beside the axes, in the order of their points: there they are apart.
     named = sorted(np.flatnonzero(best).tolist(), key=lambda k: points[k, 1])
     line = {"arrowstyle": "-", "color": STAND_IN["muted"], "linewidth": 0.4, "relpos": (0.0, 0.5)}
-    for place, k in enumerate(named):
-        beside = (1.04, (place + 0.5) / len(named))
+    for row, k in enumerate(named):
+        beside = (1.04, (row + 0.5) / len(named))
         axes.annotate(
-            laws[k], (settling[k], effort[k]), beside, "data", "axes fraction", arrowprops=line, va="center"
+            controllers[k],
+            (settling[k], effort[k]),
+            beside,
+            "data",
+            "axes fraction",
+            arrowprops=line,
+            va="center",
         )
     axes.set(xlabel="time at rest that passes unsettled [%]", ylabel="RMS of commanded acceleration [m/s²]")
     axes.set_yscale("log")

@@ -71,11 +71,11 @@ def distributions(groups: Sequence[Group], limits: dict[str, float]) -> Figure:
 def effort_and_error(groups: Sequence[Group]) -> Figure:
     """Draw RMS error against effort, a point a run; crosses span 90 % of each controller's runs."""
     figure, axes = canvas(WIDTH, 3.6)
-    each = MOST_POINTS // max(1, len(groups))
+    points_each = MOST_POINTS // max(1, len(groups))
     for k, group in enumerate(groups):
         x, y = group.metrics[EFFORT], group.metrics["rms_error_m"]
         rows = np.flatnonzero(group.completed)
-        rows = rows[:: max(1, -(-rows.size // each))]
+        rows = rows[:: max(1, -(-rows.size // points_each))]
         colour = series_style(k)["color"]
         axes.plot(x[rows], y[rows], ".", markersize=3, alpha=0.45, color=colour)
         low, middle, high = np.transpose([quantiles(x), quantiles(y)])
@@ -147,10 +147,10 @@ def _spread_axis(axes: Axes, which: str, values: Sequence[Array]) -> None:
         getattr(axes, f"set_{which}scale")("log")
 
 
-def correlation_fields(found: Correlations, order: Sequence[int]) -> Figure:
+def correlation_fields(correlations: Correlations, order: Sequence[int]) -> Figure:
     """Draw a field for each parameter and metric, filled beyond chance; rows as `order` says."""
-    rho, strength = found.rho[list(order)], found.strength[list(order)]
-    bent, eta = found.bent[list(order)], found.eta[list(order)]
+    rho, strength = correlations.rho[list(order)], correlations.strength[list(order)]
+    bent, eta = correlations.bent[list(order)], correlations.eta[list(order)]
     figure, axes = canvas(WIDTH, 1.1 + 0.24 * len(order))
     for (row, column), value in np.ndenumerate(rho):
         role, text = RISES if value > 0.0 else FALLS, "–" if np.isnan(value) else f"{value:+.2f}"
@@ -161,9 +161,11 @@ def correlation_fields(found: Correlations, order: Sequence[int]) -> Figure:
             axes.add_patch(Rectangle(corner, 0.96, 0.92, facecolor=STAND_IN[role], alpha=alpha))
         colour = STAND_IN["ink" if shown else "muted"]
         axes.text(column, row, text, ha="center", va="center", fontsize=7.5, color=colour)
-    axes.set(xlim=(-0.5, len(found.metrics) - 0.5), ylim=(len(order) - 0.5, -0.5))
-    axes.set_xticks(range(len(found.metrics)), [metric_name(m).replace(" ", "\n") for m in found.metrics])
-    axes.set_yticks(range(len(order)), [found.parameters[k].removeprefix("effects.") for k in order])
+    axes.set(xlim=(-0.5, len(correlations.metrics) - 0.5), ylim=(len(order) - 0.5, -0.5))
+    axes.set_xticks(
+        range(len(correlations.metrics)), [metric_name(m).replace(" ", "\n") for m in correlations.metrics]
+    )
+    axes.set_yticks(range(len(order)), [correlations.parameters[k].removeprefix("effects.") for k in order])
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
     axes.grid(visible=False)
@@ -202,18 +204,18 @@ def failure_rates(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: S
 def sobol_bars(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure:
     """First-order and total indices of the largest error with intervals, a panel for each controller."""
     figure, panels = _rows_figure(len(parts), len(parameters))
-    place = np.arange(len(parameters))
+    rows = np.arange(len(parameters))
     for axes, part in zip(panels, parts, strict=True):
-        found = part.sobol[MEASURE]
+        indices = part.sobol[MEASURE]
         for offset, role, label, values, interval in (
-            (-0.2, SERIES[0], "first order", found.first, found.first_interval),
-            (0.2, SERIES[1], "total", found.total, found.total_interval),
+            (-0.2, SERIES[0], "first order", indices.first, indices.first_interval),
+            (0.2, SERIES[1], "total", indices.total, indices.total_interval),
         ):
             shown = label if axes is panels[0] else ""
-            axes.barh(place + offset, values, height=0.36, color=STAND_IN[role], alpha=0.75, label=shown)
-            axes.hlines(place + offset, *interval, color=STAND_IN["ink"], linewidth=0.9)
+            axes.barh(rows + offset, values, height=0.36, color=STAND_IN[role], alpha=0.75, label=shown)
+            axes.hlines(rows + offset, *interval, color=STAND_IN["ink"], linewidth=0.9)
         axes.set_title(part.group.controller)
-        axes.set_xlim(min(-0.02, float(found.first_interval[0].min())), None)
+        axes.set_xlim(min(-0.02, float(indices.first_interval[0].min())), None)
         axes.set_xlabel(f"share of the variance, {metric_name(MEASURE)}")
     _name_rows(panels, parameters)
     figure.legend(loc="outside upper center", ncols=2)

@@ -100,8 +100,8 @@ def _influence(analysis: Analysis) -> Iterator[Section]:
         shown += [figure for parts in plants for figure in _correlations(parts)]
         shown += [_bands(analysis, parts) for parts in plants]
     if shown:
-        few = campaign.settings.sampling == "saltelli" and not indices
-        texts = (_SPREAD, _FEW) if few else (_SPREAD,)
+        is_short = campaign.settings.sampling == "saltelli" and not indices
+        texts = (_SPREAD, _FEW) if is_short else (_SPREAD,)
         yield Section("influence", "What decides", texts, tuple(indices), tuple(shown))
 
 
@@ -142,8 +142,8 @@ def _leading(values: Sequence[float] | Array, beyond_chance: int) -> list[int]:
 
 def _strengths(parts: Sequence[GroupAnalysis]) -> Array:
     """Return the strongest of all controllers (parameters, metrics); what may be chance below FAINT."""
-    found = [part.correlations for part in parts if part.correlations is not None]
-    strengths = [entry.strength + FAINT * np.abs(np.nan_to_num(entry.rho)) for entry in found]
+    correlations = [part.correlations for part in parts if part.correlations is not None]
+    strengths = [entry.strength + FAINT * np.abs(np.nan_to_num(entry.rho)) for entry in correlations]
     strongest: Array = np.max(strengths, axis=0)
     return strongest
 
@@ -173,12 +173,13 @@ def _failures(analysis: Analysis) -> Iterator[Section]:
         having = [part for part in parts if part.separations]
         if not having:
             continue
-        found = [separation for part in having for separation in part.separations]
-        names = list(dict.fromkeys(separation.parameter for separation in found))
+        separations = [separation for part in having for separation in part.separations]
+        names = list(dict.fromkeys(separation.parameter for separation in separations))
         distances = [
-            max(separation.distance for separation in found if separation.parameter == name) for name in names
+            max(separation.distance for separation in separations if separation.parameter == name)
+            for name in names
         ]
-        beyond = len({separation.parameter for separation in found if separation.significant})
+        beyond = len({separation.parameter for separation in separations if separation.significant})
         columns = [analysis.results.campaign.names.index(names[j]) for j in _leading(distances, beyond)]
         title = f"failure rate over what separates most, {parts[0].group.plant}"
         verdict = _failures_sentence(having)
@@ -230,9 +231,9 @@ def _distributions_sentence(parts: Sequence[GroupAnalysis]) -> str:
     return f"Largest error, median: {texts}. {sentence}" if texts else "No run completed."
 
 
-def _correlations_sentence(found: Correlations) -> str:
-    runs, floor = int(found.runs[COLUMN]), float(found.floors[COLUMN])
-    strength = found.strength[:, COLUMN]
+def _correlations_sentence(correlations: Correlations) -> str:
+    runs, floor = int(correlations.runs[COLUMN]), float(correlations.floors[COLUMN])
+    strength = correlations.strength[:, COLUMN]
     order = [int(k) for k in np.argsort(-strength, kind="stable") if strength[k] > 0.0]
     if floor >= 1.0:
         return f"{runs} completed runs are too few to tell influence from chance."
@@ -242,20 +243,20 @@ def _correlations_sentence(found: Correlations) -> str:
     )
     if not order:
         return f"Nothing goes with the largest error beyond chance. {beyond}."
-    named = ", ".join(_strength(found, k) for k in order[:NAMED_PARAMETERS])
+    named = ", ".join(_strength(correlations, k) for k in order[:NAMED_PARAMETERS])
     return f"With the largest error go {named}. {beyond}."
 
 
 def _sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> str:
     texts = []
     for part in parts:
-        found = part.sobol[MEASURE]
-        order = [int(k) for k in np.argsort(-found.total, kind="stable") if found.important[k]]
-        named = ", ".join(f"{parameters[k]} ({found.total[k]:.2f})" for k in order[:NAMED_PARAMETERS])
-        left = f"; {found.left_out} base points left out" if found.left_out else ""
+        indices = part.sobol[MEASURE]
+        order = [int(k) for k in np.argsort(-indices.total, kind="stable") if indices.important[k]]
+        named = ", ".join(f"{parameters[k]} ({indices.total[k]:.2f})" for k in order[:NAMED_PARAMETERS])
+        left = f"; {indices.left_out} base points left out" if indices.left_out else ""
         texts.append(
             f"{part.group.controller}: {named or 'nothing is surely above 0.05'}, from "
-            f"{found.base_points} base points{left}"
+            f"{indices.base_points} base points{left}"
         )
     return f"Total indices of {metric_name(MEASURE)}. {'. '.join(texts)}."
 
@@ -278,9 +279,11 @@ def _failures_sentence(parts: Sequence[GroupAnalysis]) -> str:
     """Tell which parameters separate failed runs from the others."""
     texts = []
     for part in parts:
-        found = [separation for separation in part.separations if separation.significant][:NAMED_PARAMETERS]
+        separations = [separation for separation in part.separations if separation.significant][
+            :NAMED_PARAMETERS
+        ]
         named = ", ".join(
-            f"{separation.parameter} (distance {separation.distance:.2f})" for separation in found
+            f"{separation.parameter} (distance {separation.distance:.2f})" for separation in separations
         )
         texts.append(f"{part.group.controller}: {named or 'no parameter beyond chance'}.")
     return f"What separates failed from other runs. {' '.join(texts)}"
@@ -296,11 +299,11 @@ def _agreement_sentence(pairs: Sequence[Pair]) -> str:
     return f"{'. '.join(texts)}." if texts else "No sample completed on both of the plants compared."
 
 
-def _strength(found: Correlations, k: int) -> str:
-    name = found.parameters[k]
-    if found.bent[k, COLUMN]:
-        return f"{name} (neither rising nor falling, η = {found.eta[k, COLUMN]:.2f})"
-    return f"{name} (ρ = {found.rho[k, COLUMN]:+.2f})"
+def _strength(correlations: Correlations, k: int) -> str:
+    name = correlations.parameters[k]
+    if correlations.bent[k, COLUMN]:
+        return f"{name} (neither rising nor falling, η = {correlations.eta[k, COLUMN]:.2f})"
+    return f"{name} (ρ = {correlations.rho[k, COLUMN]:+.2f})"
 
 
 def _list(names: Sequence[str]) -> str:

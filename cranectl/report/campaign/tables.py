@@ -60,8 +60,8 @@ def probability(p: float) -> str:
 def replay_command(results: Results, sample: int, controller: str, plant: str = "") -> str:
     """Return the command that runs a sample again; on all plants where none is named."""
     named = controller_from(results.manifest, results.directory, controller)
-    asked = ["--run", str(sample), "--controller", named, *(["--plant", plant] if plant else [])]
-    return shlex.join(["cranectl", "campaign", "replay", str(results.directory), *asked])
+    options = ["--run", str(sample), "--controller", named, *(["--plant", plant] if plant else [])]
+    return shlex.join(["cranectl", "campaign", "replay", str(results.directory), *options])
 
 
 def summary_table(groups: Sequence[GroupSummary], title: str) -> Table:
@@ -135,11 +135,11 @@ def sobol_table(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Ta
     return Table(f"Total Sobol indices on {parts[0].group.plant}", headings, tuple(rows), labels=2, note=note)
 
 
-def _sobol_cell(found: SobolIndices | None, k: int) -> Cell:
-    if found is None:
+def _sobol_cell(indices: SobolIndices | None, k: int) -> Cell:
+    if indices is None:
         return Cell("–")
-    low, high = found.total_interval[:, k]
-    return Cell(f"{found.total[k]:.2f} ({low:.2f}–{high:.2f})", "good" if found.important[k] else "")
+    low, high = indices.total_interval[:, k]
+    return Cell(f"{indices.total[k]:.2f} ({low:.2f}–{high:.2f})", "good" if indices.important[k] else "")
 
 
 def one_at_a_time_table(part: GroupAnalysis) -> Table:
@@ -204,13 +204,13 @@ def controller_differences(pairs: Sequence[Pair], sampling: str) -> Table:
         one, other = pair.second.controller, pair.first.controller
         for difference in pair.differences:
             better = one if difference.second_better > difference.first_better else other
-            found = (
+            texts = (
                 str(difference.samples),
                 *map(number, difference.quantiles),
                 percent(difference.better_share),
             )
             test = _tested(difference.p, tests, sampling, better)
-            rows.append(cells(f"{one} minus {other}", METRIC_LABELS[difference.metric], *found, *test))
+            rows.append(cells(f"{one} minus {other}", METRIC_LABELS[difference.metric], *texts, *test))
     headings = (
         "controllers", "metric", "samples", *(f"{100 * q:g} %" for q in LEVELS), "the first is better in %",
         "p", "better",
@@ -226,12 +226,12 @@ def failures_table(pairs: Sequence[Pair], sampling: str, title: str) -> Table:
     """Return the samples on which only one of two groups fails."""
     rows = []
     for pair in pairs:
-        found, a, b = pair.failures, pair.first, pair.second
+        failures, a, b = pair.failures, pair.first, pair.second
         one, other = (a.controller, b.controller) if a.plant == b.plant else (a.name, b.name)
-        only, only_other = len(found.first_only), len(found.second_only)
-        lists = (_listed(found.first_only), _listed(found.second_only))
-        counts = map(str, (found.neither, found.both, only, only_other))
-        test = _tested(found.p, len(pairs), sampling, one if only < only_other else other)
+        only, only_other = len(failures.first_only), len(failures.second_only)
+        lists = (_listed(failures.first_only), _listed(failures.second_only))
+        counts = map(str, (failures.neither, failures.both, only, only_other))
+        test = _tested(failures.p, len(pairs), sampling, one if only < only_other else other)
         rows.append(cells(one, other, *lists, *counts, *test))
     headings = (
         "one", "other", "only one fails on samples", "only the other on samples", "neither", "both",
@@ -244,10 +244,10 @@ def plants_agreement(pairs: Sequence[Pair]) -> Table:
     """Compare the largest errors on two plants."""
     rows = []
     for pair in pairs:
-        found = pair.agreement
-        largest = abs(found.largest[0][1]) if found.largest else None
-        texts = (pair.first.controller, str(found.samples), number(found.rho, form=".5f"))
-        rows.append(cells(*texts, *map(number, (*found.quantiles, largest))))
+        agreement = pair.agreement
+        largest = abs(agreement.largest[0][1]) if agreement.largest else None
+        texts = (pair.first.controller, str(agreement.samples), number(agreement.rho, form=".5f"))
+        rows.append(cells(*texts, *map(number, (*agreement.quantiles, largest))))
     levels = (f"|difference| {100 * q:g} %" for q in LEVELS)
     headings = ("controller", "samples", "rank correlation", *levels, "largest")
     note = "Of the largest error [m], over samples completed on both of the plants compared."

@@ -107,9 +107,9 @@ def map_table(certificate: Certificate) -> Table:
     lengths = dict.fromkeys(verdict.point.rope_length for verdict in certificate.points)
     rows = []
     for length in lengths:
-        found = [at[length, *column] for column in columns]
-        letters = [GRADES[verdict.grade] if verdict.stable else "u" for verdict in found]
-        gaps = zip(found, letters, strict=True)
+        verdicts = [at[length, *column] for column in columns]
+        letters = [GRADES[verdict.grade] if verdict.stable else "u" for verdict in verdicts]
+        gaps = zip(verdicts, letters, strict=True)
         rows.append(cells(f"{length:g}", *(Cell(f"{v.gap:.3f} {of}", _MARKED[of]) for v, of in gaps)))
     return Table(f"nu-gap to the design model: {loop}", ("rope\n[m]", *headings), tuple(rows), note=note)
 
@@ -161,13 +161,13 @@ def certificates_table(assessments: Sequence[Assessment]) -> Table:
     """Return the certificates of several controllers, one row each."""
     rows = []
     for row in assessments:
-        found, worst = row.certificate, row.certificate.worst
-        grades = [point.grade for point in found.points]
+        certificate, worst = row.certificate, row.certificate.worst
+        grades = [point.grade for point in certificate.points]
         gap, frequency, refused = (str(grades.count(grade)) for grade in GRADES)
         counts = (gap, frequency, Cell(refused, "open" if "refused" in grades else ""))
-        numbers = (f"{found.margin:.3f}", f"{worst.gap:.3f}", *counts)
-        unstable = str(sum(not point.stable for point in found.points))
-        rows.append(cells(row.controller, found.opening.name, str(worst.point), *numbers, unstable))
+        numbers = (f"{certificate.margin:.3f}", f"{worst.gap:.3f}", *counts)
+        unstable = str(sum(not point.stable for point in certificate.points))
+        rows.append(cells(row.controller, certificate.opening.name, str(worst.point), *numbers, unstable))
     headings = ("controller", "opened at", "worst point", "margin b", "largest gap", "by the gap",
                 "by frequency", "refused", "unstable")  # fmt: skip
     return Table("Certificates at the points that the scenario visits", headings, tuple(rows), labels=3)

@@ -48,9 +48,9 @@ def what_differs(logs: Logs) -> Table | None:
     one_law = len({next(iter(log.values())).design.name for log in logs.values()}) == 1
     for log in logs.values():
         run = next(iter(log.values()))
-        asked: dict[str, Any] = {"plants": list(log), "drives": run.drive, "controller": run.controller}
-        asked["scenario"] = run.scenario.model_dump(mode="json", exclude={"controller"})
-        flat.append(dict(leaves((_parameters(run) if one_law else {}) | asked)))
+        requested: dict[str, Any] = {"plants": list(log), "drives": run.drive, "controller": run.controller}
+        requested["scenario"] = run.scenario.model_dump(mode="json", exclude={"controller"})
+        flat.append(dict(leaves((_parameters(run) if one_law else {}) | requested)))
     names = dict.fromkeys(name for settings in flat for name in settings)
     differing = [name for name in names if any(settings.get(name) != flat[0].get(name) for settings in flat)]
     rows = {
@@ -70,8 +70,8 @@ def _parameters(run: Run) -> dict[str, Any]:
 
 def _given(run: Run) -> dict[str, Any]:
     """Return the parameters of the controller that the scenario gives."""
-    given = run.scenario.controller.parameters.get(run.design.name, {})
-    return {name: value for name, value in _parameters(run).items() if name.rpartition(".")[2] in given}
+    stated = run.scenario.controller.parameters.get(run.design.name, {})
+    return {name: value for name, value in _parameters(run).items() if name.rpartition(".")[2] in stated}
 
 
 def _by_log(title: str, logs: Logs, rows: Mapping[str, Sequence[str]]) -> Table:

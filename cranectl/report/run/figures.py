@@ -197,14 +197,14 @@ def _lines(family: Family, curves: Sequence[RunCurve]) -> Iterator[tuple[Run, li
 
 def _mark_disturbances(axes: Axes, run: Run, *, named: bool) -> None:
     symbols = {"alpha": "d_α", "beta": "d_β"}
-    place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
+    placement: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
     for step in run.scenario.disturbances:
         for time in (step.start, step.end):
             if time is not None:
                 axes.axvline(time, color=STAND_IN["muted"], linewidth=0.7, linestyle=(0, (2, 2)))
         if named:
             what = f"{symbols[step.joint]} = {step.magnitude:g} rad/s²" if step.joint else str(step)
-            axes.annotate(what, (step.start, 1.0), (3, 2), color=STAND_IN["muted"], fontsize=7.5, **place)
+            axes.annotate(what, (step.start, 1.0), (3, 2), color=STAND_IN["muted"], fontsize=7.5, **placement)
 
 
 def _near_limits(panel: RunPanel, curves: Sequence[RunCurve]) -> bool:

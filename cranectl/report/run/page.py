@@ -59,10 +59,10 @@ def log_page(
     differing = what_differs(logs)
     same = (SAME,) if len(logs) > 1 and differing is None else ()
     outcome = (run_table(summaries, _verdicts(agreements)), judged, differing, metrics_table(summaries))
-    asked = what_was_run(logs, versions or {})
+    requested = what_was_run(logs, versions or {})
     sections = [
         Section("runs", "Runs", (*notes, *same), tuple(table for table in outcome if table is not None)),
-        Section("asked", "What was run", (), tuple(table for table in asked if table.rows)),
+        Section("asked", "What was run", (), tuple(table for table in requested if table.rows)),
     ]
     sections += _plans(logs)
     moments = []
@@ -81,7 +81,7 @@ def log_page(
 
 def _plans(logs: Logs) -> list[Section]:
     """Return a section on each plan in minimum time, once for equal references."""
-    found: list[Section] = []
+    sections: list[Section] = []
     seen = []
     for label, log in logs.items():
         scenario = next(iter(log.values())).scenario
@@ -92,8 +92,8 @@ def _plans(logs: Logs) -> list[Section]:
             caption = "The load's path from above and from a side, and the shares of the limits that it uses."
             drawn = Figure.drawn("path and limits", caption, plan_figure, reviewed, scenario, alone=True)
             tables = tuple(plan_tables(scenario, reviewed))
-            found.append(Section(f"plan-{len(found)}", title, tables=tables, figures=(drawn,)))
-    return found
+            sections.append(Section(f"plan-{len(sections)}", title, tables=tables, figures=(drawn,)))
+    return sections
 
 
 def _verdicts(agreements: Mapping[str, Agreement]) -> str:
@@ -112,12 +112,12 @@ def _verdicts(agreements: Mapping[str, Agreement]) -> str:
 
 def _pairs(logs: Logs) -> dict[str, tuple[Run, Run]]:
     """Pair each plant's run with that of the reference plant, by the label of the log."""
-    found = {}
+    pairs_by_label = {}
     for label, log in logs.items():
         pairs = against_reference([run for run in log.values() if len(run.time_ns)], log)
         for pair in pairs:
-            found[label if len(pairs) == 1 else f"{label}, {pair[0].plant}"] = pair
-    return found
+            pairs_by_label[label if len(pairs) == 1 else f"{label}, {pair[0].plant}"] = pair
+    return pairs_by_label
 
 
 def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, ...]:
@@ -142,10 +142,10 @@ def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, .
         figures.append(Figure.drawn(family.title, sentence, family.draw, family, curves))
     if pairs:
         title, text = "distance of the plants' loads", _verdicts(agreements)
-        found = agreements.values()
+        judged = agreements.values()
         limits = {
             f"{agreement.drive} drives": agreement.limit_m
-            for agreement in found
+            for agreement in judged
             if agreement.limit_m is not None
         }
         figures.append(Figure.drawn(title, text, distance_figure, pairs, limits))

@@ -57,12 +57,12 @@ def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
         if metric.row.label
         and (metric.row.always or any(n is not None for run in measured for n in _numbers_of(metric, run)))
     ]
-    told = [_told(metric, measured) for metric in shown]
+    units = [_told(metric, measured) for metric in shown]
     columns: dict[tuple[str, tuple[str, ...]], list[RunSummary]] = {}
     for label, runs in logs.items():
         for run in runs:
             texts = tuple(
-                _text(metric, run.metrics, factor) for metric, (factor, _) in zip(shown, told, strict=True)
+                _text(metric, run.metrics, factor) for metric, (factor, _) in zip(shown, units, strict=True)
             )
             columns.setdefault((label, texts), []).append(run)
     plants = (", ".join(run.plant for run in runs) for runs in columns.values())
@@ -72,7 +72,7 @@ def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
     whole = [not runs[0].status.stopped and len(logs) > 1 for runs in columns.values()]
     rows = tuple(
         cells(metric.row.label, unit, *_best_marked(metric, texts, whole))
-        for metric, (_, unit), *texts in zip(shown, told, *(texts for _, texts in columns), strict=True)
+        for metric, (_, unit), *texts in zip(shown, units, *(texts for _, texts in columns), strict=True)
     )
     note = "Settling, overshoot and what is residual count from when the reference has come to rest."
     if len(logs) > 1:
@@ -129,8 +129,8 @@ def limits_table(runs: Sequence[RunSummary], *, worst: int | None = None) -> Tab
         case = (f"{run.scenario}, {run.controller}, {run.drive}",) if several else ()
         value, limit = verdict.texts
         sign = "≥" if metric.better == "higher" else "≤"
-        told = (metric.name, value or "–", f"{sign} {limit}", metric.unit, ANSWERS[verdict.kept])
-        rows.append(cells(*case, run.plant, *told))
+        texts = (metric.name, value or "–", f"{sign} {limit}", metric.unit, ANSWERS[verdict.kept])
+        rows.append(cells(*case, run.plant, *texts))
     if not verdicts:
         return None
     headings = (*(("case",) if several else ()), "plant", "metric", "value", "limit", "unit", "kept")
@@ -172,8 +172,8 @@ def agreement_summary(agreements: Sequence[Agreement], others: Sequence[str] = (
             dict.fromkeys(other for agreement, other in pairs if other and agreement.scenario == scenario)
         )
         rows.append(cells(scenario, *largest, answer, *[Cell(faults, "bad" if faults else "")] * any(others)))
-    asked = ("plants\nagree", "other\nfaults") if any(others) else ("plants\nagree",)
-    return Table("Largest differences between plants", ("scenario", *headings, *asked), tuple(rows))
+    last_headings = ("plants\nagree", "other\nfaults") if any(others) else ("plants\nagree",)
+    return Table("Largest differences between plants", ("scenario", *headings, *last_headings), tuple(rows))
 
 
 def _largest(
@@ -211,8 +211,8 @@ def agreement_table(agreements: Sequence[Agreement], others: Sequence[str] = ())
             besides = "; ".join(dict.fromkeys(other for _, other in of_drives.values() if other))
             cell = [Cell(besides, "bad" if besides else "")] if any(others) else []
             rows.append(cells(f" {name}", *_numbers(of_drives, shared), _agree(of_drives), *cell))
-    asked = ("plants\nagree", "other\nfaults") if any(others) else ("plants\nagree",)
-    return Table("Agreement of the plants", ("controller", *headings, *asked), tuple(rows))
+    last_headings = ("plants\nagree", "other\nfaults") if any(others) else ("plants\nagree",)
+    return Table("Agreement of the plants", ("controller", *headings, *last_headings), tuple(rows))
 
 
 def _difference_headings(agreements: Sequence[Agreement]) -> tuple[list[str], SharedLimits]:
@@ -238,10 +238,10 @@ def _numbers(drives: Drives, shared: SharedLimits) -> Iterator[Cell | str]:
         if drive not in drives:
             yield from ("-", "-")
             continue
-        found, _ = drives[drive]
+        agreement, _ = drives[drive]
         for value, limit in (
-            (found.max_load_error_m, found.limit_m),
-            (found.max_angle_error_rad, found.limit_rad),
+            (agreement.max_load_error_m, agreement.limit_m),
+            (agreement.max_angle_error_rad, agreement.limit_rad),
         ):
             yield _difference(value, limit, limits)
 
