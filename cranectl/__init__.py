@@ -11,6 +11,7 @@ The public API, one call each; names are loaded on first use:
 """
 
 import importlib
+import warnings
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from cranectl.controllers.registry import controller_names, register_controller
     from cranectl.controllers.slots import Slots
     from cranectl.design import CONTROLLERS, Design, design_controller
-    from cranectl.loaders.opening import open_law
+    from cranectl.loaders.opening import open_controller
     from cranectl.log.reader import read_log, read_signal
     from cranectl.log.writer import write_log
     from cranectl.metrics import RunMetrics, run_metrics
@@ -43,7 +44,7 @@ _NAMES = {  # by module
     "controllers.registry": "controller_names register_controller",
     "controllers.slots": "Slots",
     "design": "CONTROLLERS Design design_controller",
-    "loaders.opening": "open_law",
+    "loaders.opening": "open_controller",
     "log.reader": "read_log read_signal",
     "log.writer": "write_log",
     "metrics": "RunMetrics run_metrics",
@@ -86,7 +87,7 @@ __all__ = [
     "design_controller",
     "judge",
     "load_scenario",
-    "open_law",
+    "open_controller",
     "read_log",
     "read_signal",
     "register_controller",
@@ -98,7 +99,14 @@ __all__ = [
 ]
 
 
+_RENAMED = {"open_law": "open_controller"}  # since 0.3.0; the old names go with 1.0
+
+
 def __getattr__(name: str) -> Any:
+    if name in _RENAMED:
+        new = _RENAMED[name]
+        warnings.warn(f"cranectl.{name} is now cranectl.{new}", DeprecationWarning, stacklevel=2)
+        name = new
     if name in _HOME:
         return getattr(importlib.import_module(f"cranectl.{_HOME[name]}"), name)
     raise AttributeError(f"module 'cranectl' has no attribute '{name}'")

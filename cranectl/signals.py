@@ -204,7 +204,7 @@ def flat_groups(robustifier_order: int) -> tuple[SignalGroup, ...]:
     return (FLAT_OUTPUT, ERROR, VIRTUAL_INPUT, controller_group(robustifier_order))
 
 
-def law_groups(name: str, logged: tuple[Signal, ...]) -> tuple[SignalGroup, ...]:
+def controller_groups_of(name: str, logged: tuple[Signal, ...]) -> tuple[SignalGroup, ...]:
     """Return what any other controller records: load, error and its own signals."""
     load = SignalGroup("flat_output", "LoadFromJoints", "load as the joints tell it", FLAT_OUTPUT.signals[:6])
     error = SignalGroup("error", "LoadError", "tracking error z_d - z and its rate", ERROR.signals[:6])

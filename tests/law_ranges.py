@@ -8,7 +8,7 @@ import numpy as np
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.registry import controller_design, load_controller
 from cranectl.planning import load_scenario
-from cranectl.simulate import linearised_law, simulate_run
+from cranectl.simulate import linearised_controller, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from tests.ranges import result_or_refusal, tells_what_to_do
@@ -41,7 +41,7 @@ def check(case: Case) -> None:
     ran = result_or_refusal(
         lambda: (
             design := controller_design(name, scenario),
-            linearised_law(scenario, design),
+            linearised_controller(scenario, design),
             simulate_run(scenario, plant="analytic", drive="velocity", controller=name),
         )
     )

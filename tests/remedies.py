@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.loaders.opening import close_laws
+from cranectl.loaders.opening import close_controllers
 from tests.conftest import ROOT
 
 HOLE = "{}"  # what a remedy says of the case at hand
@@ -50,14 +50,14 @@ def written(contents: Mapping[str, str | bytes]) -> Any:
 
 def check(case: Case, base: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     """Assert that a command is refused with the remedy of a case, and that it runs when that is taken."""
-    close_laws()
+    close_controllers()
     capsys.readouterr()
     assert main(words(base, case.refused)) == 2
     error = capsys.readouterr().err
     told = re.search("remedy: *(.*)", error)
     assert told is not None, error
     assert re.search(".*".join(map(re.escape, case.remedy.split(HOLE))), told[1]), error
-    close_laws()
+    close_controllers()
     assert main(words(base, case.taken)) in (0, 1), capsys.readouterr().err
 
 

@@ -15,8 +15,8 @@ from cranectl.campaign.benchmark.tuned import tuned_facts
 from cranectl.campaign.manifest import software_of
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.open_controllers import OPEN
-from cranectl.controllers.registry import law_digests, load_controller, register_controller
-from cranectl.loaders.opening import LawFile, close_laws, open_law, whole_copy_of
+from cranectl.controllers.registry import controller_digests, load_controller, register_controller
+from cranectl.loaders.opening import ControllerFile, close_controllers, open_controller, whole_copy_of
 from cranectl.planning import load_scenario, plan
 from cranectl.plants.registry import PLANTS, PlantEntry, plant_sources
 from cranectl.support import jit, kept
@@ -59,17 +59,17 @@ def put(folder: Path, name: str, template: str, value: str) -> Path:
 
 
 def opened(path: Path, symbol: str = "") -> str:
-    close_laws()
-    return open_law(f"{path}:{symbol}" if symbol else str(path))
+    close_controllers()
+    return open_controller(f"{path}:{symbol}" if symbol else str(path))
 
 
 def controller(folder: Path, value: str) -> object:
-    return law_digests([opened(put(folder, "law.py", LAW, value), "law")])
+    return controller_digests([opened(put(folder, "law.py", LAW, value), "law")])
 
 
 def process(folder: Path, value: str) -> object:
     put(folder, "program.py", PROGRAM, value)
-    return law_digests([opened(put(folder, "law.toml", TABLE, value))])
+    return controller_digests([opened(put(folder, "law.toml", TABLE, value))])
 
 
 def helper(folder: Path, value: str) -> object:
@@ -124,7 +124,7 @@ def registered(folder: Path, value: str) -> object:
     """A controller that a module has registered, as a campaign's result tells it."""
     imported(folder, value, "own_law")
     module = __import__("own_law")
-    close_laws()
+    close_controllers()
     OPEN.registered.pop("own", None)
     law = Controller("own", "own", module.Plant, lambda _: (np.zeros(1), np.zeros(1)))
     register_controller(law)
@@ -167,7 +167,7 @@ def forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
     monkeypatch.setattr(jit, "_PACKAGE", jit._PACKAGE)
     monkeypatch.setattr(sys, "path", sys.path[:])
     yield
-    close_laws()
+    close_controllers()
     plan._PLANNED.clear()
     PLANTS.pop("own", None)
     OPEN.registered.pop("own", None)
@@ -207,7 +207,7 @@ def test_the_same_content_with_the_same_neighbour_is_the_same(kind: str, tmp_pat
 def test_a_copy_of_an_fmu_or_library_is_known_by_its_content(tmp_path: Path) -> None:
     """Names of files and folders are no part of it; the table beside an FMU is."""
     files = [
-        LawFile("law.fmu", Path("law.fmu"), "", content, table, str(tmp_path / folder / "law.fmu"))
+        ControllerFile("law.fmu", Path("law.fmu"), "", content, table, str(tmp_path / folder / "law.fmu"))
         for content, table, folder in (
             (b"1", b"", "a"),
             (b"1", b"", "b"),

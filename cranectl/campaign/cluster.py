@@ -27,7 +27,7 @@ from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Prepared, Stop, StoppedError, Worker
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
 from cranectl.controllers.registry import runs_alone
-from cranectl.loaders.opening import LawFile, open_again
+from cranectl.loaders.opening import ControllerFile, open_again
 from cranectl.support.children import forget_safe_path, safe_path
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
@@ -221,7 +221,7 @@ def _local(distributed: Any, workers: int) -> Iterator["Client"]:
         yield client
 
 
-def packed(manifest: Table, files: Sequence[LawFile]) -> bytes:
+def packed(manifest: Table, files: Sequence[ControllerFile]) -> bytes:
     """Return what is sent with every batch, some 2 kB: data kept on workers would be lost with them."""
     return zlib.compress(pickle.dumps((json.dumps(manifest), tuple(files))))
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from cranectl.campaign.definition import Campaign, parameters_of
 from cranectl.campaign.settings import parse_campaign
 from cranectl.controllers.open_controllers import OPEN
-from cranectl.controllers.registry import UDP, controller_sources, law_digests
+from cranectl.controllers.registry import UDP, controller_digests, controller_sources
 from cranectl.loaders.opening import file_from
 from cranectl.plants.registry import plant_sources
 from cranectl.scenario import Scenario
@@ -45,7 +45,7 @@ class SoftwareOrigin(NamedTuple):
 
 def software_of(plants: Iterable[str], controllers: Iterable[str]) -> dict[str, str]:
     """Return the software that makes runs here: cranectl, registered modules, controllers from files."""
-    own = plant_sources(plants) | controller_sources(controllers) | law_digests(controllers)
+    own = plant_sources(plants) | controller_sources(controllers) | controller_digests(controllers)
     return provenance() | own
 
 

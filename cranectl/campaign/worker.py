@@ -10,14 +10,14 @@ import numpy as np
 from cranectl.campaign.definition import PERIOD, Batch, Campaign, nominal_scenario, sampled_scenario
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.table import FAILED, Row, metric_values
-from cranectl.controllers.addressed import AddressedLaw
+from cranectl.controllers.addressed import CompiledController
 from cranectl.controllers.registry import controller_design
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
 from cranectl.plants.capabilities import check_scenario
 from cranectl.plants.plant import Plant
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH
-from cranectl.simulate import PlannedReference, law_of, make_plant, plan_reference, plan_run
+from cranectl.simulate import PlannedReference, make_plant, plan_reference, plan_run, prepare_controller
 from cranectl.simulate.memory import check_planned
 from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import Block, start_run, stream_run
@@ -37,7 +37,7 @@ class PreparedController(NamedTuple):
 
     nominal: Scenario
     reference: PlannedReference
-    law: AddressedLaw
+    law: CompiledController
     width: int  # columns of its record
 
 
@@ -75,7 +75,7 @@ class Prepared:
 
     def _make(self, name: str, nominal: Scenario) -> PreparedController:
         design, planned = self._designs[name], self._planned(nominal)
-        compiled = law_of(nominal, design, self.campaign.settings.drive, planned)
+        compiled = prepare_controller(nominal, design, self.campaign.settings.drive, planned)
         return PreparedController(nominal, planned, compiled, record_width(design))
 
 

@@ -24,7 +24,7 @@ from cranectl.campaign.manifest import campaign_of, manifest_of
 from cranectl.campaign.table import FAILED, Row
 from cranectl.campaign.worker import Prepared, RunEnd, Stop, StoppedError, Worker, row_of
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
-from cranectl.controllers.registry import law_digests, runs_alone
+from cranectl.controllers.registry import controller_digests, runs_alone
 from cranectl.loaders.opening import open_again
 from cranectl.simulate.child import BLOCK_TIMEOUT
 from cranectl.support.children import Child, ChildError, requests, spawn_child
@@ -106,7 +106,7 @@ def made_worker(
 
     A block of a run may take `patience` [s].
     """
-    if not law_digests(prepared.campaign.settings.controllers):
+    if not controller_digests(prepared.campaign.settings.controllers):
         return Worker(prepared)
     return ChildWorker(prepared, children, patience)
 

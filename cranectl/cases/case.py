@@ -18,7 +18,7 @@ from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import plants_to_run
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, law_of, plan_scenario, simulate_run
+from cranectl.simulate import Run, plan_scenario, prepare_controller, simulate_run
 from cranectl.simulate.child import BLOCK_TIMEOUT
 from cranectl.simulate.memory import check_runs
 from cranectl.status import RunStatus
@@ -227,7 +227,7 @@ def prepare_case(case: Case) -> dict[str, Any]:
     design = controller_design(case.controller, case.scenario)
     check_runs(case.scenario, design, case.drive, len(case.plants), logged=case.keep != "none")
     plan = plan_scenario(case.scenario)
-    compiled = law_of(case.scenario, design, case.drive, plan)
+    compiled = prepare_controller(case.scenario, design, case.drive, plan)
     return {"drive": case.drive, "design": design, "plan": plan, "law": compiled, "patience": case.patience}
 
 

@@ -7,8 +7,8 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import (
-    Asked,
     Command,
+    ScenarioRequest,
     command_given,
     json_option,
     output_option,
@@ -41,7 +41,9 @@ if TYPE_CHECKING:
     "HTML page with this, the certificate, the ladder and the error budget of the best controller.",
 )
 @json_option
-def advise_command(asked: Asked, controllers: tuple[str, ...], report: Path | None, screen: Screen) -> int:
+def advise_command(
+    request: ScenarioRequest, controllers: tuple[str, ...], report: Path | None, screen: Screen
+) -> int:
     """Say which controller to take for SCENARIO, what to improve first.
 
     Guaranteed: the certificate (see `cranectl certify`) holds with its required margin at every operating
@@ -59,7 +61,7 @@ def advise_command(asked: Asked, controllers: tuple[str, ...], report: Path | No
     from cranectl.design import CONTROLLERS
     from cranectl.report.rig.tables import controllers_table, improvements_table, recommendation
 
-    loaded = asked.load()
+    loaded = request.load()
     chosen = [flat_design(name, loaded).name for name in controllers] or list(CONTROLLERS)
     with progress_bar(len(chosen) + IMPROVEMENTS, loaded.name, done="assessed") as advance:
         advice = advise(loaded, chosen, progress=advance)
@@ -67,7 +69,7 @@ def advise_command(asked: Asked, controllers: tuple[str, ...], report: Path | No
     if advice.best is not None:
         screen.print(improvements_table(advice))
     screen.print_each(recommendation(advice))
-    tell_idle_in_analysis(screen, loaded, asked, chosen)
+    tell_idle_in_analysis(screen, loaded, request, chosen)
     if report is not None and advice.best is not None:
         _write_report(advice, report, command_given())
         screen.print(f"report: {report}")

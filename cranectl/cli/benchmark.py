@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 BAR = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
 
 
-def measured_laws(
+def measured_controllers(
     benchmark: "Benchmark", named: Sequence[str] = (), *, trust: bool = False
 ) -> tuple[str, ...]:
     """Return names of the laws `named`, as `benchmark` names them or as ever; by default of all its.
@@ -127,7 +127,7 @@ def run_benchmark(
     from cranectl.cases.workers import available_cores
 
     settings = read_benchmark(benchmark)
-    names = measured_laws(settings, controllers, trust=trust)
+    names = measured_controllers(settings, controllers, trust=trust)
     trials = trials_of(settings, names, sets, scenarios, division=division)
     if not trials:
         raise InputError(
@@ -212,7 +212,13 @@ def report_benchmark(
     """
     from cranectl.campaign.benchmark.results import begun_trials, collected
     from cranectl.campaign.benchmark.settings import read_benchmark
-    from cranectl.campaign.benchmark.table import check_comparable, joined, of_laws, read_table, write_table
+    from cranectl.campaign.benchmark.table import (
+        check_comparable,
+        joined,
+        of_controllers,
+        read_table,
+        write_table,
+    )
     from cranectl.campaign.benchmark.trials import rules_of
     from cranectl.report.benchmark.page import benchmark_page, judged_divisions
     from cranectl.report.benchmark.sets import TITLES, ranking_table
@@ -223,9 +229,11 @@ def report_benchmark(
     if there.is_file():
         judged_table = read_table(there)
         check_comparable(judged_table, {"rules": rules, "seed": settings.seed})
-        judged_table = of_laws(judged_table, tuple(map(opened, controllers))) if controllers else judged_table
+        judged_table = (
+            of_controllers(judged_table, tuple(map(opened, controllers))) if controllers else judged_table
+        )
     else:
-        names = measured_laws(settings, controllers, trust=trust)
+        names = measured_controllers(settings, controllers, trust=trust)
         begun = begun_trials(settings, result, names)
         with progress_bar(len(begun), settings.name, unit="pieces", done="read") as advance:
             judged_table = collected(

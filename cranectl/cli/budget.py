@@ -3,7 +3,7 @@
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Asked, Command, json_option, scenario_argument, scenario_options
+from cranectl.cli.command import Command, ScenarioRequest, json_option, scenario_argument, scenario_options
 from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import controller_option
 from cranectl.cli.output import Screen, progress_bar
@@ -15,7 +15,7 @@ from cranectl.cli.output import Screen, progress_bar
 @click.option("--top", default="friction", show_default=True, metavar="LEVEL", help="The last level.")
 @scenario_options
 @json_option
-def budget_command(asked: Asked, controller: str | None, top: str, screen: Screen) -> int:
+def budget_command(request: ScenarioRequest, controller: str | None, top: str, screen: Screen) -> int:
     """Predict what each effect does to the load, run it and compare.
 
     \b
@@ -45,7 +45,7 @@ def budget_command(asked: Asked, controller: str | None, top: str, screen: Scree
     from cranectl.report.rig.tables import budget_table
     from cranectl.scenario.effects import EffectSettings
 
-    loaded = asked.load()
+    loaded = request.load()
     with progress_bar(simulated_seconds(loaded, top), f"{loaded.name}, budget") as advance:
         budget = error_budget(loaded, controller, top=top, progress=advance)
     screen.print(budget_table(budget))
@@ -54,6 +54,6 @@ def budget_command(asked: Asked, controller: str | None, top: str, screen: Scree
     unread += [
         f"effects.{model_field}.*" for model_field in EffectSettings.model_fields if model_field not in levels
     ]
-    tell_idle_in_analysis(screen, loaded, asked, [budget.controller], unread=unread)
+    tell_idle_in_analysis(screen, loaded, request, [budget.controller], unread=unread)
     screen.write_json(budget.to_json())
     return exit_codes.GOOD if budget.holds else exit_codes.LIMIT_EXCEEDED

@@ -5,7 +5,14 @@ from pathlib import Path
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import Asked, Command, drive_option, json_option, output_option, scenario_options
+from cranectl.cli.command import (
+    Command,
+    ScenarioRequest,
+    drive_option,
+    json_option,
+    output_option,
+    scenario_options,
+)
 from cranectl.cli.completion import complete_controllers, complete_scenarios
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import Law
@@ -70,7 +77,7 @@ def certify_command(
     hoisting_speeds: tuple[float, ...],
     open_at: str | None,
     limits: bool,
-    asked: Asked,
+    request: ScenarioRequest,
     plot: Path | None,
     screen: Screen,
 ) -> int:
@@ -99,10 +106,10 @@ def certify_command(
     from cranectl.simulate import checked_drive
 
     if time_constant is not None:
-        asked = asked.having(*(f"rig.{name}_time_constant={time_constant!r}" for name in DRIVES))
+        request = request.having(*(f"rig.{name}_time_constant={time_constant!r}" for name in DRIVES))
     if delay is not None:
-        asked = asked.having(f"effects.delay.seconds={delay!r}")
-    loaded = asked.load()
+        request = request.having(f"effects.delay.seconds={delay!r}")
+    loaded = request.load()
     checked = checked_drive(drive)
     design = controller_design(controller, loaded)
     flat = design.axis_design is not None
@@ -136,7 +143,7 @@ def certify_command(
         if names:
             screen.print(f"{what}: {', '.join(names)}")
     unread = (*OF_RUNS, *OF_MOTIONS)
-    tell_idle_in_analysis(screen, loaded, asked, [controller], drive=checked, unread=unread)
+    tell_idle_in_analysis(screen, loaded, request, [controller], drive=checked, unread=unread)
     if plot is not None:
         from cranectl.report.rig.page import certificate_figure  # matplotlib, only where asked for
         from cranectl.report.theme import save_figure

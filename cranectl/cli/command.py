@@ -154,7 +154,7 @@ def output_option(
     return click.option(name, metavar="FILE", type=OutputFile(kind, endings=endings), help=help_text)
 
 
-class Asked(NamedTuple):
+class ScenarioRequest(NamedTuple):
     """A scenario as a command is asked for it."""
 
     source: str | None  # its name or file; None: the default one
@@ -177,7 +177,7 @@ class Asked(NamedTuple):
             return self.read()
         return load_scenario(self.source, rig=self.rig, overrides=self.overrides)
 
-    def having(self, *overrides: str) -> "Asked":
+    def having(self, *overrides: str) -> "ScenarioRequest":
         """Return the same with more overrides."""
         return self._replace(overrides=(*self.overrides, *overrides))
 
@@ -206,7 +206,7 @@ def scenario_options(function: F) -> F:
     def command(
         *, rig: Path | None, overrides: tuple[str, ...], scenario: str | None = None, **options: Any
     ) -> Any:
-        return function(asked=Asked(scenario, rig, overrides), **options)
+        return function(request=ScenarioRequest(scenario, rig, overrides), **options)
 
     return command  # type: ignore[return-value]
 
@@ -216,8 +216,8 @@ def every_option(function: F) -> F:
 
     @click.option("--every", type=int, metavar="N", help="Log every N-th control sample (1: all of them).")
     @functools.wraps(function)
-    def command(*, every: int | None, asked: Asked, **options: Any) -> Any:
-        return function(asked=asked if every is None else asked.having(f"log.every={every}"), **options)
+    def command(*, every: int | None, request: ScenarioRequest, **options: Any) -> Any:
+        return function(request=request if every is None else request.having(f"log.every={every}"), **options)
 
     return command  # type: ignore[return-value]
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Asked, Command, json_option, output_option, scenario_options
+from cranectl.cli.command import Command, ScenarioRequest, json_option, output_option, scenario_options
 from cranectl.cli.completion import complete_controllers, complete_scenarios
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import Law
@@ -32,7 +32,9 @@ OF_LAWS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_constant", "r
     "--plot", None, "Draw singular values, loop gains and step responses (.svg, .pdf, .png).", endings=PLOTS
 )
 @json_option
-def design_command(names: tuple[str, ...], asked: Asked, plot: Path | None, screen: Screen) -> None:
+def design_command(
+    names: tuple[str, ...], request: ScenarioRequest, plot: Path | None, screen: Screen
+) -> None:
     """Design the controller NAME, or several, and say what it achieves.
 
     Several are told in one table, and drawn on top of each other on one sheet.
@@ -45,18 +47,20 @@ def design_command(names: tuple[str, ...], asked: Asked, plot: Path | None, scre
     cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
     """
     from cranectl.controllers.registry import controller_design, load_controller, only_flat
-    from cranectl.report.design_tables import design_tables, designs_table, law_tables
-    from cranectl.simulate import linearised_law, tracker_of
+    from cranectl.report.design_tables import controller_tables, design_tables, designs_table
+    from cranectl.simulate import linearised_controller, tracker_of
 
-    loaded = asked.read()
+    loaded = request.read()
     designs = [controller_design(name, loaded) for name in dict.fromkeys(names)]
     tell = functools.partial(
-        tell_idle_in_analysis, screen, loaded, asked, names, plant="analytic", drive="ideal"
+        tell_idle_in_analysis, screen, loaded, request, names, plant="analytic", drive="ideal"
     )
     if designs[0].axis_design is None and len(designs) == 1 and plot is None:
         controller = designs[0]
         screen.print_each(
-            law_tables(controller, load_controller(controller.name), linearised_law(loaded, controller))
+            controller_tables(
+                controller, load_controller(controller.name), linearised_controller(loaded, controller)
+            )
         )
         tell(unread=UNREAD)
         screen.write_json(controller.to_json())

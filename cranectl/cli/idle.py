@@ -6,7 +6,7 @@ from fnmatch import fnmatchcase
 from itertools import product
 from typing import TYPE_CHECKING
 
-from cranectl.cli.command import Asked
+from cranectl.cli.command import ScenarioRequest
 from cranectl.cli.output import Screen, styled
 from cranectl.support.errors import InputError
 
@@ -38,7 +38,7 @@ def tell_idle(screen: Screen, lines: Sequence[str]) -> None:
 
 def idle_lines(
     scenario: "Scenario",
-    asked: Asked,
+    request: ScenarioRequest,
     uses: Iterable[tuple[str, "Drive", str]],
     *,
     unread: Sequence[str] = (),
@@ -63,17 +63,17 @@ def idle_lines(
     """
     from cranectl.scenario.load import given_settings, idle_effects
 
-    stated = [name for name in given_settings(*asked) if name not in LABELS]
+    stated = [name for name in given_settings(*request) if name not in LABELS]
     if not stated:
         return []
     from cranectl.simulate.idle_settings import RunKind, idle_settings
 
-    keys = [override.partition("=")[0].strip() for override in asked.overrides]
+    keys = [override.partition("=")[0].strip() for override in request.overrides]
     options = [*keys, *(f"{key}.*" for key in keys)]
     read = [name for name in stated if not _fits(name, unread)]
     reasons = {"the command does not read it": [n for n in stated if n not in read and _fits(n, options)]}
     runs = [RunKind(*use) for use in uses]
-    for why, names in idle_settings(scenario, asked.read(), read, runs).items():
+    for why, names in idle_settings(scenario, request.read(), read, runs).items():
         reasons.setdefault(why, []).extend(names)
     lines = [
         f"{scenario.name}: {_listed(names)} nothing here: {why}" for why, names in reasons.items() if names
@@ -85,7 +85,7 @@ def idle_lines(
 def tell_idle_in_analysis(
     screen: Screen,
     scenario: "Scenario",
-    asked: Asked,
+    request: ScenarioRequest,
     controllers: Iterable[str],
     *,
     plant: str = "mujoco",
@@ -94,7 +94,7 @@ def tell_idle_in_analysis(
 ) -> None:
     """Print what changes nothing in a command that takes the effects of a rig and keeps no log."""
     uses = [(plant, drive, controller) for controller in controllers]
-    tell_idle(screen, idle_lines(scenario, asked, uses, unread=unread, all_effects=True))
+    tell_idle(screen, idle_lines(scenario, request, uses, unread=unread, all_effects=True))
 
 
 def idle_in_campaign(campaign: "Campaign") -> list[str]:
@@ -104,8 +104,8 @@ def idle_in_campaign(campaign: "Campaign") -> list[str]:
 
     settings = campaign.settings
     uses = product(settings.plants, (checked_drive(settings.drive),), settings.controllers)
-    asked = Asked(settings.scenario, settings.rig, settings.set)
-    lines = idle_lines(campaign.nominal, asked, uses, unread=("limits.*", "expected"))
+    request = ScenarioRequest(settings.scenario, settings.rig, settings.set)
+    lines = idle_lines(campaign.nominal, request, uses, unread=("limits.*", "expected"))
     if "seed" in settings.model_fields_set and settings.sampling in COUNTED:
         lines.append(
             f"{settings.name}: seed changes nothing here: {settings.sampling} sampling draws nothing"
@@ -127,8 +127,8 @@ def idle_in_benchmark(benchmark: "Benchmark", runs: Iterable[tuple[str, str, str
         if uses := [
             (plant, benchmark.drive, controller) for scenario, plant, controller in listed if scenario == name
         ]:
-            asked = Asked(scenario_source(benchmark, name), None, [*benchmark.set, *measured.set])
-            lines += idle_lines(asked.load(), asked, uses, unread=("log.*", "expected"))
+            request = ScenarioRequest(scenario_source(benchmark, name), None, [*benchmark.set, *measured.set])
+            lines += idle_lines(request.load(), request, uses, unread=("log.*", "expected"))
     return lines
 
 

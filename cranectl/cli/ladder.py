@@ -8,8 +8,8 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import (
-    Asked,
     Command,
+    ScenarioRequest,
     command_given,
     json_option,
     output_option,
@@ -45,7 +45,7 @@ class LadderCommand(Command):
 @output_option("--report", HTML, "HTML page of it.")
 @json_option
 def ladder_command(
-    asked: Asked,
+    request: ScenarioRequest,
     controller: str | None,
     top: str | None,
     out: Path | None,
@@ -76,7 +76,7 @@ def ladder_command(
     from cranectl.support.provenance import provenance
 
     top = top or NAMES[-1]
-    loaded = asked.load()
+    loaded = request.load()
     name = controller or loaded.controller.name
     log = out or LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
     check_writable(log)
@@ -98,7 +98,7 @@ def ladder_command(
             if model_field not in added
         ),
     ]
-    tell_idle_in_analysis(screen, loaded, asked, [name], unread=unread)
+    tell_idle_in_analysis(screen, loaded, request, [name], unread=unread)
     screen.print(f"log: {log}")
     screen.print(f"view: cranectl log layout ladder view.json --log {shlex.quote(str(log))}")
     if report is not None:

@@ -52,11 +52,11 @@ def opened(name: str, directory: Path = Path()) -> str:
     if not {".", ":"} & set(name):
         return name
     from cranectl.controllers.registry import UDP, is_reference
-    from cranectl.loaders.opening import open_law
+    from cranectl.loaders.opening import open_controller
 
     if not is_reference(name):
         return name
-    return open_law(name if name.startswith(UDP) else str(directory / name))
+    return open_controller(name if name.startswith(UDP) else str(directory / name))
 
 
 def controller_option(function: F) -> F:

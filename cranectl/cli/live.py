@@ -38,7 +38,7 @@ HERE = ("127.0.0.1", "localhost", "::1")
 )
 @command.scenario_options
 def live_command(
-    asked: command.Asked,
+    request: command.ScenarioRequest,
     controller: str | None,
     plants: tuple[str, ...],
     drive: str,
@@ -73,7 +73,7 @@ def live_command(
     from cranectl.plants.registry import plants_to_run
     from cranectl.simulate import checked_drive
 
-    loaded = asked.load()
+    loaded = request.load()
     design = controller_design(controller or loaded.controller.name, loaded)
     controls = Controls(loaded, design, drive=drive, speed=speed)
     plants = plants_to_run(plants)
@@ -88,7 +88,7 @@ def live_command(
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
     wanted = record or log.with_stem(f"{log.stem}-live")
     every = [(plant, session.drive, name) for plant in plants for name in {design.name, *controller_names()}]
-    tell_idle(Screen(), idle_lines(loaded, asked, every))  # of which one may choose
+    tell_idle(Screen(), idle_lines(loaded, request, every))  # of which one may choose
     with _until_ended() as stop, complaints(_warn), own_place(wanted, numbered=record is None) as folder:
         server = LiveServer(session, controls, address, folder)
         if host not in HERE:

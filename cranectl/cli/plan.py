@@ -6,8 +6,8 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import (
-    Asked,
     Command,
+    ScenarioRequest,
     json_option,
     output_option,
     scenario_argument,
@@ -33,7 +33,7 @@ UNREAD = (
 )
 @scenario_options
 @json_option
-def plan_command(asked: Asked, plot: Path | None, bound: bool, screen: Screen) -> int:
+def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, screen: Screen) -> int:
     """Plan the motions of SCENARIO and show them, without a run.
 
     How long they last, which limits act and when, what is proven. Exit code 1 if a limit is not proven.
@@ -50,7 +50,7 @@ def plan_command(asked: Asked, plot: Path | None, bound: bool, screen: Screen) -
     from cranectl.scenario.effects import EFFECTS
     from cranectl.scenario.load import scenario_file
 
-    written, directory = asked.read(), scenario_file(str(asked.source)).parent
+    written, directory = request.read(), scenario_file(str(request.source)).parent
     ready = planned(written, directory)
     reviewed = reviews(ready)
     least = least_durations(ready, written, directory) if bound and reviewed else ()
@@ -63,7 +63,7 @@ def plan_command(asked: Asked, plot: Path | None, bound: bool, screen: Screen) -
     screen.print_each(plan_tables(ready, reviewed, least))
     effects = [name for name, kind in EFFECTS.items() if kind.is_structural or not kind.adds]
     unread = (*OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
-    tell_idle_in_analysis(screen, ready, asked, [ready.controller.name], unread=unread)
+    tell_idle_in_analysis(screen, ready, request, [ready.controller.name], unread=unread)
     if plot is not None:
         from cranectl.report.plan import plan_figure
         from cranectl.report.theme import save_figure

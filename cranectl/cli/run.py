@@ -24,7 +24,7 @@ from cranectl.support.files import MCAP
 @command.predict_option
 @command.json_option
 def run_command(
-    asked: command.Asked,
+    request: command.ScenarioRequest,
     controller: str | None,
     plants: tuple[str, ...],
     drive: str,
@@ -46,7 +46,7 @@ def run_command(
     from cranectl.simulate import checked_drive
 
     case = make_case(
-        asked.load(),
+        request.load(),
         controller=controller,
         drive=checked_drive(drive),
         plants=plants,
@@ -61,7 +61,7 @@ def run_command(
     if beyond := [run.beyond_drives for run in result.runs if run.beyond_drives]:
         screen.print(styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
     uses = [(plant, case.drive, case.controller) for plant in case.plants]
-    idle = idle_lines(case.scenario, asked, uses)
+    idle = idle_lines(case.scenario, request, uses)
     tell_idle(screen, [*idle, *idle_patience([case.controller], patience)])
     screen.print(tables.metrics_table({"": result.runs}))
     if (limits := tables.limits_table(result.runs)) is not None:

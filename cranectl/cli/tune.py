@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.benchmark import measured_laws
+from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.command import PATH, Command, json_option
 from cranectl.cli.completion import complete_controllers
 from cranectl.cli.idle import idle_in_benchmark, idle_patience, tell_idle
@@ -75,7 +75,7 @@ def tune_command(
     from cranectl.cases.workers import available_cores
 
     benchmark = read_benchmark(benchmark_name)
-    (name,) = measured_laws(benchmark, [law], trust=trust)
+    (name,) = measured_controllers(benchmark, [law], trust=trust)
     files, rules = tuned_files(out, name), rules_of(benchmark)
     runs_of = [(scenario, benchmark.plant, name) for scenario in benchmark.tuning.scenarios]
     tell_idle(screen, [*idle_in_benchmark(benchmark, runs_of), *idle_patience([name], patience)])

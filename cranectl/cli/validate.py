@@ -67,7 +67,7 @@ def validate_command(
     controllers: tuple[str, ...],
     plants: tuple[str, ...],
     drive: str,
-    asked: command.Asked,
+    request: command.ScenarioRequest,
     out: Path,
     jobs: int | None,
     patience: float,
@@ -115,7 +115,7 @@ def validate_command(
     drives = several.get(drive) or (checked_drive(drive),)
     chosen = plants or default_plants()
     sources = dict.fromkeys(_sources(scenarios) or scenario_names())
-    loaded, unloaded = _loaded(asked, tuple(sources), chosen)
+    loaded, unloaded = _loaded(request, tuple(sources), chosen)
     cases = [
         make_case(
             scenario,
@@ -149,13 +149,13 @@ def validate_command(
     idle = idle_patience(names, patience)
     for source, scenario in loaded.items():
         uses, unread = product(chosen, drives, names), ("log.*",) * (keep == "none")
-        idle += idle_lines(scenario, asked._replace(source=source), uses, unread=unread)
+        idle += idle_lines(scenario, request._replace(source=source), uses, unread=unread)
     tell_idle(screen, idle)
     data = validation.to_json(passed=code == exit_codes.GOOD)
     screen.write_json(data if pairs is None else {**data, "pairwise": pairs.to_json()})
     options = [
-        *(("--rig", str(asked.rig)) if asked.rig else ()),
-        *(part for override in asked.overrides for part in ("--set", override)),
+        *(("--rig", str(request.rig)) if request.rig else ()),
+        *(part for override in request.overrides for part in ("--set", override)),
         *(("--patience", f"{patience:g}") if patience != BLOCK_TIMEOUT else ()),
     ]
     if junit is not None:
@@ -206,7 +206,7 @@ def _is_rig_or_campaign(file: Path) -> bool:
 
 
 def _loaded(
-    asked: command.Asked, names: Sequence[str], plants: Sequence[str]
+    request: command.ScenarioRequest, names: Sequence[str], plants: Sequence[str]
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
     """Return the scenarios by their requested names, and why others cannot be loaded."""
     from cranectl.cases.case import Failure
@@ -215,7 +215,7 @@ def _loaded(
     loaded, unloaded = {}, {}
     for name in names:
         try:
-            scenario = asked._replace(source=name).load()
+            scenario = request._replace(source=name).load()
             limits_of(scenario, plants)
             loaded[name] = scenario
         except Exception as error:

@@ -29,7 +29,7 @@ CONTROLLER_FAILED = int(RunStatus.CONTROLLER_FAILED)
 JOINTS = 5
 
 
-class AddressedLaw(NamedTuple):
+class CompiledController(NamedTuple):
     """A law as the loop runs it: what does not change in a run, and then its memories."""
 
     address: int  # 0: only `entered` gives it one
@@ -53,7 +53,7 @@ class AddressedLaw(NamedTuple):
     outside: bool  # the package's and other packages' are trusted to write nothing but memory and command
 
 
-def addressed_law(controller: Controller, nominal: Nominal, recorded: int) -> AddressedLaw:
+def compile_controller(controller: Controller, nominal: Nominal, recorded: int) -> CompiledController:
     """Prepare `controller` for `nominal`; raise InputError where its design cannot be met.
 
     `recorded`: how many signals a run records of it, load and error included.
@@ -67,7 +67,7 @@ def addressed_law(controller: Controller, nominal: Nominal, recorded: int) -> Ad
         reference = np.concatenate([reference, np.repeat(reference[-1:], controller.preview, axis=0)])
     rows = 15 * (1 + controller.preview)
     sizes = Sizes(len(parameters), 12, rows, len(memory), 3)
-    compiled = AddressedLaw(
+    compiled = CompiledController(
         address=0 if controller.entry else _compiled(controller),
         parameters=parameters,
         reference=reference,
@@ -90,7 +90,7 @@ def addressed_law(controller: Controller, nominal: Nominal, recorded: int) -> Ad
     return compiled
 
 
-def entered(compiled: AddressedLaw) -> AddressedLaw:
+def bind_address(compiled: CompiledController) -> CompiledController:
     """Return the controller with the address of its step in this process; it must come from `at_start`."""
     if compiled.address:
         return compiled
@@ -114,7 +114,7 @@ def _compiled(controller: Controller) -> int:
     return address if controller.origin is None else keeping_environment(address)
 
 
-def at_start(compiled: AddressedLaw) -> AddressedLaw:
+def with_own_memory(compiled: CompiledController) -> CompiledController:
     """Return the controller with memory of its own; one from outside gets copies of all arrays."""
     if compiled.outside:
         compiled = compiled._replace(
@@ -157,7 +157,7 @@ if UNCOMPILED:
 
 
 @jit
-def record_law(compiled, state, reference, memory, row):
+def record_controller(compiled, state, reference, memory, row):
     """Write load and error as the joints tell them, and what the law logs, into the record `row`."""
     recorded = compiled.places.shape[0]
     if compiled.records_all:
@@ -197,7 +197,7 @@ def addressed_step(compiled, state, reference, memory, row):
     for i in range(3):
         row[INPUT_COLUMN + i] = compiled.command[i]
     compiled.clock[0] += 1
-    record_law(compiled, state, reference, memory, row)
+    record_controller(compiled, state, reference, memory, row)
     return RUNNING
 
 
@@ -209,4 +209,4 @@ def addressed_wait(compiled, state, reference, memory, row):
         rows = compiled.reference[min(compiled.clock[0], compiled.samples - 1)]
         _call(compiled.address, compiled.parameters, compiled.measured, rows, memory, compiled.command)
     compiled.clock[0] += 1
-    record_law(compiled, state, reference, memory, row)
+    record_controller(compiled, state, reference, memory, row)

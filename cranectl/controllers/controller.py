@@ -118,7 +118,7 @@ class Nominal(NamedTuple):
 CRANE_STATES = 4  # of one horizontal axis: position, its rate, angle, its rate
 
 
-class LinearLaw(NamedTuple):
+class LinearController(NamedTuple):
     """One horizontal axis near rest: x' = A x + B u, u = -gain·x, with u the drive's acceleration [m/s²].
 
     The first `CRANE_STATES` are the crane's, deviations from the path; what the law adds, such as
@@ -141,7 +141,7 @@ class Sizes(NamedTuple):
     command: int
 
 
-def by_address(*_: Any) -> int:
+def called_by_address(*_: Any) -> int:
     """Stand in for the step of a controller that has only an `entry`."""
     raise NotImplementedError("it is called by address")
 
@@ -161,7 +161,7 @@ class Controller:
     preview: int = 0  # rows of the reference after the present one
     parameters: tuple[Parameter, ...] = ()
     logged: tuple[Logged, ...] = ()
-    linearise: Callable[[Nominal, float], LinearLaw] | None = None  # at a rope length [m]
+    linearise: Callable[[Nominal, float], LinearController] | None = None  # at a rope length [m]
     # Where Numba is not to compile the step: its address in the process and for the run that these parameters
     # are of, which it may write to.
     entry: Callable[[Sizes, Array], int] | None = None

@@ -125,7 +125,7 @@ def robustify(tracker, axis, error, memory):
 
 
 @jit
-def inner_law(tracker, state, memory, v, command):
+def linearising_step(tracker, state, memory, v, command):
     """Evaluate the exactly linearising control law for joints (10,) and v (3,) [m/s⁴].
 
     Writes `command` (3,) [m/s²] and advances zeta and its rate in `memory` by one period.
@@ -169,7 +169,7 @@ def control_step(tracker, state, reference, memory, row):
         row[VIRTUAL_INPUT_COLUMN + axis] = v
         row[VIRTUAL_INPUT_COLUMN + 3 + axis] = v_bar
 
-    inner_law(tracker, state, memory, flat[12:15], row[INPUT_COLUMN : INPUT_COLUMN + 3])
+    linearising_step(tracker, state, memory, flat[12:15], row[INPUT_COLUMN : INPUT_COLUMN + 3])
     return RUNNING
 
 

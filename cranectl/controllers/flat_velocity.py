@@ -17,7 +17,14 @@ from dataclasses import replace
 import numpy as np
 from numba import carray  # type: ignore[attr-defined]
 
-from cranectl.controllers.controller import CRANE_STATES, Controller, LinearLaw, Logged, Nominal, Parameter
+from cranectl.controllers.controller import (
+    CRANE_STATES,
+    Controller,
+    LinearController,
+    Logged,
+    Nominal,
+    Parameter,
+)
 from cranectl.controllers.flat import MEMORY as TRACKED
 from cranectl.controllers.flat import Tracker, begin, control_step, make_tracker
 from cranectl.controllers.lqr_integral import matrices
@@ -106,13 +113,13 @@ def linear_gain(flat_gain: Array, rope_length: float, gravity: float) -> Array:
     return np.array([position, rate, angle, rate * rope_length - jerk * gravity])
 
 
-def linearise(nominal: Nominal, rope_length: float) -> LinearLaw:
+def linearise(nominal: Nominal, rope_length: float) -> LinearController:
     """Return the linear controller of one horizontal axis at rest."""
     gravity = nominal.rig.gravity
     a, b, _ = matrices(rope_length, gravity)
     crane = slice(CRANE_STATES)
     gain = linear_gain(tracker_of(nominal).gain, rope_length, gravity)
-    return LinearLaw(rope_length, a[crane, crane], b[crane], gain)
+    return LinearController(rope_length, a[crane, crane], b[crane], gain)
 
 
 FLAT_VELOCITY = Controller(

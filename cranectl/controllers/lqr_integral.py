@@ -15,7 +15,7 @@ from numba import carray  # type: ignore[attr-defined]
 from scipy.linalg import solve_continuous_are
 
 from cranectl.controllers.common import state_on_path
-from cranectl.controllers.controller import Controller, LinearLaw, Nominal, Parameter
+from cranectl.controllers.controller import Controller, LinearController, Nominal, Parameter
 from cranectl.controllers.slots import Slots, per_axis
 from cranectl.design.discretisation import check_sampled, zero_order_hold
 from cranectl.model.flatness import flat_output
@@ -134,10 +134,10 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
     return parameters, MEMORY.array()
 
 
-def linearise(nominal: Nominal, rope_length: float) -> LinearLaw:
+def linearise(nominal: Nominal, rope_length: float) -> LinearController:
     """Return the linear law of one horizontal axis at rest."""
     a, b, _ = matrices(rope_length, nominal.rig.gravity)
-    return LinearLaw(rope_length, a, b, gain_at(rope_length, nominal))
+    return LinearController(rope_length, a, b, gain_at(rope_length, nominal))
 
 
 WEIGHT = (1e-9, 1e9)

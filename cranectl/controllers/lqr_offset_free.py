@@ -27,7 +27,14 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]
 from scipy.linalg import solve_continuous_are
 
-from cranectl.controllers.controller import CRANE_STATES, Controller, LinearLaw, Logged, Nominal, Parameter
+from cranectl.controllers.controller import (
+    CRANE_STATES,
+    Controller,
+    LinearController,
+    Logged,
+    Nominal,
+    Parameter,
+)
 from cranectl.controllers.observer import make_observer
 from cranectl.controllers.slots import Slots, per_axis
 from cranectl.design.discretisation import check_sampled, zero_order_hold
@@ -196,7 +203,7 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
     return parameters, MEMORY.array()
 
 
-def linearise(nominal: Nominal, rope_length: float) -> LinearLaw:
+def linearise(nominal: Nominal, rope_length: float) -> LinearController:
     """Return the linear law of one horizontal axis at rest, ρ = 1; it adds the observer's z, z' and d."""
     gravity, period = nominal.rig.gravity, nominal.period
     observer_pole, _ = frequencies(nominal)
@@ -212,7 +219,7 @@ def linearise(nominal: Nominal, rope_length: float) -> LinearLaw:
     scale = sqrt(gravity / rope_length)
     position, rate = scale**2 * to_drive, scale * to_rate
     gain = [position, rate, 0.0, 0.0, scale**2 * to_load, scale * to_load_rate, to_drive]
-    return LinearLaw(rope_length, a, b, np.array(gain))
+    return LinearController(rope_length, a, b, np.array(gain))
 
 
 MIN_SCALE = 1e-6  # of ρ

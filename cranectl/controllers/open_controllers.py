@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 class SharedControllers(NamedTuple):
     """What another process needs to open the same controllers."""
 
-    files: tuple[Any, ...]  # each a `loaders.opening.LawFile`
+    files: tuple[Any, ...]  # each a `loaders.opening.ControllerFile`
     folder: Path | None = None  # of copies; None on another machine
 
 
@@ -23,9 +23,9 @@ class OpenControllers:
 
     def __init__(self) -> None:
         self.registered: dict[str, Controller] = {}  # by name, those of files too
-        self.files: dict[str, Any] = {}  # by the name of the controller, each a `loaders.opening.LawFile`
+        self.files: dict[str, Any] = {}  # by name of the controller: `loaders.opening.ControllerFile`
         self.versions: dict[tuple[str, str], Controller] = {}  # all of files, by name and SHA-256 of content
-        # What gives addresses to steps that have none before a run; `AddressedLaw.entry` is a place in it.
+        # What gives addresses to steps that have none before a run, by `CompiledController.entry`.
         self.entries: list[tuple[Callable[[Sizes, Array], int], Sizes]] = []
         self._folder: Path | None = None
 

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers.controller import MAX_MEMORY, Controller, LinearLaw, Nominal, shown
+from cranectl.controllers.controller import MAX_MEMORY, Controller, LinearController, Nominal, shown
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, describe_error
 from cranectl.support.foreign_code import contained
 from cranectl.support.interrupts import reported_when_slow
 
-LINEAR = "a linearise(nominal, rope_length) that returns a cranectl.controllers.controller.LinearLaw"
+LINEAR = "a linearise(nominal, rope_length) that returns a cranectl.controllers.controller.LinearController"
 PAIR = "a prepare(nominal) that returns (parameters, memory), two arrays of at most a million numbers"
 
 
@@ -44,11 +44,11 @@ def prepared(controller: Controller, nominal: Nominal) -> tuple[Array, Array]:
     return parameters, memory
 
 
-def linearised(controller: Controller, nominal: Nominal, rope_length: float) -> LinearLaw:
+def linearised(controller: Controller, nominal: Nominal, rope_length: float) -> LinearController:
     """Return the linear law of one axis at a rope length [m]; raise InputError where its code gives none."""
     assert controller.linearise is not None
     returned = _run_own_code(controller, "linearise", controller.linearise, LINEAR, nominal, rope_length)
-    if not isinstance(returned, LinearLaw):
+    if not isinstance(returned, LinearController):
         raise InputError(
             f"linearise of {controller.name} returns {shown(returned)}", allowed=LINEAR, remedy="return one"
         )

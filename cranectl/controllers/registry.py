@@ -127,7 +127,7 @@ def controller_argument(name: str) -> str:
     return origin.reference if origin else name
 
 
-def law_digests(names: Iterable[str]) -> dict[str, str]:
+def controller_digests(names: Iterable[str]) -> dict[str, str]:
     """Return the first digits of the digest of each controller that is in a file, by `law NAME`."""
     return {
         f"law {controller.name}": controller.code[:FINGERPRINT_DIGITS]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.signals import Signal, SignalGroup, flat_groups, law_groups
+from cranectl.signals import Signal, SignalGroup, controller_groups_of, flat_groups
 from cranectl.support.arrays import Array
 from cranectl.support.consistency import check_ascending
 from cranectl.support.provenance import FINGERPRINT_DIGITS
@@ -137,7 +137,7 @@ class ControllerDesign:
     @property
     def groups(self) -> tuple[SignalGroup, ...]:
         """What a run with this controller records besides what every run does."""
-        return law_groups(self.name, self.signals)
+        return controller_groups_of(self.name, self.signals)
 
     @property
     def axis_design(self) -> "Design | None":

@@ -22,7 +22,7 @@ from cranectl.live.hand_limits import hand_limits
 from cranectl.reference.driven import HandLimits
 from cranectl.scenario import Scenario
 from cranectl.scenario.similarity import length_scale, rounded
-from cranectl.simulate import PlannedReference, checked_drive, law_of, plan_reference
+from cranectl.simulate import PlannedReference, checked_drive, plan_reference, prepare_controller
 from cranectl.support.errors import InputError, printable, unknown_name
 
 Value = bool | float | str
@@ -212,7 +212,7 @@ class Controls:
         design = _with_numbers(design, {**before, **wanted})
         if design.to_json() == self._design.to_json():
             return
-        law_of(self._scenario, design, self._drive, self._planned)  # raises if unstable
+        prepare_controller(self._scenario, design, self._drive, self._planned)  # raises if unstable
         if self._driven:
             check_can_be_driven(design)
         for name in tunable(self._design):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.addressed import at_start, entered
+from cranectl.controllers.addressed import bind_address, with_own_memory
 from cranectl.controllers.flat import MEMORY
 from cranectl.design import ControllerDesign
 from cranectl.live.hand import RELEASED, Hand, HandRequest, check_can_be_driven
@@ -24,7 +24,7 @@ from cranectl.scenario.settings import MAX_DURATION
 from cranectl.signals import PATH_WIDTH, Z
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import Run, record_width
-from cranectl.simulate.runner import PreparedRun, law_of, make_plant, start_run
+from cranectl.simulate.runner import PreparedRun, make_plant, prepare_controller, start_run
 from cranectl.simulate.signal_path import make_encoders, whole_record
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
@@ -68,7 +68,7 @@ class Session:
         self._pulses: list[Disturbance] = []  # that are not over
         self._pulsed: list[Disturbance] = []  # all of them
         self._hand: Hand | None = None  # that drives
-        self._law = law_of(scenario, design, drive, self.plan)
+        self._law = prepare_controller(scenario, design, drive, self.plan)
         period = scenario.period_ns / NANOSECONDS
         samples = round(MAX_DURATION / period) + 1  # as in the longest run: noise and gusts go on
         still = scenario.effects.wind is None
@@ -114,13 +114,13 @@ class Session:
         The set-points carry over. From one of the flat family to another the dynamic extension does as well,
         and so do the states of a robustifier that stays; any other law begins at the reference as it is now.
         """
-        compiled = law_of(self.scenario, design, self.drive, self.plan)
+        compiled = prepare_controller(self.scenario, design, self.drive, self.plan)
         if self._hand:
             check_can_be_driven(design)
         self._law = compiled
         before, self.design = self.design, design
         for state in self._states:
-            own, memory = entered(at_start(compiled)), compiled.start.copy()
+            own, memory = bind_address(with_own_memory(compiled)), compiled.start.copy()
             own.clock[0] = self._samples
             if carried_over := _kept_memory(before, design, state.run.memory):
                 memory[:carried_over] = state.run.memory[:carried_over]

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter, by_address
+from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter, called_by_address
 from cranectl.loaders import library
 from cranectl.loaders.asking import ask
-from cranectl.loaders.opening import LawFile, copy_of
+from cranectl.loaders.opening import ControllerFile, copy_of
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -23,7 +23,7 @@ HEADER = Path(__file__).parent / "cranectl.h"
 DECLARED = ("name", "title", "command", "follows", "measures", "every", "preview")
 
 
-def open_library(file: LawFile) -> tuple[Controller, LawFile]:
+def open_library(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     """Return the controller of a library; raise InputError where it does not keep to what it declares."""
     declared = _ask(file, None, None)
 
@@ -38,7 +38,7 @@ def open_library(file: LawFile) -> tuple[Controller, LawFile]:
     ]
     controller = Controller(
         **{key: declared[key] for key in DECLARED},
-        step=by_address,
+        step=called_by_address,
         prepare=prepare,
         reads=None if declared["reads"] is None else tuple(declared["reads"]),
         parameters=tuple(Parameter(**parameter) for parameter in searched),
@@ -61,7 +61,7 @@ def _plain(nominal: Nominal, reads: list[str] | None) -> dict[str, Any]:
     }
 
 
-def _ask(file: LawFile, values: list[float] | None, nominal: dict[str, Any] | None) -> dict[str, Any]:
+def _ask(file: ControllerFile, values: list[float] | None, nominal: dict[str, Any] | None) -> dict[str, Any]:
     """Return what the library says, in a process of its own; raise InputError with what is wrong with it."""
     try:
         return ask(library.__file__, copy_of(file), {"values": values, "nominal": nominal})
@@ -74,6 +74,6 @@ def _ask(file: LawFile, values: list[float] | None, nominal: dict[str, Any] | No
 
 
 @cache
-def _address(file: LawFile) -> int:
+def _address(file: ControllerFile) -> int:
     step = library.step_of(ctypes.CDLL(str(copy_of(file))))
     return ctypes.cast(step, ctypes.c_void_p).value or 0

@@ -22,7 +22,7 @@ from cranectl.controllers.controller import Controller, Logged, Nominal
 from cranectl.loaders import fmi, fmu_step
 from cranectl.loaders.asking import ask
 from cranectl.loaders.fmu_variables import Variables, variables_of
-from cranectl.loaders.opening import LawFile, directory_of, slug
+from cranectl.loaders.opening import ControllerFile, directory_of, slug
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.support.foreign_code import environment_kept
@@ -35,7 +35,7 @@ _TELL = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * 3, ctypes.c_double)
 class Fmu:
     """One that is unpacked, and in the process of a run its binary and instances."""
 
-    def __init__(self, file: LawFile) -> None:
+    def __init__(self, file: ControllerFile) -> None:
         """Read the FMU; raise InputError if it is none, or not for co-simulation on this machine."""
         fmpy = _library()
         folder = _unpacked(file, fmpy)
@@ -159,7 +159,7 @@ class Fmu:
                 self._functions["FreeInstance"](instance)
 
 
-def open_fmu(file: LawFile) -> tuple[Controller, LawFile]:
+def open_fmu(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     """Return the controller of an FMU; raise InputError where it is none, or cannot be initialised."""
     fmu = Fmu(file)
     try:
@@ -204,7 +204,7 @@ def open_fmu(file: LawFile) -> tuple[Controller, LawFile]:
 EXPORT = "export it again; other tools than cranectl say whether it is whole"
 
 
-def wrong(file: LawFile, what: str, remedy: str = EXPORT) -> InputError:
+def wrong(file: ControllerFile, what: str, remedy: str = EXPORT) -> InputError:
     """Return the error for a file that is no FMU to run."""
     return InputError(
         f"{file.reference}: {what}",
@@ -213,7 +213,7 @@ def wrong(file: LawFile, what: str, remedy: str = EXPORT) -> InputError:
     )
 
 
-def _number(file: LawFile, what: str, text: Any) -> float:
+def _number(file: ControllerFile, what: str, text: Any) -> float:
     """Return a number of the description; 0.0 where it has none."""
     try:
         return float(text or 0.0)
@@ -234,7 +234,7 @@ def _library() -> Any:
     return fmpy
 
 
-def _unpacked(file: LawFile, fmpy: Any) -> Path:
+def _unpacked(file: ControllerFile, fmpy: Any) -> Path:
     """Unpack the FMU and return its folder; raise InputError for entries that leave the folder."""
     whole, part, folder = (directory_of(file) / name for name in ("law.fmu", "part", "fmu"))
     if folder.is_dir():

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any, NamedTuple
 
-from cranectl.loaders.opening import LawFile
+from cranectl.loaders.opening import ControllerFile
 from cranectl.support.errors import InputError
 
 # Exponents of kg, m and s in the units of signals; an angle counts as a number, as in SI.
@@ -19,7 +19,7 @@ _POWERS = str.maketrans("²³⁴", "234")
 class Conversion(NamedTuple):
     """What the units of an FMU's exchanged variables are worth."""
 
-    file: LawFile
+    file: ControllerFile
     source: str  # the table beside the file
     definitions: Mapping[str, Any]  # of FMPy, by the names of units
     stated: Mapping[str, float]  # by that table, by the names of variables

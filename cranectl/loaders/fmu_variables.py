@@ -10,7 +10,7 @@ from pydantic import Field
 from cranectl.controllers.controller import LONGEST_SIGNAL, Parameter
 from cranectl.loaders.fmu_step import HELD, MEASURED
 from cranectl.loaders.fmu_units import Conversion
-from cranectl.loaders.opening import LawFile
+from cranectl.loaders.opening import ControllerFile
 from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.signals import MEASUREMENT, REFERENCE, STATE, Signal, command_group
 from cranectl.support.documents import parse_toml
@@ -65,12 +65,12 @@ class Variables(NamedTuple):
     fixed_references: list[int]  # of the parameters, then of the constants
 
 
-def variables_of(file: LawFile, description: Any) -> Variables:
+def variables_of(file: ControllerFile, description: Any) -> Variables:
     """Return what the variables of a description are here.
 
     Parameters
     ----------
-    file : LawFile
+    file : ControllerFile
         The FMU, with the table beside it.
     told : Any
         Its description, as FMPy has read it.
@@ -199,7 +199,7 @@ def _meant(table: Mapping[str, Any], variables: Sequence[Any], cause: str, sourc
     return {name: table.get(name, name) for name in names}
 
 
-def _check(variable: Any, signal: str, known: dict[str, int], file: LawFile, source: str) -> None:
+def _check(variable: Any, signal: str, known: dict[str, int], file: ControllerFile, source: str) -> None:
     _check_type(variable, file)
     if signal not in known:
         raise InputError(
@@ -210,7 +210,7 @@ def _check(variable: Any, signal: str, known: dict[str, int], file: LawFile, sou
         )
 
 
-def _check_type(variable: Any, file: LawFile) -> None:
+def _check_type(variable: Any, file: ControllerFile) -> None:
     if not _is_number(variable):
         kind = f"an array of {variable.type}" if variable.dimensions else variable.type
         raise InputError(
@@ -221,7 +221,7 @@ def _check_type(variable: Any, file: LawFile) -> None:
 
 
 def _commands(
-    meant: dict[str, str], outputs: Sequence[Any], held_axes: Sequence[str], file: LawFile, source: str
+    meant: dict[str, str], outputs: Sequence[Any], held_axes: Sequence[str], file: ControllerFile, source: str
 ) -> list[Any]:
     """Return the output of each command, None where it is held; raises InputError for none, or for two."""
     result: list[Any] = []
@@ -251,7 +251,7 @@ def _commands(
     return result
 
 
-def _references(variables: Sequence[Any], file: LawFile) -> list[int]:
+def _references(variables: Sequence[Any], file: ControllerFile) -> list[int]:
     """Return the value references; raise InputError for one that FMI does not allow."""
     references = [variable.valueReference for variable in variables]
     for reference, variable in zip(references, variables, strict=True):
@@ -274,7 +274,7 @@ def _settable(declared: Sequence[Any], free: Sequence[Any], connected: Sequence[
     return list(settable.values())
 
 
-def _number(variable: Any, attribute: str, otherwise: float, file: LawFile) -> float:
+def _number(variable: Any, attribute: str, otherwise: float, file: ControllerFile) -> float:
     text = _of(variable, attribute)
     try:
         return float(text) if text else otherwise
@@ -296,7 +296,7 @@ def _of(variable: Any, attribute: str) -> str:
     return getattr(variable, attribute) or declared or ""
 
 
-def _named(variables: Sequence[Any], file: LawFile) -> dict[str, Any]:
+def _named(variables: Sequence[Any], file: ControllerFile) -> dict[str, Any]:
     """Return the variables by names that signals allow; raise InputError if two would be equal."""
     named: dict[str, Any] = {}
     for variable in variables:

@@ -33,7 +33,7 @@ LOADERS = {  # by ending; each returns a controller, and its file with all that 
 }
 
 
-class LawFile(NamedTuple):
+class ControllerFile(NamedTuple):
     """A file with a law and what lies beside it, as they were read: what travels to other processes."""
 
     reference: str
@@ -65,11 +65,11 @@ class LawFile(NamedTuple):
         """The folder in which it was read."""
         return Path(self.place).parent
 
-    def is_of(self, other: "LawFile") -> bool:
+    def is_of(self, other: "ControllerFile") -> bool:
         """Return True for the same thing at the same place, whatever its content."""
         return (self.place, self.symbol) == (other.place, other.symbol)
 
-    def with_beside(self, folder: Path, names: Iterable[str]) -> "LawFile":
+    def with_beside(self, folder: Path, names: Iterable[str]) -> "ControllerFile":
         """Return the file with what else it is made of, files as seen from `folder`.
 
         Raises OSError, and InputError where that is too much to take.
@@ -84,7 +84,7 @@ class LawFile(NamedTuple):
             )
         return self._replace(beside=tuple(sorted(contents.items())))
 
-    def read_again(self) -> "LawFile":
+    def read_again(self) -> "ControllerFile":
         """Return the file with what now lies at the places of all its parts; an absent part is empty."""
         contents = [(name, self._read(name)) for name, _ in self.beside]
         return self._replace(content=self._read(Path(self.place).name), beside=tuple(contents))
@@ -107,14 +107,14 @@ def _part(folder: Path, name: str) -> bytes:
         return hashlib.file_digest(file, "sha256").hexdigest().encode()
 
 
-def directory_of(file: LawFile) -> Path:
+def directory_of(file: ControllerFile) -> Path:
     """Return a directory of its own for copies of the file and of what it is made of."""
     path = OPEN.folder / file.digest[:16]
     path.mkdir(exist_ok=True)
     return path
 
 
-def copy_of(file: LawFile) -> Path:
+def copy_of(file: ControllerFile) -> Path:
     """Return the path of a copy of the content as it was read, whatever happens to the file later."""
     path = directory_of(file) / file.path.name
     if not path.exists():
@@ -122,7 +122,7 @@ def copy_of(file: LawFile) -> Path:
     return path
 
 
-def whole_copy_of(file: LawFile) -> Path:
+def whole_copy_of(file: ControllerFile) -> Path:
     """Return where the file is with all that it takes along: its place, or a copy where that differs."""
     if file.read_again() == file:
         return Path(file.place)
@@ -149,13 +149,13 @@ def slug(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", parted.lower()).strip("-")
 
 
-def open_law(reference: str) -> str:
+def open_controller(reference: str) -> str:
     """Register the law at `reference` with this process; returns the controller's name.
 
     Raises InputError for a file that is not there, or not a law.
     """
     if reference.startswith(UDP):
-        return _register(LawFile(reference, Path(), "", reference.encode(), place=reference))
+        return _register(ControllerFile(reference, Path(), "", reference.encode(), place=reference))
     match = FILE.fullmatch(reference)
     if match is None:
         raise InputError(
@@ -180,12 +180,12 @@ def open_law(reference: str) -> str:
             f"{path}: {error.strerror or error}", allowed="a file with a law", remedy="correct the path"
         ) from error
     absolute = str(path.parent.resolve() / path.name)
-    return _register(LawFile(reference, path, match["symbol"] or "", content, table, absolute))
+    return _register(ControllerFile(reference, path, match["symbol"] or "", content, table, absolute))
 
 
 def file_from(name: str, folder: Path) -> str:
     """Return the file of the opened controller `name` as seen from `folder`, with what of it."""
-    file: LawFile = OPEN.files[name]
+    file: ControllerFile = OPEN.files[name]
     if file.reference.startswith(UDP):
         return file.reference
     path = Path(os.path.relpath(file.place, folder.resolve())).as_posix()
@@ -211,7 +211,7 @@ def open_again(shared: SharedControllers) -> None:
         _keep(controller, opened)
 
 
-def _register(file: LawFile) -> str:
+def _register(file: ControllerFile) -> str:
     """Register what somebody has named; returns the name of the controller."""
     for name, known in OPEN.files.items():
         if known.is_of(file):
@@ -230,12 +230,12 @@ def _register(file: LawFile) -> str:
     return controller.name
 
 
-def _opened(file: LawFile) -> tuple[Controller, LawFile]:
+def _opened(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     """Return the controller of a file, and the file with all that it imports or reads."""
     ending = file.path.suffix or ".toml"
     earlier = {name: OPEN.registered.pop(name) for name, known in OPEN.files.items() if known.is_of(file)}
     controller: Controller
-    opened: LawFile
+    opened: ControllerFile
     try:
         controller, opened = loaded(LOADERS[ending])(file)
         if OPEN.registered.get(controller.name) is controller:  # the file may say so itself
@@ -247,7 +247,7 @@ def _opened(file: LawFile) -> tuple[Controller, LawFile]:
     return replace(controller, origin=origin, code=opened.code_digest), opened
 
 
-def _keep(controller: Controller, file: LawFile) -> None:
+def _keep(controller: Controller, file: ControllerFile) -> None:
     """Make the controller known, in place of an earlier version of it."""
     earlier = [name for name, known in OPEN.files.items() if name == controller.name or known.is_of(file)]
     for name in earlier:
@@ -258,7 +258,7 @@ def _keep(controller: Controller, file: LawFile) -> None:
     OPEN.versions[controller.name, controller.origin.sha256] = controller
 
 
-def close_laws() -> None:
+def close_controllers() -> None:
     """Forget all, for tests."""
     for name in OPEN.files:
         OPEN.registered.pop(name, None)

@@ -26,11 +26,11 @@ from urllib.parse import urlsplit
 import numpy as np
 from pydantic import Field
 
-from cranectl.controllers.controller import Controller, by_address
+from cranectl.controllers.controller import Controller, called_by_address
 from cranectl.controllers.registry import UDP
 from cranectl.controllers.slots import Slots
 from cranectl.loaders.called_back import called_back
-from cranectl.loaders.opening import LawFile, whole_copy_of
+from cranectl.loaders.opening import ControllerFile, whole_copy_of
 from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
@@ -73,7 +73,7 @@ class ProcessSettings(Settings):
     )
 
 
-def open_process(file: LawFile) -> tuple[Controller, LawFile]:
+def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     """Return the controller that a TOML file or a UDP address describes; raise InputError."""
     table = {"address": file.reference}
     if not file.reference.startswith(UDP):
@@ -88,7 +88,7 @@ def open_process(file: LawFile) -> tuple[Controller, LawFile]:
     controller = Controller(
         name=settings.name,
         title=f"in another process, {settings.address or ' '.join(settings.program)}",
-        step=by_address,
+        step=called_by_address,
         prepare=lambda _: (np.zeros(1), memory.copy()),
         command=settings.command,
         follows=settings.follows,
@@ -102,7 +102,7 @@ def open_process(file: LawFile) -> tuple[Controller, LawFile]:
     return controller, file
 
 
-def _with_named(settings: ProcessSettings, file: LawFile) -> LawFile:
+def _with_named(settings: ProcessSettings, file: ControllerFile) -> ControllerFile:
     """Return the file with those that `program` and `files` name; raise InputError for absent ones."""
     folder = file.folder
     named = {word for word in settings.program if _is_file(folder / word)}
@@ -177,7 +177,7 @@ def _answer(connection: "_Program | _Datagrams", answer: struct.Struct, sequence
     return values if number == sequence else None
 
 
-def _connector(settings: ProcessSettings, file: LawFile) -> "Callable[[], _Program | _Datagrams]":
+def _connector(settings: ProcessSettings, file: ControllerFile) -> "Callable[[], _Program | _Datagrams]":
     """Return what connects to the controller for one run; raise InputError where that cannot be."""
     if bool(settings.address) == bool(settings.program):
         raise InputError(
@@ -199,7 +199,7 @@ def _connector(settings: ProcessSettings, file: LawFile) -> "Callable[[], _Progr
     return partial(_Datagrams, where.hostname, where.port)
 
 
-def _check_program(first: str, file: LawFile) -> None:
+def _check_program(first: str, file: ControllerFile) -> None:
     """Raise InputError for a program that is absent, or another one on this machine where it is installed."""
     if not _is_file(file.folder / first) and first not in dict(file.beside) and shutil.which(first) is None:
         raise InputError(
@@ -280,7 +280,7 @@ class _PipeInThread(_Pipe):
 class _Program:
     """A program in the folder where the files are that belong to it, for one run; raises OSError."""
 
-    def __init__(self, program: tuple[str, ...], file: LawFile) -> None:
+    def __init__(self, program: tuple[str, ...], file: ControllerFile) -> None:
         folder = whole_copy_of(file).parent
         first, *arguments = program
         own = folder / first

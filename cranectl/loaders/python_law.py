@@ -30,7 +30,7 @@ from cranectl.controllers.preparation import real_numbers
 from cranectl.controllers.slots import Slots
 from cranectl.loaders.called_back import called_back
 from cranectl.loaders.neighbours import Neighbours
-from cranectl.loaders.opening import LawFile, slug, whole_copy_of
+from cranectl.loaders.opening import ControllerFile, slug, whole_copy_of
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, describe_error
@@ -43,7 +43,7 @@ MEMORY = 64  # numbers that a plain function may remember
 DECLARED = ("command", "follows", "measures", "every", "preview", "reads")
 
 
-def open_python(file: LawFile) -> tuple[Controller, LawFile]:
+def open_python(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     """Return the controller `file.symbol` of a file, and the file with what it takes along.
 
     Raises InputError where there is none, or it is no controller.
@@ -52,7 +52,8 @@ def open_python(file: LawFile) -> tuple[Controller, LawFile]:
     if not file.symbol:
         raise InputError(
             f"'{file.reference}' does not say which law",
-            allowed=", ".join(f"{file.path}:{name}" for name in _laws(module)) or "a file with a law",
+            allowed=", ".join(f"{file.path}:{name}" for name in _controller_names(module))
+            or "a file with a law",
             remedy=f"name it: {file.path}:NAME",
         )
     value = getattr(module, file.symbol, None)
@@ -62,13 +63,14 @@ def open_python(file: LawFile) -> tuple[Controller, LawFile]:
     if not isinstance(value, Controller):
         raise InputError(
             f"'{file.reference}': {file.path} has no law '{file.symbol}'",
-            allowed=", ".join(_laws(module)) or "a function, a class with a step, a cranectl.Controller",
+            allowed=", ".join(_controller_names(module))
+            or "a function, a class with a step, a cranectl.Controller",
             remedy=f"define step({', '.join(ARGUMENTS)}), see 'cranectl new controller'",
         )
     return _callable(value, file), opened
 
 
-def _load(file: LawFile) -> tuple[ModuleType, LawFile]:
+def _load(file: ControllerFile) -> tuple[ModuleType, ControllerFile]:
     """Return the module, run; of a worker on another machine from a copy."""
     path = whole_copy_of(file)
     beside = Neighbours(path)
@@ -100,7 +102,7 @@ def _where(error: BaseException, path: Path) -> str:
     return f"{path.name}:{lines[-1]}" if lines else path.name
 
 
-def _laws(module: ModuleType) -> list[str]:
+def _controller_names(module: ModuleType) -> list[str]:
     """Return the names in a module that look like controllers."""
     return [
         name
@@ -116,7 +118,7 @@ def _title(value: Any, name: str) -> str:
     return lines[0].rstrip(".") if lines else name
 
 
-def _checked(step: Any, file: LawFile) -> Any:
+def _checked(step: Any, file: ControllerFile) -> Any:
     taken = list(inspect.signature(step).parameters) if inspect.isfunction(step) else []
     if len(taken) != len(ARGUMENTS):
         raise InputError(
@@ -127,7 +129,7 @@ def _checked(step: Any, file: LawFile) -> Any:
     return step
 
 
-def _declared(source: Any, step: Any, file: LawFile) -> Controller:
+def _declared(source: Any, step: Any, file: ControllerFile) -> Controller:
     """Return the controller of a class or function, by attributes called as those of a `Controller`.
 
     Besides, `parameters` may be {name: number} and `logged` {name: place of the memory}; `memory` is its
@@ -191,7 +193,7 @@ def _memory(owner: Any, start: Any) -> Array:
     return memory
 
 
-def _callable(controller: Controller, file: LawFile) -> Controller:
+def _callable(controller: Controller, file: ControllerFile) -> Controller:
     """Return the controller, called back from Python if Numba cannot compile its step, with a warning."""
     try:
         with reported_when_slow(f"Numba has been compiling the step of {file.reference}"):

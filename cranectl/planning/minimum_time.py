@@ -116,7 +116,7 @@ def _minimum_time(
         over = _excesses(task, duration, coefficients, FINE)
         violated = {name for name, excess in over.items() if (excess > PROOF_MARGIN).any()}
         worst = np.max(list(over.values()), axis=0)
-        broken = np.linspace(0.0, 1.0, task.spans * FINE + 1)[worst > PROOF_MARGIN]
+        places = np.linspace(0.0, 1.0, task.spans * FINE + 1)[worst > PROOF_MARGIN]
         if not violated:
             to_load: ToLoad | None = task.to_load
             if isinstance(task.to_load, Placed):  # what is proven is what is given
@@ -126,10 +126,10 @@ def _minimum_time(
             if proof.is_valid:
                 return ShortestMotion(duration, coefficients, proof)
             violated = {violation.name for violation in proof.violations}
-            broken = np.array(
+            places = np.array(
                 [0.5 * (violation.start + violation.end) / duration for violation in proof.violations]
             )
-        beside_them = (broken[:, None] + NEARBY / (task.spans * FINE)).ravel()
+        beside_them = (places[:, None] + NEARBY / (task.spans * FINE)).ravel()
         fractions = np.unique(np.clip(np.concatenate([fractions, beside_them]), 0.0, 1.0))
         beside *= 1 + bool(violated & obstacles)
         problem = Problem(inside, fractions, beside)

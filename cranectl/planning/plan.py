@@ -27,7 +27,7 @@ from cranectl.planning.shortest import about_shortest, limiting, shortest
 from cranectl.reference.geometry import Straight, geometry_of, parts_of, place
 from cranectl.reference.given import samples, way_points
 from cranectl.reference.sanity import check_length
-from cranectl.reference.time_laws import PLANNED_DEGREE, law_of
+from cranectl.reference.time_laws import PLANNED_DEGREE, time_law_of
 from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import (
@@ -161,7 +161,7 @@ def planned_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, 
     geometry = geometry_of(segment, start, where)
     limits = limits_of(scenario)._replace(size=EXCESS_PRECISION * geometry.length)
     time_laws = [
-        (law_of(part), seconds(part), path.length) for part, path in zip(stopping, parts, strict=True)
+        (time_law_of(part), seconds(part), path.length) for part, path in zip(stopping, parts, strict=True)
     ]
     shortest = _faster(along_parts(geometry, limits, time_laws), scenario)
     return [_with_law(segment, shortest)] if shortest and shortest.duration < MAX_DURATION else list(stopping)

@@ -64,7 +64,7 @@ class AxisDrives(NamedTuple):
     slope: tuple[float, float]  # weight of bridge with trolley along x, of the trolley along y [N]
     gain: Triple
     damping: Triple  # [N s/m]
-    held: float  # [N], by the winch
+    holding_force: float  # [N], by the winch
 
 
 class AnalyticRig(NamedTuple):
@@ -136,7 +136,7 @@ def drive_accelerations(drives, rig, state, command, disturbance, wind):
     gain, damping = drives.gain, drives.damping
     bridge = gain[0] * command[0] - damping[0] * state[BRIDGE_RATE]
     trolley = gain[1] * command[1] - damping[1] * state[TROLLEY_RATE]
-    winch = gain[2] * command[2] - damping[2] * state[ROPE_RATE] - drives.held
+    winch = gain[2] * command[2] - damping[2] * state[ROPE_RATE] - drives.holding_force
     return forced_accelerations(
         drives.masses,
         state,
@@ -300,7 +300,7 @@ def _axis_drives(rig: RigParameters, drive: Drive, effects: EffectSettings) -> A
         slope=(masses.bridge * along_x, masses.trolley * along_y),
         gain=gain,
         damping=damping,
-        held=load_force[2],
+        holding_force=load_force[2],
     )
 
 

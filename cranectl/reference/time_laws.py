@@ -21,7 +21,7 @@ Law = str | tuple[float, ...]  # a name, or the coefficients of a spline that wa
 PLANNED_DEGREE = 7  # with simple knots C⁶: also the fifth derivative, which the drives feel, is continuous
 
 
-def law_of(segment: AlongPath | Spline) -> Law:
+def time_law_of(segment: AlongPath | Spline) -> Law:
     """Return the time law of a planned segment."""
     time_law = segment.time_law
     assert time_law is not None

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from cranectl.reference.time_laws import Law, derivatives, law_of, progress, spline
+from cranectl.reference.time_laws import Law, derivatives, progress, spline, time_law_of
 from cranectl.scenario import ReferenceSettings, Segment
 from cranectl.scenario.along_path import Arc, BlendedPath, Line, check_moves
 from cranectl.scenario.recorded import Driven
@@ -204,11 +204,11 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
         return HoldPath(start, segment.duration)
     if isinstance(segment, Line):
         check_moves(segment, start, where)
-        return LinePath(start, np.array(segment.to), seconds(segment), law_of(segment))
+        return LinePath(start, np.array(segment.to), seconds(segment), time_law_of(segment))
     if isinstance(segment, BlendedPath) or (isinstance(segment, Spline) and segment.time_law is not None):
         from cranectl.reference.geometry import GeometricPath, geometry_of
 
-        return GeometricPath(geometry_of(segment, start, where), seconds(segment), law_of(segment))
+        return GeometricPath(geometry_of(segment, start, where), seconds(segment), time_law_of(segment))
     if isinstance(segment, Spline):
         return SplinePath(np.array(segment.breaks), np.array(segment.coefficients), segment.degree)
     if isinstance(segment, Driven):
@@ -222,7 +222,7 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
         return added
     assert isinstance(segment, Arc), f"{segment.kind}: not planned"
     check_moves(segment, start, where)
-    return ArcPath(start, np.array(segment.centre), segment.angle, seconds(segment), law_of(segment))
+    return ArcPath(start, np.array(segment.centre), segment.angle, seconds(segment), time_law_of(segment))
 
 
 def end_point(segment: Segment, start: Array) -> Array:

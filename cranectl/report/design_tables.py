@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.controller import Controller, LinearLaw
+from cranectl.controllers.controller import Controller, LinearController
 from cranectl.design import ControllerDesign, Design
 from cranectl.design.records import Margins
 from cranectl.report.table import Table, cells
@@ -53,8 +53,8 @@ def _pole_rows(poles: Iterable[NDArray[Any]]) -> list[tuple[str, ...]]:
     return [(f"pole {k} [1/s]", *row) for k, row in enumerate(columns, 1)]
 
 
-def law_tables(
-    design: ControllerDesign, controller: Controller, linear: Sequence[LinearLaw]
+def controller_tables(
+    design: ControllerDesign, controller: Controller, linear: Sequence[LinearController]
 ) -> tuple[Table, ...]:
     """Parameters of a law, and what it achieves near rest at some rope lengths, if it can say it."""
     rows = tuple(

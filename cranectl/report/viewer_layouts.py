@@ -115,7 +115,7 @@ def _controller(plants: Sequence[str], logged: Sequence[Signal] | None = None) -
     plots = [
         _axes_plot(plant, "error", "error", "error e"),
         _axes_plot(plant, "error", "error", "its rate", "_dot"),
-        *(_flat_plots(plant) if logged is None else _law_plots(plant, logged)),
+        *(_flat_plots(plant) if logged is None else _controller_plots(plant, logged)),
         _drive_plot(plant),
         _joint_plot(plant, "disturbance", ("alpha_disturbance", "beta_disturbance"), "disturbances"),
     ]
@@ -135,7 +135,7 @@ def _flat_plots(plant: str) -> list[Panel]:
     ]
 
 
-def _law_plots(plant: str, logged: Sequence[Signal]) -> list[Panel]:
+def _controller_plots(plant: str, logged: Sequence[Signal]) -> list[Panel]:
     """Return plots of what a controller logs, one for each of the first units."""
     topic, by_unit = topics.plant_topic(plant, "controller"), dict[str, list[dict[str, Any]]]()
     for signal in logged:

@@ -11,9 +11,9 @@ from cranectl.simulate.plan import (
 from cranectl.simulate.run import Run, groups_of
 from cranectl.simulate.runner import (
     checked_drive,
-    law_of,
-    linearised_law,
+    linearised_controller,
     make_plant,
+    prepare_controller,
     simulate_run,
     tracker_of,
 )
@@ -25,12 +25,12 @@ __all__ = [
     "checked_drive",
     "disturbances_at",
     "groups_of",
-    "law_of",
-    "linearised_law",
+    "linearised_controller",
     "make_plant",
     "plan_reference",
     "plan_run",
     "plan_scenario",
+    "prepare_controller",
     "simulate_run",
     "tracker_of",
 ]

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cranectl.controllers.addressed import JOINTS, AddressedLaw, addressed_step, addressed_wait
+from cranectl.controllers.addressed import JOINTS, CompiledController, addressed_step, addressed_wait
 from cranectl.controllers.controller import ROPE_TAUT
 from cranectl.plants.addressed import (
     AddressedPlant,
@@ -54,7 +54,7 @@ ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
 class LoopInputs(NamedTuple):
     """Everything a loop needs besides the plant, the record and the memory of the law."""
 
-    law: AddressedLaw
+    law: CompiledController
     actuation: Actuation
     reference: Array  # (N, 15)
     disturbance: Array  # (N, 2) [rad/s²]
@@ -67,7 +67,7 @@ class LoopInputs(NamedTuple):
 
 
 @jit
-def command_law(inputs, path, state, k, memory, row):
+def command_controller(inputs, path, state, k, memory, row):
     """Have the controller command, or brake the drives while the rope is slack; make the set-points."""
     compiled, reference = inputs.law, inputs.reference[k]
     command = row[INPUT_COLUMN : INPUT_COLUMN + 6]
@@ -110,11 +110,11 @@ def give_measured(compiled, path, state, k):
 def control_sample(inputs, path, k, row, memory):
     """Run the law on the state in record row `k`; writes the rest of the row except the load."""
     if path is None:
-        status = command_law(inputs, path, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
+        status = command_controller(inputs, path, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
     else:
         measured = path.record[k, :COMMAND_COLUMN]
         sense(path, row, measured)
-        status = command_law(inputs, path, measured[:10], k, memory, row)
+        status = command_controller(inputs, path, measured[:10], k, memory, row)
         if status == RUNNING:
             command, actuation = row[INPUT_COLUMN : INPUT_COLUMN + 3], inputs.actuation
             wanted = drive_command(

@@ -6,8 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.addressed import AddressedLaw, addressed_law, at_start, entered
-from cranectl.controllers.controller import Controller, LinearLaw, Nominal
+from cranectl.controllers.addressed import (
+    CompiledController,
+    bind_address,
+    compile_controller,
+    with_own_memory,
+)
+from cranectl.controllers.controller import Controller, LinearController, Nominal
 from cranectl.controllers.flat import Tracker, make_tracker
 from cranectl.controllers.preparation import linearised
 from cranectl.controllers.registry import controller_design, controller_of
@@ -52,7 +57,7 @@ def simulate_run(
     design: ControllerDesign | None = None,
     nominal: Scenario | None = None,
     plan: Plan | None = None,
-    law: AddressedLaw | None = None,
+    law: CompiledController | None = None,
     compiled: bool = True,
     patience: float = BLOCK_TIMEOUT,
     progress: Progress | None = None,
@@ -62,10 +67,10 @@ def simulate_run(
     `controller`: a name from `controller_names()`, by default the scenario's; or give a finished `design`.
     `nominal`: what the controller takes the crane for, by default what it is; reference, feedback, observer
     are made for it. It may differ from `scenario` in rig, effects, initial and disturbances only. `plan`
-    and `law`, as `law_of` gives it, save making the same twice. `patience`: time [s] after which a law from
-    outside that has not returned is given up. Raises InputError for wrong names, for a reference that the
-    rig cannot follow, and for a run that takes too much memory. A run that has to stop early, Ctrl-C
-    included, returns what it has, with the reason in its status.
+    and `law`, as `prepare_controller` returns it, save making the same twice. `patience`: time [s] after
+    which a controller from outside that has not returned is given up. Raises InputError for wrong names,
+    for a reference that the rig cannot follow, and for a run that takes too much memory. A run that has to
+    stop early, Ctrl-C included, returns what it has, with the reason in its status.
     """
     nominal = nominal or scenario
     design = design or controller_design(controller or nominal.controller.name, nominal)
@@ -73,7 +78,7 @@ def simulate_run(
     check_runs(scenario, design, kind)
     plan = plan or plan_run(plan_reference(nominal), scenario)
     crane = make_plant(plant, scenario, kind)
-    law = law or law_of(nominal, design, crane.drive, plan)
+    law = law or prepare_controller(nominal, design, crane.drive, plan)
     samples, width = len(plan.time_ns), record_width(design)
     outside = controller_of(design) if design.origin and compiled and CAN_FORK else None
     zeros = np.zeros if outside is None else shared_zeros
@@ -107,7 +112,7 @@ def simulate_run(
 def start_run(
     crane: Plant,
     scenario: Scenario,
-    law: AddressedLaw,
+    law: CompiledController,
     plan: Plan,
     *,
     nominal: Scenario,
@@ -142,19 +147,21 @@ def tracker_of(scenario: Scenario, design: Design) -> Tracker:
     return make_tracker(design, period=scenario.period_ns / NANOSECONDS, gravity=scenario.rig.gravity)
 
 
-def law_of(nominal: Scenario, design: ControllerDesign, drive: Drive, plan: PlannedReference) -> AddressedLaw:
+def prepare_controller(
+    nominal: Scenario, design: ControllerDesign, drive: Drive, plan: PlannedReference
+) -> CompiledController:
     """Prepare `design` for the reference of `plan` on the crane `nominal` that it assumes.
 
     Raises InputError where its sampling makes it unstable, or as its own preparation does.
     """
     controller = controller_of(design)
     recorded = sum(map(len, design.groups))
-    return addressed_law(controller, nominal_crane(nominal, design, controller, drive, plan), recorded)
+    return compile_controller(controller, nominal_crane(nominal, design, controller, drive, plan), recorded)
 
 
-def linearised_law(
+def linearised_controller(
     nominal: Scenario, design: ControllerDesign, rope_lengths: Sequence[float] = ()
-) -> list[LinearLaw]:
+) -> list[LinearController]:
     """Return the controller linearised near rest at some rope lengths [m]; empty if it cannot be.
 
     By default at the shortest, the middle and the longest rope of the rig.
@@ -213,7 +220,7 @@ def checked_drive(name: str) -> Drive:
 
 def inputs_of(
     scenario: Scenario,
-    law: AddressedLaw,
+    law: CompiledController,
     actuation: Actuation,
     plan: Plan,
     drive: Drive,
@@ -221,9 +228,9 @@ def inputs_of(
     enter: bool = True,
 ) -> LoopInputs:
     """Return what a loop needs to run `plan` from its first row to its last; `enter` as in `start_run`."""
-    law = at_start(law)
+    law = with_own_memory(law)
     return LoopInputs(
-        law=entered(law) if enter else law,
+        law=bind_address(law) if enter else law,
         actuation=actuation,
         reference=plan.reference,
         disturbance=plan.disturbance,
@@ -250,7 +257,7 @@ def _run_blocks(
 
     def advance(first: int) -> tuple[int, int, int]:
         nonlocal inputs
-        inputs = inputs._replace(law=entered(inputs.law))
+        inputs = inputs._replace(law=bind_address(inputs.law))
         return run.advance(inputs, run.path, record, run.memory, first, min(first + BLOCK, total))
 
     try:

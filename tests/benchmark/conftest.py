@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from cranectl.loaders.opening import close_laws
+from cranectl.loaders.opening import close_controllers
 
 
 @pytest.fixture(autouse=True)
 def laws_closed() -> Iterator[None]:
     yield
-    close_laws()
+    close_controllers()

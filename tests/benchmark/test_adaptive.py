@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.model.dynamics import axis_masses, mass_matrix
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
@@ -15,7 +15,7 @@ WRONG = ["rig.bridge_mass=4.0", "rig.trolley_mass=3.5", "rig.load_mass=0.6", "ri
 
 
 def run_of(scenario: str, *overrides: str, believed: list[str], plant: str, drive: str = "force") -> Run:
-    law = open_law(LAW)
+    law = open_controller(LAW)
     real = load_scenario(scenario, overrides=overrides)
     nominal = load_scenario(scenario, overrides=[*overrides, *believed])
     return simulate_run(real, nominal=nominal, plant=plant, drive=drive, controller=law)

@@ -5,7 +5,7 @@ from math import exp, sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.controllers.observer import EXPECTED, advance, correct, make_observer
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
@@ -47,7 +47,7 @@ def test_near_rest_the_load_moves_as_these_poles_say(plant: str) -> None:
     offset = 1e-2
     rest = ["duration=4.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, {offset}]"]
     scenario = load_scenario("fixed-position", overrides=[*rest, "controller.adrc.observer=60.0"])
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
     wt, error = POLE * run.time, -run.block("error")
     wanted = offset * (1.0 + wt + wt**2 / 2.0 + wt**3 / 6.0) * np.exp(-wt)
     np.testing.assert_allclose(error[:, 0], wanted, atol=0.03 * offset)
@@ -61,7 +61,7 @@ def test_near_rest_the_load_moves_as_these_poles_say(plant: str) -> None:
 def test_a_standing_push_is_estimated_and_leaves_nothing(plant: str, drive: str, effects: list[str]) -> None:
     """It leans the rope by b: at rest f_z = g b, and b'' = f_b = 0 since the push holds the pendulum."""
     scenario = load_scenario("fixed-position", overrides=effects)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
     late = run.time > 24.0
     state = run.block("state")[late].mean(axis=0)
     estimate = run.block("controller")[late].mean(axis=0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from tests.benchmark.mechanics import energy_above_rest, integral, rope_directions
@@ -15,7 +15,7 @@ SIGN = np.array([1.0, 1.0, -1.0])  # the rope is as long as the path of the load
 
 
 def run_of(scenario: str, *overrides: str, plant: str, drive: str) -> Run:
-    law = open_law(LAW)
+    law = open_controller(LAW)
     wanted = load_scenario(scenario, overrides=overrides)
     return simulate_run(wanted, plant=plant, drive=drive, controller=law)
 

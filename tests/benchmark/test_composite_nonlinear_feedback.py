@@ -5,7 +5,7 @@ from math import exp, sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.arrays import Array
@@ -24,7 +24,7 @@ def point_to_point(*overrides: str, plant: str = "analytic") -> Run:
     """From rest to a set-point along x, on a rope that keeps its length."""
     rest = ["duration=15.0", "disturbances=[]", f"initial.load_offset=[{-STEP}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=[*rest, *overrides])
-    return simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
+    return simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
 
 
 def axis_states(run: Run) -> Array:
@@ -87,7 +87,7 @@ def test_it_overshoots_less_than_its_linear_part_at_the_limit_of_the_drives(plan
 def test_a_standing_push_leaves_a_load_that_is_off() -> None:
     """Where F x + rho B'P x is zero with the rope's lean."""
     run = simulate_run(
-        load_scenario("fixed-position"), plant="analytic", drive="ideal", controller=open_law(LAW)
+        load_scenario("fixed-position"), plant="analytic", drive="ideal", controller=open_controller(LAW)
     )
     _, b, gain, cost = linear_part(FREQUENCY, RATIO)
     rho, state = run.block("controller")[-1, 0], axis_states(run)[-1]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from tests.conftest import ROOT
@@ -18,7 +18,7 @@ def test_the_coupled_error_falls_whatever_the_load_does(plant: str) -> None:
     offset = np.array([0.1, -0.05])
     overrides = [f"initial.load_offset=[{offset[0]}, {offset[1]}, 0.0]", "workspace.on_exit='record'"]
     scenario = load_scenario("fast-diagonal", overrides=["disturbances=[]", *overrides])
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
     found, t = run.block("controller")[:, :2], run.time[:, None]
     assert np.abs(run.block("state")[:, [6, 8]]).max() > 0.1, "and the load does swing"
     # Sampled every T = 1 ms it is off by some T times what the swing asks of the drives.
@@ -27,7 +27,7 @@ def test_the_coupled_error_falls_whatever_the_load_does(plant: str) -> None:
 
 def test_a_standing_push_drives_it_away_as_the_lean_says() -> None:
     scenario = load_scenario("fixed-position", overrides=["workspace.on_exit='record'"])
-    run = simulate_run(scenario, plant="analytic", drive="ideal", controller=open_law(LAW))
+    run = simulate_run(scenario, plant="analytic", drive="ideal", controller=open_controller(LAW))
     late = run.time > run.time[-1] - 2.0
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1
     for rate, angle in ((1, 8), (3, 6)):

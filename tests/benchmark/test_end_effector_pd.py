@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from tests.benchmark.mechanics import energy_above_rest, integral, rope_directions
@@ -15,7 +15,7 @@ ACROSS = "reference.segments=[{kind='line', to=[1.6, 1.2, -0.7], duration=2.0}]"
 
 def run_of(*overrides: str, plant: str, drive: str) -> Run:
     scenario = load_scenario("fixed-position", overrides=overrides)
-    return simulate_run(scenario, plant=plant, drive=drive, controller=open_law(LAW))
+    return simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
 
 
 def gains(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

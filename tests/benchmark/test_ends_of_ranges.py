@@ -8,7 +8,7 @@ import importlib
 
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.controllers.controller import Controller
 from tests.conftest import ROOT
 from tests.law_ranges import Case, cases, check
@@ -28,7 +28,7 @@ CASES = cases(law for _, law in LAWS.values())
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("case", share_of(CASES, SHARE), ids=lambda case: case[0])
 def test_a_setting_gives_finite_numbers_or_says_what_to_do(case: Case) -> None:
-    open_law(LAWS[case[1]][0])
+    open_controller(LAWS[case[1]][0])
     check(case)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from tests.benchmark.mechanics import energy_above_rest, integral, rope_directions
@@ -14,7 +14,7 @@ LAWS = ("ENERGY_COUPLING", "KINETIC_ENERGY_COUPLING")
 
 
 def run_of(law: str, scenario: str, *overrides: str, plant: str, drive: str) -> Run:
-    controller = open_law(f"{FILE}:{law}")
+    controller = open_controller(f"{FILE}:{law}")
     wanted = load_scenario(scenario, overrides=overrides)
     return simulate_run(wanted, plant=plant, drive=drive, controller=controller)
 

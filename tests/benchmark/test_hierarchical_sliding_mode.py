@@ -5,7 +5,7 @@ from math import log, sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import ROOT
@@ -16,7 +16,7 @@ GRAVITY, SHARE = 9.81, 0.3  # the default
 
 
 def run_of(scenario: str, *overrides: str, plant: str) -> Run:
-    law = open_law(LAW)
+    law = open_controller(LAW)
     wanted = load_scenario(scenario, overrides=["workspace.on_exit='record'", *overrides])
     return simulate_run(wanted, plant=plant, drive="ideal", controller=law)
 

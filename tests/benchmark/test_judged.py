@@ -18,9 +18,9 @@ from cranectl.campaign.benchmark.trials import DIVISIONS, Trial, campaign_of, ru
 from cranectl.campaign.benchmark.tuned import tuned_facts, tuned_settings
 from cranectl.campaign.table import FAILED
 from cranectl.campaign.workers import batch_engine
-from cranectl.cli.benchmark import measured_laws
+from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.main import main
-from cranectl.controllers.registry import law_digests
+from cranectl.controllers.registry import controller_digests
 from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
 from tests.pace import HANG
@@ -38,7 +38,7 @@ def judged() -> BenchmarkTable:
 
 @pytest.fixture
 def laws() -> tuple[str, ...]:
-    return measured_laws(BENCHMARK)
+    return measured_controllers(BENCHMARK)
 
 
 def test_every_law_has_met_every_crane(judged: BenchmarkTable, laws: tuple[str, ...]) -> None:
@@ -65,7 +65,7 @@ def test_it_is_of_the_laws_numbers_and_rules_that_are_here(
     rules = rules_of(BENCHMARK)
     assert (judged.about["rules"], judged.about["seed"]) == (rules, BENCHMARK.seed)
     for law in laws:
-        assert judged.about["laws"][law]["file"] == law_digests([law]).get(f"law {law}", "")
+        assert judged.about["laws"][law]["file"] == controller_digests([law]).get(f"law {law}", "")
         assert judged.about["tuned"][law] == tuned_facts(FOLDER_OF_IT / "tuned", rules, law)
     built, numbers = judged.about["tuned"][BUILT], (FOLDER / "tuned" / f"{BUILT}.toml").read_text()
     for key, (_, found) in built["numbers"].items():

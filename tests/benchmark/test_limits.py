@@ -2,7 +2,7 @@
 
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.metrics import run_metrics
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
@@ -24,7 +24,9 @@ def test_a_hard_push_winds_no_observer_up(law: str, fast: list[str]) -> None:
             *(f"effects.{effect}={{}}" for effect in ("limits", "sensing", "rope", "body", "delay")),
         ],
     )  # fmt: skip
-    run = simulate_run(scenario, plant="mujoco", drive="velocity", controller=open_law(str(BENCHMARK / law)))
+    run = simulate_run(
+        scenario, plant="mujoco", drive="velocity", controller=open_controller(str(BENCHMARK / law))
+    )
     assert run.block("command")[:, 3:5].any(), "limits act"
     assert run.status.label == "completed"
     assert run_metrics(run).final_error_m < 0.05

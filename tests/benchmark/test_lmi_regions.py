@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_are
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.design.linear_systems import hinf_norm
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
@@ -69,7 +69,7 @@ def test_near_rest_the_crane_moves_as_its_poles_say(plant: str, length: float) -
     rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", "reference.segments=[]"]
     overrides = ["duration=3.0", *rest, f"initial.load_offset=[{offset}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
     closed = A - B @ gains(*DEFAULT)[0][np.newaxis]
     for k in (200, 700, 1500, 3000):
         drive, _, angle, _ = expm(closed * w * run.time[k])[:, 0] * offset
@@ -82,7 +82,7 @@ def test_a_standing_push_leaves_what_the_gains_say() -> None:
         load_scenario("fixed-position", overrides=["duration=25.0"]),
         plant="analytic",
         drive="ideal",
-        controller=open_law(LAW),
+        controller=open_controller(LAW),
     )
     state, k = run.block("state")[-1], gains(*DEFAULT)[0]
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1

@@ -6,7 +6,7 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
@@ -73,7 +73,7 @@ def test_near_rest_the_crane_moves_as_this_loop_says(plant: str) -> None:
     offset = 1e-3
     overrides = ["duration=3.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
     deviation = np.zeros(25)
     deviation[0] = deviation[10] = offset
     matrix, state = loop_matrix(LQG, 0.7, MEMORY.begun, MEMORY.flat), run.block("state")
@@ -89,7 +89,7 @@ def test_near_rest_the_crane_moves_as_this_loop_says(plant: str) -> None:
 )
 def test_a_standing_push_leaves_nothing(plant: str, drive: str, effects: list[str]) -> None:
     scenario = load_scenario("fixed-position", overrides=effects)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
     late = run.time > 22.0
     assert np.abs(run.block("disturbance")[-1]).min() > 0.1
     limit = 1e-4 if effects else 1e-6  # angles are read in steps

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.arrays import Array
@@ -59,7 +59,7 @@ def test_undisturbed_the_crane_moves_as_the_model_does(plant: str) -> None:
     offset = 1e-2
     overrides = ["duration=4.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
     closed, start = model_and_cost(POLE)[0], np.array([offset / LENGTH, 0.0, 0.0, 0.0])
     for k in (0, 300, 1000, 3000):
         wanted = expm(BEAT * run.time[k] * closed) @ start
@@ -72,7 +72,7 @@ def test_undisturbed_the_crane_moves_as_the_model_does(plant: str) -> None:
 def test_the_function_falls_at_every_sample_after_a_pulse_until_the_bound(plant: str) -> None:
     pulse = '[{joint="beta", start=0.5, end=0.7, magnitude=4.0}]'
     scenario = load_scenario("fixed-position", overrides=["duration=8.0", f"disturbances={pulse}"])
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
     cost = model_and_cost(POLE)[3]
     error = run.block("controller")[:, :4] / UNITS
     function = np.einsum("ki,ij,kj->k", error, cost, error)
@@ -101,7 +101,7 @@ def test_a_matched_push_leaves_what_the_equation_says_and_no_more_than_the_bound
 @pytest.mark.parametrize(("plant", "drive"), [("analytic", "ideal"), ("mujoco", "velocity")])
 def test_a_standing_push_on_the_load_is_not_matched(plant: str, drive: str) -> None:
     scenario = load_scenario("fixed-position")
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
     error = run.block("controller")[-1, :4] / UNITS
     wanted = rest_under(0.0, np.arcsin(LENGTH / GRAVITY))
     np.testing.assert_allclose(error, wanted, atol=2e-2 * abs(wanted[0]))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import ROOT
@@ -14,7 +14,7 @@ LAW = f"{ROOT / 'validation' / 'benchmark' / 'mppi.py'}:MPPI"
 
 def run_of(*overrides: str, plant: str, scenario: str = "fixed-position") -> Run:
     crane = load_scenario(scenario, overrides=overrides)
-    return simulate_run(crane, plant=plant, drive="velocity", controller=open_law(LAW))
+    return simulate_run(crane, plant=plant, drive="velocity", controller=open_controller(LAW))
 
 
 def test_random_numbers_are_those_of_park_and_miller() -> None:

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from tests.conftest import ROOT
@@ -57,7 +57,7 @@ def test_near_rest_the_load_moves_as_the_loop_says(plant: str, drive: str, lengt
     rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", "reference.segments=[]"]
     overrides = ["duration=4.0", *rest, f"initial.load_offset=[{offset}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
     lagging = control.ss([[-1.0 / (w * lag)]], [[1.0 / (w * lag)]], [[1.0]], 0.0)
     loop = controller(*DEFAULT)[0] * lagging * CRANE
     wanted = control.step_response(control.feedback(1.0, loop), w * run.time).outputs
@@ -69,6 +69,6 @@ def test_near_rest_the_load_moves_as_the_loop_says(plant: str, drive: str, lengt
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_a_standing_push_leaves_nothing(plant: str) -> None:
     scenario = load_scenario("fixed-position")
-    run = simulate_run(scenario, plant=plant, drive="velocity", controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive="velocity", controller=open_controller(LAW))
     assert np.abs(run.block("state")[-1, [6, 8]]).min() > 0.05, "the rope leans both ways"
     assert np.abs(run.block("error")[-1, :2]).max() < 1e-5

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.campaign.benchmark.declared import information, variables_of
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
@@ -18,7 +18,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def run_of(library: str, *overrides: str, plant: str, drive: str = "velocity") -> Run:
-    law = open_law(library)
+    law = open_controller(library)
     numbers = [each.replace("nmpc.", "controller.nmpc.") for each in overrides]
     scenario = load_scenario("fixed-position", overrides=numbers)
     return simulate_run(scenario, plant=plant, drive=drive, controller=law)
@@ -53,18 +53,18 @@ def test_a_harbour_crane_arrives(library: str) -> None:
     names = ("limits", "rope", "body", "friction", "sensing", "delay", "wind")
     effects = [f"effects.{name}={{}}" for name in names]
     harbour = load_scenario(FOLDER.parent / "scenarios" / "harbour.toml", overrides=effects)
-    run = simulate_run(harbour, plant="mujoco", drive="velocity", controller=open_law(library))
+    run = simulate_run(harbour, plant="mujoco", drive="velocity", controller=open_controller(library))
     assert np.linalg.norm(run.block("error")[-1, :3]) < harbour.metrics.settling_tolerance
 
 
 def test_it_declares_to_read_gravity_alone(library: str) -> None:
     """And it gets no other number of the rig: see `test_a_library_gets_what_it_declares_to_read`."""
-    told = information(open_law(library))
+    told = information(open_controller(library))
     assert (told["rig"], told["preview"]) == (["gravity"], 1000)
 
 
 def test_what_tuning_may_change_stays_between_its_bounds(library: str) -> None:
-    variables = variables_of(open_law(library))
+    variables = variables_of(open_controller(library))
     keys = [variable.key.removeprefix("controller.nmpc.") for variable in variables]
     assert keys == ["rate", "effort", "acceleration", "speed"]
     assert all(variable.low < variable.start < variable.high for variable in variables)

@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
@@ -21,7 +21,7 @@ STILL = ["duration=4.0", "disturbances=[]"]
 def run_of(*overrides: str, plant: str, drive: str, believed: str = "") -> Run:
     scenario = load_scenario("fixed-position", overrides=overrides)
     nominal = load_scenario("fixed-position", overrides=[*overrides, believed]) if believed else None
-    return simulate_run(scenario, nominal=nominal, plant=plant, drive=drive, controller=open_law(LAW))
+    return simulate_run(scenario, nominal=nominal, plant=plant, drive=drive, controller=open_controller(LAW))
 
 
 def missed(run: Run) -> float:

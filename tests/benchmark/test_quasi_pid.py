@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from tests.benchmark.mechanics import energy_above_rest, integral
@@ -17,7 +17,7 @@ WEIGHT = GRAVITY * np.array([9.5, 3.5])  # of bridge, trolley and load; of troll
 
 
 def run_of(*overrides: str, plant: str, drive: str) -> Run:
-    law = open_law(LAW)
+    law = open_controller(LAW)
     scenario = load_scenario("fixed-position", overrides=["workspace.on_exit='record'", *overrides])
     return simulate_run(scenario, plant=plant, drive=drive, controller=law)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl.campaign.benchmark.settings import read_benchmark
-from cranectl.cli.benchmark import measured_laws
+from cranectl.cli.benchmark import measured_controllers
 from cranectl.controllers.controller import Controller, Nominal
 from cranectl.controllers.registry import load_controller
 from cranectl.scenario.rig import RigParameters
@@ -64,7 +64,7 @@ def commands(law: Controller, rig: RigParameters, length: float, mass: float) ->
 
 @pytest.mark.parametrize("reference", LAWS)
 def test_a_law_does_the_same_on_a_similar_crane(reference: str) -> None:
-    (name,) = measured_laws(read_benchmark("literature"), [reference])
+    (name,) = measured_controllers(read_benchmark("literature"), [reference])
     law = load_controller(name)
     small, large = commands(law, SMALL, 1.0, 1.0), commands(law, LARGE, LENGTH, MASS)
     size = np.abs(small).max(axis=0)

@@ -5,7 +5,7 @@ from math import exp, log, sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.controllers.observer import EXPECTED
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
@@ -33,7 +33,7 @@ GAIN = np.array([[1.0 - DECAY**2], [(1.0 - DECAY) ** 2 / PERIOD]])
 
 def run_of(*overrides: str, plant: str = "analytic", drive: str = "ideal") -> Run:
     scenario = load_scenario("fixed-position", overrides=overrides)
-    return simulate_run(scenario, plant=plant, drive=drive, controller=open_law(LAW))
+    return simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
 
 
 def crane() -> tuple[Array, Array, Array]:

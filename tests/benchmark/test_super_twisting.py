@@ -6,7 +6,7 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.jit import jit
@@ -23,7 +23,10 @@ _law = jit(step)
 
 def run_of(scenario: str, *overrides: str, plant: str = "analytic", drive: str = "ideal") -> Run:
     return simulate_run(
-        load_scenario(scenario, overrides=overrides), plant=plant, drive=drive, controller=open_law(LAW)
+        load_scenario(scenario, overrides=overrides),
+        plant=plant,
+        drive=drive,
+        controller=open_controller(LAW),
     )
 
 

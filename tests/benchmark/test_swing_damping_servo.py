@@ -5,7 +5,7 @@ from math import comb, exp
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from tests.conftest import ROOT
@@ -32,7 +32,7 @@ def test_near_rest_the_drive_moves_as_these_poles_say(plant: str, length: float)
     rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", "reference.segments=[]"]
     overrides = ["duration=4.0", *rest, f"initial.load_offset=[{offset}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
     k_p, k_d, k_b, k_w = gains(length, g, POLE)
     # e and its derivatives at 0 from the equations themselves; e(t) = (c0 + c1 t + c2 t² + c3 t³) e^-pt.
     e = [offset, 0.0, -k_p * offset]

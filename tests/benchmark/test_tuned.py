@@ -10,7 +10,7 @@ from cranectl.campaign.benchmark.declared import variables_of
 from cranectl.campaign.benchmark.settings import Benchmark, benchmark_file, read_benchmark
 from cranectl.campaign.benchmark.trials import rules_of
 from cranectl.campaign.benchmark.tuned import tuned_settings
-from cranectl.cli.benchmark import measured_laws
+from cranectl.cli.benchmark import measured_controllers
 from cranectl.support.documents import parse_toml, read_toml
 from cranectl.support.provenance import syntax_of
 from tests.benchmark.nmpc import FOLDER
@@ -27,7 +27,7 @@ def benchmark() -> Benchmark:
 
 
 def laws_of(benchmark: Benchmark) -> tuple[str, ...]:
-    return measured_laws(benchmark)
+    return measured_controllers(benchmark)
 
 
 def test_its_rules_are_those_by_which_all_its_laws_were_tuned(benchmark: Benchmark) -> None:

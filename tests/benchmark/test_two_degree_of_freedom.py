@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from tests.conftest import ROOT
@@ -77,7 +77,7 @@ def test_the_load_moves_as_the_loop_says(plant: str, drive: str, within: float, 
     path = f"reference.segments=[{{kind='line', to=[1.02, 0.77, {-length}], duration=2.0}}]"
     overrides = ["duration=6.0", "disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", path]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
     pole, rows = w * SPEED, run.reference[:, 0::3] - [1.0, 0.0, 0.0, 0.0, 0.0]
     asked = rows[:, :4] @ [1.0, 3.0 / pole, 3.0 / pole**2, 1.0 / pole**3]
     wanted = control.forced_response(closed(SPEED, RHO, w * lag), w * run.time, asked).outputs
@@ -89,6 +89,6 @@ def test_the_load_moves_as_the_loop_says(plant: str, drive: str, within: float, 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_a_standing_push_leaves_nothing(plant: str) -> None:
     scenario = load_scenario("fixed-position")
-    run = simulate_run(scenario, plant=plant, drive="velocity", controller=open_law(LAW))
+    run = simulate_run(scenario, plant=plant, drive="velocity", controller=open_controller(LAW))
     assert np.abs(run.block("state")[-1, [6, 8]]).min() > 0.05, "the rope leans both ways"
     assert np.abs(run.block("error")[-1, :2]).max() < 1e-4

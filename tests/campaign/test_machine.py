@@ -12,7 +12,7 @@ from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Prepared
 from cranectl.campaign.workers import Children, ChildWorker, run_batches
-from cranectl.loaders.opening import close_laws, open_law
+from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.children import Timeout
@@ -50,7 +50,7 @@ WHAT = {"loading": LOADING + "broken = interpreted\n", "stepping": STEPPING}
 @pytest.fixture(autouse=True)
 def forgotten() -> Iterator[None]:
     yield
-    close_laws()
+    close_controllers()
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def failing(tmp_path: Path) -> Callable[..., str]:
         law.parent.mkdir(exist_ok=True)
         counter.write_text(str(times))
         law.write_text(LAW + COUNTED.format(counter=str(counter), always=always) + WHAT[what])
-        return open_law(f"{law}:broken")
+        return open_controller(f"{law}:broken")
 
     return opened
 
@@ -87,7 +87,7 @@ def test_a_process_that_the_machine_ends_is_no_row_and_is_tried_again(
     made = of(failing(what, 2))
     (row,) = rows(made)
     assert (row["status"], row["reason"]) == ("completed", "")
-    close_laws()
+    close_controllers()
     with pytest.raises(MachineError, match=r"a worker (with broken ended|cannot begin)"):
         rows(of(failing(what, 9)))
 

@@ -15,7 +15,7 @@ from cranectl.campaign.definition import Batch, nominal_scenario
 from cranectl.campaign.table import METRIC_COLUMNS, Row, metric_values, row_columns
 from cranectl.campaign.worker import Prepared, StoppedError, Worker
 from cranectl.campaign.workers import Children, ChildWorker, run_batches
-from cranectl.loaders.opening import open_law
+from cranectl.loaders.opening import open_controller
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run, plan_run, simulate_run
@@ -289,7 +289,7 @@ def test_what_a_worker_has_started_ends_with_it(tmp_path: Path, monkeypatch: pyt
     """Else a program that reads nothing more would stay for ever."""
     monkeypatch.chdir(tmp_path)
     Path("law.py").write_text(LAW)
-    made = short({"rig.load_mass": MASS}, controllers=[open_law("law.py:STARTS")], plants=["analytic"])
+    made = short({"rig.load_mass": MASS}, controllers=[open_controller("law.py:STARTS")], plants=["analytic"])
     with Children() as children:
         prepared = Prepared(made)
         own = int(Path("pid").read_text())

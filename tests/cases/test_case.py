@@ -16,13 +16,13 @@ from tests.conftest import PLANTS
 def test_a_law_is_prepared_once_for_all_plants(
     controller: str, short: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    prepared, prepare = [], runner.addressed_law
+    prepared, prepare = [], runner.compile_controller
 
     def counted(*arguments):
         prepared.append(prepare(*arguments))
         return prepared[-1]
 
-    monkeypatch.setattr(runner, "addressed_law", counted)
+    monkeypatch.setattr(runner, "compile_controller", counted)
     result = run_case(make_case(short, controller=controller, log=tmp_path / "a.mcap"))
     assert [run.plant for run in result.runs] == list(PLANTS)
     assert result.passed

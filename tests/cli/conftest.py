@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.loaders.opening import close_laws
+from cranectl.loaders.opening import close_controllers
 
 
 @pytest.fixture
@@ -15,4 +15,4 @@ def in_copy(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
     shutil.copytree(made, tmp_path / "here")
     monkeypatch.chdir(tmp_path / "here")
     yield
-    close_laws()
+    close_controllers()

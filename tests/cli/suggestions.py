@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from cranectl.cli.main import NAMES, main
-from cranectl.loaders.opening import close_laws
+from cranectl.loaders.opening import close_controllers
 
 ANY_NAME = "|".join(NAMES)
 SUGGESTED = re.compile(rf"cranectl (?:{ANY_NAME})\b[^\n;]*")
@@ -27,7 +27,7 @@ def suggested_by_page(page: Path) -> list[str]:
 
 def executed(command: str) -> int:
     """The exit code of a command as a shell would pass it, in a process that has opened nothing."""
-    close_laws()
+    close_controllers()
     program, *arguments = shlex.split(command)
     assert program == "cranectl"
     return main(arguments)

@@ -17,7 +17,7 @@ from filelock import FileLock
 
 from cranectl.campaign.results import LOCK_FILE, MANIFEST_FILE, PARTS
 from cranectl.cli.main import main
-from cranectl.loaders.opening import close_laws
+from cranectl.loaders.opening import close_controllers
 from cranectl.plants.registry import PLANTS
 from tests.cli.option_cases import (
     BEGAN,
@@ -133,7 +133,7 @@ def test_a_controller_that_is_given_more_patience(capfd: pytest.CaptureFixture[s
     run = f"{RUN} analytic --controller slow.py:slow --out slow.mcap --patience"
     assert main([*run.split(), "1"]) == 3
     assert "took more than 1 s for a block; --patience allows more" in capfd.readouterr().err
-    close_laws()
+    close_controllers()
     assert main([*run.split(), "600"]) in (0, 1)
 
 

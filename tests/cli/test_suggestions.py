@@ -11,7 +11,7 @@ import pytest
 
 from cranectl.campaign.results import PARTS
 from cranectl.cli.main import main
-from cranectl.loaders.opening import close_laws
+from cranectl.loaders.opening import close_controllers
 from cranectl.log.reader import read_log
 from cranectl.log.writer import unfinished
 from tests.cli.suggestions import commands_in, executed, suggested, suggested_by_page
@@ -49,7 +49,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     Path("the ship.toml").write_text(SHIP)
     Path("many ships.toml").write_text(MANY)
     yield
-    close_laws()
+    close_controllers()
 
 
 @pytest.mark.parametrize("keep", ["failed", "none"])
@@ -108,7 +108,7 @@ def test_what_a_campaign_suggests(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     (tmp_path / "elsewhere").mkdir()
     for folder, result in ((tmp_path, "the result"), (tmp_path / "elsewhere", "../the result")):
         monkeypatch.chdir(folder)
-        close_laws()
+        close_controllers()
         assert main(["campaign", "report", result, "--out", "a page.html"]) == 0
         commands = suggested_by_page(Path("a page.html"))
         replays = [command for command in commands if command.startswith("cranectl campaign replay")]
@@ -126,7 +126,7 @@ def test_what_a_result_that_is_not_whole_suggests(wrong: str, capsys: pytest.Cap
     whole = part.read_bytes()
     if wrong == "missing":
         part.unlink()
-        close_laws()
+        close_controllers()
         assert main(["campaign", "report", "the result", "--unfinished", "--out", "a page.html"]) == 0
         (told,) = re.findall(r"Complete it with (cranectl [^<]*--resume)", Path("a page.html").read_text())
         assert (
@@ -135,7 +135,7 @@ def test_what_a_result_that_is_not_whole_suggests(wrong: str, capsys: pytest.Cap
         )
     else:
         part.write_bytes(whole[:-100])
-    close_laws()
+    close_controllers()
     capsys.readouterr()
     assert main(["campaign", "report", "the result"]) == 2
     (command,) = suggested(capsys.readouterr().err)

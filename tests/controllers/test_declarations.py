@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.controllers.controller import Controller, Logged, Parameter, by_address
+from cranectl.controllers.controller import Controller, Logged, Parameter, called_by_address
 from cranectl.controllers.preparation import linearised, prepared
-from cranectl.loaders.opening import open_law
+from cranectl.loaders.opening import open_controller
 from cranectl.signals import Signal
 from cranectl.support.errors import InputError
 
@@ -19,7 +19,9 @@ def pair(_: Any) -> Any:
 
 
 def controller(**declared: Any) -> Controller:
-    return Controller(**{"name": "own", "title": "own", "step": by_address, "prepare": pair, **declared})
+    return Controller(
+        **{"name": "own", "title": "own", "step": called_by_address, "prepare": pair, **declared}
+    )
 
 
 def logged(place: Any, name: Any = "x") -> tuple[Logged, ...]:
@@ -139,7 +141,7 @@ def test_an_attribute_of_a_class_is_checked(declared: str, found: str, tmp_path:
     path = tmp_path / "law.py"
     path.write_text(LAW.format(declared=declared))
     with pytest.raises(InputError) as raised:
-        open_law(f"{path}:Own")
+        open_controller(f"{path}:Own")
     assert found in raised.value.found
     assert raised.value.allowed
     assert raised.value.remedy

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.controllers.registry import controller_design, controller_of
 from cranectl.planning import load_scenario
 from cranectl.planning.limits import limits_of
@@ -32,7 +32,7 @@ def scenario(settings: list[str]) -> Scenario:
 
 
 def parameters(law: str, settings: list[str]) -> np.ndarray:
-    name = law if law == "lqr-offset-free" else open_law(law)
+    name = law if law == "lqr-offset-free" else open_controller(law)
     asked = scenario(settings)
     design = controller_design(name, asked)
     controller = controller_of(design)

@@ -15,7 +15,7 @@ from cranectl.model.dynamics import angular_accelerations
 from cranectl.plants.plant import Drive
 from cranectl.scenario.load import default_scenario
 from cranectl.signals import ALPHA, BASE_WIDTH, BETA, BRIDGE, INPUT_COLUMN, ROPE, TROLLEY
-from cranectl.simulate import linearised_law
+from cranectl.simulate import linearised_controller
 from cranectl.status import RunStatus
 from tests.conftest import random_states
 
@@ -68,7 +68,7 @@ def test_the_model_is_the_plant_linearised() -> None:
 def test_the_gain_is_optimal() -> None:
     """The cost x'Px of the simulated linear loop grows with any change of the gain."""
     scenario = default_scenario()
-    law = linearised_law(scenario, controller_design("lqr-integral", scenario))[1]
+    law = linearised_controller(scenario, controller_design("lqr-integral", scenario))[1]
     values = controller_design("lqr-integral", scenario).parameters
     _, _, c = matrices(law.rope_length, 9.81)
     weights = np.diag([values[f"{name}_weight"] for name in ("error", "rate", "integral")])

@@ -8,7 +8,7 @@ from cranectl.controllers.lqr_integral import LQR_INTEGRAL
 from cranectl.controllers.registry import controller_design
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.simulate import linearised_law, simulate_run
+from cranectl.simulate import linearised_controller, simulate_run
 from cranectl.support.errors import InputError
 
 LENGTH = 0.725  # [m], the middle of the rig's range
@@ -25,7 +25,7 @@ def test_near_rest_it_moves_as_its_linearisation_says() -> None:
     scenario = hanging(f"initial.load_offset=[{offset}, 0.0, 0.0]")
     (law,) = [
         law
-        for law in linearised_law(scenario, controller_design("lqr-integral", scenario))
+        for law in linearised_controller(scenario, controller_design("lqr-integral", scenario))
         if law.rope_length == LENGTH
     ]
     run = simulate_run(scenario, plant="mujoco", controller="lqr-integral")

@@ -23,7 +23,7 @@ from cranectl.controllers.lqr_offset_free import (
 from cranectl.controllers.registry import controller_design
 from cranectl.planning import load_scenario
 from cranectl.signals import BRIDGE_RATE
-from cranectl.simulate import linearised_law, simulate_run
+from cranectl.simulate import linearised_controller, simulate_run
 from cranectl.support.arrays import Array
 from cranectl.support.documents import read_toml
 from cranectl.support.errors import InputError
@@ -55,7 +55,7 @@ def test_the_poles_of_the_loop_are_those_of_regulator_observer_and_rope(length: 
 
 def test_its_linearisation_says_so_too() -> None:
     scenario = load_scenario("fixed-position")
-    for law in linearised_law(scenario, controller_design(LAW, scenario)):
+    for law in linearised_controller(scenario, controller_design(LAW, scenario)):
         nominal = nominal_at(LQR_OFFSET_FREE, law.rope_length)
         scale = np.sqrt(GRAVITY / law.rope_length)
         regulated = np.linalg.eigvals(A - B @ levels(nominal)[-1:, :STATES]) * scale

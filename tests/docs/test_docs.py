@@ -10,7 +10,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.controllers.open_controllers import OPEN
-from cranectl.loaders.opening import close_laws
+from cranectl.loaders.opening import close_controllers
 from tests.conftest import ROOT
 from tests.loaders.fmu_files import fmu
 
@@ -55,7 +55,7 @@ def forgotten() -> Iterator[None]:
     """What a page registers is not known to later tests."""
     before = dict(OPEN.registered)
     yield
-    close_laws()
+    close_controllers()
     OPEN.registered.clear()
     OPEN.registered.update(before)
 

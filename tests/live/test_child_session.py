@@ -10,7 +10,7 @@ from cranectl.controllers.registry import controller_design
 from cranectl.live.child_session import ChildSession
 from cranectl.live.hand import HandRequest
 from cranectl.live.session import Session
-from cranectl.loaders.opening import close_laws, open_law
+from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
@@ -24,12 +24,12 @@ PLANTS = ("analytic", "mujoco")
 @pytest.fixture(autouse=True)
 def forgotten() -> Iterator[None]:
     yield
-    close_laws()
+    close_controllers()
 
 
 def test_it_goes_as_a_session_does(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "law.py").write_text(LAW)
-    design = controller_design(open_law(f"{tmp_path}/law.py:damper"), SCENARIO)
+    design = controller_design(open_controller(f"{tmp_path}/law.py:damper"), SCENARIO)
     here = Session(SCENARIO, design, plants=PLANTS)
     there = ChildSession(SCENARIO, design, plants=PLANTS)
     for session in (here, there):
@@ -68,7 +68,7 @@ def test_it_goes_as_a_session_does(tmp_path: Path, capfd: pytest.CaptureFixture[
 def test_a_law_that_fails_stops_the_plants_until_the_next_start(
     broken: str, said: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    design = controller_design(open_law(str(built(tmp_path, broken=broken))), SCENARIO)
+    design = controller_design(open_controller(str(built(tmp_path, broken=broken))), SCENARIO)
     session = ChildSession(SCENARIO, design, plants=PLANTS)
     session.prepare()
     assert all(len(run.time_ns) == 550 for run in session.advance(550))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.loaders.opening import close_laws
+from cranectl.loaders.opening import close_controllers
 from tests.loaders.law_files import LAW
 
 
@@ -13,7 +13,7 @@ from tests.loaders.law_files import LAW
 def forgotten() -> Iterator[None]:
     """Close the files that a test has opened."""
     yield
-    close_laws()
+    close_controllers()
 
 
 @pytest.fixture

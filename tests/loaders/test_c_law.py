@@ -9,7 +9,7 @@ import pytest
 from cranectl.controllers.controller import Parameter
 from cranectl.controllers.registry import controller_design, load_controller
 from cranectl.loaders.c_law import HEADER
-from cranectl.loaders.opening import close_laws, open_law
+from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
@@ -22,7 +22,7 @@ STIFFNESS = Parameter("stiffness", 16.0, "1/s^2", "spring", 0.0, 1e4)
 
 
 def test_it_says_where_to_search_and_how_its_numbers_go_with_size(tmp_path: Path) -> None:
-    name = open_law(str(built(tmp_path, tuning=", {2.0, 100.0}, -1.0")))
+    name = open_controller(str(built(tmp_path, tuning=", {2.0, 100.0}, -1.0")))
     searched = Parameter(
         "stiffness", 16.0, "1/s^2", "spring", 0.0, 1e4, search=(2.0, 100.0), length_power=-1.0
     )
@@ -34,7 +34,7 @@ def test_it_says_where_to_search_and_how_its_numbers_go_with_size(tmp_path: Path
 @pytest.mark.parametrize("bounds", ["3.0, 0.3", "-1.0, 1.0", "1.0, 1.0 / 0.0", "0.0 / 0.0, 1.0", "1.0, 1.0"])
 def test_a_search_that_is_none_is_refused(bounds: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="search of stiffness"):
-        open_law(str(built(tmp_path, tuning=f", {{{bounds}}}")))
+        open_controller(str(built(tmp_path, tuning=f", {{{bounds}}}")))
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -52,19 +52,19 @@ def test_a_library_of_an_older_version_runs_as_ever(version: int, tmp_path: Path
     assert f"CRANECTL_ABI {version}" in header
     runs = []
     for folder in (old, tmp_path):
-        name = open_law(str(built(folder)))
+        name = open_controller(str(built(folder)))
         law = load_controller(name)
         assert (law.parameters, law.reads) == ((STIFFNESS, DAMPING), None)
         short = load_scenario("fast-diagonal", overrides=["duration=3.2", "disturbances=[]"])
         runs.append(simulate_run(short, plant="analytic", controller=name))
-        close_laws()
+        close_controllers()
     assert np.array_equal(runs[0].table, runs[1].table)
 
 
 @pytest.mark.parametrize("reads", ["gravity load_mass", "gravity", ""])
 def test_a_library_gets_what_it_declares_to_read(reads: str, tmp_path: Path) -> None:
     """The mass of the load is its third parameter; what it did not declare is NaN."""
-    law = load_controller(open_law(str(built(tmp_path, reads=f', .reads = "{reads}"'))))
+    law = load_controller(open_controller(str(built(tmp_path, reads=f', .reads = "{reads}"'))))
     assert law.reads == tuple(reads.split())
     nominal = nominal_at(law, 0.8)
     given = law.prepare(nominal)[0][2]
@@ -73,7 +73,7 @@ def test_a_library_gets_what_it_declares_to_read(reads: str, tmp_path: Path) -> 
 
 def test_a_library_that_reads_what_there_is_not_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="reads names 'mass', allowed is gravity, bridge_mass"):
-        open_law(str(built(tmp_path, reads=', .reads = "gravity mass"')))
+        open_controller(str(built(tmp_path, reads=', .reads = "gravity mass"')))
 
 
 def test_the_header_names_every_status_that_a_step_may_return() -> None:

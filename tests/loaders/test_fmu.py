@@ -14,7 +14,7 @@ from cranectl.campaign.results import read_results
 from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_design
 from cranectl.live.session import Session
-from cranectl.loaders.opening import close_laws, open_law
+from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
@@ -35,7 +35,7 @@ def scenario(*overrides: str) -> Scenario:
 def damped(folder: Path, plant: str = "analytic", *overrides: str) -> Run:
     """By the law in Python."""
     (folder / "law.py").write_text(LAW)
-    name = open_law(f"{folder / 'law.py'}:damper")
+    name = open_controller(f"{folder / 'law.py'}:damper")
     return simulate_run(scenario(*overrides), plant=plant, controller=name, drive="velocity")
 
 
@@ -44,7 +44,7 @@ def test_an_fmu_gives_the_bits_of_the_same_law_in_python_run_after_run(tmp_path:
     for fmi in (2, 3):
         path = fmu(tmp_path / f"law{fmi}.fmu", fmi)
         path.with_suffix(".toml").write_text(f"name = 'fmu-{fmi}'")
-        names.append(open_law(str(path)))
+        names.append(open_controller(str(path)))
     for plant in ("analytic", "mujoco"):
         wanted = damped(tmp_path, plant)
         assert len(wanted.time_ns) == 3201
@@ -64,7 +64,7 @@ def test_variables_by_a_table_the_rest_is_declared_and_logged(fmi: int, tmp_path
     log = tmp_path / "run.mcap"
     set_ = ["--set", "controller.fmu-damper.damper_damping=9", "--plants", "analytic", "--every", "1"]
     assert main(["run", "fast-diagonal", "--controller", str(path), *ASKED, *set_, "--out", str(log)]) == 0
-    close_laws()  # a log is read without its law
+    close_controllers()  # a log is read without its law
     (run,) = read_log(log).values()
     assert run.design.parameters == {"stiffness": 16.0, "damper_damping": 9.0}
     assert run.design.origin.source == table
@@ -86,7 +86,7 @@ def test_an_fmu_of_one_axis_holds_the_others_and_has_constants(fmi: int, tmp_pat
     path.with_suffix(".toml").write_text(
         f"name = 'one-axis'\n{table}[inputs]\n'state.bridge_velocity' = 0.25\n"
     )
-    name = open_law(str(path))
+    name = open_controller(str(path))
     for plant in ("analytic", "mujoco"):
         run = simulate_run(scenario(), plant=plant, controller=name)
         assert run.design.parameters == {"stiffness": 16.0, "damper_damping": 8.0, "bias": 0.0}
@@ -105,7 +105,7 @@ def test_encoders_are_measured_where_the_table_says_so(tmp_path: Path) -> None:
     read |= {"trolley_velocity": "reference.load_z_dot", "rope_length_rate": "reference.load_x_d4"}
     rows = "".join(f"'state.{name}' = '{signal}'\n" for name, signal in read.items())
     path.with_suffix(".toml").write_text(f"[inputs]\n{rows}")
-    run = simulate_run(scenario(), plant="analytic", controller=open_law(str(path)))
+    run = simulate_run(scenario(), plant="analytic", controller=open_controller(str(path)))
     state, wanted = run.block("state"), run.reference
     given = [(0, 8, state[:, 6]), (1, 2, wanted[:, 5]), (2, 4, wanted[:, 12])]
     assert len(state) > 200  # until the rope is too short
@@ -158,7 +158,8 @@ def test_one_instance_in_a_process_where_it_says_so(
     fmu(tmp_path / "law.fmu", 2, kind='canBeInstantiatedOnlyOncePerProcess="true"')
     for plant in ("analytic", "mujoco"):
         assert (
-            simulate_run(scenario(), plant=plant, controller=open_law("law.fmu")).status.label == "completed"
+            simulate_run(scenario(), plant=plant, controller=open_controller("law.fmu")).status.label
+            == "completed"
         )
     Path("own.toml").write_text(CAMPAIGN.replace('"law.py:damper", ', ""))
     assert main(["campaign", "run", "own.toml", "--out", "result", "--trust", "--workers", "1"]) == 0
@@ -179,9 +180,9 @@ def test_workers_run_it(fmi: int, tmp_path: Path) -> None:
 def test_steps_of_its_own_fit_into_those_of_the_law(tmp_path: Path) -> None:
     path = fmu(tmp_path / "law.fmu", 3, kind='fixedInternalStepSize="0.004"')
     with pytest.raises(InputError, match=r"steps of 0\.004 s, its law is given 0\.001 s"):
-        simulate_run(scenario(), plant="analytic", controller=open_law(str(path)))
+        simulate_run(scenario(), plant="analytic", controller=open_controller(str(path)))
     path.with_suffix(".toml").write_text("every = 8\nname = 'slow'")
-    run = simulate_run(scenario(), plant="analytic", controller=open_law(str(path)))
+    run = simulate_run(scenario(), plant="analytic", controller=open_controller(str(path)))
     assert run.status.label == "completed"
 
 
@@ -189,7 +190,7 @@ def test_a_live_session_goes_over_to_one_and_starts_again(tmp_path: Path) -> Non
     crane = scenario()
     session = Session(crane, controller_design("lqr", crane), plants=["analytic"], drive="ideal")
     session.advance(300)
-    session.use(controller_design(open_law(str(fmu(tmp_path / "law.fmu", 2))), crane))
+    session.use(controller_design(open_controller(str(fmu(tmp_path / "law.fmu", 2))), crane))
     for _ in range(2):
         (run,) = session.advance(200)
         error = run.reference[:, 0] - run.signal("state.bridge_position")
@@ -202,7 +203,7 @@ def test_a_live_session_goes_over_to_one_and_starts_again(tmp_path: Path) -> Non
 
 def refused(path: Path, *found: str) -> None:
     with pytest.raises(InputError) as caught:
-        open_law(str(path))
+        open_controller(str(path))
     for part in found:
         assert part in str(caught.value)
 

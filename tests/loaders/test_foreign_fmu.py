@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.loaders.opening import close_laws, open_law
+from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.loaders.fmu_files import INPUTS, Replaced, binary, description, fmu
@@ -68,9 +68,9 @@ def in_units(path: Path, units: dict[str, str], *, fmi: int = 2, defined: str = 
 
 
 def run(path: Path, *overrides: str) -> Run:
-    close_laws()
+    close_controllers()
     return simulate_run(
-        scenario(*overrides), plant="analytic", controller=open_law(str(path)), drive="velocity"
+        scenario(*overrides), plant="analytic", controller=open_controller(str(path)), drive="velocity"
     )
 
 

@@ -14,11 +14,11 @@ from cranectl.campaign.workers import Children, ChildWorker, run_batches
 from cranectl.cli.main import main
 from cranectl.compare.runs import differing_fields
 from cranectl.controllers.registry import controller_design
-from cranectl.loaders.opening import close_laws, open_law
+from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.simulate import law_of, plan_scenario, simulate_run
+from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
 from cranectl.simulate.child import CAN_FORK
 from cranectl.support.children import spawn_child
 from cranectl.support.errors import InputError
@@ -37,7 +37,7 @@ def scenario(*overrides: str) -> Scenario:
 
 def test_every_loader_gives_the_same_bits(law: Path, capfd: pytest.CaptureFixture[str]) -> None:
     references = [f"{law}:damper", f"{law}:BridgeServo", f"{law}:interpreted", str(built(law.parent))]
-    names = [open_law(reference) for reference in references]
+    names = [open_controller(reference) for reference in references]
     assert names == ["damper", "bridge-servo", "interpreted", "c-servo"]
     assert "called back" in capfd.readouterr().err
     sensed = scenario("effects.sensing={}", "effects.delay.seconds=0.003")
@@ -56,7 +56,7 @@ def test_a_law_is_logged_with_its_file_its_signals_and_its_parameters(law: Path)
     short = [part for text in SHORT for part in ("--set", text)]
     stiff = ["--set", "controller.bridge-servo.stiffness=25", "--plants", "analytic,mujoco"]
     assert main(["run", "fast-diagonal", "--controller", asked, *short, *stiff, "--out", str(log)]) == 0
-    close_laws()  # a log is read without its law
+    close_controllers()  # a log is read without its law
     run = read_log(log)["mujoco"]
     assert run.design.parameters == {"stiffness": 25.0, "damping": 8.0}
     assert run.design.origin.reference == asked
@@ -90,7 +90,7 @@ def test_workers_know_what_their_parent_was_given(law: Path) -> None:
 
 
 def test_prepared_for_the_crane_or_not_at_all(law: Path) -> None:
-    name = open_law(str(built(law.parent)))
+    name = open_controller(str(built(law.parent)))
     with pytest.raises(InputError, match="cannot be prepared"):
         simulate_run(scenario("rig.load_mass=6.0"), plant="analytic", controller=name)
 
@@ -120,7 +120,7 @@ def test_a_scenario_runs_no_code_unless_it_is_trusted(
     assert main([*run, "--trust"]) == 0
     assert Path("it_ran").exists()
     Path("it_ran").unlink()
-    close_laws()
+    close_controllers()
     assert main(["info", "own.mcap"]) == main(["report", "own.mcap"]) == 0
     assert not Path("it_ran").exists()
     described = f"bridge-servo, {law.parent}/law.py:BridgeServo, SHA-256 "
@@ -150,7 +150,7 @@ def test_a_result_of_a_campaign_is_read_without_its_laws_and_replayed_with_them(
     Path("own.toml").write_text(CAMPAIGN)
     assert main(["campaign", "run", "own.toml", "--out", "result"]) == 2
     assert main(["campaign", "run", "own.toml", "--out", "result", "--trust"]) == 0
-    close_laws()
+    close_controllers()
     assert main(["campaign", "report", "result"]) == 0
     replay = ["campaign", "replay", "result", "--worst", "1"]
     capsys.readouterr()
@@ -158,20 +158,20 @@ def test_a_result_of_a_campaign_is_read_without_its_laws_and_replayed_with_them(
     assert "law.py:NAME" in capsys.readouterr().err
     assert main([*replay, "--controller", "law.py:damper"]) == 0
     assert "law damper" not in capsys.readouterr().out
-    close_laws()
+    close_controllers()
     law.write_text(LAW.replace("16.0 * memory[axis]", "15.0 * memory[axis]"))
     assert main([*replay, "--controller", "law.py:damper"]) == 1
     assert "law damper" in capsys.readouterr().out
 
 
 def test_what_a_compiled_law_writes_where_it_must_not_harms_itself_only(law: Path) -> None:
-    name, short = open_law(f"{law}:greedy"), scenario("workspace.on_exit='record'")
+    name, short = open_controller(f"{law}:greedy"), scenario("workspace.on_exit='record'")
     design = controller_design(name, short)
     plan = plan_scenario(short)
     shared = {
         "design": design,
         "plan": plan,
-        "law": law_of(short, design, "ideal", plan),
+        "law": prepare_controller(short, design, "ideal", plan),
         "plant": "analytic",
     }
     first, second = (simulate_run(short, **shared) for _ in range(2))
@@ -187,7 +187,7 @@ def test_a_law_that_ends_or_never_returns_costs_a_campaign_one_row(law: Path) ->
         (crash, "ended its process with SIGSEGV"),
         (hang, "took more than 1 s for a block"),
     ):
-        name = open_law(str(built(law.parent, broken=broken)))
+        name = open_controller(str(built(law.parent, broken=broken)))
         side = {"initial.alpha_offset": choice(-0.03, 0.03)}
         made = campaign(side, controllers=[name], plants=["analytic"], runs=3, set=SHORT)
         with Children() as children:
@@ -197,7 +197,7 @@ def test_a_law_that_ends_or_never_returns_costs_a_campaign_one_row(law: Path) ->
         failing = [row["initial.alpha_offset"] > 0.0 for row in rows]
         assert 0 < sum(failing) < 3
         assert [row["reason"] for row in rows] == [f"{name} {found}" if each else "" for each in failing]
-        close_laws()
+        close_controllers()
 
 
 def test_a_process_is_kept_for_the_next_campaign(law: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -208,7 +208,7 @@ def test_a_process_is_kept_for_the_next_campaign(law: Path, monkeypatch: pytest.
         return spawn_child(*given)
 
     monkeypatch.setattr("cranectl.campaign.workers.spawn_child", counted)
-    name = open_law(str(built(law.parent)))
+    name = open_controller(str(built(law.parent)))
     with Children() as children:
         for mass in (0.5, 0.9):
             made = campaign(
@@ -238,7 +238,7 @@ def test_a_process_is_kept_for_the_next_campaign(law: Path, monkeypatch: pytest.
 def test_what_is_no_law_is_refused(text: str, symbol: str, found: str, law: Path) -> None:
     law.write_text(text)
     with pytest.raises(InputError, match=found.replace(".", r"\.")):
-        open_law(f"{law}:{symbol}" if symbol else str(law))
+        open_controller(f"{law}:{symbol}" if symbol else str(law))
 
 
 @pytest.mark.parametrize(
@@ -266,7 +266,7 @@ def test_a_library_that_breaks_the_rules_is_refused(
     if found == "no answer within":
         monkeypatch.setattr("cranectl.loaders.asking.DECLARATION_TIMEOUT", 2.0)
     with pytest.raises(InputError, match=found):
-        open_law(str(built(law.parent, declared=declared, broken=broken, step=step)))
+        open_controller(str(built(law.parent, declared=declared, broken=broken, step=step)))
 
 
 def test_what_is_no_library_of_this_machine_is_refused(law: Path) -> None:
@@ -278,9 +278,9 @@ def test_what_is_no_library_of_this_machine_is_refused(law: Path) -> None:
         other = law.parent / f"{name}.so"
         other.write_bytes(bytes([*content[:place], value, *content[place + 1 :]]))
         with pytest.raises(InputError, match=rf"{name}\.so"):
-            open_law(str(other))
+            open_controller(str(other))
     with pytest.raises(InputError, match=r"absent\.so"):
-        open_law(str(law.parent / "absent.so"))
+        open_controller(str(law.parent / "absent.so"))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.controllers.registry import load_controller
-from cranectl.loaders.opening import open_law
+from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support import foreign_code
@@ -43,7 +43,7 @@ def opened(folder: Path, **parts: str) -> str:
     path.write_text(
         LAW.format(**{"top": "", "declared": "", "preparing": "pass", "stepping": "pass"} | parts)
     )
-    return open_law(f"{path}:Odd")
+    return open_controller(f"{path}:Odd")
 
 
 def ran(folder: Path, **parts: str) -> str:
@@ -83,7 +83,7 @@ def test_a_compiled_step_that_returns_no_whole_number_ends_its_run(
         "import math\ndef law(parameters, measured, reference, memory, command):\n    return " + returned
     )
     scenario = load_scenario("fast-diagonal", overrides=SHORT)
-    run = simulate_run(scenario, plant="analytic", controller=open_law(f"{path}:law"))
+    run = simulate_run(scenario, plant="analytic", controller=open_controller(f"{path}:law"))
     assert run.status.label == "controller-failed"
     told = capfd.readouterr().err
     assert "Numba cannot compile it" in told
@@ -128,18 +128,18 @@ def test_a_step_that_lacks_memory_or_disk_is_no_failed_controller(error: str, tm
 
 def test_threads_that_run_foreign_code_at_once_leave_standard_output_as_it_was() -> None:
     """The first that enters leaves first."""
-    before, entered, left = (sys.stdout, os._exit), threading.Event(), threading.Event()
+    before, bind_address, left = (sys.stdout, os._exit), threading.Event(), threading.Event()
 
     def first() -> None:
         with foreign_code.contained():
-            entered.set()
+            bind_address.set()
             assert second.wait(HANG)
         left.set()
 
     second = threading.Event()
     thread = threading.Thread(target=first)
     thread.start()
-    assert entered.wait(HANG)
+    assert bind_address.wait(HANG)
     with foreign_code.contained():
         second.set()
         assert left.wait(HANG)

@@ -14,8 +14,13 @@ from cranectl.campaign.cluster import packed, unpacked
 from cranectl.campaign.results import PARTS
 from cranectl.cli.main import main
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
-from cranectl.controllers.registry import controller_design, controller_of, law_digests, load_controller
-from cranectl.loaders.opening import close_laws, open_again, open_law
+from cranectl.controllers.registry import (
+    controller_design,
+    controller_digests,
+    controller_of,
+    load_controller,
+)
+from cranectl.loaders.opening import close_controllers, open_again, open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.documents import toml_text
@@ -68,7 +73,7 @@ ways = pytest.mark.parametrize("way", PARTS_OF_A_LAW)
 def forgotten() -> Iterator[None]:
     path = sys.path[:]
     yield
-    close_laws()
+    close_controllers()
     assert sys.path == path
 
 
@@ -98,8 +103,8 @@ def gain(name: str) -> float:
 @ways
 def test_each_controller_has_the_modules_and_data_of_its_own_folder(way: str, tmp_path: Path) -> None:
     before = set(sys.modules)
-    first = open_law(written(tmp_path / "a", "first", 16.0, way))
-    second = open_law(written(tmp_path / "b", "second", 4.25, way))
+    first = open_controller(written(tmp_path / "a", "first", 16.0, way))
+    second = open_controller(written(tmp_path / "b", "second", 4.25, way))
     assert (gain(first), gain(second)) == (16.0, 4.25)
     assert not {name for name in set(sys.modules) - before if name.partition(".")[0] in ("gains", "tables")}
     assert not list(tmp_path.rglob("__pycache__"))
@@ -109,18 +114,18 @@ def test_each_controller_has_the_modules_and_data_of_its_own_folder(way: str, tm
 def test_what_lies_beside_it_counts_in_its_digest(way: str, tmp_path: Path) -> None:
     """Whatever the time of the change: within the second, and of the same length."""
     asked = written(tmp_path / "a", "first", 16.0, way)
-    name = open_law(asked)
-    before = law_digests([name])
+    name = open_controller(asked)
+    before = controller_digests([name])
     (tmp_path / "a" / "unrelated.py").write_text("K = 3.0")
-    assert open_law(asked) == name
-    assert law_digests([name]) == before
+    assert open_controller(asked) == name
+    assert controller_digests([name]) == before
     written(tmp_path / "a", "first", 17.0, way)
-    assert open_law(asked) == name
-    assert law_digests([name]) != before
+    assert open_controller(asked) == name
+    assert controller_digests([name]) != before
     assert gain(name) == 17.0
     written(tmp_path / "a", "first", 16.0, way)
-    assert open_law(asked) == name
-    assert law_digests([name]) == before
+    assert open_controller(asked) == name
+    assert controller_digests([name]) == before
 
 
 def travelled(shared: SharedControllers) -> SharedControllers:
@@ -133,9 +138,9 @@ def travelled(shared: SharedControllers) -> SharedControllers:
 @pytest.mark.parametrize("then", ["gone", "changed"])
 def test_workers_have_what_lay_beside_it_when_it_was_opened(way: str, then: str, tmp_path: Path) -> None:
     asked = written(tmp_path / "a", "first", 16.0, way)
-    name = open_law(asked)
-    files, digests = travelled(OPEN.share()), law_digests([name])
-    close_laws()
+    name = open_controller(asked)
+    files, digests = travelled(OPEN.share()), controller_digests([name])
+    close_controllers()
     for folder in tmp_path.iterdir():
         shutil.rmtree(folder)
     if then == "changed":
@@ -143,16 +148,16 @@ def test_workers_have_what_lay_beside_it_when_it_was_opened(way: str, then: str,
     open_again(files)
     open_again(files)
     assert gain(name) == 16.0
-    assert law_digests([name]) == digests
+    assert controller_digests([name]) == digests
 
 
 def test_a_worker_keeps_versions_of_one_name_apart(tmp_path: Path) -> None:
     """One that serves two campaigns has both, whichever came last."""
     scenario, sent, designs = load_scenario("fast-diagonal"), [], []
     for value in (16.0, 4.25):
-        name = open_law(written(tmp_path / "a", "first", value))
+        name = open_controller(written(tmp_path / "a", "first", value))
         sent.append(OPEN.share())
-        close_laws()
+        close_controllers()
     for shared in sent:
         open_again(shared)
         designs.append(controller_design(name, scenario))
@@ -165,9 +170,9 @@ def test_the_same_text_in_two_folders_is_two_controllers(tmp_path: Path) -> None
     for folder, value in (("a", 16.0), ("b", 4.0)):
         texts[folder] = written(tmp_path / folder, "first", value).rpartition(":")[0]
     assert Path(texts["a"]).read_bytes() == Path(texts["b"]).read_bytes()
-    open_law(f"{texts['a']}:first")
+    open_controller(f"{texts['a']}:first")
     with pytest.raises(InputError, match="are two controllers named 'first'"):
-        open_law(f"{texts['b']}:first")
+        open_controller(f"{texts['b']}:first")
     assert gain("first") == 16.0
 
 
@@ -184,9 +189,9 @@ def test_nothing_is_imported_from_there_later(tmp_path: Path) -> None:
         (tmp_path / "a" / "law.py").write_text(
             text.replace("MODULE import K", f"{module} import {'K' if module == 'gains' else 'pi'}")
         )
-        assert gain(open_law(asked)) == 16.0
+        assert gain(open_controller(asked)) == 16.0
     (tmp_path / "a" / "law.py").write_text(text.replace("MODULE", "later"))
-    name = open_law(asked)
+    name = open_controller(asked)
     with pytest.raises(
         ModuleNotFoundError, match=r"later lies beside the controller.*at the top of the file"
     ):
@@ -197,13 +202,13 @@ def test_a_module_that_fails_is_named_as_the_user_knows_it(tmp_path: Path) -> No
     asked = written(tmp_path / "a", "first", 16.0)
     (tmp_path / "a" / "gains.py").write_text("from nowhere_at_all import K")
     with pytest.raises(InputError, match=r"law\.py:1: ModuleNotFoundError: No module named 'nowhere_at_all'"):
-        open_law(asked)
+        open_controller(asked)
     (tmp_path / "a" / "gains.py").write_text("\nK = 1 +")
     with pytest.raises(InputError, match=r"gains\.py:2: SyntaxError"):
-        open_law(asked)
+        open_controller(asked)
     (tmp_path / "a" / "gains.py").write_text("")
     with pytest.raises(InputError, match=r"law\.py:1: ImportError: cannot import name 'K' from 'gains'"):
-        open_law(asked)
+        open_controller(asked)
 
 
 # Processes
@@ -233,32 +238,32 @@ def test_the_files_of_a_program_count_and_travel(tmp_path: Path) -> None:
     (tmp_path / "a" / "data").mkdir(parents=True)
     (tmp_path / "a" / "data" / "table.csv").write_text("1,2")
     asked = peer(tmp_path / "a", gain=16.0, more=FILES)
-    name = open_law(asked)
-    first = law_digests([name])
+    name = open_controller(asked)
+    first = controller_digests([name])
     files, run = travelled(OPEN.share()), simulate_run(short, plant="analytic", controller=name)
     for changed in ("peer.py", "gains.py", "data/table.csv"):
         path = tmp_path / "a" / changed
         text = path.read_text()
         path.write_text(f"{text}MORE = 1\n")
-        assert open_law(asked) == name
-        assert law_digests([name]) != first
+        assert open_controller(asked) == name
+        assert controller_digests([name]) != first
         path.write_text(text)
-    assert open_law(asked) == name
-    assert law_digests([name]) == first
-    close_laws()
+    assert open_controller(asked) == name
+    assert controller_digests([name]) == first
+    close_controllers()
     peer(tmp_path / "a", gain=4.0, more=FILES)
     open_again(files)
     again = simulate_run(short, plant="analytic", controller=name)
-    assert law_digests([name]) == first
+    assert controller_digests([name]) == first
     assert np.array_equal(run.block("state"), again.block("state"))
-    close_laws()
-    other = simulate_run(short, plant="analytic", controller=open_law(asked))
+    close_controllers()
+    other = simulate_run(short, plant="analytic", controller=open_controller(asked))
     assert not np.array_equal(run.block("state"), other.block("state"))
 
 
 def test_a_file_that_is_named_and_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no file is named by files = 'data/\*\.csv'"):
-        open_law(peer(tmp_path, gain=16.0, more=FILES))
+        open_controller(peer(tmp_path, gain=16.0, more=FILES))
 
 
 # Who must notice
@@ -293,12 +298,12 @@ def test_a_campaign_is_not_resumed_with_another_helper(
     assert main(run) == 0
     last = sorted(Path("result", PARTS).glob("*.parquet"))[-1]
     last.unlink()
-    close_laws()
+    close_controllers()
     law(4.0)
     assert main([*run, "--resume"]) == 2
     assert "made by other software: law " in capsys.readouterr().err
     assert not last.exists()
-    close_laws()
+    close_controllers()
     law(16.0)
     assert main([*run, "--resume"]) == 0
     assert last.exists()
@@ -306,11 +311,11 @@ def test_a_campaign_is_not_resumed_with_another_helper(
 
 def test_numbers_that_were_tuned_with_another_helper_are_refused(tmp_path: Path) -> None:
     asked = written(tmp_path / "a", "first", 16.0)
-    law = load_controller(open_law(asked))
+    law = load_controller(open_controller(asked))
     facts = {"runs": 1, "cost": {}, "failed": {}}
     (tmp_path / "first.toml").write_text(toml_text({"law": "first", "code": law.code, "rules": "r", **facts}))
     assert tuned_facts(tmp_path, "r", "first")["numbers"] == {}
     written(tmp_path / "a", "first", 4.0)
-    open_law(asked)
+    open_controller(asked)
     with pytest.raises(InputError, match="numbers of another version of first"):
         tuned_facts(tmp_path, "r", "first")

@@ -5,10 +5,10 @@ from math import inf
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.controllers.open_controllers import OPEN, OpenControllers, SharedControllers
-from cranectl.controllers.registry import law_digests
-from cranectl.loaders.opening import close_laws, copy_of, open_again
+from cranectl.controllers.registry import controller_digests
+from cranectl.loaders.opening import close_controllers, copy_of, open_again
 from cranectl.support.children import spawn_child
 
 
@@ -16,16 +16,16 @@ def tell(connection: Connection, shared: SharedControllers) -> None:
     """In a child: open what is shared, and say what is open, and where copies lie."""
     open_again(shared)
     copies = [copy_of(file) for file in shared.files]
-    connection.send((law_digests(OPEN.files), copies))
+    connection.send((controller_digests(OPEN.files), copies))
 
 
 def test_a_child_has_what_is_shared_and_copies_where_its_parent_removes_them(law: Path) -> None:
-    names = [open_law(f"{law}:damper"), open_law(f"{law}:BridgeServo")]
+    names = [open_controller(f"{law}:damper"), open_controller(f"{law}:BridgeServo")]
     environment = dict(os.environ)
     child = spawn_child(tell, OPEN.share(names[:1]))
     digests, copies = child.receive(inf)
     child.end()
-    assert digests == law_digests(names[:1])
+    assert digests == controller_digests(names[:1])
     assert [path.parents[1] for path in copies] == [OPEN.folder]
     assert all(path.is_file() for path in copies)
     assert dict(os.environ) == environment
@@ -34,10 +34,10 @@ def test_a_child_has_what_is_shared_and_copies_where_its_parent_removes_them(law
 def test_nothing_is_shared_of_a_process_that_has_opened_nothing(law: Path) -> None:
     opened = OpenControllers()
     assert opened.share() == SharedControllers((), None)
-    open_law(f"{law}:damper")
+    open_controller(f"{law}:damper")
     assert len(OPEN.share().files) == 1
     assert OPEN.share(["lqr"]).files == ()
-    close_laws()
+    close_controllers()
     assert OPEN.share().files == ()
 
 

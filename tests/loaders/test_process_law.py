@@ -22,7 +22,7 @@ from cranectl.campaign.workers import Children, ChildWorker, estimated_seconds
 from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_design
 from cranectl.live.child_session import ChildSession
-from cranectl.loaders.opening import close_laws, open_law
+from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
@@ -102,7 +102,7 @@ def servo(n: int, values: list[float]) -> bytes:
 
 
 def run(reference: str, *, plant: str = "mujoco") -> Run:
-    name = open_law(reference)
+    name = open_controller(reference)
     return simulate_run(load_scenario("fast-diagonal", overrides=SHORT), plant=plant, controller=name)
 
 
@@ -117,7 +117,7 @@ def test_a_program_and_an_address_give_the_bits_of_the_law_in_this_process(
             there = run(reference, plant=plant)
             assert np.array_equal(there.block("state"), here.block("state"))
             assert not there.signal("controller.missed").any()
-            close_laws()
+            close_controllers()
     error = run(str(started)).signal("controller.bridge_error")
     assert np.abs(error).max() > 1e-3
 
@@ -199,9 +199,9 @@ def test_what_tells_of_no_process_is_refused(text: str, found: str, tmp_path: Pa
     law = tmp_path / "law.toml"
     law.write_text(text, errors="surrogateescape")
     with pytest.raises(InputError, match=re.escape(found)):
-        open_law(str(law))
+        open_controller(str(law))
     with pytest.raises(InputError, match="holds one law"):
-        open_law(f"{law}:NAME")
+        open_controller(f"{law}:NAME")
 
 
 def test_an_address_is_asked_by_one_run_at_a_time(
@@ -234,7 +234,7 @@ def test_no_patience_counts_while_a_program_starts(
             super().__init__(pid, math.inf)
 
     monkeypatch.setattr("cranectl.support.children.Timeout", Noted)
-    name = open_law(str(program(tmp_path)))
+    name = open_controller(str(program(tmp_path)))
     if where == "simulate.child":
         scenario = load_scenario("fast-diagonal", overrides=SHORT)
         run = simulate_run(scenario, plant="analytic", controller=name, patience=7.0)
@@ -279,4 +279,4 @@ def test_a_word_of_a_program_may_be_longer_than_a_name_of_a_file(tmp_path: Path)
     """As with `python -c CODE`."""
     law = tmp_path / "law.toml"
     law.write_text(f"name = 'long'\nprogram = ['{sys.executable}', '-c', '{'pass;' * 1000}']")
-    assert open_law(str(law)) == "long"
+    assert open_controller(str(law)) == "long"

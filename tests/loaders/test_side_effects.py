@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.loaders.opening import close_laws, open_law
+from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from tests.loaders.law_files import LAW, built
@@ -36,9 +36,9 @@ def test_what_a_law_prints_goes_to_standard_error(
 def test_a_library_that_changes_how_numbers_are_rounded_changes_no_plant(law: Path) -> None:
     scenario, states = load_scenario("fast-diagonal", overrides=SHORT), []
     for loaded in ("", "fesetround(FE_UPWARD);"):
-        name = open_law(str(built(law.parent, loaded=loaded)))
+        name = open_controller(str(built(law.parent, loaded=loaded)))
         states.append(simulate_run(scenario, plant="analytic", controller=name).block("state"))
-        close_laws()
+        close_controllers()
     assert len(states[0]) == len(states[1]) == 3201
     assert np.array_equal(*states)
 
@@ -49,5 +49,5 @@ def test_a_file_that_takes_long_to_load_is_told(
     monkeypatch.setattr("cranectl.support.interrupts.SLOW", 0.01)
     path = tmp_path / "law.py"
     path.write_text("import os\nwhile not os.fstat(2).st_size:\n    pass\n" + LAW)  # until it is told
-    open_law(f"{path}:damper")
+    open_controller(f"{path}:damper")
     assert "law.py:damper has been loading for 0.01 s" in capfd.readouterr().err

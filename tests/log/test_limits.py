@@ -10,7 +10,7 @@ from cranectl.controllers.controller import Controller, Logged
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.registry import register_controller
 from cranectl.design.records import ControllerDesign, Origin
-from cranectl.loaders.opening import close_laws
+from cranectl.loaders.opening import close_controllers
 from cranectl.log import topics
 from cranectl.log.header import check_recordable
 from cranectl.log.reader import read_log, read_signal
@@ -74,10 +74,10 @@ def test_too_many_signals_are_refused_before_the_run(
         assert "log fewer signals" in told
         assert not log.exists()
         law.write_text(SERVO.replace("range(1500)", "range(1000)"))
-        close_laws()
+        close_controllers()
         assert main(["run", "fixed-position", *arguments, "--out", str(log)]) in (0, 1)
     finally:
-        close_laws()
+        close_controllers()
     assert main(["info", str(log)]) == 0
 
 

@@ -13,7 +13,7 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.signals import BRIDGE_RATE
 from cranectl.simulate.plan import plan_reference, plan_run
 from cranectl.simulate.run import record_width
-from cranectl.simulate.runner import law_of, start_run
+from cranectl.simulate.runner import prepare_controller, start_run
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 from tests.conftest import STILL
@@ -76,7 +76,9 @@ def test_an_exception_in_a_kernel_ends_the_run_and_is_reported(capfd: pytest.Cap
     scenario = load_scenario("fixed-position", overrides=["initial.load_offset=[0.02,0.0,0.0]"])
     crane = Fragile(scenario.rig, drive="ideal", step=1e-3, substeps=1)
     design, plan = design_controller("lqr", scenario.design), plan_run(plan_reference(scenario), scenario)
-    run = start_run(crane, scenario, law_of(scenario, design, "ideal", plan), plan, nominal=scenario)
+    run = start_run(
+        crane, scenario, prepare_controller(scenario, design, "ideal", plan), plan, nominal=scenario
+    )
     record = np.zeros((len(plan.time_ns), record_width(design)))
     rows, _, status = run.advance(run.inputs, run.path, record, run.memory, 0, len(record))
     assert status == RunStatus.ENGINE_WARNING

@@ -90,7 +90,7 @@ def misses(name: str, effects: EffectSettings, drive: Drive, manner: Manner = DE
     kept = kept_books(name, effects, drive, manner)
     driven = drive == "force" or (drive == "velocity" and plant_entry(name).servos)
     hanging = not (effects.rope and effects.rope.mass)
-    rubs = effects.friction and any(effects.friction.coulomb)
+    has_friction = effects.friction and any(effects.friction.coulomb)
     pulled = [hanging] * 3 + [bool(driven or effects.frame)] * 2
     stored = np.column_stack([kept.energy, kept.momentum])[:, [driven, *pulled]]
     given = np.column_stack([kept.power, kept.force])[:, [driven, *pulled]]
@@ -100,7 +100,7 @@ def misses(name: str, effects: EffectSettings, drive: Drive, manner: Manner = DE
     units = np.array([RIG.weight * START[4] if driven else unit, *[unit] * (given.shape[1] - 1)])
     assert (np.abs(work).max(axis=0) > 1e-3 * units).all(), "something must have been done"
     missing = np.abs(stored[PARTS::PARTS] - stored[0] - work).max(axis=0) / units
-    return missing[:1] if rubs else missing
+    return missing[:1] if has_friction else missing
 
 
 AXES_RUB = NUMBERS.friction

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.campaign.benchmark.table import read_table
-from cranectl.loaders.opening import open_law
+from cranectl.loaders.opening import open_controller
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.support.documents import read_toml
@@ -57,7 +57,7 @@ def ended(call: Callable[[], object], pipe: Path) -> object:
         ("pipe.csv", lambda pipe: load_scenario(str(pipe.with_name("scenario.toml")))),
         ("pipe.mcap", read_log),
         ("pipe.parquet", read_table),
-        ("pipe.so", lambda pipe: open_law(str(pipe))),
+        ("pipe.so", lambda pipe: open_controller(str(pipe))),
     ],
 )
 def test_a_pipe_that_nobody_writes_into_is_refused(

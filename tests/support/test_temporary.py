@@ -16,8 +16,8 @@ from cranectl.support import directories
 PROCESS = """
 import sys
 from pathlib import Path
-from cranectl.loaders.opening import LawFile, copy_of
-copy = copy_of(LawFile("law.so", Path("law.so"), "", b"code"))
+from cranectl.loaders.opening import ControllerFile, copy_of
+copy = copy_of(ControllerFile("law.so", Path("law.so"), "", b"code"))
 print(copy.parents[1], flush=True)
 sys.stdin.readline()
 sys.exit(copy.read_bytes() != b"code")

@@ -10,11 +10,11 @@ from types import ModuleType
 import numpy as np
 
 from cranectl.cli.main import main as cranectl
-from cranectl.controllers.addressed import _call, entered
+from cranectl.controllers.addressed import _call, bind_address
 from cranectl.controllers.registry import controller_design
-from cranectl.loaders.opening import open_law
+from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
-from cranectl.simulate import law_of, plan_scenario
+from cranectl.simulate import plan_scenario, prepare_controller
 from cranectl.support.jit import jit
 from validation.performance.controller_times import shared_library
 from validation.performance.figures import Figure, figure, interleaved
@@ -39,7 +39,7 @@ def _inlined(step: Callable[..., int]) -> Callable[..., None]:
     return loop
 
 
-def laws_from_outside(repeats: int) -> list[Figure]:
+def controllers_from_outside(repeats: int) -> list[Figure]:
     """Measure the controller that `cranectl new` writes: in C by address, and in the loop itself."""
     with tempfile.TemporaryDirectory() as folder:
         with contextlib.redirect_stdout(io.StringIO()):
@@ -51,8 +51,8 @@ def laws_from_outside(repeats: int) -> list[Figure]:
         twin.__file__ = str(Path(folder, "twin.py"))
         exec(compile(Path(twin.__file__).read_text("utf-8"), twin.__file__, "exec"), twin.__dict__)
         scenario = load_scenario("settled-trajectory")
-        design = controller_design(open_law(str(library)), scenario)
-        law = entered(law_of(scenario, design, "ideal", plan_scenario(scenario)))
+        design = controller_design(open_controller(str(library)), scenario)
+        law = bind_address(prepare_controller(scenario, design, "ideal", plan_scenario(scenario)))
         rng = np.random.default_rng(1)
         measured, reference = rng.normal(size=(100, 12)), rng.normal(size=(100, 15))
         given = (law.parameters, measured, reference, np.zeros(3), np.zeros(3))

@@ -25,7 +25,7 @@ from cranectl.design import design_controller
 from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.disturbed_step import mj_step
 from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_addresses
-from cranectl.simulate import law_of, make_plant, plan_scenario
+from cranectl.simulate import make_plant, plan_scenario, prepare_controller
 from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import start_run, stream_run
 from cranectl.support import resources
@@ -111,7 +111,7 @@ def loop_alone(controller: str) -> Callable[[], object]:
     """Return a run of the compiled loop without sampling, metrics and results."""
     scenario = load_scenario(SCENARIO)
     design, plan = design_controller(controller, scenario.design), plan_scenario(scenario)
-    law, crane = law_of(scenario, design, DRIVE, plan), make_plant("mujoco", scenario, DRIVE)
+    law, crane = prepare_controller(scenario, design, DRIVE, plan), make_plant("mujoco", scenario, DRIVE)
     record = np.zeros((BLOCK, record_width(design)))
 
     def work() -> None:

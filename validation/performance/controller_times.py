@@ -15,14 +15,14 @@ from time import thread_time
 import numpy as np
 
 from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
-from cranectl.cli.benchmark import measured_laws
-from cranectl.controllers.addressed import _call, at_start, entered
+from cranectl.cli.benchmark import measured_controllers
+from cranectl.controllers.addressed import _call, bind_address, with_own_memory
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.registry import controller_design, load_controller, register_controller
 from cranectl.loaders.c_law import HEADER
-from cranectl.loaders.opening import open_law
+from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
-from cranectl.simulate import law_of, plan_scenario, simulate_run
+from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
 from cranectl.simulate.loops import give_measured
 from cranectl.support.jit import jit
 from validation.performance.figures import Figure, figure
@@ -89,13 +89,13 @@ class Again:
     def __init__(self, law: str) -> None:
         scenario = load_scenario(benchmark_file(BENCHMARK).parent / "scenarios" / f"{SCENARIO}.toml")
         plan, design = plan_scenario(scenario), controller_design(law, scenario)
-        self.law = law_of(scenario, design, DRIVE, plan)
+        self.law = prepare_controller(scenario, design, DRIVE, plan)
         run = simulate_run(scenario, plant="analytic", drive=DRIVE, design=design, plan=plan, law=self.law)
         self.states = np.ascontiguousarray(run.block("state"))
 
     def seconds_a_sample(self) -> float:
         """Return the processor time of a sample, which other work disturbs less."""
-        law, memory = entered(at_start(self.law)), self.law.start.copy()
+        law, memory = bind_address(with_own_memory(self.law)), self.law.start.copy()
         start = thread_time()
         failed = _steps(law, self.states, memory)
         took = thread_time() - start
@@ -103,14 +103,14 @@ class Again:
         return took / len(self.states)
 
 
-def law_times(repeats: int) -> list[LawTime]:
+def controller_times(repeats: int) -> list[LawTime]:
     """Measure the time of every controller of the benchmark, and of `nmpc`, which has to be built."""
     settings = read_benchmark(BENCHMARK)
     with tempfile.TemporaryDirectory() as folder:
         nmpc = settings.file.parent / "nmpc"
-        built = open_law(str(shared_library(nmpc / "nmpc.c", nmpc / "model.c", folder=Path(folder))))
+        built = open_controller(str(shared_library(nmpc / "nmpc.c", nmpc / "model.c", folder=Path(folder))))
         register_controller(NOTHING)
-        laws = (*measured_laws(settings), built, NOTHING.name)
+        laws = (*measured_controllers(settings), built, NOTHING.name)
         runs = {law: Again(law) for law in laws}
         rounds = [{law: run.seconds_a_sample() for law, run in runs.items()} for _ in range(repeats + 1)]
     times = {law: [1e6 * each[law] for each in rounds[1:]] for law in runs}
@@ -142,4 +142,4 @@ def section(times: Iterable[LawTime]) -> str:
 
 
 if __name__ == "__main__":
-    print(section(law_times(9)))
+    print(section(controller_times(9)))

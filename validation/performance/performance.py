@@ -24,7 +24,7 @@ from cranectl.log.reader import read_log, read_signal
 from cranectl.log.writer import CHUNK_SIZE, _send_in_order, write_log
 from cranectl.planning import load_scenario
 from cranectl.simulate import plan_scenario, simulate_run
-from validation.performance.call_overhead import laws_from_outside
+from validation.performance.call_overhead import controllers_from_outside
 from validation.performance.campaign_rates import (
     Bare,
     campaign_against_engine,
@@ -32,7 +32,7 @@ from validation.performance.campaign_rates import (
     other_ways,
     plants_and_threads,
 )
-from validation.performance.controller_times import law_times, section
+from validation.performance.controller_times import controller_times, section
 from validation.performance.figures import Figure, figure, interleaved, seconds
 from validation.performance.page import DATA, table, write_results
 from validation.performance.scaling import result_costs
@@ -162,7 +162,7 @@ PARTS = (
     result_costs,
     other_ways,
     log_against_library,
-    laws_from_outside,
+    controllers_from_outside,
     commands,
 )
 
@@ -186,7 +186,7 @@ def main() -> int:
         figures += part(arguments.repeats)
         print(f"{part.__name__} done", file=sys.stderr)
     figures += [] if arguments.quick else validation()
-    laws = law_times(arguments.repeats)
+    laws = controller_times(arguments.repeats)
     print(table(figures) + section(laws))
     if arguments.write:
         write_results(figures, laws)

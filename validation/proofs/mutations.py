@@ -58,7 +58,7 @@ TARGETS = {
         slopes_from_angles angles_from_slopes flat_output drive_accelerations slope_acceleration
         linearising_input state_and_input
     """,
-    "cranectl.controllers.flat": "robustify inner_law control_step",
+    "cranectl.controllers.flat": "robustify linearising_step control_step",
     "cranectl.controllers.observer": "make_observer correct",
     "cranectl.controllers.lqr_integral": "feedback matrices",
     "cranectl.controllers.pid": "impulses",
@@ -69,7 +69,7 @@ TARGETS = {
     """,
     "cranectl.plants.elastic.motion": """
         dot cross sum_of rope_directions rate_of_turn derivative n_squared
-        move_axes given rail_force load_pull add_axes solve hold
+        move_axes locked_acceleration rail_force load_pull add_axes solve reaction_forces
     """,
     "cranectl.plants.mujoco.disturbed_step": "apply_disturbance apply_drag turn_rate",
     "cranectl.plants.mujoco.effects": "body_entries",

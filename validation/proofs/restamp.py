@@ -29,9 +29,9 @@ from cranectl.campaign.benchmark.trials import Trial, campaign_of, rules_of
 from cranectl.campaign.benchmark.tuned import DEFAULT, code_of, tuned_settings
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.worker import Prepared, Worker
-from cranectl.cli.benchmark import measured_laws
+from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.laws import opened
-from cranectl.controllers.registry import law_digests
+from cranectl.controllers.registry import controller_digests
 from cranectl.support.documents import read_toml, toml_text
 from cranectl.support.files import write_text
 
@@ -89,7 +89,7 @@ def stamp_numbers(law: str, rules: str, source: Path, target: Path) -> None:
 
 def restamp(rows: int, controllers: Sequence[str]) -> int:
     """Run `rows` again, then write new digests; returns 1, and writes nothing, if a number differs."""
-    own = measured_laws(BENCHMARK)
+    own = measured_controllers(BENCHMARK)
     laws = [*own, *map(opened, controllers)]
     table, rules = read_table(TABLE), rules_of(BENCHMARK)
     places = {law: next(place for place in NUMBERS if (place / f"{law}.toml").is_file()) for law in laws}
@@ -106,7 +106,7 @@ def restamp(rows: int, controllers: Sequence[str]) -> int:
             return 1
         for law, place in places.items():
             stamp_numbers(law, rules, place, place)
-    known, digests = table.about["laws"], law_digests(own)
+    known, digests = table.about["laws"], controller_digests(own)
     stamped = {law: known[law] | {"file": digests.get(f"law {law}", "")} for law in own}
     about = {**table.about, "rules": rules, "laws": known | stamped}
     write_table(TABLE, BenchmarkTable(about, table.trials))

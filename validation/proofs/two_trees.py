@@ -54,7 +54,8 @@ plan = plan_run(plan_reference(scenario), scenario)
 nominal = "known" if "known" in inspect.signature(runner.start_run).parameters else "nominal"
 def seconds():
     crane = runner.make_plant(plant, scenario, drive)
-    law = runner.law_of(scenario, design, crane.drive, plan)
+    prepare = getattr(runner, "prepare_controller", None) or runner.law_of
+    law = prepare(scenario, design, crane.drive, plan)
     run = runner.start_run(crane, scenario, law, plan, **{nominal: scenario})
     record = np.zeros((len(plan.time_ns), record_width(design)))
     inputs = run.inputs if hasattr(run, "inputs") else run.sampling

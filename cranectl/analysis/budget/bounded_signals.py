@@ -82,7 +82,7 @@ def loop_matrix(loop, k, matrix):
 
     `matrix` is (n + 3 times the delay) square.
     """
-    size, p, at, total = loop.outputs.shape[2], loop.kept.shape[0], k // loop.stride, len(matrix)
+    size, p, at, total = loop.outputs.shape[2], loop.moving.shape[0], k // loop.stride, len(matrix)
     controller, arriving = p + EXTENSION, np.zeros((3, total))
     matrix[:] = 0.0
     for row in range(size, total):
@@ -105,7 +105,7 @@ def loop_matrix(loop, k, matrix):
 @jit_called
 def joined_matrices(loop, estimator, k, matrix, noise):
     """State (loop, estimators) and noise (5) at sample k to the state at k + 1, of a loop without delay."""
-    size, p = loop.outputs.shape[2], loop.kept.shape[0]
+    size, p = loop.outputs.shape[2], loop.moving.shape[0]
     matrix[:], noise[:] = 0.0, 0.0
     loop_matrix(loop, k, matrix[:size, :size])
     # What the loop makes of a joint less what the plant itself does is the tracker's part.
@@ -122,7 +122,7 @@ def joined_matrices(loop, estimator, k, matrix, noise):
 @jit_called
 def propagate_variance(loop, estimator, noise_variance, variance):
     """Variance of the load under noise; from rest, the estimator included."""
-    p, total = loop.kept.shape[0], loop.outputs.shape[2] + STATES * JOINTS
+    p, total = loop.moving.shape[0], loop.outputs.shape[2] + STATES * JOINTS
     covariance, matrix, noise = np.zeros((total, total)), np.zeros((total, total)), np.zeros((total, JOINTS))
     for k in range(len(variance)):
         load = loop.load[k]
@@ -157,7 +157,7 @@ def worst_case(
 @jit_called
 def sweep_back(loop, estimator, amplitudes, instants, worst):
     """Add up |impulse response| times amplitude for each instant and axis, into `worst`."""
-    p = loop.kept.shape[0]
+    p = loop.moving.shape[0]
     total = loop.outputs.shape[2] + (3 * loop.delay if estimator is None else STATES * JOINTS)
     rows, matrix, inputs = (
         np.zeros((3 * len(instants), total)),

@@ -38,7 +38,7 @@ def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = Non
     those less a deviation `predicted` from them.
     """
     ports, period = no_errors(loop), loop.period
-    extension, robustifier = len(loop.kept) + EXTENSION, len(loop.kept) + ROBUSTIFIER
+    extension, robustifier = len(loop.moving) + EXTENSION, len(loop.moving) + ROBUSTIFIER
     u, v, error = (run.block(n)[:, :3].copy() for n in ("input", "virtual_input", "error"))
     if predicted is not None:
         u[:-1] -= predicted.commanded
@@ -80,12 +80,12 @@ def _rate(signal: Array, period: float, jumps: NDArray[np.intp]) -> Array:
 def _rise(signal: Array, period: float, jumps: NDArray[np.intp]) -> Array:
     """Mean over each sample less the value at its start, (N - 1, m), of a parabola through three samples."""
     slope = _rate(signal, period, jumps)
-    bend = np.zeros_like(slope)
-    bend[:-1] = np.diff(slope, axis=0)
+    curvature = np.zeros_like(slope)
+    curvature[:-1] = np.diff(slope, axis=0)
     for k in jumps:
-        if 1 <= k <= len(bend):
-            bend[k - 1] = 0.0
-    rise: Array = 0.5 * period * slope - period / 12.0 * bend
+        if 1 <= k <= len(curvature):
+            curvature[k - 1] = 0.0
+    rise: Array = 0.5 * period * slope - period / 12.0 * curvature
     return rise
 
 

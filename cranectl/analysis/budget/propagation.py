@@ -13,7 +13,7 @@ from cranectl.analysis.budget.trajectory_loop import (
     EXTENSION,
     ROBUSTIFIER,
     TrajectoryLoop,
-    law_outputs,
+    command_outputs,
     next_states,
 )
 from cranectl.controllers.registry import only_flat
@@ -84,7 +84,7 @@ def propagate(loop: TrajectoryLoop, ports: Ports, friction: FrictionPort = NO_FR
     """Return the deviation that known errors and friction cause."""
     deviation = no_deviation(loop)
     propagate_signals(loop.matrices, ports, friction, deviation)
-    p = len(loop.kept)
+    p = len(loop.moving)
     return deviation._replace(
         load=loop.load_offset + np.einsum("kij,kj->ki", loop.load, deviation.state[:, :p])
     )
@@ -94,7 +94,7 @@ def propagate(loop: TrajectoryLoop, ports: Ports, friction: FrictionPort = NO_FR
 def propagate_signals(loop, ports, friction, deviation):
     """Fill `deviation`, all but its load."""
     state, to_drives, commanded = deviation.state, deviation.given, deviation.commanded
-    p = loop.kept.shape[0]
+    p = loop.moving.shape[0]
     controller = p + EXTENSION
     for k in range(len(state) - 1):
         at, x, following = k // loop.stride, state[k], state[k + 1]
@@ -125,7 +125,7 @@ def add_friction(loop, friction, k, deviation):
 
     What one axis takes off another may have to hold, so it goes round (projected Gauss-Seidel).
     """
-    at, following, p = k // loop.stride, deviation.state[k + 1], loop.kept.shape[0]
+    at, following, p = k // loop.stride, deviation.state[k + 1], loop.moving.shape[0]
     by_signal = np.hstack((loop.by_command[at], loop.by_disturbance[at])).T
     signals = -friction.viscous[k] * (friction.rates[k] + deviation.state[k, 1:10:2])
     following[:p] += np.dot(signals, by_signal)
@@ -143,7 +143,7 @@ def add_friction(loop, friction, k, deviation):
 
 def second_order(run: Run, loop: TrajectoryLoop, ports: Ports, predicted: Deviation) -> Deviation:
     """Return the second-order term of the deviation `predicted` that errors at `ports` cause."""
-    defect, p, rows = no_errors(loop), len(loop.kept), slice(0, loop.samples - 1)
+    defect, p, rows = no_errors(loop), len(loop.moving), slice(0, loop.samples - 1)
     tracker, start = tracker_of(run.scenario, only_flat(run.design)), p + ROBUSTIFIER
     change = predicted.state[rows].copy()
     change[:, :10] += ports.measured[rows]
@@ -151,22 +151,24 @@ def second_order(run: Run, loop: TrajectoryLoop, ports: Ports, predicted: Deviat
     at = np.hstack(nominal)[rows]
     at[:, :10] += change[:, :10]
     at[:, 10:12] += change[:, p + EXTENSION : start]
-    error = (run.block("flat_output")[rows, :12] - law_outputs(tracker.gravity, at)[:, :12]).reshape(-1, 4, 3)
+    error = (run.block("flat_output")[rows, :12] - command_outputs(tracker.gravity, at)[:, :12]).reshape(
+        -1, 4, 3
+    )
     v = np.einsum("i,kij->kj", tracker.gain, error) + tracker.feedthrough * error[:, 0]
     # The rows of v by X hold the robustifier's output row.
     v += np.einsum("kij,kj->ki", loop.outputs[rows, :3, start:], change[:, start:])
     at[:, 12:] += v
-    command = law_outputs(tracker.gravity, at)[:, 12:] - run.block("input")[rows, :3]
+    command = command_outputs(tracker.gravity, at)[:, 12:] - run.block("input")[rows, :3]
     linear = np.einsum("kij,kj->ki", loop.outputs[rows], change)
     defect.law[:] = command - predicted.commanded
     beyond = np.hstack([v, command, error[:, 0]]) - linear
     defect.local[:, p + EXTENSION :] = beyond @ loop.controller_input.T
     states = loop.states.copy()
-    states[:, loop.kept] += predicted.state[:, :p]
+    states[:, loop.moving] += predicted.state[:, :p]
     inputs = (loop.commands + predicted.given, loop.disturbances + predicted.disturbance)
     assert loop.plant is not None
     made = next_states(loop.plant, np.hstack([states[rows], *inputs]), loop.winds) - states[1:]
-    defect.local[:, :p] = made[:, loop.kept] + ports.local[:, :p] - loop.defect
+    defect.local[:, :p] = made[:, loop.moving] + ports.local[:, :p] - loop.defect
     deviation = propagate(loop, defect)
     return deviation._replace(load=deviation.load - loop.load_offset)
 

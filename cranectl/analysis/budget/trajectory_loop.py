@@ -71,7 +71,7 @@ class TrajectoryLoop(NamedTuple):
     """N samples of a run, linearised; p states of the plant that move, n = p + 5 + 3 robustifier states."""
 
     plant: SteppedPlant | None  # None for kernels, see `matrices`
-    kept: NDArray[np.intp]  # (p,) states of the plant that move
+    moving: NDArray[np.intp]  # (p,) states of the plant that move
     states: Array  # (N, 10 or 22) nominal
     commands: Array  # (N - 1, 3) nominal: accelerations for ideal drives, else velocities
     disturbances: Array  # (N - 1, 2) nominal
@@ -132,7 +132,7 @@ def next_states(plant: SteppedPlant, ports: Array, winds: Array) -> Array:
 
 
 @jit_called
-def law_each(gravity, ports, flat, command):
+def command_each(gravity, ports, flat, command):
     """Write what `law_outputs` returns into `flat` (N, 12) and `command` (N, 3)."""
     for k in range(len(ports)):
         state, zeta, zeta_dot, v = ports[k, :10], ports[k, 10], ports[k, 11], ports[k, 12:]
@@ -141,10 +141,10 @@ def law_each(gravity, ports, flat, command):
         command[k, 0], command[k, 1], command[k, 2] = u
 
 
-def law_outputs(gravity: float, ports: Array) -> Array:
+def command_outputs(gravity: float, ports: Array) -> Array:
     """Return flat output and commanded acceleration (N, 15) at joints, zeta, zeta' and v, `ports` (N, 15)."""
     flat, command = np.zeros((len(ports), 12)), np.zeros((len(ports), 3))
-    law_each(gravity, ports, flat, command)
+    command_each(gravity, ports, flat, command)
     return np.hstack([flat, command])
 
 
@@ -217,7 +217,7 @@ def analytic_plant(run: Run) -> AnalyticPlant:
 def _controller_outputs(run: Run, tracker: Tracker, p: int) -> tuple[Array, Array]:
     """Return the flat output by joints, zeta and zeta', (N, 12, 12), and `TrajectoryLoop.outputs`."""
     ports = np.hstack([run.block("state"), run.block("controller")[:, :2], run.block("virtual_input")[:, :3]])
-    by_port = slopes(partial(law_outputs, tracker.gravity), ports, range(15))
+    by_port = slopes(partial(command_outputs, tracker.gravity), ports, range(15))
     flat, command, by_v = by_port[:, :12, :12], by_port[:, 12:, :12], by_port[:, 12:, 12:]
     output, extension, robustifier = dense_robustifier(tracker)[2], p + EXTENSION, p + ROBUSTIFIER
     measured = [*range(10), extension, extension + 1]

@@ -15,9 +15,9 @@ from cranectl.analysis.certificate.loop import (
     Opening,
     choose_opening,
     closed_loop_radius,
+    controller_axis,
     flat_axis,
     inner_loop_of,
-    law_axis,
 )
 from cranectl.analysis.certificate.nu_gap import (
     CoprimeMargin,
@@ -29,13 +29,13 @@ from cranectl.analysis.certificate.nu_gap import (
 )
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.analysis.certificate.systems import RESOLUTION
-from cranectl.controllers.controller import LinearLaw
+from cranectl.controllers.controller import LinearController
 from cranectl.controllers.registry import controller_of, only_flat
 from cranectl.design import ControllerDesign
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.simulate import linearised_law, tracker_of
+from cranectl.simulate import linearised_controller, tracker_of
 from cranectl.support.consistency import check_ascending
 from cranectl.support.errors import InputError
 
@@ -230,7 +230,7 @@ def make_nominal_loops(
             allowed="a load that hangs at rest, which is what the law's linearisation is made for",
             remedy="take --tilt 0 0 and --hoisting-speed 0, and no mean wind",
         )
-    linear = linearised_law(scenario, design, lengths)
+    linear = linearised_controller(scenario, design, lengths)
     return {
         controller_at.rope_length: make_nominal_loop(scenario, design, opened_at, controller_at)
         for controller_at in linear
@@ -241,7 +241,7 @@ def make_nominal_loop(
     scenario: Scenario,
     design: ControllerDesign,
     opened_at: str | None = None,
-    linear: LinearLaw | None = None,
+    linear: LinearController | None = None,
 ) -> NominalLoop:
     """Design model and margin of `design` with the loop opened at a signal, see `choose_opening`.
 
@@ -257,7 +257,7 @@ def make_nominal_loop(
         )
     period = scenario.period_ns / NANOSECONDS
     if linear is not None:
-        axis = law_axis(linear, period)
+        axis = controller_axis(linear, period)
     else:
         tracker_of(scenario, only_flat(design))  # raises if the design's own loop is unstable when sampled
         axis = flat_axis(only_flat(design), period)

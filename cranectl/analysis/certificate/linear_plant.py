@@ -20,7 +20,7 @@ import numpy as np
 
 from cranectl.analysis.certificate.operating_points import HeldState, OperatingPoint, equilibrium, step_at
 from cranectl.analysis.certificate.systems import SampledSystem, differences
-from cranectl.controllers.flat import MEMORY, Tracker, inner_law
+from cranectl.controllers.flat import MEMORY, Tracker, linearising_step
 from cranectl.controllers.observer import (
     EXPECTED,
     JOINTS,
@@ -118,7 +118,7 @@ def linear_plant(
     arguments = {"period": tracker.period, "gravity": tracker.gravity}
     observer = None if sensing is None else make_observer(sensing.observer_bandwidth, **arguments)
     actuation = make_actuation(scenario, state.joints)
-    controller_map = _law_function(tracker if flat else None, actuation, observer, drive)
+    controller_map = _controller_map(tracker if flat else None, actuation, observer, drive)
     memory = _held_memory(state, command, observer)
     at = np.concatenate([state.joints, memory, state.virtual_input])
     steps = np.concatenate([np.full(10 + len(memory), STEP), np.full(3, V_STEP)])
@@ -173,7 +173,7 @@ def _held_memory(state: HeldState, command: Array, observer: Observer | None) ->
     return np.concatenate([memory, estimate])
 
 
-def _law_function(
+def _controller_map(
     tracker: Tracker | None, actuation: Actuation, observer: Observer | None, drive: Drive
 ) -> Callable[[Array], Array]:
     """Return the map (joints, memory, v) → (memory one period later, command (3), flat state (12)).
@@ -195,7 +195,7 @@ def _law_function(
             commands[:3] = v
         else:
             flat_output(joints, memory[MEMORY.zeta], memory[MEMORY.zeta + 1], tracker.gravity, flat)
-            inner_law(tracker, joints, memory, v, commands[:3])
+            linearising_step(tracker, joints, memory, v, commands[:3])
         actuate(actuation._replace(velocity=memory[SETPOINT:ESTIMATE]), commands)
         if observer is not None:
             predict(observer, commands[:3], estimate)

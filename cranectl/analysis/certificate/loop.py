@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 from cranectl.analysis.certificate.linear_plant import LinearPlant
 from cranectl.analysis.certificate.nu_gap import Graph
 from cranectl.analysis.certificate.systems import Complex, SampledSystem, close_inputs, with_delay
-from cranectl.controllers.controller import CRANE_STATES, LinearLaw
+from cranectl.controllers.controller import CRANE_STATES, LinearController
 from cranectl.design import Design
 from cranectl.design.discretisation import diagonal, sampled_blocks, zero_order_hold
 from cranectl.scenario import DesignSettings
@@ -117,7 +117,7 @@ def flat_axis(design: Design, period: float) -> AxisDesign:
     return AxisDesign(np.diag(np.ones(3), 1), np.eye(4)[:, 3:], design.gain, robustifier, 3, period)
 
 
-def law_axis(controller: LinearLaw, period: float) -> AxisDesign:
+def controller_axis(controller: LinearController, period: float) -> AxisDesign:
     """Return a linearised controller as axis design: its own states become the robustifier R.
 
     F must make the crane stable, as coprime factors ask for. Where the law's own gain does not, another one

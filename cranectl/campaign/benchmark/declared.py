@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from math import copysign, log
 from typing import Any, NamedTuple
 
-from cranectl.controllers.registry import checked_controller, law_digests, load_controller
+from cranectl.controllers.registry import checked_controller, controller_digests, load_controller
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.similarity import rounded, scale_of
 from cranectl.support.documents import leaves
@@ -127,5 +127,5 @@ def information(name: str) -> dict[str, Any]:
         "reads_path": None if reads is None else "path" in reads,
         "every": controller.every,
         "rig": None if reads is None else sorted({*reads} - {"path"}) + masses,
-        "file": law_digests([name]).get(f"law {name}", ""),
+        "file": controller_digests([name]).get(f"law {name}", ""),
     }

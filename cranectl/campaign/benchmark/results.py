@@ -23,7 +23,7 @@ from cranectl.campaign.results import MANIFEST_FILE, Results, Store, open_store,
 from cranectl.campaign.table import FAILED
 from cranectl.campaign.worker import Prepared, StoppedError
 from cranectl.campaign.workers import Engine
-from cranectl.controllers.registry import law_digests
+from cranectl.controllers.registry import controller_digests
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError, MachineError
@@ -202,7 +202,7 @@ def _check_same(results: Results, wanted: Table, controller: str) -> None:
         "runs": wanted["runs"],
     }
     other = differences(alike, wanted)
-    known = law_digests([controller]).items()
+    known = controller_digests([controller]).items()
     other += [f"{controller} was another" for o in results.origins if not known <= o.versions.items()][:1]
     if other:
         raise InputError(

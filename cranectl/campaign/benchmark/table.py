@@ -173,14 +173,15 @@ def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
             )
 
 
-def of_laws(table: BenchmarkTable, controllers: Collection[str]) -> BenchmarkTable:
+def of_controllers(table: BenchmarkTable, controllers: Collection[str]) -> BenchmarkTable:
     """Only the trials of `controllers`; raises InputError where there is none of one."""
     for controller in controllers:
         if controller not in table.about["laws"]:
             raise unknown_name("law of the table", controller, table.about["laws"])
     about = {
-        name: {controller: facts for controller, facts in table.about[name].items() if controller in controllers}
-            for name in ("laws", "tuned")}  # fmt: skip
+        part: {name: facts for name, facts in table.about[part].items() if name in controllers}
+        for part in ("laws", "tuned")
+    }
     return BenchmarkTable(
         {**table.about, **about}, {p: r for p, r in table.trials.items() if p.law in controllers}
     )

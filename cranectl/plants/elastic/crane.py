@@ -38,24 +38,24 @@ class ElasticCrane(NamedTuple):
     prescribed: bool  # the drives are ideal: they accelerate as commanded
     gain: Triple
     damping: Triple  # of drives [N s/m]
-    held: Triple  # [N]
+    holding_force: Triple  # [N]
     limit: Triple  # [N]
     axis_mass: Triple  # bridge with trolley, trolley, winch [kg]
     gravity: Triple  # [m/s²]
     load_mass: float
-    rubs: bool  # whether there is friction of Coulomb's kind
+    has_friction: bool  # whether there is friction of Coulomb's kind
     coulomb: tuple[float, float, float, float, float]  # of the joints [N, N m]
     viscous: tuple[float, float, float, float, float]  # [N s/m, N m s/rad]
-    swings: bool  # the load is a body under its hook
+    has_body: bool  # the load is a body under its hook
     offset: float  # hook above the centre of mass [m]
     inertia: float  # about any axis through it [kg m²]
     swing_damping: float  # between hook and body [N m s/rad]
     hook_mass: float  # at the rope's end [kg]
-    stretches: bool  # the rope gives
+    has_elastic_rope: bool  # the rope gives
     stiffness: float  # E A [N]
     viscosity: Array  # (1,) times length [N s]; of the damping ratio at the start
     density: float  # of the rope [kg/m]
-    gives: bool  # the frame does
+    has_frame: bool  # the frame does
     rail_mass: tuple[float, float]  # what moves with the rails besides what runs on them along x, y [kg]
     rail_weight: tuple[float, float]  # of it, on slopes [N]
     rail_stiffness: tuple[float, float]  # [N/m]
@@ -81,24 +81,24 @@ def make_crane(
         prescribed=ideal,
         gain=gain,
         damping=damping,
-        held=load_force,
+        holding_force=load_force,
         limit=effects.limits.force if effects.limits else (inf, inf, inf),
         axis_mass=(rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass),
         gravity=gravity,
         load_mass=rig.load_mass,
-        rubs=any((*coulomb, pivot[0])),
+        has_friction=any((*coulomb, pivot[0])),
         coulomb=(*coulomb, pivot[0], pivot[0]),
         viscous=(*viscous, pivot[1], pivot[1]),
-        swings=body is not None,
+        has_body=body is not None,
         offset=body.hook_offset if body else 0.0,
         inertia=body.inertia if body else 1.0,
         swing_damping=body.swing_damping if body else 0.0,
         hook_mass=body.hook_mass if body else 0.0,
-        stretches=rope is not None,
+        has_elastic_rope=rope is not None,
         stiffness=rope.stiffness if rope else 0.0,
         viscosity=np.zeros(1),
         density=rope.mass if rope else 0.0,
-        gives=frame is not None,
+        has_frame=frame is not None,
         **_rails(rig, frame, gravity),
         in_air=effects.wind is not None,
         drag=air_drag(effects),
@@ -138,10 +138,10 @@ def hanging_states(crane: ElasticCrane, joints: Array, tension: Array) -> Array:
     """
     states = np.zeros((len(joints), STATES))
     states[:, : 2 * JOINTS] = joints
-    if crane.stretches:
+    if crane.has_elastic_rope:
         paid_out = np.maximum(joints[:, ROPE] - crane.offset, SHORTEST)
         states[:, STRETCH] = tension * paid_out / crane.stiffness
-    if crane.swings:
+    if crane.has_body:
         states[:, BODY : BODY + 3] = directions(joints)
         alpha, beta_rate = joints[:, ALPHA], joints[:, BETA + 1]
         states[:, SPIN] = joints[:, ALPHA + 1]

@@ -45,12 +45,12 @@ def rate_of_turn(alpha_rate, beta_rate, n, by_alpha, by_beta):
     rate = sum_of((0.0, alpha_rate * by_alpha[1], alpha_rate * by_alpha[2]), beta_rate, by_beta)
     both = beta_rate * beta_rate + alpha_rate * alpha_rate
     mixed = 2.0 * alpha_rate * beta_rate
-    bend = (
+    curvature = (
         -beta_rate * beta_rate * n[0],
         -both * n[1] - mixed * by_beta[2],
         -both * n[2] + mixed * by_beta[1],
     )
-    return rate, bend
+    return rate, curvature
 
 
 @jit
@@ -61,7 +61,7 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
     paid_out = max(state[4] - offset, SHORTEST)
     r, r_rate = state[4] - offset + state[STRETCH], state[5] + state[STRETCH_RATE]
     n, by_alpha, by_beta = rope_directions(state[6], state[8])
-    turn, bend = rate_of_turn(alpha_rate, beta_rate, n, by_alpha, by_beta)
+    turn, curvature = rate_of_turn(alpha_rate, beta_rate, n, by_alpha, by_beta)
     torque_alpha = -crane.viscous[3] * alpha_rate - crane.coulomb[3] * work.sign[3]
     torque_beta = -crane.viscous[4] * beta_rate - crane.coulomb[4] * work.sign[4]
 
@@ -69,9 +69,9 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
     pivot = (state[1] + state[RAILS + 1], state[3] + state[RAILS + 3], 0.0)
     velocity = sum_of(sum_of(pivot, r_rate, n), r, turn)
     fall = sum_of((-crane.gravity[0], -crane.gravity[1], -crane.gravity[2]), 2.0 * r_rate, turn)
-    hook = at_end = sum_of(fall, r, bend)
+    hook = at_end = sum_of(fall, r, curvature)
     apparent, b, tau = mass, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    if crane.swings:
+    if crane.has_body:
         apparent = 1.0 / (1.0 / mass + offset * offset / crane.inertia)
         b = (state[BODY], state[BODY + 1], state[BODY + 2])
         spin = (state[SPIN], state[SPIN + 1], state[SPIN + 2])
@@ -89,7 +89,7 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
         stream = (wind[0] - velocity[0], wind[1] - velocity[1], wind[2] - velocity[2])
         outer = sum_of(outer, crane.drag * sqrt(dot(stream, stream)), stream)
     taken = (0.0, 0.0, 0.0)
-    if crane.swings:  # the disturbance is a force at the centre, of which the trolley takes the opposite
+    if crane.has_body:  # the disturbance is a force at the centre, of which the trolley takes the opposite
         lever = mass * state[4]
         taken = sum_of(sum_of(taken, lever * disturbance[0], by_alpha), lever * disturbance[1], by_beta)
         outer = sum_of(outer, 1.0, taken)
@@ -115,15 +115,15 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
     lifted = sum_of((0.0, 0.0, 0.0), apparent, hook)
     turned = sum_of((0.0, 0.0, 0.0), apparent * r, hook)
     if rod > 0.0:
-        half_way = sum_of(fall, middle, bend)
+        half_way = sum_of(fall, middle, curvature)
         lifted = sum_of(lifted, rod, half_way)
-        turned = sum_of(sum_of(turned, rod * middle, half_way), turning, bend)
+        turned = sum_of(sum_of(turned, rod * middle, half_way), turning, curvature)
     if crane.hook_mass > 0.0:
         lifted = sum_of(lifted, crane.hook_mass, at_end)
         turned = sum_of(turned, crane.hook_mass * r, at_end)
     force[0], force[1], force[2] = -lifted[0] - taken[0], -lifted[1] - taken[1], -dot(n, lifted)
     force[3], force[4] = torque_alpha - dot(by_alpha, turned), torque_beta - dot(by_beta, turned)
-    if crane.swings:  # what the load resists more along b than across
+    if crane.has_body:  # what the load resists more along b than across
         more = mass - apparent
         along[0], along[1], along[2] = b[0], b[1], dot(b, n)
         along[3], along[4] = r * dot(b, by_alpha), r * dot(b, by_beta)
@@ -133,11 +133,11 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
             for j in range(i + 1):
                 matrix[i, j] += more * along[i] * along[j]
 
-    if crane.stretches:
+    if crane.has_elastic_rope:
         pull = crane.stiffness * state[STRETCH] + crane.viscosity[0] * state[STRETCH_RATE]
         work.tension[0] = max(pull / paid_out, 0.0)
     move_axes(crane, state, command, work, rate)
-    if crane.swings:
+    if crane.has_body:
         hook = sum_of(sum_of(hook, 1.0, (acceleration[0], acceleration[1], 0.0)), acceleration[2], n)
         hook = sum_of(sum_of(hook, r * acceleration[3], by_alpha), r * acceleration[4], by_beta)
         spin_rate = sum_of(tau, -offset * apparent, cross(b, hook))
@@ -162,7 +162,7 @@ def move_axes(crane, state, command, work, rate):
     """Solve the equations in `work` for the accelerations; writes the rates of all but a body."""
     acceleration, push = work.acceleration, work.push
     for i in range(3):
-        drive = crane.gain[i] * command[i] - crane.damping[i] * state[2 * i + 1] - crane.held[i]
+        drive = crane.gain[i] * command[i] - crane.damping[i] * state[2 * i + 1] - crane.holding_force[i]
         drive = min(max(drive, -crane.limit[i]), crane.limit[i])
         push[i] = drive - crane.viscous[i] * state[2 * i + 1] - crane.coulomb[i] * work.sign[i]
     add_axes(crane, state, command, work)
@@ -170,16 +170,16 @@ def move_axes(crane, state, command, work, rate):
 
     for i in range(JOINTS):
         rate[2 * i], rate[2 * i + 1] = state[2 * i + 1], acceleration[i]
-    if crane.stretches:
+    if crane.has_elastic_rope:
         paid_out_rate = (push[2] + work.tension[0]) / crane.axis_mass[2]
-        rate[5] = given(crane, command, 2) if is_locked(crane, work, 2) else paid_out_rate
+        rate[5] = locked_acceleration(crane, command, 2) if is_locked(crane, work, 2) else paid_out_rate
         rate[STRETCH], rate[STRETCH_RATE] = state[STRETCH_RATE], acceleration[2] - rate[5]
     else:
         work.tension[0] = load_pull(work, 2)
-    if crane.gives:
+    if crane.has_frame:
         for i in range(2):
             if is_locked(crane, work, i):
-                rails = acceleration[i] - given(crane, command, i)
+                rails = acceleration[i] - locked_acceleration(crane, command, i)
             else:
                 rails = (rail_force(crane, state, i) - push[i]) / crane.rail_mass[i]
             rate[2 * i + 1] = acceleration[i] - rails
@@ -187,7 +187,7 @@ def move_axes(crane, state, command, work, rate):
 
 
 @jit
-def given(crane, command, axis):
+def locked_acceleration(crane, command, axis):
     """Return the prescribed acceleration of a locked axis [m/s²]."""
     return command[axis] if crane.prescribed else 0.0
 
@@ -220,23 +220,23 @@ def add_axes(crane, state, command, work):
             factor[i, j] = work.matrix[i, j]
     for i in range(2):
         locked, mass = is_locked(crane, work, i), crane.axis_mass[i]
-        fixed[i] = locked and not crane.gives
-        if locked and crane.gives:  # then the rails move with it
+        fixed[i] = locked and not crane.has_frame
+        if locked and crane.has_frame:  # then the rails move with it
             factor[i, i] += mass + crane.rail_mass[i]
             force[i] += mass * crane.gravity[i] + rail_force(crane, state, i)
-            force[i] += crane.rail_mass[i] * given(crane, command, i)
+            force[i] += crane.rail_mass[i] * locked_acceleration(crane, command, i)
         elif not locked:
             factor[i, i] += mass
             force[i] += mass * crane.gravity[i] + work.push[i]
-    fixed[2] = is_locked(crane, work, 2) and not crane.stretches
-    if crane.stretches:
+    fixed[2] = is_locked(crane, work, 2) and not crane.has_elastic_rope
+    if crane.has_elastic_rope:
         force[2] -= work.tension[0]
     elif not fixed[2]:
         factor[2, 2] += crane.axis_mass[2]
         force[2] += work.push[2]
     for i in range(JOINTS):
         if fixed[i]:
-            force[i] = given(crane, command, i) if i < 3 else 0.0
+            force[i] = locked_acceleration(crane, command, i) if i < 3 else 0.0
 
 
 @jit
@@ -266,13 +266,13 @@ def solve(matrix, force, fixed):
 
 
 @jit
-def hold(crane, work):
+def reaction_forces(crane, work):
     """Compute the friction force that holds each sticking joint [N, N m], into `holding`."""
     for i in range(JOINTS):
         work.holding[i] = 0.0
         if not work.stuck[i]:
             continue
-        if i == 2 and crane.stretches:
+        if i == 2 and crane.has_elastic_rope:
             work.holding[i] = -work.tension[0] - work.push[2]
         else:
             work.holding[i] = -load_pull(work, i)

@@ -18,7 +18,7 @@ from cranectl.plants.elastic.crane import (
     set_damping,
 )
 from cranectl.plants.elastic.motion import rope_directions
-from cranectl.plants.elastic.step import finish_step, settle
+from cranectl.plants.elastic.step import finish_step, stick_or_slip
 from cranectl.plants.plant import DRIVES, Drive, Kernels, check_hook, check_rate
 from cranectl.scenario.effects import EffectSettings
 from cranectl.scenario.rig import RigParameters
@@ -62,7 +62,7 @@ def advance(handle, command, disturbance, wind, load):
     """Advance the crane by one control period; see `Plant.advance`."""
     crane, state, work = handle
     for k in range(crane.substeps):
-        settle(crane, state, command, disturbance, wind, work)
+        stick_or_slip(crane, state, command, disturbance, wind, work)
         if k == 0:
             observe_load(crane, state, work, load)
         finish_step(crane, state, command, disturbance, wind, work)
@@ -107,14 +107,14 @@ class ElasticPlant:
 
         From finite differences, with joints that slide freely.
         """
-        crane = self.crane._replace(rubs=False, coulomb=(0.0, 0.0, 0.0, 0.0, 0.0))
+        crane = self.crane._replace(has_friction=False, coulomb=(0.0, 0.0, 0.0, 0.0, 0.0))
         joints, work = np.zeros(10), make_work()
         joints[ROPE] = length
         hanging, command = taut_state(crane, self.effects, joints, self.drive)
         places = crane.places
 
         def rates(state: Array) -> Array:
-            settle(crane, state, command, STILL_AIR[:2], STILL_AIR, work)
+            stick_or_slip(crane, state, command, STILL_AIR[:2], STILL_AIR, work)
             first_rates: Array = work.rates[0, places].copy()
             return first_rates
 
@@ -159,12 +159,12 @@ def taut_state(
         command[2] = crane.load_mass * crane.gravity[2]
     tension, work = 0.0, make_work()
     for _ in range(3):  # the stretch moves the load, by little
-        if not crane.stretches:
+        if not crane.has_elastic_rope:
             break
         stretching = []
         for extra in (0.0, 1.0):
             state = hanging_states(crane, joints[None], np.array([tension + extra]))[0]
-            settle(crane, state, command, STILL_AIR[:2], STILL_AIR, work)
+            stick_or_slip(crane, state, command, STILL_AIR[:2], STILL_AIR, work)
             stretching.append(work.rates[0, STRETCH_RATE])
         free, more = stretching
         tension = max(tension + free / (free - more), 0.0)

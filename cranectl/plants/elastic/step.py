@@ -8,7 +8,7 @@ integrator keeps its order.
 from math import sqrt
 
 from cranectl.plants.elastic.crane import BODY, JOINTS, STAGES, A, B
-from cranectl.plants.elastic.motion import derivative, hold
+from cranectl.plants.elastic.motion import derivative, reaction_forces
 from cranectl.support.jit import jit
 
 PARTS = 20  # of a step at most
@@ -18,25 +18,25 @@ SHARP = 1e-12  # how well it is found: by what changes up to it and after it in 
 
 
 @jit
-def settle(crane, state, command, disturbance, wind, work):
+def stick_or_slip(crane, state, command, disturbance, wind, work):
     """Find out which joints stick at `state`; writes the rates there."""
     for joint in range(JOINTS):
-        rate, rubs = state[2 * joint + 1], crane.coulomb[joint] > 0.0
-        work.stuck[joint] = rubs and rate == 0.0
+        rate, has_friction = state[2 * joint + 1], crane.coulomb[joint] > 0.0
+        work.stuck[joint] = has_friction and rate == 0.0
         work.sign[joint] = 0.0
-        if rubs and rate != 0.0:
+        if has_friction and rate != 0.0:
             work.sign[joint] = 1.0 if rate > 0.0 else -1.0
     for _ in range(MAX_STICK_ROUNDS):
         derivative(crane, state, command, disturbance, wind, work, work.rates[0])
-        if not crane.rubs:
+        if not crane.has_friction:
             return
-        hold(crane, work)
-        if not change_sides(crane, state, work):
+        reaction_forces(crane, work)
+        if not update_modes(crane, state, work):
             return
 
 
 @jit
-def change_sides(crane, state, work):
+def update_modes(crane, state, work):
     """Let go what is held the hardest beyond its friction, or hold again what would slide back."""
     loose, most = -1, 1.0
     for joint in range(JOINTS):
@@ -69,7 +69,7 @@ def integrate(crane, state, length, command, disturbance, wind, work):
         for stage in range(STAGES):
             increment += B[stage] * rates[stage, index]
         end[index] = state[index] + length * increment
-    if crane.swings:
+    if crane.has_body:
         x, y, z = end[BODY], end[BODY + 1], end[BODY + 2]
         scale = 1.0 / sqrt(x * x + y * y + z * z)
         end[BODY], end[BODY + 1], end[BODY + 2] = scale * x, scale * y, scale * z
@@ -84,12 +84,12 @@ def margin(crane, state, work, joint):
 
 
 @jit
-def look_at_end(crane, command, disturbance, wind, work):
+def evaluate_end(crane, command, disturbance, wind, work):
     """Compute the holding forces of the sticking joints at `work.end`."""
     for joint in range(JOINTS):
         if work.stuck[joint]:
             derivative(crane, work.end, command, disturbance, wind, work, work.rates[STAGES])
-            hold(crane, work)
+            reaction_forces(crane, work)
             return
 
 
@@ -108,20 +108,20 @@ def finish_step(crane, state, command, disturbance, wind, work):
     left = crane.step
     for part in range(PARTS):
         if part > 0:
-            settle(crane, state, command, disturbance, wind, work)
+            stick_or_slip(crane, state, command, disturbance, wind, work)
         start = work.margins
         for joint in range(JOINTS):
             start[joint] = margin(crane, state, work, joint)
         length, changed = left, -1
         integrate(crane, state, length, command, disturbance, wind, work)
-        if crane.rubs and part < PARTS - 1:
-            look_at_end(crane, command, disturbance, wind, work)
+        if crane.has_friction and part < PARTS - 1:
+            evaluate_end(crane, command, disturbance, wind, work)
             for _ in range(JOINTS):
                 joint = changing(crane, work, changed)
                 if joint < 0:
                     break
                 changed = joint
-                length = instant(crane, state, length, joint, command, disturbance, wind, work)
+                length = find_event(crane, state, length, joint, command, disturbance, wind, work)
         for index in crane.places:
             state[index] = work.end[index]
         for joint in range(JOINTS):
@@ -133,7 +133,7 @@ def finish_step(crane, state, command, disturbance, wind, work):
 
 
 @jit
-def instant(crane, state, length, joint, command, disturbance, wind, work):
+def find_event(crane, state, length, joint, command, disturbance, wind, work):
     """Find when `joint` begins to slide or stick within `length` [s] (Illinois method).
 
     `work.end` is the state just behind that instant.
@@ -147,12 +147,12 @@ def instant(crane, state, length, joint, command, disturbance, wind, work):
             break
         middle = high - right * (high - low) / (right - left)
         integrate(crane, state, middle, command, disturbance, wind, work)
-        look_at_end(crane, command, disturbance, wind, work)
+        evaluate_end(crane, command, disturbance, wind, work)
         margin_found = margin(crane, work.end, work, joint)
         if margin_found < 0.0:
             high, below, right, left = middle, margin_found, margin_found, 0.5 * left
         else:
             low, left, right = middle, margin_found, 0.5 * right
     integrate(crane, state, high, command, disturbance, wind, work)
-    look_at_end(crane, command, disturbance, wind, work)
+    evaluate_end(crane, command, disturbance, wind, work)
     return high

@@ -99,7 +99,7 @@ class StageWork(NamedTuple):
     sensed: Array  # (7,) of the load at the start of the step
 
 
-def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, swings: bool) -> StageWork:
+def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, has_body: bool) -> StageWork:
     """Make the work space for steps of `data`."""
     slope = np.zeros(model.nv)
     return StageWork(
@@ -107,7 +107,7 @@ def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, swings: bool) -> S
         warmstart=data.qacc_warmstart,
         qpos_address=data.qpos.ctypes.data,
         slope_address=slope.ctypes.data,
-        swing=int(model.joint("swing").dofadr[0]) if swings else -1,
+        swing=int(model.joint("swing").dofadr[0]) if has_body else -1,
         start_position=np.zeros(model.nq),
         start_velocity=np.zeros(model.nv),
         slope=slope,
@@ -150,7 +150,7 @@ def push_body(rig, disturbance):
 @jit
 def push_load(rig, disturbance):
     """Replace the last disturbance of the load by `disturbance` (2,) [rad/s²] at the present state."""
-    if rig.swings:
+    if rig.has_body:
         push_body(rig, disturbance)
     else:
         apply_disturbance(rig, disturbance)

@@ -98,7 +98,7 @@ def change_since(plant: MujocoPlant, anchor: Anchor) -> Array:
 
 def _about_axes_of(plant: MujocoPlant, new: Anchor, old: Anchor, qvel: Array) -> Array:
     """Return `qvel` (nv,) with the load's spin turned from its axes at `old` to those at `new`."""
-    if not plant.rig.swings:
+    if not plant.rig.has_body:
         return qvel
     swing, back, turn = plant.model.joint("swing"), np.zeros(4), np.zeros(4)
     address, rate = int(swing.qposadr[0]), int(swing.dofadr[0])

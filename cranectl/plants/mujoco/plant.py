@@ -55,7 +55,7 @@ class MujocoRig(NamedTuple):
     air: Array  # (3,) drag and other forces on the load [N]
     wrench: Array  # (6,) xfrc_applied of the load: force, torque
     reaction: Array  # (6,) of the trolley
-    swings: bool  # whether the load is a body that swings under its hook
+    has_body: bool  # whether the load is a body that swings under its hook
     rope: ElasticRope
     in_air: bool  # whether there are any
     drag: float  # force over the square of the load's speed through the air [kg/m]
@@ -142,11 +142,11 @@ class MujocoPlant:
             air=np.zeros(3),
             wrench=self.data.xfrc_applied[self.model.body("load").id],
             reaction=self.data.xfrc_applied[self.model.body("trolley").id],
-            swings=effects.body is not None,
+            has_body=effects.body is not None,
             rope=elastic_rope(self.model, effects),
             in_air=effects.wind is not None,
             drag=air_drag(effects),
-            work=stage_work(self.model, self.data, swings=effects.body is not None),
+            work=stage_work(self.model, self.data, has_body=effects.body is not None),
             substeps=substeps,
             step=step,
         )

@@ -99,15 +99,15 @@ def singles_section(judged: Judged) -> Iterator[Section]:
 
 def _possible(judged: Judged, name: str, scenario: str) -> Mask:
     """Cranes of a set that could be simulated with some law, by sample; all where there are not two laws."""
-    of_laws = [
+    of_controllers = [
         runs
         for controller in judged.best_first
         if (runs := judged.runs(name, scenario, controller)) is not None
     ]
-    some = np.zeros(max((runs.failed.size for runs in of_laws), default=0), dtype=bool)
-    for runs in of_laws:
+    some = np.zeros(max((runs.failed.size for runs in of_controllers), default=0), dtype=bool)
+    for runs in of_controllers:
         some[: runs.failed.size] |= np.array(runs.status) != FAILED
-    return some if len(of_laws) > 1 else np.ones_like(some)
+    return some if len(of_controllers) > 1 else np.ones_like(some)
 
 
 def _failed_share(runs: Runs, cranes: Mask) -> float:

@@ -159,7 +159,7 @@ def test_the_loop_matrix_is_the_propagation(delay: int) -> None:
         load_scenario("off-reference", overrides=["duration=0.05", "reference.segments=[]"]), "lqr+hinf"
     )
     loop, rng = where.driven("body")._replace(delay=delay), np.random.default_rng(2)
-    ports, p = no_errors(loop), len(loop.kept)
+    ports, p = no_errors(loop), len(loop.moving)
     ports.local[:] = 1e-6 * rng.standard_normal(ports.local.shape)
     ports.measured[:] = 1e-6 * rng.standard_normal(ports.measured.shape)
     found = propagate(loop, ports).state

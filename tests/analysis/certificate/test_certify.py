@@ -21,7 +21,7 @@ from cranectl.controllers.registry import controller_design
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import default_scenario
-from cranectl.simulate import linearised_law, simulate_run
+from cranectl.simulate import linearised_controller, simulate_run
 from cranectl.support.errors import InputError
 
 PERIOD = 1e-3
@@ -326,7 +326,7 @@ def test_the_design_model_of_a_law_is_the_crane_with_ideal_drives() -> None:
     verdict = loop.judge(loop.inner_loop(scenario, HANGING, "ideal"), HANGING)
     assert verdict.gap < 1e-3
     assert verdict.certified
-    law = linearised_law(scenario, loop.design, [0.7])[0]
+    law = linearised_controller(scenario, loop.design, [0.7])[0]
     slowest = np.linalg.eigvals(law.a - law.b @ law.gain[np.newaxis]).real.max()
     assert np.log(verdict.closed_loop_radius) / PERIOD == pytest.approx(slowest, rel=0.02)
 

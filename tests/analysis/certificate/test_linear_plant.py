@@ -26,7 +26,7 @@ from cranectl.simulate import plan_scenario, tracker_of
 from cranectl.simulate.actuation import actuate, make_actuation
 from cranectl.simulate.loops import python_loop
 from cranectl.simulate.run import record_width
-from cranectl.simulate.runner import inputs_of, law_of
+from cranectl.simulate.runner import inputs_of, prepare_controller
 from cranectl.simulate.signal_path import make_signal_path
 from cranectl.support.errors import InputError
 from tests.conftest import STILL
@@ -167,11 +167,11 @@ def test_the_winch_is_told_to_haul_up_a_heavy_rope() -> None:
 
 
 def test_effects_are_taken_in_or_named() -> None:
-    kept = ALL_EFFECTS.linear_part
-    assert kept.names == ("friction", "rope", "body", "wind", "frame")
-    assert kept.friction is not None
-    assert kept.friction.coulomb == (0.0, 0.0, 0.0)
-    assert kept.friction.viscous == ALL_EFFECTS.friction.viscous  # type: ignore[union-attr]
+    moving = ALL_EFFECTS.linear_part
+    assert moving.names == ("friction", "rope", "body", "wind", "frame")
+    assert moving.friction is not None
+    assert moving.friction.coulomb == (0.0, 0.0, 0.0)
+    assert moving.friction.viscous == ALL_EFFECTS.friction.viscous  # type: ignore[union-attr]
     assert present(ALL_EFFECTS, NOT_LINEAR) == [
         "limits",
         "sensing.position_resolution", "sensing.angle_resolution", "sensing.angle_noise",
@@ -182,7 +182,7 @@ def test_effects_are_taken_in_or_named() -> None:
         "delay", "rope", "body", "frame", "sensing.observer_bandwidth",
         "friction.viscous", "friction.pivot_viscous", "wind.mean",
     ]  # fmt: skip
-    assert present(kept, NOT_LINEAR) == []
+    assert present(moving, NOT_LINEAR) == []
     assert present(NO_EFFECTS, NOT_LINEAR) == present(NO_EFFECTS, LINEAR) == []
     touched = {name.split(".")[0] for name in present(ALL_EFFECTS, NOT_LINEAR) + present(ALL_EFFECTS, LINEAR)}
     assert touched == set(ALL_EFFECTS.names)
@@ -245,7 +245,7 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int, controller: str) -
     plan = plan_scenario(scenario)
     plan.reference[:] = 0.0
     plan.reference[:, 2] = -point.rope_length
-    law, plant = law_of(scenario, design, "velocity", plan), run_plant(scenario, "velocity")
+    law, plant = prepare_controller(scenario, design, "velocity", plan), run_plant(scenario, "velocity")
     inputs = inputs_of(scenario, law, make_actuation(scenario, held), plan, "velocity")._replace(
         stop_outside=False
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.loaders.opening import close_laws
+from cranectl.loaders.opening import close_controllers
 from tests.campaign.benchmark.tiny import STEP
 
 SMALL = """
@@ -119,4 +119,4 @@ def small(tmp_path: Path) -> Iterator[Path]:
     (tmp_path / "servo.py").write_text(SERVO)
     (tmp_path / "small.toml").write_text(SMALL)
     yield tmp_path / "small.toml"
-    close_laws()
+    close_controllers()

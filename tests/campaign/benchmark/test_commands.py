@@ -13,7 +13,7 @@ import pytest
 from cranectl.campaign.benchmark.table import read_table
 from cranectl.cli.benchmark import _table_place
 from cranectl.cli.main import main
-from cranectl.loaders.opening import close_laws
+from cranectl.loaders.opening import close_controllers
 from cranectl.support.documents import leaves
 from cranectl.support.resources import BENCHMARK_DIRECTORY
 from tests.campaign.benchmark.conftest import SHORT
@@ -35,7 +35,7 @@ def test_what_the_page_suggests(small: Path, tmp_path: Path, monkeypatch: pytest
     monkeypatch.chdir(tmp_path / "some where")
     only = ["--set-of-cranes", "nominal", "--scenario", "short"]
     assert main(["benchmark", "run", "../small.toml", "--trust", "--out", "the out", *only]) == 0
-    close_laws()
+    close_controllers()
     report = ["benchmark", "report", "the out", "--benchmark", "../small.toml", "--trust"]
     assert main([*report, "--out", "the page.html"]) == 0
     *replays, again = suggested_by_page(Path("the page.html"))
@@ -112,7 +112,7 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     assert "servo" in alone.read_text(encoding="utf-8")
 
     # The table alone gives the page again, without the code of any law.
-    close_laws()
+    close_controllers()
     capsys.readouterr()
     assert main(["benchmark", "report", str(table), "--benchmark", str(small), "--json", "-"]) == 0
     again = json.loads(capsys.readouterr().out)
@@ -175,7 +175,7 @@ def test_a_page_tells_of_this_benchmark_only(
     text = small.with_name(file).read_text()
     assert before in text
     small.with_name(file).write_text(text.replace(before, after))
-    close_laws()
+    close_controllers()
     assert main(report) == 2
     error = capsys.readouterr().err
     assert "was not run by this benchmark" in error
@@ -194,7 +194,7 @@ def test_what_others_made_is_not_gone_on_with(small: Path, capsys: pytest.Captur
     assert main(run) == 0
     assert json.loads(manifest.read_text())["campaign"]["limits"]["final_error_m"] == 0.06
     law.write_text(law.read_text().replace('damper on each drive",', 'damper, on each drive",'))
-    close_laws()
+    close_controllers()
     assert main(run) == 2
     assert "was made by other software" in capsys.readouterr().err
     assert main([*run, "--despite-differences"]) == 0
@@ -290,7 +290,7 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
     # Another law of the same name is not judged by these numbers.
     law = small.with_name("servo.py")
     law.write_text(law.read_text().replace('damper on each drive",', 'damper, on each drive",'))
-    close_laws()
+    close_controllers()
     assert main([*run, "--division", "tuned"]) == 2
     assert "another version of servo" in capsys.readouterr().err
 

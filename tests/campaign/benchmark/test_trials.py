@@ -9,13 +9,16 @@ from cranectl.campaign.benchmark.settings import read_benchmark
 from cranectl.campaign.benchmark.trials import Trial, campaign_of, rules_of, trials_of
 from cranectl.campaign.load import check_values
 from cranectl.campaign.sampling import sample_values
-from cranectl.loaders.opening import open_law
+from cranectl.loaders.opening import open_controller
 from cranectl.support import resources
 from cranectl.support.errors import InputError
 
 
 def test_the_cranes_are_the_same_for_every_law_plant_and_number_of_them(small: Path) -> None:
-    benchmark, servo = read_benchmark(str(small)), open_law(str(small.with_name("servo.py")) + ":SERVO")
+    benchmark, servo = (
+        read_benchmark(str(small)),
+        open_controller(str(small.with_name("servo.py")) + ":SERVO"),
+    )
     first = campaign_of(benchmark, Trial("published", "mujoco", "wide", "short", "lqr-integral"))
     cranes = sample_values(first, 0, first.runs)
     assert len(cranes) == 6
@@ -56,7 +59,10 @@ def test_distributions_of_sets_and_scenarios_come_before_those_of_all(small: Pat
 
 
 def test_laws_run_where_it_suits_them(small: Path) -> None:
-    benchmark, servo = read_benchmark(str(small)), open_law(str(small.with_name("servo.py")) + ":SERVO")
+    benchmark, servo = (
+        read_benchmark(str(small)),
+        open_controller(str(small.with_name("servo.py")) + ":SERVO"),
+    )
     trials = trials_of(benchmark, ("lqr-integral", servo))
     assert len(trials) == len(set(trials)) == 2 * 2 * 3 + 2 * 2 + 2 * 2
     assert not [p for p in trials if p.law == servo and p.scenario == "path"]

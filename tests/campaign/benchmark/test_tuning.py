@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.campaign.benchmark.declared import assignments, variables_of
 from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
 from cranectl.campaign.benchmark.trials import rules_of
 from cranectl.campaign.benchmark.tuning import REFUSED, run_cost, tune, tuning_campaign
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.worker import Prepared, Worker
-from cranectl.cli.benchmark import measured_laws
+from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.main import main
-from cranectl.loaders.opening import close_laws
+from cranectl.loaders.opening import close_controllers
 from cranectl.planning import load_scenario
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
@@ -67,7 +67,7 @@ def test_the_cost_of_a_run() -> None:
 
 
 def test_a_tuned_law_is_better_and_every_point_is_kept(tiny: Benchmark) -> None:
-    law = open_law("mine.py:LAW")
+    law = open_controller("mine.py:LAW")
     done: list[int] = []
     alone = tune(tiny, law, workers=1, advance=done.append)
     assert alone == tune(tiny, law, workers=2)
@@ -131,7 +131,7 @@ def test_the_command_that_tunes_again_does(state: str, capsys: pytest.CaptureFix
         file.write_text(
             re.sub(f"^{key} = .*", f'{key} = "0"', text, flags=re.M) if key else text.replace("cost", "c")
         )
-    close_laws()
+    close_controllers()
     capsys.readouterr()
     assert main(run) == 2
     command = suggested(capsys.readouterr().err)[-1]
@@ -140,7 +140,7 @@ def test_the_command_that_tunes_again_does(state: str, capsys: pytest.CaptureFix
 
 
 def test_numbers_that_a_law_refuses_cost_the_most(tiny: Benchmark) -> None:
-    tuned = tune(tiny, open_law("mine.py:REFUSES"))
+    tuned = tune(tiny, open_controller("mine.py:REFUSES"))
     refused = [point for point in tuned.points if point.values[0] > 12.0]
     assert 0 < len(refused) < 20
     assert {(point.cost, point.failed) for point in refused} == {(REFUSED, 1.0)}
@@ -148,7 +148,7 @@ def test_numbers_that_a_law_refuses_cost_the_most(tiny: Benchmark) -> None:
 
 
 def test_a_law_that_never_returns_costs_its_run(tiny: Benchmark) -> None:
-    tuned = tune(tiny, open_law("mine.py:HANGS"), runs=10, patience=0.5)
+    tuned = tune(tiny, open_controller("mine.py:HANGS"), runs=10, patience=0.5)
     hanging = [point for point in tuned.points if point.values[0] > 1.0005]
     assert 0 < len(hanging) < len(tuned.points) == 5
     assert {(point.cost, point.failed) for point in hanging} == {(11.0, 1.0)}
@@ -166,12 +166,12 @@ def test_a_law_with_nothing_to_tune_says_so(capsys: pytest.CaptureFixture[str]) 
 
 
 def test_what_cannot_be_tuned(tiny: Benchmark, monkeypatch: pytest.MonkeyPatch) -> None:
-    law = open_law("mine.py:LAW")
+    law = open_controller("mine.py:LAW")
     with pytest.raises(InputError, match="a budget of 3 runs") as few:
         tune(tiny, law, runs=3)
     assert "4 runs or more" in str(few.value)
     with pytest.raises(InputError, match="'wanders' follows a set-point, and tiny tunes on no scenario"):
-        tune(tiny, open_law("mine.py:WANDERS"))
+        tune(tiny, open_controller("mine.py:WANDERS"))
     refused = tiny.model_copy(update={"set": ("controller.mine.damping=13.0",)})
     with pytest.raises(InputError, match="too much damping"):
         tune(refused, law)
@@ -186,7 +186,7 @@ def test_a_path_that_only_begins_in_the_package_is_not_trusted(tmp_path: Path) -
     folder = resources.BENCHMARK_DIRECTORY
     file = folder / os.path.relpath(tmp_path / "tiny.toml", folder.resolve())
     with pytest.raises(InputError, match="add --trust"):
-        measured_laws(read_benchmark(str(file)))
+        measured_controllers(read_benchmark(str(file)))
 
 
 def test_numbers_that_the_machine_cannot_run_are_not_taken_for_refused(

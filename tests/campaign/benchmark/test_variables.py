@@ -2,7 +2,7 @@
 
 import pytest
 
-from cranectl import open_law
+from cranectl import open_controller
 from cranectl.campaign.benchmark.declared import Variable, assignments, variables_of
 from cranectl.campaign.benchmark.settings import read_benchmark
 from cranectl.controllers.registry import load_controller
@@ -54,7 +54,7 @@ def test_the_flat_family_is_tuned_by_its_parts() -> None:
 @pytest.mark.parametrize("name", sorted({*FLAT_FAMILY, *read_benchmark("literature").laws}))
 def test_all_within_the_bounds_is_allowed(name: str) -> None:
     if ":" in name:
-        name = open_law(str(ROOT / "validation" / "benchmark" / name))
+        name = open_controller(str(ROOT / "validation" / "benchmark" / name))
     variables = variables_of(name)
     for place in (0.0, 1.0):
         settings = assignments(variables, [each.at(place) for each in variables])

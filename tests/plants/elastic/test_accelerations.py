@@ -6,7 +6,7 @@ import pytest
 
 from cranectl.plants.elastic.crane import BODY, RAILS, SPIN, STATES, STRETCH, STRETCH_RATE
 from cranectl.plants.elastic.plant import ElasticPlant
-from cranectl.plants.elastic.step import settle
+from cranectl.plants.elastic.step import stick_or_slip
 from cranectl.plants.mujoco.disturbed_step import evaluate
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.mujoco.rope import set_damping
@@ -120,7 +120,7 @@ def test_accelerations_and_tension_are_the_engines(effects: EffectSettings, driv
         command *= 20.0 if drive == "force" else 1.0
         wind = random.uniform(-3.0, 3.0, 6) if effects.wind else np.zeros(6)
         expected = engine_rates(engine, state, command, disturbance, wind)
-        settle(elastic.crane, elastic.state, command, disturbance, wind, elastic.work)
+        stick_or_slip(elastic.crane, elastic.state, command, disturbance, wind, elastic.work)
         rates = elastic.work.rates[0].copy()
         # Rates of positions are what they say: of b, w x b.
         assert rates[:10:2] == pytest.approx(state[1:10:2], abs=0.0)

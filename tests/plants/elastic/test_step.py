@@ -5,7 +5,7 @@ import pytest
 
 from cranectl.plants.elastic.crane import RAILS, STRETCH
 from cranectl.plants.elastic.plant import ElasticPlant
-from cranectl.plants.elastic.step import settle
+from cranectl.plants.elastic.step import stick_or_slip
 from cranectl.plants.mujoco.model import fastest_rate
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive, StepError
@@ -114,7 +114,7 @@ def test_what_holds_a_joint_is_what_would_have_to_push_it(names: tuple[str, ...]
             plant.state[RAILS:] = 0.01, 0.2, -0.02, -0.1
         if effects.rope:
             plant.state[STRETCH] = 3e-4
-        settle(plant.crane, plant.state, command, disturbance, AIR, plant.work)
+        stick_or_slip(plant.crane, plant.state, command, disturbance, AIR, plant.work)
         rates.append(plant.work.rates[0].copy())
         if effects is held:
             assert plant.work.stuck.all()
