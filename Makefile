@@ -49,9 +49,10 @@ validate: .venv/cranectl ## run all scenarios with all controllers on three plan
 	$(call limit,1800) $(BIN)/cranectl validate
 
 ## Test
-lint: .venv/extras ## check format, style, types and directions of imports
+lint: .venv/extras ## check format, style, spelling, types and directions of imports
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/typos
 	$(call limit,1200) $(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 

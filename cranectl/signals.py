@@ -11,7 +11,13 @@ from itertools import accumulate
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """One scalar signal."""
+    """Describe one scalar signal.
+
+    Parameters
+    ----------
+    name, symbol, unit, description : str
+        Name in records, symbol in figures, SI unit and meaning.
+    """
 
     name: str
     symbol: str

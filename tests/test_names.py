@@ -78,3 +78,74 @@ def test_numbers_are_found_in_all_their_forms() -> None:
     assert found["BLOCK_TIMEOUT"] == {"simulate/child.py": 120.0}
     assert found["MAX_DEADLINE"] == {"loaders/process_law.py": 5.0}
     assert len(found) > 300
+
+
+# Words of a private dialect, and what the field says instead.
+DIALECT = {
+    "": {
+        "told": "declared, reported",
+        "asked": "requested",
+        "each": "the item's name",
+        "wish": "velocity command",
+        "door": "loader",
+        "LawDesign": "ControllerDesign",
+        "AddressedLaw": "CompiledController",
+        "entered": "bind_address",
+        "at_start": "with_own_memory",
+        "by_address": "called_by_address",
+    },
+    "plants/elastic": {
+        "rubs": "has_friction",
+        "swings": "has_body",
+        "stretches": "has_elastic_rope",
+        "gives": "has_frame",
+        "settle": "stick_or_slip",
+        "change_sides": "update_modes",
+        "instant": "find_event",
+        "look_at_end": "evaluate_end",
+        "hold": "reaction_forces",
+        "bend": "curvature",
+        "given": "locked_acceleration",
+        "held": "holding_force",
+    },
+    "planning": {
+        "bend": "hessian",
+        "price": "penalty",
+        "quantities": "constraints",
+        "way": "route",
+        "legs": "passages",
+        "Broken": "violation",
+        "let": "slack",
+        "given": "stated",
+        "held": "retained",
+    },
+    "loaders": {"told": "declared", "given": "input", "held": "buffer"},
+    "campaign": {"piece": "trial", "price": "penalty"},
+    "live": {"told": "reported", "given": "input"},
+}
+
+
+def identifiers(tree: ast.Module) -> Iterator[str]:
+    """Yield the names of variables, arguments, functions and classes that a module defines."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
+        elif isinstance(node, ast.arg):
+            yield node.arg
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+
+
+def dialect(place: str, tree: ast.Module) -> set[str]:
+    words = [room for room in DIALECT if place.startswith(room)]
+    return {name for name in identifiers(tree) if any(name in DIALECT[room] for room in words)}
+
+
+def test_names_are_words_of_the_field() -> None:
+    assert {place: found for place, tree in modules() if (found := dialect(place, tree))} == {}
+
+
+def test_a_word_of_the_dialect_is_noticed() -> None:
+    code = ast.parse("def told(given): rubs = [each for each in given]")
+    assert dialect("report/page.py", code) == {"told", "each"}
+    assert dialect("plants/elastic/step.py", code) == {"told", "given", "rubs", "each"}

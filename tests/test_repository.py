@@ -58,7 +58,7 @@ def test_hooks_run_what_lint_runs() -> None:
     recipe = re.search(r"^lint:.*\n((?:\t.*\n)+)", MAKEFILE, re.MULTILINE)
     assert recipe is not None
     tools = [re.sub(r" --\S+", "", hook["entry"]).replace(".venv/bin/", "") for hook in hooks]
-    assert tools == ["ruff format", "ruff check", "lint-imports", "make lint"]
+    assert tools == ["ruff format", "ruff check", "typos", "lint-imports", "make lint"]
     assert all(tool in recipe[1] for tool in tools[:-1])
 
 

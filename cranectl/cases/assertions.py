@@ -87,8 +87,19 @@ def briefly(function: Callable[Arguments, None]) -> Callable[Arguments, None]:
 def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: float | None = None) -> None:
     """Assert that the plants agree and that their runs ended as the scenario expects.
 
-    By the limits of the numerics, or by `load_m` [m] and `angle_rad` [rad], one or both, in their place.
-    Raises InputError for a single plant, and where no limits are known.
+    Parameters
+    ----------
+    runs : CaseRuns
+        Runs of two or more plants, as the fixture `closed_loop` returns them.
+    load_m, angle_rad : float, optional
+        Limits [m], [rad] in place of those of the numerics.
+
+    Raises
+    ------
+    AssertionError
+        If plants disagree or a run ended otherwise.
+    InputError
+        For a single plant, and where no limits are known.
     """
     pairs = against_reference(list(runs.values()))
     if not pairs:
@@ -135,8 +146,19 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
 def assert_limits(runs: CaseRuns, **limits: float) -> None:
     """Assert that every run keeps its limits and ended as the scenario expects.
 
-    Those of the scenario's [limits], with `limits` by metric, as `max_error_m=0.05`, in their place. Raises
-    InputError for unknown metrics, and if no limit is given at all.
+    Parameters
+    ----------
+    runs : CaseRuns
+        Runs, as the fixture `closed_loop` returns them.
+    **limits : float
+        Limits by metric, such as `max_error_m=0.05`, in place of those of the scenario's [limits].
+
+    Raises
+    ------
+    AssertionError
+        If a limit is broken or a run ended otherwise.
+    InputError
+        For unknown metrics, and if there is no limit at all.
     """
     faults = _endings(runs)
     stated = given_limits(limits, "assert_limits")

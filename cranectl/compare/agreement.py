@@ -121,7 +121,23 @@ def _closed_loop() -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Agreement:
-    """A comparison of a plant with the reference plant, judged where their limits are known."""
+    """Compare a plant with the reference plant, judged where limits are known.
+
+    Parameters
+    ----------
+    scenario, controller, plant, reference, drive : str
+        What was run, and the plant that it is compared with.
+    max_load_error_m, max_angle_error_rad : float
+        Largest difference of the load's position [m] and of the two cardan angles [rad].
+    limit_m, limit_rad : float or None
+        Limits of these differences, None if they are unknown.
+    passed : bool or None
+        Whether the plants agree; None if they are not judged.
+    limits : str
+        Where the limits come from, or why there are none.
+    curing_step_s : float or None
+        The `control.physics_step` [s] with which they agree after all.
+    """
 
     scenario: str
     controller: str
@@ -132,9 +148,9 @@ class Agreement:
     max_angle_error_rad: float
     limit_m: float | None
     limit_rad: float | None
-    passed: bool | None  # None: not judged
-    limits: str  # where the limits come from, or why there are none
-    curing_step_s: float | None = None  # control.physics_step with which they were seen to agree after all
+    passed: bool | None
+    limits: str
+    curing_step_s: float | None = None
 
     def __post_init__(self) -> None:
         """Raise InconsistentError for plants that pass in spite of a limit."""
@@ -164,11 +180,24 @@ def against_reference(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[t
 def judge(
     a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None = None, comparison: Comparison | None = None
 ) -> Agreement:
-    """Judge the agreement of two plants by `limits`, by default those that cranectl has for their scenario.
+    """Judge the agreement of two plants.
 
     Plants that ended with different status, or at times further from each other than the limit, do not agree,
-    whatever their difference. Without limits of this pair there is no verdict. `comparison`: of the two,
-    where it is known already.
+    whatever their difference. Without limits of this pair there is no verdict.
+
+    Parameters
+    ----------
+    a, b : Run
+        The run of a plant, and that of the reference plant.
+    limits : AgreementLimits or NoLimits, optional
+        Limits; by default those that cranectl has for the scenario.
+    comparison : Comparison, optional
+        The comparison of the two, if it is known already.
+
+    Returns
+    -------
+    Agreement
+        The differences and the verdict.
     """
     comparison = comparison or compare_runs(a, b, signals=())
     limits = limits or pair_limits(a.scenario, a.drive, (a.plant, b.plant))

@@ -33,15 +33,31 @@ class SignalDifference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two runs against one another over the samples that both have."""
+    """Compare two runs over the samples that both have.
+
+    Parameters
+    ----------
+    a, b : str
+        Names of the runs; differences are b - a.
+    samples : int
+        Number of common samples.
+    same_length : bool
+        Whether both runs ended at the same time.
+    max_load_error_m, max_load_error_at_s : float
+        Largest distance of the two loads [m], and when it occurs [s].
+    max_angle_error_rad : float
+        Largest difference of a cardan angle [rad].
+    signals : tuple of SignalDifference
+        The difference of each compared signal.
+    """
 
     a: str
     b: str
     samples: int
     same_length: bool
-    max_load_error_m: float  # Euclidean distance of the two loads
+    max_load_error_m: float
     max_load_error_at_s: float
-    max_angle_error_rad: float  # larger of the two cardan angles
+    max_angle_error_rad: float
     signals: tuple[SignalDifference, ...]
 
     def to_json(self) -> dict[str, Any]:
@@ -49,10 +65,26 @@ class Comparison:
 
 
 def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Comparison:
-    """Differences b - a at the times that both runs have.
+    """Compare two runs at the times that both have; differences are b - a.
 
-    `signals`: those listed, by group and name as `state.alpha`; by default all of COMPARED_GROUPS. Raises
-    InputError if there is no common time and KeyError for a signal that a run does not have.
+    Parameters
+    ----------
+    a, b : Run
+        The runs.
+    signals : sequence of str, optional
+        Names such as `state.alpha`; by default all signals of COMPARED_GROUPS.
+
+    Returns
+    -------
+    Comparison
+        The largest differences, and those of each signal.
+
+    Raises
+    ------
+    InputError
+        If the runs have no time in common.
+    KeyError
+        If a run does not have a signal.
     """
     _, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, assume_unique=True, return_indices=True)
     if not len(in_a):

@@ -58,7 +58,25 @@ _WHOLE = (  # numbers that a controller declares: their range, and what each is
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of a law, or a choice among names."""
+    """Declare a number of a controller, or a choice among names.
+
+    Parameters
+    ----------
+    name : str
+        Its name in scenarios, `controller.NAME`.
+    default : float or str
+        Value on the laboratory rig.
+    unit, description : str
+        Unit and meaning.
+    lowest, highest : float
+        Bounds of a number.
+    choices : tuple of str
+        Allowed names, for a choice.
+    search : tuple of float or None
+        Where tuning looks, on a logarithmic scale; None: it stays.
+    length_power : float
+        Power of the rig's relative length with which the default grows (Froude's similarity): -0.5 for 1/s.
+    """
 
     name: str
     default: Value
@@ -67,9 +85,7 @@ class Parameter:
     lowest: float = -inf
     highest: float = inf
     choices: tuple[str, ...] = ()
-    search: tuple[float, float] | None = None  # where tuning looks, on a logarithmic scale; None: it is kept
-    # By which power of the rig's length over that of the laboratory's the default goes and so does `search`,
-    # as Froude's similarity has it: -0.5 for 1/s.
+    search: tuple[float, float] | None = None
     length_power: float = 0.0
 
     def sized(self, value: Value, length: float) -> Value:
@@ -97,22 +113,48 @@ class Parameter:
 
 
 class Logged(NamedTuple):
-    """A place of the memory that is recorded at every sample, as the step leaves it."""
+    """Name a number of the memory that is recorded at every sample, as the step leaves it.
+
+    Parameters
+    ----------
+    place : int
+        Index in the memory.
+    signal : Signal
+        Name, unit and description.
+    """
 
     place: int
     signal: Signal
 
 
 class Nominal(NamedTuple):
-    """What a law is prepared for: the crane that it takes the real one for."""
+    """Describe the crane that a controller is prepared for, which it takes for the real one.
 
-    rig: RigParameters  # with the limits of its drives that hold, the scenario's or its own
+    Parameters
+    ----------
+    rig : RigParameters
+        The crane, with the limits of its drives that hold.
+    drive : str
+        Kind of drive.
+    period : float
+        Time between two steps of the controller [s].
+    reference : ndarray, shape (N, 15)
+        A row for each control sample: the path with four derivatives, or set-points.
+    state : ndarray, shape (10,)
+        State at the start of the reference, in the order of `signals.STATE`.
+    parameters : Mapping
+        All parameters that the controller declares.
+    axis_design : Design or None
+        The linear design of one axis, for controllers that have one.
+    """
+
+    rig: RigParameters
     drive: str
-    period: float  # between two steps of the law [s]
-    reference: Array  # (N, 15) a row for each control sample: the path, or set-points
-    state: Array  # (10,) at the start of the reference, order of signals.STATE
-    parameters: Mapping[str, Any]  # all that the law declares
-    axis_design: Design | None = None  # of a controller with a linear design of one axis of the load
+    period: float
+    reference: Array
+    state: Array
+    parameters: Mapping[str, Any]
+    axis_design: Design | None = None
 
 
 CRANE_STATES = 4  # of one horizontal axis: position, its rate, angle, its rate
@@ -148,37 +190,74 @@ def called_by_address(*_: Any) -> int:
 
 @dataclass(frozen=True)
 class Controller:
-    """A control law by its step and its declarations."""
+    """Declare a controller by its step and its properties.
 
-    name: str  # lower case letters, digits, hyphens
-    title: str  # one line for people
-    step: Callable[..., int]  # the signature above, in the Python that Numba compiles
-    prepare: Callable[[Nominal], tuple[Array, Array]]  # (parameters, memory); may raise InputError
+    Parameters
+    ----------
+    name, title : str
+        Name (lower case letters, digits, hyphens) and a line for people.
+    step : Callable
+        The step with the signature above, in Python that Numba compiles.
+    prepare : Callable
+        Returns (parameters, memory) for a `Nominal` crane; may raise InputError.
+    command : {'acceleration', 'velocity', 'force'}
+        What the step commands.
+    follows : {'path', 'set-point'}
+        What the reference holds.
+    measures : {'state', 'encoders'}
+        What the step measures.
+    every : int
+        Control periods between two steps; the command is held.
+    preview : int
+        Rows of the reference after the present one.
+    parameters : tuple of Parameter
+        Numbers that scenarios can set.
+    logged : tuple of Logged
+        Numbers of the memory that are recorded.
+    linearise : Callable or None
+        Returns a LinearController at a rope length [m].
+    entry : Callable or None
+        Returns the address of a step that Numba does not compile.
+    origin : Origin or None
+        The file that it comes from.
+    code : str
+        SHA-256 of the code of that file, without comments and docstrings.
+    alone : bool
+        Whether it can serve only one run at a time.
+    reads : tuple of str or None
+        Fields of the nominal rig, `limits` or `path` that `prepare` uses; None: not declared.
+    axis_design : Callable or None
+        Makes the design of one axis from [design]; the name is then one of `design.CONTROLLERS`.
+    records_all : bool
+        Whether the memory ends with all that a run records, in the order of the groups of its design.
+    slack_place : int or None
+        Index where the loop writes whether the rope is slack. Only then it is called on a slack rope.
+
+    Raises
+    ------
+    InputError
+        For a declaration of the wrong kind, or out of range.
+    """
+
+    name: str
+    title: str
+    step: Callable[..., int]
+    prepare: Callable[[Nominal], tuple[Array, Array]]
     command: Command = "acceleration"
     follows: Follows = "path"
     measures: Measures = "state"
-    every: int = 1  # control periods between two steps; the command is held
-    preview: int = 0  # rows of the reference after the present one
+    every: int = 1
+    preview: int = 0
     parameters: tuple[Parameter, ...] = ()
     logged: tuple[Logged, ...] = ()
-    linearise: Callable[[Nominal, float], LinearController] | None = None  # at a rope length [m]
-    # Where Numba is not to compile the step: its address in the process and for the run that these parameters
-    # are of, which it may write to.
+    linearise: Callable[[Nominal, float], LinearController] | None = None
     entry: Callable[[Sizes, Array], int] | None = None
     origin: Origin | None = None
-    code: str = ""  # of what has an `origin`: SHA-256 of its code, without comments and docstrings
-    alone: bool = False  # there is one of it, for one run at a time
-    # What `prepare` uses of the nominal rig: fields, or `limits` of its drives; and `path` if it uses more
-    # of the reference than the start. None: not declared.
+    code: str = ""
+    alone: bool = False
     reads: tuple[str, ...] | None = None
-    # In place of parameters: makes its design of one axis of the load from the table [design] of a scenario.
-    # Its name is then one of `design.CONTROLLERS`.
     axis_design: Callable[[DesignSettings], Design] | None = None
-    # Its memory ends with all that a run records of it, in the order of the groups of its design. Of others
-    # the loop records load and error, and what is `logged`.
     records_all: bool = False
-    # Place of the memory where the loop writes whether the rope is slack. It is then called while the rope is
-    # slack, and its command is not used; others are not called.
     slack_place: int | None = None
 
     def __post_init__(self) -> None:

@@ -30,9 +30,19 @@ FILE = re.compile(rf"(?P<path>.*({'|'.join(map(re.escape, ENDINGS))}))(:(?P<symb
 
 
 def register_controller(controller: "Controller") -> None:
-    """Make a controller known to this process; raises InputError for a name that another one has.
+    """Make a controller known to this process.
 
     An entry point of the group `cranectl.controllers` makes it known to all.
+
+    Parameters
+    ----------
+    controller : Controller
+        The controller.
+
+    Raises
+    ------
+    InputError
+        If another controller has its name.
     """
     if OPEN.registered.get(controller.name) is controller:  # as every test file of a package may say
         return
@@ -46,7 +56,18 @@ def is_reference(text: str) -> bool:
 
 
 def controller_names() -> tuple[str, ...]:
-    """Return the names of the flat family, then of all others; raise InputError as `with_extensions`."""
+    """Return the names of the flat family, then of all other controllers.
+
+    Returns
+    -------
+    tuple of str
+        The names.
+
+    Raises
+    ------
+    InputError
+        If a controller of an installed package cannot be loaded.
+    """
     return (*FLAT_FAMILY, *WHERE, *_added(), *OPEN.registered)
 
 

@@ -35,9 +35,29 @@ CONTROLLERS = tuple(TITLES)
 
 @functools.lru_cache(maxsize=64)
 def design_controller(name: str, settings: DesignSettings | None = None) -> Design:
-    """Design the controller `name` for one axis, or take the design that an earlier process kept.
+    """Design a controller of the flat family, or take the design that an earlier process stored.
 
-    Raises InputError for a name not in `CONTROLLERS` and for settings that no controller can meet.
+    Parameters
+    ----------
+    name : str
+        One of `CONTROLLERS`.
+    settings : DesignSettings, optional
+        Poles, weights and bounds; by default those of the thesis.
+
+    Returns
+    -------
+    Design
+        The design of one axis.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, and for settings that no controller can meet.
+
+    Examples
+    --------
+    >>> design_controller("lqr").gain.shape
+    (4,)
     """
     if name not in CONTROLLERS:
         raise unknown_name("controller", name, CONTROLLERS)

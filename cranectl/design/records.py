@@ -163,18 +163,41 @@ class ControllerDesign:
 
 @dataclass(frozen=True)
 class Design(ControllerDesign):
-    """A controller for the chain z'''' = v of one axis; all three axes use the same.
+    """Hold the linear design of one axis; all three axes use the same.
 
     v = z_d'''' + gain · (e, e', e'', e''') + v-bar, with e = z_d - z (3.47).
+
+    Parameters
+    ----------
+    name : str
+        Name of the controller.
+    gain : ndarray, shape (4,)
+        State feedback [1/s⁴, 1/s³, 1/s², 1/s].
+    closed_loop_poles : ndarray
+        Poles of one axis with its robustifier [1/s].
+    margins : Margins
+        Stability margins.
+    robustifier : Robustifier
+        The added dynamic controller.
+    gamma, gamma_achieved : float or None
+        Smallest norm of a robustifier of this kind (1/eps_max for loop shaping), and that of this one.
+    stability_margin : float or None
+        Margin eps of the normalised coprime factors, for loop shaping only.
+    parameters : Mapping
+        Parameters of the controller; the flat family has none.
+    signals : tuple of Signal
+        Signals that the controller logs itself.
+    origin : Origin or None
+        The file that the controller comes from.
     """
 
-    gain: Array  # (4,) [1/s⁴, 1/s³, 1/s², 1/s]
-    closed_loop_poles: NDArray[np.complex128]  # [1/s], of one axis, robustifier included
+    gain: Array
+    closed_loop_poles: NDArray[np.complex128]
     margins: Margins
     robustifier: Robustifier
-    gamma: float | None = None  # smallest norm of a robustifier of this kind; 1/eps_max for loop shaping
-    gamma_achieved: float | None = None  # of this robustifier
-    stability_margin: float | None = None  # eps of the normalised coprime factors, loop shaping only
+    gamma: float | None = None
+    gamma_achieved: float | None = None
+    stability_margin: float | None = None
 
     def __post_init__(self) -> None:
         """Raise InconsistentError for norms that contradict each other."""

@@ -149,7 +149,7 @@ class Controls:
             warning=True,
         )
 
-    def wish(self, message: bytes) -> None:
+    def drive_by_hand(self, message: bytes) -> None:
         """Drive as the Twist in a message says, until the next one comes or none has for too long."""
         self._steer(self._wishes.hear, message)
 

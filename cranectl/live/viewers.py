@@ -61,7 +61,7 @@ class Listener(ServerListener):
 
     def on_message_data(self, client: Client, client_channel_id: int, data: bytes) -> None:
         if (client.id, client_channel_id) in self._wishing:
-            self._controls.wish(data)
+            self._controls.drive_by_hand(data)
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:  # noqa: ARG002 (SDK's signature)
         self._subscribed.put(channel.topic)

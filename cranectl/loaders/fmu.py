@@ -48,7 +48,7 @@ class Fmu:
             raise wrong(file, f"it has version {description.fmiVersion} of FMI")
         if description.coSimulation is None:
             raise wrong(file, "it is for model exchange only: it would need a solver of its importer")
-        self.file, self.told, self.kind = file, description, description.coSimulation
+        self.file, self.description, self.kind = file, description, description.coSimulation
         self.fmi = int(description.fmiVersion[0])
         platform = fmpy.platform if self.fmi == 2 else fmpy.platform_tuple
         identifier = self.kind.modelIdentifier or ""
@@ -80,7 +80,7 @@ class Fmu:
 
         The step that it prefers counts where it takes no others, and the table beside it says nothing.
         """
-        table, experiment = self.variables.table, self.told.defaultExperiment
+        table, experiment = self.variables.table, self.description.defaultExperiment
         own = self.kind.fixedInternalStepSize
         prefers = not (
             own or self.kind.canHandleVariableCommunicationStepSize or "every" in table.model_fields_set
@@ -101,7 +101,7 @@ class Fmu:
         return {
             "fmi": self.fmi,
             "name": "cranectl",
-            "token": self.told.guid,
+            "token": self.description.guid,
             "resources": str(self.resources),
             "references": self.variables.fixed_references,
             "values": [
@@ -165,7 +165,9 @@ def open_fmu(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     try:
         ask(fmi.__file__, fmu.binary, fmu.model())
     except ValueError as error:
-        needs = f"; it says that it needs the tool that made it: {fmu.told.generationTool or 'unnamed'}"
+        needs = (
+            f"; it says that it needs the tool that made it: {fmu.description.generationTool or 'unnamed'}"
+        )
         raise wrong(file, f"{error}{needs if fmu.kind.needsExecutionTool else ''}") from None
     address_of(fmu_step.step)  # compiled before any run
     variables, table = fmu.variables, fmu.variables.table
@@ -182,8 +184,8 @@ def open_fmu(file: ControllerFile) -> tuple[Controller, ControllerFile]:
         return parameters, fmu_step.MEMORY.array(values=np.zeros(inputs + outputs))
 
     controller = Controller(
-        name=table.name or slug(fmu.told.modelName or "") or slug(file.path.stem),
-        title=table.title or fmu.told.description or fmu.told.modelName or file.path.name,
+        name=table.name or slug(fmu.description.modelName or "") or slug(file.path.stem),
+        title=table.title or fmu.description.description or fmu.description.modelName or file.path.name,
         step=fmu_step.step,
         prepare=prepare,
         command=table.command,

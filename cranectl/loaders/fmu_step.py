@@ -34,11 +34,11 @@ def _call(_typing, _address, arguments):
     """Return the int that a C function at an address returns; pointers among the arguments are int64."""
     from llvmlite import ir
 
-    def generate(context: Any, builder: Any, _: Any, given: Any) -> Any:
+    def generate(context: Any, builder: Any, _: Any, called_with: Any) -> Any:
         kinds = [context.get_value_type(kind) for kind in arguments.types]
         function = ir.FunctionType(ir.IntType(32), kinds).as_pointer()
-        values = cgutils.unpack_tuple(builder, given[1])
-        return builder.call(builder.inttoptr(given[0], function), values)
+        values = cgutils.unpack_tuple(builder, called_with[1])
+        return builder.call(builder.inttoptr(called_with[0], function), values)
 
     return types.int32(types.int64, arguments), generate
 

@@ -150,9 +150,22 @@ def slug(name: str) -> str:
 
 
 def open_controller(reference: str) -> str:
-    """Register the law at `reference` with this process; returns the controller's name.
+    """Register the controller of a file, or of another process, with this process.
 
-    Raises InputError for a file that is not there, or not a law.
+    Parameters
+    ----------
+    reference : str
+        Such as `law.py:NAME`, `law.so`, `law.fmu`, `law.toml` or `udp://HOST:PORT`.
+
+    Returns
+    -------
+    str
+        The name of the controller.
+
+    Raises
+    ------
+    InputError
+        For a file that does not exist, or that holds no controller.
     """
     if reference.startswith(UDP):
         return _register(ControllerFile(reference, Path(), "", reference.encode(), place=reference))

@@ -47,7 +47,7 @@ NUMBERS = {"state": 12, "encoders": 5}
 REFERENCE_WIDTH = 15
 PIPE_BYTES = 65536  # read at once
 CAN_WAIT_FOR_PIPES = hasattr(select, "poll")
-MEMORY = Slots(sequence=1, missed=1, held=3, told=0)
+MEMORY = Slots(sequence=1, missed=1, last_command=3, reported=0)
 
 
 class ProcessSettings(Settings):
@@ -83,7 +83,7 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
         file = _with_named(settings, file)
     check_name("controller", settings.name)
     connect = _connector(settings, file)
-    memory = MEMORY.array(told=np.zeros(len(settings.logged)))
+    memory = MEMORY.array(reported=np.zeros(len(settings.logged)))
     missed = Signal("missed", "missed", "", "samples without an answer in time, so far")
     controller = Controller(
         name=settings.name,
@@ -95,7 +95,9 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
         measures=settings.measures,
         every=settings.every,
         reads=(),
-        logged=MEMORY.logged(missed=[missed], told=[Signal(name, name, "", "") for name in settings.logged]),
+        logged=MEMORY.logged(
+            missed=[missed], reported=[Signal(name, name, "", "") for name in settings.logged]
+        ),
         entry=lambda sizes, _: called_back(_step(settings, connect), file.reference, sizes),
         alone=bool(settings.address),
     )
@@ -154,12 +156,12 @@ def _step(settings: ProcessSettings, connect: "Callable[[], _Program | _Datagram
         with starting() if sequence == 0 else nullcontext():
             received = timeout.wait_for(partial(_answer, connection, answer, sequence))
         if received is not None:
-            memory[MEMORY.held :] = received
+            memory[MEMORY.last_command :] = received
         elif free is not None:
             memory[MEMORY.missed] += 1.0
         else:
             raise TimeoutError(f"no answer to sample {sequence} within {limit:g} s")
-        command[:] = memory[MEMORY.held : MEMORY.told]
+        command[:] = memory[MEMORY.last_command : MEMORY.reported]
         memory[MEMORY.sequence] += 1.0
         return 0
 

@@ -39,9 +39,22 @@ class TopicSamples(NamedTuple):
 
 
 def read_log(path: str | Path) -> dict[str, Run]:
-    """Read the runs in a log by plant, at the logged rate.
+    """Read the runs in a log, at the logged rate.
 
-    Raises LogError if the file is missing, empty, truncated, damaged, foreign, or of another format version.
+    Parameters
+    ----------
+    path : str or Path
+        The log.
+
+    Returns
+    -------
+    dict of str to Run
+        The runs by plant.
+
+    Raises
+    ------
+    LogError
+        If the file is missing, empty, truncated, damaged, foreign, or of another format version.
     """
     return {plant: run for plant, (_, run) in read_runs(path, overlays=False).items()}
 
@@ -63,10 +76,26 @@ def read_runs(path: str | Path, *, overlays: bool) -> dict[str, tuple[LogHeader,
 
 
 def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
-    """Read time [s] and values of one signal of a log, each (N,), by the name that viewers give it.
+    """Read one signal of a log, without decoding the others.
 
-    `mujoco/state.alpha`, `reference/load.load_x`, `diff/load.load_x`. Only the messages of its topic are
-    taken apart. Raises InputError for a name that the log does not have, and LogError as `read_log` does.
+    Parameters
+    ----------
+    path : str or Path
+        The log.
+    name : str
+        The name in viewers, such as `mujoco/state.alpha`, `reference/load.load_x` or `diff/load.load_x`.
+
+    Returns
+    -------
+    tuple of ndarray
+        Time [s] and values in SI units, shape (N,) each.
+
+    Raises
+    ------
+    InputError
+        For a name that the log does not have.
+    LogError
+        As `read_log` raises it.
     """
     topic, _, field = f"/{name.removeprefix('/')}".rpartition(".")
     with opened(path) as stream:

@@ -42,11 +42,30 @@ def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = F
 def write_log(
     path: str | Path, runs: Sequence[Run], *, every: int | None = None, limits: PairLimits | None = None
 ) -> Path:
-    """Write runs of different plants, of the same scenario, design and drive to `path`.
+    """Write runs of different plants, of the same scenario, design and drive, to a log.
 
-    `every`: log every n-th control sample, by default as the scenario says; the last sample always.
-    `limits`: what the agreement of plants is judged by, by default as `judge` has it.
-    Returns `path`; raises LogError if it cannot be written, InputError if nobody could read it.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    runs : sequence of Run
+        The runs.
+    every : int, optional
+        Log every n-th control sample and the last; by default as the scenario states.
+    limits : PairLimits, optional
+        Limits of the agreement; by default those of `judge`.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be written.
+    InputError
+        If nobody could read the log.
     """
     path = Path(path)
     check_writable(path, at_once=True)

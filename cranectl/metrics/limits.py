@@ -82,8 +82,8 @@ def limits_of(scenario: Scenario, plants: Iterable[str]) -> dict[str, dict[str, 
     A table in it named as a plant holds for that plant only, before what holds for all. Raises InputError for
     names and values that cannot be.
     """
-    tables = {name: value for name, value in scenario.limits.asked.items() if isinstance(value, Mapping)}
-    shared = {name: value for name, value in scenario.limits.asked.items() if name not in tables}
+    tables = {name: value for name, value in scenario.limits.stated.items() if isinstance(value, Mapping)}
+    shared = {name: value for name, value in scenario.limits.stated.items() if name not in tables}
     stated = {"": given_limits(shared, f"{scenario.name}, [limits]")}
     for plant, table in tables.items():
         plant_entry(plant)  # raises for an unknown one

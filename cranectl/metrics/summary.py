@@ -30,11 +30,21 @@ class WorkspaceViolation:
 
 @dataclass(frozen=True)
 class RunMetrics:
-    """Summary of one run. Every metric of the table is an attribute: `max_error_m`."""
+    """Summarise one run. Every metric is an attribute, such as `max_error_m`.
 
-    status: str  # how the run ended
-    duration_s: float  # until then
-    values: Mapping[str, Value]  # by name of the metric
+    Parameters
+    ----------
+    status : str
+        How the run ended.
+    duration_s : float
+        When it ended [s].
+    values : Mapping
+        Values by name of the metric.
+    """
+
+    status: str
+    duration_s: float
+    values: Mapping[str, Value]
 
     def __getattr__(self, name: str) -> Any:
         try:
@@ -64,7 +74,18 @@ class RunMetrics:
 
 
 def run_metrics(run: Run) -> RunMetrics | None:
-    """Metrics of `run` over its recorded samples; None for a run that stopped before its first."""
+    """Compute the metrics of a run over its recorded samples.
+
+    Parameters
+    ----------
+    run : Run
+        The run.
+
+    Returns
+    -------
+    RunMetrics or None
+        The metrics; None for a run that stopped before its first sample.
+    """
     setup, accumulator = _begun(run)
     table, reference = np.ascontiguousarray(run.table), np.ascontiguousarray(run.reference)
     accumulate(setup, accumulator, (run.time_ns, table, reference, table))

@@ -10,7 +10,32 @@ from cranectl.scenario.load import read_scenario, scenario_file
 def load_scenario(
     name_or_path: str | Path, *, rig: str | Path | None = None, overrides: Sequence[str] = ()
 ) -> Scenario:
-    """Load a scenario by name or from a TOML file, as `read_scenario` does, and plan it."""
+    """Load a scenario and plan its motions.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A shipped scenario, or a TOML file.
+    rig : str or Path, optional
+        A rig in place of the scenario's.
+    overrides : sequence of str
+        Assignments such as "rig.load_mass=2.5".
+
+    Returns
+    -------
+    Scenario
+        The scenario.
+
+    Raises
+    ------
+    InputError
+        For a wrong file or setting, and for a motion that cannot be planned.
+
+    Examples
+    --------
+    >>> load_scenario("fixed-position", overrides=["rig.load_mass=2.5"]).rig.load_mass
+    2.5
+    """
     scenario = read_scenario(name_or_path, rig=rig, overrides=overrides)
     return planned(scenario, scenario_file(name_or_path).parent)
 

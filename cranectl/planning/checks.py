@@ -87,8 +87,8 @@ def least_times(start: Array, end: Array, limits: Limits) -> list[float]:
     No motion within the limits can take less: each axis goes its way under its set-point's limits alone.
     """
     times = []
-    for i, way in enumerate(np.abs(end - start)):
-        distance, speed, rate = float(way), float(limits.velocity[i]), float(limits.acceleration[i])
+    for i, travel in enumerate(np.abs(end - start)):
+        distance, speed, rate = float(travel), float(limits.velocity[i]), float(limits.acceleration[i])
         ramp = distance < speed**2 / rate
         times.append(2.0 * sqrt(distance / rate) if ramp else distance / speed + speed / rate)
     return times

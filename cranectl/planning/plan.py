@@ -185,7 +185,7 @@ def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) ->
     _check_move(segment, points, limits, where)
     corners = stops(points, limits, where)
     ways = [Straight(begin, end) for begin, end in itertools.pairwise(corners)]
-    durations = [shortest(way, limits, where) for way in ways]
+    durations = [shortest(geometry, limits, where) for geometry in ways]
     quickest = longest = sum(durations)
     if segment.duration is None:
         motion = _faster(free_motion(segment, points, corners, limits, longest), scenario)
@@ -202,8 +202,8 @@ def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) ->
             remedy="leave constant_rope out, or relax planning.tension and the other limits",
         )
     return [
-        Line(kind="line", to=tuple(way.end.tolist()), duration=duration)
-        for way, duration in zip(ways, durations, strict=True)
+        Line(kind="line", to=tuple(geometry.end.tolist()), duration=duration)
+        for geometry, duration in zip(ways, durations, strict=True)
     ]
 
 

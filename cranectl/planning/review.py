@@ -57,7 +57,7 @@ class Review(NamedTuple):
     time: Array  # (N,) [s] from the segment's start
     shares: dict[str, Array]  # of each limit, (N,)
     path: Array  # (N, 3) of the load [m]
-    asked: Array  # (M, 3) corners that are blended, or points that are passed, but for the ends [m]
+    marked: Array  # (M, 3) corners that are blended, or points that are passed, but for the ends [m]
 
     @property
     def tightest(self) -> tuple[str, float]:
@@ -78,7 +78,7 @@ class Review(NamedTuple):
         """Return a line about the plan."""
         name, slack = self.tightest
         at = ", ".join(
-            f"{limit} for {sum(each.end - each.start for each in times):.2f} s"
+            f"{limit} for {sum(stretch.end - stretch.start for stretch in times):.2f} s"
             for limit, times in self.by_limit.items()
         )
         proven = f"proven on {self.proof.pieces} pieces, smallest slack {slack:.2g} of {name}"
@@ -189,7 +189,7 @@ def _review(
         time=time,
         shares=shares,
         path=path,
-        asked=_asked(segment, start),
+        marked=_asked(segment, start),
     )
 
 

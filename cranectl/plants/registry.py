@@ -32,23 +32,46 @@ REFERENCE_PLANT = "mujoco"  # the plant that others are compared against
 
 @dataclass(frozen=True)
 class PlantEntry:
-    """A plant by name."""
+    """Declare a plant by name, and what it honours.
 
-    name: str  # of its topics and columns: lower case letters, digits, hyphens
-    label: str  # for people
-    colour: str  # a series of `support.colours`
-    where: str  # module:class, imported only when asked for: engines take a while
-    batch: int  # samples of a campaign's batch: some seconds of runs like the thesis's; 0: none, too slow
+    Parameters
+    ----------
+    name, label : str
+        Name of its topics and columns (lower case letters, digits, hyphens), and name for people.
+    colour : str
+        A series of `support.colours`.
+    where : str
+        Its class as module:class, imported only when the plant is used.
+    batch : int
+        Samples in a batch of a campaign, some seconds of runs; 0: too slow for campaigns.
+    drives : tuple of str
+        Kinds of drives that it has.
+    servos : bool
+        Whether its velocity drives feel the load.
+    shows : sequence of str or None
+        Effects that it honours; None: COMMON, and those in the field `shows` of its class.
+    lacks : Mapping of str to str
+        What it does not honour, one of LACKS, each with a reason.
+    fixed : Mapping of str to float
+        Numbers of the rig that are built in, of BUILT_IN.
+    by_default : bool
+        Whether commands run it where no plants are named.
+    package : str
+        A package that it needs, which only the extra of its name installs.
+    """
+
+    name: str
+    label: str
+    colour: str
+    where: str
+    batch: int
     drives: tuple[Drive, ...] = ("ideal", "velocity")
-    servos: bool = False  # its velocity drives feel the load, as those of `plants.elastic` and the engine do
-    # What it honours: effects in `shows` but for what it lacks, one of LACKS with a reason as a clause after
-    # its label, and numbers of the rig but for those in `fixed`. All that must act; the first run of a plant
-    # of another package tries it. Without `shows` it is COMMON, and what its class has in a field `shows`.
+    servos: bool = False
     shows: Sequence[str] | None = None
     lacks: Mapping[str, str] = field(default_factory=dict)
-    fixed: Mapping[str, float] = field(default_factory=dict)  # numbers of the rig, of BUILT_IN, that it has
-    by_default: bool = True  # where a command is not told which plants
-    package: str = ""  # that it needs, and that only the extra of its name installs
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    by_default: bool = True
+    package: str = ""
 
     def __post_init__(self) -> None:
         check_name("plant", self.name)
@@ -224,9 +247,19 @@ def default_plants() -> tuple[str, ...]:
 
 
 def register_plant(entry: PlantEntry) -> None:
-    """Make a plant known to this process; raises InputError for a name that is taken.
+    """Make a plant known to this process.
 
     Worker processes of `validate` know it too where the module of its class calls this.
+
+    Parameters
+    ----------
+    entry : PlantEntry
+        The plant.
+
+    Raises
+    ------
+    InputError
+        If its name is taken.
     """
     check_free("plant", entry.name, PLANTS)
     PLANTS[entry.name] = entry

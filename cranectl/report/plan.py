@@ -117,7 +117,7 @@ def _draw_path(axes: Axes, reviewed: Sequence[Review], scenario: Scenario, verti
         line = review.path[:, [0, vertical]].T
         axes.plot(*line, color=f"C{k}")
         axes.plot(*line[:, [0, -1]], ".", color=f"C{k}")
-        axes.plot(*review.asked[:, [0, vertical]].T, "x", color="0.4", markersize=4)
+        axes.plot(*review.marked[:, [0, vertical]].T, "x", color="0.4", markersize=4)
     for box in scenario.obstacles:
         low, high = np.array(box.low)[[0, vertical]], np.array(box.high)[[0, vertical]]
         axes.add_patch(Rectangle(tuple(low), *(high - low), color="0.6", alpha=0.4))

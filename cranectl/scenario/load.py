@@ -41,7 +41,13 @@ def changed_from_default(scenario: Scenario) -> dict[str, Any]:
 
 
 def scenario_names() -> list[str]:
-    """Return the names of the shipped scenarios."""
+    """Return the names of the shipped scenarios.
+
+    Returns
+    -------
+    list of str
+        The names, sorted.
+    """
     return resources.toml_names(resources.SCENARIO_DIRECTORY)
 
 

@@ -110,7 +110,7 @@ class LimitSettings(Settings):
     __pydantic_extra__: dict[str, Bound | dict[str, Bound]] = Field(init=False)
 
     @property
-    def asked(self) -> dict[str, Bound | dict[str, Bound]]:
+    def stated(self) -> dict[str, Bound | dict[str, Bound]]:
         """As written; `metrics.limits` knows which there can be."""
         return self.__pydantic_extra__
 

@@ -27,18 +27,40 @@ def record_width(design: ControllerDesign) -> int:
 
 @dataclass(frozen=True)
 class Run:
-    """A run in memory, as simulated or as read from a log."""
+    """Hold a run in memory, as simulated or as read from a log.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What was run.
+    design : ControllerDesign
+        The controller.
+    plant, drive : str
+        Plant and kind of drive.
+    model : str
+        The plant's own description, MJCF for MuJoCo.
+    time_ns : ndarray, shape (N,)
+        Simulated time from 0 [ns].
+    table : ndarray, shape (N, columns of `groups`)
+        All signals.
+    reference : ndarray, shape (N, 15)
+        The reference, in the order of `signals.REFERENCE`.
+    status : RunStatus
+        How the run ended.
+    end_ns : int
+        When it ended [ns].
+    """
 
     scenario: Scenario
     design: ControllerDesign
     plant: str
     drive: Drive
-    model: str  # the plant's own description, MJCF for MuJoCo
-    time_ns: NDArray[np.int64]  # (N,) simulation time from 0
-    table: Array  # (N, columns of `groups`)
-    reference: Array  # (N, 15), signals.REFERENCE
+    model: str
+    time_ns: NDArray[np.int64]
+    table: Array
+    reference: Array
     status: RunStatus
-    end_ns: int  # when the run ended
+    end_ns: int
 
     @property
     def time(self) -> Array:

@@ -62,15 +62,40 @@ def simulate_run(
     patience: float = BLOCK_TIMEOUT,
     progress: Progress | None = None,
 ) -> Run:
-    """Run `scenario` on one plant and record every sample.
+    """Simulate a scenario on one plant and record every sample.
 
-    `controller`: a name from `controller_names()`, by default the scenario's; or give a finished `design`.
-    `nominal`: what the controller takes the crane for, by default what it is; reference, feedback, observer
-    are made for it. It may differ from `scenario` in rig, effects, initial and disturbances only. `plan`
-    and `law`, as `prepare_controller` returns it, save making the same twice. `patience`: time [s] after
-    which a controller from outside that has not returned is given up. Raises InputError for wrong names,
-    for a reference that the rig cannot follow, and for a run that takes too much memory. A run that has to
-    stop early, Ctrl-C included, returns what it has, with the reason in its status.
+    A run that has to stop early, Ctrl-C included, returns what it has, with the reason in its status.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What to run.
+    plant, drive : str
+        Plant and kind of drive.
+    controller : str, optional
+        One of `controller_names()`; by default the scenario's.
+    design : ControllerDesign, optional
+        A finished design in place of `controller`.
+    nominal : Scenario, optional
+        The crane that the controller assumes; it may differ in rig, effects, initial state and disturbances.
+    plan, law : Plan, CompiledController, optional
+        Results of `plan_scenario` and `prepare_controller`, to save making them twice.
+    compiled : bool
+        Whether the compiled loop runs; the other one is slower and easy to step through.
+    patience : float
+        Time [s] that a block of samples may take with a controller from outside.
+    progress : Callable, optional
+        Called with the simulated seconds since the last call.
+
+    Returns
+    -------
+    Run
+        The run.
+
+    Raises
+    ------
+    InputError
+        For wrong names, for a reference that the rig cannot follow, and for too large a run.
     """
     nominal = nominal or scenario
     design = design or controller_design(controller or nominal.controller.name, nominal)

@@ -109,7 +109,7 @@ class SignalPath(NamedTuple):
     encoders: Encoders
     observer: Observer
     estimate: Array  # the observer's memory
-    told: Array  # (3,) accelerations of the drives, for it [m/s²]
+    assumed: Array  # (3,) accelerations of the drives, for it [m/s²]
     calibration: CalibrationError
     limits: SetpointLimits
     previous: Array  # (3,) last command given
@@ -155,7 +155,7 @@ def make_signal_path(
         encoders=make_encoders(sensing, samples if effects.sensing else 1),
         observer=make_observer(bandwidth, period=period, gravity=nominal.rig.gravity),
         estimate=initial_estimate(start),
-        told=np.zeros(3),
+        assumed=np.zeros(3),
         calibration=CalibrationError(
             setting.rope_offset, np.array(setting.drive_gain), np.array(setting.dead_zone)
         ),
@@ -209,20 +209,20 @@ def act(path, actuation, wanted, row, commanded):
     command = commanded[:3]
     for axis in range(3):
         command[axis] = limited(path.limits, axis, wanted[axis], path.previous[axis])
-        path.told[axis] = row[INPUT_COLUMN + axis]
+        path.assumed[axis] = row[INPUT_COLUMN + axis]
         commanded[3 + axis] = 0.0
         cut = command[axis] - wanted[axis]
         if command[axis] != wanted[axis]:
             actuation.velocity[axis] += cut
         if abs(cut) > CUT_OFF * path.limits.velocity[axis]:
             velocity = path.estimate[EXPECTED.velocity + axis]
-            path.told[axis] = drive_acceleration(actuation, axis, command[axis], velocity)
+            path.assumed[axis] = drive_acceleration(actuation, axis, command[axis], velocity)
             commanded[3 + axis] = 1.0
         path.previous[axis] = command[axis]
         if abs(command[axis]) < path.calibration.dead_zone[axis]:  # the drive's own, of which nobody is told
             command[axis] = 0.0
         command[axis] *= path.calibration.drive_gain[axis]
     if path.sensed:
-        predict(path.observer, path.told, path.estimate)
+        predict(path.observer, path.assumed, path.estimate)
     transport(path.line, path.clock[0], command)
     path.clock[0] += 1

@@ -39,7 +39,17 @@ class CranectlError(Exception):
 
 
 class InputError(CranectlError):
-    """Wrong input. `found`, `allowed` and `remedy` are complete phrases for people (exit code 2)."""
+    """Report wrong input in three complete phrases for people (exit code 2).
+
+    Parameters
+    ----------
+    found : str
+        What is wrong, with the value.
+    allowed : str
+        What is allowed.
+    remedy : str
+        What to do.
+    """
 
     def __init__(self, found: str, *, allowed: str = "", remedy: str = "") -> None:
         phrases = (printable(text, longest=MAX_PHRASE) for text in (found, allowed, remedy))
@@ -62,7 +72,17 @@ class InputError(CranectlError):
 
 
 class LogError(InputError):
-    """A log file that is missing, damaged, foreign or unfinished."""
+    """Report a log file that is missing, damaged, foreign or unfinished.
+
+    Parameters
+    ----------
+    found : str
+        What is wrong, with the value.
+    allowed : str
+        What is allowed.
+    remedy : str
+        What to do.
+    """
 
 
 class MachineError(InputError):

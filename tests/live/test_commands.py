@@ -230,14 +230,14 @@ def test_a_wish_counts_until_the_next_or_until_none_comes(controls: Controls) ->
 )
 def test_what_is_no_wish_is_refused_once(controls: Controls, message: bytes, said: str) -> None:
     for _ in range(100):
-        controls.wish(message)
+        controls.drive_by_hand(message)
     (refusal,) = controls.commands()
     assert isinstance(refusal, Say)
     assert refusal.warning
     assert "driving by hand refused: " in refusal.message
     assert said in refusal.message
-    controls.wish(twist(0.1))
-    controls.wish(message)
+    controls.drive_by_hand(twist(0.1))
+    controls.drive_by_hand(message)
     assert [type(command) for command in controls.commands()] == [Say, HandRequest]
 
 
@@ -252,7 +252,7 @@ def test_a_point_outside_is_refused(controls: Controls) -> None:
 
 def test_while_driven_no_law_takes_over_that_must_look_ahead(controls: Controls) -> None:
     with known(replace(FOLLOWING, preview=1)) as name:
-        controls.wish(twist(0.1))
+        controls.drive_by_hand(twist(0.1))
         assert controls.commands() == [HandRequest(False, 0.1, 0.0, 0.0)]
         controls.set({"controller": name})
         refusal = controls.commands()[0]  # by now the wish may count no more, which is a command too

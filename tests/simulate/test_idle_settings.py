@@ -129,8 +129,8 @@ def other(name: str, value: Any) -> Any:
 def settings_of(plant: str, drive: str) -> dict[str, Any]:
     """Another value of each setting that runs on the plant can have."""
     scenario = load_scenario(SCENARIO, overrides=overrides_of(plant, drive))
-    told = scenario.model_dump(mode="json", exclude={"reference", "planning", "controller"})
-    values = {name: other(name, value) for name, value in leaves(told)}
+    assumed = scenario.model_dump(mode="json", exclude={"reference", "planning", "controller"})
+    values = {name: other(name, value) for name, value in leaves(assumed)}
     return {name: value for name, value in {**values, **parameters()}.items() if value is not None}
 
 
@@ -161,11 +161,11 @@ def test_a_setting_changes_a_run_or_is_refused_or_reported(plant: str, drive: st
             assert error.allowed or error.remedy  # noqa: PT017
             continue
         read = read_scenario(SCENARIO, overrides=asked)
-        told: Any = idle_settings(scenario, read, [name], [RunKind(plant, drive, controller)])  # type: ignore[arg-type]
-        told = told or idle_effects(scenario, [name])
-        if bool(told) == (after != before):
+        assumed: Any = idle_settings(scenario, read, [name], [RunKind(plant, drive, controller)])  # type: ignore[arg-type]
+        assumed = assumed or idle_effects(scenario, [name])
+        if bool(assumed) == (after != before):
             wrong.append(
-                (name, controller, "changes nothing" if not told else f"changes, in spite of {told}")
+                (name, controller, "changes nothing" if not assumed else f"changes, in spite of {assumed}")
             )
     assert not wrong, "\n".join(map(str, wrong))
 

@@ -99,9 +99,9 @@ def test_what_cannot_be_held_is_refused_before_it_is_made(
     codes: list[int] = []
     assert peak(lambda: codes.append(main([*command.split(), *sets]))) < 1e8
     assert codes == [2]
-    told = capsys.readouterr().err
-    assert "would take" in told
-    assert "control.period" in told.partition("remedy:")[2]
+    assumed = capsys.readouterr().err
+    assert "would take" in assumed
+    assert "control.period" in assumed.partition("remedy:")[2]
     assert not list(Path().rglob("*.mcap"))
 
 

@@ -117,8 +117,8 @@ def test_a_limit_that_a_set_point_exceeds_by_rounding_does_not_act(beyond: float
     row[INPUT_COLUMN : INPUT_COLUMN + 3] = 7.0  # what the controller asks for, and the observer is told
     act(path, actuation, np.array([0.2 + beyond, 0.2, 0.0]), row, commanded)
     assert_array_equal(commanded, [0.2, 0.2, 0.0, float(acts), 0.0, 0.0])
-    assert (path.told[0] != 7.0) == acts
-    assert path.told[1] == 7.0
+    assert (path.assumed[0] != 7.0) == acts
+    assert path.assumed[1] == 7.0
     assert actuation.velocity[0] == pytest.approx(0.2 - beyond, abs=1e-16)
 
 

@@ -71,7 +71,8 @@ class Judged(NamedTuple):
         durations = [float(self.table.about["durations"][scenario]) for scenario in shared]
         standings = []
         for controller in self.laws:
-            runs = [each for name in shared if (each := self.runs(crane_set, name, controller)) is not None]
+            own_runs = (self.runs(crane_set, name, controller) for name in shared)
+            runs = [of_scenario for of_scenario in own_runs if of_scenario is not None]
             if shared and len(runs) == len(shared):
                 standings.append(_standing(controller, runs, durations))
         return sorted(standings, key=lambda standing: (standing.failed, standing.unsettled))

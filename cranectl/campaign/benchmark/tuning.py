@@ -154,10 +154,10 @@ class _Cranes:
 
     def costs(self, scenario: str, rows: Sequence[Row]) -> tuple[list[float], int]:
         """Return the costs of all runs of `scenario`, and how many fail."""
-        campaign, price = self.campaigns[scenario], self.benchmark.tuning.variation_price
+        campaign, variation_weight = self.campaigns[scenario], self.benchmark.tuning.variation_price
         bad = failed(lambda name: [row[name] for row in rows], campaign.settings.limits.given)
         judged = zip(rows, map(bool, bad), strict=True)
-        costs = [run_cost(row, campaign.nominal, is_broken, price) for row, is_broken in judged]
+        costs = [run_cost(row, campaign.nominal, is_broken, variation_weight) for row, is_broken in judged]
         return costs, int(bad.sum())
 
 
