@@ -169,7 +169,7 @@ def _held(table: FmuTable, outputs: Sequence[Any], source: str) -> list[str]:
         raise InputError(
             f"{source}: outputs: all axes are '{HOLD}'",
             allowed="one output at least that commands an axis",
-            remedy=f"say which of {', '.join(variable.name for variable in outputs) or 'no outputs'} commands",
+            remedy=f"say which of {', '.join(output.name for output in outputs) or 'no outputs'} commands",
         )
     return names
 
