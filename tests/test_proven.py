@@ -131,7 +131,8 @@ def test_a_wrong_command_line_is_refused(proven: ModuleType, given: list[str]) -
 
 def test_modules_are_found_however_they_are_imported(proven: ModuleType) -> None:
     source = (
-        "from typing import TYPE_CHECKING\nfrom cranectl import open_law\nPLANT = 'cranectl.rope:Rope'\n"
+        "from typing import TYPE_CHECKING\nfrom cranectl import open_controller\n"
+        "PLANT = 'cranectl.rope:Rope'\n"
         "if TYPE_CHECKING:\n    import cranectl.swing\ndef f():\n    import cranectl.other\n"
     )
     Path("cranectl/loaders").mkdir()
