@@ -182,7 +182,7 @@ def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: flo
     The states are recorded at the control samples.
 
     Ideal drives, none of the scenario's effects; set-point columns hold the velocities themselves. Stops as
-    `simulate_run` does where the law or the rope ends, but not at the workspace's limits.
+    `simulate_run` does where the controller or the rope ends, but not at the workspace's limits.
     """
     r = design.robustifier
     fastest = abs(r.fastest_mode[0]) if r.order else 0.0

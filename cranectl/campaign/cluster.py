@@ -84,8 +84,8 @@ def run_batches_on(
 
     if runs_alone(campaign.settings.controllers):
         raise InputError(
-            "there is only one of a law at an address, for one run at a time",
-            allowed="laws that every worker can have for itself",
+            "there is only one of a controller at an address, for one run at a time",
+            allowed="controllers that every worker can have for itself",
             remedy="run the campaign here, or let a TOML file name its program",
         )
     manifest = manifest_of(campaign)

@@ -1,9 +1,10 @@
 """Run the batches of a campaign: in threads here, or on a cluster.
 
-The compiled loops do without the interpreter's lock. Runs of laws from outside go in processes of their own:
-such a law may end its process or never return. Its run then has a row that says so, and the next one a new
-process. One that is called back holds the interpreter's lock, which threads would share. A process is kept
-from one campaign to the next: it takes a second to start, and a law some time to compile.
+The compiled loops do without the interpreter's lock. Runs of controllers from outside go in processes of
+their own: such a controller may end its process or never return. Its run then has a row that says so, and the
+next one a new process. One that is called back holds the interpreter's lock, which threads would share. A
+process is kept from one campaign to the next: it takes a second to start, and a controller some time to
+compile.
 
 Which rows there are, and their bits, do not depend on the number of workers, nor on the order of batches.
 How long a campaign takes here is known from a few runs of it.
@@ -64,8 +65,8 @@ def run_batches(
 ) -> Generator[tuple[Batch, list[Row]], None, None]:
     """Run `batches` in `workers` threads; yields each with all its rows, in the order in which they end.
 
-    With laws from outside each thread has them run in a process of its own, taken from `children` and given
-    back, by default from none and ended; `patience` [s] for a block.
+    With controllers from outside each thread has them run in a process of its own, taken from `children` and
+    given back, by default from none and ended; `patience` [s] for a block.
 
     Once the caller leaves the loop, as it does with Ctrl-C, the workers leave their batches within
     milliseconds; what they had of them is lost. Raises InputError where the nominal crane cannot be run, and

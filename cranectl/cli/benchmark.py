@@ -27,9 +27,9 @@ BAR = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), Time
 def measured_controllers(
     benchmark: "Benchmark", named: Sequence[str] = (), *, trust: bool = False
 ) -> tuple[str, ...]:
-    """Return names of the laws `named`, as `benchmark` names them or as ever; by default of all its.
+    """Return names of the controllers `named`, as `benchmark` names them or as ever; by default of all its.
 
-    Files of laws are opened. Those that somebody else's benchmark names are, only by `trust`.
+    Files of controllers are opened. Those that somebody else's benchmark names are, only by `trust`.
     Raises InputError for an unknown name.
     """
     from cranectl.controllers.registry import checked_controller
@@ -42,8 +42,8 @@ def measured_controllers(
             continue
         if {".", ":"} & set(name) and not trust and not is_ours:
             raise InputError(
-                f"{benchmark.file} names the law {name}, and no file runs code by itself",
-                allowed="laws by name, and files named on the command line",
+                f"{benchmark.file} names the controller {name}, and no file runs code by itself",
+                allowed="controllers by name, and files named on the command line",
                 remedy="if you know what is in it, add --trust, or name it: --controller PATH",
             )
         opened_names.append(opened(name, benchmark.file.parent))
@@ -54,14 +54,14 @@ tuned_option = click.option(
     "--tuned",
     metavar="DIR",
     type=click.Path(path_type=Path),
-    help="Where the numbers of tuned laws are. Default: tuned/ beside the benchmark.",
+    help="Where the numbers of tuned controllers are. Default: tuned/ beside the benchmark.",
 )
 
 
 @click.command("run", cls=Command)
 @click.argument("benchmark", default="literature")
 @controllers_option(
-    "A law to measure, by name or file; repeatable. Default: all of the benchmark's.", opens=False
+    "A controller to measure, by name or file; repeatable. Default: all of the benchmark's.", opens=False
 )
 @click.option("--set-of-cranes", "sets", metavar="NAME", multiple=True, help="Only this set; repeatable.")
 @click.option("--scenario", "scenarios", metavar="NAME", multiple=True, help="Only this one; repeatable.")
@@ -109,15 +109,16 @@ def run_benchmark(
 ) -> int:
     """Run what is missing of BENCHMARK, by default `literature`.
 
-    Each law on each scenario, set of cranes and plant is a result of its own below the directory: after a
-    kill or Ctrl-C the same command goes on. Crane k is the same for every law.
+    Each controller on each scenario, set of cranes and plant is a result of its own below the directory:
+    after a kill or Ctrl-C the same command goes on. Crane k is the same for every controller.
 
     \b
     cranectl benchmark run --controller my_law.py:LAW --controller lqr-integral --draws 20
     cranectl benchmark run --set-of-cranes nominal --set-of-cranes lab-rig
     cranectl benchmark run --out results/literature --scheduler tcp://host:8786
 
-    Exit codes: 0 all runs are there, failed ones included; 2 bad input; 3 a law could not be run at all.
+    Exit codes: 0 all runs are there, failed ones included; 2 bad input; 3 a controller could not be run at
+    all.
     """
     from cranectl.campaign.benchmark.results import run_trials
     from cranectl.campaign.benchmark.settings import read_benchmark
@@ -132,7 +133,7 @@ def run_benchmark(
     if not trials:
         raise InputError(
             f"none of the sets of cranes has a scenario of these that suits {', '.join(names)}",
-            allowed="scenarios that suit a law, on sets that have them",
+            allowed="scenarios that suit a controller, on sets that have them",
             remedy="leave out --scenario or --set-of-cranes, or name others",
         )
     rules = rules_of(settings)
@@ -141,7 +142,7 @@ def run_benchmark(
     idle = idle_in_benchmark(settings, [(trial.scenario, trial.plant, trial.law) for trial in trials])
     idle += idle_patience(names, patience, cluster=scheduler is not None)
     if tuned is not None and division == "published":
-        idle.append("--tuned changes nothing here: laws run with their defaults, add --division tuned")
+        idle.append("--tuned changes nothing here: controllers run with their defaults, add --division tuned")
     tell_idle(screen, idle)
     numbers = functools.partial(
         tuned_settings, tuned or settings.file.parent / "tuned", rules, benchmark=benchmark
@@ -166,7 +167,7 @@ def run_benchmark(
                 not_run.append(f"could not be run: {trial.law} on {trial.scenario}: {reason}")
     for line in sorted(not_run):
         screen.print(line)
-    screen.print(f"{len(trials)} pieces of {len(names)} laws: {directory}")
+    screen.print(f"{len(trials)} pieces of {len(names)} controllers: {directory}")
     return exit_codes.RUN_STOPPED if not_run else exit_codes.GOOD
 
 
@@ -180,7 +181,7 @@ def run_benchmark(
     "--beside",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="A table that --table has written, of laws to stand beside these; in a checkout also "
+    help="A table that --table has written, of controllers to stand beside these; in a checkout also "
     "literature.parquet.",
 )
 @tuned_option
@@ -199,7 +200,7 @@ def report_benchmark(
     trust: bool,
     screen: Screen,
 ) -> None:
-    """Say how the laws of RESULT stand, here and on an HTML page.
+    """Say how the controllers of RESULT stand, here and on an HTML page.
 
     RESULT is a directory that `benchmark run` has written, whose pieces that are not whole are left out, or a
     table that --table has written; literature.parquet is in cranectl's repository. Laws as published and
@@ -283,9 +284,10 @@ def _table_place(path: Path) -> Path:
     return judged
 
 
-HELP = """Measure laws on the same cranes, by rules that favour none.
+HELP = """Measure controllers on the same cranes, by rules that favour none.
 
-A benchmark is a TOML file: laws, scenarios, sets of cranes, plants. Each law on each of them is a campaign.
+A benchmark is a TOML file: controllers, scenarios, sets of cranes, plants. Each controller on each of them
+is a campaign.
 """
 
 benchmark_command = CommandGroup("benchmark", [run_benchmark, report_benchmark], help=HELP)

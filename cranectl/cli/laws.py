@@ -1,4 +1,4 @@
-"""Options that name controllers, or files of laws, which are run only because of these options."""
+"""Options that name controllers, or files of controllers, which are run only because of these options."""
 
 import functools
 from collections.abc import Callable
@@ -116,5 +116,5 @@ patience_option = click.option(
 def trust_option(document: str) -> Callable[[F], F]:
     """Return `--trust`."""
     return click.option(
-        "--trust", is_flag=True, help=f"Run the code of a law whose file {document} itself names."
+        "--trust", is_flag=True, help=f"Run the code of a controller whose file {document} itself names."
     )

@@ -39,7 +39,7 @@ def list_command(screen: Screen) -> None:
 
     With --schema the keys of a kind of file. With `#:schema scenario.json` in the first line of a TOML file,
     editors that know TOML complete its keys, show what they mean and mark what is wrong. Metrics, plants and
-    laws of installed packages are in it.
+    controllers of installed packages are in it.
 
     \b
     cranectl list

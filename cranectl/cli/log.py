@@ -66,7 +66,7 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     "--log",
     metavar="LOG",
     type=command.PATH,
-    help="What is to be shown: its plants or labels, what its law logs, and a camera that sees the whole of "
+    help="What is to be shown: its plants or labels, what its controller logs, and a camera that sees all of "
     "its rig. Default: a log of the flat family on the laboratory's rig.",
 )
 def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None) -> None:

@@ -48,7 +48,7 @@ COMMANDS = {
         "run": "Run SCENARIO, a name or a TOML file, and compare the plants.",
         "live": "Run SCENARIO in real time, to be watched and steered.",
         "campaign": "Run one scenario many times under stated uncertainty.",
-        "tune": "Find the numbers of LAW, a controller or the file of one.",
+        "tune": "Find the numbers of CONTROLLER, by name or file.",
     },
     "Look": {
         "list": "List scenarios, rigs, controllers, plants and drives.",
@@ -60,7 +60,7 @@ COMMANDS = {
     },
     "Judge": {
         "validate": "Run scenarios on all plants and judge their agreement.",
-        "benchmark": "Measure laws on the same cranes, by rules that favour none.",
+        "benchmark": "Measure controllers on the same cranes, by rules that favour none.",
         "certify": "Say at which operating points CONTROLLER is certainly stable.",
         "advise": "Say which controller to take for SCENARIO, what to improve first.",
     },

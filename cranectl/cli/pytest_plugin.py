@@ -42,8 +42,8 @@ def closed_loop(
 
     `closed_loop(scenario, controller=None, *, plants, drive="ideal", rig=None, overrides=())`: scenario and
     rig by name or as TOML files relative to the file of the test; the controller, by default the scenario's,
-    by name or as the file of a law, `law.py:NAME` or `law.so`, so too; names of plants, by default all;
-    `overrides` as "rig.load_mass=2.5". Raises InputError for what is wrong.
+    by name or as the file of a controller, `law.py:NAME` or `law.so`, so too; names of plants, by default
+    all; `overrides` as "rig.load_mass=2.5". Raises InputError for what is wrong.
     """
     config, here = request.config, request.path.parent
     chosen = config.getoption("cranectl_logs")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command("tune", cls=Command)
-@click.argument("law", shell_complete=complete_controllers)
+@click.argument("controller", shell_complete=complete_controllers)
 @click.option(
     "--benchmark",
     "benchmark_name",
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     type=PATH,
     default="logs/tuned",
     show_default=True,
-    help="Directory of the results: LAW.toml with the numbers, LAW.parquet with every point of the search.",
+    help="Directory of the results: CONTROLLER.toml has the numbers, CONTROLLER.parquet every point tried.",
 )
 @click.option(
     "--workers", metavar="N", type=click.IntRange(min=1), help="Threads. Default: one for each core."
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 @trust_option("the benchmark")
 @json_option
 def tune_command(
-    law: str,
+    controller: str,
     benchmark_name: str,
     out: Path,
     workers: int | None,
@@ -57,9 +57,9 @@ def tune_command(
     trust: bool,
     screen: Screen,
 ) -> None:
-    """Find the numbers of LAW, a controller or the file of one.
+    """Find the numbers of CONTROLLER, by name or file.
 
-    What may change, and within which bounds, the law declares. All candidates drive the same uncertain
+    What may change, and within which bounds, the controller declares. All candidates drive the same uncertain
     cranes, which the benchmark never judges on. With the extra `tune`; the result is the same for any number
     of workers. Laws can be named as the benchmark names them.
 
@@ -75,7 +75,7 @@ def tune_command(
     from cranectl.cases.workers import available_cores
 
     benchmark = read_benchmark(benchmark_name)
-    (name,) = measured_controllers(benchmark, [law], trust=trust)
+    (name,) = measured_controllers(benchmark, [controller], trust=trust)
     files, rules = tuned_files(out, name), rules_of(benchmark)
     runs_of = [(scenario, benchmark.plant, name) for scenario in benchmark.tuning.scenarios]
     tell_idle(screen, [*idle_in_benchmark(benchmark, runs_of), *idle_patience([name], patience)])

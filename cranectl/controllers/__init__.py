@@ -1,1 +1,1 @@
-"""Control laws and the observer in front of them, compiled."""
+"""Control controllers and the observer in front of them, compiled."""

@@ -30,7 +30,7 @@ JOINTS = 5
 
 
 class CompiledController(NamedTuple):
-    """A law as the loop runs it: what does not change in a run, and then its memories."""
+    """A controller as the loop runs it: what does not change in a run, and then its memories."""
 
     address: int  # 0: only `entered` gives it one
     parameters: Array
@@ -158,7 +158,7 @@ if UNCOMPILED:
 
 @jit
 def record_controller(compiled, state, reference, memory, row):
-    """Write load and error as the joints tell them, and what the law logs, into the record `row`."""
+    """Write load and error as the joints tell them, and what the controller logs, into the record `row`."""
     recorded = compiled.places.shape[0]
     if compiled.records_all:
         first = memory.shape[0] - recorded
@@ -177,7 +177,7 @@ def record_controller(compiled, state, reference, memory, row):
 def addressed_step(compiled, state, reference, memory, row):
     """Take one sample of any controller; `law.measured` is what it is given.
 
-    Returns RUNNING, or why the law cannot go on, in which case nothing is written.
+    Returns RUNNING, or why the controller cannot go on, in which case nothing is written.
     """
     if not compiled.records_all:  # else the step itself judges the state that it writes down
         status = regularity(state, 0.0, 1.0)

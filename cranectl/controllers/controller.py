@@ -2,10 +2,10 @@
 
 The step has one C signature, whatever language it comes from; all numbers in SI units:
 
-    int64_t step(const double *parameters,  /* the law's own, made once by `prepare` */
+    int64_t step(const double *parameters,  /* the controller's own, made once by `prepare` */
                  const double *measured,    /* 12, order of signals.MEASUREMENT; or 5 encoder readings */
                  const double *reference,   /* 15 a row (z_d and four derivatives), 1 + preview rows */
-                 double *memory,            /* the law's own, as `prepare` or the last step left it */
+                 double *memory,            /* the controller's own, as `prepare` or the last step left it */
                  double *command);          /* 3, bridge, trolley, rope, of the declared kind */
 
 It returns 0, or why it cannot go on: a number of `RunStatus` from SLACK_ROPE to NON_FINITE, or any other, and
@@ -163,7 +163,7 @@ CRANE_STATES = 4  # of one horizontal axis: position, its rate, angle, its rate
 class LinearController(NamedTuple):
     """One horizontal axis near rest: x' = A x + B u, u = -gain·x, with u the drive's acceleration [m/s²].
 
-    The first `CRANE_STATES` are the crane's, deviations from the path; what the law adds, such as
+    The first `CRANE_STATES` are the crane's, deviations from the path; what the controller adds, such as
     integrators, follows and takes nothing of u.
     """
 

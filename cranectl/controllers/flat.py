@@ -144,7 +144,7 @@ def control_step(tracker, state, reference, memory, row):
 
     `state` (10,), order of `signals.STATE`; `reference` (15,); `memory` is advanced by one period. Writes the
     flat output, error, input, virtual input and controller blocks of the record `row`. Returns RUNNING, or
-    the status that forbids the law at this state, in which case nothing is written.
+    the status that forbids the controller at this state, in which case nothing is written.
     """
     zeta, zeta_dot = memory[MEMORY.zeta], memory[MEMORY.zeta_dot]
     status = regularity(state, zeta, tracker.gravity)

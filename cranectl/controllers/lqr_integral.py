@@ -135,7 +135,7 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
 
 
 def linearise(nominal: Nominal, rope_length: float) -> LinearController:
-    """Return the linear law of one horizontal axis at rest."""
+    """Return the linear controller of one horizontal axis at rest."""
     a, b, _ = matrices(rope_length, nominal.rig.gravity)
     return LinearController(rope_length, a, b, gain_at(rope_length, nominal))
 

@@ -204,7 +204,7 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
 
 
 def linearise(nominal: Nominal, rope_length: float) -> LinearController:
-    """Return the linear law of one horizontal axis at rest, ρ = 1; it adds the observer's z, z' and d."""
+    """Return the linear controller of one horizontal axis at rest, ρ = 1, with the observer's z, z' and d."""
     gravity, period = nominal.rig.gravity, nominal.period
     observer_pole, _ = frequencies(nominal)
     observer = make_observer(observer_pole, period=period, gravity=gravity)

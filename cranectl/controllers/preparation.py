@@ -45,7 +45,7 @@ def prepared(controller: Controller, nominal: Nominal) -> tuple[Array, Array]:
 
 
 def linearised(controller: Controller, nominal: Nominal, rope_length: float) -> LinearController:
-    """Return the linear law of one axis at a rope length [m]; raise InputError where its code gives none."""
+    """Return the linear controller of one axis at a rope length [m]; raise InputError if it has none."""
     assert controller.linearise is not None
     returned = _run_own_code(controller, "linearise", controller.linearise, LINEAR, nominal, rope_length)
     if not isinstance(returned, LinearController):

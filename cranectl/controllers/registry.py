@@ -1,4 +1,4 @@
-"""The controllers there are: the flat family by its designs, every other law by where it is defined."""
+"""All controllers: the flat family by its designs, every other one by where it is defined."""
 
 import functools
 import re
@@ -106,7 +106,7 @@ def checked_controller(name: str) -> str:
         "controller",
         name,
         controller_names(),
-        remedy="choose one of the controllers listed above, or name the file of a law, law.py:NAME",
+        remedy="choose one of the controllers listed above, or name the file of a controller, law.py:NAME",
     )
 
 
@@ -182,7 +182,7 @@ def controller_design(name: str, scenario: Scenario) -> ControllerDesign:
     names = [other for other in controller_names() if other not in FLAT_FAMILY]
     for other in scenario.controller.parameters:
         if other not in names:
-            raise unknown_name("law", other, names)
+            raise unknown_name("controller", other, names)
     controller = load_controller(name)
     if controller.axis_design is not None:
         return controller.axis_design(scenario.design)

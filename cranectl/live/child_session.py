@@ -1,4 +1,4 @@
-"""A session whose law is from outside: in a process of its own, which may end or fall silent without it."""
+"""A session with a controller from outside, in its own process, which may end or hang without harm."""
 
 import sys
 from collections.abc import Iterable
@@ -48,7 +48,7 @@ class ChildSession:
         if not self._runs:
             raise InputError(
                 f"{design.name} lets no session begin: its process ended or fell silent",
-                allowed="a law that can be started",
+                allowed="a controller that can be started",
                 remedy="run it first: cranectl run",
             )
 

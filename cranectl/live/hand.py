@@ -125,7 +125,7 @@ class Hand:
 
 
 def check_can_be_driven(design: ControllerDesign) -> None:
-    """Raise InputError for a law that must know beforehand where the load will be."""
+    """Raise InputError for a controller that must know beforehand where the load will be."""
     controller = controller_of(design)
     if controller.preview or controller.follows != "path":
         raise InputError(

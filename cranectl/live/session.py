@@ -112,7 +112,8 @@ class Session:
         """Go on with another controller; raises InputError if its sampling makes it unstable.
 
         The set-points carry over. From one of the flat family to another the dynamic extension does as well,
-        and so do the states of a robustifier that stays; any other law begins at the reference as it is now.
+        and so do the states of a robustifier that stays; any other controller begins at the reference as it
+        is now.
         """
         compiled = prepare_controller(self.scenario, design, self.drive, self.plan)
         if self._hand:
@@ -173,7 +174,7 @@ class Session:
             self._states.append(_PlantState(plant, run, self.origin_ns))
 
     def _hand_over(self, state: _PlantState) -> None:
-        """Have a law that reads its own reference read what is driven."""
+        """Have a controller that reads its own reference read what is driven."""
         if self._hand:
             compiled = state.run.inputs.law._replace(
                 reference=self._hand.table, samples=len(self._hand.table)

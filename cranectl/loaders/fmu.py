@@ -91,7 +91,7 @@ class Fmu:
         if step > 0.0 and not (period > 0.5 * step and isclose(period / step, round(period / step))):
             every = max(round(step * table.every / period), 1)
             raise InputError(
-                f"{self.file.reference} has steps of {step:g} s, its law is given {period:g} s",
+                f"{self.file.reference} has steps of {step:g} s, its controller is given {period:g} s",
                 allowed="one or more of its steps",
                 remedy=f"every = {every} in {self.file.path.with_suffix('.toml')}, control periods in a step",
             )
@@ -230,7 +230,7 @@ def _library() -> Any:
     except ImportError as error:
         raise InputError(
             f"no reader of FMUs: {error}",
-            allowed="laws in .py and .so without it",
+            allowed="controllers in .py and .so without it",
             remedy="pip install 'cranectl[fmi]' (FMPy)",
         ) from None
     return fmpy

@@ -1,7 +1,7 @@
 """The step of every FMU: its C functions, called by the addresses that the parameters hold.
 
-Addresses have 48 bits and fit into doubles. Inputs are set, the FMU does a step of the law's period, outputs
-are read. FMI 3's functions differ by arguments only.
+Addresses have 48 bits and fit into doubles. Inputs are set, the FMU does a step of the controller's period,
+outputs are read. FMI 3's functions differ by arguments only.
 """
 
 from typing import Any, cast

@@ -1,4 +1,4 @@
-"""A library with a law, by way of `ctypes` alone: what it declares, whether it keeps to it, how it prepares.
+"""Read, check and prepare the controller in a shared library, by way of `ctypes` alone.
 
 `asking` runs this file in a process of its own, so it imports nothing of the package.
 """

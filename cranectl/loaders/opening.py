@@ -34,7 +34,7 @@ LOADERS = {  # by ending; each returns a controller, and its file with all that 
 
 
 class ControllerFile(NamedTuple):
-    """A file with a law and what lies beside it, as they were read: what travels to other processes."""
+    """Hold a file with a controller and the files that it uses, as they were read, for other processes."""
 
     reference: str
     path: Path
@@ -172,7 +172,7 @@ def open_controller(reference: str) -> str:
     match = FILE.fullmatch(reference)
     if match is None:
         raise InputError(
-            f"'{reference}' names no law in a file",
+            f"'{reference}' names no controller in a file",
             allowed=f"PATH:NAME with a path that ends in {', '.join(LOADERS)}; {UDP}HOST:PORT",
             remedy="name the file, and for .py what of it: law.py:NAME",
         )
@@ -180,7 +180,7 @@ def open_controller(reference: str) -> str:
     if match["symbol"] is not None and path.suffix != ".py":
         raise InputError(
             f"'{reference}' names something in {path}",
-            allowed=f"{path}, which holds one law; a name only of what is in a .py",
+            allowed=f"{path}, which holds one controller; a name only of what is in a .py",
             remedy=f"name it: {path}",
         )
     beside = path.with_suffix(".toml")
@@ -190,7 +190,9 @@ def open_controller(reference: str) -> str:
         table = beside.read_bytes() if path.suffix == ".fmu" and beside.is_file() else b""
     except OSError as error:
         raise InputError(
-            f"{path}: {error.strerror or error}", allowed="a file with a law", remedy="correct the path"
+            f"{path}: {error.strerror or error}",
+            allowed="a file with a controller",
+            remedy="correct the path",
         ) from error
     absolute = str(path.parent.resolve() / path.name)
     return _register(ControllerFile(reference, path, match["symbol"] or "", content, table, absolute))

@@ -1,10 +1,10 @@
 """Load controllers in another process: at a UDP address, or a program that is started for each run.
 
-Numbers are little-endian. The law is sent the number of the sample as an unsigned integer of 32 bits, 0 at
-the start of each run, then what is measured and the row of the reference as float64; it answers with the same
-number, three commands and what it wants logged. Datagrams hold one sample each; a program has them on its
-standard input and output. In lock step the run waits for each answer. Free running it waits no longer than
-the deadline: then the last command is held, and the missed one counted.
+Numbers are little-endian. The controller is sent the number of the sample as an unsigned integer of 32 bits,
+0 at the start of each run, then what is measured and the row of the reference as float64; it answers with the
+same number, three commands and what it wants logged. Datagrams hold one sample each; a program has them on
+its standard input and output. In lock step the run waits for each answer. Free running it waits no longer
+than the deadline: then the last command is held, and the missed one counted.
 """
 
 import os
@@ -51,7 +51,7 @@ MEMORY = Slots(sequence=1, missed=1, last_command=3, reported=0)
 
 
 class ProcessSettings(Settings):
-    """A law in another process."""
+    """A controller in another process."""
 
     name: str = Field("remote", description="of the controller")
     address: str = Field("", description="where it listens, udp://HOST:PORT; or else:")

@@ -1,7 +1,7 @@
 """Load controllers in Python: a function, a class or a `Controller` of a file.
 
-What Numba compiles costs as much as a law of ours. What it does not is called back from the compiled loop,
-which holds the interpreter's lock and takes microseconds: it is told once, and why.
+What Numba compiles costs as much as a controller of ours. What it does not is called back from the compiled
+loop, which holds the interpreter's lock and takes microseconds: it is told once, and why.
 """
 
 import inspect
@@ -51,9 +51,9 @@ def open_python(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     module, opened = _load(file)
     if not file.symbol:
         raise InputError(
-            f"'{file.reference}' does not say which law",
+            f"'{file.reference}' does not say which controller",
             allowed=", ".join(f"{file.path}:{name}" for name in _controller_names(module))
-            or "a file with a law",
+            or "a file with a controller",
             remedy=f"name it: {file.path}:NAME",
         )
     value = getattr(module, file.symbol, None)
@@ -62,7 +62,7 @@ def open_python(file: ControllerFile) -> tuple[Controller, ControllerFile]:
         value = _declared(value, step, file)
     if not isinstance(value, Controller):
         raise InputError(
-            f"'{file.reference}': {file.path} has no law '{file.symbol}'",
+            f"'{file.reference}': {file.path} has no controller '{file.symbol}'",
             allowed=", ".join(_controller_names(module))
             or "a function, a class with a step, a cranectl.Controller",
             remedy=f"define step({', '.join(ARGUMENTS)}), see 'cranectl new controller'",

@@ -197,7 +197,7 @@ FORCE_ERROR = {False: 0.25, True: 0.75}
 
 
 def _check_tension(run: Run, sound: int) -> None:
-    """Compare the mean pull of the rope with what Newton's law asks of it for the load of the scenario."""
+    """Compare the mean pull of the rope with what Newton's law requires for the load of the scenario."""
     rig, rope = run.scenario.rig, run.scenario.effects.rope
     time = run.time_ns[:sound] / NANOSECONDS
     load, state = run.block("load")[:sound], run.block("state")[:sound]

@@ -56,7 +56,7 @@ def _pole_rows(poles: Iterable[NDArray[Any]]) -> list[tuple[str, ...]]:
 def controller_tables(
     design: ControllerDesign, controller: Controller, linear: Sequence[LinearController]
 ) -> tuple[Table, ...]:
-    """Parameters of a law, and what it achieves near rest at some rope lengths, if it can say it."""
+    """Parameters of a controller, and what it achieves near rest at some rope lengths, if it can say it."""
     rows = tuple(
         cells(
             parameter.name,

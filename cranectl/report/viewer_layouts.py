@@ -143,7 +143,7 @@ def _controller_plots(plant: str, logged: Sequence[Signal]) -> list[Panel]:
         if len(lines) < len(VIEWER_SERIES):
             colour = VIEWER_SERIES[len(lines)]
             lines.append(_line(field_of(topic, signal.name), signal, signal.name, colour))
-    return [plot("of the law", lines) for lines in [*by_unit.values()][:MOST_UNITS]]
+    return [plot("of the controller", lines) for lines in [*by_unit.values()][:MOST_UNITS]]
 
 
 def _live(plants: Sequence[str]) -> Layout:

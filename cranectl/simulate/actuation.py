@@ -1,6 +1,6 @@
-"""From what a law commands to what drives take: set-points that lead, forces, rest while the rope is slack.
+"""Turn commands of a controller into those of the drives: set-points with lead, forces, rest when slack.
 
-The same for every law, so that all of them get the same lead and the same handling of limits.
+The same for every controller, so that all of them get the same lead and the same handling of limits.
 """
 
 from typing import NamedTuple
@@ -17,7 +17,7 @@ BRAKING = 0.1  # [s], time constant with which the drives come to rest while the
 
 
 class Actuation(NamedTuple):
-    """What the loop does between a law and the drives of bridge, trolley, winch."""
+    """What the loop does between a controller and the drives of bridge, trolley, winch."""
 
     lag: Array  # (3,) [s], cancelled in the velocity set-points
     time_constant: Array  # (3,) [s], of the drives
@@ -62,7 +62,7 @@ def take_set_points(actuation, state, command):
 
 @jit
 def brake(actuation, command):
-    """Command accelerations that bring the drives to rest: no law holds while the rope is slack."""
+    """Command accelerations that bring the drives to rest: no controller holds while the rope is slack."""
     for i in range(3):
         command[i] = -actuation.velocity[i] / BRAKING
 

@@ -1,4 +1,4 @@
-"""Blocks of a run in a child process: a law that ends the process, or never returns, ends only its run.
+"""Run blocks in a child process: a controller that ends it, or never returns, ends only its run.
 
 The record is memory that both share; the child tells how far it is after each block. Where processes cannot
 be forked the blocks run here.

@@ -52,7 +52,7 @@ ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
 
 
 class LoopInputs(NamedTuple):
-    """Everything a loop needs besides the plant, the record and the memory of the law."""
+    """Everything a loop needs besides the plant, the record and the memory of the controller."""
 
     law: CompiledController
     actuation: Actuation
@@ -108,7 +108,7 @@ def give_measured(compiled, path, state, k):
 
 @jit
 def control_sample(inputs, path, k, row, memory):
-    """Run the law on the state in record row `k`; writes the rest of the row except the load."""
+    """Run the controller on the state in record row `k`; writes the rest of the row except the load."""
     if path is None:
         status = command_controller(inputs, path, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
     else:

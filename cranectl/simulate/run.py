@@ -70,7 +70,7 @@ class Run:
 
     @property
     def controller(self) -> str:
-        """Its name, and of a law from outside the file."""
+        """Its name, and of a controller from outside the file."""
         origin = self.design.origin
         return self.design.name if origin is None else f"{self.design.name}, {origin.described}"
 

@@ -78,7 +78,7 @@ def simulate_run(
         A finished design in place of `controller`.
     nominal : Scenario, optional
         The crane that the controller assumes; it may differ in rig, effects, initial state and disturbances.
-    plan, law : Plan, CompiledController, optional
+    plan, controller : Plan, CompiledController, optional
         Results of `plan_scenario` and `prepare_controller`, to save making them twice.
     compiled : bool
         Whether the compiled loop runs; the other one is slower and easy to step through.
@@ -147,9 +147,9 @@ def start_run(
 ) -> PreparedRun:
     """Put `crane`, which is that of `scenario`, at the start of `plan`.
 
-    Raises InputError where effects or steps do not suit its rope. `enter`: give a law from outside an address
-    in this process, without which it cannot be run.
-    `path_record`: where the signal path writes, by default whole memory for all samples.
+    Raises InputError where effects or steps do not suit its rope. `enter`: give a controller from outside an
+    address in this process, without which it cannot be run. `path_record`: where the signal path writes, by
+    default whole memory for all samples.
     """
     crane.check_length(plan.shortest_rope)
     start = plan.initial_state

@@ -64,7 +64,7 @@ def test_lasting_disturbances_leave_no_error(plant: str) -> None:
         (["controller.lqr-integral.gain=1.0"], "unknown parameter of controller.lqr-integral 'gain'"),
         (["controller.lqr-integral.error_weight=-1.0"], "controller.lqr-integral.error_weight = -1.0"),
         (["controller.lqr-integral.error_weight=much"], "controller.lqr-integral.error_weight = 'much'"),
-        (["controller.lqr.error_weight=1.0"], "unknown law 'lqr'"),
+        (["controller.lqr.error_weight=1.0"], "unknown controller 'lqr'"),
         (
             ["control.period=0.5", "control.physics_step=0.001", "duration=4.0"],
             "unstable when sampled every 0.5 s",

@@ -22,7 +22,17 @@ _NOT_A_TERM = (
     "list[", "Sequence[", "Limits(", "Motion(", "Constraint(", "_symmetric(", "tuple((Box", "side[", "0 if ",
     "effects.sensing or", "scenario.rig", "scenario.effects", "{", "-np.inf",
 )  # fmt: skip
-_NO_NUMBERS = ("each", "found", "name", "quotient", "planning", "rig", "scenario.planning")
+_NO_NUMBERS = (
+    "coefficients",
+    "constraint",
+    "by_name",
+    "name",
+    "quotient",
+    "result",
+    "planning",
+    "rig",
+    "scenario.planning",
+)
 
 
 def is_number(node: ast.expr) -> bool:

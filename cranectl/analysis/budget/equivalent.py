@@ -1,8 +1,8 @@
 """Effects as equivalent disturbances along a nominal run: what each adds at the ports of the loop.
 
-Each follows from the effect's own law and the nominal run alone, sampled with the period T:
+Each follows from the effect's own controller and the nominal run alone, sampled with the period T:
 
-    hold         command minus what a continuous law would apply: -(T/2) u' on average over a sample, and the
+    hold         command minus what a continuous one would apply: -(T/2) u' on average over a sample, and the
                  same for v_z and for the error that the robustifier gets
     integrator   one RK4 step less the exact one, by the classical scheme on the same equations
     limits       set-points and forces cut off; a force on a servo is worth a shift of its set-point
@@ -34,8 +34,8 @@ from cranectl.support.jit import jit_called
 def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = None) -> Ports:
     """Return the difference between the sampled run and the continuous-time ideal.
 
-    What a hold does is a matter of the continuous law's own signals: those of the sampled run, or better
-    those less a deviation `predicted` from them.
+    What a hold does is a matter of the continuous controller's own signals: those of the sampled run, or
+    better those less a deviation `predicted` from them.
     """
     ports, period = no_errors(loop), loop.period
     extension, robustifier = len(loop.moving) + EXTENSION, len(loop.moving) + ROBUSTIFIER

@@ -206,8 +206,9 @@ def make_nominal_loops(
 ) -> dict[float, NominalLoop]:
     """Return the loop of `design` at `points`, by rope length; the flat family has only one.
 
-    Of any other law it is the linearisation that the law declares, of a load that hangs at rest. Raises
-    InputError for a law that has none, for points at which it says nothing, and as `make_nominal_loop`.
+    Of any other controller it is the linearisation that the controller declares, of a load that hangs at
+    rest. Raises InputError for a controller that has none, for points at which it says nothing, and as
+    `make_nominal_loop`.
     """
     lengths = list(dict.fromkeys(point.rope_length for point in points))
     if design.axis_design is not None:
@@ -220,14 +221,14 @@ def make_nominal_loops(
     ):
         raise InputError(
             f"'{design.name}' has no linear design of one axis, from state to acceleration once a period",
-            allowed="the flat family, and laws that declare such a linearisation",
+            allowed="the flat family, and controllers that declare such a linearisation",
             remedy="judge it by simulation: cranectl ladder, cranectl campaign",
         )
     wind = scenario.effects.wind
     if any(point != OperatingPoint(point.rope_length) for point in points) or (wind and any(wind.mean)):
         raise InputError(
             f"{design.name} where the rope is tilted, hoists or stands in wind",
-            allowed="a load that hangs at rest, which is what the law's linearisation is made for",
+            allowed="a load that hangs at rest, which is what the controller's linearisation is made for",
             remedy="take --tilt 0 0 and --hoisting-speed 0, and no mean wind",
         )
     linear = linearised_controller(scenario, design, lengths)
@@ -245,8 +246,8 @@ def make_nominal_loop(
 ) -> NominalLoop:
     """Design model and margin of `design` with the loop opened at a signal, see `choose_opening`.
 
-    `linear`: of a law that is not of the flat family. Raises InputError for a signal at which it cannot be
-    opened, and for a long delay.
+    `linear`: of a controller that is not of the flat family. Raises InputError for a signal at which it
+    cannot be opened, and for a long delay.
     """
     samples = scenario.delay_samples
     if samples > MOST_DELAY_SAMPLES:

@@ -4,10 +4,10 @@ Two sampled blocks by central differences through the code of a run: the MuJoCo 
 all that its effects let move, and what the computer does at one sample, observer, linearising law and
 set-points. Delay lies between them.
 
-    v ─► law ─► command ─► z^-k ─► drives, crane ─► joints ─► encoders, observer ─► law
+    v ─► controller ─► command ─► z^-k ─► drives, crane ─► joints ─► encoders, observer ─► controller
           └─► flat state (z, z', z'', z''') as the tracker sees it
 
-Of any other law v is what it commands, accelerations u, and in place of the flat state are the joints.
+Of any other controller v is what it commands, accelerations u, and in place of the flat state are the joints.
 
 Of a scenario's effects what is linear enters, the rest is left out; both are named.
 """
@@ -86,9 +86,9 @@ AT_HORIZONTAL = [0, 1, *(3 + joint for joint in (BRIDGE, TROLLEY, BRIDGE + 1, TR
 class LinearPlant:
     """Inputs: commands arriving at the drives (3), v (3). Outputs: commands given (3), flat state (12).
 
-    The flat state is ordered as in `signals.FLAT_OUTPUT`, (z, z', z'', z'''), three axes each. Of a law that
-    is not of the flat family the horizontal axes: commands (2), u (2); commands (2), then position, rate,
-    angle, and its rate (8), two axes each.
+    The flat state is ordered as in `signals.FLAT_OUTPUT`, (z, z', z'', z'''), three axes each. Of a
+    controller that is not of the flat family the horizontal axes: commands (2), u (2); commands (2), then
+    position, rate, angle, and its rate (8), two axes each.
     """
 
     system: SampledSystem  # the first ten states are the joints
@@ -205,9 +205,9 @@ def _controller_map(
 
 
 def _joined(crane: Array, controller_map: Array, size: int, retained: list[int]) -> SampledSystem:
-    """Crane and law in one system, of the memory only `retained`: set-points mean nothing to ideal drives.
+    """Join crane and controller; of the memory only `retained`: ideal drives ignore set-points.
 
-    The law sees the crane's first ten states.
+    The controller sees the crane's first ten states.
     """
     rows, n, m = [*retained, *range(size, len(controller_map))], len(crane), len(retained)
     seen = np.zeros((len(rows), n))

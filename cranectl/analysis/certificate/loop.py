@@ -6,7 +6,7 @@ one of these signals, see docs/explanation/certificate.md:
     "v-bar"  plant: W then the inner loop, to z.                  controller: W^-1 times the robustifier
     "v"      plant: the chain from v to the scaled flat state.    controller: state feedback + robustifier
     "u"      plant: the crane from accelerations of its drives to their positions, the angles, and the rates
-             of both, scaled; without the rope.                   controller: a law's linearisation
+             of both, scaled; without the rope.                   controller: a controller's linearisation
 
 The nu-gap depends on the signal and on the scales of what is measured there. At "v" and "u" that is scaled
 so that b(G, K) is as large as it can be. The logarithm of 1/b² is a maximum over frequency of convex
@@ -40,7 +40,7 @@ SIGNALS = CRANE_STATES  # four measured on each axis: a flat output and three de
 class InnerLoop:
     """From v-bar (m) to what is measured (4 m) with state feedback closed; delays kept out of the matrices.
 
-    m axes: three of flat states, or the two horizontal ones of a law, whose u then is v.
+    m axes: three of flat states, or the two horizontal ones of a controller, whose u then is v.
     """
 
     opened: SampledSystem  # at the drives; inputs: arriving commands, v-bar; outputs: commands, measured
@@ -120,8 +120,8 @@ def flat_axis(design: Design, period: float) -> AxisDesign:
 def controller_axis(controller: LinearController, period: float) -> AxisDesign:
     """Return a linearised controller as axis design: its own states become the robustifier R.
 
-    F must make the crane stable, as coprime factors ask for. Where the law's own gain does not, another one
-    does, and R has the difference: neither loop nor margin change.
+    F must make the crane stable, as coprime factors ask for. Where the controller's own gain does not,
+    another one does, and R has the difference: neither loop nor margin change.
     """
     crane, own = slice(SIGNALS), slice(SIGNALS, None)
     a, b, gain = controller.a[crane, crane], controller.b[crane], controller.gain[crane]
@@ -223,7 +223,7 @@ GRID = np.exp(1j * np.geomspace(1e-5, np.pi, 250))  # of the optimisation only; 
 def choose_opening(controller: str, axis: AxisDesign, settings: DesignSettings, name: str | None) -> Opening:
     """Choose where the loop is opened: "v-bar" for loop shaping, "v" for the rest of the flat family.
 
-    Every other law is opened at "u". Raises InputError for a signal at which it cannot be.
+    Every other controller is opened at "u". Raises InputError for a signal at which it cannot be.
     """
     shaping, plain = controller.endswith("+loop-shaping"), "v" if axis.axes == 3 else "u"
     name = name or ("v-bar" if shaping else plain)
@@ -234,7 +234,7 @@ def choose_opening(controller: str, axis: AxisDesign, settings: DesignSettings, 
         return Opening(name, axis, None, best_scales(axis))
     raise InputError(
         f"the loop of {controller} opened at '{name}'",
-        allowed="v for the flat family, v-bar for those of it with loop shaping, u for other laws",
+        allowed="v for the flat family, v-bar for those of it with loop shaping, u for other controllers",
         remedy="choose another signal with --open-at, or leave it out",
     )
 
@@ -242,7 +242,7 @@ def choose_opening(controller: str, axis: AxisDesign, settings: DesignSettings, 
 def best_scales(axis: AxisDesign) -> Array:
     """Scales (4,) of what is measured on an axis for which b(G, K) at "v" or "u" is largest.
 
-    They are 0 for what the law makes no use of.
+    They are 0 for what the controller makes no use of.
     """
     measured = axis.inner_loop().response(GRID)[:, :: axis.axes, 0]
     r = axis.robustifier.response(GRID)[:, 0]

@@ -1,1 +1,1 @@
-"""The benchmark: laws on scenarios, sets of cranes and plants, each a campaign on the same draws."""
+"""The benchmark: controllers on scenarios, sets of cranes and plants, each a campaign on the same draws."""

@@ -1,4 +1,4 @@
-"""How laws of one division rank on a set of cranes, over all scenarios that suit laws of every kind."""
+"""Rank the controllers of one division on a set of cranes, over all scenarios that suit every kind."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from cranectl.support.consistency import check_ascending
 
 
 class Standing(NamedTuple):
-    """A law on one set of cranes and plant, over all scenarios that suit laws of every kind."""
+    """A controller on one set of cranes and plant, over all scenarios that suit controllers of every kind."""
 
     law: str
     runs: int
@@ -41,7 +41,7 @@ def checked_standing(*fields: Any) -> Standing:
 
 
 class Judged(NamedTuple):
-    """The laws of one division, which are never compared with those of another."""
+    """The controllers of one division, which are never compared with those of another."""
 
     benchmark: Benchmark
     table: BenchmarkTable
@@ -56,14 +56,14 @@ class Judged(NamedTuple):
         return self.table.trials.get(self.trial(crane_set, scenario, law, plant))
 
     def shared_scenarios(self, crane_set: str) -> list[str]:
-        """Return the scenarios that suit laws of every kind and on which any has been run."""
+        """Return the scenarios that suit controllers of every kind and on which any has been run."""
         judged = (self.division, self.benchmark.plant, crane_set)
         there = {trial.scenario for trial in self.table.trials if trial[:3] == judged}
         suited = self.benchmark.scenarios.items()
         return [name for name, scenario in suited if len(scenario.suits) > 1 and name in there]
 
     def ranking(self, crane_set: str) -> list[Standing]:
-        """Return the standing of every law that has been run there.
+        """Return the standing of every controller that has been run there.
 
         The fewest failures are first, then the least unsettled.
         """
@@ -78,7 +78,7 @@ class Judged(NamedTuple):
         return sorted(standings, key=lambda standing: (standing.failed, standing.unsettled))
 
     def unfinished(self, crane_set: str) -> list[str]:
-        """Return the laws that have runs on a set, but not on all scenarios of its ranking."""
+        """Return the controllers that have runs on a set, but not on all scenarios of its ranking."""
         shown = {standing.law for standing in self.ranking(crane_set)}
         judged = (self.division, self.benchmark.plant, crane_set)
         there = dict.fromkeys(trial.law for trial in self.table.trials if trial[:3] == judged)
@@ -86,12 +86,12 @@ class Judged(NamedTuple):
 
     @property
     def laws(self) -> list[str]:
-        """Names of all laws that have been run, in any division."""
+        """Names of all controllers that have been run, in any division."""
         return list(dict.fromkeys(trial.law for trial in self.table.trials))
 
     @property
     def best_first(self) -> list[str]:
-        """All laws, in the order of the ranking on the set with the widest spread that has any."""
+        """All controllers, in the order of the ranking on the set with the widest spread that has any."""
         widest = sorted(self.benchmark.sets, key=lambda name: -self.benchmark.sets[name].spread)
         standings = next(filter(None, map(self.ranking, widest)), [])
         return list(dict.fromkeys([*(standing.law for standing in standings), *self.laws]))
@@ -112,7 +112,7 @@ def _standing(controller: str, runs: Sequence[Runs], durations: Sequence[float])
 
 
 def points_of(standings: Sequence[Standing]) -> Array:
-    """Return (laws, 3): unsettled share of the rest, effort, share of failures; the lower the better."""
+    """Return (controllers, 3): unsettled share of the rest, effort, share of failures; lower is better."""
     return np.array([[s.unsettled, s.effort, s.failed] for s in standings])
 
 

@@ -52,7 +52,7 @@ def run_trials(
     """Run what is missing of `trials` below `directory`, `workers` at a time; yields each that is whole.
 
     Batches that ended are kept when the caller leaves. Raises InputError as `open_store` and campaigns do,
-    but for a law that refuses the crane.
+    but for a controller that refuses the crane.
     """
     left = threading.Event()
 
@@ -140,8 +140,8 @@ def collected(
 ) -> BenchmarkTable:
     """Collect the complete ones of the trials `begun` below `directory`; call `advance(1)` for each.
 
-    `rules`: digest of those of `benchmark`; `tuned`: where the numbers of tuned laws are.
-    Raises InputError where no trial is whole, where one is damaged, and where laws have run on other cranes
+    `rules`: digest of those of `benchmark`; `tuned`: where the numbers of tuned controllers are. Raises
+    InputError where no trial is whole, where one is damaged, and where controllers have run on other cranes
     than the benchmark's, were others, or had other numbers than these. A trial may have fewer cranes.
     """
     trials, nominal, made_by = {}, {}, {}
@@ -167,11 +167,11 @@ def collected(
                 raise InputError(
                     f"{results.directory} was run with other numbers than those in {tuned}",
                     allowed="results of the numbers that are there",
-                    remedy="name their directory, --tuned, or run the law again in another one, --out",
+                    remedy="name their directory, --tuned, or run the controller again in another one, --out",
                 )
     if not trials:
         raise InputError(
-            f"{directory} holds no whole result of these laws",
+            f"{directory} holds no whole result of these controllers",
             allowed="a directory that 'cranectl benchmark run' has written",
             remedy="check the place, or run the benchmark",
         )
@@ -192,7 +192,7 @@ def collected(
 def _check_same(results: Results, wanted: Table, controller: str) -> None:
     """Raise InputError unless `results` are those of the campaign `wanted` with this `controller`.
 
-    What is the law's own is not looked at, nor how many cranes there are.
+    What is the controller's own is not looked at, nor how many cranes there are.
     """
     manifest = results.manifest
     alike = {
@@ -207,6 +207,6 @@ def _check_same(results: Results, wanted: Table, controller: str) -> None:
     if other:
         raise InputError(
             f"{results.directory} was not run by this benchmark: {'; '.join(other)}",
-            allowed="results of the scenarios, cranes and laws as they are",
+            allowed="results of the scenarios, cranes and controllers as they are",
             remedy="run it again in another directory, --out",
         )

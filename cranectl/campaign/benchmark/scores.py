@@ -1,7 +1,7 @@
 """What a benchmark's runs amount to: pure functions of arrays, a row for each crane.
 
 A run that failed counts as worse than any that did not; one that never settles as settling after its end. So
-no law gains by losing its hard cranes.
+no controller gains by losing its hard cranes.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ ACCEPTED = 0.05  # share of failures at the robustness radius
 
 
 class PairedDifference(NamedTuple):
-    """A law less the baseline over the cranes on which both come to an end."""
+    """A controller less the baseline over the cranes on which both come to an end."""
 
     cranes: int
     median: float
@@ -77,9 +77,9 @@ def settling_quantile(settling: Array, failed: Mask, at: float) -> float:
 
 
 def performance_ratios(costs: Array) -> Array:
-    """Costs (laws, problems) over the least of each problem; inf for failures (Dolan and Moré 2002).
+    """Costs (controllers, problems) over the least of each problem; inf for failures (Dolan and Moré 2002).
 
-    Costs are not negative; NaN is a failure. A problem that every law fails has inf for all.
+    Costs are not negative; NaN is a failure. A problem that every controller fails has inf for all.
     """
     costs = np.where(np.isnan(costs), np.inf, costs)
     best = costs.min(axis=0)
@@ -90,7 +90,7 @@ def performance_ratios(costs: Array) -> Array:
 
 
 def profile(ratios: Array, at: Array) -> Array:
-    """Share of the problems (laws, problems) that each law solves within a ratio of the best: (laws, at)."""
+    """Return the share of problems that each controller solves within a ratio of the best one."""
     shares: Array = (ratios[:, :, np.newaxis] <= at).mean(axis=1)
     return shares
 

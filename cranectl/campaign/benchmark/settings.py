@@ -1,4 +1,4 @@
-"""Benchmark files: which laws on which scenarios and sets of cranes, and how they are tuned."""
+"""Benchmark files: which controllers on which scenarios and sets of cranes, and how they are tuned."""
 
 import itertools
 import re
@@ -23,21 +23,21 @@ Follows = Literal["path", "set-point"]
 
 
 class MeasuredScenario(Settings):
-    """A scenario on which laws are measured."""
+    """A scenario on which controllers are measured."""
 
     file: str = Field(description="name of a scenario, or path of its file from the benchmark's")
     suits: Annotated[tuple[Follows, ...], Field(strict=False, min_length=1)] = Field(
-        description="laws of what they follow; others are not run"
+        description="controllers of what they follow; others are not run"
     )
     set: Overrides = Field((), description="settings of the scenario, key=value")
     uncertain: dict[str, Any] = Field({}, description="distributions besides, or in place of, those of all")
 
 
 class CraneSet(Settings):
-    """How far cranes are from what laws take them for."""
+    """How far cranes are from what controllers take them for."""
 
     spread: Spread = Field(description="factor on how far all uncertain values are from the nominal ones")
-    draws: Draws = Field(description="cranes, the same for every law")
+    draws: Draws = Field(description="cranes, the same for every controller")
     uncertain: dict[str, Any] = Field({}, description="distributions in place of those of all")
     scenarios: Annotated[tuple[str, ...], Field(strict=False)] = Field((), description="only these, or all")
     only: Annotated[tuple[str, ...], Field(strict=False)] = Field(
@@ -65,13 +65,13 @@ class Singles(Settings):
 
 
 class Tuning(Settings):
-    """How the numbers of a law are found: on cranes that are never judged."""
+    """How the numbers of a controller are found: on cranes that are never judged."""
 
     scenarios: Names
     spread: Spread = 1.0
     draws: Draws = Field(description="cranes of each scenario")
     seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(description="of these cranes and of the search")
-    runs: Annotated[int, Field(ge=1)] = Field(description="budget of a law, in simulated runs")
+    runs: Annotated[int, Field(ge=1)] = Field(description="budget of a controller, in simulated runs")
     variation_price: Annotated[float, Field(ge=0.0)] = Field(
         description="cost of a command that varies by g in a second"
     )
@@ -84,7 +84,7 @@ class Benchmark(Settings):
     title: str = ""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(description="of the cranes that are judged on")
     laws: Names = Field(description="names of controllers, or their files from the benchmark's: law.py:NAME")
-    baseline: str = Field(description="the law with which all are compared")
+    baseline: str = Field(description="the controller with which all are compared")
     plant: str = "mujoco"
     second_plant: str = Field("elastic", description="on which a share of the draws is repeated")
     second_share: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
@@ -149,7 +149,7 @@ class Benchmark(Settings):
         if self.seed == self.tuning.seed:
             raise RuleError(
                 f"tuning.seed = seed = {self.seed}",
-                allowed="tuning.seed must not be seed: laws are not tuned on cranes that judge them",
+                allowed="tuning.seed must not be seed: controllers are not tuned on cranes that judge them",
                 remedy="change tuning.seed",
             )
         return self

@@ -1,7 +1,7 @@
 """All runs of a benchmark in one Parquet file: what a page is made from.
 
 A row for each run, by trial and sample, with the metrics that are compared; what is the same for all runs of
-a law or a scenario is in the file's metadata, as JSON.
+a controller or a scenario is in the file's metadata, as JSON.
 """
 
 import json
@@ -69,8 +69,8 @@ class BenchmarkTable:
     """All trials there are, and what is the same for all runs.
 
     That is `rules`, `seed`, versions and fingerprints of each software that ran any, `made_by`, by scenario
-    `durations` [s], by law what it is told, `laws`, of `information`, and what tuning gave it, `tuned`, of
-    `tuned_facts`.
+    `durations` [s], by controller what it is told, `laws`, of `information`, and what tuning gave it,
+    `tuned`, of `tuned_facts`.
     """
 
     about: Mapping[str, Any]
@@ -155,7 +155,7 @@ def joined(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
 
 
 def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
-    """Raise InputError where rules, seed, files or numbers of laws are others in `table` than in `about`."""
+    """Raise InputError unless rules, seed, files and numbers of `table` equal those in `about`."""
     compared = [(name, table.about[name], about[name]) for name in ("rules", "seed")]
     for part, what in (("laws", "file"), ("tuned", "numbers")):
         entries, known = table.about[part], about.get(part, {})
@@ -168,8 +168,8 @@ def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
         if entries != wanted:
             raise InputError(
                 f"results whose {name} differ: {entries} and {wanted}",
-                allowed="results of one benchmark, by the same rules, on the same cranes, of the same laws",
-                remedy="run the laws again with this version of the benchmark",
+                allowed="results of one benchmark with the same rules, cranes and controllers",
+                remedy="run the controllers again with this version of the benchmark",
             )
 
 
@@ -177,7 +177,7 @@ def of_controllers(table: BenchmarkTable, controllers: Collection[str]) -> Bench
     """Only the trials of `controllers`; raises InputError where there is none of one."""
     for controller in controllers:
         if controller not in table.about["laws"]:
-            raise unknown_name("law of the table", controller, table.about["laws"])
+            raise unknown_name("controller of the table", controller, table.about["laws"])
     about = {
         part: {name: facts for name, facts in table.about[part].items() if name in controllers}
         for part in ("laws", "tuned")

@@ -1,7 +1,7 @@
-"""The trials of a benchmark: one law on one scenario, set of cranes and plant, each a campaign.
+"""The trials of a benchmark: one controller on one scenario, set of cranes and plant, each a campaign.
 
-Sample k is the same crane in every trial of a scenario and set, whatever law or plant. The rules have a
-digest: results by other rules are not compared.
+Sample k is the same crane in every trial of a scenario and set, whatever controller or plant. The rules have
+a digest: results by other rules are not compared.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # as they are shown
 
 
 class Trial(NamedTuple):
-    """A campaign of one law."""
+    """A campaign of one controller."""
 
     division: Division
     plant: str
@@ -83,7 +83,7 @@ def trials_of(
 ) -> list[Trial]:
     """Return all trials of these controllers, restricted to `sets` and `scenarios` if any are named.
 
-    By set, scenario and plant, so that what all laws have in common comes together.
+    By set, scenario and plant, so that what all controllers have in common comes together.
     """
     known = sets_of(benchmark)
     for kind, names, there in (("set", sets, known), ("scenario", scenarios, benchmark.scenarios)):
@@ -111,7 +111,8 @@ def campaign_of(
 ) -> Campaign:
     """Return the campaign of `trial`, of `most` draws at most.
 
-    `tuned` gives the settings of a law that was tuned, on a crane so many times as large as the laboratory's.
+    `tuned` gives the settings of a controller that was tuned, on a crane so many times as large as the
+    laboratory's.
 
     Raises InputError as `stated_campaign`; values are not yet checked.
     """
@@ -169,7 +170,7 @@ def trial_campaign(
 ) -> Campaign:
     """Make a campaign of one controller on a scenario of the benchmark, with `numbers` as key=value.
 
-    As `stated_campaign`: what decides which values there are is the same for all laws.
+    As `stated_campaign`: what decides which values there are is the same for all controllers.
     """
     measured = benchmark.scenarios[scenario]
     file = scenario_source(benchmark, scenario)
@@ -204,7 +205,7 @@ def scenario_source(benchmark: Benchmark, scenario: str) -> str:
 
 
 def rules_of(benchmark: Benchmark) -> str:
-    """Digest of all that decides a comparison but the laws and the seed.
+    """Digest of all that decides a comparison but the controllers and the seed.
 
     These are the benchmark's file, its scenarios, their rigs, and the code of the metrics, without comments
     and docstrings.

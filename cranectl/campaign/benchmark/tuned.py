@@ -1,4 +1,4 @@
-"""What tuning found, as files: the numbers of a law in TOML, every point of the search in Parquet."""
+"""What tuning found, as files: the numbers of a controller in TOML, every point of the search in Parquet."""
 
 import shlex
 from collections.abc import Mapping
@@ -51,8 +51,8 @@ def code_of(controller: str) -> str | None:
 def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]) -> None:
     """Write `table`, of `tuned_table`, and all points into `files`, of `tuned_files`; raises InputError.
 
-    Each is whole or not there. Of the points a row is a candidate: its number, 0 for the untuned law, its
-    numbers by setting, cost, share failed.
+    Each is whole or not there. Of the points a row is a candidate: its number, 0 for the untuned controller,
+    its numbers by setting, cost, share failed.
     """
     import pyarrow
     from pyarrow import parquet
@@ -94,8 +94,9 @@ def _is_of(table: Mapping[str, Any], controller: str) -> bool:
 def tuned_facts(directory: Path, rules: str, controller: str, benchmark: str = DEFAULT) -> dict[str, Any]:
     """Return what tuning found: `cost` and share `failed` untuned, with half and with all of the budget.
 
-    `numbers` has those of the law by their settings, untuned and found. Raises InputError where there are
-    none in `directory`, or law or rules were others when it was tuned. `benchmark`: how it was named.
+    `numbers` has those of the controller by their settings, untuned and found. Raises InputError where there
+    are none in `directory`, or controller or rules were others when it was tuned. `benchmark`: how it was
+    named.
     """
     path = directory / f"{controller}.toml"
     named = [] if benchmark == DEFAULT else ["--benchmark", benchmark]
@@ -108,7 +109,7 @@ def tuned_facts(directory: Path, rules: str, controller: str, benchmark: str = D
     if not _is_of(table, controller) or not same_numbers:
         raise InputError(
             f"{path} holds the numbers of another version of {controller}",
-            allowed="numbers that were found for the law as it is",
+            allowed="numbers that were found for the controller as it is",
             remedy=f"tune it again: {again}",
         )
     if table.get("rules") != rules:

@@ -1,4 +1,4 @@
-"""Find the numbers of a law: the least mean cost over cranes that are never judged, in a budget of runs.
+"""Find the numbers of a controller that cost least on average over cranes that are never judged.
 
 The search is CMA-ES (Hansen, The CMA Evolution Strategy: A Tutorial, 2016) over the logarithms of the
 numbers, each between its bounds. All candidates drive the same cranes. Every point is kept, the start first.
@@ -130,7 +130,7 @@ def _best(points: Sequence[Point]) -> Point:
 
 @dataclass(frozen=True)
 class _Cranes:
-    """The tuning set of a law."""
+    """The tuning set of a controller."""
 
     benchmark: Benchmark
     law: str
@@ -146,7 +146,7 @@ class _Cranes:
     def rows(
         self, scenario: str, values: Sequence[float], children: Children, stop: Callable[[], bool]
     ) -> list[Row]:
-        """Return all runs of `scenario` with the law's numbers at `values`; raises InputError if refused."""
+        """Return all runs of `scenario` with the numbers `values`; raise InputError if they are refused."""
         settings = assignments(self.variables, values, size_of(self.campaigns[scenario].nominal.rig))
         campaign = tuning_campaign(self.benchmark, scenario, self.law, settings)
         with closing(made_worker(Prepared(campaign), children, self.patience)) as worker:
@@ -174,7 +174,7 @@ def tune(
 
     `runs`: budget, by default the benchmark's. The result is the same for any number of `workers`, threads.
     Laws from outside run in a process of each, with `patience` [s] for a block.
-    Raises InputError for a law that cannot be run as it is, and for too small a budget.
+    Raises InputError for a controller that cannot be run as it is, and for too small a budget.
     """
     variables = variables_of(law)
     followed = follows(law)
@@ -182,7 +182,7 @@ def tune(
     if not suited:
         raise InputError(
             f"'{law}' follows a {followed}, and {benchmark.name} tunes on no scenario that suits it",
-            allowed="one scenario at least that suits the law",
+            allowed="one scenario at least that suits the controller",
             remedy="add one to [tuning] of the benchmark",
         )
     cranes = _Cranes(

@@ -82,7 +82,7 @@ def show_result(results: "Results", screen: Screen, more: dict[str, Any] | None 
     "--by", "metric", metavar="METRIC", default="max_error_m", show_default=True, help="What is worst."
 )
 @click.option("--run", "samples", metavar="INDEX", type=int, multiple=True, help="This sample; repeatable.")
-@controllers_option("Only runs with these controllers; one that is a law of a file by its file.")
+@controllers_option("Only runs with these controllers; one that is a controller of a file by its file.")
 @plants_option("Only runs on these plants.")
 @click.option(
     "--every", type=click.IntRange(1, 1_000_000_000), metavar="N", help="Log every N-th control sample."

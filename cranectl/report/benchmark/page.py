@@ -47,10 +47,10 @@ def judged_divisions(benchmark: Benchmark, table: BenchmarkTable) -> list[Judged
 def _summary(divisions: list[Judged]) -> Iterator[Section]:
     """Tell which controllers are undominated on any set, by division."""
     text = (
-        "These laws are undominated on at least one set: no other law of the division is at least as good in "
-        "unsettled time, effort and share of failures, and better in one. A law may be here only because it "
+        "These controllers are undominated on at least one set: no other of the division is as good in "
+        "unsettled time, effort and share of failures, and better in one. One may be here only because it "
         "asks for little effort, or because it fails least: read all three columns. Differences within the "
-        "intervals may be chance. What each law is told of crane and path is part of the comparison, and "
+        "intervals may be chance. What each one knows of crane and path is part of the comparison, and "
         "stands beside its name."
     )
     texts, tables = [text], []
@@ -102,7 +102,8 @@ def _undominated(
             row += [failed, f"{unsettled:.1f}", finite(own_standing.effort, ".2f", "fails")]
         rows.append(cells(*named(judged, controller), *row))
     headings = (*NAMED, *(f"{name}\n{column}" for name in sets for column in SHOWN))
-    title = f"{TITLES[judged.division]}: {len(controllers)} of {len(set().union(*by_law.values()))} laws"
+    every = set().union(*by_law.values())
+    title = f"{TITLES[judged.division]}: {len(controllers)} of {len(every)} controllers"
     note = "A star: undominated on that set. RMS u in m/s²."
     return Table(title, headings, tuple(rows), labels=2, note=note)
 
@@ -112,10 +113,10 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
     texts = (
         f"Rules {table.about['rules']}, cranes of seed {table.about['seed']}; on {benchmark.plant}, and a "
         f"share of {benchmark.second_share:g} of the cranes on {benchmark.second_plant}, {benchmark.drive} "
-        f"drives. Sets: {'; '.join(sets)}. Every law meets the same cranes, sample by sample. A run fails "
-        "that ends early or is too far off at its end; no law gains by what it loses, since failures are "
-        "worse than any result. The literature's laws are written here: their authors may do better.",
-        "There are two divisions, which are never in one table: laws as published, that is with their "
+        f"drives. Sets: {'; '.join(sets)}. Every controller meets the same cranes. A run fails "
+        "that ends early or is too far off at its end; no controller gains by a loss, since failures are "
+        "worse than any result. The literature's controllers are written here: their authors may do better.",
+        "There are two divisions, which are never in one table: controllers as published, that is with their "
         "defaults, for most of them first guesses and no paper's numbers, and tuned, all by the same budget.",
         f"Made by {'; some with '.join(_software(table.about['made_by']))}.",
     )
@@ -128,10 +129,10 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
             known = ", ".join(name.replace("_", " ") for name in rig) or "nothing"
         ahead = "all of the path" if facts["reads_path"] else str(ahead)
         rows.append(cells(controller, follows, facts["measures"], ahead, facts["commands"], known))
-    headings = ("law", "follows", "measures", "preview", "commands", "knows of the rig")
+    headings = ("controller", "follows", "measures", "preview", "commands", "knows of the rig")
     note = (
-        "What is measured as state comes from encoders and an observer that is common to all laws. Preview: "
-        "control periods of the path ahead, or all of it where a law is made. Of masses and drives, those by "
+        "What is measured as state comes from encoders and an observer that all controllers share. Preview: "
+        "control periods of the path ahead, or all of it before a run. Of masses and drives, those by "
         "which its numbers go. The column 'told' of the other tables sums this up."
     )
     table_of_controllers = Table("", headings, tuple(rows), labels=6, note=note)
@@ -167,11 +168,11 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
             numbers.append(cells(controller, information, ", ".join(changed)))
     settings = benchmark.tuning
     text = (
-        f"Every law by CMA-ES in a budget of {settings.runs} runs, from its defaults, on cranes that are "
+        f"Every controller by CMA-ES within {settings.runs} runs, from its defaults, on cranes that are "
         f"never judged on: {settings.draws} each of {', '.join(settings.scenarios)}, spread "
         f"{settings.spread:g}. The cost is the mean over them, the lower the better; a run that fails costs "
         "more than 5. Where the second half of the budget gained little, a larger one may not help. The "
-        "search is local, and some numbers end at a bound. A law with nothing to tune is run as it is."
+        "search is local, and some numbers end at a bound. A controller with nothing to tune is run as it is."
     )
     headings = (*NAMED, "runs", *(f"{what}\n{stage}" for what in ("cost", "failed %") for stage in stages))
     tables = [Table("", headings, tuple(rows), labels=2)]
@@ -198,9 +199,9 @@ def _failures(divisions: list[Judged], result: Path | None) -> Iterator[Section]
             tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=7, folded=True))
     if tables:
         unknown = any(row[-1].text.endswith(FILE) for table in tables for row in table.rows)
-        file = f" {FILE} is that of the law." if unknown else ""
+        file = f" {FILE} is that of the controller." if unknown else ""
         text = (
-            f"The first failure of each law on each set.{file} Without the results, the piece is run again "
+            f"The first failure of each on each set.{file} Without the results, the trial runs again "
             "by 'cranectl benchmark run' with --division, --controller, --set-of-cranes, --scenario, and "
             "--draws for the cranes up to that one."
         )

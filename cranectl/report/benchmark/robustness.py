@@ -1,4 +1,4 @@
-"""How much the laws of a division can take: wider spreads, one uncertainty alone, a second plant."""
+"""How much the controllers of a division can take: wider spreads, one uncertainty alone, a second plant."""
 
 from collections.abc import Iterator
 
@@ -50,7 +50,7 @@ def radius_section(judged: Judged) -> Iterator[Section]:
     left_out = {spread: int((~of).sum()) for spread, of in zip(spreads, cranes, strict=True) if not of.all()}
     if left_out:
         missing = ", ".join(f"{count} at {spread:g}" for spread, count in left_out.items())
-        text += f" Left out are cranes that could not be simulated with any law: {missing}."
+        text += f" Left out are cranes that could not be simulated with any controller: {missing}."
     yield section_of(judged, "radius", "radius", text, (Table("", headings, rows, labels=2),))
 
 
@@ -91,14 +91,14 @@ def singles_section(judged: Judged) -> Iterator[Section]:
         f"On {singles.scenario} one uncertainty alone, {singles.spread:g} times as wide as at spread 1, on a "
         "crane that has nothing else of what is uncertain, such as friction, delay, noise and wind; for "
         f"comparison all of it at nominal values, {', '.join(exact[:1])}, and all of it uncertain. Shown are "
-        f"the {BEST} laws that stand best on the widest set, the others are folded. A run that fails counts "
+        f"the {BEST} best controllers on the widest set, the others are folded. A run that fails counts "
         "as worse than any error."
     )
     yield section_of(judged, "single", "single effects", text, tables)
 
 
 def _possible(judged: Judged, name: str, scenario: str) -> Mask:
-    """Cranes of a set that could be simulated with some law, by sample; all where there are not two laws."""
+    """Return which cranes of a set could be simulated with some controller, by sample."""
     of_controllers = [
         runs
         for controller in judged.best_first

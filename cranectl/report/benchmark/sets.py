@@ -1,4 +1,4 @@
-"""A set of cranes: how the laws of a division stand, figures of it, each scenario by itself."""
+"""A set of cranes: how the controllers of a division stand, figures of it, each scenario by itself."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas
 from cranectl.support.arrays import Array, Mask
 
 COMPARED = "rms_error_m"  # with the baseline, crane by crane
-NAMED = ("law", "told")
+NAMED = ("controller", "knows")
 TITLES: dict[Division, str] = {"tuned": "Tuned", "published": "As published (defaults)"}
 MOST_RATIO = 10.0
 NAMED_PROFILES = 8  # laws that have a line of their own in a profile
@@ -34,7 +34,7 @@ NOTHING = ("", "", "")  # where there is no difference
 
 
 def named(judged: Judged, controller: str) -> tuple[Cell, ...]:
-    """Return what the rows of a law begin with, below NAMED."""
+    """Return what the rows of a controller begin with, below NAMED."""
     head = "head" if controller == judged.benchmark.baseline else ""
     return cells(Cell(controller, head), information_class(judged.table.about["laws"][controller]))
 
@@ -68,7 +68,7 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
     best, drawable = scores.undominated(points), np.asarray(np.isfinite(points).all(axis=1))
     drawn = Figure.drawn(
         "effort against settling",
-        "Filled and named: no other law is as good in settling, effort and failures and better in one. "
+        "Filled and named: no other is as good in settling, effort and failures and better in one. "
         "Larger circles fail more often.",
         _draw_fronts,
         [s.law for s, there in zip(standings, drawable, strict=True) if there],
@@ -84,14 +84,15 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
         tasks.append(np.stack([run.task for run in runs]))  # (laws, cranes that all of them have met)
     profiles = Figure.drawn(
         "performance profiles",
-        "Share of all runs that a law has settled within so many times the time of the law that was "
+        "Share of all runs that a controller has settled within so many times the time of the one that was "
         "quickest on that crane, both from the start of the run; failures never. The eight best have names.",
         _draw_profiles,
         controllers,
         scores.performance_ratios(np.hstack(tasks)),
         alone=True,
     )
-    tables = [ranking_table(judged, standings, f"All laws on {benchmark.plant}"), _failures(judged, name)]
+    title = f"All controllers on {benchmark.plant}"
+    tables = [ranking_table(judged, standings, title), _failures(judged, name)]
     tables += [table for scenario in benchmark.scenarios for table in _scenario(judged, name, scenario)]
     cranes = benchmark.sets[name]
     text = (
@@ -112,7 +113,7 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
 def ranking_table(judged: Judged, standings: Sequence[Standing], title: str) -> Table:
     """Tell how controllers stand; none on the front is dominated in settling, effort and failures.
 
-    Of the others it names the first law that does.
+    Of the others it names the first controller that does.
     """
     better = scores.dominates(points_of(standings))
     headings = (*NAMED, "front,\nor behind", "runs", "failed\n%", "failed\n95 %", "settled\n%",
@@ -128,8 +129,8 @@ def ranking_table(judged: Judged, standings: Sequence[Standing], title: str) -> 
             cells(*named(judged, standing.law), front, str(standing.runs), *failed, *settled, *inputs)
         )
     note = (
-        "Over the scenarios that suit laws of every kind; effort and variation are medians of the runs. "
-        "Behind: the first law as good in unsettled time, effort and failures, and better in one of them."
+        "Over scenarios that suit every kind of controller; effort and variation are medians of the runs. "
+        "Behind: the first one as good in unsettled time, effort and failures, and better in one of them."
     )
     return Table(title, headings, tuple(rows), labels=3, note=note)
 
@@ -178,7 +179,7 @@ def _scenario(judged: Judged, name: str, scenario: str) -> Iterator[Table]:
 def _less(runs: Runs, baseline: Runs | None, duration: float, *, sees_path: bool) -> tuple[str, ...]:
     """Return RMS errors [mm] and times that pass unsettled [s] less those of the baseline, as DIFFERENCES.
 
-    Errors where neither fails, and of laws that see the path; a failed run is unsettled to the end.
+    Errors where neither fails, and of controllers that see the path; a failed run is unsettled to the end.
     """
     if baseline is None:
         return NOTHING * 2
@@ -206,7 +207,8 @@ def _difference(own: Array, theirs: Array, *, form: str) -> tuple[str, str, str]
 def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
     """Draw the share of runs that each controller brings to rest within a ratio of the quickest time.
 
-    `ratios` (laws, problems) are those of the laws that are drawn, the best of them by its line alone.
+    `ratios` (controllers, problems) are those of the controllers that are drawn, the best of them by its line
+    alone.
     """
     at = np.geomspace(1.0, MOST_RATIO, 200)
     shares = scores.profile(ratios, at)
@@ -217,7 +219,7 @@ def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
     for rank, k in enumerate(best[:NAMED_PROFILES]):
         axes.step(at, 100.0 * shares[k], where="post", label=controllers[k], **series_style(rank))
     axes.set(xscale="log", xlim=(1.0, MOST_RATIO), ylim=(0.0, 100.0))
-    axes.set(xlabel="time to settle over that of the quickest law", ylabel="runs [%]")
+    axes.set(xlabel="time to settle over that of the quickest controller", ylabel="runs [%]")
     axes.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])
     axes.minorticks_off()
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

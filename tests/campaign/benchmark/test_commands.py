@@ -123,7 +123,7 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
             assert same == pytest.approx(row, rel=1e-3)
     assert titles_of(table.with_suffix(".html")) == titles_of(page)
     assert main(["benchmark", "report", str(table), "--benchmark", str(small), "--controller", "pid"]) == 2
-    assert "unknown law of the table 'pid'" in capsys.readouterr().err
+    assert "unknown controller of the table 'pid'" in capsys.readouterr().err
     for runs in written.trials.values():
         assert np.isfinite(runs.metrics["rms_error_m"]).all()
 

@@ -112,7 +112,7 @@ def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
     tuned, untuned = found["summary"].tables
     assert texts(tuned) == [["first", "path, state", "0.0", "11.1", "1.00", "0.0", "11.1", "1.00"]]
     assert {row[2].mark for row in untuned.rows} == {"best"}
-    assert tuned.title == "Tuned: 1 of 2 laws"
+    assert tuned.title == "Tuned: 1 of 2 controllers"
     assert found["summary"].paragraphs[1:] == (
         "Tuned, on nominal, wide alike: first.",
         "As published (defaults), on nominal, wide alike: first.",
@@ -174,7 +174,7 @@ def test_a_crane_that_cannot_be_simulated_is_no_failure_of_a_law(small: Path) ->
     section = sections(benchmark, made)["published-radius"]
     assert [row[-1] for row in texts(section.tables[0])] == ["0", "14"]
     assert section.paragraphs[0].endswith(
-        "Left out are cranes that could not be simulated with any law: 1 at 3."
+        "Left out are cranes that could not be simulated with any controller: 1 at 3."
     )
 
 
