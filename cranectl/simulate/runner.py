@@ -78,7 +78,7 @@ def simulate_run(
         A finished design in place of `controller`.
     nominal : Scenario, optional
         The crane that the controller assumes; it may differ in rig, effects, initial state and disturbances.
-    plan, controller : Plan, CompiledController, optional
+    plan, law : Plan, CompiledController, optional
         Results of `plan_scenario` and `prepare_controller`, to save making them twice.
     compiled : bool
         Whether the compiled loop runs; the other one is slower and easy to step through.

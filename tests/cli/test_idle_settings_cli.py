@@ -28,7 +28,7 @@ SAID = [
           "benchmark run small.toml --controller lqr-integral --set-of-cranes nominal",
       )),
     ("benchmark run small.toml --controller lqr-integral --set-of-cranes nominal --tuned here",
-     "--tuned changes nothing here: laws run with their defaults"),
+     "--tuned changes nothing here: controllers run with their defaults"),
     ("benchmark run small.toml --controller lqr-integral --set-of-cranes nominal",
      "short: log.every changes nothing here: the command does not read it"),
     ("tune lqr-integral --benchmark small.toml --runs 4",

@@ -143,7 +143,7 @@ CASES = [
     ),
     Case(
         "controllers/registry.py",
-        "choose one of the controllers listed above, or name the file of a law, law.py:NAME",
+        "choose one of the controllers listed above, or name the file of a controller, law.py:NAME",
         ["--drive", "ideal", "--controller", "zzz"],
         ["--drive", "ideal"],
     ),

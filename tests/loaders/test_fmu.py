@@ -179,7 +179,7 @@ def test_workers_run_it(fmi: int, tmp_path: Path) -> None:
 
 def test_steps_of_its_own_fit_into_those_of_the_law(tmp_path: Path) -> None:
     path = fmu(tmp_path / "law.fmu", 3, kind='fixedInternalStepSize="0.004"')
-    with pytest.raises(InputError, match=r"steps of 0\.004 s, its law is given 0\.001 s"):
+    with pytest.raises(InputError, match=r"steps of 0\.004 s, its controller is given 0\.001 s"):
         simulate_run(scenario(), plant="analytic", controller=open_controller(str(path)))
     path.with_suffix(".toml").write_text("every = 8\nname = 'slow'")
     run = simulate_run(scenario(), plant="analytic", controller=open_controller(str(path)))

@@ -153,7 +153,7 @@ def test_units_that_cannot_be_are_refused(units: str, found: str, tmp_path: Path
 def test_a_step_that_it_prefers_counts_where_it_takes_no_other(tmp_path: Path) -> None:
     path = written(tmp_path / "law.fmu", 2, before='<DefaultExperiment stepSize="0.008"/>')
     error = refused(path)
-    assert "has steps of 0.008 s, its law is given 0.001 s" in error.found
+    assert "has steps of 0.008 s, its controller is given 0.001 s" in error.found
     for every in (error.remedy.partition(" in ")[0], "every = 1"):
         path.with_suffix(".toml").write_text(every)
         assert run(path).status.label == "completed"

@@ -227,8 +227,8 @@ def test_a_process_is_kept_for_the_next_campaign(law: Path, monkeypatch: pytest.
     ("text", "symbol", "found"),
     [
         (LAW, "two", "takes parameters, measured"),
-        (LAW, "three", "has no law 'three'"),
-        (LAW, "", "does not say which law"),
+        (LAW, "three", "has no controller 'three'"),
+        (LAW, "", "does not say which controller"),
         ("import nothing_of_this_name", "x", "law.py:1: ModuleNotFoundError"),
         ("def x(:", "x", "law.py:1: SyntaxError"),
         ("raise SystemExit(3)", "x", "law.py:1: SystemExit"),

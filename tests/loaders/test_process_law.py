@@ -200,7 +200,7 @@ def test_what_tells_of_no_process_is_refused(text: str, found: str, tmp_path: Pa
     law.write_text(text, errors="surrogateescape")
     with pytest.raises(InputError, match=re.escape(found)):
         open_controller(str(law))
-    with pytest.raises(InputError, match="holds one law"):
+    with pytest.raises(InputError, match="holds one controller"):
         open_controller(f"{law}:NAME")
 
 

@@ -103,8 +103,10 @@ def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
         ),
     ]
     for anchor, section in found.items():
-        # The table of the rules has all that a law is told, each kind in a column.
-        assert all(shown.headings[:2] == ("law", "told") for shown in section.tables) is (anchor != "rules")
+        # The table of the rules has all that a controller knows, each kind in a column.
+        assert all(shown.headings[:2] == ("controller", "knows") for shown in section.tables) is (
+            anchor != "rules"
+        )
         if anchor.startswith(("tuned-", "published-")):
             wanted = {"first", "third"} if anchor.startswith("tuned-") else {"first", "second"}
             for shown in section.tables:
