@@ -160,7 +160,7 @@ def _law_section(name: str) -> str:
 
 
 def _bounds(lowest: float, highest: float) -> dict[str, Any]:
-    """Of a number, as JSON Schema has them."""
+    """Return the allowed range of a number, as JSON Schema has it."""
     found = {"minimum": lowest, "maximum": highest}
     return {"type": "number", **{word: bound for word, bound in found.items() if math.isfinite(bound)}}
 
@@ -191,7 +191,7 @@ def _not_null(value: dict[str, Any]) -> dict[str, Any]:
 
 
 def _tables(path: str, kind: dict[str, Any]) -> tuple[str, list[dict[str, Any]]]:
-    """How the tables that stand for a key are headed, and the kinds of them there are."""
+    """Return the heading of the tables that stand for a key, and their kinds."""
     if isinstance(kind.get("additionalProperties"), dict):
         path, kind = f"{path}.NAME", kind["additionalProperties"]
     elif "items" in kind:
