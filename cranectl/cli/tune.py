@@ -61,7 +61,7 @@ def tune_command(
 
     What may change, and within which bounds, the controller declares. All candidates drive the same uncertain
     cranes, which the benchmark never judges on. With the extra `tune`; the result is the same for any number
-    of workers. Laws can be named as the benchmark names them.
+    of workers. Controllers can be named as the benchmark names them.
 
     \b
     cranectl tune lqr-integral

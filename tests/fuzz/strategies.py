@@ -177,7 +177,7 @@ def assignments(draw: st.DrawFn) -> str:
 BROKEN = st.sampled_from(
     ["no.toml", "notes.txt", "sub", "", "x.mcap", "rig.toml", "\udcff", "./\0", *HOSTILE]
 )
-LASTING = {"live", "validate", "advise"}  # commands, by what they do with a scenario
+LASTING = {"live", "validate", "advise", "tune"}  # commands, by what they do with a scenario or controller
 LEFT_OUT = {"thesis"}
 UNREACHABLE = {"--scheduler", "--cluster", "--help", "--workers"}
 
@@ -206,8 +206,10 @@ def _value(parameter: click.Parameter) -> st.SearchStrategy[str]:
 
 def _argument(parameter: click.Parameter, command: str) -> st.SearchStrategy[str]:
     name = parameter.name or ""
+    if command in LASTING and name.startswith(("scenario", "controller")):
+        return BROKEN
     if name.startswith("scenario"):
-        return BROKEN if command in LASTING else st.one_of(st.just("s.toml"), st.just("s.toml"), BROKEN)
+        return st.one_of(st.just("s.toml"), st.just("s.toml"), BROKEN)
     likely = {"controller": ["lqr", "lqr+hinf"], "campaign": ["c.toml"], "result": ["r"], "name": ["single"]}
     usual = likely.get(name, ["x.mcap", "cut.mcap", "new.png"])
     return st.one_of(st.sampled_from(usual), st.sampled_from(usual), st.sampled_from(PLACES))

@@ -341,7 +341,7 @@ def test_a_law_is_judged_where_its_linearisation_holds(capsys: pytest.CaptureFix
     for arguments, found in (
         ([*command, "--tilt", "1", "1"], "a load that hangs at rest"),
         ([*command, "--set", "effects.wind.mean=[1,0,0]"], "no mean wind"),
-        ([*command, "--open-at", "v"], "u for other laws"),
+        ([*command, "--open-at", "v"], "u for other controllers"),
         (["certify", "pid"], "'pid' has no linear design"),
     ):
         assert main(arguments) == 2
