@@ -44,6 +44,10 @@ clean: ## remove .venv and all generated files
 	$(call saying,3600,"installing Drake and CasADi",extras) $(BIN)/python $(PIP_INSTALL) --editable '.[drake]' --group oracles
 	@touch $@
 
+.venv/site: .venv/ready
+	$(call saying,3600,"installing what builds the site",docs) $(BIN)/python $(PIP_INSTALL) --group site
+	@touch $@
+
 ## Use
 validate: .venv/cranectl ## run all scenarios with all controllers on three plants, and judge them
 	$(call limit,1800) $(BIN)/cranectl validate
@@ -108,8 +112,8 @@ package: setup ## install the wheel with pip, uvx and pipx, validate and test an
 		$(PYTHON) $(CURDIR)/.ci/limited.py $@ 3600 sh -exc "$$(sed -n 's/^ *- run: //p' .github/workflows/test.yml)"
 
 ## Results
-docs: setup ## write the pages that are made from data into build/docs
-	$(call limit,600) $(BIN)/python docs/build.py
+docs: .venv/site ## build the site of all pages into build/docs
+	$(call limit,1800) $(BIN)/python docs/build.py
 
 TABLE ?= build/literature
 JUDGED := validation/benchmark/literature.parquet

@@ -1,13 +1,19 @@
-"""Write the pages that are made from data: the benchmark, the proof by mutations, performance.
+"""Build the site: the pages of docs/, and those that are made from data, in build/docs.
 
     python docs/build.py              into build/docs
     python docs/build.py DIRECTORY
 
-Their data are validation/benchmark/literature.parquet, validation/proofs/mutations.json and
-validation/performance/performance.json.
+Pages are copied into another folder, DIRECTORY-source, and Sphinx reads them there. So Markdown in docs/
+stays plain, and its links work on a forge too. Sections and their order are those of docs/index.md.
 """
 
 import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
 from pathlib import Path
 
 from cranectl.campaign.benchmark.settings import read_benchmark
@@ -18,21 +24,126 @@ from validation.performance import page as performance
 from validation.proofs import mutation_results as mutations
 
 ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
 JUDGED = "validation/benchmark/literature.parquet"
+BENCHMARK = "proofs/literature.html"
+RENAMED = {
+    "README.md": "index.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "CHANGELOG.md": "changes.md",
+    "examples/harbour-crane/README.md": "how-to/harbour-crane.md",
+}
+BUILT = {  # pages that only the site has, by section
+    "Reference": [
+        "- [Python API](reference/api.rst)",
+        "- [options of all commands](reference/command-line.rst)",
+    ],
+    "Proofs": [
+        "- [mutations](proofs/mutations.md): each term of the physics, and the test that notices its change",
+        "- [performance](proofs/performance.md)",
+        f"- <a href='../{BENCHMARK}'>the benchmark's judged table</a>",
+    ],
+}
+LINK = re.compile(r"(\]\(|^\[[^\]]+\]: )(?!https?:|#|mailto:)([^)\s#]+)", re.MULTILINE)
+SECTION = re.compile(r"^\*\*(.+)\*\*\n\n((?:[-  ].*\n)+)", re.MULTILINE)
 
 
-def build(directory: Path) -> None:
-    """Write all pages into `directory`."""
-    directory.mkdir(parents=True, exist_ok=True)
-    pages = {
+def read_sections(index: str) -> dict[str, str]:
+    """Return the list of links of each section of docs/index.md, by its title."""
+    return {
+        title: "\n".join([links.rstrip(), *BUILT.get(title, []), ""])
+        for title, links in SECTION.findall(index)
+    }
+
+
+def pages_of(links: str) -> list[str]:
+    """Return the pages that a section's list links, in order, relative to docs/."""
+    return list(dict.fromkeys(path for _, path in LINK.findall(links)))
+
+
+def toctree(pages: list[str]) -> str:
+    """Return the directive that puts pages into the site's menu without showing them on the page."""
+    return "\n".join(["", "```{toctree}", ":hidden:", "", *pages, "```", ""])
+
+
+def staged_path(path: Path) -> str:
+    """Return where a file of the repository stands in the site, relative to its root."""
+    name = path.relative_to(ROOT).as_posix()
+    if name in RENAMED:
+        return RENAMED[name]
+    return name.removeprefix("docs/") if path.is_relative_to(DOCS) else f"files/{name}"
+
+
+def move_links(text: str, old: Path, new: str, source: Path) -> str:
+    """Return a page's text with the links it needs in the site. Copy linked files that are not pages."""
+
+    def moved(match: re.Match[str]) -> str:
+        target = (old.parent / match.group(2)).resolve()
+        name = staged_path(target)
+        if name.startswith("files/"):
+            copy = source / name
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(target, copy)
+        return match.group(1) + os.path.relpath(name, Path(new).parent)
+
+    return LINK.sub(moved, text)
+
+
+def write_data_pages(source: Path) -> None:
+    """Write the pages of the proof by mutations, of performance and of the benchmark."""
+    proofs = source / "proofs"
+    proofs.mkdir(parents=True, exist_ok=True)
+    texts = {
         "mutations.md": mutations.mutation_page(mutations.read_results(mutations.DATA)),
         "performance.md": performance.performance_page(*performance.read_results()),
     }
-    for name, text in pages.items():
-        (directory / name).write_text(text, encoding="utf-8")
-    remade_by = f"cranectl benchmark report {JUDGED} --out literature.html"
-    judged = benchmark_page(read_benchmark("literature"), read_table(ROOT / JUDGED), remade_by)
-    write_page(judged, directory / "literature.html")
+    for name, text in texts.items():
+        (proofs / name).write_text(text, encoding="utf-8")
+    command = f"cranectl benchmark report {JUDGED} --out literature.html"
+    judged = benchmark_page(read_benchmark("literature"), read_table(ROOT / JUDGED), command)
+    page = source / "extra" / BENCHMARK
+    page.parent.mkdir(parents=True)
+    write_page(judged, page)
+
+
+def stage(source: Path) -> None:
+    """Write all that Sphinx reads into an empty folder."""
+    shutil.rmtree(source, ignore_errors=True)
+    shutil.copytree(
+        DOCS, source, ignore=shutil.ignore_patterns("*.md", "__pycache__", "build.py", "reference_pages.py")
+    )
+    write_data_pages(source)
+    index = DOCS / "index.md"
+    pages = [path for path in DOCS.rglob("*.md") if path != index] + [ROOT / name for name in RENAMED]
+    for page in pages:
+        new = staged_path(page)
+        text = move_links(page.read_text(encoding="utf-8"), page, new, source)
+        (source / new).write_text(text, encoding="utf-8")
+    menu = []
+    for title, links in read_sections(index.read_text(encoding="utf-8")).items():
+        folder = title.lower().replace(" ", "-")
+        inside = pages_of(move_links(links, index, "index.md", source))
+        if len(inside) == 1:
+            menu.append(f"{title} <{inside[0]}>")
+            continue
+        name = f"{folder}/index.md"
+        (source / folder).mkdir(exist_ok=True)
+        moved = move_links(links, index, name, source)
+        (source / name).write_text(f"# {title}\n\n{moved}{toctree(pages_of(moved))}", encoding="utf-8")
+        menu.append(name)
+    with (source / "index.md").open("a", encoding="utf-8") as file:
+        file.write(toctree([*menu, "contributing.md", "changes.md"]))
+
+
+def build(directory: Path) -> None:
+    """Write the site into `directory`. A warning is an error."""
+    source = directory.parent / f"{directory.name}-source"
+    stage(source)
+    shutil.rmtree(directory, ignore_errors=True)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    options = ["--fail-on-warning", "--keep-going", "--quiet", "--jobs", "auto"]
+    options += ["-D", f"release={project['version']}", "-D", f"html_title=cranectl {project['version']}"]
+    subprocess.run([sys.executable, "-m", "sphinx", *options, source, directory], check=True)
 
 
 if __name__ == "__main__":
@@ -40,6 +151,6 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("directory", nargs="?", type=Path, default=ROOT / "build" / "docs")
-    place = parser.parse_args().directory
-    build(place)
-    print(f"pages: {place}")
+    directory = parser.parse_args().directory.resolve()
+    build(directory)
+    print(f"site: {directory / 'index.html'}")

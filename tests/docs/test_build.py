@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import cranectl
 from cranectl.campaign.benchmark.settings import read_benchmark
 from docs import build
 from tests.conftest import ROOT
@@ -13,24 +14,52 @@ from validation.proofs import mutation_results as mutations
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("docs") / "build"
-    build.build(directory)
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("docs") / "source"
+    build.stage(directory)
     return directory
 
 
-def test_all_pages_are_built_from_the_data_of_the_repository(built: Path) -> None:
-    texts = {path.name: path.read_text(encoding="utf-8") for path in built.iterdir()}
-    assert texts.keys() == {"literature.html", "mutations.md", "performance.md"}
-    baseline = read_benchmark("literature").baseline
-    assert f">{baseline}<" in texts["literature.html"]
-    assert texts["literature.html"].count("<svg") > 5
-    functions = re.findall(r"^## `(.*)`$", texts["mutations.md"], re.MULTILINE)
+def test_all_pages_are_built_from_the_data_of_the_repository(source: Path) -> None:
+    page = (source / "extra" / build.BENCHMARK).read_text(encoding="utf-8")
+    assert f">{read_benchmark('literature').baseline}<" in page
+    assert page.count("<svg") > 5
+    mutated = (source / "proofs" / "mutations.md").read_text(encoding="utf-8")
+    functions = re.findall(r"^## `(.*)`$", mutated, re.MULTILINE)
     assert functions == list(mutations.read_results(mutations.DATA))
     figures, times = performance.read_results()
-    for name in (*(each.name for each in figures), *(f"`{each.law}`" for each in times)):
-        assert f"\n| {name} | " in texts["performance.md"], name
-    assert "| core hours |" in texts["performance.md"]
+    measured = (source / "proofs" / "performance.md").read_text(encoding="utf-8")
+    for name in (*(figure.name for figure in figures), *(f"`{row.law}`" for row in times)):
+        assert f"\n| {name} | " in measured, name
+    assert "| core hours |" in measured
+
+
+def test_every_page_is_in_the_list_of_all_pages() -> None:
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    listed = {path for links in build.read_sections(index).values() for path in build.pages_of(links)}
+    docs = ROOT / "docs"
+    pages = {
+        path.relative_to(docs).as_posix() for suffix in ("md", "rst") for path in docs.rglob(f"*.{suffix}")
+    }
+    assert pages - {"index.md"} <= listed
+
+
+def test_links_hold_at_their_new_place(source: Path) -> None:
+    """Sphinx checks links to pages; a link to another file needs its copy."""
+    text = (
+        "[a](../../validation/benchmark/literature.toml) [b](../index.md#x) [c](https://example.org/d.md)\n"
+    )
+    moved = build.move_links(text, ROOT / "docs" / "how-to" / "a.md", "how-to/a.md", source)
+    copied = "../files/validation/benchmark/literature.toml"
+    assert moved == f"[a]({copied}) [b](../index.md#x) [c](https://example.org/d.md)\n"
+    original = ROOT / "validation" / "benchmark" / "literature.toml"
+    assert (source / "how-to" / copied).read_bytes() == original.read_bytes()
+
+
+def test_the_api_page_has_every_public_name() -> None:
+    page = (ROOT / "docs" / "reference" / "api.rst").read_text(encoding="utf-8")
+    described = re.findall(r"^\.\. (?:auto\w+|data):: (\w+)$", page, re.MULTILINE)
+    assert sorted(described) == sorted(cranectl.__all__)
 
 
 def test_the_data_of_performance_are_read_as_they_are_written(tmp_path: Path) -> None:

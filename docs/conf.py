@@ -1,0 +1,42 @@
+"""How Sphinx builds the site. `make docs` calls it with the pages that docs/build.py has gathered."""
+
+project = "cranectl"
+author = "the cranectl authors"
+project_copyright = f"%Y, {author}"
+
+extensions = [
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx_click",
+    "sphinx_copybutton",
+]
+root_doc = "index"
+exclude_patterns = ["extra"]
+html_extra_path = ["extra"]  # pages that are whole already
+suppress_warnings = ["myst.strikethrough"]
+
+highlight_language = "text"
+
+# Markdown
+myst_heading_anchors = 4  # links to headings, as forges make them
+myst_links_external_new_tab = False
+
+# The API
+autodoc_typehints = "none"  # the docstrings give types, with shapes and units
+numpydoc_show_class_members = False
+add_module_names = False
+
+# Appearance. Nothing is loaded from the network.
+html_theme = "pydata_sphinx_theme"
+html_show_sourcelink = False
+html_copy_source = False
+html_theme_options = {
+    "header_links_before_dropdown": 7,  # the rest are for who works on cranectl
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "show_prev_next": False,
+    "show_toc_level": 2,
+}
+pygments_style = "a11y-high-contrast-light"
