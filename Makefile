@@ -84,7 +84,7 @@ test-processors: .venv/extras ## compare answers with the BLAS kernels and the c
 	$(call limit,3600) env OPENBLAS_CORETYPE=Nehalem $(BIN)/python -m pytest $(PROCESSOR_TESTS)
 	$(call limit,3600) env NUMBA_CPU_NAME=generic $(BIN)/python -m pytest $(PROCESSOR_TESTS)
 
-test-viewer: setup ## open logs in a real viewer, and read them with other parsers
+test-viewer: .venv/site ## open logs in a real viewer, and read them with other parsers
 	@viewer/install $(BIN)
 	$(call limit,5400) $(BIN)/python -m pytest -n 0 viewer
 

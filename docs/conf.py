@@ -29,6 +29,7 @@ add_module_names = False
 
 # Appearance. Nothing is loaded from the network.
 html_theme = "pydata_sphinx_theme"
+html_show_search_summary = False  # a summary is fetched, which a page from the disk cannot do
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {

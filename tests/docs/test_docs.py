@@ -136,6 +136,13 @@ def test_an_output_that_is_not_printed_is_seen(shown: str, expected: bool) -> No
     assert is_printed(shown, "load [m]  agree  \n1.8e-09     yes\n") == expected
 
 
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name)
+def test_every_column_of_a_table_has_a_heading(page: Path) -> None:
+    """A screen reader reads the heading with each cell."""
+    headings = re.findall(r"^\|(.*)\|\n\|[-|: ]+\|$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    assert [row for row in headings if any(not cell.strip() for cell in row.split("|"))] == []
+
+
 def test_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 90
 

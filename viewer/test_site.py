@@ -1,0 +1,57 @@
+"""The site of the docs in a browser, without a network: search finds, pages fit, axe finds nothing."""
+
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page
+
+from docs.build import build
+from viewer.serving import HERE
+from viewer.studio import eventually
+
+PAGES = ("index", "start", "how-to/index", "explanation/controllers", "reference/api", "reference/settings")
+PAGES += ("reference/command-line", "proofs/performance")
+WIDTHS = (1440, 1024, 390)
+AXE = HERE / "node_modules" / "axe-core" / "axe.min.js"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("site") / "docs"
+    build(directory)
+    return directory
+
+
+def opened(chromium: Browser, scheme: str = "light") -> Page:
+    """Return an empty page that may load files only."""
+    page = chromium.new_page(color_scheme=scheme)  # type: ignore[arg-type]
+    page.on("pageerror", lambda error: pytest.fail(str(error)))
+    page.on("request", lambda request: request.url.startswith(("file:", "data:")) or pytest.fail(request.url))
+    return page
+
+
+def test_search_finds_a_page_without_a_server(site: Path, chromium: Browser) -> None:
+    page = opened(chromium)
+    page.goto((site / "search.html").as_uri() + "?q=flatness")
+    found = eventually(
+        lambda: page.locator("#search-results li a").all_inner_texts(), lambda texts: len(texts) > 1
+    )
+    assert any("Model" in text or "Controllers" in text for text in found)
+
+
+@pytest.mark.parametrize("name", PAGES)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_page_fits_and_is_accessible(site: Path, chromium: Browser, name: str, scheme: str) -> None:
+    page = opened(chromium, scheme)
+    page.goto((site / f"{name}.html").as_uri())
+    for width in WIDTHS:
+        page.set_viewport_size({"width": width, "height": 900})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.add_script_tag(path=AXE)
+
+    def violations() -> list[str]:
+        result = page.evaluate("axe.run()")
+        return [f"{rule['id']}: {rule['nodes'][0]['html']}" for rule in result["violations"]]
+
+    # A moment after its width changed, the page makes what scrolls reachable by the keyboard.
+    assert eventually(violations, lambda found: found == []) == []
