@@ -18,7 +18,7 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BenchmarkTable:
     """The shipped table of two controllers, and the places of a copy."""
     table = read_table(restamp.TABLE)
     laws = ["lqr", "lqr-integral"]
-    monkeypatch.setattr(restamp, "measured_laws", lambda *_args, **_settings: laws)
+    monkeypatch.setattr(restamp, "measured_controllers", lambda *_args, **_settings: laws)
     for law in laws:
         restamp.stamp_numbers(law, "old", restamp.NUMBERS[0], tmp_path)
     monkeypatch.setattr(restamp, "NUMBERS", (tmp_path,))
