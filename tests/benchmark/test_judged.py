@@ -121,7 +121,9 @@ def test_a_failure_can_be_looked_at_as_the_how_to_says(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     how_to = (ROOT / "docs" / "how-to" / "benchmark.md").read_text(encoding="utf-8")
-    run, replay = re.findall(r"^    cranectl (benchmark run .* --out failures|campaign replay failures/.*)$", how_to, re.MULTILINE)
+    run, replay = re.findall(
+        r"^    cranectl (benchmark run .* --out failures|campaign replay failures/.*)$", how_to, re.MULTILINE
+    )
     monkeypatch.chdir(tmp_path)
     assert main(run.split()) == 0
     assert main(replay.replace("validation/", f"{ROOT}/validation/").split()) == 0
