@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.mujoco.geometry import ASPECT, drawn_spec
+from cranectl.plants.mujoco.geometry import ASPECT, FLOOR, NEAR_POST, drawn_spec
 from cranectl.plants.mujoco.model import state_addresses
 from cranectl.render.opengl import drawing
 from cranectl.render.timeline import Timeline, Track
@@ -32,7 +32,8 @@ LONGEST_ARROW = 0.6  # [m]
 MARKER = 0.024  # [m], radius of the point where the load should be
 ABOVE_FLOOR = 0.001  # [m]
 DISC = (0.05, 0.0005, 0.0)  # [m], radius and half the height
-NEAR_POST, NEAR_POST_OPACITY = "post_10", 0.35  # between the overview's camera and the load
+FILED_NEAR_POST = "post_10"  # between the overview's camera and the load
+NEAR_POST_OPACITY = 0.35
 BAR_OUTSIDE, BAR_TICK = 0.2, 0.03  # [m] from the rig to the scale bar; half a tick at its ends
 ALONG_Z = np.eye(3).ravel()
 LINE, SPHERE, ARROW, CYLINDER, BOX = (
@@ -47,8 +48,10 @@ def renderer(timeline: Timeline, camera: str, width: int, height: int) -> Iterat
     rig = timeline.main.run.scenario.rig
     model = _model(rig, width, height)
     if camera == "overview" and rig.look.frame:
-        post = model.geom(NEAR_POST)
-        post.rgba, post.matid = (*model.material("aluminium").rgba[:3], NEAR_POST_OPACITY), -1
+        for post in map(model.geom, range(model.ngeom)):
+            if post.name.startswith((NEAR_POST, FILED_NEAR_POST)):
+                colour = model.mat_rgba[int(post.matid[0])][:3]
+                post.rgba, post.matid = (*colour, NEAR_POST_OPACITY), -1
     with drawing(model, width, height) as context:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
         yield Renderer(model, context, timeline, camera)
@@ -234,7 +237,10 @@ def _light(spec: Any, reach: float) -> None:
         light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
         light.dir, light.diffuse, light.specular = direction, [diffuse] * 3, [0.25] * 3
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.42] * 3, [0.22] * 3
-    spec.geom("floor").size, spec.material("floor").texrepeat = reach * np.array([9.0, 9.0, 0.1]), (18, 18)
+    spec.geom("floor").size, spec.material("floor").texrepeat = (
+        reach * np.array([FLOOR, FLOOR, 0.1]),
+        (18, 18),
+    )
     spec.material("floor").specular = 0.0
     spec.material("aluminium").rgba = (0.66, 0.69, 0.73, 1.0)
     spec.texture("floor").rgb1, spec.texture("floor").rgb2 = (0.84, 0.86, 0.88), (0.80, 0.82, 0.84)

@@ -1,8 +1,11 @@
-"""How large a rig is drawn: the laboratory's, as `models/crane.xml` has it, stretched to other ranges.
+"""What a rig is drawn as, and how large: the laboratory frame, a bridge crane or a ship-to-shore crane.
 
-What stands at the ends of the ranges stands where they are. How thick parts are, how far from an end, how
-long an arrow is, all this has one scale, 1 for the laboratory. Drawings only: no plant knows of it.
+The laboratory frame is that of `models/crane.xml`, stretched to other ranges. What stands at the ends of the
+ranges stands where they are. How thick parts are, how far from an end, how long an arrow is, all this has one
+scale, 1 for the laboratory. Drawings only: no plant knows of it.
 """
+
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -14,6 +17,11 @@ FILED_RADIUS = 0.05  # [m] of the filed ball of 1 kg: 1910 kg/m³, a loaded cont
 RADIUS_LIMITS = (0.6, 2.0)  # of the filed one in scale: a light load is seen, a heavy one hides nothing
 FILED_TRAIL = 4.0  # [s], two swings of the laboratory's rope
 FILED_BOX = ((-0.125, -0.145, -1.4), (2.125, 1.685, 0.225))  # [m], corners of all that is filed of the rig
+LARGEST_FRAME = 3.0  # scale up to which a rig is drawn as the laboratory frame
+LEAST_PORTAL_LIFT = 15.0  # [m] of a ship-to-shore crane
+LEAST_PORTAL_SHARE = 0.5  # of its lift over the travel of its trolley; halls are wider than high
+
+CraneKind = Literal["laboratory frame", "bridge crane", "ship-to-shore crane"]
 
 
 def drawn_ends(rig: RigParameters) -> Array:
@@ -45,6 +53,44 @@ def drawn_reach(rig: RigParameters) -> float:
     return float(_extents(rig).max())
 
 
+def crane_kind(rig: RigParameters) -> CraneKind:
+    """Return what a rig is drawn as, by its size and proportions.
+
+    A rig of at most three times the laboratory's size is a frame. A larger one is a ship-to-shore crane if
+    it lifts loads by 15 m or more, and by half the travel of its trolley or more. Else it is a bridge crane.
+    """
+    if drawn_scale(rig) <= LARGEST_FRAME:
+        return "laboratory frame"
+    _, travel, lift = np.ptp(drawn_ends(rig), axis=1) - (0.0, 0.0, rig.rope_range[0])
+    is_portal = lift >= max(LEAST_PORTAL_LIFT, LEAST_PORTAL_SHARE * travel)
+    return "ship-to-shore crane" if is_portal else "bridge crane"
+
+
+class Portal(NamedTuple):
+    """Where the parts of a ship-to-shore crane stand [m]: z from the trolley's height, x from its middle."""
+
+    half_width: float  # of the legs along x
+    landside: float  # y of the legs
+    waterside: float
+    girder: tuple[float, float]  # its ends along y
+    top: float  # z of the beams over the girder
+    apex: float  # z from where the girder hangs
+
+
+def drawn_portal(rig: RigParameters) -> Portal:
+    """Return the portal of a ship-to-shore crane: the trolley passes between its legs and over the water."""
+    scale, (start, end) = drawn_scale(rig), rig.trolley_range
+    travel = end - start
+    return Portal(
+        half_width=0.32 * scale,
+        landside=start - 0.15 * scale,
+        waterside=start + 0.4 * travel,
+        girder=(start - 0.35 * scale, end + 0.2 * scale),
+        top=0.3 * scale,
+        apex=0.3 * scale + 0.28 * travel,
+    )
+
+
 def drawn_load_radius(rig: RigParameters) -> float:
     """Return the radius of the drawn load [m]: that of `look`, or one from the mass of the load."""
     if rig.look.load_radius is not None:
@@ -70,7 +116,12 @@ def drawn_place(filed: Array, rig: RigParameters) -> Array:
 
 
 def drawn_box(rig: RigParameters) -> Array:
-    """Corners of all that is drawn of the rig [m], the lowest and the highest, shape (2, 3)."""
+    """Return the corners of all that is drawn of the rig [m], the lowest and the highest, shape (2, 3)."""
+    if crane_kind(rig) == "ship-to-shore crane":
+        portal, (start, end) = drawn_portal(rig), rig.bridge_range
+        beside = portal.half_width + 0.05 * drawn_scale(rig)
+        low = (start - beside, portal.girder[0], -rig.rope_range[1])
+        return np.array([low, (end + beside, portal.girder[1], portal.apex)])
     return np.array([drawn_place(np.array(corner), rig) for corner in FILED_BOX])
 
 

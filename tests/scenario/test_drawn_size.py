@@ -6,10 +6,13 @@ import pytest
 from cranectl.plants.mujoco.geometry import rig_solids
 from cranectl.scenario.drawn_size import (
     LABORATORY,
+    CraneKind,
+    crane_kind,
     drawn_box,
     drawn_eye,
     drawn_load_radius,
     drawn_place,
+    drawn_portal,
     drawn_reach,
     drawn_scale,
     drawn_trail,
@@ -40,7 +43,7 @@ def similar(times: float) -> RigParameters:
 RANGES = ("bridge_range", "trolley_range", "rope_range")
 
 
-@pytest.mark.parametrize("times", [1.0, 0.1, 20.0])
+@pytest.mark.parametrize("times", [1.0, 0.1, 2.5])
 def test_a_rig_of_the_laboratorys_shape_is_drawn_to_scale(times: float) -> None:
     rig = similar(times)
     filed = np.array([2.1, -0.12, -1.37])
@@ -92,13 +95,72 @@ def test_every_rig_is_whole_in_a_picture_and_fills_it(rig: RigParameters, axes: 
     assert fullness(rig, eye) < 0.95
 
 
+def crane(bridge: float, trolley: float, lift: float) -> RigParameters:
+    """A rig with these travels and this lift [m]."""
+    ranges = {"bridge_range": (0.0, bridge), "trolley_range": (0.0, trolley), "rope_range": (1.0, 1.0 + lift)}
+    return RigParameters(**ranges, load_mass=2e4)
+
+
+@pytest.mark.parametrize(
+    ("rig", "kind"),
+    [
+        (LABORATORY, "laboratory frame"),
+        (TABLE, "laboratory frame"),
+        (similar(3.0), "laboratory frame"),
+        (SHAFT, "laboratory frame"),
+        (similar(3.1), "bridge crane"),
+        (TRACK, "bridge crane"),
+        (crane(30.0, 18.0, 9.0), "bridge crane"),
+        (crane(90.0, 40.0, 19.0), "bridge crane"),
+        (crane(90.0, 40.0, 20.0), "ship-to-shore crane"),
+        (crane(30.0, 25.0, 14.9), "bridge crane"),
+        (HARBOUR, "ship-to-shore crane"),
+        (similar(20.0), "ship-to-shore crane"),
+    ],
+)
+def test_size_and_proportions_decide_what_is_drawn(rig: RigParameters, kind: CraneKind) -> None:
+    assert crane_kind(rig) == kind
+    names = {solid.name for solid in rig_solids(rig)}
+    assert ("bridge_motor" in names) == (kind == "laboratory frame")
+    assert ("crab" in names) == (kind == "bridge crane")
+    assert ("load_container" in names) == (kind == "ship-to-shore crane")
+    assert {solid.body for solid in rig_solids(rig)} == {"frame", "bridge", "trolley", "load"}
+
+
+@pytest.mark.parametrize("rig", [HARBOUR, TRACK, similar(20.0)], ids=["harbour", "track", "large"])
+def test_every_part_is_within_the_box_that_cameras_show(rig: RigParameters) -> None:
+    (low, high), travel = drawn_box(rig), np.array([rig.bridge_range, rig.trolley_range])
+    least = 1e-3 * drawn_scale(rig)  # feet and water stand in the floor
+    for solid in rig_solids(rig):
+        if solid.body == "load" or solid.name == "water":
+            continue
+        is_box = solid.kind == "box"  # of a bar, its middle is enough
+        moved = np.zeros((2, 3))
+        moved[:, 0] = travel[0] if solid.body in ("bridge", "trolley") else 0.0
+        moved[:, 1] = travel[1] if solid.body == "trolley" else 0.0
+        place, half = np.array(solid.position) + moved, 0.5 * is_box * np.array(solid.size)
+        assert (place - half > low - least).all(), solid.name
+        assert (place + half < high + least).all(), solid.name
+
+
+@pytest.mark.parametrize("rig", [HARBOUR, crane(30.0, 45.0, 37.0)], ids=["narrow", "harbour-crane"])
+def test_a_container_passes_between_the_legs_of_its_portal(rig: RigParameters) -> None:
+    solids, portal = {solid.name: solid for solid in rig_solids(rig)}, drawn_portal(rig)
+    legs = [solid for name, solid in solids.items() if "post" in name]
+    assert len(legs) == 4
+    inside = min(abs(leg.position[0]) - leg.size[0] / 2.0 for leg in legs)
+    assert solids["load_container"].size[0] / 2.0 < 0.7 * inside
+    assert portal.landside < rig.trolley_range[0] < portal.waterside < rig.trolley_range[1] < portal.girder[1]
+    assert min(solids[f"girder_{k}"].position[2] for k in (0, 1)) > 0.0, "above the rope's upper end"
+
+
 def test_a_rig_says_how_it_is_drawn() -> None:
     """Rails alone, so that no post hides the load; a ball of its own size."""
-    for rig in (LABORATORY, HARBOUR):
+    for rig in (LABORATORY, HARBOUR, TRACK):
         look = rig.model_copy(update={"look": Look(frame=False, load_radius=0.3)})
         whole, shown = ({solid.name: solid for solid in rig_solids(each)} for each in (rig, look))
-        assert {name for name in whole if name not in shown} == {
-            name for name in whole if name.startswith(("post", "top_beam", "foot_beam"))
+        assert {name for name in whole if name not in shown and not name.startswith("load")} == {
+            name for name in whole if name.startswith(("post", "near_post", "top_beam", "foot_beam"))
         }
         assert {"rail_0", "rail_1"} <= set(shown)
         assert shown["load_ball"].size == pytest.approx((0.6, 0.6, 0.6))
