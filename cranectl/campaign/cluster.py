@@ -1,8 +1,9 @@
-"""Run the batches of a campaign on a Dask cluster: the rows are those of the threads, to the last bit.
+"""Run the batches of a campaign on a Dask cluster, with the same rows to the last bit as threads give.
 
-Dask runs a batch again if its worker dies. Whatever ends a campaign early, such as a scheduler that is gone,
-leaves the batches that came in to the caller, who can go on later with the rest. A batch travels with the
-manifest of its campaign, from which alone its rows follow: run twice, or elsewhere, they are the same.
+Each batch travels with the manifest of its campaign, and its rows depend on that manifest only. So a batch
+gives the same rows when it runs twice or on another machine. Dask runs a batch again if its worker dies.
+If a campaign ends early, for example because the scheduler is gone, the caller has all finished batches and
+can resume with the rest.
 """
 
 import functools
@@ -37,13 +38,13 @@ from cranectl.support.provenance import HARMLESS, PACKAGES, provenance_differenc
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-CONNECT_S = 60.0  # [s] until a scheduler answers
-WORKERS_S = 300.0  # [s] until it has a worker
-ASK_S = 0.02  # between two questions whether a batch is there
-# Of a cluster of our own: Dask's server of pages takes a port that is free, or two campaigns would want one.
+CONNECT_S = 60.0  # [s] longest wait for an answer of the scheduler
+WORKERS_S = 300.0  # [s] longest wait for the first worker of a scheduler
+POLL_S = 0.02  # [s] between two checks whether a batch has ended
+# For a cluster that this process starts. Port 0 is any free port: two campaigns at once need different ones.
 NO_DASHBOARD: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "scheduler_kwargs": {"dashboard": False}}
-_PREPARING = threading.Lock()  # campaigns may have other versions of a controller
-TRIES = 3  # of a batch on which something fails that is no part of it, such as memory
+_PREPARING = threading.Lock()  # two campaigns may open different versions of one controller
+TRIES = 3  # runs of one batch, if it fails for an outside reason such as lack of memory
 RESUME = "go on with the same command and --resume: finished batches are kept"
 
 
@@ -62,7 +63,7 @@ def cluster_client(scheduler: str | None, workers: int) -> Iterator["Client"]:
             remedy="pip install 'cranectl[cluster]', here, on the scheduler and on the workers",
         ) from None
     connect = _connected(distributed, scheduler) if scheduler else _local(distributed, workers)
-    logging.disable(logging.CRITICAL)  # what Dask logs of lost connections is one message here
+    logging.disable(logging.CRITICAL)  # a lost connection is one message here, and many log lines of Dask
     try:
         with connect as client:
             yield client
@@ -73,58 +74,63 @@ def cluster_client(scheduler: str | None, workers: int) -> Iterator["Client"]:
 def run_batches_on(
     client: "Client", campaign: Campaign, batches: Sequence[Batch], stop: Stop = lambda: False
 ) -> Generator[tuple[Batch, list[Row]], None, None]:
-    """Run `batches` on the cluster of `client`; yields each with all its rows, in the order of their ends.
+    """Run `batches` on the cluster of `client`, and yield each with all its rows as soon as it ends.
 
-    Once the caller leaves the loop, nobody holds what is left, and workers leave their batches within
-    milliseconds. Raises InputError if the nominal crane cannot be run, if a worker has other
-    software than this process, if workers die of a batch, or if the scheduler is gone; StoppedError soon
-    after `stop`, which another thread may decide, says so.
+    When the caller leaves the loop, all other batches are cancelled, and workers drop theirs within
+    milliseconds.
+
+    Raises InputError if the nominal crane cannot be run, if a worker has other software than this process,
+    if a batch kills its workers, or if the scheduler is gone. Raises StoppedError soon after `stop` returns
+    True, which another thread may decide.
     """
     from distributed import as_completed
 
     if runs_alone(campaign.settings.controllers):
         raise InputError(
-            "there is only one of a controller at an address, for one run at a time",
-            allowed="controllers that every worker can have for itself",
+            "a controller at a network address serves one run at a time",
+            allowed="controllers that each worker can start for itself",
             remedy="run the campaign here, or let a TOML file name its program",
         )
     manifest = manifest_of(campaign)
     _check_installed(client, manifest["versions"])
     sent = packed(manifest, OPEN.share(campaign.settings.controllers).files)
-    # The same batch of the same campaign with the same software has the same key, whoever asks for it.
+    # The key of a batch depends on campaign and software only, so Dask runs it once for several callers.
     digest = hashlib.sha256(json.dumps(manifest).encode()).hexdigest()[:16]
     keys = [f"cranectl-{digest}-{'-'.join(map(str, batch))}" for batch in batches]
     futures = client.map(run_remotely, batches, manifest=sent, key=keys, retries=TRIES - 1)
     by_key = dict(zip(keys, batches, strict=True))
-    coming = as_completed(futures, loop=client.loop)
-    while not coming.is_empty():
+    completed = as_completed(futures, loop=client.loop)
+    while not completed.is_empty():
         if stop():
-            for unfinished in futures:  # or whoever keeps the exception would keep them
+            for unfinished in futures:  # the traceback of the exception would keep them alive
                 unfinished.release()
             raise StoppedError
-        if not coming.has_ready():
-            time.sleep(ASK_S)
+        if not completed.has_ready():
+            time.sleep(POLL_S)
             continue
-        future = next(coming)
+        future = next(completed)
         rows = _rows(client, future)
         future.release()
         yield by_key[future.key], rows
 
 
 def _check_installed(client: "Client", wanted: Mapping[str, str]) -> None:
-    """Raise InputError if a package is absent or another one; later workers are asked with a batch."""
-    # By Dask's own means: where there is no cranectl, none of our functions can be called.
+    """Raise InputError if a package is absent or has another version on the scheduler or a worker.
+
+    Workers that join later are checked with their first batch.
+    """
+    # Dask itself reads the versions: a worker without cranectl cannot call a function of cranectl.
     names = [name for name in PACKAGES if name not in HARMLESS]
     versions: Any = client.get_versions(packages=names)
     # The scheduler only loads cranectl, so that its other packages do not matter.
-    places = [("scheduler", versions["scheduler"]["packages"], ["cranectl"])]
-    places += [(f"worker {worker}", its["packages"], names) for worker, its in versions["workers"].items()]
-    for where, packages, required in places:
-        _check_software({**wanted, **{name: packages[name] or "absent" for name in required}}, wanted, where)
+    hosts = [("scheduler", versions["scheduler"]["packages"], ["cranectl"])]
+    hosts += [(f"worker {worker}", its["packages"], names) for worker, its in versions["workers"].items()]
+    for host, packages, required in hosts:
+        _check_software({**wanted, **{name: packages[name] or "absent" for name in required}}, wanted, host)
 
 
 def _rows(client: "Client", future: "Future[Any]") -> list[Row]:
-    """Return the rows of a batch; raise InputError for what keeps the campaign from going on."""
+    """Return the rows of a batch; raise InputError if the campaign cannot go on."""
     from distributed import KilledWorker
     from distributed.comm.core import CommClosedError
 
@@ -132,21 +138,21 @@ def _rows(client: "Client", future: "Future[Any]") -> list[Row]:
         rows: list[Row] | InputError = _result(client, future)
     except (CancelledError, CommClosedError, ConnectionError) as error:
         raise InputError(
-            "the scheduler is gone, or has dropped this campaign",
-            allowed="a scheduler that stays until the campaign is finished",
+            "the scheduler has ended, or has dropped this campaign",
+            allowed="a scheduler that runs until the campaign is finished",
             remedy=f"start it and its workers again, then {RESUME}",
         ) from error
     except KilledWorker as error:
         raise InputError(
-            f"all workers died that ran {error.task}, the last one at {error.last_worker.address}",
-            allowed="workers that live as long as a batch takes",
+            f"all workers that ran {error.task} died, the last one at {error.last_worker.address}",
+            allowed="workers that run until their batch ends",
             remedy=f"look into their logs (was memory short?), then {RESUME}",
         ) from error
     except (ImportError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and "deserialization" not in str(error):
             raise
         raise InputError(
-            f"the scheduler or a worker cannot load what it is to run: {error.__cause__ or error}",
+            f"the scheduler or a worker cannot load the code of a batch: {error.__cause__ or error}",
             allowed="the same cranectl on the scheduler and on all workers",
             remedy=f"install it there, then {RESUME}",
         ) from error
@@ -156,7 +162,7 @@ def _rows(client: "Client", future: "Future[Any]") -> list[Row]:
 
 
 def _result(client: "Client", future: "Future[Any]") -> Any:
-    """Fetch a result; raises ConnectionError rather than wait for a scheduler that is gone."""
+    """Fetch a result; raise ConnectionError if the scheduler is gone, instead of waiting for it."""
     while client.status == "running":
         try:
             return future.result(timeout=1.0)
@@ -193,11 +199,11 @@ def _check_address(scheduler: str) -> None:
     parts = urlsplit(scheduler)
     try:
         complete = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port
-    except ValueError:  # no number of a port
+    except ValueError:  # the port is not a number
         complete = False
     if not complete:
         raise InputError(
-            f"'{scheduler}' is no address of a scheduler",
+            f"'{scheduler}' is not the address of a scheduler",
             allowed="tcp://host:port or tls://host:port",
             remedy="`dask scheduler` prints its address when it starts",
         )
@@ -205,9 +211,9 @@ def _check_address(scheduler: str) -> None:
 
 @contextmanager
 def _local(distributed: Any, workers: int) -> Iterator["Client"]:
-    # No limit of memory: a campaign needs little, and a limit would be a guess.
+    # Memory has no limit: a campaign needs little, and any limit would be a guess.
     with (
-        safe_path(),  # all the time: Dask starts a worker anew when one dies
+        safe_path(),  # until the cluster ends: Dask starts a new worker whenever one dies
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -222,18 +228,18 @@ def _local(distributed: Any, workers: int) -> Iterator["Client"]:
 
 
 def packed(manifest: Table, files: Sequence[ControllerFile]) -> bytes:
-    """Return what is sent with every batch, some 2 kB: data kept on workers would be lost with them."""
+    """Return what every batch carries, about 2 kB: data stored on a worker would be lost with it."""
     return zlib.compress(pickle.dumps((json.dumps(manifest), tuple(files))))
 
 
 def unpacked(sent: bytes) -> tuple[Table, SharedControllers]:
-    """Return the manifest and the controllers in `sent`, which `packed` has made."""
+    """Return the manifest and the controllers in `sent`, the result of `packed`."""
     manifest, files = pickle.loads(zlib.decompress(sent))
     return json.loads(manifest), SharedControllers(files)
 
 
 def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
-    """Return the rows of `batch`, or the reason why this worker cannot compute them at all."""
+    """Return the rows of `batch`, or the error that keeps this worker from computing any."""
     try:
         with _PREPARING:
             prepared = _prepared(manifest)
@@ -243,27 +249,30 @@ def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
 
 
 def dask_setup(_worker: Any) -> None:
-    """Prepare a process of a local cluster, in which Dask calls it: the command that started it ends it."""
+    """Ignore interrupts in a process of a local cluster: the command that started the process ends it.
+
+    Dask calls this function in each process by its name.
+    """
     forget_safe_path()
     for number in SIGNALS:
-        if number != signal.SIGTERM:  # by which Dask itself ends them
+        if number != signal.SIGTERM:  # the signal by which Dask ends its processes
             signal.signal(number, signal.SIG_IGN)
 
 
-def _check_software(versions: Mapping[str, str], wanted: Mapping[str, str], where: str) -> None:
-    """Raise InputError, with names, if rows by `versions` could differ from those by `wanted`."""
+def _check_software(versions: Mapping[str, str], wanted: Mapping[str, str], host: str) -> None:
+    """Raise InputError that names the packages if `versions` could give other rows than `wanted`."""
     different = provenance_differences(versions, wanted, word="here")
     if different:
         raise InputError(
-            f"the {where} has other software: {'; '.join(different)}",
+            f"the {host} has other software: {'; '.join(different)}",
             allowed="the same versions everywhere, or rows would differ in their last digits",
-            remedy="install there what is here, start it again, and go on with --resume",
+            remedy="install the same versions there, start it again, and go on with --resume",
         )
 
 
 @functools.lru_cache(maxsize=2)
 def _prepared(sent: bytes) -> Prepared:
-    """Made once in each process; raises InputError where its software is not that of the manifest."""
+    """Prepare a campaign once in each process; raise InputError if the manifest names other software."""
     from distributed import get_worker
 
     manifest, files = unpacked(sent)
@@ -274,7 +283,7 @@ def _prepared(sent: bytes) -> Prepared:
 
 
 def _cancelled() -> Stop:
-    """Return a function that says whether the batch is cancelled: Dask cannot end a thread."""
+    """Return a function that tells whether the current batch is cancelled: Dask cannot end its thread."""
     from distributed import get_worker
 
     worker = get_worker()

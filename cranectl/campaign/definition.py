@@ -1,7 +1,7 @@
-"""A campaign as it is run: settings, nominal scenario, uncertain parameters, and the batches it is cut into.
+"""Define a campaign: its settings, nominal scenario and uncertain parameters, and its batches.
 
-A parameter is a number of the scenario, found by its dotted name, with its nominal value. The batches are
-decided by the campaign alone, not by who runs it.
+A parameter is a number of the scenario with a dotted name such as "rig.load_mass". The batches depend on
+the campaign only, not on the machine or the number of workers.
 """
 
 import itertools
@@ -23,20 +23,20 @@ from cranectl.support.arrays import Array
 from cranectl.support.documents import assign, leaves, mapped
 from cranectl.support.errors import SHOWN_NEAR_NAMES, InputError, did_you_mean, nearest_first
 
-PHYSICAL = ("rig", "effects", "initial", "disturbances")  # of a scenario; the rest is the controller's
-PERIOD = "control.period"  # which the controller knows: it is made for that of each run
-TIMES = ("start", "end", "seconds")  # of disturbances and of the delay: whole control periods
+PHYSICAL = ("rig", "effects", "initial", "disturbances")  # tables that the plant gets
+PERIOD = "control.period"  # the controller knows it: each run has a controller made for its period
+TIMES = ("start", "end", "seconds")  # keys of disturbances and the delay: multiples of the control period
 
 
 @dataclass(frozen=True)
 class UncertainParameter:
     """One uncertain number of a scenario."""
 
-    name: str  # dotted, "rig.load_mass"
+    name: str  # dotted, such as "rig.load_mass"
     distribution: Distribution
     nominal: float  # what the controller assumes
     whole: bool  # whether the scenario takes whole numbers only
-    multiple: float  # values are rounded to multiples of this; 0 for any value
+    multiple: float  # values are rounded to multiples of this; 0 means no rounding
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -55,7 +55,7 @@ class UncertainParameter:
 
 @dataclass(frozen=True)
 class Campaign:
-    """Everything that decides the samples; the same in every process that has loaded it."""
+    """Everything that decides the samples of a campaign, equal in every process that loads it."""
 
     settings: CampaignSettings
     nominal: Scenario  # what the controller assumes
@@ -83,7 +83,7 @@ class Campaign:
         return tuple(k for k, p in enumerate(self.parameters) if p.distribution.varies)
 
 
-MOST_BATCHES = 1024  # of one plant and controller; more would be many small files
+MAX_BATCHES = 1024  # batches of one plant and controller, and so files of a result
 
 
 class Batch(NamedTuple):
@@ -96,29 +96,30 @@ class Batch(NamedTuple):
 
     @property
     def runs(self) -> int:
-        """How many."""
+        """Number of samples."""
         return self.last - self.first
 
 
 def batches_of(campaign: Campaign) -> list[Batch]:
-    """Return all batches of `campaign`, by plant, controller and sample.
+    """Return all batches of `campaign`, in the order of plant, controller and sample.
 
-    A batch is what a kill can cost each worker: some seconds, so that handing it to a cluster costs less
-    than 2 % of it.
+    A batch takes some seconds. Less would make the transfer to a cluster cost more than 2 % of it, and more
+    would be lost with each worker that is killed.
     """
     runs = campaign.runs
     return [
         Batch(plant, controller, first, min(first + size, runs))
         for plant, controller in campaign.groups
-        for size in [max(plant_entry(plant).batch, -(-runs // MOST_BATCHES))]
+        for size in [max(plant_entry(plant).batch, -(-runs // MAX_BATCHES))]
         for first in range(0, runs, size)
     ]
 
 
 def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = "sample") -> Scenario:
-    """Return the nominal scenario with `values` (d,) of `campaign.parameters`, which the plant gets.
+    """Return the scenario of the plant: the nominal one with `values` (d,) of `campaign.parameters`.
 
-    Raises InputError, beginning with `source`, where the scenario does not allow them. About 0.1 ms.
+    It takes about 0.1 ms. Raises InputError, whose text begins with `source`, if the scenario does not allow
+    the values.
     """
     table = mapped(campaign.nominal.model_dump())
     for parameter, value in zip(campaign.parameters, values, strict=True):
@@ -127,7 +128,7 @@ def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = 
 
 
 def nominal_scenario(campaign: Campaign, sampled: Scenario) -> Scenario:
-    """Return what the controller assumes: the nominal crane, with the control period of the sample."""
+    """Return the scenario that the controller assumes: the nominal one with the sample's control period."""
     return campaign.nominal.model_copy(update={"control": sampled.control})
 
 
@@ -147,7 +148,7 @@ def numbers_of(scenario: Scenario) -> dict[str, float]:
 
 
 def _leaves_of(scenario: Scenario) -> dict[str, Any]:
-    """Return values by dotted names, without those of a rig under effects, which the effects state."""
+    """Return all values by dotted names, without effects, rated load and look that a rig's file states."""
     return dict(leaves(scenario.model_dump(exclude={"rig": {"effects", "rated_load", "look"}})))
 
 
@@ -156,14 +157,14 @@ def _is_number(value: Any) -> bool:
 
 
 def _common_period(distribution: Distribution | None, nominal: Scenario) -> float:
-    """Return the time of which all times must be multiples [s], with any control period of a run."""
+    """Return the shortest time [s] that is a multiple of every control period of the campaign."""
     if distribution is None:
         return nominal.control.period
     period = nominal.control.period
     if not isinstance(distribution, FewValues):
         raise InputError(
-            f"uncertain.{PERIOD}: it takes single periods",
-            allowed="distribution choice or fixed: periods that divide all times of the scenario",
+            f"uncertain.{PERIOD}: its distribution is a range, not single periods",
+            allowed="distribution choice or fixed, with periods that divide all times of the scenario",
             remedy='take \'distribution = "choice"\' with "values", such as '
             f"[{period:g}, {2.0 * period:g}, {5.0 * period:g}]",
         )
@@ -182,37 +183,37 @@ def _parameter(
         raise InputError(
             f"uncertain.{name}: '{section}' belongs to the controller and the run, not to the crane",
             allowed=f"{PERIOD}, and parameters of the crane and what acts on it: {', '.join(PHYSICAL)}",
-            remedy="compare other values with a campaign each",
+            remedy="run one campaign for each value",
         )
     if nominal is None:
         raise InputError(
-            f"uncertain.{name}: the scenario gives it no value",
+            f"uncertain.{name}: it has no value in the scenario",
             allowed="parameters that have a number as nominal value",
             remedy=f"give it one in the scenario or by 'set = [\"{name}=...\"]'",
         )
     if not _is_number(nominal):
         raise InputError(
-            f"uncertain.{name}: its value in the scenario is {nominal!r}, no number",
+            f"uncertain.{name}: its value in the scenario is {nominal!r}, not a number",
             allowed="parameters that have a number as nominal value",
             remedy="choose a number of the scenario",
         )
     whole = isinstance(nominal, int)
     if whole and not distribution.whole:
         raise InputError(
-            f"uncertain.{name}: it takes whole numbers",
+            f"uncertain.{name}: its distribution may give fractions, but the scenario takes whole numbers",
             allowed="distribution choice, fixed or integers, with whole numbers",
-            remedy="take 'distribution = \"integers\"', which gives every run a number of its own",
+            remedy="take 'distribution = \"integers\"', which draws a whole number for every run",
         )
     if distribution.relative and nominal == 0:
         raise InputError(
-            f"uncertain.{name}: relative, but its nominal value is 0",
-            allowed="relative for nominal values other than 0",
-            remedy="give the numbers themselves and leave 'relative' out",
+            f"uncertain.{name}: its numbers are relative, but its nominal value is 0",
+            allowed="relative numbers where the nominal value is not 0",
+            remedy="give absolute numbers and leave 'relative' out",
         )
     distribution = distribution.spread_out(spread, float(nominal))
     if isinstance(distribution, Normal) and distribution.mass(nominal) < LEAST_MASS:
         raise InputError(
-            f"uncertain.{name}: low and high cut off all of the normal distribution",
+            f"uncertain.{name}: low and high exclude the whole normal distribution",
             allowed="low and high within a few deviations of the mean",
             remedy="correct mean, low or high",
         )
@@ -229,7 +230,7 @@ def _parameter(
 
 
 def _unknown(name: str, values: dict[str, Any]) -> InputError:
-    """Return the error for a name without a value; it lists the names below it, else the nearest."""
+    """Return the error for a name that is no number; it lists the numbers below it, or similar names."""
     everything = {**values, **dict(leaves(ALL_EFFECTS.model_dump(), "effects"))}
     known = [
         leaf

@@ -1,8 +1,8 @@
-"""Distributions: an inverse distribution function each, its end points, the points of a grid.
+"""Distributions of uncertain parameters: inverse distribution function, end points, and grid points.
 
-Some have a density (uniform, log-uniform, normal), some single values (a choice, whole numbers, one fixed
-value). Every function is elementwise, and its result for one element does not depend on the others: a sample
-is the same in whatever block it is computed.
+Some have a density: uniform, log-uniform and normal. Others have single values: a choice, whole numbers, and
+one fixed value. Every function works element by element, and no element influences another. So a sample has
+the same value in every block in which it is computed.
 """
 
 import math
@@ -18,16 +18,14 @@ from cranectl.support.arrays import Array
 Ends = tuple[float, float]
 Levels = Annotated[int, Field(ge=1, le=10_000)]
 
-TAILS = (0.05, 0.95)  # quantiles that stand for low and high where a distribution has no ends
-
-
-LEAST_MASS = 1e-12  # of a normal distribution between its low and high
+TAILS = (0.05, 0.95)  # quantiles that replace the ends of a distribution with infinite ends
+LEAST_MASS = 1e-12  # least probability between low and high of a normal distribution
 
 
 class Distribution(Settings, ABC):
-    """Base of all distributions; numbers are factors of the nominal value where `relative`."""
+    """Base of all distributions; with `relative` its numbers are factors of the nominal value."""
 
-    discrete: ClassVar[bool] = False  # whether it has single values rather than a density
+    discrete: ClassVar[bool] = False  # whether it has single values and no density
 
     relative: bool = Field(False, description="whether the numbers are factors of the nominal value")
     levels: Levels | None = Field(None, description="number of values on a grid")
@@ -44,18 +42,24 @@ class Distribution(Settings, ABC):
         return False
 
     def quantile(self, u: Array, nominal: float) -> Array:
-        """Inverse distribution function at `u`, each in (0, 1), or 0 and 1 where the ends are finite."""
+        """Return the inverse distribution function at `u` (k,), shape (k,).
+
+        All `u` are in (0, 1); 0 and 1 are allowed too if the ends are finite.
+        """
         return self._inverse(u, 1.0) * nominal if self.relative else self._inverse(u, nominal)
 
     def ends(self, nominal: float) -> Ends:
-        """Smallest and largest value, in this order; infinite where there is none."""
+        """Return the smallest and the largest value, infinite if there is none."""
         if not self.relative:
             return self._ends()
         low, high = sorted(end * nominal for end in self._ends())
         return low, high
 
     def spread_out(self, factor: float, nominal: float) -> "Distribution":
-        """Scale the distance of all values from the nominal one; a discrete distribution stays."""
+        """Return a distribution with all distances from the nominal value times `factor`.
+
+        A discrete distribution stays as it is.
+        """
         if factor == 1.0 or self.discrete:
             return self
         centre = 1.0 if self.relative else nominal
@@ -64,35 +68,35 @@ class Distribution(Settings, ABC):
         return self.model_copy(update=self._spread_out(factor, centre))
 
     def _spread_out(self, factor: float, centre: float) -> dict[str, float]:
-        """Return the numbers that change."""
+        """Return the fields that change, with their new values."""
         numbers = {name: getattr(self, name, None) for name in ("low", "high", "mean")}
         return {k: centre + factor * (value - centre) for k, value in numbers.items() if value is not None}
 
     @property
     def grid_levels(self) -> int:
-        """Number of values on a grid; 0 where it is not given."""
+        """Number of values on a grid; 0 if it is not stated."""
         return self.levels or 0
 
     def grid(self) -> Array:
-        """Return the points on (0, 1) of a grid: evenly from end to end, or from tail to tail."""
+        """Return evenly spaced points of [0, 1] for a grid: from end to end, or between TAILS."""
         low, high = (0.0, 1.0) if all(map(math.isfinite, self._ends())) else TAILS
         return np.linspace(low, high, self.grid_levels) if self.grid_levels > 1 else np.array([0.5])
 
     def end_points(self) -> Array:
-        """Points of (0, 1) at which a parameter is tried by itself: both tails, or each of a few values."""
+        """Return the points of (0, 1) of a one-at-a-time campaign: both TAILS, or each of a few values."""
         return np.array(TAILS)
 
     @abstractmethod
     def _inverse(self, u: Array, mean: float) -> Array:
-        """Values at the points `u` of (0, 1), for the mean that a distribution without its own takes."""
+        """Return the values at the points `u`; `mean` replaces the mean of a distribution without one."""
 
     @abstractmethod
     def _ends(self) -> Ends:
-        """Smallest and largest value as given; infinite where there is none."""
+        """Return the smallest and the largest value as stated, relative or not; infinite if there is none."""
 
 
 class Range(Distribution):
-    """From low to high, as far as they are given."""
+    """A distribution between low and high; either may be absent."""
 
     low: float | None = Field(None, description="smallest value")
     high: float | None = Field(None, description="largest value")
@@ -122,7 +126,7 @@ class Uniform(Range):
 
 
 class LogUniform(Range):
-    """Its logarithm is uniform: for scale parameters known to an order of magnitude."""
+    """A distribution with uniform logarithm, for parameters known to an order of magnitude."""
 
     distribution: Literal["log-uniform"]
     low: Annotated[float, Field(gt=0.0)] = Field(description="smallest value, above 0")
@@ -136,21 +140,21 @@ class LogUniform(Range):
         return values
 
     def _spread_out(self, factor: float, centre: float) -> dict[str, float]:
-        """Return the ends, scaled by ratios if the centre is positive."""
+        """Return the ends, their ratios to a positive centre raised to the power `factor`."""
         if centre <= 0.0:
             return {}
         return {name: centre * (getattr(self, name) / centre) ** factor for name in ("low", "high")}
 
 
 class Normal(Range):
-    """Normal; truncated where low or high is given, which moves mean and deviation."""
+    """A normal distribution. Low and high truncate it, which changes its mean and deviation."""
 
     distribution: Literal["normal"]
     mean: float | None = Field(None, description="before truncation; the nominal value when absent")
     deviation: Annotated[float, Field(gt=0.0)] = Field(description="standard deviation before truncation")
 
     def mass(self, nominal: float) -> float:
-        """Probability between low and high before truncation."""
+        """Return the probability between low and high before truncation."""
         _, below, above = self._shares(1.0 if self.relative else nominal)
         return above - below
 
@@ -163,7 +167,7 @@ class Normal(Range):
             u = 1.0 - u
         centre = mean if self.mean is None else self.mean
         score = ndtri(below + u * (above - below))
-        with np.errstate(over="ignore"):  # beyond all numbers, which no setting allows
+        with np.errstate(over="ignore"):  # infinite values; the check of settings refuses them
             values: Array = np.clip(centre + side * self.deviation * score, low, high)
         return values
 
@@ -171,7 +175,7 @@ class Normal(Range):
         return super()._spread_out(factor, centre) | {"deviation": factor * self.deviation}
 
     def _shares(self, mean: float) -> tuple[float, float, float]:
-        """Return (side, Φ at the lower, Φ at the upper end), mirrored so that the upper tail is exact."""
+        """Return a sign and Φ at both ends; a negative sign means mirrored, which keeps upper tails exact."""
         from scipy.special import ndtr
 
         centre = mean if self.mean is None else self.mean
@@ -186,14 +190,14 @@ Whole = Annotated[int, Field(ge=0, lt=2**32)]
 
 
 class FewValues(Distribution):
-    """One of a few values."""
+    """A distribution of a few single values."""
 
     discrete: ClassVar[bool] = True
 
     @property
     @abstractmethod
     def shares(self) -> dict[float, float]:
-        """Probability of each value, in proportion."""
+        """Weight of each value, proportional to its probability."""
 
     @property
     def varies(self) -> bool:
@@ -208,7 +212,7 @@ class FewValues(Distribution):
         return len(self.shares)
 
     def grid(self) -> Array:
-        """Return the middle of the share of each value."""
+        """Return for each value the middle of its interval of [0, 1]."""
         upper = self._upper
         middle: Array = 0.5 * (upper + np.concatenate([[0.0], upper[:-1]]))
         return middle
@@ -218,9 +222,9 @@ class FewValues(Distribution):
 
     @property
     def _upper(self) -> Array:
-        """Probability of each value and those before it, shape (values,)."""
+        """Cumulative probability of each value, shape (values,)."""
         weights = np.array(list(self.shares.values()))
-        upper: Array = np.cumsum(weights / weights.max())  # by the largest first: sums stay finite
+        upper: Array = np.cumsum(weights / weights.max())  # dividing by the largest keeps sums finite
         shares: Array = upper / upper[-1]
         return shares
 
@@ -233,7 +237,7 @@ class FewValues(Distribution):
 
 
 class Choice(FewValues):
-    """One of some values."""
+    """One of several values, equally likely or with weights."""
 
     distribution: Literal["choice"]
     values: Annotated[tuple[float, ...], Field(strict=False, min_length=1, max_length=10_000)] = Field(
@@ -249,18 +253,18 @@ class Choice(FewValues):
             raise RuleError(
                 "a choice has a value twice",
                 allowed="values that differ from each other",
-                remedy="give it once, with a larger weight in weights",
+                remedy="state it once, with a larger weight in weights",
             )
         if self.weights and len(self.weights) != len(self.values):
             raise RuleError(
-                f"{len(self.weights)} weights for {len(self.values)} values of a choice",
-                allowed="a weight for each value, or none",
-                remedy="give as many, or leave weights out",
+                f"a choice has {len(self.weights)} weights for {len(self.values)} values",
+                allowed="one weight for each value, or no weights",
+                remedy="state as many, or leave weights out",
             )
         if self.levels is not None and self.levels != len(self.values):
             raise RuleError(
-                f"levels = {self.levels} of a choice",
-                allowed="none: a grid has all its values",
+                f"a choice has levels = {self.levels}",
+                allowed="no levels: a grid has all values of a choice",
                 remedy="leave levels out",
             )
         return self
@@ -294,7 +298,7 @@ class Integers(Range):
     def _is_absolute(self) -> Self:
         if self.relative:
             raise RuleError(
-                "integers with relative = true", allowed="absolute ones", remedy="leave relative out"
+                "integers with relative = true", allowed="absolute numbers", remedy="leave relative out"
             )
         return self
 

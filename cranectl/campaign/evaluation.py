@@ -1,6 +1,7 @@
-"""Everything that is computed of a result, for its report and as plain data.
+"""Evaluate a finished campaign: all numbers of its report and of its JSON output.
 
-Groups compare sample by sample: one controller against another, one plant against the other.
+A group is all runs with one controller on one plant. Groups are compared sample by sample: two controllers
+on one plant, or one controller on two plants.
 """
 
 import itertools
@@ -39,61 +40,61 @@ from cranectl.support.arrays import Array
 from cranectl.support.documents import mapped
 
 LISTED_RUNS = 3  # runs listed for each plant and controller
-BY_STEPS = "one-at-a-time"  # a sampling that is no spread: correlations mean nothing
-LISTED_SAMPLES = 5  # samples that are farthest apart
+ONE_AT_A_TIME = "one-at-a-time"  # its samples do not spread over the distribution: no correlations
+LISTED_SAMPLES = 5  # samples listed with the largest differences between two groups
 
 
 @dataclass(frozen=True)
 class Failures:
-    """How many samples fail in which of two groups; both have been run."""
+    """Failures of two groups on the samples that both have run."""
 
     neither: int
     both: int
-    first_only: tuple[int, ...]  # samples
+    first_only: tuple[int, ...]  # samples on which only the first fails
     second_only: tuple[int, ...]
-    p: float  # of McNemar's exact test: whether one fails more often than the other
+    p: float  # p-value of McNemar's exact test that both fail equally often
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Second minus first of one metric over the samples that both completed."""
+    """One metric of the second group minus that of the first, on the samples that both completed."""
 
     metric: str
     samples: int
-    quantiles: tuple[float, ...]  # LEVELS; NaN without samples
+    quantiles: tuple[float, ...]  # at `statistics.LEVELS`; NaN without samples
     first_better: int
     second_better: int
     p: float  # of the sign test
 
     @property
     def better_share(self) -> float:
-        """Share of samples in which the second is better; NaN without samples."""
+        """Share of samples on which the second is better; NaN without samples."""
         return self.second_better / self.samples if self.samples else float("nan")
 
 
 @dataclass(frozen=True)
 class GroupAgreement:
-    """How alike two groups are in one metric over the samples that both completed."""
+    """Similarity of two groups in one metric, on the samples that both completed."""
 
     metric: str
     samples: int
-    rho: float  # Spearman's; NaN where one is constant
-    quantiles: tuple[float, ...]  # of the absolute difference, LEVELS
-    largest: tuple[tuple[int, float], ...]  # sample and difference, second minus first
+    rho: float  # Spearman's rank correlation; NaN if one is constant
+    quantiles: tuple[float, ...]  # of the absolute difference, at `statistics.LEVELS`
+    largest: tuple[tuple[int, float], ...]  # samples and their differences, second minus first
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two groups on the same samples."""
+    """Comparison of two groups on the same samples."""
 
     first: Group
     second: Group
     failures: Failures
     differences: tuple[Difference, ...]  # one for each of MAIN_METRICS
-    agreement: GroupAgreement  # in MEASURE
+    agreement: GroupAgreement  # in the metric MEASURE
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return the comparison as plain data."""
         return {
             "first": {"plant": self.first.plant, "controller": self.first.controller},
             "second": {"plant": self.second.plant, "controller": self.second.controller},
@@ -105,11 +106,11 @@ class Pair:
 
 def pair_of(first: Group, second: Group) -> Pair:
     """Compare two groups sample by sample."""
-    there = first.there & second.there
-    a, b = first.failed & there, second.failed & there
+    both_run = first.has_run & second.has_run
+    a, b = first.failed & both_run, second.failed & both_run
     first_only, second_only = np.flatnonzero(a & ~b).tolist(), np.flatnonzero(b & ~a).tolist()
     failures = Failures(
-        neither=int((there & ~a & ~b).sum()),
+        neither=int((both_run & ~a & ~b).sum()),
         both=int((a & b).sum()),
         first_only=tuple(first_only),
         second_only=tuple(second_only),
@@ -136,8 +137,8 @@ def _agreement(first: Group, second: Group) -> GroupAgreement:
 def _difference(first: Group, second: Group, metric: str) -> Difference:
     difference = second.metrics[metric] - first.metrics[metric]
     difference = difference[~np.isnan(difference)]
-    up, down = int((difference > 0.0).sum()), int((difference < 0.0).sum())
-    better, worse = (up, down) if low_is_bad(metric) else (down, up)
+    larger, smaller = int((difference > 0.0).sum()), int((difference < 0.0).sum())
+    better, worse = (larger, smaller) if low_is_bad(metric) else (smaller, larger)
     return Difference(
         metric=metric,
         samples=difference.size,
@@ -150,17 +151,17 @@ def _difference(first: Group, second: Group, metric: str) -> Difference:
 
 @dataclass(frozen=True)
 class GroupAnalysis:
-    """One controller on one plant."""
+    """All results of one controller on one plant."""
 
     group: Group
     summary: GroupSummary
-    correlations: Correlations | None  # none of one-at-a-time
-    sobol: dict[str, SobolIndices]  # by metric; of saltelli only
-    one_at_a_time: tuple[OneAtATimeEffect, ...]  # of that sampling only
+    correlations: Correlations | None  # None with one-at-a-time sampling
+    sobol: dict[str, SobolIndices]  # by metric; empty unless the sampling is saltelli
+    one_at_a_time: tuple[OneAtATimeEffect, ...]  # empty unless the sampling is one-at-a-time
     separations: tuple[Separation, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Return what the page shows besides the summary; arrays stay arrays."""
+        """Return all results but the summary, with arrays as NumPy arrays."""
         data: dict[str, Any] = {"plant": self.group.plant, "controller": self.group.controller}
         if self.correlations is not None:
             extra = {"significant": self.correlations.significant, "bent": self.correlations.bent}
@@ -174,36 +175,36 @@ class GroupAnalysis:
 
 @dataclass(frozen=True)
 class Analysis:
-    """A whole result."""
+    """All results of a campaign."""
 
     results: Results
-    values: Array  # (samples, d) of the parameters
+    values: Array  # (samples, d) values of the parameters
     groups: tuple[GroupAnalysis, ...]
-    controllers: tuple[Pair, ...]  # on the same plant
-    plants: tuple[Pair, ...]  # with the same controller, one of them the reference plant
+    controllers: tuple[Pair, ...]  # two controllers on the same plant
+    plants: tuple[Pair, ...]  # the same controller on the reference plant and another
     worst: tuple[Example, ...]
 
     @property
     def by_plant(self) -> list[list[GroupAnalysis]]:
-        """The groups of each plant."""
+        """The groups, one list for each plant."""
         return [list(parts) for _, parts in itertools.groupby(self.groups, lambda part: part.group.plant)]
 
 
 def analyse(results: Results) -> Analysis:
-    """Compute everything; nothing is drawn, nothing is random."""
+    """Compute all results of a campaign; the same campaign gives the same numbers."""
     values, groups = parameter_values(results), groups_of(results)
     reference = reference_plant(results.campaign.settings.plants)
-    alone = {"analytic"} if has_lags(results.manifest) else set()  # plants that others are not compared with
+    excluded = {"analytic"} if has_lags(results.manifest) else set()  # its drives differ from other plants'
     pairs = []
     for a, b in itertools.combinations(groups, 2):
-        across = reference in (a.plant, b.plant) and alone.isdisjoint((a.plant, b.plant))
-        if a.plant == b.plant or (a.controller == b.controller and across):
+        with_reference = reference in (a.plant, b.plant) and excluded.isdisjoint((a.plant, b.plant))
+        if a.plant == b.plant or (a.controller == b.controller and with_reference):
             pairs.append(pair_of(a, b))
     return Analysis(
         results=results,
         values=values,
         groups=tuple(
-            _of_group(results, group, summary, values)
+            _analyse_group(results, group, summary, values)
             for group, summary in zip(groups, summarize(results), strict=True)
         ),
         controllers=tuple(pair for pair in pairs if pair.first.plant == pair.second.plant),
@@ -213,7 +214,7 @@ def analyse(results: Results) -> Analysis:
 
 
 def analysis_json(analysis: Analysis) -> dict[str, Any]:
-    """Return what the report shows besides the summary as plain data, arrays as lists."""
+    """Return all results but the summary as plain data, with arrays as lists."""
     return {
         "influence": [mapped(part.to_json(), _plain) for part in analysis.groups],
         "controllers": [mapped(pair.to_json(), _plain) for pair in analysis.controllers],
@@ -222,9 +223,9 @@ def analysis_json(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def _of_group(results: Results, group: Group, summary: GroupSummary, values: Array) -> GroupAnalysis:
+def _analyse_group(results: Results, group: Group, summary: GroupSummary, values: Array) -> GroupAnalysis:
     sampling = results.campaign.settings.sampling
-    if sampling == BY_STEPS:
+    if sampling == ONE_AT_A_TIME:
         steps = one_at_a_time_effects(results, group, values)
         return GroupAnalysis(group, summary, None, {}, steps, ())
     indices = sobol_of(results, group) if sampling == "saltelli" else {}

@@ -1,8 +1,8 @@
-"""Load a campaign: everything that can be known to be wrong before the first run is found here.
+"""Load a campaign and find its mistakes before the first run.
 
-So are parameters that change nothing: on the chosen plant and drives, or beside another number that is zero.
-Effects that a plant cannot show at all are refused by `plants.applicable`. What only happens not to matter in
-some runs, such as a limit that is not reached, is no mistake.
+A parameter that cannot change any run is a mistake: the chosen plant or drives may ignore it, or another
+number that is zero may switch it off. A parameter that only happens not to matter in some runs is none, such
+as a limit that is not reached. `plants.capabilities` refuses effects that a plant lacks.
 """
 
 import itertools
@@ -29,7 +29,7 @@ from cranectl.scenario import Scenario
 from cranectl.simulate.idle_settings import why_idle_on_plant
 from cranectl.support.errors import InputError
 
-CHECKED_SAMPLES = 2**17  # samples looked at together
+CHECKED_SAMPLES = 2**17  # samples checked at a time, which limits memory
 BANDWIDTH = "effects.sensing.observer_bandwidth"
 
 
@@ -42,7 +42,7 @@ def _check_effect(
     for parameter, plant in itertools.product(parameters, settings.plants):
         why = why_idle_on_plant(parameter.name, plant, settings.drive, zero)
         if parameter.name == BANDWIDTH:
-            why = "the controller has the observer it was given"
+            why = "the controller keeps the observer of the nominal scenario"
         if why:
             raise InputError(
                 f"uncertain.{parameter.name} changes nothing on the {plant} plant with "
@@ -53,10 +53,10 @@ def _check_effect(
 
 
 def load_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) -> Campaign:
-    """Load a campaign by name or from a TOML file; `overrides` are `"runs=100"` and the like.
+    """Load a campaign by name or from a TOML file; `overrides` are settings such as `"runs=100"`.
 
-    Raises InputError for whatever is wrong in the file, against the scenario, or in the values of any one
-    parameter. Values that are wrong only together are found by `sampled_scenario`.
+    Raises InputError for mistakes in the file, contradictions to the scenario, and single parameters with
+    values that are not allowed. Values that are wrong only in combination are found by `sampled_scenario`.
     """
     return make_campaign(read_campaign(name_or_path, overrides=overrides))
 
@@ -69,14 +69,14 @@ def make_campaign(settings: CampaignSettings) -> Campaign:
 
 
 def stated_campaign(settings: CampaignSettings) -> Campaign:
-    """Make the campaign of `settings`, without the checks of `check_values`."""
+    """Make the campaign of `settings` without the slow checks of `check_values`."""
     for name in settings.controllers:
         checked_controller(name)
     nominal = _nominal_scenario(settings)
     parameters = parameters_of(settings, nominal)
     if settings.correlation and settings.sampling not in INDEPENDENT:
         raise InputError(
-            f"correlations with {settings.sampling} sampling, which changes parameters independently",
+            f"the campaign has correlations, which {settings.sampling} sampling does not allow",
             allowed=f"correlations with {', '.join(INDEPENDENT)}",
             remedy="leave the correlations out or take another sampling",
         )
@@ -113,7 +113,7 @@ def _runs(settings: CampaignSettings, parameters: Sequence[UncertainParameter]) 
             if not parameter.distribution.grid_levels:
                 raise InputError(
                     f"uncertain.{parameter.name} has no levels, which grid sampling needs",
-                    allowed="a number of values for every parameter",
+                    allowed="a number of levels for every parameter",
                     remedy=f"add 'levels = 5' to [uncertain.{parameter.name}]",
                 )
         runs = math.prod(parameter.distribution.grid_levels for parameter in parameters)
@@ -128,7 +128,7 @@ def _runs(settings: CampaignSettings, parameters: Sequence[UncertainParameter]) 
     if settings.runs not in (None, runs):
         raise InputError(
             f"runs = {settings.runs}, but {settings.sampling} sampling of these parameters takes {runs}",
-            allowed=f"runs = {runs}, or none",
+            allowed=f"runs = {runs}, or no 'runs'",
             remedy="remove 'runs' or correct it",
         )
     return runs
@@ -137,8 +137,8 @@ def _runs(settings: CampaignSettings, parameters: Sequence[UncertainParameter]) 
 def _saltelli_runs(runs: int, varied: int) -> int:
     if not varied:
         raise InputError(
-            "saltelli sampling with nothing that varies",
-            allowed="one parameter at least that is not fixed",
+            "saltelli sampling needs parameters that vary, but all are fixed",
+            allowed="at least one parameter that is not fixed",
             remedy="take another sampling, or give a parameter another distribution than fixed",
         )
     block = varied + 2
@@ -146,24 +146,26 @@ def _saltelli_runs(runs: int, varied: int) -> int:
     if n < 1 or runs % block or n & (n - 1):
         below = block * 2 ** max(0, n.bit_length() - 1)
         raise InputError(
-            f"runs = {runs} with saltelli sampling of {varied} parameters",
-            allowed=f"{block} times a power of two, near it {below} and {2 * below}",
+            f"runs = {runs} does not suit saltelli sampling of {varied} parameters",
+            allowed=f"{block} times a power of two, such as {below} and {2 * below}",
             remedy=f"take 'runs = {2 * below}'",
         )
     return runs
 
 
 def check_values(campaign: Campaign) -> None:
-    """Raise InputError where a parameter by itself takes a value that the scenario or a plant refuses.
+    """Raise InputError if the scenario or a plant refuses a value of one parameter, all others nominal.
 
-    It takes longer than all other checks.
+    This check takes longer than all others.
     """
     middle = np.array([0.5])
-    usual = [p.nominal if p.distribution.varies else float(p.values(middle)[0]) for p in campaign.parameters]
+    nominal = [
+        p.nominal if p.distribution.varies else float(p.values(middle)[0]) for p in campaign.parameters
+    ]
     sampled = _sampled_ends(campaign)
     for column, parameter in enumerate(campaign.parameters):
         for value in (*_outermost(parameter), *sampled.get(column, ())):
-            values = [*usual[:column], value, *usual[column + 1 :]]
+            values = [*nominal[:column], value, *nominal[column + 1 :]]
             source = f"uncertain.{parameter.name} reaches {value:g}"
             scenario = sampled_scenario(campaign, values, source)
             for plant in campaign.settings.plants:
@@ -171,7 +173,7 @@ def check_values(campaign: Campaign) -> None:
 
 
 def _outermost(parameter: UncertainParameter) -> list[float]:
-    """Return each of a few values, or the finite ends of any other distribution."""
+    """Return all values of a distribution with few values, else the ends that are finite."""
     distribution = parameter.distribution
     points = [u for u, end in zip((0.0, 1.0), distribution.ends(1.0), strict=True) if math.isfinite(end)]
     at = distribution.grid() if isinstance(distribution, FewValues) else np.array(points)
@@ -180,7 +182,7 @@ def _outermost(parameter: UncertainParameter) -> list[float]:
 
 
 def _sampled_ends(campaign: Campaign) -> dict[int, tuple[float, float]]:
-    """Smallest and largest sample of the parameters that have an infinite end, by column."""
+    """Return the smallest and largest sample of each parameter that has an infinite end, by column."""
     columns = [k for k, p in enumerate(campaign.parameters) if not all(map(math.isfinite, p.ends))]
     if not columns:
         return {}

@@ -1,7 +1,7 @@
-"""A campaign as it is kept beside its results: enough to resume it and to repeat any of its runs.
+"""The manifest of a campaign: what campaign.json stores, enough to resume it and to repeat any of its runs.
 
-It says what software began the result, and what other software was accepted later; each part carries the
-identity of what made it.
+The manifest lists the software that began the result, and other software that was accepted later. Each part
+carries the identity of the software that made it.
 """
 
 import hashlib
@@ -28,29 +28,30 @@ from cranectl.support.errors import InputError
 from cranectl.support.provenance import HARMLESS, provenance
 
 FORMAT = 3
-RULE = 1  # of identities; parts of all formats have it
+RULE = 1  # version of the identities; parts of all formats have the same
 DEFAULT_METRICS = MetricSettings().model_dump(mode="json")
 DEFAULT_RIG = RigParameters().model_dump(mode="json")
-SERVOS = "servos"  # the velocity drives of the analytic plant
-NOT_DECISIVE = ("title", "limits", "scenario", "rig", "set")  # of a campaign: the scenario itself is recorded
-SPENT = ("limits", "planning", "obstacles")  # of a scenario: judge one run, or have made its reference
+SERVOS = "servos"  # the present velocity drives of the analytic plant
+# Keys of a campaign that change no row, or only name the scenario, which is stored whole.
+NOT_DECISIVE = ("title", "limits", "scenario", "rig", "set")
+SPENT = ("limits", "planning", "obstacles")  # tables of a scenario that change no run of its stored reference
 
 
 class SoftwareOrigin(NamedTuple):
-    """What makes parts of a result."""
+    """The software that made parts of a result."""
 
-    identity: str  # which they carry
-    versions: Mapping[str, str]  # of packages, and fingerprints
+    identity: str  # digest that these parts carry
+    versions: Mapping[str, str]  # of packages, and fingerprints of sources
 
 
 def software_of(plants: Iterable[str], controllers: Iterable[str]) -> dict[str, str]:
-    """Return the software that makes runs here: cranectl, registered modules, controllers from files."""
+    """Return the versions of the installed software: cranectl, registered modules, controllers from files."""
     own = plant_sources(plants) | controller_sources(controllers) | controller_digests(controllers)
     return provenance() | own
 
 
 def has_lags(manifest: Mapping[str, Any]) -> bool:
-    """Return True if the analytic plant had velocity drives that do not feel the load, as in version 0.2."""
+    """Return True if the runs used the analytic velocity drives of version 0.2, which ignore the load."""
     return _has_analytic_drives(manifest["campaign"]) and manifest.get("velocity_drives") != SERVOS
 
 
@@ -59,7 +60,7 @@ def _has_analytic_drives(campaign: Mapping[str, Any]) -> bool:
 
 
 def manifest_of(campaign: Campaign) -> Table:
-    """Everything that decides the runs of `campaign`, as plain data."""
+    """Return everything that decides the runs of `campaign`, as plain data."""
     table = {
         "format": FORMAT,
         "campaign": campaign.settings.model_dump(mode="json"),
@@ -72,10 +73,11 @@ def manifest_of(campaign: Campaign) -> Table:
     return plain | ({"velocity_drives": SERVOS} if _has_analytic_drives(plain["campaign"]) else {})
 
 
-def how_it_was_begun(campaign: Campaign, directory: Path, command: Sequence[str]) -> Table:
-    """Return the command and the files of controllers, relative to `directory`, for the manifest.
+def start_facts(campaign: Campaign, directory: Path, command: Sequence[str]) -> Table:
+    """Return the command that starts a result, and its files of controllers relative to `directory`.
 
-    None of it decides a number. A command with a name that is no UTF-8 has no place in JSON and is left out.
+    They only help to resume the result and decide no number. JSON cannot hold a command that is not UTF-8,
+    so such a command is left out.
     """
     opened = [name for name in campaign.settings.controllers if name in OPEN.files]
     files = {name: file_from(name, directory) for name in opened}
@@ -84,16 +86,16 @@ def how_it_was_begun(campaign: Campaign, directory: Path, command: Sequence[str]
 
 
 def resume_command(manifest: Mapping[str, Any]) -> str:
-    """Return the command that goes on with a result, as one types it; empty where it does not say."""
+    """Return the command line that resumes a result; empty if the manifest does not have its command."""
     words = manifest.get("command")
     if not isinstance(words, list) or not words or not all(isinstance(word, str) for word in words):
         return ""
-    again = [word for word in words if word not in ("--overwrite", "--resume")]
-    return shlex.join(["cranectl", *again, "--resume"])
+    arguments = [word for word in words if word not in ("--overwrite", "--resume")]
+    return shlex.join(["cranectl", *arguments, "--resume"])
 
 
 def controller_from(manifest: Mapping[str, Any], directory: Path, name: str) -> str:
-    """Return what `--controller` is given for the controller `name` of the result in `directory`."""
+    """Return the value of `--controller` that selects the controller `name` of the result in `directory`."""
     files = manifest.get("files")
     file = files.get(name) if isinstance(files, dict) else None
     if not isinstance(file, str):
@@ -102,46 +104,46 @@ def controller_from(manifest: Mapping[str, Any], directory: Path, name: str) -> 
 
 
 def checked_manifest(data: Any, source: str) -> Table:
-    """Return `data` in the newest format; raise InputError for anything that is no manifest."""
+    """Return the manifest `data` in the newest format; raise InputError if it is not a manifest."""
     number = data.get("format") if isinstance(data, dict) else None
     if isinstance(number, int) and number in READERS:
         manifest = {**data, **READERS[number], "format": FORMAT}
         tables = [manifest.get(part) for part in ("campaign", "scenario", "versions")]
         if isinstance(scenario := manifest.get("scenario"), dict):
             tables.append(scenario.get("rig"))
-            for several in (manifest.get("accepted"), scenario.get("disturbances")):
-                tables += several if isinstance(several, list) else [None]
+            for items in (manifest.get("accepted"), scenario.get("disturbances")):
+                tables += items if isinstance(items, list) else [None]
         if isinstance(manifest.get("runs"), int) and all(isinstance(table, dict) for table in tables):
             return manifest
     newer = isinstance(number, int) and number > FORMAT
     raise InputError(
-        f"{source} has format {number}" if newer else f"{source} is no manifest of a campaign",
+        f"{source} has format {number}" if newer else f"{source} is not the manifest of a campaign",
         allowed=f"a result of format {min(READERS)} to {FORMAT}",
-        remedy="read it with a newer cranectl" if newer else "check the place, or run the campaign again",
+        remedy="read it with a newer cranectl" if newer else "check the path, or run the campaign again",
     )
 
 
 def campaign_of(manifest: Mapping[str, Any], source: str) -> Campaign:
-    """Make the campaign from `manifest` alone, as the file of its scenario may have changed."""
+    """Make the campaign from `manifest` alone: the file of its scenario may have changed since."""
     settings = parse_campaign(manifest["campaign"], source)
     nominal = parse_settings(Scenario, manifest["scenario"], source)
     return Campaign(settings, nominal, parameters_of(settings, nominal), manifest["runs"])
 
 
 def origins_of(manifest: Mapping[str, Any]) -> list[SoftwareOrigin]:
-    """Return the software that may have made parts of the result, that of its start first."""
+    """Return all software that may have made parts of the result, that of its start first."""
     return [origin_of(manifest, versions) for versions in (manifest["versions"], *manifest["accepted"])]
 
 
 def origin_of(manifest: Mapping[str, Any], versions: Mapping[str, str]) -> SoftwareOrigin:
-    """Return the origin of parts made by `versions`; a digest of what decides the numbers identifies it."""
+    """Return the origin of parts made by `versions`, identified by a digest of all that decides numbers."""
     software = {name: version for name, version in versions.items() if name not in HARMLESS}
     text = json.dumps({**_decisive(manifest), "format": RULE, "versions": software}, sort_keys=True)
     return SoftwareOrigin(hashlib.sha256(text.encode()).hexdigest()[:16], versions)
 
 
 def differences(manifest: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
-    """Return in short phrases how two campaigns differ, apart from the software that runs them."""
+    """Return how two campaigns differ, a short phrase for each value, without their software."""
     different = documents.differences(_decisive(manifest), _decisive(wanted), absent="absent")
     return [f"{name} is {_short(a)}, not {_short(b)}" for name, a, b in different]
 
@@ -149,13 +151,13 @@ def differences(manifest: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[
 def _decisive(manifest: Mapping[str, Any]) -> Table:
     campaign = {key: value for key, value in manifest["campaign"].items() if key not in NOT_DECISIVE}
     scenario = {key: value for key, value in manifest["scenario"].items() if key not in SPENT}
-    # As in results that did not know them.
+    # Leave out defaults of keys that older results lack, so that their identities stay the same.
     if campaign.get("spread") == 1.0:
         del campaign["spread"]
     if scenario.get("metrics") == DEFAULT_METRICS:
         del scenario["metrics"]
-    unsaid = {name: DEFAULT_RIG[name] for name in ("rated_load", "effects", "look")}
-    scenario["rig"] = {k: v for k, v in scenario["rig"].items() if k not in unsaid or v != unsaid[k]}
+    defaults = {name: DEFAULT_RIG[name] for name in ("rated_load", "effects", "look")}
+    scenario["rig"] = {k: v for k, v in scenario["rig"].items() if k not in defaults or v != defaults[k]}
     scenario["disturbances"] = [
         {key: value for key, value in step.items() if key != "force" or value is not None}
         for step in scenario["disturbances"]
@@ -164,8 +166,8 @@ def _decisive(manifest: Mapping[str, Any]) -> Table:
     return {"campaign": campaign, "runs": manifest["runs"], "scenario": scenario, **drives}
 
 
-# What manifests of each format lack. The first knew versions of packages only: of sources, models and data
-# nothing is known. Parts of the second lack columns, which is said where they are read.
+# What manifests of each format lack. Format 1 has versions of packages only, and none of sources, models and
+# data. Parts of formats 1 and 2 lack columns, which `table.read_part` adds.
 READERS: dict[int, Table] = {1: {"accepted": []}, 2: {}, FORMAT: {}}
 
 

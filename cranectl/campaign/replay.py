@@ -1,4 +1,4 @@
-"""Run some runs of a result again, with everything logged, and prove that they are the same."""
+"""Repeat runs of a campaign with a full log each, and check that they give the same numbers."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -23,7 +23,7 @@ from cranectl.support.provenance import provenance_differences
 
 @dataclass(frozen=True)
 class Replay:
-    """One run that was run again."""
+    """One repeated run."""
 
     sample: int
     plant: str
@@ -31,22 +31,22 @@ class Replay:
     log: Path
     status: str
     max_error_m: float | None
-    differences: tuple[str, ...]  # from what the result says, a phrase for each figure
-    software_differences: tuple[str, ...]  # what is installed and has not made the run, a phrase each
+    differences: tuple[str, ...]  # a phrase for each number that differs from the result
+    software_differences: tuple[str, ...]  # a phrase for each package that has changed since
 
     @property
     def same(self) -> bool:
-        """Whether every figure is that of the result, to the last bit."""
+        """Whether every number equals that of the result, to the last bit."""
         return not self.differences
 
     @property
     def text(self) -> str:
-        """The run in a line."""
+        """The run and its outcome in one line."""
         error = "" if self.max_error_m is None else f", error at most {self.max_error_m:.4f} m"
         return f"run {self.sample} with {self.controller} on {self.plant}: {self.status}{error}"
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return the replay as plain data."""
         return {**asdict(self), "log": str(self.log), "same": self.same}
 
 
@@ -59,9 +59,10 @@ def chosen_rows(
     plants: Sequence[str] = (),
     controllers: Sequence[str] = (),
 ) -> list[int]:
-    """Rows of the result's table: all runs of `samples`, or without them the `worst` by `metric`.
+    """Return the rows of all runs of `samples`; without samples, of the `worst` runs by `metric`.
 
-    Only those on `plants` and with `controllers`, where given. Raises InputError for what the result lacks.
+    `plants` and `controllers` restrict the rows, if any are named. Raises InputError for names and samples
+    that the result lacks.
     """
     settings = results.campaign.settings
     if metric not in METRIC_COLUMNS:
@@ -96,10 +97,10 @@ def replay_run(
     every: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Replay:
-    """Run the run of one row of the result's table again and log it.
+    """Repeat the run of one row of the result's table, and log it as PLANT-CONTROLLER-SAMPLE.mcap.
 
-    The log is PLANT-CONTROLLER-SAMPLE.mcap in `directory`. Raises InputError for a run that could not be run
-    in the first place, and if the log cannot be written.
+    `directory` is the folder of the log. Raises InputError if the campaign could not run this sample, or if
+    the log cannot be written.
     """
     recorded, origin = results.row(row), results.origins[results.made_by[row]]
     campaign = results.campaign
@@ -123,7 +124,7 @@ def replay_run(
     if run.status == RunStatus.INTERRUPTED:
         raise KeyboardInterrupt
     metrics = run_metrics(run)
-    again = {
+    repeated = {
         **dict(zip(campaign.names, map(float, values), strict=True)),
         **metric_values(metrics),
         "status": run.status.label,
@@ -138,20 +139,20 @@ def replay_run(
         log=log,
         status=run.status.label,
         max_error_m=None if metrics is None else metrics.max_error_m,
-        differences=tuple(differences(recorded, again)),
+        differences=tuple(differences(recorded, repeated)),
         software_differences=tuple(provenance_differences(origin.versions, installed)),
     )
 
 
-def differences(recorded: Mapping[str, Any], again: Mapping[str, Any]) -> list[str]:
-    """Return in short phrases which values of `again` are not the recorded ones, compared to the bit."""
+def differences(recorded: Mapping[str, Any], repeated: Mapping[str, Any]) -> list[str]:
+    """Return a short phrase for each repeated value that differs from the recorded one in any bit."""
     return [
         f"{name} is {value!r}, was {recorded[name]!r}"
-        for name, value in again.items()
+        for name, value in repeated.items()
         if _exact(value) != _exact(recorded[name])
     ]
 
 
 def _exact(value: Any) -> Any:
-    """Return a text that differs wherever a bit of the value differs, as for the two zeros."""
+    """Return a text that differs if any bit of the value differs; 0.0 and -0.0 differ too."""
     return repr(float(value)) if isinstance(value, float) else value

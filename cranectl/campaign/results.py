@@ -1,12 +1,12 @@
-"""A result: a directory with the manifest of its campaign and a part for each batch.
+"""Read and write the result of a campaign: a directory with a manifest and a part for each batch.
 
-    campaign.json                              what was run: enough to resume it and to repeat any run
+    campaign.json                              the manifest: enough to resume and to repeat any run
     parts/part-PLANT-CONTROLLER-FIRST.parquet  one batch each
-    replays/PLANT-CONTROLLER-SAMPLE.mcap       logs of runs that were repeated, unless put elsewhere
+    replays/PLANT-CONTROLLER-SAMPLE.mcap       logs of repeated runs, unless --out names another folder
     reference/DIGEST-NAME                      files that the reference was made from
 
-Which parts there are follows from the campaign, not from the number of workers. A result that was cut short
-is one whose parts are not all there. It is written by one process at a time, a batch at a time.
+The list of parts follows from the campaign, not from the number of workers. A result is unfinished while any
+of these parts is missing. Only one process at a time writes a result, one batch after another.
 """
 
 import errno
@@ -26,12 +26,12 @@ from cranectl.campaign.manifest import (
     campaign_of,
     checked_manifest,
     differences,
-    how_it_was_begun,
     manifest_of,
     origin_of,
     origins_of,
     resume_command,
     software_of,
+    start_facts,
 )
 from cranectl.campaign.table import ResultDamageError, Row, arrow_schema, part_name, read_part, write_part
 from cranectl.scenario.load import files_in, put_files, remove_files, with_files
@@ -44,9 +44,9 @@ MANIFEST_FILE = "campaign.json"
 PARTS = "parts"
 REPLAYS = "replays"
 LOCK_FILE = ".lock"
-QUARANTINED = ".corrupt"  # ending of a damaged part that was put aside
+QUARANTINED = ".corrupt"  # ending of a damaged part that was renamed
 ELSEWHERE = "choose another place with --out"
-RESUME = "the command that began it and --resume"
+RESUME = "the command that began it and --resume"  # if the manifest does not have the command
 SHOWN_PARTS = 5  # damaged parts or differences named in a message
 
 
@@ -57,43 +57,43 @@ class Results:
     directory: Path
     campaign: Campaign
     manifest: Table  # the content of campaign.json
-    missing: tuple[Batch, ...]  # none for a finished result
+    missing: tuple[Batch, ...]  # empty for a finished result
     table: Any  # pyarrow.Table, columns as in `table.row_columns`
     made_by: NDArray[np.int64]  # (runs,) index into `origins`
 
     @property
     def origins(self) -> list[SoftwareOrigin]:
-        """What may have made runs, what began the result first."""
+        """All software that may have made runs, beginning with the software of the start."""
         return origins_of(self.manifest)
 
     @property
     def missing_runs(self) -> int:
-        """How many runs are missing."""
+        """Number of missing runs."""
         return sum(batch.runs for batch in self.missing)
 
     def __len__(self) -> int:
         return int(self.table.num_rows)
 
     def column(self, name: str) -> NDArray[Any]:
-        """Return one column (runs,); absent numbers are NaN."""
+        """Return one column, shape (runs,); absent numbers are NaN."""
         values: NDArray[Any] = self.table[name].to_numpy()
         return values
 
     def rows(self, plant: str, controller: str) -> NDArray[np.intp]:
-        """Return the indices of the rows of one group, by sample."""
+        """Return the indices of all rows of one plant and controller, in the order of samples."""
         return np.flatnonzero((self.column("plant") == plant) & (self.column("controller") == controller))
 
     def row(self, index: int) -> Table:
-        """Return one run as plain data; `index` counts rows of the table."""
+        """Return the row `index` of the table as plain data."""
         row: Table = self.table.slice(index, 1).to_pylist()[0]
         return row
 
 
 def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
-    """Read the result in `directory`; every part is checked.
+    """Read the result in `directory`, and check every part.
 
-    Raises InputError for a directory that holds no result, for damaged or repeated parts and, unless
-    `unfinished`, for missing ones.
+    Raises InputError if the directory holds no result, or a part is damaged. It also raises it for missing
+    parts, unless `unfinished` results are allowed.
     """
     import pyarrow
 
@@ -109,13 +109,13 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
         raise InputError(
             f"damaged parts in {directory / PARTS}: {'; '.join(named[:SHOWN_PARTS])}{more}",
             allowed="each part once, as it was written",
-            remedy=f"put them aside and run their batches again with {resume_command(manifest) or RESUME}",
+            remedy=f"rename them and run their batches again with {resume_command(manifest) or RESUME}",
         )
     missing = tuple(batch for batch in batches_of(campaign) if batch not in parts)
     if missing and not unfinished:
         raise InputError(
-            f"{directory} is not finished: {len(missing)} of {len(batches_of(campaign))} parts missing",
-            allowed="a result all of whose runs are there",
+            f"{directory} is not finished: {len(missing)} of {len(batches_of(campaign))} parts are missing",
+            allowed="a result with all of its runs",
             remedy=f"complete it with {resume_command(manifest) or RESUME}",
         )
     schema = arrow_schema(campaign, {"campaign": campaign.settings.name, "identity": origins[0].identity})
@@ -133,7 +133,7 @@ def read_manifest(directory: Path) -> Table:
         raise InputError(
             f"{directory} holds no result: {MANIFEST_FILE} is missing",
             allowed="a directory that 'cranectl campaign run' has written",
-            remedy="check the place",
+            remedy="check the path",
         )
     try:
         manifest = read_json(path)
@@ -141,7 +141,7 @@ def read_manifest(directory: Path) -> Table:
         raise InputError(
             error.found,
             allowed="a result as 'cranectl campaign run' has written it",
-            remedy="restore the file, or remove the directory and run it again",
+            remedy="restore the file, or remove the directory and run the campaign again",
         ) from None
     return checked_manifest(manifest, str(path))
 
@@ -149,7 +149,7 @@ def read_manifest(directory: Path) -> Table:
 def _survey(
     directory: Path, campaign: Campaign, origins: Sequence[SoftwareOrigin]
 ) -> tuple[dict[Batch, tuple[Any, SoftwareOrigin]], dict[Path, str]]:
-    """Return the good parts in `directory` with their origins, and what is wrong with the others."""
+    """Return the good parts in `directory` with their origins, and the fault of each other part."""
     expected = {directory / PARTS / part_name(batch): batch for batch in batches_of(campaign)}
     parts, damaged = {}, {}
     for path, batch in expected.items():
@@ -160,21 +160,21 @@ def _survey(
         except ResultDamageError as error:
             damaged[path] = str(error)
     strays = sorted(path for path in (directory / PARTS).glob("*.parquet") if path not in expected)
-    return parts, damaged | dict.fromkeys(strays, "its name is that of no batch")
+    return parts, damaged | dict.fromkeys(strays, "its name belongs to no batch")
 
 
 @dataclass(frozen=True)
 class Store:
-    """A result that this process may write."""
+    """A result that this process has locked for writing."""
 
     directory: Path
     campaign: Campaign
-    origin: SoftwareOrigin  # of the parts that this process makes
-    missing: tuple[Batch, ...]  # what is still to be run
-    quarantined: tuple[str, ...]  # what was damaged and has been put aside, a phrase each
+    origin: SoftwareOrigin  # the installed software, which makes the missing parts
+    missing: tuple[Batch, ...]  # batches to run
+    quarantined: tuple[str, ...]  # a phrase for each damaged part that was renamed
 
     def write(self, batch: Batch, rows: Sequence[Row]) -> None:
-        """Keep the rows of `batch`; raises InputError if that cannot be done, the rest stays as it is."""
+        """Write the rows of `batch`; raise InputError if that fails, without harm to other batches."""
         path = self.directory / PARTS / part_name(batch)
         try:
             write_part(path, self.campaign, self.origin, batch, rows)
@@ -197,16 +197,19 @@ def open_store(
     overwrite: bool = False,
     command: Sequence[str] = (),
 ) -> Iterator[Store]:
-    """Hold the result in `directory`, made if it is not there, for writing.
+    """Lock the result in `directory` for writing, and make it if it does not exist.
 
-    Raises InputError if another process holds it; if there is a result and neither `resume` nor `overwrite`
-    says what to do with it; if the result to resume is of a campaign that differs or, unless
-    `despite_differences`, was made by other software. `command`: what a new result says that it was begun by.
+    A new result stores `command` as the command that began it. Raises InputError in these cases:
+
+    - Another process has locked the result.
+    - A result exists, and neither `resume` nor `overwrite` is set.
+    - The result to resume is of another campaign.
+    - It was made by other software, and `despite_differences` is not set.
     """
     from filelock import FileLock, Timeout
 
     _check_empty(directory)
-    lock = FileLock(directory / LOCK_FILE)  # the system lets go of it when its process ends, however that is
+    lock = FileLock(directory / LOCK_FILE)  # the system releases it even if the process is killed
     with writing(directory, remedy=ELSEWHERE):
         (directory / PARTS).mkdir(parents=True, exist_ok=True)
         try:
@@ -218,8 +221,8 @@ def open_store(
                 remedy="wait for it, or choose another place with --out",
             ) from None
     with locked:
-        manifest = manifest_of(campaign) | how_it_was_begun(campaign, directory, command)
-        _check_empty(directory)  # again: another process may have been faster
+        manifest = manifest_of(campaign) | start_facts(campaign, directory, command)
+        _check_empty(directory)  # again, because another process may have written since the first check
         if overwrite:
             _clear(directory)
         if exists(directory / MANIFEST_FILE):
@@ -233,13 +236,13 @@ def open_store(
         try:
             yield _prepared(directory, campaign, manifest)
         except InputError:
-            if not any((directory / PARTS).iterdir()):  # nothing was run: leave nothing to stand in the way
+            if not any((directory / PARTS).iterdir()):  # without runs the result would only block a new one
                 _clear(directory)
             raise
 
 
 def _check_empty(directory: Path) -> None:
-    """Raise InputError if there is something other than a result."""
+    """Raise InputError if the directory has files but no result."""
     if not exists(directory) or not directory.is_dir() or exists(directory / MANIFEST_FILE):
         return
     own = (PARTS, LOCK_FILE)
@@ -257,7 +260,7 @@ def _check_empty(directory: Path) -> None:
 def _check_same(directory: Path, manifest: Table, wanted: Table, *, resume: bool) -> None:
     if not resume:
         raise InputError(
-            f"{directory} holds a result of the campaign '{manifest['campaign']['name']}' already",
+            f"{directory} already holds a result of the campaign '{manifest['campaign']['name']}'",
             allowed="a new or an empty directory",
             remedy="complete it with --resume, replace it with --overwrite, or choose another --out",
         )
@@ -266,13 +269,13 @@ def _check_same(directory: Path, manifest: Table, wanted: Table, *, resume: bool
         more = f" and {len(different) - SHOWN_PARTS} more" if len(different) > SHOWN_PARTS else ""
         raise InputError(
             f"the result in {directory} is of another campaign: {'; '.join(different[:SHOWN_PARTS])}{more}",
-            allowed="the campaign and scenario that the result was begun with; limits may differ",
+            allowed="the same campaign and scenario as at the start of the result; limits may differ",
             remedy="choose another place with --out, or remove the result",
         )
 
 
 def _software(directory: Path, manifest: Table, installed: dict[str, str], *, accepted: bool) -> Table:
-    """Return the software of a resumed result; raise InputError for new software unless `accepted`."""
+    """Return the versions for a resumed manifest; raise InputError for new software unless `accepted`."""
     known = [manifest["versions"], *manifest["accepted"]]
     different = [provenance_differences(versions, installed) for versions in known]
     if all(different):
@@ -280,32 +283,32 @@ def _software(directory: Path, manifest: Table, installed: dict[str, str], *, ac
             raise InputError(
                 f"the result in {directory} was made by other software: {'; '.join(different[-1])}",
                 allowed="the sources, models, data and versions that made it",
-                remedy="install those, choose another place with --out, or go on with --despite-differences, "
-                "'campaign run' with --resume too: it then says which of its runs were made by what",
+                remedy="install those, choose another place with --out, or add --despite-differences (and "
+                "--resume for 'campaign run'): the result then lists the software of its runs",
             )
         known.append(installed)
     return {"versions": known[0], "accepted": known[1:]}
 
 
 def _prepared(directory: Path, campaign: Campaign, manifest: Table) -> Store:
-    """Remove what a kill has left half-written, quarantine damaged parts, see what is missing."""
+    """Remove half-written files of a killed process, rename damaged parts, and list what is missing."""
     for unfinished in (directory / PARTS).glob("part-*.parquet.*.part"):
         unfinished.unlink()
     parts, damaged = _survey(directory, campaign, origins_of(manifest))
     missing = tuple(batch for batch in batches_of(campaign) if batch not in parts)
     quarantined = []
     for path, why in damaged.items():
-        folder = path.replace(path.with_name(f"{path.name}{QUARANTINED}"))
-        quarantined.append(f"{path.name} was damaged ({why}); now {folder.name}")
+        renamed = path.replace(path.with_name(f"{path.name}{QUARANTINED}"))
+        quarantined.append(f"{path.name} was damaged ({why}); now {renamed.name}")
     origin = origin_of(manifest, software_of(campaign.settings.plants, campaign.settings.controllers))
     return Store(directory, campaign, origin, missing, tuple(quarantined))
 
 
 def _clear(directory: Path) -> None:
-    """Remove a result with the logs of its replays, and nothing else."""
+    """Remove a result with the logs of its replays, and no other file."""
     for path in (*(directory / PARTS).glob("part-*.parquet*"), *(directory / REPLAYS).glob("*.mcap*")):
         path.unlink()
-    with suppress(OSError):  # it is not there, or holds something else
+    with suppress(OSError):  # it does not exist, or holds other files
         (directory / REPLAYS).rmdir()
     remove_files(directory)
     with suppress(FileNotFoundError):

@@ -1,9 +1,9 @@
-"""Samples of a campaign: points of the unit cube by the campaign's method, correlated, and values from them.
+"""Draw the samples of a campaign: points of the unit cube, correlated, and the values of parameters there.
 
-Random numbers come by counter: Philox keyed by seed and a label, so that each column has a stream of its own,
-and a parameter's values do not change when others are added or removed. Sample i depends on the campaign's
-definition and i only. Any block of rows, in any order and any process, has the same bits; so no operation
-here may round differently for different sizes or strides of arrays.
+Random numbers come from Philox, a generator with a counter, whose key is the seed and a label. So each
+parameter has its own stream, and its values do not change when others are added or removed. Sample i depends
+only on the campaign and on i. Every block of samples has the same bits, in any order and any process. So no
+operation here may round differently for arrays of different sizes or strides.
 """
 
 import hashlib
@@ -18,7 +18,7 @@ from cranectl.campaign.settings import Correlation
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
 
-PER_COUNT = 4  # numbers that Philox-4x64 gives for each value of its counter
+NUMBERS_PER_COUNT = 4  # numbers that Philox-4x64 gives for each value of its counter
 
 
 def stream(seed: int, label: str, *, counter: int = 0) -> np.random.Philox:
@@ -29,17 +29,20 @@ def stream(seed: int, label: str, *, counter: int = 0) -> np.random.Philox:
 
 
 def uniform_block(seed: int, label: str, first: int, last: int) -> Array:
-    """Numbers [first, last) of the stream of `label`, multiples of 2⁻⁵³ in [0, 1), shape (last - first,)."""
-    skipped = first % PER_COUNT
-    random = np.random.Generator(stream(seed, label, counter=first // PER_COUNT))
+    """Return numbers [first, last) of the stream of `label`, shape (last - first,).
+
+    They are multiples of 2⁻⁵³ in [0, 1).
+    """
+    skipped = first % NUMBERS_PER_COUNT
+    random = np.random.Generator(stream(seed, label, counter=first // NUMBERS_PER_COUNT))
     return random.random(last - first + skipped)[skipped:]
 
 
 def saltelli_blocks(campaign: Campaign, outputs: Array) -> dict[str, Array]:
     """Arrange `outputs` (runs, s) of a Saltelli design as f_A (s, n), f_B (s, n), f_AB (d, s, n).
 
-    d counts the parameters that vary; `sobol_indices(func=blocks, n=blocks["f_A"].shape[1])` gives indices of
-    shape (s, d).
+    n is the number of base points, and d the number of parameters that vary. These are the blocks that
+    `scipy.stats.sobol_indices(func=blocks, n=n)` takes, which returns indices of shape (s, d).
     """
     d = len(campaign.varied)
     by_base = outputs.reshape(-1, d + 2, outputs.shape[1])
@@ -50,16 +53,16 @@ def saltelli_blocks(campaign: Campaign, outputs: Array) -> dict[str, Array]:
     }
 
 
-OPEN = (2.0**-54, 1.0 - 2.0**-53)  # limits of random points: normal scores stay finite
-LEAST_EIGENVALUE = 1e-9  # of a correlation matrix; below, it is singular to rounding
-BITS = 30  # of each coordinate of a Sobol point; SciPy 1.17 cannot skip points of more than 32
+POINT_LIMITS = (2.0**-54, 1.0 - 2.0**-53)  # of random points, so that their normal scores are finite
+LEAST_EIGENVALUE = 1e-9  # of a correlation matrix; below, rounding makes it singular
+BITS = 30  # of each coordinate of a Sobol point; SciPy 1.17 cannot skip points of more than 32 bits
 
 
 def sample_values(campaign: Campaign, first: int, last: int) -> Array:
-    """Values of samples [first, last), a column each for `campaign.parameters`: (last - first, d).
+    """Return the values of samples [first, last), shape (last - first, d), a column for each parameter.
 
-    Memory is that of the block and of one column. So is time, except that Latin hypercube sampling makes each
-    column whole for every block and Sobol sampling skips the points before `first`: ask for large blocks.
+    Request large blocks. Latin hypercube sampling computes all runs of each column for every block, and Sobol
+    sampling skips the points before `first`. Other methods take time and memory for the block only.
     """
     points = unit_points(campaign, first, last)
     values = np.empty(points.shape, order="F")
@@ -69,7 +72,7 @@ def sample_values(campaign: Campaign, first: int, last: int) -> Array:
 
 
 def unit_points(campaign: Campaign, first: int, last: int) -> Array:
-    """Points [first, last) of the unit cube, correlations applied; NaN means the nominal value."""
+    """Return points [first, last) of the unit cube with correlations; NaN means the nominal value."""
     if not 0 <= first <= last <= campaign.runs:
         raise ValueError(f"samples [{first}, {last}) of {campaign.runs}")
     points = METHODS[campaign.settings.sampling](campaign, first, last)
@@ -82,7 +85,7 @@ def monte_carlo(campaign: Campaign, first: int, last: int) -> Array:
 
 
 def latin_hypercube(campaign: Campaign, first: int, last: int) -> Array:
-    """Draw points that hit each of `runs` equal parts of every axis once.
+    """Draw points of which each of `runs` equal intervals of every axis has exactly one.
 
     Source: McKay, Beckman and Conover (1979).
     """
@@ -97,16 +100,18 @@ def latin_hypercube(campaign: Campaign, first: int, last: int) -> Array:
 
 
 def sobol(campaign: Campaign, first: int, last: int) -> Array:
-    """Scrambled Sobol points; evenest where `runs` is a power of two, and more runs keep the first ones."""
+    """Draw scrambled Sobol points; more runs leave the first ones unchanged.
+
+    The points are most even if `runs` is a power of two.
+    """
     return sobol_points(len(campaign.parameters), campaign.settings.seed, first, last)
 
 
 def saltelli(campaign: Campaign, first: int, last: int) -> Array:
-    """Draw d + 2 rows for each base point: A, B, then A with one coordinate of B each.
+    """Draw the design of Saltelli et al. (2010) for Sobol indices, of d parameters that vary.
 
-    The design serves Sobol indices.
-
-    Only parameters that vary count (Saltelli et al. 2010). `runs` = n (d + 2), n a power of two.
+    Each base point has d + 2 rows: A, B, and then A with one coordinate of B at a time. The number of runs is
+    n (d + 2), where n is a power of two.
     """
     varied = campaign.varied
     d = len(varied)
@@ -122,18 +127,18 @@ def saltelli(campaign: Campaign, first: int, last: int) -> Array:
 
 
 def grid(campaign: Campaign, first: int, last: int) -> Array:
-    """Return every combination of levels, the last parameter fastest."""
+    """Return every combination of levels; the last parameter changes fastest."""
     axes = [parameter.distribution.grid() for parameter in campaign.parameters]
     indices = np.unravel_index(np.arange(first, last), [len(axis) for axis in axes])
     return np.stack([axis[index] for axis, index in zip(axes, indices, strict=True)], axis=1)
 
 
 def one_at_a_time(campaign: Campaign, first: int, last: int) -> Array:
-    """Return the nominal values, then each parameter alone at its end points or values."""
+    """Return the nominal point, then points at which one parameter has an end point or another value."""
     steps = [(k, u) for k, p in enumerate(campaign.parameters) for u in p.distribution.end_points()]
     points = np.full((last - first, len(campaign.parameters)), math.nan)
     for column in set(range(len(campaign.parameters))) - set(campaign.varied):
-        points[:, column] = 0.5  # what is fixed differs from its nominal value in every run
+        points[:, column] = 0.5  # a fixed parameter has its fixed value, not the nominal one, in every run
     for row in range(max(first, 1), last):
         column, u = steps[row - 1]
         points[row - first, column] = u
@@ -141,24 +146,24 @@ def one_at_a_time(campaign: Campaign, first: int, last: int) -> Array:
 
 
 def sobol_points(dimensions: int, seed: int, first: int, last: int) -> Array:
-    """Points [first, last) of a scrambled Sobol sequence: (last - first, dimensions)."""
+    """Return points [first, last) of a scrambled Sobol sequence, shape (last - first, dimensions)."""
     if first == last:
         return np.empty((0, dimensions))
-    from scipy.stats import qmc  # a second to import
+    from scipy.stats import qmc  # here, because it takes a second to import
 
     engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=np.random.default_rng(seed))
     if first:
         engine.fast_forward(first)
-    with warnings.catch_warnings():  # any number of points is allowed here
+    with warnings.catch_warnings():  # SciPy warns unless the number of points is a power of two
         warnings.filterwarnings("ignore", message="The balance properties", category=UserWarning)
         points: Array = engine.random(last - first)
-    return points + 0.5 ** (BITS + 1)  # the middle of each cell, never 0
+    return points + 0.5 ** (BITS + 1)  # the middle of each cell, which is never 0
 
 
 def _by_column(campaign: Campaign, rows: int, column: Callable[[UncertainParameter], Array]) -> Array:
     points = np.empty((rows, len(campaign.parameters)), order="F")
     for k, parameter in enumerate(campaign.parameters):
-        points[:, k] = np.clip(column(parameter), *OPEN)
+        points[:, k] = np.clip(column(parameter), *POINT_LIMITS)
     return points
 
 
@@ -179,9 +184,9 @@ METHODS: dict[str, Callable[[Campaign, int, int], Array]] = {
 def gaussian_copula(campaign: Campaign) -> tuple[list[int], Array]:
     """Return the correlated columns, and the factor (c, c) that correlates their normal scores.
 
-    It is lower triangular, factor @ factor.T is their correlation. A normal copula of correlation r has
-    Spearman's rank correlation (6/π) asin(r/2), whatever the distributions (Kruskal 1958), so
-    r = 2 sin(π ρ/6). Raises InputError for what cannot be correlated.
+    The factor is lower triangular, and factor @ factor.T is the correlation matrix. A normal copula with the
+    correlation r has Spearman's rank correlation ρ = (6/π) asin(r/2) for all distributions (Kruskal 1958), so
+    r = 2 sin(π ρ/6). Raises InputError if parameters cannot be correlated, or correlations contradict.
     """
     names = campaign.names
     pairs: dict[frozenset[str], float] = {}
@@ -206,9 +211,9 @@ def gaussian_copula(campaign: Campaign) -> tuple[list[int], Array]:
 
 
 def _correlated(points: Array, columns: Sequence[int], factor: Array) -> Array:
-    """Independent points of the unit cube (k, d) made dependent in some columns; the others stay.
+    """Correlate some columns of independent points (k, d) of the unit cube; return all columns.
 
-    Summed term by term: products of matrices round differently for blocks of different size.
+    The sum is built term by term, because matrix products round differently for blocks of different sizes.
     """
     from scipy.special import ndtr, ndtri
 
@@ -230,7 +235,7 @@ def _check_pair(correlation: Correlation, repeated: bool, parameters: Sequence[U
             raise unknown_name("uncertain parameter", name, by_name)
         if by_name[name].distribution.discrete:
             raise InputError(
-                f"correlation with '{name}', which has single values",
+                f"'{name}' is correlated, but has single values",
                 allowed="correlations between parameters with a density: uniform, normal, log-uniform",
                 remedy="leave the correlation out or take another distribution",
             )
@@ -238,5 +243,5 @@ def _check_pair(correlation: Correlation, repeated: bool, parameters: Sequence[U
         raise InputError(
             f"correlation of '{a}' with itself" if a == b else f"two correlations between '{a}' and '{b}'",
             allowed="one correlation for each pair of different parameters",
-            remedy="remove it",
+            remedy="remove this correlation",
         )

@@ -1,8 +1,9 @@
-"""Which uncertain parameters decide how runs go: rank correlations, Sobol indices, tornado, failures.
+"""Find the uncertain parameters that decide the outcome of runs.
 
-First-order and total Sobol indices are of a Saltelli design, with bootstrap intervals, by the estimators of
-Saltelli et al. (2010), table 2 (b) and (f), as `scipy.stats.sobol_indices` has them. SciPy takes a power of
-two of base points only, which is not what is left where runs have failed.
+The methods are rank correlations, Sobol indices, one-at-a-time steps, and a comparison of failed runs with
+the others. Sobol indices come from a Saltelli design, with bootstrap intervals. The estimators are those of
+Saltelli et al. (2010), table 2 (b) and (f), as in `scipy.stats.sobol_indices`. SciPy's function takes only a
+power of two of base points, but failed runs may leave any number.
 """
 
 from dataclasses import dataclass
@@ -26,34 +27,37 @@ from cranectl.campaign.statistics import (
 from cranectl.campaign.summary import CONFIDENCE, MAIN_METRICS, Group, compared_parameters
 from cranectl.support.arrays import Array, Mask
 
-RESAMPLES = 1000
-MIN_BASE_POINTS = 16  # base points; resampling fewer tells little
-IMPORTANT = 0.05  # share of the variance; below it a parameter may be fixed (Sarrazin et al. 2016)
-MAX_DRAWN_NUMBERS = 2**22  # numbers drawn at a time
+RESAMPLES = 1000  # of the bootstrap
+MIN_BASE_POINTS = 16  # for Sobol indices; the bootstrap of fewer is not reliable
+IMPORTANT_SHARE = 0.05  # of the variance; below it a parameter may be fixed (Sarrazin et al. 2016)
+MAX_DRAWN_NUMBERS = 2**22  # numbers drawn at a time, which limits memory
 
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """Indices (d,) of one output, for the parameters that vary; intervals (2, d) at the level CONFIDENCE."""
+    """Sobol indices (d,) of one output for the d parameters that vary, with their confidence intervals.
+
+    The intervals (2, d) have the level CONFIDENCE.
+    """
 
     first: Array
     total: Array
     first_interval: Array
     total_interval: Array
-    base_points: int  # used
-    left_out: int  # base points of which a run is missing, failed, or has no such output
+    base_points: int  # number of base points used
+    left_out: int  # base points not used: one of their runs is missing, failed, or has no such output
 
     @property
     def important(self) -> Mask:
-        """Whether a parameter's whole interval of the total index lies above IMPORTANT."""
-        above: Mask = self.total_interval[0] > IMPORTANT
+        """Whether the whole interval of a parameter's total index lies above IMPORTANT_SHARE, (d,)."""
+        above: Mask = self.total_interval[0] > IMPORTANT_SHARE
         return above
 
 
 def sobol_indices(campaign: Campaign, outputs: Array) -> SobolIndices | None:
-    """Compute Sobol indices from the outputs (runs,) of a Saltelli design, or return None.
+    """Compute Sobol indices from the outputs (runs,) of a Saltelli design.
 
-    That is so with fewer than LEAST whole base points, or a constant output.
+    Returns None with fewer than MIN_BASE_POINTS complete base points, or if the output is constant.
     """
     blocks = saltelli_blocks(campaign, outputs[:, np.newaxis])
     a, b, ab = blocks["f_A"][0], blocks["f_B"][0], blocks["f_AB"][:, 0]  # (n,), (n,), (d, n)
@@ -72,14 +76,14 @@ def sobol_indices(campaign: Campaign, outputs: Array) -> SobolIndices | None:
 
 
 def _terms(a: Array, b: Array, ab: Array) -> Array:
-    """Return the terms whose means are the estimators, a column for each base point: (2 + 2 d, n)."""
+    """Return the terms (2 + 2 d, n) whose means over the n base points are the estimators."""
     centre = 0.5 * (a.mean() + b.mean())
     a, b, ab = a - centre, b - centre, ab - centre
     return np.vstack((0.5 * (a + b), 0.5 * (a**2 + b**2), b * (ab - a), 0.5 * (a - ab) ** 2))
 
 
 def _indices(means: Array) -> tuple[Array, Array]:
-    """First-order and total indices (r, d) from means (r, 2 + 2 d) of the terms; NaN without variance."""
+    """Return first-order and total indices (r, d) from means (r, 2 + 2 d); NaN without variance."""
     variance = means[:, 1:2] - means[:, :1] ** 2
     d = means.shape[1] // 2 - 1
     shares = np.divide(means[:, 2:], variance, out=np.full(means[:, 2:].shape, np.nan), where=variance > 0.0)
@@ -87,7 +91,7 @@ def _indices(means: Array) -> tuple[Array, Array]:
 
 
 def _bootstrap(terms: Array) -> list[Array]:
-    """Means of the terms over base points drawn with replacement, RESAMPLES rows in all."""
+    """Return means of the terms over base points drawn with replacement, RESAMPLES rows in all."""
     n = terms.shape[1]
     random = np.random.default_rng(0)
     chunk = max(1, min(RESAMPLES, MAX_DRAWN_NUMBERS // n))
@@ -101,55 +105,56 @@ def _bootstrap(terms: Array) -> list[Array]:
 
 @dataclass(frozen=True)
 class Correlations:
-    """How metrics go with parameters over the completed runs of one group.
+    """Correlations between parameters and metrics over the completed runs of one group.
 
-    ρ is Spearman's, which sees what rises or falls throughout; η what differs between ranges in any way.
+    Spearman's ρ finds metrics that always rise or always fall with a parameter. The ratio η finds any
+    difference of a metric between ranges of the parameter.
     """
 
     plant: str
     controller: str
     parameters: tuple[str, ...]
     metrics: tuple[str, ...]
-    rho: Array  # (parameters, metrics); NaN where one is constant
-    runs: NDArray[np.intp]  # (metrics,) that have the metric
-    floors: Array  # (metrics,) |ρ| up to which chance alone may be the reason
-    eta: Array  # (parameters, metrics), of `between_bins`
-    p: Array  # of η, before any correction
+    rho: Array  # (parameters, metrics); NaN if one is constant
+    runs: NDArray[np.intp]  # (metrics,) number of runs that have the metric
+    floors: Array  # (metrics,) the largest |ρ| that chance alone may explain
+    eta: Array  # (parameters, metrics), from `between_bins`
+    p: Array  # p-values of η, not corrected for the number of tests
 
     @property
     def significant(self) -> Mask:
-        """Which |ρ| are above the floor, (parameters, metrics); NaN is not."""
+        """Whether |ρ| is above the floor, (parameters, metrics); False for NaN."""
         above: Mask = np.abs(np.nan_to_num(self.rho)) > self.floors
         return above
 
     @property
     def bent(self) -> Mask:
-        """Where η is beyond chance and larger than |ρ| explains: a minimum, a maximum, a step."""
-        beyond = self.p * 2 * self.p.size < 1.0 - CONFIDENCE
-        bent: Mask = beyond & (np.nan_to_num(self.eta) ** 2 > 2.0 * np.nan_to_num(self.rho) ** 2)
+        """Whether η is significant and ρ² is less than half of η², as at a minimum, a maximum or a step."""
+        significant = self.p * 2 * self.p.size < 1.0 - CONFIDENCE
+        bent: Mask = significant & (np.nan_to_num(self.eta) ** 2 > 2.0 * np.nan_to_num(self.rho) ** 2)
         return bent
 
     @property
     def strength(self) -> Array:
-        """The larger of |ρ| and η where it is beyond chance, else 0: (parameters, metrics)."""
+        """The larger of |ρ| and η if it is significant, else 0: (parameters, metrics)."""
         rho = np.where(self.significant, np.abs(np.nan_to_num(self.rho)), 0.0)
         return np.where(self.bent, np.maximum(np.nan_to_num(self.eta), rho), rho)
 
 
 @dataclass(frozen=True)
 class Separation:
-    """How one parameter differs between the runs of a group that failed and the others."""
+    """Difference of one parameter between the failed runs of a group and the others."""
 
     parameter: str
-    distance: float  # Kolmogorov-Smirnov, 0 to 1; NaN where a side is empty
-    significant: bool  # at CONFIDENCE, for all parameters together
+    distance: float  # Kolmogorov-Smirnov statistic, 0 to 1; NaN if either side is empty
+    significant: bool  # at the level CONFIDENCE for all parameters together
     failed_median: float
     other_median: float
 
 
 @dataclass(frozen=True)
 class OneAtATimeEffect:
-    """One step of a one-at-a-time design; metrics as in MAIN_METRICS, NaN of runs that did not complete."""
+    """One run of a one-at-a-time design; metrics as in MAIN_METRICS, NaN if it did not complete."""
 
     sample: int
     parameter: str
@@ -160,7 +165,7 @@ class OneAtATimeEffect:
 def correlations(results: Results, group: Group, values: Array) -> Correlations:
     """Compute all correlations of a group; `values` (samples, d) are those of the parameters.
 
-    Of a Saltelli design only the rows of A and B count, the others repeat them but for one coordinate.
+    Only samples that were drawn independently count.
     """
     columns = compared_parameters(results)
     rows = independent_rows(results)
@@ -179,7 +184,10 @@ def correlations(results: Results, group: Group, values: Array) -> Correlations:
 
 
 def independent_rows(results: Results) -> NDArray[np.intp]:
-    """Return the samples that were drawn independently of each other."""
+    """Return the samples that were drawn independently of each other.
+
+    In a Saltelli design these are the rows of A and B; all others repeat a row of A but for one coordinate.
+    """
     campaign = results.campaign
     rows = np.arange(campaign.runs)
     if campaign.settings.sampling == "saltelli":
@@ -188,29 +196,29 @@ def independent_rows(results: Results) -> NDArray[np.intp]:
 
 
 def sobol_of(results: Results, group: Group) -> dict[str, SobolIndices]:
-    """Sobol indices by metric, of those that have any."""
+    """Return the Sobol indices of all metrics that have any, by metric."""
     by_metric = {name: sobol_indices(results.campaign, group.metrics[name]) for name in MAIN_METRICS}
     return {name: indices for name, indices in by_metric.items() if indices is not None}
 
 
 def separations(results: Results, group: Group, values: Array) -> tuple[Separation, ...]:
-    """Return one separation for each parameter, the largest first; none unless some runs failed."""
+    """Return one separation for each parameter, the largest first; none unless only some runs failed."""
     rows = independent_rows(results)
-    bad = group.failed[rows]
-    good = group.there[rows] & ~bad
-    if not (bad.any() and good.any()):
+    failed = group.failed[rows]
+    good = group.has_run[rows] & ~failed
+    if not (failed.any() and good.any()):
         return ()
     columns = compared_parameters(results)
     result = []
     for column in columns:
         x = values[rows, column]
-        distance, p = kolmogorov_smirnov(x[bad], x[good])
+        distance, p = kolmogorov_smirnov(x[failed], x[good])
         result.append(
             Separation(
                 parameter=results.campaign.names[column],
                 distance=distance,
                 significant=bool(p * len(columns) < 1.0 - CONFIDENCE),
-                failed_median=float(quantiles(x[bad], (0.5,))[0]),
+                failed_median=float(quantiles(x[failed], (0.5,))[0]),
                 other_median=float(quantiles(x[good], (0.5,))[0]),
             )
         )
@@ -218,7 +226,7 @@ def separations(results: Results, group: Group, values: Array) -> tuple[Separati
 
 
 def one_at_a_time_effects(results: Results, group: Group, values: Array) -> tuple[OneAtATimeEffect, ...]:
-    """Return the steps of a one-at-a-time design in order; sample 0 has the nominal values."""
+    """Return the runs of a one-at-a-time design from sample 1 on; sample 0 has the nominal values."""
     campaign = results.campaign
     columns = [k for k, p in enumerate(campaign.parameters) for _ in p.distribution.end_points()]
     return tuple(

@@ -1,7 +1,4 @@
-"""Campaign files: one scenario, run many times under stated uncertainty. Checked here for form.
-
-A run that breaks one of the limits asked of every run counts as failed.
-"""
+"""Read campaign files and check their form: one scenario, run many times under stated uncertainty."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,7 +18,7 @@ from cranectl.support.errors import InputError, unknown_name
 
 MAX_RUNS = 1_000_000
 COUNTED = ("grid", "one-at-a-time")  # samplings whose number of runs follows from the parameters
-INDEPENDENT = ("monte-carlo", "latin-hypercube", "sobol")  # samplings whose runs stand for the distribution
+INDEPENDENT = ("monte-carlo", "latin-hypercube", "sobol")  # samplings whose runs represent the distribution
 
 Sampling = Literal["monte-carlo", "latin-hypercube", "sobol", "saltelli", "grid", "one-at-a-time"]
 
@@ -39,7 +36,7 @@ class Correlation(Settings):
 
 
 class CampaignSettings(Settings):
-    """What a campaign runs, and what is uncertain in it."""
+    """Settings of a campaign: its runs, and the uncertain parameters of their scenario."""
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")] = Field(
         description="lower case letters, digits and hyphens"
@@ -78,7 +75,7 @@ class CampaignSettings(Settings):
     def _differ(cls, names: tuple[str, ...]) -> tuple[str, ...]:
         if len(set(names)) < len(names):
             raise RuleError(
-                f"{', '.join(names)}: one is named twice", allowed="each once", remedy="name it once"
+                f"{', '.join(names)}: one is named twice", allowed="each name once", remedy="name it once"
             )
         return names
 
@@ -104,9 +101,9 @@ def campaign_file(name_or_path: str | Path) -> Path:
 
 
 def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) -> CampaignSettings:
-    """Read a campaign by name or from a TOML file; `overrides` are `"runs=100"` and the like.
+    """Read a campaign by name or from a TOML file; `overrides` are settings such as `"runs=100"`.
 
-    Raises InputError for what is wrong in itself; `load_campaign` checks it against the scenario.
+    Raises InputError for mistakes in the file itself; `load_campaign` checks it against the scenario.
     """
     path = campaign_file(name_or_path)
     table = read_toml(path)
@@ -116,7 +113,7 @@ def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
 
 
 def parse_campaign(table: Mapping[str, Any], source: str) -> CampaignSettings:
-    """Check the table of a campaign; raises InputError that names what is wrong in `source`."""
+    """Return the settings in the table of a campaign; raise InputError that names the mistake in `source`."""
     table = dict(table)
     if isinstance(table.get("uncertain"), Mapping):
         table["uncertain"] = _distributions(table["uncertain"], source)
@@ -130,7 +127,7 @@ def _distributions(node: Mapping[str, Any], source: str) -> dict[str, Distributi
     """Return the distributions below [uncertain] by the dotted names of their parameters."""
     distributions: dict[str, Distribution] = {}
 
-    def is_leaf(value: Any) -> bool:  # whether it is a distribution, or can hold none
+    def is_leaf(value: Any) -> bool:  # a distribution, or a value that cannot contain one
         return not isinstance(value, Mapping) or not value or "distribution" in value
 
     for name, table in leaves(node, is_leaf=is_leaf):
@@ -148,7 +145,7 @@ def _distribution(name: str, table: Any, source: str) -> Distribution:
     if not isinstance(table, Mapping) or not table:
         above = name.rpartition(".")[0] or name
         raise InputError(
-            f"{source}: uncertain.{name} = {table!r} is no distribution",
+            f"{source}: uncertain.{name} = {table!r} is not a distribution",
             allowed=f"a table with a distribution: {', '.join(DISTRIBUTIONS)}",
             remedy=f"write [uncertain.{name}] with 'distribution = ...' below it, "
             f"or check that [uncertain.{above}] has a 'distribution'",

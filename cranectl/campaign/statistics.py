@@ -1,4 +1,7 @@
-"""Statistics of arrays that may be short, constant or have gaps: NaN where there is no answer, no warning."""
+"""Compute statistics of arrays that may be short, constant or have gaps.
+
+Where there is no answer, the result is NaN, without a warning.
+"""
 
 import math
 from collections.abc import Sequence
@@ -10,16 +13,16 @@ from cranectl.campaign.summary import CONFIDENCE, QUANTILE_ROUNDING
 from cranectl.support.arrays import Array, Mask
 from cranectl.support.consistency import check_ascending
 
-Bins = list[NDArray[np.intp]]  # rows in each
+Bins = list[NDArray[np.intp]]  # indices of the rows in each bin
 
 MIN_RANKED_VALUES = 3  # values for a rank correlation
-BINS = 6  # ranges of a parameter
-LEAST_IN_BIN = 8  # rows
-LEVELS = (0.05, 0.5, 0.95)  # of the quantiles that are told
+BINS = 6  # number of ranges that the values of a parameter are divided into
+MIN_BIN_ROWS = 8  # rows in a bin
+LEVELS = (0.05, 0.5, 0.95)  # of the quantiles in reports
 
 
 def quantiles(values: Array, at: tuple[float, ...] = LEVELS) -> Array:
-    """Quantiles of the values that are there (n,), linear between order statistics; NaN without any."""
+    """Return quantiles of the finite values of (n,), linear between order statistics; NaN without any."""
     finite = values[np.isfinite(values)]
     values_at = np.quantile(finite, at) if finite.size else np.full(len(at), np.nan)
     named = [(f"the {level:g} quantile", float(value)) for level, value in zip(at, values_at, strict=True)]
@@ -30,7 +33,8 @@ def quantiles(values: Array, at: tuple[float, ...] = LEVELS) -> Array:
 def empirical_distribution(values: Array, most: int = 400) -> tuple[Array, Array]:
     """Return the steps (x, F(x)) of the empirical distribution function of (n,) values.
 
-    NaN counts as larger than any: F then ends below 1. Beyond `most` steps, every so many-th is left.
+    NaN counts as larger than all numbers, so F then ends below 1. Of more than `most` steps, evenly spaced
+    ones remain.
     """
     finite = np.sort(values[~np.isnan(values)])
     steps = np.arange(1, finite.size + 1)
@@ -41,16 +45,17 @@ def empirical_distribution(values: Array, most: int = 400) -> tuple[Array, Array
 
 
 def rank_correlations(parameters: Array, outputs: Array) -> Array:
-    """Spearman's ρ of each column of `parameters` (n, d) with `outputs` (n,): (d,).
+    """Return Spearman's ρ (d,) of each column of `parameters` (n, d) with `outputs` (n,).
 
-    Rows in which anything is NaN are left out. NaN where a side is constant or has fewer than 3 rows.
+    Rows with any NaN are left out. ρ is NaN if a column or the output is constant, or with fewer than
+    MIN_RANKED_VALUES rows.
     """
     from scipy.stats import rankdata
 
-    keep = complete_rows(parameters, outputs)
-    if keep.sum() < MIN_RANKED_VALUES:
+    complete = complete_rows(parameters, outputs)
+    if complete.sum() < MIN_RANKED_VALUES:
         return np.full(parameters.shape[1], np.nan)
-    x, y = rankdata(parameters[keep], axis=0), rankdata(outputs[keep])
+    x, y = rankdata(parameters[complete], axis=0), rankdata(outputs[complete])
     x, y = x - x.mean(axis=0), y - y.mean()
     scale = np.sqrt((x**2).sum(axis=0) * (y**2).sum())
     rho: Array = np.divide(y @ x, scale, out=np.full(x.shape[1], np.nan), where=scale > 0.0)
@@ -58,46 +63,44 @@ def rank_correlations(parameters: Array, outputs: Array) -> Array:
 
 
 def complete_rows(parameters: Array, outputs: Array) -> Mask:
-    """Rows without NaN."""
+    """Return a mask (n,) of the rows in which all parameters and the output are finite."""
     rows: Mask = np.isfinite(outputs) & np.isfinite(parameters).all(axis=1)
     return rows
 
 
 def noise_floor(n: int, tests: int) -> float:
-    """Return the size of ρ of n pairs that chance exceeds with probability 1 - CONFIDENCE at most.
+    """Return the |ρ| of n pairs that chance exceeds with a probability of at most 1 - CONFIDENCE.
 
-    It is valid for `tests` tests at once, and 1 for too small n.
-
-    Student's t with n - 2 degrees of freedom, as SciPy's p-values, at Bonferroni's level.
+    The probability is that of any of `tests` tests (Bonferroni). The distribution is Student's t with n - 2
+    degrees of freedom, as for SciPy's p-values. The result is 1 if n is too small for any conclusion.
     """
     from scipy.stats import t
 
     level = (1.0 - CONFIDENCE) / max(1, tests)
-    if (
-        n < MIN_RANKED_VALUES or 2.0 / math.factorial(min(n, 20)) > level
-    ):  # the p-value of n ranks in perfect order
+    perfect_order = 2.0 / math.factorial(min(n, 20))  # p-value of n ranks in perfect order
+    if n < MIN_RANKED_VALUES or perfect_order > level:
         return 1.0
     quantile = float(t.isf(0.5 * level, n - 2))
     return quantile / math.sqrt(n - 2 + quantile**2)
 
 
 def between_bins(bins_by_parameter: Sequence[Bins], y: Array) -> tuple[Array, Array]:
-    """Return how much ranks of `y` (n,) differ between bins of each parameter: η and p, each (d,).
+    """Return how much ranks of `y` (n,) differ between bins of each parameter: η and p, shape (d,) each.
 
-    η² is the share of the ranks' variance that lies between the bins, p is of the test by Kruskal and
-    Wallis. Sees an error that grows with a disturbance to either side, which ρ does not. Rows without `y` are
-    left out; NaN and 1 where fewer than two bins with LEAST_IN_BIN rows remain.
+    η² is the share of the ranks' variance between the bins, and p the p-value of the Kruskal-Wallis test.
+    Unlike ρ, it finds an error that grows with a disturbance in either direction. Rows without `y` are left
+    out. η is NaN and p is 1 if fewer than two bins have MIN_BIN_ROWS rows.
     """
     from scipy.stats import chi2, rankdata
 
     eta, p = np.full(len(bins_by_parameter), np.nan), np.ones(len(bins_by_parameter))
-    there = np.isfinite(y)
+    finite = np.isfinite(y)
     ranks = np.full(y.size, np.nan)
-    ranks[there] = rankdata(y[there])
+    ranks[finite] = rankdata(y[finite])
     for k, bins in enumerate(bins_by_parameter):
         ranks_by_bin = [ranks[rows] for rows in bins]
         parts = [part[~np.isnan(part)] for part in ranks_by_bin]
-        parts = [part for part in parts if part.size >= LEAST_IN_BIN]
+        parts = [part for part in parts if part.size >= MIN_BIN_ROWS]
         if len(parts) < 2:
             continue
         together = np.concatenate(parts)
@@ -110,7 +113,7 @@ def between_bins(bins_by_parameter: Sequence[Bins], y: Array) -> tuple[Array, Ar
 
 
 def kolmogorov_smirnov(a: Array, b: Array) -> tuple[float, float]:
-    """Largest distance of two empirical distribution functions, and its asymptotic p-value."""
+    """Return the largest distance of two empirical distribution functions, and its asymptotic p-value."""
     from scipy.stats import ks_2samp
 
     a, b = a[np.isfinite(a)], b[np.isfinite(b)]
@@ -121,9 +124,9 @@ def kolmogorov_smirnov(a: Array, b: Array) -> tuple[float, float]:
 
 
 def sign_test(fewer: int, more: int) -> float:
-    """Probability of a split as uneven as this, or more, where both sides are equally likely.
+    """Return the probability of so uneven a split, or a more uneven one, if both sides are equally likely.
 
-    For differences it is the sign test without ties, for failures McNemar's exact test.
+    For differences this is the sign test without ties, and for failures McNemar's exact test.
     """
     from scipy.stats import binomtest
 
@@ -131,16 +134,16 @@ def sign_test(fewer: int, more: int) -> float:
 
 
 def equal_bins(values: Array, most: int) -> Bins:
-    """Return indices of (n,) values in order, cut into up to `most` parts of equal size.
+    """Sort (n,) values, divide them into up to `most` bins of equal size, and return the indices in each.
 
-    Equal values stay together, so parts of discrete values may differ in size; NaN is left out.
+    Equal values share a bin, so bins of discrete values may differ in size. NaN is left out.
     """
     order = np.argsort(values, kind="stable")
     order = order[~np.isnan(values[order])]
     if not order.size:
         return []
     sorted_values = values[order]
-    count = max(1, min(most, order.size // LEAST_IN_BIN))
+    count = max(1, min(most, order.size // MIN_BIN_ROWS))
     levels = np.unique(sorted_values)
     if levels.size <= most:
         cuts = np.searchsorted(sorted_values, levels[1:])

@@ -1,7 +1,7 @@
-"""How a campaign went, by plant and controller: failures with confidence interval, quantiles, worst runs.
+"""Summarise a campaign by plant and controller: failures with their interval, quantiles, worst runs.
 
-Worth a look are the runs with the largest errors, and an example of every way to stop. What made the runs is
-told beside what is installed.
+Examples are the runs with the largest errors, and one run for every reason to stop. The software that made
+the runs is compared with the installed one.
 """
 
 import re
@@ -25,11 +25,11 @@ from cranectl.support.consistency import check_ascending, check_sum
 from cranectl.support.provenance import provenance_differences
 
 Rows = NDArray[np.intp]
-Columns = Callable[[str], Any]  # values (runs,) of a column by its name; None or NaN where absent
+Columns = Callable[[str], Any]  # returns the values (runs,) of a column by its name; absent ones None or NaN
 
-QUANTILE_ROUNDING = 1e-12  # relative, of an interpolation between equal values
-CONFIDENCE = 0.95
-MEASURE = "max_error_m"
+QUANTILE_ROUNDING = 1e-12  # relative error of an interpolation between equal values
+CONFIDENCE = 0.95  # level of all intervals and tests
+MEASURE = "max_error_m"  # the metric that orders runs
 MAIN_METRICS = tuple(metric.name for metric in all_metrics() if metric.compared)
 EFFORTS = tuple(name for name in METRIC_COLUMNS if name.startswith("rms_acceleration_m_s2"))
 EFFORT = "effort_m_s2"  # RMS of the commanded accelerations of all drives together
@@ -37,20 +37,20 @@ EFFORT = "effort_m_s2"  # RMS of the commanded accelerations of all drives toget
 
 @dataclass(frozen=True)
 class GroupSummary:
-    """The runs with one controller on one plant."""
+    """Summary of all runs with one controller on one plant."""
 
     plant: str
     controller: str
     runs: int
     failures: int  # runs that did not complete, or broke a limit
-    stopped: dict[str, int]  # number of runs that ended so, by status, completed ones left out
+    stopped: dict[str, int]  # number of runs that did not complete, by status
     not_run: dict[str, int]  # number of runs that could not be run, by reason, most frequent first
-    broken: dict[str, int]  # completed runs that broke a limit, by metric
+    broken: dict[str, int]  # number of completed runs that broke a limit, by metric
     failure_rate: float | None  # failures / runs; None without runs
-    failure_rate_interval: tuple[float, float] | None  # None where runs are no random sample
+    failure_rate_interval: tuple[float, float] | None  # None if the runs are not a random sample
     median_max_error_m: float | None  # over completed runs; None without any
-    q95_max_error_m: float | None  # 95 % quantile
-    worst_sample: int | None  # of the largest max_error_m of all runs that have one
+    q95_max_error_m: float | None  # 95 % quantile over completed runs
+    worst_sample: int | None  # sample with the largest max_error_m, of all runs that have one
     worst_max_error_m: float | None
 
     def __post_init__(self) -> None:
@@ -79,7 +79,7 @@ def summarize(results: Results) -> tuple[GroupSummary, ...]:
 
 
 def broken_limits(column: Columns, limits: Mapping[str, float]) -> dict[str, Mask]:
-    """Return which runs broke which limit, by metric; a metric that a run lacks breaks its limit."""
+    """Return for each limited metric which runs broke its limit; a run without the metric breaks it."""
     values = {metric: np.asarray(column(metric), dtype=np.float64) for metric in limits}
     return {metric: ~within(metric, values[metric], limit) for metric, limit in limits.items()}
 
@@ -93,7 +93,10 @@ def failed(column: Columns, limits: Mapping[str, float]) -> Mask:
 
 
 def worst_first(results: Results, metric: str, among: Rows | None = None) -> Rows:
-    """Rows of the table, or `among` some, the worst `metric` first; those that lack it are left out."""
+    """Return rows of the table, all or those `among`, with the worst `metric` first.
+
+    Rows without the metric are left out.
+    """
     rows = np.arange(len(results)) if among is None else among
     values = results.column(metric)[rows]
     order = np.argsort(values if low_is_bad(metric) else -values, kind="stable")
@@ -102,13 +105,13 @@ def worst_first(results: Results, metric: str, among: Rows | None = None) -> Row
 
 
 def effort(column: Columns) -> Array:
-    """Return EFFORT of all runs, (runs,); NaN where a run has none."""
+    """Return EFFORT of all runs, shape (runs,); NaN if a run has none."""
     norms: Array = np.linalg.norm([np.asarray(column(name), np.float64) for name in EFFORTS], axis=0)
     return norms
 
 
 def failure_interval(failures: int, runs: int) -> tuple[float, float]:
-    """Wilson's interval of the probability of a failure, at the level CONFIDENCE."""
+    """Return Wilson's interval of the failure probability at the level CONFIDENCE."""
     from scipy.stats import binomtest
 
     interval = binomtest(failures, runs).proportion_ci(CONFIDENCE, method="wilson")
@@ -144,12 +147,12 @@ def _summary(results: Results, plant: str, controller: str) -> GroupSummary:
     )
 
 
-NUMBER = re.compile(r"[-+]?\d[-+.\de]*")  # reasons that differ in numbers only are one
-MOST_STOPS = 8  # examples for each plant and controller
+NUMBER = re.compile(r"[-+]?\d[-+.\de]*")  # reasons that differ only in numbers count as equal
+MAX_STOPS = 8  # examples for each plant and controller
 
 
 class Example(NamedTuple):
-    """One run, and why it was chosen."""
+    """One run, and why it is an example."""
 
     plant: str
     controller: str
@@ -157,11 +160,11 @@ class Example(NamedTuple):
     why: str
     status: str
     end_s: float
-    max_error_m: float | None  # until it ended
+    max_error_m: float | None  # up to its end
 
 
 def examples(results: Results, *, worst: int) -> tuple[Example, ...]:
-    """Return the `worst` runs of each plant and controller, then one run of each way to stop."""
+    """Return the `worst` runs of each plant and controller, then one run for each reason to stop."""
     result = []
     for plant, controller in results.campaign.groups:
         rows = results.rows(plant, controller)
@@ -174,53 +177,53 @@ def examples(results: Results, *, worst: int) -> tuple[Example, ...]:
 
 
 def _stops(results: Results, rows: Rows, shown: Sequence[int]) -> dict[int, str]:
-    """Return the first of `rows` to stop in each further way, with its reason; most frequent first."""
+    """Return one row for each reason to stop that no row in `shown` has, the most frequent first."""
     status, reason = results.column("status"), results.column("reason")
-    alike: dict[tuple[str, str], list[int]] = {}
+    by_reason: dict[tuple[str, str], list[int]] = {}
     for row in rows[status[rows] != RunStatus.COMPLETED.label].tolist():
-        alike.setdefault((status[row], NUMBER.sub("#", reason[row])), []).append(row)
-    new = sorted((same for same in alike.values() if not set(same) & set(shown)), key=len, reverse=True)
-    return {same[0]: f"one of {len(same)}: {reason[same[0]]}" for same in new[:MOST_STOPS]}
+        by_reason.setdefault((status[row], NUMBER.sub("#", reason[row])), []).append(row)
+    new = sorted((same for same in by_reason.values() if not set(same) & set(shown)), key=len, reverse=True)
+    return {same[0]: f"one of {len(same)}: {reason[same[0]]}" for same in new[:MAX_STOPS]}
 
 
 @dataclass(frozen=True)
 class Group:
-    """The runs with one controller on one plant; arrays (samples,), by index of the sample."""
+    """The runs with one controller on one plant; all arrays have one element for each sample."""
 
     plant: str
     controller: str
-    there: Mask  # the run is in the result
+    has_run: Mask  # whether the result has the run
     completed: Mask
-    failed: Mask  # did not complete, or broke a limit
+    failed: Mask  # whether it did not complete, or broke a limit
     metrics: dict[str, Array]  # MAIN_METRICS and EFFORT; NaN unless completed
 
     @property
     def name(self) -> str:
-        """Both names, for people."""
+        """Controller and plant, for reports."""
         return f"{self.controller} on {self.plant}"
 
 
 def groups_of(results: Results) -> tuple[Group, ...]:
     """Return a group for each plant and controller, in the order of the campaign."""
     completed = results.column("status") == RunStatus.COMPLETED.label
-    bad = failed(results.column, results.campaign.settings.limits.given)
+    has_failed = failed(results.column, results.campaign.settings.limits.given)
     metrics = {name: results.column(name).astype(np.float64) for name in MAIN_METRICS}
     metrics[EFFORT] = effort(results.column)
     groups = []
     for plant, controller in results.campaign.groups:
         rows = results.rows(plant, controller)
         samples = results.column("sample")[rows]
-        there, done, broken = (np.zeros(results.campaign.runs, dtype=np.bool_) for _ in range(3))
-        there[samples], done[samples], broken[samples] = True, completed[rows], bad[rows]
+        run, done, bad = (np.zeros(results.campaign.runs, dtype=np.bool_) for _ in range(3))
+        run[samples], done[samples], bad[samples] = True, completed[rows], has_failed[rows]
         by_sample = {name: np.full(results.campaign.runs, np.nan) for name in metrics}
         for name, values in metrics.items():
             by_sample[name][samples] = np.where(completed[rows], values[rows], np.nan)
-        groups.append(Group(plant, controller, there, done, broken, by_sample))
+        groups.append(Group(plant, controller, run, done, bad, by_sample))
     return tuple(groups)
 
 
 def parameter_values(results: Results) -> Array:
-    """Values of the uncertain parameters as recorded, (samples, d); NaN for samples without any run."""
+    """Return the recorded values (samples, d) of the uncertain parameters; NaN for samples without runs."""
     campaign = results.campaign
     values = np.full((campaign.runs, len(campaign.names)), np.nan)
     samples = results.column("sample")
@@ -230,22 +233,22 @@ def parameter_values(results: Results) -> Array:
 
 
 def compared_parameters(results: Results) -> list[int]:
-    """Columns of the parameters that metrics can depend on in order: they vary and are no seeds."""
+    """Return the columns of parameters whose order means something: they vary and are not seeds."""
     campaign = results.campaign
     return [k for k in campaign.varied if not campaign.names[k].endswith(".seed")]
 
 
 @dataclass(frozen=True)
 class Maker:
-    """One set of sources, models, data and versions that made runs."""
+    """The software that made some of the runs: sources, models, data and versions."""
 
     runs: int
     versions: dict[str, str]
-    differences: tuple[str, ...]  # from what is installed, a phrase each
+    differences: tuple[str, ...]  # a phrase for each difference from the installed software
 
 
 def makers(results: Results) -> tuple[Maker, ...]:
-    """Return the software that made the runs, that of the start first; empty where there are no runs."""
+    """Return all software that made runs, beginning with the software of the start."""
     settings = results.campaign.settings
     installed = software_of(settings.plants, settings.controllers)
     counts = np.bincount(results.made_by, minlength=len(results.origins)).tolist()
@@ -257,7 +260,7 @@ def makers(results: Results) -> tuple[Maker, ...]:
 
 
 def software_notes(results: Results) -> list[str]:
-    """Return a line for each remark about the software; empty if all runs are by what is installed."""
+    """Return remarks about the software, a line each; empty if the installed software made all runs."""
     software = makers(results)
     runs = [f"{maker.runs} {'run' if maker.runs == 1 else 'runs'}" for maker in software]
     mixed = (
@@ -266,12 +269,12 @@ def software_notes(results: Results) -> list[str]:
         else []
     )
     others = [
-        f"{count} by other software than what is installed: {'; '.join(maker.differences)}"
+        f"{count} by other software than is installed: {'; '.join(maker.differences)}"
         for maker, count in zip(software, runs, strict=True)
         if maker.differences
     ]
     drives = [
-        "velocity drives of the analytic plant were lags that do not feel the load, as those of all plants "
-        "do now: its runs are not compared with those of other plants"
+        "the velocity drives of the analytic plant were lags that do not feel the load, unlike those of all "
+        "plants now: its runs are not compared with those of other plants"
     ]
     return mixed + others + (drives if has_lags(results.manifest) else [])

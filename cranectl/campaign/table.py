@@ -1,14 +1,18 @@
-"""The result of one run as a row of plain columns; (sample, plant, controller) is its key.
+"""Define the rows of a campaign's result, and write and read the parts that hold them.
 
-First come RUN_COLUMNS, then a column for each parameter by its dotted name, then METRIC_COLUMNS, which have
-no dot: a metric of several numbers has a column for each, `final_load_m_x`. Metrics are None where a run has
-none: all of a run without a sample, which a `failed` one is. Whole numbers among the parameters are below
-2³², so floats hold them. Type, unit and description of every column are kept in every Parquet file.
+A row is the result of one run; (sample, plant, controller) is its key. Its columns are:
 
-A part is one Parquet file with the rows of a batch, whole or not there, checked when read: the same batch
-gives the same bytes, every page has a checksum, and what a part says of its columns has one; all else is
-compared with what the batch must be: columns, units, keys. The words that describe a column may differ from
-version to version.
+1. RUN_COLUMNS
+2. one column for each parameter, with its dotted name
+3. METRIC_COLUMNS, without dots; a metric of several numbers has one column for each, as `final_load_m_x`
+
+A metric is None if the run does not have it. A `failed` run has none at all. Parameters that are whole
+numbers are below 2³², so a float holds them. Every Parquet file has type, unit and description of each
+column.
+
+A part is one Parquet file with the rows of a batch. It is written whole or not at all, and the same batch
+gives the same bytes. When it is read, checksums of its pages and of its column descriptions are checked, and
+columns, units and keys are compared with those of the batch. Descriptions may differ between versions.
 """
 
 import hashlib
@@ -27,16 +31,16 @@ from cranectl.support.provenance import FINGERPRINTS
 Value = int | float | str | None
 Row = dict[str, Value]
 
-FAILED = "failed"  # a status beside the labels of RunStatus
+FAILED = "failed"  # status of a run that could not be run; all others are labels of RunStatus
 
 
 class ResultColumn(NamedTuple):
     """One column of all rows of a campaign."""
 
     name: str
-    kind: Literal["int64", "float64", "string"]  # as Arrow calls it
+    kind: Literal["int64", "float64", "string"]  # name of the type in Arrow
     optional: bool  # whether it may be None
-    unit: str  # empty where there is none
+    unit: str  # empty if there is none
     description: str
 
 
@@ -54,7 +58,7 @@ METRIC_COLUMNS = {
     for metric in _RECORDED
     for name, part in zip(metric.columns, metric.parts or ("",), strict=True)
 }
-UNIT = re.compile(r"\[(.*?)\]")  # in the description of a setting
+UNIT = re.compile(r"\[(.*?)\]")  # finds the unit in the description of a setting
 
 
 def row_columns(campaign: Campaign) -> tuple[ResultColumn, ...]:
@@ -63,7 +67,7 @@ def row_columns(campaign: Campaign) -> tuple[ResultColumn, ...]:
 
 
 def metric_values(metrics: RunMetrics | None) -> Row:
-    """Return the metrics by the names of their columns."""
+    """Return the metrics by the names of their columns; all None without metrics."""
     if metrics is None:
         return dict.fromkeys(METRIC_COLUMNS)
     numbers: list[Value] = []
@@ -74,7 +78,7 @@ def metric_values(metrics: RunMetrics | None) -> Row:
 
 
 def describe(campaign: Campaign, name: str) -> ResultColumn:
-    """Return the column of a parameter, with the description of its setting."""
+    """Return the column of a parameter, with unit and description of its setting."""
     node: Any = campaign.nominal
     description = ""
     for key in name.split("."):
@@ -103,15 +107,15 @@ def arrow_schema(campaign: Campaign, metadata: dict[str, str]) -> Any:
     return pyarrow.schema(fields, metadata=metadata)
 
 
-# Metrics whose columns parts of formats 1 and 2 do not have: null there.
-SINCE_3 = ("min_clearance_m", "residual_sway_about_lean_rad", "command_variation_m_s2")
-BATCH = (b"plant", b"controller", b"first")  # metadata that tells it
-DIGEST = b"columns"  # metadata: of what the part says of its columns
-FEW_VALUES = ["plant", "controller", "status", "reason"]  # columns that repeat themselves
+# Metrics without columns in parts of formats 1 and 2; they are read as null.
+SINCE_FORMAT_3 = ("min_clearance_m", "residual_sway_about_lean_rad", "command_variation_m_s2")
+BATCH_KEYS = (b"plant", b"controller", b"first")  # metadata that identifies the batch
+DIGEST = b"columns"  # metadata with the digest of all column descriptions
+DICTIONARY_COLUMNS = ["plant", "controller", "status", "reason"]  # columns of few values, stored compactly
 
 
 class ResultDamageError(Exception):
-    """A part that is not what was written."""
+    """A part differs from what was written."""
 
 
 def part_name(batch: Batch) -> str:
@@ -128,13 +132,13 @@ def write_part(
 
     schema = _part_schema(campaign, origin, batch)
     table = pyarrow.Table.from_pylist(list(rows), schema=schema)
-    # Files and not their names, which may be no UTF-8.
+    # An open file instead of its path, because Arrow takes UTF-8 paths only.
     with interrupts_wait(), replacing(path) as unfinished, unfinished.open("wb") as stream:
         parquet.write_table(
             table,
             stream,
             compression="zstd",
-            use_dictionary=FEW_VALUES,
+            use_dictionary=DICTIONARY_COLUMNS,
             write_statistics=False,
             write_page_checksum=True,
         )
@@ -145,7 +149,7 @@ def read_part(
 ) -> tuple[Any, SoftwareOrigin]:
     """Read the table of `batch` from `path`, and return it with the one of `origins` that made it.
 
-    Raises DamageError if it is not what was written.
+    Raises ResultDamageError if it differs from what was written.
     """
     import pyarrow
     from pyarrow import parquet
@@ -165,7 +169,7 @@ def read_part(
     if origin is None:
         raise ResultDamageError("it belongs to another campaign")
     expected = _part_schema(campaign, origin, batch)
-    absent = {name for name in expected.names if name.startswith(SINCE_3) and name not in schema.names}
+    absent = {name for name in expected.names if name.startswith(SINCE_FORMAT_3) and name not in schema.names}
     known = pyarrow.schema(
         [field for field in expected if field.name not in absent], metadata=expected.metadata
     )
@@ -181,7 +185,7 @@ def read_part(
 
 
 def _part_schema(campaign: Campaign, origin: SoftwareOrigin, batch: Batch) -> Any:
-    """Return the columns of a part, with metadata that identify it."""
+    """Return the schema of a part, with metadata that identify it."""
     software = {name: origin.versions[name] for name in FINGERPRINTS if name in origin.versions}
     own = {"campaign": campaign.settings.name, "identity": origin.identity, **software}
     schema = arrow_schema(campaign, own | {name: str(value) for name, value in batch._asdict().items()})
@@ -189,14 +193,14 @@ def _part_schema(campaign: Campaign, origin: SoftwareOrigin, batch: Batch) -> An
 
 
 def _check_schema(stored: Any, expected: Any) -> None:
-    """Raise DamageError unless a part says that it is what it must be."""
+    """Raise ResultDamageError unless batch, metadata and columns of a part are the expected ones."""
     metadata, own = stored.metadata, expected.metadata
-    batch = [metadata.get(key, b"").decode(errors="replace") for key in BATCH]
-    if batch != [own[key].decode() for key in BATCH]:
+    batch = [metadata.get(key, b"").decode(errors="replace") for key in BATCH_KEYS]
+    if batch != [own[key].decode() for key in BATCH_KEYS]:
         raise ResultDamageError(f"it holds the batch {' '.join(batch)}")
-    # Words that describe a column may change; parts of format 1 have no digest of them.
+    # Descriptions may differ between versions: their digest is that of the part itself. Format 1 has none.
     if metadata | {DIGEST: b""} != own | {DIGEST: b""} or metadata.get(DIGEST) not in (None, _digest(stored)):
-        raise ResultDamageError("what it says of itself was changed")
+        raise ResultDamageError("its metadata was changed")
     units = [[(field.metadata or {}).get(b"unit") for field in schema] for schema in (stored, expected)]
     if not stored.equals(expected) or units[0] != units[1]:
         raise ResultDamageError("its columns are not those of the campaign")

@@ -1,4 +1,4 @@
-"""Run a batch of a campaign: its rows, and their bits, depend on the campaign only."""
+"""Run one batch of a campaign: the bits of its rows depend on the campaign only."""
 
 import functools
 import threading
@@ -26,45 +26,48 @@ from cranectl.support.errors import InputError, MachineError, is_of_machine, tri
 
 Stop = Callable[[], bool]
 
-DRAWN_TOGETHER = 8192  # samples drawn together: some methods take as long for one
-KEPT_PERIODS = 16  # control periods for which references and trackers are kept
-BLOCK = 1000  # samples of a run that are kept at a time
-DESIGNING = threading.Lock()  # not every library that designs is for several threads
+DRAWN_TOGETHER = 8192  # samples drawn at a time: for some methods a single one takes as long
+CACHED_PERIODS = 16  # control periods whose references and controllers are cached
+BLOCK = 1000  # control samples of a run in memory at a time
+DESIGNING = threading.Lock()  # some design libraries are not safe for several threads
 
 
 class PreparedController(NamedTuple):
-    """A controller as it runs on the crane that it knows."""
+    """A compiled controller with its reference, made for the nominal crane."""
 
     nominal: Scenario
     reference: PlannedReference
-    law: CompiledController
+    compiled: CompiledController
     width: int  # columns of its record
 
 
 class Prepared:
-    """The controllers and their reference, both of the nominal crane, and the samples."""
+    """What all workers share: the controllers and their reference on the nominal crane, and the samples."""
 
     def __init__(self, campaign: Campaign, controllers: Sequence[str] | None = None) -> None:
         """Design all controllers; raise InputError if one of them cannot run."""
         self.campaign = campaign
         names = campaign.settings.controllers if controllers is None else controllers
         self._drawn = functools.lru_cache(maxsize=4)(self._draw)
-        self._planned = functools.lru_cache(maxsize=KEPT_PERIODS)(plan_reference)
-        self._made = functools.lru_cache(maxsize=KEPT_PERIODS * len(names))(self._make)
+        self._planned = functools.lru_cache(maxsize=CACHED_PERIODS)(plan_reference)
+        self._made = functools.lru_cache(maxsize=CACHED_PERIODS * len(names))(self._make)
         self._lock = threading.Lock()
-        check_planned(campaign.nominal, others=_kept_periods(campaign))
+        check_planned(campaign.nominal, others=_cached_periods(campaign))
         with DESIGNING:
             self._designs = {name: controller_design(name, campaign.nominal) for name in names}
             for name in names:
                 self._made(name, campaign.nominal)
 
     def controller(self, name: str, sampled: Scenario) -> PreparedController:
-        """Return the controller `name`, made for the control period of a sample; raise InputError."""
+        """Return the controller `name` for the control period of a sample.
+
+        Raises InputError if the controller refuses that period.
+        """
         with self._lock:
             return self._made(name, nominal_scenario(self.campaign, sampled))
 
     def values(self, sample: int) -> Array:
-        """Values (d,) of one sample."""
+        """Return the values (d,) of one sample."""
         with self._lock:
             row: Array = self._drawn(sample // DRAWN_TOGETHER)[sample % DRAWN_TOGETHER]
         return row
@@ -79,53 +82,53 @@ class Prepared:
         return PreparedController(nominal, planned, compiled, record_width(design))
 
 
-def _kept_periods(campaign: Campaign) -> list[Scenario]:
-    """Return the nominal scenario with each of the shortest control periods that its runs have."""
+def _cached_periods(campaign: Campaign) -> list[Scenario]:
+    """Return the nominal scenario with each of the CACHED_PERIODS shortest control periods of its runs."""
     uncertain = [parameter for parameter in campaign.parameters if parameter.name == PERIOD]
     periods = sorted(
         {float(p) for parameter in uncertain for p in parameter.values(parameter.distribution.grid())}
     )
     controls = [
-        campaign.nominal.control.model_copy(update={"period": period}) for period in periods[:KEPT_PERIODS]
+        campaign.nominal.control.model_copy(update={"period": period}) for period in periods[:CACHED_PERIODS]
     ]
     return [campaign.nominal.model_copy(update={"control": control}) for control in controls]
 
 
 class StoppedError(Exception):
-    """A batch was told to stop before its end."""
+    """A batch stopped before its end, on request."""
 
 
 class RunEnd(NamedTuple):
     """How a run ended."""
 
     status: str
-    reason: str  # why it stopped or failed, or nothing
+    reason: str  # why it stopped or failed; empty if it completed
     end_s: float = 0.0  # simulated time [s]
     metrics: RunMetrics | None = None
 
 
 class Worker:
-    """For one thread. Gives the same rows as any other worker, whatever it ran before."""
+    """Runs batches in one thread; every worker gives the same rows, whatever it ran before."""
 
     def __init__(self, prepared: Prepared) -> None:
         self._prepared = prepared
-        self._plants: dict[tuple[str, int], Plant] = {}  # by name and steps of a control period
-        self._records: dict[int, Array] = {}  # by width
+        self._plants: dict[tuple[str, int], Plant] = {}  # by name and number of steps in a control period
+        self._records: dict[int, Array] = {}  # by number of columns
         self._path_record = np.zeros((BLOCK, PATH_WIDTH))
 
     def run_batch(self, batch: Batch, stop: Stop = lambda: False) -> list[Row]:
-        """Return the rows of `batch`, a run tried again where the machine fails.
+        """Return the rows of `batch`; repeat a run if the machine fails, for example for lack of memory.
 
-        Raises StoppedError soon after `stop` says so, MachineError where the machine fails again.
+        Raises StoppedError soon after `stop` returns True, and MachineError if the machine fails again.
         """
         samples = range(batch.first, batch.last)
         return [tried_again(functools.partial(self._try, batch, sample, stop)) for sample in samples]
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing: this worker has no process to end."""
 
     def _try(self, batch: Batch, sample: int, stop: Stop) -> Row:
-        """Run one sample; an error of controller or plant becomes the reason of a failed row."""
+        """Run one sample; an error of controller or plant gives a failed row with its reason."""
         campaign, values = self._prepared.campaign, self._prepared.values(sample)
         try:
             scenario = sampled_scenario(campaign, values, f"sample {sample}")
@@ -133,10 +136,10 @@ class Worker:
         except StoppedError:
             raise
         except Exception as error:
-            self._plants.clear()  # one of them is in an unknown state
+            self._plants.clear()  # the plant of this run is in an unknown state
             if is_of_machine(error):
-                what = f"{_reason(error)}, in sample {sample} with {batch.controller} on {batch.plant}"
-                raise MachineError.of(what) from error
+                text = f"{_reason(error)}, in sample {sample} with {batch.controller} on {batch.plant}"
+                raise MachineError.of(text) from error
             ended = RunEnd(FAILED, _reason(error))
         return row_of(self._prepared, batch, sample, ended)
 
@@ -147,7 +150,7 @@ class Worker:
         run = start_run(
             plant,
             scenario,
-            controller.law,
+            controller.compiled,
             plan,
             nominal=controller.nominal,
             path_record=self._path_record,
@@ -160,7 +163,9 @@ class Worker:
                 raise StoppedError
 
         record = self._records.setdefault(controller.width, np.zeros((BLOCK, controller.width)))
-        run.advance(run.inputs, run.path, record, run.memory, 0, 0)  # compiled, from here on it is quick
+        run.advance(
+            run.inputs, run.path, record, run.memory, 0, 0
+        )  # compiles, so that the run itself is quick
         if stop():
             raise StoppedError
         end_ns, status = stream_run(run, plan, record, measure)
@@ -169,19 +174,19 @@ class Worker:
         return RunEnd(status.label, reason, end_ns / NANOSECONDS, metrics)
 
     def _plant(self, name: str, scenario: Scenario) -> Plant:
-        """Return the plant of `scenario`: one used before, changed in place, if that is possible."""
+        """Return a plant for `scenario`: an earlier one with new parameters if possible, else a new one."""
         drive = self._prepared.campaign.settings.drive
         plant = self._plants.get((name, scenario.substeps))
         if plant is not None:
             check_scenario(scenario, plant=name, drive=drive)
             if plant.retune(scenario.rig, scenario.effects_on_plant):
                 return plant
-        self._plants[name, scenario.substeps] = made = make_plant(name, scenario, drive)
-        return made
+        self._plants[name, scenario.substeps] = new = make_plant(name, scenario, drive)
+        return new
 
 
 def row_of(prepared: Prepared, batch: Batch, sample: int, ended: RunEnd) -> Row:
-    """Return the row of a run."""
+    """Return the row of a run that ended as `ended` says."""
     return {
         "sample": sample,
         "plant": batch.plant,
@@ -195,7 +200,7 @@ def row_of(prepared: Prepared, batch: Batch, sample: int, ended: RunEnd) -> Row:
 
 
 def _reason(error: Exception) -> str:
-    """Return an error on one line, with its type."""
+    """Return the type and text of an error on one line."""
     text = (
         f"{error.found}; {error.allowed}" if isinstance(error, InputError) else " ".join(str(error).split())
     )

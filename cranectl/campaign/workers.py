@@ -1,13 +1,12 @@
-"""Run the batches of a campaign: in threads here, or on a cluster.
+"""Run the batches of a campaign: in threads of this process, or on a cluster.
 
-The compiled loops do without the interpreter's lock. Runs of controllers from outside go in processes of
-their own: such a controller may end its process or never return. Its run then has a row that says so, and the
-next one a new process. One that is called back holds the interpreter's lock, which threads would share. A
-process is kept from one campaign to the next: it takes a second to start, and a controller some time to
-compile.
+Threads suffice for our own controllers, because the compiled loops release the interpreter's lock. A
+controller from a file runs in a child process for two reasons. It may end its process or never return: its
+row then gives this reason, and the next run has a new process. And one in Python holds the interpreter's
+lock, which all threads share. Child processes serve several campaigns, because a start takes a second and a
+controller takes time to compile.
 
-Which rows there are, and their bits, do not depend on the number of workers, nor on the order of batches.
-How long a campaign takes here is known from a few runs of it.
+The rows and their bits depend neither on the number of workers nor on the order of batches.
 """
 
 import threading
@@ -32,7 +31,7 @@ from cranectl.support.children import Child, ChildError, requests, spawn_child
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError, MachineError, is_of_machine, report_to_parent, tried_again
 
-# What runs the batches of a campaign. With `stop`, which says so, it leaves them soon.
+# Runs the batches of a campaign, and stops soon after its argument `stop` returns True.
 Engine = Callable[..., Generator[tuple[Batch, list[Row]], None, None]]
 
 
@@ -40,9 +39,10 @@ Engine = Callable[..., Generator[tuple[Batch, list[Row]], None, None]]
 def batch_engine(
     scheduler: str | None, patience: float, *, workers: int = 1, local_cluster: bool = False
 ) -> Iterator[Engine]:
-    """Yield `run_batches` in so many threads; with a cluster `run_batches_on` its workers.
+    """Yield the function that runs batches: in `workers` threads, or on a cluster.
 
-    The cluster is that of `scheduler`, or one of `workers` processes here.
+    The cluster is that of `scheduler`, or with `local_cluster` one of `workers` processes here. A controller
+    from a file may take `patience` [s] for a block of samples.
     """
     if scheduler or local_cluster:
         from cranectl.campaign.cluster import cluster_client, run_batches_on
@@ -63,47 +63,49 @@ def run_batches(
     stop: Stop = lambda: False,
     children: "Children | None" = None,
 ) -> Generator[tuple[Batch, list[Row]], None, None]:
-    """Run `batches` in `workers` threads; yields each with all its rows, in the order in which they end.
+    """Run `batches` in `workers` threads, and yield each with all its rows as soon as it ends.
 
-    With controllers from outside each thread has them run in a process of its own, taken from `children` and
-    given back, by default from none and ended; `patience` [s] for a block.
+    Each thread runs controllers from files in a child process, which may take `patience` [s] for a block. It
+    takes the process from `children` and gives it back, so that the next campaign can use it. Without
+    `children` all processes end with this call.
 
-    Once the caller leaves the loop, as it does with Ctrl-C, the workers leave their batches within
-    milliseconds; what they had of them is lost. Raises InputError where the nominal crane cannot be run, and
-    whatever is wrong in a worker besides its samples, which have rows that say so. It raises StoppedError
-    soon after `stop`, which another thread may decide, says so.
+    When the caller leaves the loop, for example because of Ctrl-C, the workers drop their batches within
+    milliseconds. Raises InputError if the nominal crane cannot be run. Raises StoppedError soon after `stop`
+    returns True, which another thread may decide. Other errors of a worker are raised too, but an error of
+    one sample becomes its row.
     """
     prepared = Prepared(campaign, tuple(dict.fromkeys(batch.controller for batch in batches)))
-    left, own = threading.Event(), threading.local()
-    made: list[Worker | ChildWorker] = []
+    left, of_thread = threading.Event(), threading.local()
+    started: list[Worker | ChildWorker] = []
 
-    def leaves() -> bool:
+    def must_stop() -> bool:
         return left.is_set() or stop()
 
     def run(batch: Batch) -> tuple[Batch, list[Row]]:
-        if leaves():
+        if must_stop():
             raise StoppedError
-        if not hasattr(own, "worker"):
-            own.worker = made_worker(prepared, others if children is None else children, patience)
-            made.append(own.worker)
-        return batch, own.worker.run_batch(batch, leaves)
+        if not hasattr(of_thread, "worker"):
+            of_thread.worker = make_worker(prepared, own_children if children is None else children, patience)
+            started.append(of_thread.worker)
+        return batch, of_thread.worker.run_batch(batch, must_stop)
 
     count = 1 if runs_alone(campaign.settings.controllers) else max(1, min(workers, len(batches)))
-    with Children() as others, ThreadPoolExecutor(count, thread_name_prefix="worker") as pool:
+    with Children() as own_children, ThreadPoolExecutor(count, thread_name_prefix="worker") as pool:
         try:
-            for future in as_completed([pool.submit(run, batch) for batch in batches]):  # none is kept
+            # No variable holds the list: each result is freed once the caller has it.
+            for future in as_completed([pool.submit(run, batch) for batch in batches]):
                 yield future.result()
         finally:
             left.set()
             pool.shutdown(cancel_futures=True)
-            for worker in made:
+            for worker in started:
                 worker.close()
 
 
-def made_worker(
+def make_worker(
     prepared: Prepared, children: "Children", patience: float = BLOCK_TIMEOUT
 ) -> "Worker | ChildWorker":
-    """Make the worker of one thread; controllers from outside run in one of `children`.
+    """Make the worker of one thread; it runs controllers from files in one of `children`.
 
     A block of a run may take `patience` [s].
     """
@@ -115,11 +117,11 @@ def made_worker(
 def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
     """Estimate the time of all runs on `workers` cores [s] from the first sample of each group.
 
-    It is run once before it counts, which loads and compiles.
+    The sample runs twice, and only the second run counts, because the first one loads and compiles.
     """
     total = 0.0
     with Children() as children:
-        worker = made_worker(Prepared(campaign), children, inf)  # whoever waits can end it
+        worker = make_worker(Prepared(campaign), children, inf)  # no timeout: the user can interrupt it
         for plant, controller in campaign.groups:
             batch = Batch(plant, controller, 0, 1)
             worker.run_batch(batch)
@@ -131,7 +133,7 @@ def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
 
 
 class Children:
-    """Processes that wait for a campaign; leaving the block ends them. Threads may share it."""
+    """A pool of child processes that threads may share; leaving its `with` block ends all idle ones."""
 
     def __init__(self) -> None:
         self._idle: list[Child] = []
@@ -146,7 +148,7 @@ class Children:
         return child
 
     def give_back(self, child: Child) -> None:
-        """Give back a child process that has nothing to do."""
+        """Give back a child process that is idle."""
         self._idle.append(child)
 
     def __enter__(self) -> Self:
@@ -158,10 +160,10 @@ class Children:
 
 
 class ChildWorker:
-    """As `Worker`; `close` gives its process back."""
+    """Runs batches as `Worker` does, in a child process; `close` gives the process back."""
 
     def __init__(self, prepared: Prepared, children: Children, patience: float) -> None:
-        """Make a worker that sends runs to a child process; a block may take `patience` [s]."""
+        """Make a worker without a child process yet; a block of a run may take `patience` [s]."""
         self._prepared, self._children, self._patience = prepared, children, patience
         self._child: Child | None = None
 
@@ -171,7 +173,7 @@ class ChildWorker:
         return [tried_again(partial(self._try, one_run, stop)) for one_run in single]
 
     def close(self) -> None:
-        """Between batches: they end a process that does not end its run."""
+        """Give the child process back; call it between batches, when the process is idle."""
         if self._child is not None:
             self._children.give_back(self._child)
             self._child = None
@@ -182,18 +184,18 @@ class ChildWorker:
             self._child = None
 
     def _try(self, batch: Batch, stop: Stop) -> Row:
-        """Return the row of one run; raises MachineError, after which the next try has a new process."""
+        """Return the row of one run; after a MachineError the next try has a new process."""
 
-        def look() -> None:
+        def check_stop() -> None:
             if stop():
                 raise StoppedError
 
         try:
             child = self._child = self._child or self._children.take(self._prepared.campaign)
             child.send(batch)
-            row: Row | None = child.receive(inf, look)  # until then the process imports and compiles
+            row: Row | None = child.receive(inf, check_stop)  # no timeout: the process imports and compiles
             while row is None:
-                row = child.receive(self._patience, look)
+                row = child.receive(self._patience, check_stop)
         except ChildError as error:
             self._end()
             if error.is_killed:
@@ -209,12 +211,12 @@ class ChildWorker:
 def _work(connection: Connection) -> None:
     """Serve requests in the child process: the start of a campaign, or a batch of one sample.
 
-    The answer to a batch is nothing at its start and after each block, then a row or an error.
+    For a batch it sends None at the start and after each block, and at the end a row or an error.
     """
     report_to_parent(connection.send)
     worker: Worker | InputError | None = None
 
-    def tell() -> bool:
+    def report_block() -> bool:
         connection.send(None)
         return False
 
@@ -226,7 +228,7 @@ def _work(connection: Connection) -> None:
         else:
             assert worker is not None
             try:
-                (row,) = worker.run_batch(request, tell)
+                (row,) = worker.run_batch(request, report_block)
             except MachineError as error:
                 connection.send(error)
             else:
@@ -234,9 +236,9 @@ def _work(connection: Connection) -> None:
 
 
 def _prepared(manifest: Table, shared: SharedControllers) -> Worker | InputError:
-    """Return a worker for a campaign, or why there is none.
+    """Return a worker for a campaign, or the error that prevents it.
 
-    The parent has prepared the same campaign, so that nothing of it fails by itself.
+    The parent has prepared the same campaign, so an error other than InputError comes from the machine.
     """
     try:
         open_again(shared)

@@ -162,7 +162,7 @@ def run_benchmark(
         for trial, reason, quarantined in done:
             shown.advance(task)
             for phrase in quarantined:
-                shown.console.print(f"{trial.place}: {phrase}")
+                shown.console.print(f"{trial.folder}: {phrase}")
             if reason:
                 not_run.append(f"could not be run: {trial.law} on {trial.scenario}: {reason}")
     for line in sorted(not_run):

@@ -101,7 +101,7 @@ def _table(tuned: "Tuned") -> "Table":
     """Return a table of numbers, cost and failures: untuned, with half and with all of the budget."""
     from cranectl.report.table import Table, cells
 
-    points = tuned.found
+    points = tuned.best_points
     rows = [
         cells(variable.key, *(f"{point.values[k]:g}" for point in points.values()))
         for k, variable in enumerate(tuned.variables)
@@ -109,4 +109,4 @@ def _table(tuned: "Tuned") -> "Table":
     rows.append(cells("cost", *(f"{point.cost:.4f}" for point in points.values())))
     rows.append(cells("failed", *(f"{point.failed:.1%}" for point in points.values())))
     note = f"{len(tuned.points)} candidates, {tuned.runs_each} runs each; numbers as on the laboratory rig"
-    return Table(tuned.law, ("", "untuned", "half the budget", "full budget"), tuple(rows), note=note)
+    return Table(tuned.controller, ("", "untuned", "half the budget", "full budget"), tuple(rows), note=note)

@@ -98,8 +98,8 @@ def test_columns_may_be_described_in_other_words(number: int, monkeypatch: pytes
     ("text", "found", "remedy"),
     [
         ('{"format": 4}', "campaign.json has format 4", "newer cranectl"),
-        ('{"format": 0}', "no manifest of a campaign", "run the campaign again"),
-        ('{"format": [1]}', "no manifest of a campaign", "run the campaign again"),
+        ('{"format": 0}', "not the manifest of a campaign", "run the campaign again"),
+        ('{"format": [1]}', "not the manifest of a campaign", "run the campaign again"),
         ("[" * 20_000, "campaign.json", "remove the directory"),
         ('{"a":' * 20_000, "campaign.json", "remove the directory"),
     ],
@@ -116,7 +116,7 @@ def test_records_that_cannot_be_read(kept: Path, text: str, found: str, remedy: 
 def test_what_was_accepted_must_be_a_list_of_software(kept: Path, accepted: object) -> None:
     path = kept / "format-2" / MANIFEST_FILE
     path.write_text(json.dumps(json.loads(path.read_text()) | {"accepted": accepted}))
-    with pytest.raises(InputError, match="no manifest of a campaign"):
+    with pytest.raises(InputError, match="not the manifest of a campaign"):
         read_results("format-2")
 
 
@@ -127,5 +127,5 @@ def test_a_scenario_must_have_what_results_are_compared_by(kept: Path, part: str
     manifest = json.loads(path.read_text())
     manifest["scenario"][part] = damaged
     path.write_text(json.dumps(manifest))
-    with pytest.raises(InputError, match="no manifest of a campaign"):
+    with pytest.raises(InputError, match="not the manifest of a campaign"):
         read_results("format-2")

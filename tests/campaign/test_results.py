@@ -123,7 +123,7 @@ def test_a_record_does_not_need_the_scenario_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("leave", "runs"), [(2, 56), (6, 0)])
 def test_an_unfinished_result_says_so(tmp_path: Path, leave: int, runs: int) -> None:
     write_all(CAMPAIGN, tmp_path, leave=leave)
-    assert f"{leave} of 6 parts missing" in caught(read_results, tmp_path).found
+    assert f"{leave} of 6 parts are missing" in caught(read_results, tmp_path).found
     results = read_results(tmp_path, unfinished=True)
     assert results.missing == tuple(batches_of(CAMPAIGN)[-leave:])
     assert results.column("max_error_m").shape == (runs,)
@@ -176,7 +176,7 @@ def test_damaged_parts_are_told_quarantined_and_run_again(directory: Path) -> No
     for told in (
         first.name,
         f"{second.name}: it holds the batch mujoco lqr 32",
-        f"{stray.name}: its name is",
+        f"{stray.name}: its name belongs to no batch",
     ):
         assert told in error.found
     assert "--resume" in error.remedy
@@ -217,7 +217,7 @@ def test_a_full_disk_leaves_a_result_that_can_be_resumed(
 
 def test_a_result_is_overwritten_only_when_told_with_its_replays_and_nothing_else(directory: Path) -> None:
     error = caught(opened, CAMPAIGN, directory)
-    assert "holds a result of the campaign 'test' already" in error.found
+    assert "already holds a result of the campaign 'test'" in error.found
     assert "--resume" in error.remedy
     assert "--overwrite" in error.remedy
     replays = directory / REPLAYS

@@ -233,7 +233,7 @@ def test_groups_are_by_sample_also_where_runs_are_missing() -> None:
     first, *_, last = groups_of(results)
     assert first.metrics[EFFORT] == pytest.approx(7.0), "of all drives"
     assert last.name == "pole-placement on mujoco"
-    assert last.there.tolist() == [k < 16 for k in range(64)]
+    assert last.has_run.tolist() == [k < 16 for k in range(64)]
     assert np.isnan(last.metrics["max_error_m"][16:]).all()
     assert not last.failed[16:].any()
     assert not np.isnan(parameter_values(results)).any(), "of other groups"

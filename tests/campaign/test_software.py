@@ -68,7 +68,7 @@ def test_what_is_accepted_is_told(
         assert main([*RESUME, "--despite-differences", "--json", "found.json"]) == 0
         out = capsys.readouterr().out
         mixed = "ade by 2 sets of sources or versions: 288 runs, 32 runs"
-        note = f"288 runs by other software than what is installed: sources {own['sources']}, now 00ff"
+        note = f"288 runs by other software than is installed: sources {own['sources']}, now 00ff"
         makers = json.loads(Path("found.json").read_text())["software"]
         assert [(maker["runs"], bool(maker["differences"])) for maker in makers] == [(288, True), (32, False)]
         assert makers[1]["versions"]["sources"] == CHANGED["sources"]

@@ -109,8 +109,8 @@ LOGS = {
 
 # What needs more than a command to be refused.
 DIFFERENCES = (
-    "install those, choose another place with --out, or go on with --despite-differences, "
-    "'campaign run' with --resume too: it then says which of its runs were made by what"
+    "install those, choose another place with --out, or add --despite-differences (and "
+    "--resume for 'campaign run'): the result then lists the software of its runs"
 )
 ROOM = "make room and go on with --resume: finished batches are kept"
 WAIT = "wait for it, or choose another place with --out"
@@ -149,8 +149,8 @@ KNOWN = {
     ("campaign/cluster.py", "start `dask scheduler --host IP`"): DASK,
     ("campaign/cluster.py", "start some with `dask worker {}"): DASK,
     ("analysis/certificate/certify.py", "take '--drive velocity'"): "`certify` offers no force drives",
-    ("campaign/benchmark/results.py", "name their directory, --tuned"): BENCHMARK,
-    ("campaign/benchmark/results.py", "run it again in another directory, --out"): BENCHMARK,
+    ("campaign/benchmark/results.py", "name their directory with --tuned"): BENCHMARK,
+    ("campaign/benchmark/results.py", "run it again in another directory with --out"): BENCHMARK,
     ("campaign/benchmark/tuning.py", "raise --runs"): "tests/campaign/benchmark/test_tuning.py",
     ("cases/assertions.py", "pytest --cranectl-update keeps it"): PYTEST,
     ("cli/pytest_plugin.py", "write it with pytest --cranectl-update"): PYTEST,

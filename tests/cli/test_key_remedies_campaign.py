@@ -41,7 +41,7 @@ OF_GRID = ["cranectl", "campaign", "run", "grid.toml", "--out", "result", "--ove
 SALTELLI = "sampling='saltelli'"
 TO_VARY = "take another sampling, or give a parameter another distribution than fixed"
 SINGLE = 'take \'distribution = "choice"\' with "values", such as [{}, {}, {}]'
-NUMBERS = "take 'distribution = \"integers\"', which gives every run a number of its own"
+NUMBERS = "take 'distribution = \"integers\"', which draws a whole number for every run"
 IDEAL = "drive='ideal'"
 LAGGING = "uncertain.rig.bridge_time_constant={distribution='uniform', low=0.04, high=0.06}"
 CASES = [
@@ -77,7 +77,7 @@ CASES = [
     ),
     Case(
         DEFINITION,
-        "compare other values with a campaign each",
+        "run one campaign for each value",
         ["uncertain.design.input_weight={distribution='uniform', low=0.1, high=0.2}"],
         ["set=['design.input_weight=0.2']"],
     ),
@@ -92,7 +92,7 @@ CASES = [
     ),
     Case(
         DEFINITION,
-        "give the numbers themselves and leave 'relative' out",
+        "give absolute numbers and leave 'relative' out",
         ["uncertain.initial.alpha_offset={distribution='uniform', low=0.9, high=1.1, relative=true}"],
         ["uncertain.initial.alpha_offset={distribution='uniform', low=0.0, high=0.1}"],
     ),
@@ -174,7 +174,7 @@ CASES = [
     ),
     Case(
         SAMPLING,
-        "remove it",
+        "remove this correlation",
         [HEAVIER, CORRELATED.replace("rig.gravity", "rig.load_mass")],
         [HEAVIER],
     ),

@@ -260,13 +260,13 @@ CASES = [
     ),
     Case(
         DISTRIBUTIONS,
-        "give it once, with a larger weight in weights",
+        "state it once, with a larger weight in weights",
         [*SHOW, mass("'choice', values=[0.8, 0.8, 1.2]")],
         [*SHOW, mass("'choice', values=[0.8, 1.2], weights=[2.0, 1.0]")],
     ),
     Case(
         DISTRIBUTIONS,
-        "give as many, or leave weights out",
+        "state as many, or leave weights out",
         [*SHOW, mass("'choice', values=[0.8, 1.2], weights=[2.0]")],
         [*SHOW, mass("'choice', values=[0.8, 1.2]")],
     ),
@@ -286,7 +286,7 @@ CASES = [
         Case("campaign/benchmark/settings.py", remedy, benchmark(name), benchmark("right"))
         for name, remedy in (
             ("named", "name one of these, or add it to [scenarios]"),
-            ("spreads", "give them in increasing order, each once"),
+            ("spreads", "state them in increasing order, each once"),
             ("plant", "name another second_plant"),
             ("letters", "rename them"),
             ("taken", "rename them"),

@@ -1,1 +1,1 @@
-"""The benchmark: controllers on scenarios, sets of cranes and plants, each a campaign on the same draws."""
+"""The benchmark: every controller runs the same campaigns on scenarios, sets of cranes and plants."""

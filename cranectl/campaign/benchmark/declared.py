@@ -1,7 +1,7 @@
-"""What a controller declares: what it reads of crane and path, and which of its numbers tuning may change.
+"""Read what a controller declares: its information about crane and path, and its numbers that can be tuned.
 
-Those are settings of a scenario, each within bounds, on logarithmic scales. All are numbers on the laboratory
-rig; on a similar crane they go by a power of its length, as defaults do.
+The numbers are settings of a scenario, with bounds and a logarithmic scale. They hold on the laboratory rig;
+on a similar crane each is scaled by a power of the crane's relative length, as defaults are.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,36 +13,36 @@ from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.similarity import rounded, scale_of
 from cranectl.support.documents import leaves
 
-TUNED_DIGITS = 4  # of a tuned number: what is printed is what was run
+TUNED_DIGITS = 4  # digits of a tuned number, so that the printed number is the one that was run
 
 
 class Variable(NamedTuple):
     """A number that tuning may change."""
 
     key: str  # dotted setting of a scenario
-    start: float  # as it is untuned
-    low: float  # bounds of its size, both positive; it keeps the sign of `start`
+    start: float  # value without tuning
+    low: float  # bounds of its absolute value, both positive; it keeps the sign of `start`
     high: float
     length_power: float = 0.0
 
     @property
-    def place(self) -> float:
-        """Where `start` lies between the bounds, on a logarithmic scale from 0 to 1; at an end if beyond."""
+    def start_position(self) -> float:
+        """Position of `start` between the bounds, on a logarithmic scale from 0 to 1; clipped to them."""
         inside = min(max(abs(self.start), self.low), self.high)
         return log(inside / self.low) / log(self.high / self.low)
 
     def at(self, position: float) -> float:
-        """Return the number at a position from 0 to 1 of the range, to TUNED_DIGITS digits."""
+        """Return the number at a position from 0 to 1 between the bounds, to TUNED_DIGITS digits."""
         size = self.low * (self.high / self.low) ** position
         return copysign(float(f"{size:.{TUNED_DIGITS}g}"), self.start)
 
     def sized(self, value: float, length: float) -> float:
-        """Scale `value` to a crane that is `length` times as large as the laboratory rig."""
+        """Scale `value` to a crane `length` times as large as the laboratory rig."""
         scaled = self.length_power and length != 1.0
         return rounded(value * length**self.length_power) if scaled else value
 
 
-# Of the flat family by part: setting of its designs, bounds. A decade or so to each side of the thesis's.
+# Bounds of the flat family's settings, by design: about a decade to each side of the thesis's values.
 DESIGNS: dict[str, dict[str, tuple[float, float]]] = {
     "pole-placement": {f"poles.{k}": (0.8, 8.0) for k in range(4)},
     "lqr": {
@@ -55,12 +55,12 @@ DESIGNS: dict[str, dict[str, tuple[float, float]]] = {
 
 
 def variables_of(name: str) -> tuple[Variable, ...]:
-    """Return what tuning may change of the controller `name`; raise InputError for an unknown one."""
+    """Return the numbers of the controller `name` that tuning may change; raise InputError if unknown."""
     controller = load_controller(checked_controller(name))
     if controller.axis_design is not None:
-        usual = dict(leaves({"design": DesignSettings().model_dump()}))
+        default = dict(leaves({"design": DesignSettings().model_dump()}))
         bounds = {f"design.{key}": ends for part in name.split("+") for key, ends in DESIGNS[part].items()}
-        return tuple(Variable(key, usual[key], *ends, scale_of(key).length) for key, ends in bounds.items())
+        return tuple(Variable(key, default[key], *ends, scale_of(key).length) for key, ends in bounds.items())
     return tuple(
         Variable(
             f"controller.{name}.{parameter.name}",
@@ -74,12 +74,10 @@ def variables_of(name: str) -> tuple[Variable, ...]:
 
 
 def assignments(variables: Sequence[Variable], values: Sequence[float], length: float = 1.0) -> list[str]:
-    """Return settings `key=value` of a scenario that give `variables` their `values`.
+    """Return settings `key=value` of a scenario that give a controller's `variables` their `values`.
 
-    Variables at their start value are left out.
-
-    `variables` are all of a controller, on a crane `length` times as large as the laboratory rig. A list is
-    given as a whole.
+    The crane is `length` times as large as the laboratory rig. Variables at their start value are left out,
+    except in a list, which is stated whole.
     """
     sized = {
         variable.key: variable.sized(value, length) for variable, value in zip(variables, values, strict=True)
@@ -92,12 +90,12 @@ def assignments(variables: Sequence[Variable], values: Sequence[float], length: 
     changed = [
         variable.key for variable, value in zip(variables, values, strict=True) if value != variable.start
     ]
-    places = dict.fromkeys(above if (above := key.rpartition(".")[0]) in lists else key for key in changed)
-    return [f"{key_path}={lists.get(key_path, sized.get(key_path))!r}" for key_path in places]
+    keys = dict.fromkeys(above if (above := key.rpartition(".")[0]) in lists else key for key in changed)
+    return [f"{key}={lists.get(key, sized.get(key))!r}" for key in keys]
 
 
 def information_class(facts: Mapping[str, Any]) -> str:
-    """Sum `information` up: what the controller follows and measures, what it knows besides gravity."""
+    """Summarise `information` in one phrase: what the controller follows, measures and knows."""
     known = facts["rig"]
     more = {
         "preview": facts["preview"] or facts["reads_path"],
@@ -107,18 +105,18 @@ def information_class(facts: Mapping[str, Any]) -> str:
         "rig not declared": known is None,
     }
     follows = "set points" if facts["follows"] == "set-point" else "path"
-    return ", ".join([follows, facts["measures"], *(name for name, there in more.items() if there)])
+    return ", ".join([follows, facts["measures"], *(name for name, is_known in more.items() if is_known)])
 
 
 def information(name: str) -> dict[str, Any]:
-    """Return what a controller follows, measures, commands, sees ahead and reads of the rig, as plain data.
+    """Return what a controller follows, measures, commands, previews and reads of the rig, as plain data.
 
-    `reads_path`: its numbers are made from all of the path. This and `rig` are None if it does not declare
-    what it reads.
+    `reads_path` is True if its design uses the whole path. `reads_path` and `rig` are None if the controller
+    does not declare what it reads.
     """
     controller = load_controller(name)
     reads = controller.reads
-    masses = ["masses"] if controller.command == "force" else []  # by which the loop knows what a force does
+    masses = ["masses"] if controller.command == "force" else []  # the loop needs them to interpret a force
     return {
         "follows": controller.follows,
         "measures": controller.measures,

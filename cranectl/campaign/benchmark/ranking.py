@@ -1,4 +1,4 @@
-"""Rank the controllers of one division on a set of cranes, over all scenarios that suit every kind."""
+"""Rank the controllers of one division on a set of cranes, over all scenarios that suit all of them."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -15,24 +15,24 @@ from cranectl.support.consistency import check_ascending
 
 
 class Standing(NamedTuple):
-    """A controller on one set of cranes and plant, over all scenarios that suit controllers of every kind."""
+    """Results of one controller on one set of cranes and plant, over all scenarios of the ranking."""
 
-    law: str
+    law: str  # name of the controller
     runs: int
     failures: int
-    settled: float  # share
-    unsettled: float  # share of the rest
-    effort: float  # median [m/s²] of all runs, failures worse than any: inf where half or more fail
-    variation: float  # median [m/s²] in a second, so too
+    settled: float  # share of runs that settle
+    unsettled: float  # mean share of the rest phase that passes before the load has settled
+    effort: float  # median [m/s²] over all runs; a failed run counts as inf, so half of them make it inf
+    variation: float  # median of the commands' variation per second [m/s²]; failed runs count as inf
 
     @property
     def failed(self) -> float:
-        """Share of the runs."""
+        """Share of the runs that failed."""
         return self.failures / self.runs
 
 
 def checked_standing(*fields: Any) -> Standing:
-    """Return a standing; raises InconsistentError for counts and shares that contradict each other."""
+    """Return a standing; raise InconsistentError if counts or shares contradict each other."""
     standing = Standing(*fields)
     check_ascending(("failures", standing.failures), (f"runs of {standing.law}", standing.runs))
     for name, share in (("settled", standing.settled), ("unsettled", standing.unsettled)):
@@ -41,31 +41,31 @@ def checked_standing(*fields: Any) -> Standing:
 
 
 class Judged(NamedTuple):
-    """The controllers of one division, which are never compared with those of another."""
+    """One division of a benchmark; its controllers are never compared with those of another."""
 
     benchmark: Benchmark
     table: BenchmarkTable
     division: Division
 
     def trial(self, crane_set: str, scenario: str, law: str, plant: str = "") -> Trial:
-        """Return one of the division, by default on the first plant."""
+        """Return a trial of this division, by default on the benchmark's first plant."""
         return Trial(self.division, plant or self.benchmark.plant, crane_set, scenario, law)
 
     def runs(self, crane_set: str, scenario: str, law: str, plant: str = "") -> Runs | None:
-        """Return those of a trial; None where it has not been run."""
+        """Return the runs of a trial, or None if it has not been run."""
         return self.table.trials.get(self.trial(crane_set, scenario, law, plant))
 
     def shared_scenarios(self, crane_set: str) -> list[str]:
-        """Return the scenarios that suit controllers of every kind and on which any has been run."""
+        """Return the scenarios that suit all kinds of controllers, and on which any controller has run."""
         judged = (self.division, self.benchmark.plant, crane_set)
-        there = {trial.scenario for trial in self.table.trials if trial[:3] == judged}
-        suited = self.benchmark.scenarios.items()
-        return [name for name, scenario in suited if len(scenario.suits) > 1 and name in there]
+        run = {trial.scenario for trial in self.table.trials if trial[:3] == judged}
+        scenarios = self.benchmark.scenarios.items()
+        return [name for name, scenario in scenarios if len(scenario.suits) > 1 and name in run]
 
     def ranking(self, crane_set: str) -> list[Standing]:
-        """Return the standing of every controller that has been run there.
+        """Return the standing of every controller that has run all shared scenarios on this set.
 
-        The fewest failures are first, then the least unsettled.
+        Controllers with fewer failures come first; equal ones are ordered by `unsettled`.
         """
         shared = self.shared_scenarios(crane_set)
         durations = [float(self.table.about["durations"][scenario]) for scenario in shared]
@@ -79,10 +79,10 @@ class Judged(NamedTuple):
 
     def unfinished(self, crane_set: str) -> list[str]:
         """Return the controllers that have runs on a set, but not on all scenarios of its ranking."""
-        shown = {standing.law for standing in self.ranking(crane_set)}
+        ranked = {standing.law for standing in self.ranking(crane_set)}
         judged = (self.division, self.benchmark.plant, crane_set)
-        there = dict.fromkeys(trial.law for trial in self.table.trials if trial[:3] == judged)
-        return [controller for controller in there if controller not in shown]
+        run = dict.fromkeys(trial.law for trial in self.table.trials if trial[:3] == judged)
+        return [controller for controller in run if controller not in ranked]
 
     @property
     def laws(self) -> list[str]:
@@ -91,7 +91,7 @@ class Judged(NamedTuple):
 
     @property
     def best_first(self) -> list[str]:
-        """All controllers, in the order of the ranking on the set with the widest spread that has any."""
+        """All controllers, in the order of the ranking on the set with the widest spread that has runs."""
         widest = sorted(self.benchmark.sets, key=lambda name: -self.benchmark.sets[name].spread)
         standings = next(filter(None, map(self.ranking, widest)), [])
         return list(dict.fromkeys([*(standing.law for standing in standings), *self.laws]))
@@ -112,14 +112,14 @@ def _standing(controller: str, runs: Sequence[Runs], durations: Sequence[float])
 
 
 def points_of(standings: Sequence[Standing]) -> Array:
-    """Return (controllers, 3): unsettled share of the rest, effort, share of failures; lower is better."""
+    """Return (controllers, 3): unsettled share, effort and share of failures; lower is better."""
     return np.array([[s.unsettled, s.effort, s.failed] for s in standings])
 
 
 def rest_time(runs: Runs, duration: float) -> float:
-    """Return how long the path rests at its end [s], in runs of `duration`.
+    """Return how long the path rests at its end [s], in runs of `duration` [s].
 
-    It is all of the duration where no run came so far.
+    It is the whole duration if no run reached the rest.
     """
     rest = runs.metrics["rest_s"]
     return duration - (float(np.nanmin(rest)) if np.isfinite(rest).any() else 0.0)

@@ -1,6 +1,6 @@
-"""Run the trials of a benchmark, each into a result of its own, a campaign's; make one table of all results.
+"""Run the trials of a benchmark, and collect their results in one table.
 
-A result can be replayed.
+Each trial has its own result, which is the result of a campaign, so `cranectl campaign replay` repeats runs.
 """
 
 import functools
@@ -29,15 +29,15 @@ from cranectl.support.documents import Table
 from cranectl.support.errors import InputError, MachineError
 from cranectl.support.provenance import provenance_differences
 
-ANY = FLAT_FAMILY[0]  # law, where it does not matter which
+ANY_CONTROLLER = FLAT_FAMILY[0]  # where it does not matter which one
 
 
-class Ended(NamedTuple):
-    """A trial that is whole."""
+class FinishedTrial(NamedTuple):
+    """A trial with all its runs."""
 
     trial: Trial
-    not_run: str = ""  # why its law could not be run at all, "" where it could
-    quarantined: tuple[str, ...] = ()  # what was damaged and has been run again, a phrase each
+    not_run: str = ""  # why its controller could not run at all; empty if it ran
+    quarantined: tuple[str, ...] = ()  # a phrase for each damaged part that was run again
 
 
 def run_trials(
@@ -48,11 +48,11 @@ def run_trials(
     *,
     workers: int,
     despite_differences: bool = False,
-) -> Iterator[Ended]:
-    """Run what is missing of `trials` below `directory`, `workers` at a time; yields each that is whole.
+) -> Iterator[FinishedTrial]:
+    """Run all missing batches of `trials`, `workers` trials at a time, and yield each finished trial.
 
-    Batches that ended are kept when the caller leaves. Raises InputError as `open_store` and campaigns do,
-    but for a controller that refuses the crane.
+    The results are below `directory`. When the caller leaves the loop, finished batches stay there. Raises
+    InputError as `open_store` and campaigns do, except for a controller that refuses the crane.
     """
     left = threading.Event()
 
@@ -62,25 +62,27 @@ def run_trials(
                 for batch, rows in finished:
                     store.write(batch, rows)
 
-    def run(trial: Trial) -> Ended:
+    def run(trial: Trial) -> FinishedTrial:
         if left.is_set():
             raise StoppedError
         campaign = campaign_for(trial)
-        folder = directory / trial.place
-        whole = _whole_result(campaign, folder)
-        if whole is not None:
-            return Ended(trial, _not_run(whole))
+        result_directory = directory / trial.folder
+        results = _finished_result(campaign, result_directory)
+        if results is not None:
+            return FinishedTrial(trial, _not_run(results))
         check_values(campaign)
         try:
-            with open_store(campaign, folder, resume=True, despite_differences=despite_differences) as store:
+            with open_store(
+                campaign, result_directory, resume=True, despite_differences=despite_differences
+            ) as store:
                 write_missing(campaign, store)
-        except MachineError:  # no result: the trial is run again the next time
+        except MachineError:  # it says nothing about the controller, so it must not count as a refusal
             raise
         except InputError:
-            if refused := _refusal(campaign):
-                return Ended(trial, refused)
+            if reason := _refusal(campaign):
+                return FinishedTrial(trial, reason)
             raise
-        return Ended(trial, _not_run(read_results(folder)), store.quarantined)
+        return FinishedTrial(trial, _not_run(read_results(result_directory)), store.quarantined)
 
     with ThreadPoolExecutor(workers, thread_name_prefix="trial") as pool:
         try:
@@ -91,16 +93,16 @@ def run_trials(
             pool.shutdown(cancel_futures=True)
 
 
-def _whole_result(campaign: Campaign, directory: Path) -> Results | None:
-    """Return the finished result of `campaign` in `directory` by the installed software, else None.
+def _finished_result(campaign: Campaign, directory: Path) -> Results | None:
+    """Return the finished result of `campaign` in `directory`, or None if `open_store` would change it.
 
-    It says what `open_store` would make it say, and is neither held nor written.
+    The installed software must have made it. The result is neither locked nor written.
     """
     if not (directory / MANIFEST_FILE).exists():
         return None
     try:
         results = read_results(directory)
-    except InputError:  # which `open_store` mends, or says
+    except InputError:  # `open_store` repairs it or raises the error
         return None
     wanted = manifest_of(campaign)
     stated = {name: value for name, value in wanted.items() if name not in ("versions", "accepted")}
@@ -122,11 +124,11 @@ def _not_run(results: Results) -> str:
 
 
 def begun_trials(benchmark: Benchmark, directory: Path, controllers: Sequence[str]) -> list[Trial]:
-    """Return the trials of these controllers that were begun below `directory`, in all divisions."""
+    """Return all trials of these controllers that have a result below `directory`, finished or not."""
     trials = (
         trial for division in DIVISIONS for trial in trials_of(benchmark, controllers, division=division)
     )
-    return [trial for trial in trials if (directory / trial.place / MANIFEST_FILE).exists()]
+    return [trial for trial in trials if (directory / trial.folder / MANIFEST_FILE).exists()]
 
 
 def collected(
@@ -138,21 +140,23 @@ def collected(
     tuned: Path,
     advance: Callable[[float], None],
 ) -> BenchmarkTable:
-    """Collect the complete ones of the trials `begun` below `directory`; call `advance(1)` for each.
+    """Collect the finished ones of the trials `begun` below `directory`; call `advance(1)` for each trial.
 
-    `rules`: digest of those of `benchmark`; `tuned`: where the numbers of tuned controllers are. Raises
-    InputError where no trial is whole, where one is damaged, and where controllers have run on other cranes
-    than the benchmark's, were others, or had other numbers than these. A trial may have fewer cranes.
+    `rules` is the digest of the benchmark's rules, and `tuned` the directory with the numbers of tuned
+    controllers. A trial may have fewer cranes than the benchmark. Raises InputError in these cases:
+
+    - No trial is finished, or one is damaged.
+    - A trial has other cranes than the benchmark, another version of a controller, or other tuned numbers.
     """
     trials, nominal, made_by = {}, {}, {}
     wanted_of = functools.cache(lambda trial: manifest_of(campaign_of(benchmark, trial)))
     lengths = {name: crane_length(benchmark, name) for name in benchmark.scenarios}
     for trial in begun:
         advance(1.0)
-        results = read_results(directory / trial.place, unfinished=True)
+        results = read_results(directory / trial.folder, unfinished=True)
         if results.missing:
             continue
-        _check_same(results, wanted_of(trial._replace(law=ANY)), trial.law)
+        _check_same(results, wanted_of(trial._replace(law=ANY_CONTROLLER)), trial.law)
         trials[trial] = runs_of(results.column, results.campaign.settings.limits.given)
         for origin in results.origins:
             software = {
@@ -166,14 +170,14 @@ def collected(
             if tuple(results.campaign.settings.set) != wanted:
                 raise InputError(
                     f"{results.directory} was run with other numbers than those in {tuned}",
-                    allowed="results of the numbers that are there",
-                    remedy="name their directory, --tuned, or run the controller again in another one, --out",
+                    allowed="results of the numbers in that directory",
+                    remedy="name their directory with --tuned, or run the controller again with a new --out",
                 )
     if not trials:
         raise InputError(
-            f"{directory} holds no whole result of these controllers",
+            f"{directory} holds no finished result of these controllers",
             allowed="a directory that 'cranectl benchmark run' has written",
-            remedy="check the place, or run the benchmark",
+            remedy="check the path, or run the benchmark",
         )
     about = {
         "rules": rules,
@@ -192,21 +196,21 @@ def collected(
 def _check_same(results: Results, wanted: Table, controller: str) -> None:
     """Raise InputError unless `results` are those of the campaign `wanted` with this `controller`.
 
-    What is the controller's own is not looked at, nor how many cranes there are.
+    Settings of the controller and the number of cranes may differ.
     """
     manifest = results.manifest
-    alike = {
+    adapted = {
         **manifest,
-        "campaign": manifest["campaign"] | {own: wanted["campaign"][own] for own in ("controllers", "runs")},
-        "scenario": manifest["scenario"] | {own: wanted["scenario"][own] for own in ("controller", "design")},
+        "campaign": manifest["campaign"] | {key: wanted["campaign"][key] for key in ("controllers", "runs")},
+        "scenario": manifest["scenario"] | {key: wanted["scenario"][key] for key in ("controller", "design")},
         "runs": wanted["runs"],
     }
-    other = differences(alike, wanted)
+    different = differences(adapted, wanted)
     known = controller_digests([controller]).items()
-    other += [f"{controller} was another" for o in results.origins if not known <= o.versions.items()][:1]
-    if other:
+    different += [f"{controller} has changed" for o in results.origins if not known <= o.versions.items()][:1]
+    if different:
         raise InputError(
-            f"{results.directory} was not run by this benchmark: {'; '.join(other)}",
-            allowed="results of the scenarios, cranes and controllers as they are",
-            remedy="run it again in another directory, --out",
+            f"{results.directory} was not run by this benchmark: {'; '.join(different)}",
+            allowed="results of the present scenarios, cranes and controllers",
+            remedy="run it again in another directory with --out",
         )

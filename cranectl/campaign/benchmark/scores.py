@@ -1,7 +1,7 @@
-"""What a benchmark's runs amount to: pure functions of arrays, a row for each crane.
+"""Compute the scores of a benchmark from arrays that have one element for each crane.
 
-A run that failed counts as worse than any that did not; one that never settles as settling after its end. So
-no controller gains by losing its hard cranes.
+A failed run counts as worse than every other run. A run that never settles counts as settling after its end.
+So a controller gains nothing by failing on difficult cranes.
 """
 
 from typing import NamedTuple
@@ -12,23 +12,23 @@ from cranectl.support.arrays import Array, Mask
 from cranectl.support.consistency import check_ascending
 
 SCORE_RESAMPLES = 2000  # of the bootstrap
-LEVEL = 0.95
-MIN_INTERVAL_VALUES = 6  # values of which even the range is an interval of the median at that level
-ACCEPTED = 0.05  # share of failures at the robustness radius
+LEVEL = 0.95  # of the interval of a median
+MIN_INTERVAL_VALUES = 6  # with fewer, even their whole range is no interval of the median at LEVEL
+ACCEPTED_FAILURES = 0.05  # share of failures at the robustness radius
 
 
 class PairedDifference(NamedTuple):
-    """A controller less the baseline over the cranes on which both come to an end."""
+    """Differences between a controller and the baseline, over the cranes on which both have a value."""
 
     cranes: int
     median: float
-    low: float  # ends of the interval of the median, by bootstrap
+    low: float  # ends of the bootstrap interval of the median
     high: float
-    effect: float  # share of cranes on which it is larger, less that on which it is smaller
+    effect: float  # share of cranes with a larger value, minus the share with a smaller one
 
 
 def paired_difference(values: Array, baseline: Array, seed: int) -> PairedDifference:
-    """Compare (n,) values with those of the baseline on the same cranes; NaN where a run has none."""
+    """Compare (n,) values with those of the baseline on the same cranes; NaN means no value."""
     difference = (values - baseline)[np.isfinite(values) & np.isfinite(baseline)]
     if not difference.size:
         return PairedDifference(0, *[float("nan")] * 4)
@@ -42,44 +42,45 @@ def paired_difference(values: Array, baseline: Array, seed: int) -> PairedDiffer
 
 
 def unsettled_time(settling: Array, failed: Mask, horizon: float) -> Array:
-    """Return the time (n,) [s] of the rest phase, `horizon` [s] long, before the load has settled.
+    """Return how long (n,) [s] the load is unsettled during the rest phase of `horizon` [s].
 
-    It is all of it where a run fails.
-
-    `settling` (n,) is NaN where a run did not settle.
+    It is the whole rest phase for runs that failed or did not settle; `settling` (n,) is NaN for the latter.
     """
     return np.where(failed | np.isnan(settling), horizon, np.minimum(settling, horizon))
 
 
 def unsettled_share(settling: Array, failed: Mask, horizon: float) -> float:
-    """Mean share of the rest, `horizon` [s], that passes unsettled: the restricted mean of censored times."""
+    """Return the mean unsettled share of the rest phase of `horizon` [s].
+
+    This is the restricted mean of censored settling times.
+    """
     return float(unsettled_time(settling, failed, horizon).mean() / horizon)
 
 
 def median_with_failures(values: Array, failed: Mask) -> float:
-    """Median in which runs that failed are worse than any: inf among them; NaN where no run has a value."""
+    """Return the median with inf for each failed run; NaN if no run has a value."""
     counted = np.where(failed, np.inf, values)
     return float(np.nanmedian(counted)) if not np.isnan(counted).all() else float("nan")
 
 
 def settled_share(settling: Array, failed: Mask) -> float:
-    """Share of runs that settle and do not fail."""
+    """Return the share of runs that settle and do not fail."""
     return float((~failed & np.isfinite(settling)).mean())
 
 
 def settling_quantile(settling: Array, failed: Mask, at: float) -> float:
-    """Quantile of settling times [s] in which runs that do not settle are longer than any: inf among them.
+    """Return a quantile of the settling times [s], with inf for each run that does not settle or fails.
 
-    All runs are censored at the same time, so it is that of Kaplan and Meier.
+    All runs are censored at the same time, so this is the quantile of the Kaplan-Meier estimator.
     """
     times = np.sort(np.where(failed | np.isnan(settling), np.inf, settling))
     return float(times[min(int(np.ceil(at * times.size)) - 1, times.size - 1)])
 
 
 def performance_ratios(costs: Array) -> Array:
-    """Costs (controllers, problems) over the least of each problem; inf for failures (Dolan and Moré 2002).
+    """Divide costs (controllers, problems) by the least cost of each problem (Dolan and Moré 2002).
 
-    Costs are not negative; NaN is a failure. A problem that every controller fails has inf for all.
+    Costs are not negative, and NaN means a failure. The ratio of a failure is inf.
     """
     costs = np.where(np.isnan(costs), np.inf, costs)
     best = costs.min(axis=0)
@@ -90,35 +91,37 @@ def performance_ratios(costs: Array) -> Array:
 
 
 def profile(ratios: Array, at: Array) -> Array:
-    """Return the share of problems that each controller solves within a ratio of the best one."""
+    """Return the share (controllers, k) of problems that a controller solves within the ratios `at` (k,)."""
     shares: Array = (ratios[:, :, np.newaxis] <= at).mean(axis=1)
     return shares
 
 
 def dominates(points: Array) -> Mask:
-    """Return (n, n) for (n, d) points, lower is better: True where i is as good as j, and better in one."""
+    """Return a matrix (n, n) for (n, d) points: True if point i is nowhere worse than j and somewhere better.
+
+    Lower is better.
+    """
     no_worse = (points[:, np.newaxis] <= points[np.newaxis]).all(axis=2)
     better = (points[:, np.newaxis] < points[np.newaxis]).any(axis=2)
     return np.asarray(no_worse & better)
 
 
 def undominated(points: Array) -> Mask:
-    """Return which of (n, d) points no other point dominates; lower is better."""
+    """Return which of (n, d) points no other point dominates, (n,); lower is better."""
     return np.asarray(~dominates(points).any(axis=0))
 
 
 def radius(spreads: Array, shares: Array) -> float:
-    """Return the factor on all spreads at which the share of failures exceeds ACCEPTED.
+    """Return the factor on all spreads at which the share of failures passes ACCEPTED_FAILURES.
 
-    Between the given factors the share is interpolated linearly.
-
-    `spreads` increase; 0 where it is passed at the first one already, inf where it is not passed at all.
+    `spreads` (k,) are the factors in increasing order, and `shares` (k,) the failures. The share is
+    interpolated linearly. The radius is 0 if the first share is already above, and inf if none is.
     """
-    above = np.flatnonzero(shares > ACCEPTED)
+    above = np.flatnonzero(shares > ACCEPTED_FAILURES)
     if not above.size:
         return float("inf")
     k = int(above[0])
     if k == 0:
         return 0.0
-    part = (ACCEPTED - shares[k - 1]) / (shares[k] - shares[k - 1])
-    return float(spreads[k - 1] + part * (spreads[k] - spreads[k - 1]))
+    fraction = (ACCEPTED_FAILURES - shares[k - 1]) / (shares[k] - shares[k - 1])
+    return float(spreads[k - 1] + fraction * (spreads[k] - spreads[k - 1]))

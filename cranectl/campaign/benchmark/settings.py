@@ -1,4 +1,4 @@
-"""Benchmark files: which controllers on which scenarios and sets of cranes, and how they are tuned."""
+"""Read benchmark files: controllers, scenarios, sets of cranes, and the rules of tuning."""
 
 import itertools
 import re
@@ -12,10 +12,10 @@ from cranectl.scenario.settings import RuleError, Settings, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
 
-# Begin the names of sets that find the radius, and of those on which one uncertainty is alone.
+# First letters of generated sets: those that find the robustness radius, and those with one uncertainty.
 RADIUS, SINGLE = "spread-", "only-"
 Overrides = Annotated[tuple[str, ...], Field(strict=False)]
-NAME = r"^[a-z0-9][a-z0-9-]*$"  # also of directories
+NAME = r"^[a-z0-9][a-z0-9-]*$"  # such names are names of directories too
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
 Draws = Annotated[int, Field(ge=1, le=100_000)]
 Spread = Annotated[float, Field(ge=0.0, le=100.0)]
@@ -100,7 +100,7 @@ class Benchmark(Settings):
 
     @property
     def file(self) -> Path:
-        """Where it was read; paths in it are seen from there."""
+        """The file of this benchmark; paths in it are relative to its folder."""
         return self._file
 
     @model_validator(mode="after")
@@ -111,20 +111,20 @@ class Benchmark(Settings):
         unknown = named - self.scenarios.keys()
         if unknown:
             raise RuleError(
-                f"{', '.join(sorted(unknown))}: no scenario of this benchmark",
+                f"{', '.join(sorted(unknown))}: not a scenario of this benchmark",
                 allowed=", ".join(self.scenarios),
                 remedy="name one of these, or add it to [scenarios]",
             )
         return self
 
     @model_validator(mode="after")
-    def _judges_as_it_says(self) -> "Benchmark":
+    def _rules_agree(self) -> "Benchmark":
         spreads = self.radius.spreads
         if any(b <= a for a, b in itertools.pairwise(spreads)):
             raise RuleError(
                 f"radius.spreads = {list(spreads)}",
                 allowed="radius.spreads must increase",
-                remedy="give them in increasing order, each once",
+                remedy="state them in increasing order, each once",
             )
         if self.plant == self.second_plant:
             raise RuleError(
@@ -132,18 +132,18 @@ class Benchmark(Settings):
                 allowed="plant and second_plant must differ",
                 remedy="name another second_plant",
             )
-        odd = [name for name in self.sets if not re.match(NAME, name)]
-        if odd:
+        invalid = [name for name in self.sets if not re.match(NAME, name)]
+        if invalid:
             raise RuleError(
-                f"sets {', '.join(odd)}",
-                allowed="names have small letters, digits and hyphens",
+                f"sets {', '.join(invalid)}",
+                allowed="names of small letters, digits and hyphens",
                 remedy="rename them",
             )
         taken = [name for name in self.sets if name.startswith((RADIUS, SINGLE))]
         if taken:
             raise RuleError(
                 f"sets {', '.join(taken)}",
-                allowed="names that begin otherwise: these are of [radius] and [singles]",
+                allowed=f"names that do not begin with {RADIUS} or {SINGLE}, which cranectl uses itself",
                 remedy="rename them",
             )
         if self.seed == self.tuning.seed:

@@ -1,7 +1,7 @@
-"""All runs of a benchmark in one Parquet file: what a page is made from.
+"""Write and read all runs of a benchmark as one Parquet file, from which its page is made.
 
-A row for each run, by trial and sample, with the metrics that are compared; what is the same for all runs of
-a controller or a scenario is in the file's metadata, as JSON.
+Each run is a row with its trial, its sample and the compared metrics. The file's metadata hold, as JSON, what
+all runs of a controller or a scenario share.
 """
 
 import json
@@ -19,7 +19,7 @@ from cranectl.support.arrays import Array, Mask
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.files import open_input, replacing
 
-VARIATION = "variation_m_s2"  # of the commands of all drives together
+VARIATION = "variation_m_s2"  # sum of the command variations of all drives
 METRICS = (
     "rms_error_m",
     "final_error_m",
@@ -30,30 +30,30 @@ METRICS = (
     "saturated_s",
     "rest_s",
 )
-ABOUT = b"benchmark"  # metadata
-TOLD = ("rules", "seed", "made_by", "durations", "laws", "tuned")  # in it
+ABOUT = b"benchmark"  # key of the metadata
+ABOUT_KEYS = ("rules", "seed", "made_by", "durations", "laws", "tuned")  # keys of its JSON
 
 
 @dataclass(frozen=True)
 class Runs:
-    """The runs of a trial, by sample."""
+    """The n runs of a trial, in the order of samples."""
 
     failed: Mask  # (n,)
     status: tuple[str, ...]
-    metrics: Mapping[str, Array]  # (n,) each; NaN where a run has none
+    metrics: Mapping[str, Array]  # (n,) each; NaN if a run does not have the metric
 
     @property
     def settling(self) -> Array:
-        """Time from the end of the path until the load has settled [s], (n,); NaN where it does not."""
+        """Time from the end of the path until the load has settled [s], (n,); NaN if it does not settle."""
         return self.metrics["settling_time_s"]
 
     @property
     def task(self) -> Array:
-        """Time from the start until the load has settled [s], (n,); NaN where it does not, or fails."""
+        """Time from the start until the load has settled [s], (n,); NaN if a run fails or does not settle."""
         return np.where(self.failed, np.nan, self.metrics["rest_s"] + self.settling)
 
     def first(self, cranes: int) -> "Runs":
-        """Those of the first `cranes`."""
+        """Return the runs of the first `cranes` samples."""
         metrics = {name: values[:cranes] for name, values in self.metrics.items()}
         return Runs(self.failed[:cranes], self.status[:cranes], metrics)
 
@@ -66,11 +66,13 @@ def on_common_cranes(runs: Sequence[Runs]) -> list[Runs]:
 
 @dataclass(frozen=True)
 class BenchmarkTable:
-    """All trials there are, and what is the same for all runs.
+    """The runs of all trials, and facts `about` them.
 
-    That is `rules`, `seed`, versions and fingerprints of each software that ran any, `made_by`, by scenario
-    `durations` [s], by controller what it is told, `laws`, of `information`, and what tuning gave it,
-    `tuned`, of `tuned_facts`.
+    - `rules` and `seed`: digest of the benchmark's rules, and seed of its cranes.
+    - `made_by`: versions and fingerprints of each software that made runs.
+    - `durations`: duration of each scenario [s].
+    - `laws`: by controller, the result of `information`.
+    - `tuned`: by controller, the result of `tuned_facts`.
     """
 
     about: Mapping[str, Any]
@@ -78,7 +80,7 @@ class BenchmarkTable:
 
 
 def runs_of(column: Columns, limits: Mapping[str, float]) -> Runs:
-    """Return the runs of one trial from the columns of its result; `limits` are those of its campaign."""
+    """Return the runs of one trial from the columns of its result and the `limits` of its campaign."""
     metrics = {name: np.asarray(column(name), dtype=np.float64) for name in METRICS}
     metrics[EFFORT] = effort(column)
     metrics[VARIATION] = np.sum([column(f"command_variation_m_s2_{drive}") for drive in DRIVES], axis=0)
@@ -109,13 +111,13 @@ def write_table(path: Path, table: BenchmarkTable) -> None:
 
 
 def rounded(values: Array) -> Any:
-    """Return values to four digits, as float32: they are small when compressed."""
+    """Return values rounded to four digits, as float32, which compresses well."""
     scale = 10.0 ** (3 - np.floor(np.log10(np.where(np.abs(values) > 0.0, np.abs(values), 1.0))))
     return (np.round(values * scale) / scale).astype(np.float32)
 
 
 def read_table(path: Path) -> BenchmarkTable:
-    """Read what `write_table` has written; raise InputError for anything else."""
+    """Read a file of `write_table`; raise InputError for any other file."""
     import pyarrow
     from pyarrow import parquet
 
@@ -123,14 +125,14 @@ def read_table(path: Path) -> BenchmarkTable:
         with open_input(path) as stream:
             whole = parquet.read_table(stream)
         metadata = json.loads(whole.schema.metadata[ABOUT])
-        about = {name: metadata[name] for name in TOLD}
+        about = {name: metadata[name] for name in ABOUT_KEYS}
         keys = list(zip(*(whole[name].to_pylist() for name in Trial._fields), strict=True))
         columns = {name: whole[name].to_numpy() for name in (*METRICS, EFFORT, VARIATION, "failed", "status")}
     except (OSError, pyarrow.ArrowException, KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{path} holds no benchmark: {error}",
             allowed="a file that 'cranectl benchmark report --table' has written",
-            remedy="check the place",
+            remedy="check the path",
         ) from None
     ends = [k for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
     trials = {}
@@ -142,7 +144,10 @@ def read_table(path: Path) -> BenchmarkTable:
 
 
 def joined(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
-    """Several tables in one, the first counts before others; raises InputError as `check_comparable`."""
+    """Join several tables; where two have the same trial or fact, the earlier table counts.
+
+    Raises InputError as `check_comparable` does.
+    """
     first, *others = tables
     about, trials = dict(first.about), dict(first.trials)
     for other in others:
@@ -155,7 +160,7 @@ def joined(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
 
 
 def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
-    """Raise InputError unless rules, seed, files and numbers of `table` equal those in `about`."""
+    """Raise InputError unless rules, seed, controller files and tuned numbers of `table` equal `about`."""
     compared = [(name, table.about[name], about[name]) for name in ("rules", "seed")]
     for part, what in (("laws", "file"), ("tuned", "numbers")):
         entries, known = table.about[part], about.get(part, {})
@@ -174,7 +179,7 @@ def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
 
 
 def of_controllers(table: BenchmarkTable, controllers: Collection[str]) -> BenchmarkTable:
-    """Only the trials of `controllers`; raises InputError where there is none of one."""
+    """Return the table with the trials of `controllers` only; raise InputError if one has no trials."""
     for controller in controllers:
         if controller not in table.about["laws"]:
             raise unknown_name("controller of the table", controller, table.about["laws"])

@@ -1,7 +1,8 @@
-"""The trials of a benchmark: one controller on one scenario, set of cranes and plant, each a campaign.
+"""Define the trials of a benchmark; a trial is a campaign of one controller.
 
-Sample k is the same crane in every trial of a scenario and set, whatever controller or plant. The rules have
-a digest: results by other rules are not compared.
+It has one scenario, one set of cranes and one plant. Sample k is the same crane in all trials of a scenario
+and set, for every controller and plant. The rules have a digest, and results of different rules are never
+compared.
 """
 
 import hashlib
@@ -26,12 +27,12 @@ from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.provenance import FINGERPRINT_DIGITS, syntax_of
 
-Division = Literal["published", "tuned"]  # its defaults, or what tuning has found
-DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # as they are shown
+Division = Literal["published", "tuned"]  # controllers with default numbers, or with tuned ones
+DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # in the order of reports
 
 
 class Trial(NamedTuple):
-    """A campaign of one controller."""
+    """One controller on one plant, set of cranes and scenario."""
 
     division: Division
     plant: str
@@ -40,29 +41,29 @@ class Trial(NamedTuple):
     law: str  # name of the controller
 
     @property
-    def place(self) -> Path:
-        """Of its result below that of the benchmark."""
+    def folder(self) -> Path:
+        """Folder of its result, relative to that of the benchmark."""
         return Path(*self)
 
 
 def follows(controller: str) -> str:
-    """Return what a controller follows, "path" or "set-point"; raise InputError for an unknown one."""
+    """Return what a controller follows, "path" or "set-point"; raise InputError if it is unknown."""
     return load_controller(checked_controller(controller)).follows
 
 
 def sets_of(benchmark: Benchmark) -> dict[str, CraneSet]:
-    """Return the sets that are judged, then those that find the radius and what one uncertainty does."""
+    """Return all sets of cranes: those of the ranking, of the robustness radius, and of one uncertainty."""
     return {**benchmark.sets, **radius_sets(benchmark), **single_sets(benchmark)}
 
 
 def radius_sets(benchmark: Benchmark) -> dict[str, CraneSet]:
-    """Return those that find the radius, the least spread first."""
+    """Return the sets that find the robustness radius, the smallest spread first."""
     common: dict[str, Any] = {"draws": benchmark.radius.draws, "scenarios": (benchmark.radius.scenario,)}
     return {f"{RADIUS}{s:g}": CraneSet(spread=s, **common) for s in benchmark.radius.spreads}
 
 
 def single_sets(benchmark: Benchmark) -> dict[str, CraneSet]:
-    """Return those on which one uncertainty is alone."""
+    """Return the sets on which only one uncertainty acts."""
     if (singles := benchmark.singles) is None:
         return {}
     common: dict[str, Any] = {
@@ -81,15 +82,15 @@ def trials_of(
     *,
     division: Division = "published",
 ) -> list[Trial]:
-    """Return all trials of these controllers, restricted to `sets` and `scenarios` if any are named.
+    """Return all trials of the controllers `laws`, restricted to `sets` and `scenarios` if any are named.
 
-    By set, scenario and plant, so that what all controllers have in common comes together.
+    They are ordered by set, scenario and plant, so that trials with common data follow each other.
     """
     known = sets_of(benchmark)
-    for kind, names, there in (("set", sets, known), ("scenario", scenarios, benchmark.scenarios)):
+    for kind, names, allowed in (("set", sets, known), ("scenario", scenarios, benchmark.scenarios)):
         for name in names:
-            if name not in there:
-                raise unknown_name(f"{kind} of {benchmark.name}", name, there)
+            if name not in allowed:
+                raise unknown_name(f"{kind} of {benchmark.name}", name, allowed)
     plants = (benchmark.plant, benchmark.second_plant)
     return [
         Trial(division, plant, name, scenario, controller)
@@ -107,14 +108,12 @@ def campaign_of(
     trial: Trial,
     *,
     most: int | None = None,
-    tuned: Callable[[str, float], Sequence[str]] = lambda _law, _length: (),
+    tuned: Callable[[str, float], Sequence[str]] = lambda _controller, _length: (),
 ) -> Campaign:
-    """Return the campaign of `trial`, of `most` draws at most.
+    """Return the campaign of `trial` with at most `most` cranes.
 
-    `tuned` gives the settings of a controller that was tuned, on a crane so many times as large as the
-    laboratory's.
-
-    Raises InputError as `stated_campaign`; values are not yet checked.
+    `tuned(name, length)` returns the settings of a tuned controller, on a crane `length` times as large as
+    the laboratory rig. Raises InputError as `stated_campaign`; values are not yet checked.
     """
     cranes = sets_of(benchmark)[trial.crane_set]
     draws = cranes.draws if most is None else min(most, cranes.draws)
@@ -137,7 +136,10 @@ def campaign_of(
 
 
 def crane_length(benchmark: Benchmark, scenario: str) -> float:
-    """Return the size of the crane of `scenario` relative to the laboratory's; raise InputError."""
+    """Return the size of the crane of `scenario` relative to the laboratory rig.
+
+    Raises InputError if the scenario cannot be read.
+    """
     return size_of(read_scenario(scenario_source(benchmark, scenario)).rig)
 
 
@@ -152,7 +154,7 @@ def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: MeasuredScenari
     }
     if not alone:
         raise InputError(
-            f"{', '.join(cranes.only)}: nothing of it is uncertain",
+            f"{', '.join(cranes.only)}: no uncertain parameter has such a name",
             allowed=", ".join(distributions),
             remedy="name one of these, or a table of some",
         )
@@ -162,7 +164,7 @@ def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: MeasuredScenari
 def trial_campaign(
     benchmark: Benchmark,
     scenario: str,
-    law: str,
+    controller: str,
     *,
     plant: str,
     numbers: Sequence[str] = (),
@@ -170,14 +172,14 @@ def trial_campaign(
 ) -> Campaign:
     """Make a campaign of one controller on a scenario of the benchmark, with `numbers` as key=value.
 
-    As `stated_campaign`: what decides which values there are is the same for all controllers.
+    All controllers get the same cranes. Raises InputError as `stated_campaign`.
     """
     measured = benchmark.scenarios[scenario]
     file = scenario_source(benchmark, scenario)
     table = {
         "name": scenario,
         "scenario": file,
-        "controllers": [law],
+        "controllers": [controller],
         "plants": [plant],
         "drive": benchmark.drive,
         "sampling": "monte-carlo",
@@ -190,26 +192,28 @@ def trial_campaign(
 
 
 def scenario_source(benchmark: Benchmark, scenario: str) -> str:
-    """Return the name of a scenario of the benchmark, or the path of its file; raises InputError."""
+    """Return the name of a scenario of the benchmark, or the path of its file.
+
+    Raises InputError if the file does not exist.
+    """
     file = benchmark.scenarios[scenario].file
     if not resources.is_path(file):
         return file
     path = benchmark.file.parent / file
     if not path.is_file():
         raise InputError(
-            f"{path}, a scenario of the benchmark, is no file",
-            allowed="a scenario by its name, or the path of its file from the benchmark's",
+            f"{path}, a scenario of the benchmark, is not a file",
+            allowed="the name of a scenario, or the path of its file from the benchmark's",
             remedy="correct the path",
         )
     return str(path)
 
 
 def rules_of(benchmark: Benchmark) -> str:
-    """Digest of all that decides a comparison but the controllers and the seed.
+    """Return a digest of all that decides a comparison, except controllers and seed.
 
-    These are the benchmark's file, its scenarios, their rigs, and the code of the metrics, without comments
-    and docstrings.
-    Raises InputError for a scenario that cannot be read.
+    The rules are the benchmark's file, its scenarios with their rigs, and the code of the metrics without
+    comments and docstrings. Raises InputError for a scenario that cannot be read.
     """
     scenarios = {}
     for name in benchmark.scenarios:
@@ -224,7 +228,7 @@ def rules_of(benchmark: Benchmark) -> str:
 
 
 def _flat(*tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Distributions by the dotted names of their parameters; later tables come before earlier ones."""
+    """Return distributions by the dotted names of their parameters; later tables replace earlier ones."""
 
     def is_leaf(value: Any) -> bool:
         return not isinstance(value, Mapping) or "distribution" in value

@@ -1,4 +1,4 @@
-"""What tuning found, as files: the numbers of a controller in TOML, every point of the search in Parquet."""
+"""Write and read the files of tuning: a controller's numbers in TOML, all points of its search in Parquet."""
 
 import shlex
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from cranectl.support.documents import leaves, read_toml, toml_text
 from cranectl.support.errors import InputError
 from cranectl.support.files import PARQUET, Kind, check_place, replacing, write_text, writing
 
-DEFAULT = "literature"  # the benchmark where none is named
+DEFAULT = "literature"  # the default benchmark
 TOML = Kind("result of tuning", rb"law = ")
 
 
@@ -28,10 +28,10 @@ def tuned_files(directory: Path, controller: str) -> tuple[Path, Path]:
 
 def tuned_table(tuned: Tuned, benchmark: Benchmark, rules: str) -> dict[str, Any]:
     """Return the content of the file of tuned numbers; the numbers are those on the laboratory rig."""
-    points = tuned.found
+    points = tuned.best_points
     return {
-        "law": tuned.law,
-        "code": code_of(tuned.law),
+        "law": tuned.controller,
+        "code": code_of(tuned.controller),
         "benchmark": benchmark.name,
         "rules": rules,
         "seed": benchmark.tuning.seed,
@@ -44,15 +44,16 @@ def tuned_table(tuned: Tuned, benchmark: Benchmark, rules: str) -> dict[str, Any
 
 
 def code_of(controller: str) -> str | None:
-    """Return the digest of the code of a controller in a file, None for one of the package."""
+    """Return the digest of the code of a controller from a file, or None for one of the package."""
     return OPEN.registered[controller].code or None if controller in OPEN.registered else None
 
 
 def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]) -> None:
-    """Write `table`, of `tuned_table`, and all points into `files`, of `tuned_files`; raises InputError.
+    """Write the two files of tuning; `table` is from `tuned_table`, and `files` from `tuned_files`.
 
-    Each is whole or not there. Of the points a row is a candidate: its number, 0 for the untuned controller,
-    its numbers by setting, cost, share failed.
+    Each file is written whole or not at all. A row of the points is a candidate: its index, 0 for the untuned
+    controller, then its value of each setting, its cost and its share of failures. Raises InputError if
+    writing fails.
     """
     import pyarrow
     from pyarrow import parquet
@@ -75,15 +76,15 @@ def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]
 def tuned_settings(
     directory: Path, rules: str, controller: str, length: float, benchmark: str = DEFAULT
 ) -> list[str]:
-    """Return settings `key=value` of a tuned controller, on a crane `length` times the laboratory's.
+    """Return settings `key=value` of a tuned controller.
 
-    Raises InputError as `tuned_facts`.
+    The crane is `length` times as large as the laboratory rig. Raises InputError as `tuned_facts` does.
     """
     numbers = tuned_facts(directory, rules, controller, benchmark)["numbers"]
     return assignments(variables_of(controller), [value for _, value in numbers.values()], length)
 
 
-def _is_of(table: Mapping[str, Any], controller: str) -> bool:
+def _is_current(table: Mapping[str, Any], controller: str) -> bool:
     """Return True if the numbers in `table` were found for the present code of `controller`."""
     if "sha256" not in table:
         return bool(table.get("code") == code_of(controller))
@@ -92,30 +93,31 @@ def _is_of(table: Mapping[str, Any], controller: str) -> bool:
 
 
 def tuned_facts(directory: Path, rules: str, controller: str, benchmark: str = DEFAULT) -> dict[str, Any]:
-    """Return what tuning found: `cost` and share `failed` untuned, with half and with all of the budget.
+    """Return `cost`, `failed` share and `numbers` of a tuned controller from its file in `directory`.
 
-    `numbers` has those of the controller by their settings, untuned and found. Raises InputError where there
-    are none in `directory`, or controller or rules were others when it was tuned. `benchmark`: how it was
-    named.
+    `cost` and `failed` have three values: untuned, with half the budget, and with the whole budget.
+    `numbers` has an untuned and a tuned value by setting. `benchmark` is the name or path that the user gave.
+    Raises InputError if the file does not exist, or if controller or rules have changed since the tuning.
     """
     path = directory / f"{controller}.toml"
-    named = [] if benchmark == DEFAULT else ["--benchmark", benchmark]
-    again = shlex.join(["cranectl", "tune", controller_argument(controller), *named, "--out", str(directory)])
+    option = [] if benchmark == DEFAULT else ["--benchmark", benchmark]
+    command = ["cranectl", "tune", controller_argument(controller), *option, "--out", str(directory)]
+    again = shlex.join(command)
     if not path.is_file():
-        raise InputError(f"{controller} is not tuned: {path} is no file", remedy=f"tune it: {again}")
+        raise InputError(f"{controller} is not tuned: {path} is not a file", remedy=f"tune it: {again}")
     table = read_toml(path)
     variables, values = variables_of(controller), dict(leaves(table.get("parameters", {})))
     same_numbers = values.keys() == {variable.key for variable in variables}
-    if not _is_of(table, controller) or not same_numbers:
+    if not _is_current(table, controller) or not same_numbers:
         raise InputError(
             f"{path} holds the numbers of another version of {controller}",
-            allowed="numbers that were found for the controller as it is",
+            allowed="numbers that were found for the present controller",
             remedy=f"tune it again: {again}",
         )
     if table.get("rules") != rules:
         raise InputError(
             f"{path} holds numbers that were found by the rules {table.get('rules')}, not {rules}",
-            allowed="numbers that were found by the rules by which they are judged",
+            allowed="numbers that were found by the present rules of the benchmark",
             remedy=f"tune it again: {again}",
         )
     try:

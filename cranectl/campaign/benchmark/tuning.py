@@ -1,7 +1,8 @@
-"""Find the numbers of a controller that cost least on average over cranes that are never judged.
+"""Tune a controller: find the numbers with the least mean cost over cranes that the ranking does not use.
 
 The search is CMA-ES (Hansen, The CMA Evolution Strategy: A Tutorial, 2016) over the logarithms of the
-numbers, each between its bounds. All candidates drive the same cranes. Every point is kept, the start first.
+numbers within their bounds. All candidates drive the same cranes. The result has every candidate, the untuned
+one first.
 """
 
 import itertools
@@ -22,7 +23,7 @@ from cranectl.campaign.load import check_values
 from cranectl.campaign.summary import failed
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import Prepared, StoppedError
-from cranectl.campaign.workers import Children, made_worker
+from cranectl.campaign.workers import Children, make_worker
 from cranectl.controllers.registry import runs_alone
 from cranectl.metrics.table import DRIVES
 from cranectl.scenario import Scenario
@@ -32,20 +33,23 @@ from cranectl.status import RunStatus
 from cranectl.support.consistency import check_ascending
 from cranectl.support.errors import InputError, MachineError
 
-WORST, STOPPED, REFUSED = 5.0, 10.0, 20.0  # costs of what completes, at most, and of what fails: `run_cost`
-FIRST_DEVIATION = 0.2  # standard deviation of the first candidates, as a share of the way between the bounds
+# Costs of a run, see `run_cost`: the limit of one that completes, and of one that stops or is refused.
+WORST, STOPPED, REFUSED = 5.0, 10.0, 20.0
+FIRST_DEVIATION = 0.2  # standard deviation of the first candidates; the bounds are 0 and 1
 
-Advance = Callable[[int], None]  # told how many runs are done
+Advance = Callable[[int], None]  # called with the number of runs that have ended since the last call
 
 
 def run_cost(row: Row, scenario: Scenario, broken: bool, variation_price: float) -> float:
-    """Return the cost of one run of `scenario`; `broken` says whether it broke one of its limits.
+    """Return the cost of one run of `scenario`; `broken` tells whether it broke one of its limits.
 
-    Of one that completes: 5 c / (5 + c), never more than 5, with
+    A run that completes costs 5 c / (5 + c), which is less than 5. With a sum Σ over all drives,
     c = (rms_error_m + final_error_m) / (5 settling_tolerance) + residual_sway_about_lean_rad / 0.1
-    + saturated_s / duration + variation_price Σ command_variation_m_s2 / (g duration), Σ over all drives.
-    One that breaks a limit costs 5 more; one that stops early 10 and the share of the time that is missing:
-    to fail is always dearer, less so the closer a run comes. Of a design that is refused each run costs 20.
+    + saturated_s / duration + variation_price Σ command_variation_m_s2 / (g duration).
+
+    A run that breaks a limit costs 5 more. A run that stops early costs 10 plus the share of the duration
+    that is missing. So a failed run always costs more, and less the later it fails. If the controller refuses
+    its numbers, each run costs 20.
     """
     if row["status"] != RunStatus.COMPLETED.label:
         return STOPPED + 1.0 - _number(row["end_s"]) / scenario.duration
@@ -68,7 +72,7 @@ def _number(value: Any) -> float:
 def tuning_campaign(
     benchmark: Benchmark, scenario: str, controller: str, settings: Sequence[str] = ()
 ) -> Campaign:
-    """Return the cranes of `scenario` on which `controller` is tuned, with `settings`."""
+    """Return the campaign in which `controller` with `settings` runs on the tuning cranes of `scenario`."""
     tuning = benchmark.tuning
     return trial_campaign(
         benchmark,
@@ -83,39 +87,38 @@ def tuning_campaign(
 
 
 class Point(NamedTuple):
-    """A candidate that was run."""
+    """A candidate and its result."""
 
     values: tuple[float, ...]  # of the variables, on the laboratory rig
     cost: float  # mean over all runs
-    failed: float  # share of them
+    failed: float  # share of runs that failed
 
 
 @dataclass(frozen=True)
 class Tuned:
-    """All that a search found."""
+    """Result of a search."""
 
-    law: str
+    controller: str
     variables: tuple[Variable, ...]
-    evaluations: int  # that the budget has
-    runs_each: int
-    points: tuple[Point, ...]  # in the order of the search, the untuned law first
+    evaluations: int  # number of candidates that the budget allows
+    runs_each: int  # number of runs of one candidate
+    points: tuple[Point, ...]  # in the order of the search, the untuned controller first
 
     @property
-    def found(self) -> dict[str, Point]:
-        """Untuned, and the best with half the budget and with all of it."""
+    def best_points(self) -> dict[str, Point]:
+        """The untuned point, the best with half the budget, and the best with the whole budget."""
         half = self.points[: max(1, self.evaluations // 2)]
         return consistent_points(self.points[0], _best(half), _best(self.points))
 
     @property
     def parameters(self) -> dict[str, float]:
         """The best numbers by their setting, on the laboratory rig."""
-        return dict(
-            zip((variable.key for variable in self.variables), self.found["full"].values, strict=True)
-        )
+        keys = (variable.key for variable in self.variables)
+        return dict(zip(keys, self.best_points["full"].values, strict=True))
 
 
 def consistent_points(untuned: Point, half: Point, full: Point) -> dict[str, Point]:
-    """Return the points by name; raises InconsistentError where a larger budget found a larger cost."""
+    """Return the points by name; raise InconsistentError if a larger budget gave a larger cost."""
     check_ascending(
         ("the cost with the whole budget", full.cost),
         ("that with half the budget", half.cost),
@@ -125,35 +128,35 @@ def consistent_points(untuned: Point, half: Point, full: Point) -> dict[str, Poi
 
 
 def _best(points: Sequence[Point]) -> Point:
-    return min(points, key=lambda point: point.cost)  # of equal ones the first
+    return min(points, key=lambda point: point.cost)  # the first one of equal costs
 
 
 @dataclass(frozen=True)
 class _Cranes:
-    """The tuning set of a controller."""
+    """The cranes on which a controller is tuned."""
 
     benchmark: Benchmark
-    law: str
+    controller: str
     variables: tuple[Variable, ...]
-    campaigns: Mapping[str, Campaign]  # by scenario, of the untuned law
-    patience: float  # for a block of a run of a law from outside [s]
+    campaigns: Mapping[str, Campaign]  # by scenario, of the untuned controller
+    patience: float  # [s] for a block of samples of a controller from a file
 
     @property
     def runs(self) -> int:
-        """Of one candidate."""
+        """Number of runs of one candidate."""
         return sum(campaign.runs for campaign in self.campaigns.values())
 
     def rows(
         self, scenario: str, values: Sequence[float], children: Children, stop: Callable[[], bool]
     ) -> list[Row]:
-        """Return all runs of `scenario` with the numbers `values`; raise InputError if they are refused."""
+        """Run `scenario` with the numbers `values` on all cranes; raise InputError if they are refused."""
         settings = assignments(self.variables, values, size_of(self.campaigns[scenario].nominal.rig))
-        campaign = tuning_campaign(self.benchmark, scenario, self.law, settings)
-        with closing(made_worker(Prepared(campaign), children, self.patience)) as worker:
-            return worker.run_batch(Batch(self.benchmark.plant, self.law, 0, campaign.runs), stop)
+        campaign = tuning_campaign(self.benchmark, scenario, self.controller, settings)
+        with closing(make_worker(Prepared(campaign), children, self.patience)) as worker:
+            return worker.run_batch(Batch(self.benchmark.plant, self.controller, 0, campaign.runs), stop)
 
     def costs(self, scenario: str, rows: Sequence[Row]) -> tuple[list[float], int]:
-        """Return the costs of all runs of `scenario`, and how many fail."""
+        """Return the costs of all runs of `scenario`, and the number of failed ones."""
         campaign, variation_weight = self.campaigns[scenario], self.benchmark.tuning.variation_price
         bad = failed(lambda name: [row[name] for row in rows], campaign.settings.limits.given)
         judged = zip(rows, map(bool, bad), strict=True)
@@ -163,33 +166,34 @@ class _Cranes:
 
 def tune(
     benchmark: Benchmark,
-    law: str,
+    controller: str,
     *,
     runs: int | None = None,
     workers: int = 1,
     patience: float = BLOCK_TIMEOUT,
     advance: Advance = lambda _: None,
 ) -> Tuned:
-    """Tune `law` by the rules of `benchmark`.
+    """Tune `controller` by the rules of `benchmark`.
 
-    `runs`: budget, by default the benchmark's. The result is the same for any number of `workers`, threads.
-    Laws from outside run in a process of each, with `patience` [s] for a block.
-    Raises InputError for a controller that cannot be run as it is, and for too small a budget.
+    The budget is `runs`, by default that of the benchmark. The result does not depend on the number of
+    threads, `workers`. Each thread runs a controller from a file in a child process, which may take
+    `patience` [s] for a block. Raises InputError if the untuned controller cannot run, or if the budget is
+    too small.
     """
-    variables = variables_of(law)
-    followed = follows(law)
+    variables = variables_of(controller)
+    followed = follows(controller)
     suited = [name for name in benchmark.tuning.scenarios if followed in benchmark.scenarios[name].suits]
     if not suited:
         raise InputError(
-            f"'{law}' follows a {followed}, and {benchmark.name} tunes on no scenario that suits it",
-            allowed="one scenario at least that suits the controller",
+            f"'{controller}' follows a {followed}, and {benchmark.name} tunes on no scenario that suits it",
+            allowed="at least one scenario that suits the controller",
             remedy="add one to [tuning] of the benchmark",
         )
     cranes = _Cranes(
         benchmark,
-        law,
+        controller,
         variables,
-        {name: tuning_campaign(benchmark, name, law) for name in suited},
+        {name: tuning_campaign(benchmark, name, controller) for name in suited},
         patience,
     )
     for campaign in cranes.campaigns.values():
@@ -198,30 +202,30 @@ def tune(
     evaluations = budget // cranes.runs if variables else 1
     if variables and evaluations < 2:
         raise InputError(
-            f"a budget of {budget} runs, and the cranes of one candidate are {cranes.runs}",
+            f"a budget of {budget} runs is too small: one candidate takes {cranes.runs}",
             allowed=f"{2 * cranes.runs} runs or more",
             remedy="raise --runs, or the benchmark's tuning.runs",
         )
     start = tuple(variable.start for variable in variables)
     search = _strategy(variables, benchmark.tuning.seed) if variables else None
-    with _evaluating(cranes, 1 if runs_alone([law]) else workers, advance) as evaluate:
+    with _evaluator(cranes, 1 if runs_alone([controller]) else workers, advance) as evaluate:
         points = evaluate([start], may_refuse=False)
-        while search is not None and len(points) < evaluations:  # only the budget ends it
-            places = search.ask()
+        while search is not None and len(points) < evaluations:  # no other criterion ends the search
+            positions = search.ask()
             candidates = [
-                tuple(v.at(p) for v, p in zip(variables, position, strict=False)) for position in places
+                tuple(v.at(p) for v, p in zip(variables, position, strict=False)) for position in positions
             ]
-            points_found = evaluate(candidates[: evaluations - len(points)], may_refuse=True)
-            points += points_found
-            if len(points_found) == len(places):
-                search.tell(places, [point.cost for point in points_found])
-    return Tuned(law, variables, evaluations, cranes.runs, tuple(points))
+            new_points = evaluate(candidates[: evaluations - len(points)], may_refuse=True)
+            points += new_points
+            if len(new_points) == len(positions):
+                search.tell(positions, [point.cost for point in new_points])
+    return Tuned(controller, variables, evaluations, cranes.runs, tuple(points))
 
 
 def _strategy(variables: Sequence[Variable], seed: int) -> Any:
-    """Return CMA-ES from the untuned numbers in the unit cube; raise InputError without pycma.
+    """Return a CMA-ES search that starts at the untuned numbers; raise InputError without pycma.
 
-    With a coordinate more that means nothing where there is one only, which it does not take.
+    CMA-ES needs two coordinates, so a single variable gets a second one that has no effect.
     """
     try:
         import cma
@@ -231,12 +235,12 @@ def _strategy(variables: Sequence[Variable], seed: int) -> Any:
             allowed="an installation with the extra 'tune'",
             remedy="pip install 'cranectl[tune]'",
         ) from None
-    start = [variable.place for variable in variables]
+    start = [variable.start_position for variable in variables]
     random = np.random.default_rng(seed)
     options = {
         "bounds": [0.0, 1.0],
         "randn": lambda *shape: random.standard_normal(shape),
-        "seed": np.nan,  # leaves NumPy's own generator, which others share, alone
+        "seed": np.nan,  # do not reseed NumPy's global generator
         "verbose": -9,
         "verb_log": 0,
     }
@@ -244,8 +248,8 @@ def _strategy(variables: Sequence[Variable], seed: int) -> Any:
 
 
 @contextmanager
-def _evaluating(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Callable[..., list[Point]]]:
-    """Yield a function that runs candidates in threads, which end when the block is left."""
+def _evaluator(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Callable[..., list[Point]]]:
+    """Yield a function that runs candidates in threads, which end with the `with` block."""
     left = threading.Event()
 
     def costs(scenario: str, values: Sequence[float], may_refuse: bool) -> tuple[list[float], int]:
@@ -253,9 +257,9 @@ def _evaluating(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Cal
             raise StoppedError
         try:
             rows = cranes.rows(scenario, values, children, left.is_set)
-        except MachineError:  # which says nothing about the numbers
+        except MachineError:  # it says nothing about the numbers
             raise
-        except (InputError, ValueError, ArithmeticError):  # it refuses them, or cannot compute its design
+        except (InputError, ValueError, ArithmeticError):  # the controller refuses them, or its design fails
             if not may_refuse:
                 raise
             runs = cranes.campaigns[scenario].runs

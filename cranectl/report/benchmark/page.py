@@ -217,7 +217,7 @@ def _first_failure(judged: Judged, controller: str, crane_set: str, result: Path
             sample = int(np.flatnonzero(runs.failed)[0])
             status = runs.status[sample]
             ended = "beyond a limit" if status == RunStatus.COMPLETED.label else status
-            folder = result / trial.place if result else trial.place
+            folder = result / trial.folder if result else trial.folder
             command = ["cranectl", "campaign", "replay", str(folder), "--run", str(sample)]
             if judged.table.about["laws"][controller]["file"]:
                 named = controller_from(read_manifest(folder), folder, controller) if result else controller

@@ -48,7 +48,7 @@ def distributions(groups: Sequence[Group], limits: dict[str, float]) -> Figure:
         axes.set_visible(False)
     for axes, metric in zip(panels.flat, MAIN_METRICS, strict=False):
         for k, group in enumerate(groups):
-            values = group.metrics[metric][group.there]
+            values = group.metrics[metric][group.has_run]
             x, share = empirical_distribution(values)
             if low_is_bad(metric):
                 share = share + np.isnan(values).sum() / max(1, values.size)
@@ -195,7 +195,7 @@ def failure_rates(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: S
         low, high = failure_interval(failures, rows.size) if random else (np.nan, np.nan)
         return np.array([low, failures / rows.size, high])
 
-    groups = [(part.group, part.group.there) for part in parts]
+    groups = [(part.group, part.group.has_run) for part in parts]
     figure = _over_parameters(analysis, groups, columns, RATES, "failure rate", band=band)
     figure.axes[0].set_ylim(-0.02, 1.02)  # of all, which share it
     return figure

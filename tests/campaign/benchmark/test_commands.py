@@ -158,7 +158,7 @@ def test_what_a_table_of_other_rules_is_refused_for(small: Path, capsys: pytest.
         ("small.toml", "seed = 3", "seed = 4", "seed is 3, not 4"),
         ("small.toml", "high = 2.0", "high = 3.0", "rig.load_mass"),
         ("short.toml", "to = [0.6", "to = [0.7", "reference"),
-        ("servo.py", 'damper on each drive",', 'damper, on each drive",', "servo was another"),
+        ("servo.py", 'damper on each drive",', 'damper, on each drive",', "servo has changed"),
     ],
 )
 def test_a_page_tells_of_this_benchmark_only(
@@ -205,7 +205,7 @@ def test_code_runs_only_where_somebody_asked_for_it(small: Path, capsys: pytest.
     assert main(["benchmark", "run", str(small), "--out", str(small.with_name("out"))]) == 2
     assert "no file runs code by itself" in capsys.readouterr().err
     assert main(["benchmark", "report", str(small.parent), "--benchmark", str(small), "--trust"]) == 2
-    assert "holds no whole result" in capsys.readouterr().err
+    assert "holds no finished result" in capsys.readouterr().err
 
 
 def test_what_cannot_be_measured_is_told(small: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -90,7 +90,7 @@ def test_one_uncertainty_alone(small: Path) -> None:
     wrong = benchmark.model_copy(
         update={"singles": benchmark.singles.model_copy(update={"effects": {"wind": ("effects.wind",)}})}
     )
-    with pytest.raises(InputError, match=r"effects\.wind: nothing of it is uncertain"):
+    with pytest.raises(InputError, match=r"effects\.wind: no uncertain parameter has such a name"):
         campaign_of(wrong, Trial("published", "mujoco", "only-wind", "short", "lqr-integral"))
 
 
@@ -122,7 +122,7 @@ def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
         ('second_plant = "analytic"', 'second_plant = "mujoco"', "plant and second_plant must differ"),
         ("seed = 5", "seed = 3", "tuning.seed must not be seed"),
         ("[sets.wide]", '[sets."../wide"]', "small letters, digits and hyphens"),
-        ("[sets.wide]", "[sets.spread-2]", "names that begin otherwise"),
+        ("[sets.wide]", "[sets.spread-2]", "names that do not begin with spread- or only-"),
     ],
 )
 def test_rules_that_would_not_judge_are_refused(small: Path, old: str, new: str, told: str) -> None:

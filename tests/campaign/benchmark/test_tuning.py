@@ -74,7 +74,7 @@ def test_a_tuned_law_is_better_and_every_point_is_kept(tiny: Benchmark) -> None:
     assert len(alone.points) == sum(done) / 2 == 20
     assert alone.points[0].values == (1.0, -2.0)
     assert len({point.values for point in alone.points}) == 20
-    untuned, half, full = alone.found.values()
+    untuned, half, full = alone.best_points.values()
     assert untuned == alone.points[0]
     assert half.cost == min(point.cost for point in alone.points[:10])
     assert full.cost == min(point.cost for point in alone.points) < half.cost < 0.9 * untuned.cost
@@ -195,7 +195,7 @@ def test_numbers_that_the_machine_cannot_run_are_not_taken_for_refused(
     def planned(*_: object) -> None:
         raise MemoryError
 
-    law = tune(tiny, "pid", runs=10).law
+    controller = tune(tiny, "pid", runs=10).controller
     monkeypatch.setattr("cranectl.campaign.worker.plan_run", planned)
     with pytest.raises(MachineError, match="MemoryError"):
-        tune(tiny, law, runs=10)
+        tune(tiny, controller, runs=10)

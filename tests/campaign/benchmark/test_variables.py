@@ -20,10 +20,10 @@ NEGATIVE = Variable("controller.a.k", -4.0, 1.0, 100.0, -0.5)
 
 def test_places_are_logarithmic_and_keep_the_sign() -> None:
     assert [NEGATIVE.at(place) for place in (0.0, 0.5, 1.0)] == [-1.0, -10.0, -100.0]
-    assert NEGATIVE.at(NEGATIVE.place) == -4.0
+    assert NEGATIVE.at(NEGATIVE.start_position) == -4.0
     assert NEGATIVE.at(1.0 / 3.0) == -4.642  # four digits: what is printed is what was run
-    assert NEGATIVE._replace(start=0.0).place == 0.0
-    assert NEGATIVE._replace(start=1e3).place == 1.0
+    assert NEGATIVE._replace(start=0.0).start_position == 0.0
+    assert NEGATIVE._replace(start=1e3).start_position == 1.0
 
 
 def test_a_law_is_tuned_where_it_says() -> None:
