@@ -123,7 +123,7 @@ def between(a: str, b: str, value: float = 0.7) -> dict[str, Any]:
         ({"runs": None}, ["'runs' is missing, which latin-hypercube sampling needs"]),
         ({"runs": 10.5}, ["runs = 10.5", "integer"]),
         ({"sampling": "random"}, ["sampling = 'random'", "'monte-carlo', 'latin-hypercube'"]),
-        ({"sampling": "grid", "runs": None}, ["uncertain.rig.load_mass has no levels", "number of values"]),
+        ({"sampling": "grid", "runs": None}, ["uncertain.rig.load_mass has no levels", "number of levels"]),
         ({"sampling": "one-at-a-time"}, ["runs = 64, but one-at-a-time", "runs = 14"]),
         ({"sampling": "saltelli", "runs": 65},
          ["runs = 65 does not suit saltelli sampling of 6", "8 times a power of two"]),
