@@ -131,10 +131,10 @@ def overlay_logs(
     """
     from cranectl.cases.case import LOG_DIRECTORY
     from cranectl.compare.runs import against_first
-    from cranectl.log.overlay import gathered, write_overlay
+    from cranectl.log.overlay import gather_layers, write_overlay
     from cranectl.report.run.differences import distances_table
 
-    layers = gathered(logs, labels=labels, plants=plants)
+    layers = gather_layers(logs, labels=labels, plants=plants)
     runs = {label: layer.run for label, layer in layers.items()}
     if len(runs) < 2:
         raise InputError(

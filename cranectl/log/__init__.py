@@ -1,1 +1,1 @@
-"""Logs: one MCAP file for a run or those of several plants, written, read and described."""
+"""Write, read and describe logs: one MCAP file for a run, or for the runs of several plants."""

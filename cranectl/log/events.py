@@ -1,4 +1,4 @@
-"""What a viewer of a log wants to read in words: when a run started, was disturbed, left the rig, ended."""
+"""Describe a run in words and states for viewers: its start, disturbances, violations and end."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -22,7 +22,7 @@ DIGEST_DIGITS = 12  # of the digest of a file
 
 @dataclass(frozen=True)
 class Event:
-    """Something worth a line in the log."""
+    """One line of the log's text topic."""
 
     time_ns: int
     source: str
@@ -30,16 +30,17 @@ class Event:
     warning: bool = False
 
 
-# What the reference does, as its segments are called, planned and fitted ones as what was asked for; ADDED
-# is of another package, and new ones come last, since logs hold their numbers. Which cardan angles are
-# disturbed, the sum of 1 for alpha and 2 for beta; which drives' limits act, the sum of 1 for the bridge, 2
-# for the trolley and 4 for the rope. Protobuf wants names that no other enumeration of a message has.
+# Kind of the reference's present segment; planned and fitted ones have the requested kind, and ADDED comes
+# from another package. Logs hold the numbers, so new kinds come last.
 Phase = IntEnum("Phase", "HOLD LINE ARC ADDED MOVE WAYPOINTS SAMPLES SPLINE DRIVEN PATH", start=0)
+# Which disturbances act: the sum of 1 for alpha, 2 for beta and 4 for a force on the load.
 Disturbed = IntEnum(
     "Disturbed",
     "NONE ALPHA BETA ALPHA_AND_BETA FORCE ALPHA_AND_FORCE BETA_AND_FORCE ALPHA_BETA_AND_FORCE",
     start=0,
 )
+# Which drives' limits act: the sum of 1 for the bridge, 2 for the trolley and 4 for the rope. In protobuf no
+# two enumerations of a message may share a name, hence UNSATURATED beside NONE.
 Saturated = IntEnum(
     "Saturated",
     "UNSATURATED BRIDGE TROLLEY BRIDGE_AND_TROLLEY ROPE BRIDGE_AND_ROPE TROLLEY_AND_ROPE ALL",
@@ -60,10 +61,10 @@ class StatusChange:
 
 
 class Conditions(NamedTuple):
-    """What lines of a log have been written of by a time."""
+    """Conditions at the end of a part of a run, whose beginning the log's text already reports."""
 
-    outside: tuple[bool, ...] = (False,) * 3  # of their range: bridge, trolley, rope
-    limited: int = 0  # drives that have reached their limits, as `Saturated`
+    outside: tuple[bool, ...] = (False,) * 3  # whether bridge, trolley and rope are outside their ranges
+    limited: int = 0  # drives that have reached their limits at any time, as `Saturated`
     slack: bool = False
 
 
@@ -76,7 +77,7 @@ def saturation(run: Run) -> NDArray[np.int64]:
 
 
 def status_changes(run: Run) -> list[StatusChange]:
-    """Return the status at the start, at every change, and at the end."""
+    """Return the status of a run at its start, at every change, and at its end."""
     inside: NDArray[np.bool_] = workspace_excess(run).max(axis=1) <= 0.0
     limited = saturation(run)
     crossings = run.time_ns[1:][np.diff(inside) | (np.diff(limited) != 0)] if len(inside) else run.time_ns
@@ -95,7 +96,7 @@ def status_changes(run: Run) -> list[StatusChange]:
 
 
 def phases(scenario: Scenario) -> list[tuple[int, Phase]]:
-    """Start [ns] and kind of each segment of the reference; the last point is held."""
+    """Return start [ns] and kind of each segment of the reference, and of the hold after the last one."""
     starts, start = [], 0.0
     for segment in scenario.reference.segments:
         starts.append((nanoseconds(start), _phase(segment)))
@@ -145,9 +146,9 @@ def scenario_events(scenario: Scenario, plant: str) -> list[Event]:
     """Return the planned events: segments of the reference, then disturbances."""
     planned = []
     if scenario.reference.segments:
-        made = origins(scenario)
+        origin_by_name = origins(scenario)
         for k, (time_ns, phase) in enumerate(phases(scenario)):
-            origin = made.get(f"segment {k}", phase.name.lower())
+            origin = origin_by_name.get(f"segment {k}", phase.name.lower())
             planned.append(Event(time_ns, plant, f"reference: {origin}"))
     for step in scenario.disturbances:
         for time, verb in ((step.start, "begins"), (step.end, "ends")):
@@ -157,10 +158,11 @@ def scenario_events(scenario: Scenario, plant: str) -> list[Event]:
 
 
 def condition_events(run: Run, before: Conditions) -> tuple[list[Event], Conditions]:
-    """Return when axes leave the workspace, drives reach limits, the rope goes slack, and recover.
+    """Return events of axes that leave the workspace, drives at their limits, and a slack rope.
 
-    Only the first time of a drive at its limits: later ones are in the status, and can be as many as samples.
-    Also returns the conditions at the end of the run, with which the events of its continuation go on.
+    Axes and rope have another event when they recover. Each drive has one event only, at its first limit,
+    since there could be as many as samples; the status has all of them. `before` are the conditions at the
+    start. The result has the conditions at the end too, for the events of the next part of the run.
     """
     if not len(run.time_ns):
         return [], before
@@ -181,7 +183,7 @@ def condition_events(run: Run, before: Conditions) -> tuple[list[Event], Conditi
 
 
 def _changes(run: Run, holds: NDArray[np.bool_], before: bool, begins: str, ends: str) -> list[Event]:
-    """Return an event, with a warning, where a condition begins, and one where it ends."""
+    """Return a warning at each sample where a condition begins, and an event where it ends."""
     return [
         Event(int(run.time_ns[k]), run.plant, begins if holds[k] else ends, warning=bool(holds[k]))
         for k in np.flatnonzero(np.diff(holds.astype(np.int8), prepend=np.int8(before)))
@@ -189,9 +191,12 @@ def _changes(run: Run, holds: NDArray[np.bool_], before: bool, begins: str, ends
 
 
 def origins(scenario: Scenario) -> dict[str, str]:
-    """Return by name, `segment 0`, what a segment from a file is made of, and what its plan claims."""
-    made = {f"segment {k}": _origin(segment) for k, segment in enumerate(scenario.reference.segments)}
-    return {name: origin for name, origin in made.items() if origin}
+    """Return the file of each segment, and the claim of its plan, by names such as `segment 0`.
+
+    Segments without either are left out.
+    """
+    texts = {f"segment {k}": _origin(segment) for k, segment in enumerate(scenario.reference.segments)}
+    return {name: text for name, text in texts.items() if text}
 
 
 def _origin(segment: Segment) -> str:

@@ -1,8 +1,8 @@
-"""What a log says of its runs beside their signals: scenario, design, plants, outcomes; read and written.
+"""Write and read the header of a log: scenario, design, plants and outcomes of its runs.
 
-The rule of formats, docs/reference/logs.md: the number rises with each change that would make an older reader
-misread or refuse a log, and every number ever written stays readable. A change that only adds what old
-readers pass over does not raise it.
+Rule of the format number (docs/reference/logs.md): it rises with each change that would make an older reader
+misread or refuse a log. It does not rise if older readers just skip what is new. Every format ever written
+stays readable.
 """
 
 import json
@@ -31,11 +31,11 @@ from cranectl.support.documents import leaves, parse_json
 from cranectl.support.errors import InputError, LogError
 from cranectl.support.provenance import provenance
 
-FORMATS = ("2",)  # that can be read; the last is written
+FORMATS = ("2",)  # formats that can be read; the last one is written
 FILTERED = "keep metadata and attachments: mcap filter --include-metadata --include-attachments"
-OVERLAY = "overlay"  # the metadata of a log of runs by label, which has a header for each
+OVERLAY = "overlay"  # name of the metadata of an overlay: a log with a header for each label
 OVERLAY_FORMAT = "1"
-# By document that a log attaches, what to do about one that is too large.
+# The documents that a log attaches, and a remedy for each that is too large.
 _SMALLER = "move large data into files that they name"
 _REMEDIES = {
     "scenario.json": f"shorten the scenario, or {_SMALLER}",
@@ -46,18 +46,18 @@ _REMEDIES = {
 
 @dataclass(frozen=True, kw_only=True)
 class LogHeader(Sampling):
-    """The metadata and attachments of a log, understood."""
+    """The parsed metadata and attachments of a log."""
 
     design: ControllerDesign
     drive: Drive
-    models: Mapping[str, str]  # the plants' own descriptions, by plant
+    models: Mapping[str, str]  # the model file or description of each plant
     versions: Mapping[str, str]
-    outcomes: Mapping[str, Outcome]  # by plant, where known
-    label: str = ""  # of the run of an overlay, which is in its topics in place of the plant
+    outcomes: Mapping[str, Outcome]  # by plant, if known
+    label: str = ""  # label of a run in an overlay; its topics have it instead of the plant
 
     @property
     def plants(self) -> tuple[str, ...]:
-        """In the order of the log."""
+        """Names of the plants in the order of the log."""
         return tuple(self.models)
 
     def outcome(self, plant: str) -> Outcome:
@@ -68,16 +68,16 @@ class LogHeader(Sampling):
 
     @property
     def reference(self) -> str:
-        """The topic of what its runs were to follow."""
+        """Topic of the reference that the runs follow."""
         return topics.plant_topic(self.label, topics.TARGET) if self.label else topics.REFERENCE_LOAD
 
     def groups_of(self, plant: str) -> dict[str, SignalGroup]:
-        """Return the groups of signals that make up the run of a plant, by topic."""
+        """Return the recorded groups of signals of one plant, by topic."""
         recorded = groups_of(self.scenario, self.design, self.drive)
         return {topics.plant_topic(self.label or plant, group.name): group for group in recorded}
 
     def groups(self) -> dict[str, SignalGroup]:
-        """Return the groups of signals that make up the runs, by topic."""
+        """Return the recorded groups of signals of all plants and the reference, by topic."""
         groups = {topic: group for plant in self.plants for topic, group in self.groups_of(plant).items()}
         return {**groups, self.reference: REFERENCE}
 
@@ -87,8 +87,8 @@ def parse_header(
 ) -> LogHeader:
     """Parse the header of the log at `path`.
 
-    Raises LogError for a foreign log and one of another version, DamageError where it contradicts itself or
-    lacks what tells of runs.
+    Raises LogError for a log of another program or of another format, and DamageError if the header
+    contradicts itself or lacks a part.
     """
     if OVERLAY in metadata:
         raise LogError(
@@ -121,10 +121,10 @@ def parse_header(
 
 
 def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]) -> LogHeader:
-    """Return the header that metadata and attachments of format 2 make.
+    """Return the header in metadata and attachments of format 2.
 
-    Raises DamageError where it contradicts itself; InputError, KeyError, TypeError, ValueError, IndexError,
-    OverflowError or RecursionError where it is no such header.
+    Raises DamageError if it contradicts itself. Raises InputError, KeyError, TypeError, ValueError,
+    IndexError, OverflowError or RecursionError if it is not such a header.
     """
     declared = metadata["cranectl"]
     stated = parse_settings(Scenario, _json(attachments, "scenario.json"), "scenario.json")
@@ -137,7 +137,7 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
             PLANTS.remember(_described(plant, metadata.get(f"plant/{plant}", {})))
     design = _design(_json(attachments, "design.json"))
     if (declared["scenario"], declared["controller"]) != (scenario.name, design.name):
-        raise ValueError(f"it is said to be of {declared['scenario']} and {declared['controller']}")
+        raise ValueError(f"it names {declared['scenario']} and {declared['controller']}, but attaches others")
     check_design(design)
     header = LogHeader(
         scenario=scenario,
@@ -155,7 +155,7 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
 
 
 def _described(plant: str, declared: Mapping[str, str]) -> PlantEntry:
-    """Return the plant of a log that no package here brings; older logs tell only its name."""
+    """Return the entry of a plant that is not installed, from its log; older logs have only its name."""
     return PlantEntry(
         name=plant,
         label=declared.get("label", plant[:LONGEST_LABEL]),
@@ -178,7 +178,7 @@ def _count(text: str, *, least: int = 0) -> int:
     """Return a number of samples or nanoseconds; raise ValueError for an impossible one."""
     digits = len(str(MAX_NS))
     if not (text.isascii() and text.isdecimal() and len(text) <= digits and least <= int(text) <= MAX_NS):
-        raise ValueError(f"'{text[: 2 * digits]}' is no number from {least} to {MAX_NS}")
+        raise ValueError(f"'{text[: 2 * digits]}' is not a whole number from {least} to {MAX_NS}")
     return int(text)
 
 
@@ -187,22 +187,22 @@ def _json(attachments: Mapping[str, bytes], name: str) -> dict[str, Any]:
         raise UnsupportedError(f"'{name}' is missing, as in filtered logs", FILTERED)
     data = parse_json(attachments[name], name)
     if not isinstance(data, dict):
-        raise TypeError(f"{name} is no table")
+        raise TypeError(f"{name} is not a table")
     return data
 
 
 def _design(data: dict[str, Any]) -> ControllerDesign:
-    """Return the design in `data` if it holds the same: whole matrices of numbers, none of them NaN."""
+    """Return the design in `data`; raise TypeError or ValueError if numbers are missing or NaN."""
     design = ControllerDesign.from_json(data)
     if design.axis_design is None:
         return design
     for name, value in leaves(data):
-        known = value is None or name == "name" or (type(value) in (int, float) and not math.isnan(value))
-        if not known:
+        is_number = type(value) in (int, float) and not math.isnan(value)
+        if not (value is None or name == "name" or is_number):
             raise TypeError(f"design.json holds {value!r} where a number belongs")
     declared = design.to_json()
     if any(declared[name] != value for name, value in data.items()):
-        raise ValueError("the numbers of design.json do not fit together")
+        raise ValueError("the numbers of design.json contradict each other")
     return design
 
 
@@ -227,14 +227,14 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
         "versions": provenance(),
     }
     for entry in (plant_entry(run.plant) for run in runs):
-        if not entry.is_own:  # for where its package is not installed
+        if not entry.is_own:  # so that the log can be read where its package is not installed
             servos = str(entry.servos).lower()
             records[f"plant/{entry.name}"] = {"label": entry.label, "colour": entry.colour, "servos": servos}
     return records | {f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs}
 
 
 def file_attachments(runs: Sequence[Run]) -> list[Attachment]:
-    """Return everything needed to repeat the runs."""
+    """Return the attachments of a log: everything needed to repeat the runs."""
     first = runs[0]
     documents = _documents(first.scenario, first.design)
     attached = [(name, "application/json", text.encode()) for name, text in documents.items()]
@@ -248,14 +248,14 @@ def file_attachments(runs: Sequence[Run]) -> list[Attachment]:
 
 
 def _documents(scenario: Scenario, design: ControllerDesign) -> dict[str, str]:
-    """Return the JSON documents that a log attaches, complete, by the names of their attachments."""
+    """Return the JSON documents that a log attaches, by the names of their attachments."""
     tables = (scenario.model_dump(mode="json"), scenario.rig.model_dump(mode="json"), design.to_json())
     texts = (json.dumps(table, indent=2, ensure_ascii=False) for table in tables)
     return dict(zip(_REMEDIES, texts, strict=True))
 
 
 def check_recordable(scenario: Scenario, design: ControllerDesign, drive: Drive) -> None:
-    """Raise InputError if no command could read a log of such a run, before it is computed or written."""
+    """Raise InputError if the log of such a run could not be read, before it is computed or written."""
     for group in groups_of(scenario, design, drive):
         size = len(topics.group_schema(group))
         if size > MAX_DEFINITION:

@@ -1,4 +1,4 @@
-"""Turn runs into the messages of a log: one stream for each topic."""
+"""Make the messages of a log from runs: one stream for each topic."""
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,16 +20,16 @@ from cranectl.simulate import Run
 from cranectl.support.provenance import provenance
 from cranectl.support.units import PROCESSOR_ROUNDING, difference_text
 
-MIN_DISTANCE = 1e-14  # [m, rad] that is told: what rounding leaves, and 0 would have no logarithm
+MIN_DISTANCE = 1e-14  # [m, rad] least logged distance: the size of rounding, so that logarithms exist
 
 
 def streams(
     runs: Sequence[Run], limits: PairLimits | None = None, versions: Mapping[str, str] | None = None
 ) -> list[Stream]:
-    """Return every topic of a log; at equal times earlier streams come first in the file.
+    """Return the streams of all topics of a log; at equal times earlier streams come first in the file.
 
-    Plants are judged by `limits`, by default as `judge` does. `versions`: of what made the runs, by default
-    this.
+    Plants are judged by `limits`, by default those of `judge`. `versions` are those of the software that made
+    the runs, by default the installed one.
     """
     result = [run_info(runs, versions or provenance()), design_info(runs[0].design)]
     result.append(log_lines(event for run in runs for event in events(run)))
@@ -44,7 +44,7 @@ def streams(
 
 
 def samples(runs: Sequence[Run]) -> list[Stream]:
-    """Return the reference at the times of any run, and the signals of the runs."""
+    """Return the reference at all times at which any run has a sample, and all signals of the runs."""
     time_ns, rows = np.unique(np.concatenate([run.time_ns for run in runs]), return_index=True)
     reference = np.concatenate([run.reference for run in runs])[rows]
     result = [signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference)]
@@ -60,19 +60,19 @@ def recorded(run: Run) -> Iterator[Stream]:
 def signals(
     topic: str, group: SignalGroup, time_ns: NDArray[np.int64], values: NDArray[np.float64]
 ) -> Stream:
-    """Return all signals of a group at each time, `values` (N, signals)."""
+    """Return the stream of a signal group; `values` (N, signals) belong to `time_ns` (N,)."""
     kind, rows = topics.group_schema(group), topics.EncodedRows(values)
     return Stream(topic, f"{topics.PACKAGE}.{group.schema}", kind, time_ns, rows, topics.units(group))
 
 
 def differences(runs: Sequence[Run], plants: Sequence[str]) -> list[Stream]:
-    """Return the differences of the runs from that of the reference plant of the log."""
+    """Return the differences of the runs from that of the reference plant, among all `plants` of the log."""
     pairs = against_reference(runs, plants)
     return [s for a, b in pairs for s in _differences(a, b, a.plant if len(plants) > 2 else "")]
 
 
 def _differences(a: Run, b: Run, name: str) -> list[Stream]:
-    """Subtract sample by sample over the common times, if there are any; `name` is that of the topics."""
+    """Return differences and distances at the common times, if there are any; topics are called by `name`."""
     time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
     if not len(time_ns):
         return []
@@ -84,7 +84,7 @@ def _differences(a: Run, b: Run, name: str) -> list[Stream]:
 
 
 def distances(topic: str, a: Run, b: Run) -> Stream:
-    """Return the distance of two runs over their common times, at least MIN_DISTANCE."""
+    """Return the distances of two runs at their common times, at least MIN_DISTANCE."""
     time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
     load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
     angles = np.abs(b.angles[in_b] - a.angles[in_a]).max(axis=1)
@@ -92,13 +92,13 @@ def distances(topic: str, a: Run, b: Run) -> Stream:
 
 
 def _verdict(a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None) -> dict[str, str]:
-    """Return whether the plants agree, and by how much every signal differs."""
+    """Return in words whether the plants agree, and the difference of every signal."""
     comparison = compare_runs(a, b)
     agreement = judge(a, b, limits=limits, comparison=comparison)
     values = {
         "verdict": agreement.verdict,
-        "load": _beside(agreement.max_load_error_m, agreement.limit_m, "m", agreement.limits),
-        "angles": _beside(agreement.max_angle_error_rad, agreement.limit_rad, "rad", agreement.limits),
+        "load": _with_limit(agreement.max_load_error_m, agreement.limit_m, "m", agreement.limits),
+        "angles": _with_limit(agreement.max_angle_error_rad, agreement.limit_rad, "rad", agreement.limits),
     }
     for row in comparison.signals:
         text = f"at most {difference_text(row.max_abs)} {row.unit}, RMS {difference_text(row.rms)}"
@@ -107,14 +107,14 @@ def _verdict(a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None) -> di
     return values
 
 
-def _beside(largest: float, limit: float | None, unit: str, limits: str) -> str:
-    """Return the largest distance and its limit, or why there is none."""
+def _with_limit(largest: float, limit: float | None, unit: str, limits: str) -> str:
+    """Return the largest distance with its limit, or with the reason why it has none."""
     limit_text = f"no limit: {limits}" if limit is None else f"limit {limit:g} {unit}"
     return f"{difference_text(largest)} {unit}, {limit_text}"
 
 
 def status(plant: str, changes: Sequence[StatusChange]) -> Stream:
-    """Return the status of the run of `plant`."""
+    """Return the stream of the status of the run of `plant`."""
     times = [change.time_ns for change in changes]
     return _own(
         topics.plant_topic(plant, "status"), "Status", topics.STATUS_FIELDS, times, map(vars, changes)
@@ -122,7 +122,7 @@ def status(plant: str, changes: Sequence[StatusChange]) -> Stream:
 
 
 def log_lines(unordered: Iterable[Event]) -> Stream:
-    """Return events as text, in the order of time."""
+    """Return the stream of events as text, in the order of time."""
     ordered = sorted(unordered, key=lambda event: event.time_ns)
     messages = (
         Log(
@@ -137,7 +137,7 @@ def log_lines(unordered: Iterable[Event]) -> Stream:
 
 
 def run_info(runs: Sequence[Run], versions: Mapping[str, str]) -> Stream:
-    """Return what is run, the status of the runs, and the software that made them."""
+    """Return names, plants and status of the runs, and the software that made them."""
     first = runs[0]
     values = {
         "scenario": first.scenario.name,
@@ -152,7 +152,7 @@ def run_info(runs: Sequence[Run], versions: Mapping[str, str]) -> Stream:
 
 
 def design_info(design: ControllerDesign) -> Stream:
-    """Return gains, poles and margins, or the parameters."""
+    """Return the controller's design as JSON texts: gains, poles and margins, or its parameters."""
     values = {name: json.dumps(value) for name, value in design.to_json().items()}
     return _text(topics.DESIGN, "Design", values)
 
@@ -165,7 +165,7 @@ def _text(topic: str, name: str, values: dict[str, str]) -> Stream:
 def _own(
     topic: str, name: str, fields: Mapping[str, type], times: list[int], rows: Iterable[dict[str, Any]]
 ) -> Stream:
-    """Return messages of the type `name` of ours at their times [ns], each with those `fields` of a row."""
+    """Return messages of our type `name` at their times [ns]; each has the `fields` of one of `rows`."""
     definition = topics.record_schema(name, tuple(fields.items()))
     messages = [topics.encode(definition, name, {field: row[field] for field in fields}) for row in rows]
     time_ns = np.array(times, dtype=np.int64)

@@ -1,9 +1,13 @@
-"""Runs by label in one log: of several controllers, drives or plants, or the levels of a ladder.
+"""Write and read overlays: logs of several runs with a label each, of any controllers, drives and plants.
 
-Such an overlay holds a log of one run for each label. Its metadata and attachments have the label before
-their names, `LABEL/scenario.json`; its topics have it in place of the plant, `/LABEL/load`.
-`/LABEL/reference` is what that run was to follow, `/LABEL/distance` how far it is from the first run and
-`/LABEL/step` from the one before. The first is drawn as a crane, the others as ghosts in their own colours.
+For each label an overlay holds what the log of that run would hold:
+
+- Metadata and attachments have the label before their names, as `LABEL/scenario.json`.
+- Topics have the label in place of the plant, as `/LABEL/load`.
+- `/LABEL/reference` is the reference of that run.
+- `/LABEL/distance` is its distance from the first run, and `/LABEL/step` from the one before.
+
+Viewers show the first run as a solid crane, and the others as ghosts in their own colours.
 """
 
 import re
@@ -35,24 +39,24 @@ from cranectl.simulate import Run
 from cranectl.support.colours import VIEWER_SERIES
 from cranectl.support.errors import InputError, LogError
 
-STEP = "step"  # how far a run is from the one before it
-MOST = len(VIEWER_SERIES)  # as many as there are colours
-MAX_LABEL = 40  # letters of a label, which begins names in tables
+STEP = "step"  # topic of the distance between a run and the one before it
+MAX_RUNS_SHOWN = len(VIEWER_SERIES)  # runs of an overlay: each needs its own colour
+MAX_LABEL = 40  # characters of a label
 LABEL = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_+-]{{,{MAX_LABEL - 1}}}")
 
 
 @dataclass(frozen=True)
 class Layer:
-    """A run of a log, and what else the log says of it."""
+    """A run of a log, with the facts that the log holds about it."""
 
     run: Run
-    every: int  # logged every n-th control sample
-    versions: Mapping[str, str]  # of what made it
-    from_ns: int | None = None  # where a segment of a live session begins
+    every: int  # every n-th control sample is logged
+    versions: Mapping[str, str]  # of the software that made it
+    from_ns: int | None = None  # start of a segment of a live session
 
 
 def read_layers(path: str | Path) -> dict[str, Layer]:
-    """Read the runs of any log: by label those of an overlay, by plant those of others.
+    """Read the runs of any log: those of an overlay by label, all others by plant.
 
     Raises LogError as `read_log` does.
     """
@@ -68,57 +72,60 @@ def is_overlay(layers: Mapping[str, Layer]) -> bool:
 
 
 def check_labels(labels: Sequence[str]) -> None:
-    """Raise InputError unless these labels tell runs apart in a log."""
-    shown = [re.sub(r"\W", "_", label) for label in labels]  # where no other signs can be
-    for label, name in zip(labels, shown, strict=True):
-        if not LABEL.fullmatch(label) or label in PLANTS or shown.count(name) > 1:
+    """Raise InputError unless these labels are valid and different."""
+    identifiers = [re.sub(r"\W", "_", label) for label in labels]  # for tools that allow no other characters
+    for label, name in zip(labels, identifiers, strict=True):
+        if not LABEL.fullmatch(label) or label in PLANTS or identifiers.count(name) > 1:
             raise InputError(
-                f"the label '{label}'",
-                allowed=f"up to {MAX_LABEL} letters, digits, '_', '+', '-', each once, "
+                f"the label '{label}' is not valid",
+                allowed=f"different labels of up to {MAX_LABEL} letters, digits, '_', '+', '-', "
                 "and no name of a plant",
                 remedy="choose other labels with --label",
             )
-    if not 0 < len(labels) <= MOST:
+    if not 0 < len(labels) <= MAX_RUNS_SHOWN:
         raise InputError(
             f"an overlay of {len(labels)} runs",
-            allowed=f"1 to {MOST}, as many as there are colours",
+            allowed=f"1 to {MAX_RUNS_SHOWN} runs, as many as there are colours",
             remedy="name more or fewer runs",
         )
 
 
-def gathered(
+def gather_layers(
     paths: Sequence[Path], *, labels: Sequence[str] = (), plants: Sequence[str] = ()
 ) -> dict[str, Layer]:
-    """Return the runs of several logs by label: all of an overlay, those of `plants` of other logs.
+    """Read the runs of several logs, and return them by label.
 
-    By default that of the reference plant. `labels`: of all runs in their order, by default as short as they
-    differ. Raises InputError for labels that cannot be, and LogError as `read_log` does.
+    These are all runs of overlays, and from other logs the runs of `plants`, by default the reference plant.
+    `labels` names all runs in their order; by default labels are as short as they can differ. Raises
+    InputError for invalid labels, and LogError as `read_log` does.
     """
-    named: list[tuple[str, str, Layer]] = []  # own label or none, stem of the file, run
+    named: list[tuple[str, str, Layer]] = []  # label in the overlay or nothing, stem of the file, run
     read = [read_layers(path) for path in paths]
     plants = plants_of_logs(plants, {name for layers in read if not is_overlay(layers) for name in layers})
     for path, layers in zip(paths, read, strict=True):
-        whole = is_overlay(layers)
-        wanted = layers if whole else plants or (reference_plant(layers),)
-        named += [(name if whole else "", path.stem, layers[name]) for name in wanted if name in layers]
-    runs_found = [layer for _, _, layer in named]
+        overlaid = is_overlay(layers)
+        wanted = layers if overlaid else plants or (reference_plant(layers),)
+        named += [(name if overlaid else "", path.stem, layers[name]) for name in wanted if name in layers]
+    chosen = [layer for _, _, layer in named]
     if not labels:
-        short = labels_of([layer.run for layer in runs_found], [stem for _, stem, _ in named])
+        short = labels_of([layer.run for layer in chosen], [stem for _, stem, _ in named])
         labels = [own or label for (own, _, _), label in zip(named, short, strict=True)]
-    if len(labels) != len(runs_found):
+    if len(labels) != len(chosen):
         raise InputError(
-            f"{len(labels)} labels of {len(runs_found)} runs",
-            allowed="a label for each run",
-            remedy="say --label once for each run, or not at all",
+            f"{len(labels)} labels for {len(chosen)} runs",
+            allowed="one label for each run",
+            remedy="give --label once for each run, or not at all",
         )
     check_labels(labels)
-    return dict(zip(labels, runs_found, strict=True))
+    return dict(zip(labels, chosen, strict=True))
 
 
 def labels_of(runs: Sequence[Run], stems: Sequence[str]) -> list[str]:
-    """CONTROLLER-DRIVE-PLANT, as much of it as tells the runs apart; else the stems of their files.
+    """Return short, different labels for `runs` from the files with these `stems`.
 
-    After SCENARIO- where runs have several. Numbered where neither tells them apart.
+    A label has the parts of CONTROLLER-DRIVE-PLANT in which the runs differ, after SCENARIO- if there are
+    several scenarios. If runs do not differ in these, the stems are the labels. If stems do not differ
+    either, the controllers' names are numbered.
     """
     names = [(run.scenario.name, run.design.name, run.drive, run.plant) for run in runs]
     several = len({scenario for scenario, *_ in names}) > 1
@@ -141,7 +148,7 @@ def _fitting(label: str) -> str:
 
 
 def write_overlay(path: Path, layers: Mapping[str, Layer]) -> None:
-    """Write the runs by their labels; raises InputError for labels, LogError if it cannot be done."""
+    """Write an overlay of runs by label; raise InputError for invalid labels, LogError if writing fails."""
     check_labels([*layers])
     check_writable(path)
     metadata = {OVERLAY: {"format": OVERLAY_FORMAT, "labels": ",".join(layers)}}
@@ -163,13 +170,13 @@ def write_overlay(path: Path, layers: Mapping[str, Layer]) -> None:
         metadata |= {f"{label}/{name}": record for name, record in records.items()}
         own = file_attachments([layer.run])
         attachments += [replace(attachment, name=f"{label}/{attachment.name}") for attachment in own]
-    with np.errstate(invalid="ignore"):  # of a last sample that may hold what stopped its run
+    with np.errstate(invalid="ignore"):  # the last sample of a stopped run may not be finite
         sent = list(_streams([replace(layer.run, plant=label) for label, layer in layers.items()]))
     write_container(path, metadata, attachments, sent)
 
 
 def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
-    """Yield the topics of runs whose plants are called by their labels."""
+    """Yield the streams of an overlay; the plants of `runs` are replaced by their labels."""
     yield log_lines(event for run in runs for event in events(run))
     for run in runs:
         yield status(run.plant, status_changes(run))

@@ -1,4 +1,4 @@
-"""Read logs back to NumPy, bit for bit what was written, or say what is wrong with them."""
+"""Read logs into runs with the same bits as were written, or raise an error that names the fault."""
 
 import contextlib
 from collections.abc import Container, Mapping, Sequence
@@ -23,10 +23,10 @@ from cranectl.support.arrays import Array
 from cranectl.support.consistency import check_sum
 from cranectl.support.errors import LogError, nearest_first, unknown_name
 
-TOLD = ("cranectl", "overlay", "versions", "scenario.json", "design.json")  # what tells of runs
-TYPES = "cranectl."  # what the names of our types begin with
-WHOLE = "name the log as it was before topics were left out of it"
-NEAREST = 8  # names listed, of a log's 200, where one is unknown
+HEADER_RECORDS = ("cranectl", "overlay", "versions", "scenario.json", "design.json")  # each occurs once
+TYPE_PREFIX = "cranectl."  # of the names of our message types
+COMPLETE_LOG = "name the original log, which has all topics"
+SHOWN_SIGNALS = 8  # similar names in the error for an unknown signal, of about 200 in a log
 
 T = TypeVar("T")
 
@@ -60,9 +60,9 @@ def read_log(path: str | Path) -> dict[str, Run]:
 
 
 def read_runs(path: str | Path, *, overlays: bool) -> dict[str, tuple[LogHeader, Run]]:
-    """Read the runs in a log, and what it says of each: by plant, or by label from an overlay.
+    """Read the runs in a log, each with its header: by plant, or by label from an overlay.
 
-    Raises LogError as `read_log` does, which takes no overlays.
+    Raises LogError as `read_log` does, and for an overlay unless `overlays` are allowed.
     """
     with opened(path) as stream:
         contents, columns = read_rows(path, stream, is_of_runs)
@@ -71,7 +71,7 @@ def read_runs(path: str | Path, *, overlays: bool) -> dict[str, tuple[LogHeader,
         blocks, runs = blocks_of(groups, contents, columns), {}
         for name, header in headers.items():
             plant = name if name in header.plants else header.plants[0]
-            runs[name] = header, assembled(header, plant, blocks, header.outcome(plant))
+            runs[name] = header, assemble_run(header, plant, blocks, header.outcome(plant))
         return runs
 
 
@@ -105,7 +105,7 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
         known = _signals(contents)
         if field not in known.get(topic, ()):
             names = [f"{topic[1:]}.{field}" for topic, fields in known.items() for field in fields]
-            raise unknown_name("signal", name, nearest_first(name, names)[:NEAREST])
+            raise unknown_name("signal", name, nearest_first(name, names)[:SHOWN_SIGNALS])
         column = columns[_channels_of(contents, (topic,))[topic].id]
         block = _decoded(topic, column, len(known[topic]))
         _check_block(header, topic, known[topic], block)
@@ -113,9 +113,9 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
 
 
 def header_of(path: str | Path, contents: Contents, prefix: str = "") -> LogHeader:
-    """Return what a file that has been read says of its runs, or of those whose records begin with `prefix`.
+    """Return the header of a log from its contents; `prefix` selects the records of one run of an overlay.
 
-    Raises LogError, DamageError.
+    Raises LogError or DamageError as `parse_header` does.
     """
     check_names(contents)
     attachments = {name: attachment.data for name, attachment in contents.attachments.items()}
@@ -123,9 +123,10 @@ def header_of(path: str | Path, contents: Contents, prefix: str = "") -> LogHead
 
 
 def headers_of(path: str | Path, contents: Contents, *, overlays: bool = True) -> dict[str, LogHeader]:
-    """Return what a log that has been read says of each of its runs, by label or plant.
+    """Return the header of each run of a log from its contents, by label or plant.
 
-    Raises DamageError, and LogError for an overlay that only viewers read, for any unless `overlays`.
+    Raises DamageError for contradictions. Raises LogError for an overlay of an old format, and for any
+    overlay unless `overlays` are allowed.
     """
     if OVERLAY not in contents.metadata or not overlays:
         header = header_of(path, contents)
@@ -134,7 +135,7 @@ def headers_of(path: str | Path, contents: Contents, *, overlays: bool = True) -
     labels = contents.metadata[OVERLAY].get("labels", "").split(",")
     if contents.metadata[OVERLAY].get("format") != OVERLAY_FORMAT:
         raise LogError(
-            f"{path} is an overlay of the runs {', '.join(labels)}, in a format for viewers only",
+            f"{path} is an overlay of the runs {', '.join(labels)}, in a format that only viewers read",
             allowed=f"overlays of format {OVERLAY_FORMAT}",
             remedy="write it again, with cranectl ladder or cranectl log overlay",
         )
@@ -142,35 +143,38 @@ def headers_of(path: str | Path, contents: Contents, *, overlays: bool = True) -
     for label in labels:
         headers[label] = header = replace(header_of(path, contents, f"{label}/"), label=label)
         if len(header.plants) != 1:
-            raise DamageError(f"{label} is said to be a run of {', '.join(header.plants)}")
+            raise DamageError(f"{label} has several plants: {', '.join(header.plants)}")
     return headers
 
 
 def _of(prefix: str, records: Mapping[str, T]) -> dict[str, T]:
-    """Return the records of one run of an overlay, named as in a log of its own."""
+    """Return the records whose names begin with `prefix`, by their names without it."""
     return {name.removeprefix(prefix): record for name, record in records.items() if name.startswith(prefix)}
 
 
 def check_names(contents: Contents) -> None:
     """Raise UnsupportedError for merged logs, and for logs without the records that describe runs."""
     for name in sorted(contents.repeated):
-        if name.startswith("run/") or name.rpartition("/")[2] in TOLD:
-            raise UnsupportedError(f"it has {name} twice, as merged logs have", "name one of the logs")
-    if not contents.metadata and any(schema.name.startswith(TYPES) for schema in contents.schemas.values()):
-        raise UnsupportedError("it has no metadata, as filtered logs have", FILTERED)
+        if name.startswith("run/") or name.rpartition("/")[2] in HEADER_RECORDS:
+            raise UnsupportedError(f"it has {name} twice, as merged logs do", "name one of the logs")
+    if not contents.metadata and any(
+        schema.name.startswith(TYPE_PREFIX) for schema in contents.schemas.values()
+    ):
+        raise UnsupportedError("it has no metadata, like a filtered log", FILTERED)
 
 
 def is_of_runs(topic: str) -> bool:
-    """Return True unless a topic only compares runs."""
+    """Return True if a topic belongs to a run or its reference, not to a comparison of runs."""
     return not topic.startswith(topics.DIFFERENCES)
 
 
 def blocks_of(
     groups: Mapping[str, SignalGroup], contents: Contents, columns: dict[int, Column]
 ) -> dict[str, TopicSamples]:
-    """Return the samples of groups by topic, empty without a channel, and remove them from `columns`.
+    """Return the samples of `groups` by topic, and remove their channels from `columns` to free memory.
 
-    Raises DamageError unless each channel carries the signals of its group, in their order and units.
+    A topic without a channel has no samples. Raises DamageError unless each channel carries the signals of
+    its group, in their order and units.
     """
     channels = _checked_channels(contents, groups)
     return {
@@ -182,12 +186,12 @@ def blocks_of(
 
 
 def _checked_channels(contents: Contents, groups: Mapping[str, SignalGroup]) -> dict[str, Channel]:
-    """Return the channels of groups of signals by topic; raise DamageError if one carries others."""
+    """Return the channels of `groups` by topic; raise DamageError if one carries other signals or units."""
     channels = _channels_of(contents, groups)
     for topic, channel in channels.items():
         names, group = signal_names(channel, contents.schemas[channel.schema_id]), groups[topic]
         if names != group.names:
-            raise DamageError(f"{topic} has the signals {', '.join(names)[:200]} instead of its own")
+            raise DamageError(f"{topic} has the signals {', '.join(names)[:200]}, which are not its own")
         for signal in group.signals:
             meaning = channel.metadata.get(signal.name, "")
             if f"[{signal.unit}]" not in meaning:
@@ -209,23 +213,23 @@ def _channels_of(contents: Contents, wanted: Container[str]) -> dict[str, Channe
 
 
 def _decoded(topic: str, column: Column, n_signals: int) -> TopicSamples:
-    """Return the signals in the messages of a topic; raise DamageError for other messages."""
+    """Return the samples in the messages of a topic; raise DamageError if they do not have `n_signals`."""
     if (np.diff(column.time_ns) <= 0).any():
         raise DamageError(f"the times of {topic} do not increase")
     try:
         return TopicSamples(column.time_ns, decode_table(column.messages, n_signals))
     except ValueError as error:
-        raise DamageError(f"a message of {topic} is not what it should be: {error}") from None
+        raise DamageError(f"a message of {topic} is not a row of signals: {error}") from None
 
 
 def check_samples(topic: str, block: TopicSamples, outcome: Outcome) -> None:
-    """Raise DamageError unless a topic has all samples of a run that ended so."""
+    """Raise DamageError unless a topic has all samples that the outcome of its run states."""
     count = f"{len(block.time_ns)} of {outcome.samples} samples of {topic[1:]}"
     if len(block.time_ns) != outcome.samples:
-        raise DamageError(count) if len(block.time_ns) else UnsupportedError(count, WHOLE)
+        raise DamageError(count) if len(block.time_ns) else UnsupportedError(count, COMPLETE_LOG)
 
 
-def assembled(header: LogHeader, plant: str, blocks: Mapping[str, TopicSamples], outcome: Outcome) -> Run:
+def assemble_run(header: LogHeader, plant: str, blocks: Mapping[str, TopicSamples], outcome: Outcome) -> Run:
     """Return the run of `plant` from its topics; raise DamageError if they contradict each other."""
     own = {topic: blocks[topic] for topic in header.groups_of(plant)}
     (first, block), *_ = own.items()
@@ -255,7 +259,7 @@ def _at(block: TopicSamples, time_ns: NDArray[np.int64]) -> Array:
     common, _, rows = np.intersect1d(time_ns, block.time_ns, assume_unique=True, return_indices=True)
     if len(common) < len(time_ns):
         count = f"the reference has {len(common)} of {len(time_ns)} samples"
-        raise DamageError(count) if len(common) else UnsupportedError(count, WHOLE)
+        raise DamageError(count) if len(common) else UnsupportedError(count, COMPLETE_LOG)
     return block.values[rows]
 
 
@@ -278,29 +282,29 @@ def _signals(contents: Contents) -> dict[str, tuple[str, ...]]:
     """Return the names of all signals in a log, by topic."""
     names = {}
     for channel in contents.channels.values():
-        with contextlib.suppress(DamageError):  # of another kind
+        with contextlib.suppress(DamageError):  # the topic has other messages than signals
             names[channel.topic] = signal_names(channel, contents.schemas[channel.schema_id])
     return names
 
 
 @dataclass(frozen=True)
 class TopicDescription:
-    """One topic of a log."""
+    """Type, size and rate of one topic of a log."""
 
     topic: str
     schema: str
     messages: int
-    rate_hz: float | None  # None for topics that are written at events
+    rate_hz: float | None  # None for topics with a message at events only
 
 
 @dataclass(frozen=True)
 class LogDescription:
-    """A log as a file."""
+    """Size, format and topics of a log file."""
 
     path: str
     size_bytes: int
     format: str
-    every: int  # logged every n-th control sample; of an overlay, the first run
+    every: int  # every n-th control sample is logged; in an overlay, of the first run
     duration_s: float
     messages: int
     versions: dict[str, str]
@@ -308,16 +312,16 @@ class LogDescription:
     attachments: dict[str, int]  # name: bytes
 
     def __post_init__(self) -> None:
-        """Raise InconsistentError where the messages of the topics do not add up."""
+        """Raise InconsistentError if the messages of the topics do not add up."""
         check_sum("the number of messages", self.messages, [topic.messages for topic in self.topics])
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return the description as plain data."""
         return asdict(self)
 
 
 def describe_log(path: str | Path) -> LogDescription:
-    """Describe a log that `read_layers` accepts; raises LogError as that does for what is no closed log."""
+    """Describe a log that `read_layers` accepts; raise LogError as that does for any other file."""
     path = Path(path)
     with opened(path) as stream:
         contents = open_contents(path, stream)
@@ -328,7 +332,7 @@ def describe_log(path: str | Path) -> LogDescription:
     topics = []
     for channel in sorted(contents.channels.values(), key=lambda channel: channel.topic):
         count, schema = contents.messages[channel.id], contents.schemas[channel.schema_id].name
-        # Only signals carry the units of their fields as metadata; everything else is written at events.
+        # Only topics of signals have units as metadata, and only these have a rate.
         sampled = bool(channel.metadata) and count > 1 and duration > 0.0
         rate_hz = (count - 1) / duration if sampled else None
         topics.append(TopicDescription(channel.topic, schema, count, rate_hz))

@@ -1,9 +1,9 @@
-"""What a viewer's 3-D panel shows: the cranes, their ropes, trails and disturbances, the path, the workspace.
+"""Draw runs for a viewer's 3-D panel: cranes, ropes, trails, disturbances, path and workspace.
 
-A viewer that jumps in time sees only the last message of each topic, so every message stands alone: the whole
-tree in each `/tf`, the whole trail in each `/PLANT/trail`. Of several plants all cranes but that of the
-reference plant are ghosts. `scene_streams` makes all topics of whole runs; a live session makes the same ones
-piece by piece.
+A viewer that jumps in time sees only the last message of each topic. So every message is complete: each `/tf`
+has the whole tree of frames, and each `/PLANT/trail` the whole trail. The crane of the reference plant is
+solid, and all others are ghosts. `scene_streams` makes all topics of finished runs; a live session makes the
+same topics part by part.
 """
 
 from collections.abc import Iterable, Sequence
@@ -32,18 +32,18 @@ ZERO = fg.Vector3(x=0.0, y=0.0, z=0.0)
 ORIGIN = fg.Pose(position=ZERO, orientation=IDENTITY)
 
 RATE = 50  # [Hz] of poses and ropes
-TRAIL_POINTS = 50  # of a trail before the newest
+TRAIL_POINTS = 50  # points of a trail besides the newest one
 ROPE_WIDTH, PATH_WIDTH = 3.0, 1.5  # of lines [pixels]
-TRAIL_WIDTH, GHOST_TRAIL_WIDTH = 3.0, 8.0  # [pixels]; of a ghost's there is a rim where both agree
-GHOST = 0.3  # opacity of all ghosts together: with more, a load of their colours before it is no longer red
-# Lengths of the laboratory's rig, to be multiplied by a rig's scale.
-WITHIN = 0.001  # [m] by which a ghost lies inside the solid crane where both agree, which it would dye
-ARROW_LENGTH = 0.25  # [m] for 1 rad/s² of a rope in scale
+TRAIL_WIDTH, GHOST_TRAIL_WIDTH = 3.0, 8.0  # [pixels]; a ghost's trail shows as a rim where both agree
+GHOST = 0.3  # opacity of all ghosts together; with more, a red load behind ghosts no longer looks red
+# Lengths on the laboratory rig, to be multiplied by the scale of a rig.
+GHOST_INSET = 0.001  # [m] by which a ghost is smaller, so that it does not colour a solid crane at its place
+ARROW_LENGTH = 0.25  # [m] of an arrow for 1 rad/s² on a rope of the laboratory rig
 SHORTEST_ARROW, LONGEST_ARROW = 0.1, 0.75  # [m]
-SHAFT, HEAD = 0.018, 0.05  # [m], diameters
-TARGET = 0.04  # [m], diameter of the ball where the load should be
+SHAFT, HEAD = 0.018, 0.05  # [m] diameters of an arrow's parts
+TARGET = 0.04  # [m] diameter of the ball at the desired load position
 
-# Of a solid, by its kind: where an entity has it, its class, what else that wants.
+# For each kind of solid: field of an entity, class of its items, and further arguments of that class.
 PRIMITIVES: dict[str, tuple[str, Any, dict[str, float]]] = {
     "box": ("cubes", fg.CubePrimitive, {}),
     "sphere": ("spheres", fg.SpherePrimitive, {}),
@@ -52,7 +52,7 @@ PRIMITIVES: dict[str, tuple[str, Any, dict[str, float]]] = {
 
 
 def scene_streams(runs: Sequence[Run]) -> list[Stream]:
-    """Return the 3-D topics of the runs."""
+    """Return all 3-D topics of the runs."""
     drawn = [run for run in runs if len(run.time_ns)]
     if not drawn:
         return []
@@ -71,16 +71,16 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
 
 
 def opacities(plants: Sequence[str]) -> dict[str, float]:
-    """Return the opacity of each crane: beside that of the reference plant the others are ghosts.
+    """Return the opacity of each crane: 1 for the reference plant, and less for all others.
 
-    Where all ghosts are in one place they hide what one would.
+    All ghosts at one place together have the opacity GHOST.
     """
     ghost = 1.0 - (1.0 - GHOST) ** (1.0 / max(len(plants) - 1, 1))
     return {plant: 1.0 if plant == reference_plant(plants) else ghost for plant in plants}
 
 
 def transforms(runs: Sequence[Run], leader: Run, rows: NDArray[np.intp]) -> Stream:
-    """Return the whole tree at `rows` of the run `leader`; a run that has ended stays where it ended."""
+    """Return the tree of frames at `rows` of the run `leader`; cranes of ended runs stay at their ends."""
     time_ns = leader.time_ns[rows]
     target = leader.reference[rows, :3].tolist()
     trees = [(run.plant, *_tree(run, time_ns)) for run in runs]
@@ -99,7 +99,7 @@ def transforms(runs: Sequence[Run], leader: Run, rows: NDArray[np.intp]) -> Stre
 
 
 def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Rows, Rows, Rows]:
-    """Trolley (x, y), load from the trolley (x, y, z), orientation of the load (x, y, z, w) at each time."""
+    """Return trolley (x, y), load from it (x, y, z) and its orientation (x, y, z, w) at each time."""
     rows = np.minimum(np.searchsorted(run.time_ns, time_ns), len(run.time_ns) - 1)
     state = run.block("state")[rows]
     trolley = state[:, [BRIDGE, TROLLEY]]
@@ -112,12 +112,12 @@ def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Rows, Rows, Rows]:
 
 
 def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None = None) -> Stream:
-    """Return the rig's solids, once; a ghost has the colour of its run or plant and no second frame."""
-    from cranectl.plants.mujoco.geometry import rig_solids  # MuJoCo, which reading a log does not need
+    """Return the solids of the rig in one message; a ghost has one colour and no frame of the rig."""
+    from cranectl.plants.mujoco.geometry import rig_solids  # here: reading a log does not need MuJoCo
 
     ghost = opacity < 1.0
     tint = rgb(colour or VIEWER[plant_entry(plant).colour]) if ghost else None
-    less = 2.0 * WITHIN * drawn_scale(rig) if ghost else 0.0
+    inset = 2.0 * GHOST_INSET * drawn_scale(rig) if ghost else 0.0
     entities: dict[str, dict[str, list[object]]] = {}
     for solid in rig_solids(rig):
         if ghost and solid.body == "frame":
@@ -125,7 +125,7 @@ def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None 
         name, primitive, more = PRIMITIVES[solid.kind]
         shape = primitive(
             pose=fg.Pose(position=_vector(solid.position), orientation=_quaternion(solid.orientation)),
-            size=_vector(extent - less for extent in solid.size),
+            size=_vector(extent - inset for extent in solid.size),
             color=_colour(tint or solid.colour[:3], solid.colour[3] * opacity),
             **more,
         )
@@ -138,7 +138,7 @@ def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None 
 
 
 def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
-    """Return the rope from trolley to load at `rows`; coloured where it is nearly slack."""
+    """Return the rope from trolley to load at `rows`; it changes colour when it is nearly slack."""
     state, load = run.block("state")[rows], run.block("load")[rows]
     slackness = np.clip((2.0 * NEARLY_SLACK - load[:, 6] / run.scenario.rig.weight) / NEARLY_SLACK, 0.0, 1.0)
     colours = np.outer(1.0 - slackness, rgb(VIEWER["rope"])) + np.outer(slackness, rgb(SLACK_ROPE))
@@ -164,9 +164,9 @@ def trail_step(rig: RigParameters) -> float:
 def trail(
     plant: str, time_ns: NDArray[np.int64], load: Array, opacity: float, *, colour: str | None = None
 ) -> Stream:
-    """Return where the load has been, fading: a message for each time.
+    """Return the last positions of the load as a fading line, one message for each time.
 
-    `load` (N, 3) may begin before `time_ns` (M,): its first N - M rows are the past of the first message.
+    `load` (N, 3) may begin before `time_ns` (M,): its first N - M rows precede the first message.
     """
     points = _points(load.tolist())
     shade = rgb(colour or VIEWER[plant_entry(plant).colour])
@@ -188,25 +188,26 @@ def all_arrows(run: Run) -> Stream:
 
 
 def arrows(plant: str, times: Sequence[int], disturbances: Array, *, mass: float, scale: float) -> Stream:
-    """Return arrows for what acts on a load of `mass`, (N, 5) as `simulate.disturbances_at` has it.
+    """Return arrows for `disturbances` (N, 5) of a load of `mass`, in the order of `disturbances_at`.
 
-    Each message deletes what was shown before. Alpha pushes the load along y, beta along x; a force is drawn
-    as what it accelerates the load [m/s²], as is an angle's acceleration on a rope in `scale`.
+    Each message deletes the arrows before it. A disturbance of alpha pushes the load along y, and one of beta
+    along x. The length of an arrow is proportional to the acceleration of the load [m/s²]; for an angle it is
+    that on a rope in `scale`.
     """
     everything = fg.SceneEntityDeletion(type=fg.SceneEntityDeletionType.All, timestamp=timestamp_of(0))
     shown = []
     for time, row in zip(times, disturbances, strict=True):
-        pushes = np.array([(0.0, scale * row[0], 0.0), (scale * row[1], 0.0, 0.0), row[2:] / mass])
-        drawn = [_arrow(push, scale) for push in pushes if push.any()]
+        accelerations = np.array([(0.0, scale * row[0], 0.0), (scale * row[1], 0.0, 0.0), row[2:] / mass])
+        drawn = [_arrow(acceleration, scale) for acceleration in accelerations if acceleration.any()]
         shown.append([_entity(f"{plant}/load", "disturbance", time, arrows=drawn)] if drawn else [])
     return _scene(topics.plant_topic(plant, topics.ARROW), times, shown, deletions=[everything])
 
 
-def _arrow(push: Array, scale: float) -> fg.ArrowPrimitive:
-    """Return an arrow at the load."""
-    size = float(np.linalg.norm(push))
-    x, y, z = push / size
-    # The shortest turn of the arrow's x axis.
+def _arrow(acceleration: Array, scale: float) -> fg.ArrowPrimitive:
+    """Return an arrow at the load along an `acceleration` (3,)."""
+    size = float(np.linalg.norm(acceleration))
+    x, y, z = acceleration / size
+    # Arrows point along their x axis: this quaternion turns it the shortest way.
     turn = np.array([0.0, -z, y, 1.0 + x]) if x > -1.0 else np.array([0.0, 0.0, 1.0, 0.0])
     length = scale * float(np.clip(ARROW_LENGTH * size, SHORTEST_ARROW, LONGEST_ARROW))
     orientation = _quaternion((turn / np.linalg.norm(turn)).tolist())
@@ -221,7 +222,7 @@ def _arrow(push: Array, scale: float) -> fg.ArrowPrimitive:
 
 
 def path(run: Run) -> Stream:
-    """Return the desired path, and the desired load as a ball that moves with the frame `reference`."""
+    """Return the desired path, and a ball at the desired load that moves with the frame `reference`."""
     shade, rig = rgb(VIEWER["reference"]), run.scenario.rig
     points = _points(run.reference[rows_apart(run, trail_step(rig)), :3].tolist())
     line = _line(points, PATH_WIDTH, color=_colour(shade, 0.9))
@@ -232,7 +233,7 @@ def path(run: Run) -> Stream:
 
 
 def workspace(run: Run) -> Stream:
-    """Return the edges of the space that the load can hang in, and the obstacles."""
+    """Return the edges of the space in which the load can hang, and the obstacles."""
     x, y, rope = run.scenario.rig.workspace
     corners = np.array([(a, b, -c) for c in rope for b in y for a in x])
     edges = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
@@ -257,16 +258,16 @@ def rows_apart(run: Run, period: float) -> NDArray[np.intp]:
 
 
 def _scene(topic: str, times: Iterable[int], shown: Iterable[list[fg.SceneEntity]], **more: Any) -> Stream:
-    """Return an update at each time; `shown`: its entities, `more`: what else all of them have."""
+    """Return an update at each time with the entities `shown`; `more` are fields of every update."""
     updates = (fg.SceneUpdate(entities=entities, **more) for entities in shown)
     return Stream.of(topic, fg.SceneUpdate, times, updates)
 
 
-# What a message of Foxglove does not set is 0, and not seen.
+# A field that a message does not set is 0, which would make an entity invisible.
 
 
 def _entity(frame: str, name: str, time_ns: int, **primitives: Any) -> fg.SceneEntity:
-    """Return what is shown until it is replaced, in a frame that it moves with."""
+    """Return an entity that moves with its frame, and is shown until it is replaced."""
     timestamp = timestamp_of(time_ns)
     return fg.SceneEntity(timestamp=timestamp, frame_id=frame, id=name, frame_locked=True, **primitives)
 
@@ -279,13 +280,13 @@ def _transform(
 
 
 def _line(points: list[fg.Point3], pixels: float, **more: Any) -> fg.LinePrimitive:
-    """Return a line as wide from near as from far, connected or as `more` says."""
+    """Return a line whose width does not depend on the distance, connected unless `more` says otherwise."""
     kind = {"type": fg.LinePrimitiveLineType.LineStrip, "scale_invariant": True, **more}
     return fg.LinePrimitive(pose=ORIGIN, points=points, thickness=pixels, **kind)
 
 
 def timestamp_of(time_ns: int) -> fg.Timestamp:
-    """Return nanoseconds as a message has them."""
+    """Return the timestamp of a message from nanoseconds."""
     return fg.Timestamp(*divmod(time_ns, NANOSECONDS))
 
 

@@ -1,8 +1,8 @@
-"""The topics of a log, and their message types: which signal group goes to which topic.
+"""Define the topics of a log and their message types.
 
-Types are protobuf schemas built from the signal table, with their exact byte layout. Every signal is an
-`optional double`, always present, so all messages of a type have one length and a whole column of them is a
-NumPy structured array: writing and reading need no per-message protobuf work.
+Types are protobuf schemas that follow from the table of signals. Every signal is an `optional double` that is
+always present, so all messages of a type have one length. Therefore NumPy can write and read all messages of
+a topic as one structured array, instead of one after the other by protobuf.
 """
 
 import functools
@@ -21,9 +21,9 @@ from cranectl.log.events import StatusChange
 from cranectl.mcap_columns.rows import row_layout, tag
 from cranectl.signals import LOAD, STATE, Signal, SignalGroup
 
-SORTED = 1000  # messages of the longest stream that are put in order at a time
+SORTED_MESSAGES = 1000  # messages of the longest stream that are sorted at a time, which limits memory
 PACKAGE = "cranectl"
-ENCODED = 1000  # rows at a time
+ENCODED_ROWS = 1000  # rows encoded at a time
 Field = descriptor_pb2.FieldDescriptorProto
 
 # Fields of `cranectl.Status` in the order of their numbers.
@@ -42,11 +42,11 @@ class Stream:
     messages: Sequence[bytes]
     metadata: dict[str, str] = field(default_factory=dict)
     encoding: str = "protobuf"  # of messages
-    schema_encoding: str = "protobuf"  # empty where there is no schema
+    schema_encoding: str = "protobuf"  # empty if there is no schema
 
     @classmethod
     def of(cls, topic: str, kind: Any, times: Iterable[int], messages: Iterable[Any]) -> "Stream":
-        """Return messages of `kind`, one of Foxglove's own, at their times [ns]."""
+        """Return a stream of messages of `kind`, a type of Foxglove's SDK, at their times [ns]."""
         definition, time_ns = kind.get_schema(), np.array(times, dtype=np.int64)
         return cls(
             topic, definition.name, definition.data, time_ns, [message.encode() for message in messages]
@@ -54,11 +54,14 @@ class Stream:
 
 
 def in_order(streams: Sequence[Stream]) -> Iterator[tuple[int, int, bytes]]:
-    """Yield stream number, time [ns] and content of all messages, in the order of time, then of streams."""
+    """Yield stream index, time [ns] and content of all messages, ordered by time and then by stream."""
     waiting = [iter(stream.messages) for stream in streams]
     taken = [0] * len(streams)
     longest = max((stream.time_ns for stream in streams), key=len, default=np.empty(0, np.int64))
-    for until in [*longest[SORTED::SORTED].tolist(), None]:  # a few at a time, or their order takes memory
+    for until in [
+        *longest[SORTED_MESSAGES::SORTED_MESSAGES].tolist(),
+        None,
+    ]:  # a few at a time, or their order takes memory
         times, numbers = [], []
         for k, stream in enumerate(streams):
             last = len(stream.time_ns) if until is None else int(np.searchsorted(stream.time_ns, until))
@@ -78,11 +81,11 @@ LOG = "/log"
 TRANSFORMS = "/tf"
 REFERENCE_PATH = "/reference/path"
 WORKSPACE = "/rig/workspace"
-TARGET = "reference"  # of a run of an overlay, in place of the one that the runs of other logs share
-ROPE, ARROW = "rope", "disturbance_arrow"  # what is drawn of a plant, beside its `model` and `trail`
-FORMER = ("cable", "push")  # as they were called before 0.3
+TARGET = "reference"  # topic of the reference of one run of an overlay; runs of other logs share theirs
+ROPE, ARROW = "rope", "disturbance_arrow"  # drawings of a plant, beside its `model` and `trail`
+FORMER_NAMES = ("cable", "push")  # names of these two before 0.3
 
-# What is compared with the reference plant sample by sample.
+# Groups whose differences from the reference plant are logged, sample by sample.
 DIFFERENCE_GROUPS = (
     SignalGroup("state", "StateDifference", "reference plant minus another", STATE.signals),
     SignalGroup("load", "LoadDifference", "reference plant minus another", LOAD.signals),
@@ -102,18 +105,18 @@ DISTANCE = SignalGroup(
 
 
 def plant_topic(plant: str, group: str) -> str:
-    """Topic of a plant's group; always prefixed, so that files of different plants overlay."""
+    """Return the topic of a plant's group; it always has the plant, so that logs can be merged."""
     return f"/{plant}/{group}"
 
 
 def difference_topic(group: str, plant: str = "") -> str:
-    """Topic of the difference from the reference plant; of `plant`, where a log has several others."""
+    """Return the topic of the difference from the reference plant; `plant` names it if there are several."""
     return f"{DIFFERENCES}{plant}/{group}" if plant else f"{DIFFERENCES}{group}"
 
 
 @functools.cache
 def units(group: SignalGroup) -> dict[str, str]:
-    """Channel metadata: what each field is and its unit."""
+    """Return the metadata of a group's channel: symbol, unit and description of each field."""
     return {s.name: f"{s.symbol} [{s.unit}] {s.description}" for s in group.signals}
 
 
@@ -121,7 +124,7 @@ def units(group: SignalGroup) -> dict[str, str]:
 def group_schema(group: SignalGroup) -> bytes:
     """Return the FileDescriptorSet of a signal group."""
     message = descriptor_pb2.DescriptorProto(name=group.schema)
-    # What protobuf calls fields in JSON: two of one message must differ in it.
+    # Protobuf derives these names for JSON, and two fields of a message must not share one.
     json_names = {re.sub(r"_+(.?)", lambda match: match[1].upper(), name) for name in group.names}
     taken = set(group.names)
     for number, name in enumerate(group.names, start=1):
@@ -134,7 +137,7 @@ def group_schema(group: SignalGroup) -> bytes:
             oneof_index=number - 1,
             json_name=name if len(json_names) < len(group) else None,
         )
-        oneof = f"_{name}"  # named as protoc does
+        oneof = f"_{name}"  # the name that protoc gives it
         while oneof in taken:
             oneof = f"X{oneof}"
         taken.add(oneof)
@@ -143,9 +146,9 @@ def group_schema(group: SignalGroup) -> bytes:
 
 
 class EncodedRows(Sequence[bytes]):
-    """Protobuf messages of the rows of an array (N, signals), each encoded when it is asked for.
+    """Protobuf messages of the rows of an array (N, signals), encoded when they are read.
 
-    All of them at once would take more memory than the run.
+    All messages at once would take more memory than the run.
     """
 
     def __init__(self, values: NDArray[np.float64]) -> None:
@@ -155,8 +158,8 @@ class EncodedRows(Sequence[bytes]):
         return len(self._values)
 
     def __iter__(self) -> Iterator[bytes]:
-        for first in range(0, len(self._values), ENCODED):
-            yield from _encoded(self._values[first : first + ENCODED])
+        for first in range(0, len(self._values), ENCODED_ROWS):
+            yield from _encoded(self._values[first : first + ENCODED_ROWS])
 
     def __getitem__(self, index: Any) -> Any:
         """Return the message of one row."""
@@ -189,7 +192,7 @@ def record_schema(name: str, fields: tuple[tuple[str, type], ...]) -> bytes:
 
 
 def encode(schema: bytes, name: str, values: dict[str, Any]) -> bytes:
-    """Encode one message of type `name`, in the slow general way."""
+    """Encode one message of type `name` by protobuf, which is slow but takes any fields."""
     return bytes(_message_type(schema, name)(**values).SerializeToString(deterministic=True))
 
 

@@ -1,8 +1,7 @@
-"""Write runs to MCAP: protobuf messages, everything needed to understand and repeat the run inside.
+"""Write runs to MCAP files that hold everything needed to understand and repeat them.
 
-The file is written beside its place as `.PID.part` and renamed once it is closed and checked. Time is
-simulation time, no wall clock goes in: the same runs give the same bytes. Ctrl-C waits until
-the file is whole.
+The file is written beside its target as `.PID.part`, and renamed once it is closed and checked. Ctrl-C waits
+until then. Times are simulation times only, so the same runs give the same bytes.
 """
 
 import shlex
@@ -29,13 +28,13 @@ from cranectl.support.files import MCAP, check_place, replacing
 from cranectl.support.interrupts import interrupts_wait
 
 Records = Mapping[str, Mapping[str, str]]  # metadata by name
-CHUNK_SIZE = 64 * 1024  # small: after a kill nearly everything can be salvaged, for 0.2 % more size
+CHUNK_SIZE = 64 * 1024  # [bytes] a kill loses at most the last chunk; such small ones add 0.2 % to the size
 REMEDY = "choose another place with --out"
-FAILURES = (OSError, RuntimeError, DamageError)  # of writing; for a full disk the library has several
+FAILURES = (OSError, RuntimeError, DamageError)  # when writing fails; a full disk can raise any of them
 
 
 def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = False) -> None:
-    """Raise LogError now rather than after the simulation if no log can be written; see `check_place`."""
+    """Raise LogError if no log can be written, before time is spent on a simulation; see `check_place`."""
     check_place(path, MCAP, inputs=inputs, option="--out", at_once=at_once)
 
 
@@ -75,7 +74,7 @@ def write_log(
 
 
 def write_logged(path: Path, runs: Sequence[Run], every: int, limits: PairLimits | None = None) -> None:
-    """Write runs that hold every n-th sample already, as those read from a log do.
+    """Write runs that already hold only every n-th sample, as runs from a log do.
 
     Raises LogError, and InputError as `check_recordable` does.
     """
@@ -85,10 +84,10 @@ def write_logged(path: Path, runs: Sequence[Run], every: int, limits: PairLimits
     except DamageError as error:
         raise LogError(
             f"cannot write {path}: it would contradict itself: {error}",
-            allowed="runs as they were simulated, every n-th control sample and the last",
+            allowed="unchanged runs with every n-th control sample and the last",
             remedy="simulate the scenario again",
         ) from None
-    with np.errstate(invalid="ignore"):  # of a last sample that may hold what stopped its run
+    with np.errstate(invalid="ignore"):  # the last sample of a stopped run may not be finite
         sent = streams(runs, limits)
     write_container(path, file_metadata(runs, every), file_attachments(runs), sent)
 
@@ -98,9 +97,9 @@ def write_container(
 ) -> None:
     """Write an MCAP file in one atomic step; raise LogError if that fails.
 
-    Metadata and attachments come first: without them the messages of a file that is cut off mean nothing.
+    Metadata and attachments come first, so that a file that is cut off can still be understood.
     """
-    # The writer's channels die with the context: it must stay referenced until the file is closed.
+    # Channels close with their context, so this reference must live until the file is closed.
     context = foxglove.Context()
     part = None
     try:
@@ -115,7 +114,7 @@ def write_container(
 def open_file(
     part: Path, context: foxglove.Context, metadata: Records, attachments: Sequence[Attachment]
 ) -> foxglove.MCAPWriter:
-    """Return a file that begins with these and goes on with what is sent to `context`."""
+    """Open an MCAP file, write metadata and attachments, and then all messages sent to `context`."""
     options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
     file = foxglove.open_mcap(part, allow_overwrite=True, context=context, writer_options=options)
     for name, values in metadata.items():
@@ -136,7 +135,7 @@ def unfinished(path: Path, part: Path | None, error: Exception, *, remedy: str) 
 
 
 def _send_in_order(context: foxglove.Context, sent: Sequence[Stream]) -> int:
-    """Send all messages in the order of time; returns their number."""
+    """Send all messages in the order of time, and return their number."""
     channels = [open_channel(context, stream) for stream in sent]
     logs = [channel.log for channel in channels]
     for k, log_time, message in in_order(sent):
@@ -147,8 +146,8 @@ def _send_in_order(context: foxglove.Context, sent: Sequence[Stream]) -> int:
 def open_channel(context: foxglove.Context, stream: Stream) -> BaseChannel:
     """Open the channel for the messages of `stream`.
 
-    Not a `foxglove.Channel`: the library keeps every one of those for as long as the process lives, with the
-    context and schema that it belongs to, closed or not.
+    It is not a `foxglove.Channel`, because the library keeps each of those in memory until the process ends,
+    with its context and schema, even if it is closed.
     """
     encoding = stream.schema_encoding
     schema = foxglove.Schema(name=stream.schema_name, encoding=encoding, data=stream.schema)
@@ -161,7 +160,7 @@ def open_channel(context: foxglove.Context, stream: Stream) -> BaseChannel:
 
 
 def check_complete(path: Path, sent: int) -> None:
-    """Raise OSError unless all messages have arrived: the writer drops some rather than fail."""
+    """Raise OSError unless the file has all messages: the library may drop some without an error."""
     with path.open("rb") as stream:
         written = read_end(stream, path.stat().st_size).messages
     if written != sent:

@@ -291,5 +291,5 @@ def _line(value: str, signal: Signal, label: str, colour: str) -> dict[str, Any]
 
 def _cranes(plants: Sequence[str]) -> list[str]:
     """Topics of everything that is drawn of these plants."""
-    kinds = ("model", topics.ROPE, "trail", topics.ARROW, *topics.FORMER)
+    kinds = ("model", topics.ROPE, "trail", topics.ARROW, *topics.FORMER_NAMES)
     return [topics.plant_topic(plant, name) for plant in plants for name in kinds]

@@ -100,7 +100,7 @@ def test_what_came_in_before_the_scheduler_died_is_kept_and_the_rest_resumed(
     with monkeypatch.context() as patched:
         patched.setattr(Store, "write", write_and_end)
         error = refused(*RUN, "--out", "cut", "--scheduler", cluster.scheduler_address)
-    assert "is gone" in error
+    assert "has ended" in error
     assert "--resume: finished batches are kept" in error
     kept = parts_of("cut")
     assert len(kept) == 2

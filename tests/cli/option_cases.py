@@ -72,7 +72,7 @@ CASES = [
     Case("log/overlay.py", "choose other labels with --label",
          "log overlay one.mcap two.mcap --label a --label mujoco --out new.mcap",
          ("log overlay one.mcap two.mcap --label a --label b --out new.mcap",)),
-    Case("log/overlay.py", "say --label once for each run, or not at all",
+    Case("log/overlay.py", "give --label once for each run, or not at all",
          "log overlay one.mcap two.mcap --label a --out new.mcap",
          ("log overlay one.mcap two.mcap --label a --label b --out new.mcap",
           "log overlay one.mcap two.mcap --out new.mcap")),

@@ -141,7 +141,7 @@ def test_a_run_without_samples_ended_at_its_start() -> None:
     empty = row_removed(replace(stopped(), end_ns=0), slice(None))  # type: ignore[arg-type]
     check_runs([empty], EVERY)
     assert "without a sample" in refused(replace(empty, end_ns=1_000_000))
-    assert "its scenario to end" in refused(replace(empty, status=RunStatus.COMPLETED))
+    assert "but its scenario ends at" in refused(replace(empty, status=RunStatus.COMPLETED))
 
 
 def test_only_the_last_sample_of_a_run_that_stopped_may_hold_what_stopped_it() -> None:
@@ -296,7 +296,7 @@ def test_a_load_of_another_mass_than_the_rope_carries_is_refused(mass: float) ->
     run = swinging()
     rig = run.scenario.rig.model_copy(update={"load_mass": mass})
     forged = replace(run, scenario=run.scenario.model_copy(update={"rig": rig}))
-    assert f"lifts 9.81 N, the load of its scenario needs {9.81 * mass:.3g} N" in refused(forged)
+    assert f"lifts 9.81 N, but the load of its scenario needs {9.81 * mass:.3g} N" in refused(forged)
 
 
 @pytest.mark.parametrize(

@@ -270,12 +270,12 @@ INSIDE: dict[str, tuple[Change, str]] = {
     "a strange plant": (meta("cranectl", plants="analytic,ghost"), "how the run of ghost ended"),
     "no plant": (meta("cranectl", plants=""), "a plant named ''"),
     "another drive": (meta("cranectl", drive="steam"), "unknown drive"),
-    "another scenario": (meta("cranectl", scenario="slack-rope"), "said to be of slack-rope"),
-    "another controller": (meta("cranectl", controller="lqr"), "said to be of fixed-position and lqr"),
-    "rate of nothing": (meta("cranectl", every="0"), "no number from 1"),
+    "another scenario": (meta("cranectl", scenario="slack-rope"), "it names slack-rope"),
+    "another controller": (meta("cranectl", controller="lqr"), "it names fixed-position and lqr"),
+    "rate of nothing": (meta("cranectl", every="0"), "is not a whole number from 1"),
     "strange status": (meta("run/mujoco", status="splendid"), "unknown status 'splendid'"),
     "fewer samples": (meta("run/mujoco", samples="75"), "76 of 75 samples"),
-    "end that is none": (meta("run/mujoco", status="running"), "is no end"),
+    "end that is none": (meta("run/mujoco", status="running"), "does not end a run"),
     "times halved": (halved, "is at 0.15 s, the end at 0.3 s"),
     "segment of a session that begins later": (
         lambda parts: parts.metadata.append(Metadata("live", {"from_ns": "4000000"})),
@@ -285,7 +285,7 @@ INSIDE: dict[str, tuple[Change, str]] = {
     "reference of another crane": (number(REFERENCE, 7, 2, lambda z: z + 1e-12), "not from the reference"),
     "reference of another scenario": (
         also(*map(raised, [REFERENCE, "/analytic/flat_output", "/mujoco/flat_output"])),
-        "not that of its scenario",
+        "does not follow from its scenario",
     ),
     "no end": (meta("run/mujoco", end_ns=None), "end_ns"),
     "no outcome": (without("run/mujoco"), "how the run of mujoco ended"),
@@ -296,7 +296,7 @@ INSIDE: dict[str, tuple[Change, str]] = {
     "metadata twice": (lambda parts: parts.metadata.append(parts.meta("cranectl")), "twice"),
     "scenario twice": (lambda parts: parts.attachments.append(parts.attachment("scenario.json")), "twice"),
     "scenario that is no JSON": (text("scenario.json", b"{"), "not valid JSON"),
-    "scenario that is a list": (text("scenario.json", b"[]"), "no table"),
+    "scenario that is a list": (text("scenario.json", b"[]"), "is not a table"),
     "scenario of more": (put("scenario.json", extra=1), "unknown key 'extra'"),
     "model that is no text": (text("mujoco.xml", b"\xff"), "not a log"),
     "design of NaN": (put("design.json", gain=[NAN, 1.0, 1.0, 1.0]), "where a number belongs"),
@@ -304,10 +304,10 @@ INSIDE: dict[str, tuple[Change, str]] = {
     "design of more": (put("design.json", extra=1), "not a log"),
     "design without margins": (put("design.json", margins=None), "not a log"),
     "design of another order": (more_order, "controller has the signals"),
-    "design of other gains": (put("design.json", gain=[39.0, 62.5, 37.5, 10.0]), "not those of its gains"),
+    "design of other gains": (put("design.json", gain=[39.0, 62.5, 37.5, 10.0]), "follow from its gains"),
     "design with broken matrices": (
         put("design.json", robustifier={"A": [1.0], "B": [[1.0]], "C": [[1.0]], "D": [[0.0], [5.0]]}),
-        "do not fit together",
+        "contradict each other",
     ),
 }  # fmt: skip
 

@@ -195,7 +195,7 @@ def merged(written: Path, path: Path) -> Path:
 
 
 UNREAD: dict[str, tuple[Callable[[Path, Path], Path], str]] = {
-    "merged": (merged, "it has cranectl twice, as merged logs have"),
+    "merged": (merged, "it has cranectl twice, as merged logs do"),
     "topics left out": (
         lambda log, path: again(log, path, keeps=lambda topic: topic != "/analytic/load"),
         "0 of 101 samples of analytic/load",
@@ -206,7 +206,7 @@ UNREAD: dict[str, tuple[Callable[[Path, Path], Path], str]] = {
     ),
     "topics only": (
         lambda log, path: again(log, path, parts=""),
-        "it has no metadata, as filtered logs have",
+        "it has no metadata, like a filtered log",
     ),
     "no attachments": (
         lambda log, path: again(log, path, parts="metadata"),

@@ -122,9 +122,9 @@ def test_an_overlay_that_contradicts_itself_is_refused(layers: dict[str, Layer])
     write_overlay(Path("a.mcap"), layers)
     for record, values, problem in (
         ("pid/run/analytic", {"samples": "50"}, "51 of 50 samples of pid/state"),
-        ("pid/cranectl", {"plants": "analytic,mujoco"}, "pid is said to be a run of analytic, mujoco"),
+        ("pid/cranectl", {"plants": "analytic,mujoco"}, "pid has several plants: analytic, mujoco"),
         ("overlay", {"labels": "lqr,nobody"}, "not of cranectl"),
-        ("overlay", {"format": "9"}, "for viewers only"),
+        ("overlay", {"format": "9"}, "that only viewers read"),
     ):
         parts = take_apart(Path("a.mcap"))
         meta(record, **values)(parts)

@@ -213,7 +213,11 @@ def test_damage_in_the_middle_ends_what_is_saved(log: Path, tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     ("end_ns", "text"),
-    [("9" * 400, "is no number"), (str(2**62), "is no number"), ("290000000", "to end at")],
+    [
+        ("9" * 400, "is not a whole number"),
+        (str(2**62), "is not a whole number"),
+        ("290000000", "its scenario ends at"),
+    ],
 )
 def test_what_contradicts_itself_is_not_recovered(log: Path, tmp_path: Path, end_ns: str, text: str) -> None:
     parts = take_apart(log)
@@ -234,7 +238,7 @@ def test_nothing_is_overwritten_unasked(part: Path) -> None:
     before = part.read_bytes()
     for precious in (b"precious", MAGIC + b"precious"):
         place.write_bytes(precious)
-        with pytest.raises(LogError, match="exists and may be whole") as caught:
+        with pytest.raises(LogError, match="exists and may be complete") as caught:
             recover_log(part)
         assert "--out" in caught.value.remedy
         assert place.read_bytes() == precious

@@ -81,7 +81,7 @@ def test_panels_show_what_logs_have(name: str, plant: str, logged: dict[str, dic
                 assert title.endswith(f"[{unit}]"), path
                 assert unit
         if panel.startswith("3D"):
-            present = {t for t in configuration["topics"] if not t.endswith(topics.FORMER)}
+            present = {t for t in configuration["topics"] if not t.endswith(topics.FORMER_NAMES)}
             assert present <= set(logged)
             assert all(topic["visible"] for topic in configuration["topics"].values())
         if panel.startswith("StateTransitions"):
@@ -105,7 +105,7 @@ def test_pads_wish_what_may_be_wished(crane: str) -> None:
 
 def test_what_logs_of_before_draw_is_shown_too() -> None:
     drawn = {t.topic for t in describe_log(SAMPLE).topics if t.schema == "foxglove.SceneUpdate"}
-    assert {f"/{plant}/{name}" for plant in PAIR for name in topics.FORMER} <= drawn
+    assert {f"/{plant}/{name}" for plant in PAIR for name in topics.FORMER_NAMES} <= drawn
     layout = json.loads(layout_json("comparison", plants=PLANTS))
     (scene,) = (panel for name, panel in layout["configById"].items() if name.startswith("3D"))
     assert drawn <= set(scene["topics"])
