@@ -1,1 +1,1 @@
-"""Runs against each other: plants, golden logs, merged logs, and the limits of all that."""
+"""Compare runs: plants with each other, runs with golden logs, and the limits of their differences."""

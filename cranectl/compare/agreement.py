@@ -1,7 +1,7 @@
-"""Judge whether plants agree: how far they may differ, and a verdict.
+"""Judge whether plants agree: limits of their differences, and a verdict.
 
-All plants solve the same equations, with each kind of drive. So the limits of `validation/tolerances.toml`
-are statements about numerics, and hold for any scenario, controller and rig. A plant whose velocity drives do
+All plants solve the same equations with each kind of drive. So the limits of `validation/tolerances.toml`
+bound numerical errors only, and hold for every scenario, controller and rig. A plant whose velocity drives do
 not feel the load is not judged with velocity drives.
 """
 
@@ -24,18 +24,18 @@ from cranectl.support import resources
 from cranectl.support.consistency import check_ascending
 from cranectl.support.documents import read_toml
 
-LAGGING_MODEL = "cranectl.model.dynamics, fixed-step DOP853"  # what earlier logs say of the analytic plant
-TOLERANCES = "validation/tolerances.toml"  # where all limits come from
-ORDER = 4  # of the engine's scheme, the lowest of the plants'
-MOST_HALVINGS = 4
-SHORTEST_NS = 1000  # of control.physics_step
+LAGGING_MODEL = "cranectl.model.dynamics, fixed-step DOP853"  # text of the analytic plant in earlier logs
+TOLERANCES = "validation/tolerances.toml"  # source of all limits
+ORDER = 4  # of the MuJoCo plant's integration, the lowest of all plants
+MAX_HALVINGS = 4  # of the physics step
+MIN_STEP_NS = 1000  # of control.physics_step
 
 Progress = Callable[[float], None]  # called with the simulated seconds since the last call
 
 
 @dataclass(frozen=True)
 class AgreementLimits:
-    """How far two plants may differ, and why."""
+    """Largest allowed differences of two plants, with the reason for them."""
 
     load_m: float
     angle_rad: float
@@ -45,14 +45,13 @@ class AgreementLimits:
 
 @dataclass(frozen=True)
 class NoLimits:
-    """Nobody knows how far the plants may differ: their difference is reported, not judged."""
+    """The allowed difference is not known, so it is reported and not judged."""
 
     reason: str
 
 
-PairLimits = Mapping[
-    tuple[str, str], AgreementLimits | NoLimits
-]  # by a plant and the one it is compared against
+# By a plant and the one it is compared with.
+PairLimits = Mapping[tuple[str, str], AgreementLimits | NoLimits]
 
 ENCODERS = NoLimits(
     "beside an effect whose schemes differ an encoder now and then reads one step more on one plant, and a "
@@ -68,7 +67,7 @@ LAGS = NoLimits(
 
 
 def limits_for(scenario: Scenario, drive: Drive, plants: Iterable[str]) -> PairLimits:
-    """Return the limits of each of `plants` and the one that they are compared against."""
+    """Return the limits of each plant's difference from the reference plant among `plants`."""
     plants = list(plants)
     reference = reference_plant(plants)
     return {
@@ -79,7 +78,7 @@ def limits_for(scenario: Scenario, drive: Drive, plants: Iterable[str]) -> PairL
 
 
 def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> AgreementLimits | NoLimits:
-    """Return how far two plants may differ in closed loop, or why nobody knows."""
+    """Return the limits of two plants in closed loop, or the reason why there are none."""
     blind = [plant for plant in pair if DRIVES[drive].is_servo and not plant_entry(plant).servos]
     if blind:
         label = plant_entry(blind[0]).label
@@ -90,7 +89,7 @@ def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> Agre
     friction = scenario.effects.friction
     if friction and friction.pivot_coulomb and "analytic" in pair:
         return SMOOTHED
-    # What the schemes of effects leave besides; lengths are those of the laboratory's rig.
+    # Effects add numerical errors; the limits of lengths are those of the laboratory rig.
     size = scenario.rig.rope_range[1] / RigParameters().rope_range[1]
     for name in scenario.effects.names:
         stated = known.get(name, {})
@@ -106,9 +105,9 @@ def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> Agre
 
 
 def agreement_limits(drive: str) -> AgreementLimits:
-    """Return what two plants with these drives may differ in closed loop, without effects."""
+    """Return the limits of two plants with this kind of drives in closed loop, without effects."""
     known = _closed_loop()
-    strictest = known["velocity"]  # for a kind that has no limits of its own
+    strictest = known["velocity"]  # for a kind of drives without limits
     return AgreementLimits(**known.get(drive, strictest))
 
 
@@ -153,7 +152,7 @@ class Agreement:
     curing_step_s: float | None = None
 
     def __post_init__(self) -> None:
-        """Raise InconsistentError for plants that pass in spite of a limit."""
+        """Raise InconsistentError for plants that pass although they exceed a limit."""
         if self.passed:
             load, angle = self.max_load_error_m, self.max_angle_error_rad
             check_ascending(("the difference of a load that passed", load), ("its limit", self.limit_m))
@@ -161,7 +160,7 @@ class Agreement:
 
     @property
     def verdict(self) -> str:
-        """In words."""
+        """The verdict in words."""
         return "not judged" if self.passed is None else "passed" if self.passed else "FAILED"
 
     def to_json(self) -> dict[str, Any]:
@@ -171,7 +170,7 @@ class Agreement:
 def against_reference(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[tuple[Run, Run]]:
     """Pair every other run with that of the reference plant, which comes second.
 
-    `plants`: those that the reference is of, by default those of `runs`.
+    The reference plant is chosen among `plants`, by default those of `runs`.
     """
     reference = reference_plant(plants or [run.plant for run in runs])
     return [(a, b) for b in runs if b.plant == reference for a in runs if a.plant != reference]
@@ -182,8 +181,8 @@ def judge(
 ) -> Agreement:
     """Judge the agreement of two plants.
 
-    Plants that ended with different status, or at times further from each other than the limit, do not agree,
-    whatever their difference. Without limits of this pair there is no verdict.
+    Plants do not agree if their runs ended with different status, or at times that differ by more than the
+    limit. Without limits for this pair there is no verdict.
 
     Parameters
     ----------
@@ -248,9 +247,10 @@ def ended_as_expected(run: Run) -> bool:
 def judge_steps(
     runs: Sequence[Run], limits: AgreementLimits | NoLimits, progress: Progress | None = None
 ) -> Agreement:
-    """Judge as `judge` does; where plants differ too much, find the step that cures it.
+    """Judge as `judge` does; if the plants differ too much, find a step with which they agree.
 
-    It is as short as the order of the scheme says, and tried, where memory and an interrupt allow it.
+    The step follows from the order of the integration, and is tried before it is reported. It is not searched
+    if memory does not suffice or a run was interrupted.
     """
     agreement = judge(*runs, limits=limits)
     if agreement.passed is not False or not isinstance(limits, AgreementLimits):
@@ -259,17 +259,17 @@ def judge_steps(
     interrupted = any(run.status == RunStatus.INTERRUPTED for run in runs)
     if interrupted or not 1.0 < excess < math.inf or not fits(runs[0], more=len(runs)):
         return agreement
-    halvings = min(math.ceil(math.log2(excess) / ORDER), MOST_HALVINGS)
+    halvings = min(math.ceil(math.log2(excess) / ORDER), MAX_HALVINGS)
     shorter = with_finer_steps(runs[0].scenario, 2**halvings)
     if shorter is None:
         return agreement
-    again = []
+    finer_runs = []
     for run in runs:
         finer = simulate_run(shorter, plant=run.plant, drive=run.drive, design=run.design, progress=progress)
         if finer.status == RunStatus.INTERRUPTED:
             return agreement
-        again.append(finer)
-    if not judge(*again, limits=limits).passed:
+        finer_runs.append(finer)
+    if not judge(*finer_runs, limits=limits).passed:
         return agreement
     return replace(agreement, curing_step_s=shorter.control.physics_step)
 
@@ -277,7 +277,7 @@ def judge_steps(
 def with_finer_steps(scenario: Scenario, times: int) -> Scenario | None:
     """Return `scenario` with `times` as many steps, or None if that needs fractions of nanoseconds."""
     step_ns, rest = divmod(scenario.period_ns, scenario.substeps * times)
-    if rest or step_ns < SHORTEST_NS:
+    if rest or step_ns < MIN_STEP_NS:
         return None
     control = scenario.control.model_copy(update={"physics_step": step_ns / NANOSECONDS})
     return scenario.model_copy(update={"control": control})

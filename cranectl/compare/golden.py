@@ -1,4 +1,4 @@
-"""Judge a run against a golden one by limits kept in a TOML file: replay as a regression test."""
+"""Judge a run against a golden run, with limits from a TOML file: a regression test."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
@@ -20,7 +20,7 @@ Bound = Annotated[float, Field(ge=0.0)]
 
 
 class SignalLimit(Settings):
-    """How far the signals of one pattern may be from the golden run's, at any sample."""
+    """Largest allowed difference of the signals of one pattern from the golden run, at any sample."""
 
     signals: str = Field(description="shell pattern of GROUP.SIGNAL, such as 'state.*'")
     absolute: Bound = Field(description="in the signal's own unit")
@@ -31,7 +31,7 @@ class SignalLimit(Settings):
 
 
 class Tolerances(Settings):
-    """Limits of a regression test. Of the limits that match a signal the first one counts."""
+    """Limits of a regression test; the first limit that matches a signal counts."""
 
     end_s: Bound = Field(description="by how much the ends of the runs may differ [s]")
     limits: Annotated[tuple[SignalLimit, ...], Field(strict=False)] = Field(
@@ -41,7 +41,7 @@ class Tolerances(Settings):
 
 @dataclass(frozen=True)
 class SignalVerdict:
-    """One signal against its limit, both in its unit."""
+    """The difference of one signal and its limit, both in its unit."""
 
     signal: str
     unit: str
@@ -52,7 +52,7 @@ class SignalVerdict:
 
 
 def worst_first(verdicts: Iterable[SignalVerdict]) -> list[SignalVerdict]:
-    """Those that are the most times their limit; of those that may not differ at all, that differ most."""
+    """Sort signals by difference over limit, the largest first; with a limit of 0 by difference."""
 
     def times_limit(verdict: SignalVerdict) -> tuple[float, float]:
         size = inf if isnan(verdict.max_abs) else verdict.max_abs
@@ -63,10 +63,10 @@ def worst_first(verdicts: Iterable[SignalVerdict]) -> list[SignalVerdict]:
 
 @dataclass(frozen=True)
 class RegressionVerdict:
-    """A new run against the golden run of the same plant."""
+    """Verdict on a new run compared with the golden run of the same plant."""
 
     plant: str
-    samples: int  # compared
+    samples: int  # number of compared samples
     status: str
     golden_status: str
     end_difference_s: float
@@ -77,7 +77,7 @@ class RegressionVerdict:
 
     @property
     def passed(self) -> bool:
-        """Whether the runs ended alike and every signal keeps its limit."""
+        """Whether the runs ended alike and every signal is within its limit."""
         return self.same_status and self.ends_passed and all(signal.passed for signal in self.signals)
 
     def to_json(self) -> dict[str, Any]:
@@ -85,7 +85,7 @@ class RegressionVerdict:
 
 
 def load_tolerances(name_or_path: str) -> Tolerances:
-    """Load tolerances by name or from a TOML file; raises InputError for anything wrong in it."""
+    """Load tolerances by name or from a TOML file; raise InputError for mistakes in it."""
     path = resources.toml_file("tolerance file", name_or_path, resources.REGRESSION_DIRECTORY)
     return parse_settings(Tolerances, read_toml(path), path.name)
 
@@ -93,15 +93,19 @@ def load_tolerances(name_or_path: str) -> Tolerances:
 def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> RegressionVerdict:
     """Judge every signal that the tolerances name, and how the runs ended.
 
-    Raises InputError for a limit that matches nothing or never counts, for a signal of COMPARED_GROUPS
-    without a limit, for signals that only one run has, and where `new` lacks samples of `golden`.
+    Raises InputError in these cases:
+
+    - A limit matches nothing or never counts.
+    - A signal of COMPARED_GROUPS has no limit.
+    - Only one of the runs has a signal.
+    - `new` lacks samples of `golden`.
     """
-    # A comparison of few samples would pass for want of data; one lacking is a stopped run's last.
-    until = golden.time_ns[golden.time_ns <= new.time_ns.max(initial=0)]
-    lacking = len(np.setdiff1d(until, new.time_ns))
-    if lacking > 1:
+    # Few common samples would prove nothing. One may be missing: the last one of a run that stopped.
+    expected = golden.time_ns[golden.time_ns <= new.time_ns.max(initial=0)]
+    missing = len(np.setdiff1d(expected, new.time_ns))
+    if missing > 1:
         raise InputError(
-            f"the new run of {new.plant} lacks {lacking} of {len(until)} samples of the golden one",
+            f"the new run of {new.plant} lacks {missing} of {len(expected)} samples of the golden one",
             allowed="runs logged at the same rate, or the new one at a multiple of it",
             remedy="run again with the golden log's --every",
         )
@@ -111,7 +115,7 @@ def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> Regressio
     verdicts = []
     for row in comparison.signals:
         limit, values = limits[row.signal], golden.signal(row.signal)
-        # Infinities and NaN of the golden run widen nothing, NaN keeps no limit.
+        # Infinities and NaN of the golden run do not widen the limit, and a difference of NaN fails.
         largest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
         bound = max(limit.absolute, limit.relative * largest)
         passed = row.max_abs <= bound
@@ -142,21 +146,21 @@ def _limits(new: Run, golden: Run, limits: Sequence[SignalLimit]) -> dict[str, S
             earlier = ", ".join(dict.fromkeys(f"'{chosen[name].signals}'" for name in matched))
             raise InputError(
                 f"the limit for '{limit.signals}' never counts: {earlier} before it has all its signals",
-                allowed="limits in the order in which they count, the first match wins",
-                remedy="put the special before the general",
+                allowed="limits in the order in which they count: the first match wins",
+                remedy="put special limits before general ones",
             )
         chosen = {**dict.fromkeys(matched, limit), **chosen}
-    alone = [name for name in chosen if name not in in_golden or name not in in_new]
-    if alone:
+    unmatched_names = [name for name in chosen if name not in in_golden or name not in in_new]
+    if unmatched_names:
         raise InputError(
-            f"only one of the runs has {', '.join(alone)}",
+            f"only one of the runs has {', '.join(unmatched_names)}",
             allowed="runs of controllers with the same states",
             remedy="compare runs of the same controller, or limit only signals that both have",
         )
-    bare = [name for name in compared_signals(golden) if name not in chosen]
-    if bare:
+    unlimited = [name for name in compared_signals(golden) if name not in chosen]
+    if unlimited:
         raise InputError(
-            f"no limit for {', '.join(bare)}",
+            f"no limit for {', '.join(unlimited)}",
             allowed=f"tolerances for every signal of {', '.join(COMPARED_GROUPS)}",
             remedy="add limits for them",
         )

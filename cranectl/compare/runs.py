@@ -1,4 +1,4 @@
-"""Two runs compared sample by sample, or merged as the pair that one log holds; the caller reads files."""
+"""Compare two runs sample by sample, and pair them for one log; the runs are in memory."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -15,8 +15,8 @@ from cranectl.support.documents import differences, leaves
 from cranectl.support.errors import InputError
 
 COMPARED_GROUPS = ("state", "load", "input")
-Sampled = tuple[Run, NDArray[np.intp]]  # and which of its samples
-SHOWN_DIFFERENCES = 10  # differences in an error message
+Sampled = tuple[Run, NDArray[np.intp]]  # a run and the indices of some of its samples
+SHOWN_DIFFERENCES = 10  # in an error message
 
 
 @dataclass(frozen=True)
@@ -94,11 +94,11 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
             remedy="log both with the same period",
         )
     time = a.time[in_a]
-    with np.errstate(invalid="ignore", over="ignore"):  # of runs that are not finite: NaN keeps no limit
+    with np.errstate(invalid="ignore", over="ignore"):  # runs may not be finite; NaN exceeds every limit
         load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
         angles = np.abs(b.angles[in_b] - a.angles[in_a])
         names = compared_signals(a) if signals is None else signals
-        of_signals = tuple(_differences((a, in_a), (b, in_b), names, time))
+        differences_of_signals = tuple(_differences((a, in_a), (b, in_b), names, time))
     return Comparison(
         a=_label(a),
         b=_label(b),
@@ -107,7 +107,7 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
         max_load_error_m=float(load.max()),
         max_load_error_at_s=float(time[np.argmax(load)]),
         max_angle_error_rad=float(angles.max()),
-        signals=of_signals,
+        signals=differences_of_signals,
     )
 
 
@@ -130,22 +130,22 @@ def compared_signals(run: Run) -> list[str]:
 def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
     """Return a line for each difference of two scenarios, such as `design.input_weight: 0.1 and 0.11`.
 
-    Of runs of the same scenario, what is not the same in their computed designs.
+    If the scenarios are equal, the lines are differences of the computed designs.
     """
     scenarios = (run.scenario.model_dump(mode="json") for run in (a, b))
     designs = [{"controller": run.design.to_json()} for run in (a, b)]
-    for design in designs:  # of the file of a law the digest says it
+    for design in designs:  # the digest of a controller's file differs too, so its text is left out
         design["controller"].get("origin", {}).pop("source", None)
     for tables in (scenarios, designs):
         first, second = (dict(leaves(table)) for table in tables)
         differing = differences(first, second, absent="nothing")
-        if lines := tuple(f"{name}: {' and '.join(_told(old, new))}" for name, old, new in differing):
+        if lines := tuple(f"{name}: {' and '.join(_shortened(old, new))}" for name, old, new in differing):
             return lines
     return ()
 
 
-def _told(*values: Any) -> list[str]:
-    """Numbers of many digits with six, if these tell them apart."""
+def _shortened(*values: Any) -> list[str]:
+    """Return the texts of values, numbers with six digits if these differ."""
     short = [
         f"{value:.6g}" if isinstance(value, float) and float(f"{value:.6g}") != value else str(value)
         for value in values
@@ -160,7 +160,7 @@ def _differences(
     units = named_signals(a)
     for name in names:
         one, other = a.signal(name)[in_a], b.signal(name)[in_b]
-        # Where both are infinite alike or not a number, it is 0: a run equals itself.
+        # Equal infinities and two NaN have the difference 0, so that a run equals itself.
         same = (one == other) | (np.isnan(one) & np.isnan(other))
         difference: Array = np.subtract(other, one, out=np.zeros_like(one), where=~same)
         worst = int(np.argmax(np.abs(difference)))
@@ -179,9 +179,9 @@ def _label(run: Run) -> str:
 
 
 def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
-    """Return two logged runs in the order of a log of two plants.
+    """Return two logged runs in the order of plants in a log.
 
-    Raises InputError if one log cannot hold both: it has one controller, drive, reference and rate.
+    Raises InputError if one log cannot hold both, because controller, drive, load, reference or rate differ.
     """
     if a.plant == b.plant:
         raise InputError(
@@ -192,13 +192,13 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
     kinds = {
         "controllers": (a.design.name, b.design.name),
         "drives": (a.drive, b.drive),
-        "loads [kg]": (a.scenario.rig.load_mass, b.scenario.rig.load_mass),  # the pull of ropes is checked
+        "loads [kg]": (a.scenario.rig.load_mass, b.scenario.rig.load_mass),  # logs check the rope's pull
         "numbers of recorded signals": tuple(sum(map(len, run.design.groups)) for run in (a, b)),
     }
-    problems = [f"different {what}, {x} and {y}" for what, (x, y) in kinds.items() if x != y]
+    problems = [f"different {kind}, {x} and {y}" for kind, (x, y) in kinds.items() if x != y]
     if not np.intersect1d(a.time_ns, b.time_ns).size:
         problems.append("no samples in common")
-    common = min(len(a.time_ns), len(b.time_ns)) - 1  # the last sample is logged whenever it is
+    common = min(len(a.time_ns), len(b.time_ns)) - 1  # the last sample may be between two regular ones
     if not np.array_equal(a.time_ns[:common], b.time_ns[:common]):
         problems.append("different times of their samples")
     if not np.array_equal(a.reference[:common], b.reference[:common]):
@@ -214,14 +214,14 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
     return first, second
 
 
-def refuse_differences(what: str, differences: Sequence[str], *, described: str) -> None:
-    """Raise InputError if there are any: a merged log describes the run of plant `described` only."""
+def refuse_differences(problem: str, differences: Sequence[str], *, described: str) -> None:
+    """Raise InputError if there are differences: a merged log describes the run of plant `described` only."""
     if differences:
         more = len(differences) - SHOWN_DIFFERENCES
         shown = [*differences[:SHOWN_DIFFERENCES], *([f"and {more} more"] if more > 0 else [])]
         raise InputError(
-            f"{what}: {'; '.join(shown)}",
-            allowed="two runs of the same scenario, by the versions that are installed",
+            f"{problem}: {'; '.join(shown)}",
+            allowed="two runs of the same scenario, by the installed versions",
             remedy="run one of them again, or merge with --despite-differences: the log then describes the "
-            f"{described} run's scenario and the versions that are installed",
+            f"{described} run's scenario and the installed versions",
         )

@@ -26,7 +26,7 @@ from cranectl.support.errors import LogError, nearest_first, unknown_name
 HEADER_RECORDS = ("cranectl", "overlay", "versions", "scenario.json", "design.json")  # each occurs once
 TYPE_PREFIX = "cranectl."  # of the names of our message types
 COMPLETE_LOG = "name the original log, which has all topics"
-SHOWN_SIGNALS = 8  # similar names in the error for an unknown signal, of about 200 in a log
+SHOWN_NEAR_SIGNALS = 8  # similar names in the error for an unknown signal, of about 200 in a log
 
 T = TypeVar("T")
 
@@ -105,7 +105,7 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
         known = _signals(contents)
         if field not in known.get(topic, ()):
             names = [f"{topic[1:]}.{field}" for topic, fields in known.items() for field in fields]
-            raise unknown_name("signal", name, nearest_first(name, names)[:SHOWN_SIGNALS])
+            raise unknown_name("signal", name, nearest_first(name, names)[:SHOWN_NEAR_SIGNALS])
         column = columns[_channels_of(contents, (topic,))[topic].id]
         block = _decoded(topic, column, len(known[topic]))
         _check_block(header, topic, known[topic], block)

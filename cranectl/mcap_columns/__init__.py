@@ -1,1 +1,1 @@
-"""MCAP files as columns of messages: whole, damaged or cut off. Knows no crane."""
+"""Read MCAP files, whole, damaged or cut off, as columns of messages; nothing here is about cranes."""

@@ -1,7 +1,7 @@
-"""What is in an MCAP file, record by record from its start: all of a closed one, what is whole of another.
+"""Read the contents of an MCAP file from its start: all of a closed file, or the complete part of another.
 
-The summary at the end of a closed file repeats places and times for readers that jump. Nothing is taken from
-it: what is read cannot contradict it, and a file that was cut off is read as a closed one is.
+A closed file ends with a summary, which repeats positions and times for readers that jump. It is not used for
+reading, so it cannot contradict what is read, and a file that was cut off is read in the same way.
 """
 
 import contextlib
@@ -28,77 +28,73 @@ from cranectl.mcap_columns.records import (
     Record,
     UnsupportedError,
     check_crc,
-    cut_up,
     inflate,
     parse,
     read_record,
     read_records,
     record_name,
     section_crc,
+    split_records,
 )
 from cranectl.support.errors import LogError
 from cranectl.support.files import open_input
 
 MAX_SUMMARY = 64 * 2**20  # [bytes]; ten minutes of all samples take 7 MiB
-MAX_EXPANSION = 100  # all chunks, unpacked, over the size of the file; logs of a crane at rest reach 5
+MAX_EXPANSION = 100  # size of all unpacked chunks over the size of the file; logs of a crane at rest reach 5
 _DATA_END_LENGTH, _FOOTER_LENGTH = PREFIX.size + 4, PREFIX.size + 20  # [bytes]
-BARE = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)  # what writers without chunks leave between them
-MAX_BARE = 2**20  # [bytes] of such records that are taken at once
-PRIVATE = 0x80  # from here on opcodes are other writers' own, to be passed over
-OURS = b"cranectl"  # in the metadata, types and versions of every log
-LOOKED_AT = 2**16  # [bytes] at each end
+UNCHUNKED = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)  # records that some writers put outside chunks
+MAX_UNCHUNKED = 2**20  # [bytes] of such records that are read at a time
+PRIVATE = 0x80  # first opcode of other writers' own records, which are skipped
+SIGNATURE = b"cranectl"  # occurs in the metadata, types and versions of every log
+SIGNATURE_RANGE = 2**16  # [bytes] at the start and the end of a file that are searched for it
 ALLOWED = "closed logs that cranectl wrote"
-NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")  # of channels that declare none
+NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")  # of channels without a schema
 
 T = TypeVar("T")
 
 
 class End(NamedTuple):
-    """What a closed file says at its end."""
+    """Facts from the end of a closed file."""
 
-    stop: int  # [bytes] where the last record of the data ends
-    messages: int | None  # None where it does not say
+    stop: int  # [bytes] end of the last record of the data
+    messages: int | None  # number of messages; None if the file does not have it
 
 
 @dataclass
 class Contents:
-    """The records of a file as far as they have been read."""
+    """The records of a file that have been read."""
 
     size: int  # [bytes] of the file
-    end: End | None = None  # of one that was closed
-    stop: int = len(MAGIC)  # [bytes] to here everything is whole
-    finished: bool = False  # whether all messages had been written
+    end: End | None = None  # None for a file that was not closed
+    stop: int = len(MAGIC)  # [bytes] up to here all records are complete
+    finished: bool = False  # whether the end of the data was reached
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, Attachment] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=lambda: {0: NO_SCHEMA})
     channels: dict[int, Channel] = field(default_factory=dict)
-    messages: Counter[int] = field(default_factory=Counter)  # their number by channel
-    repeated: set[str] = field(default_factory=set)  # names of several metadata or attachments
+    messages: Counter[int] = field(default_factory=Counter)  # number of messages by channel
+    repeated: set[str] = field(default_factory=set)  # names that several metadata or attachments have
     _definitions: dict[tuple[int, int], bytes] = field(default_factory=dict)
-    _unpacked: int = 0  # [bytes] of all chunks
+    _unpacked: int = 0  # [bytes] of all unpacked chunks
 
     def chunks(self, stream: BinaryIO) -> Iterator[Content]:
-        """Yield each chunk of the data, once its messages and definitions are known.
+        """Yield the chunks of the data, and add their messages and definitions to these contents.
 
-        Raises DamageError, at last where a closed file is read to another end, or has more or fewer messages.
+        Records outside chunks are collected and yielded like chunks. Raises DamageError for damaged records,
+        and at the end if a closed file has another end or another number of messages than it states.
         """
-        bare: list[Record] = []  # records of messages that stand in no chunk, one after the other
+        outside: list[Record] = []  # consecutive records that are in no chunk
         for record in read_records(stream, len(MAGIC), self.size):
-            if bare and (
-                record.opcode not in BARE or sum(bare_record.length for bare_record in bare) > MAX_BARE
-            ):
-                records = b"".join(
-                    PREFIX.pack(bare_record.opcode, len(bare_record.body)) + bare_record.body
-                    for bare_record in bare
-                )
-                yield self._content(cut_up(records, "its messages"), bare[0].start)
+            if outside and (record.opcode not in UNCHUNKED or sum(r.length for r in outside) > MAX_UNCHUNKED):
+                records = b"".join(PREFIX.pack(r.opcode, len(r.body)) + r.body for r in outside)
+                yield self._content(split_records(records, "its messages"), outside[0].start)
                 self.stop = record.start
-                bare = []
+                outside = []
             if record.opcode == Opcode.DATA_END:
                 self.finished = True
                 break
-            if record.opcode in BARE:
-                bare.append(record)
+            if record.opcode in UNCHUNKED:
+                outside.append(record)
                 continue
             content = self._add(record)
             self.stop = record.start + record.length
@@ -111,7 +107,7 @@ class Contents:
 
     def _add(self, record: Record) -> Content | None:
         if record.opcode == Opcode.CHUNK:
-            return self._content(cut_up(inflate(parse(Chunk.read, record)), "a chunk"), record.start)
+            return self._content(split_records(inflate(parse(Chunk.read, record)), "a chunk"), record.start)
         if record.opcode == Opcode.METADATA:
             metadata: Metadata = parse(Metadata.read, record)
             self._add_named(self.metadata, metadata.name, metadata.metadata)
@@ -125,18 +121,19 @@ class Contents:
         return None
 
     def _add_named(self, entries: dict[str, T], name: str, value: T) -> None:
-        """Add an entry; the second of a name, which MCAP allows, is 'name (2)'."""
+        """Add an entry; MCAP allows a name twice, and the second entry is called 'name (2)'."""
         if name in entries:
             self.repeated.add(name)
             name = next(free for k in count(2) if (free := f"{name} ({k})") not in entries)
         entries[name] = value
 
     def _content(self, content: Content, start: int) -> Content:
-        """Take what is in a chunk at byte `start` into account, and return it."""
+        """Add the definitions and message counts of a chunk at byte `start`, and return the chunk."""
         self._unpacked += len(content.data)
         if self._unpacked > MAX_CHUNK + MAX_EXPANSION * self.size:
             raise UnsupportedError(
-                "its chunks unpack to far more than it has", "write the file without what is so repetitive"
+                f"its chunks unpack to more than {MAX_EXPANSION} times its size",
+                "write the file without the data that repeat so much",
             )
         for opcode, body in content.definitions:
             self._define(Record(opcode, start, len(body), body))
@@ -152,7 +149,7 @@ class Contents:
         known = self._definitions.setdefault(key, record.body)
         if known is not record.body:
             if known != record.body:
-                raise DamageError("a chunk defines what an earlier one defines otherwise")
+                raise DamageError("a chunk contradicts a definition of an earlier one")
         elif record.opcode == Opcode.SCHEMA:
             schema: Schema = parse(Schema.read, record)
             self.schemas[schema.id] = schema
@@ -164,10 +161,13 @@ class Contents:
 
 
 def read_end(stream: BinaryIO, size: int) -> End:
-    """Read the end of a closed file of `size` bytes; raise DamageError for wrong records or checksums."""
+    """Read the end of a closed file of `size` bytes, and check its records and checksums.
+
+    Raises DamageError if one is wrong.
+    """
     stop = size - len(MAGIC) - _FOOTER_LENGTH
     footer = parse(Footer.read, read_record(stream, max(stop, 0), size - len(MAGIC), Opcode.FOOTER))
-    start = footer.summary_start or stop  # without a summary
+    start = footer.summary_start or stop  # 0 means that there is no summary
     data_end = start - _DATA_END_LENGTH
     if not len(MAGIC) <= data_end <= stop - _DATA_END_LENGTH:
         raise DamageError(f"its summary would start at byte {start}")
@@ -192,7 +192,7 @@ def read_end(stream: BinaryIO, size: int) -> End:
 
 @contextlib.contextmanager
 def opened(path: str | Path, *, remedy: str = "") -> Iterator[BinaryIO]:
-    """Open the file at `path`; every mishap with it becomes a LogError."""
+    """Open the file at `path`; turn each error of reading it into a LogError with a remedy."""
     with contextlib.ExitStack() as stack:
         try:
             stream = stack.enter_context(open_input(Path(path), buffering=BUFFER))
@@ -213,20 +213,20 @@ def opened(path: str | Path, *, remedy: str = "") -> Iterator[BinaryIO]:
 
 
 def is_ours(stream: BinaryIO) -> bool:
-    """Return True if a file seems to be a log of cranectl, whole or not: its name is in what it begins with.
+    """Return True if a file seems to be a log of cranectl, complete or not: SIGNATURE occurs near its start.
 
-    A log that another tool has written again may have it at its end only, where the summary repeats types.
-    A file that holds no whole record is taken for one of ours.
+    If another tool has rewritten the log, it may occur only near the end, where the summary repeats types. A
+    file without a complete record counts as one of cranectl.
     """
     size = stream.seek(0, 2)
-    ends = [0, max(size - LOOKED_AT, 0)]
+    ends = [0, max(size - SIGNATURE_RANGE, 0)]
     return size <= len(MAGIC) + PREFIX.size or any(
-        stream.seek(end) >= 0 and OURS in stream.read(LOOKED_AT) for end in ends
+        stream.seek(end) >= 0 and SIGNATURE in stream.read(SIGNATURE_RANGE) for end in ends
     )
 
 
 def foreign(path: str | Path, why: str = "") -> LogError:
-    """Return the error for an MCAP file of another program; `why`: what of it could not be read."""
+    """Return the error for an MCAP file of another program; `why` is its fault, if there is one."""
     return LogError(
         f"{path} is an MCAP file, but not of cranectl{f' ({why})' if why else ''}",
         allowed="logs that cranectl wrote",
@@ -240,11 +240,16 @@ def check_begin(path: str | Path, stream: BinaryIO) -> None:
     if not begin:
         raise LogError(f"{path} is empty", allowed=ALLOWED, remedy="run the scenario again")
     if not MAGIC.startswith(begin):
-        raise LogError(f"{path} is no MCAP file", allowed=ALLOWED, remedy="name a log that cranectl wrote")
+        raise LogError(
+            f"{path} is not an MCAP file", allowed=ALLOWED, remedy="name a log that cranectl wrote"
+        )
 
 
 def open_contents(path: str | Path, stream: BinaryIO) -> Contents:
-    """Return the contents of a closed log before its data are read; raise LogError, DamageError."""
+    """Return the contents of a closed log before its data are read.
+
+    Raises LogError if the file is not an MCAP file or is truncated, and DamageError if its end is damaged.
+    """
     check_begin(path, stream)
     size = stream.seek(0, 2)
     stream.seek(max(size - len(MAGIC), 0))
@@ -261,6 +266,4 @@ def _unreadable(path: str | Path, error: Exception) -> LogError:
 
 
 def _recover(path: str | Path) -> str:
-    return (
-        f"run the scenario again, or save what is whole with: cranectl log recover {shlex.quote(str(path))}"
-    )
+    return f"run the scenario again, or save its complete part: cranectl log recover {shlex.quote(str(path))}"

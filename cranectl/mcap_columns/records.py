@@ -1,7 +1,7 @@
-"""MCAP records, whatever the bytes claim: cut out of a file and parsed, chunks unpacked and cut up whole.
+"""Read the records of an MCAP file and unpack its chunks, safely for bytes that claim anything.
 
-mcap's own iterator makes an object of every message. Here the messages of a chunk are the rows of a table,
-and the messages of a channel, if they all have one length, the rows of an array.
+The iterator of the package mcap makes an object of every message. Here the messages of a chunk are rows of a
+table, and those of a channel, if they have one length, are rows of an array.
 """
 
 import struct
@@ -25,52 +25,52 @@ from cranectl.support.jit import jit
 
 MAGIC = b"\x89MCAP0\r\n"
 PREFIX = struct.Struct("<BQ")  # opcode, length of the body that follows
-MAX_RECORD = 64 * 2**20  # [bytes]; the largest that cranectl writes are chunks of 64 KiB
+MAX_RECORD = 64 * 2**20  # [bytes] cranectl itself writes chunks of up to 64 KiB
 BUFFER = 2**20  # [bytes] read at a time
 
 R = TypeVar("R")
 
 
 class DamageError(Exception):
-    """What is wrong with a file, in a clause for people."""
+    """A file is damaged; the text is a clause that says how."""
 
 
 class UnsupportedError(DamageError):
-    """What MCAP allows and cranectl does not read, with what to do about it."""
+    """A file has something that MCAP allows and cranectl does not read; `remedy` says what to do."""
 
-    def __init__(self, what: str, remedy: str) -> None:
-        super().__init__(what)
+    def __init__(self, text: str, remedy: str) -> None:
+        super().__init__(text)
         self.remedy = remedy
 
 
 class Record(NamedTuple):
-    """One record as it stands in a file."""
+    """One record of a file."""
 
     opcode: int
     start: int  # [bytes] from the start of the file
-    length: int  # [bytes] with its prefix
+    length: int  # [bytes] including its prefix
     body: bytes
 
 
 def read_records(stream: BinaryIO, start: int, stop: int) -> Iterator[Record]:
-    """Yield the records in the bytes from `start` to `stop`; nothing else may move the stream.
+    """Yield the records in the bytes from `start` to `stop`; the caller must not move the stream meanwhile.
 
-    Raises DamageError at a record that does not fit.
+    Raises DamageError at a record that is longer than the bytes that are left.
     """
     stream.seek(start)
     while start < stop:
         prefix = stream.read(PREFIX.size)
-        room = stop - start - PREFIX.size
-        if len(prefix) < PREFIX.size or room < 0:
+        left = stop - start - PREFIX.size
+        if len(prefix) < PREFIX.size or left < 0:
             raise DamageError(f"it ends within the record at byte {start}")
         opcode, length = PREFIX.unpack(prefix)
-        if MAX_RECORD < length <= room:
+        if MAX_RECORD < length <= left:
             raise UnsupportedError(
                 f"{record_name(opcode, start)} has {length} bytes, more than {MAX_RECORD}",
                 "write the file without it",
             )
-        if length > room:
-            raise DamageError(f"{record_name(opcode, start)} claims {length} bytes where {room} are left")
+        if length > left:
+            raise DamageError(f"{record_name(opcode, start)} claims {length} bytes where {left} are left")
         body = stream.read(length)
         if len(body) < length:
             raise DamageError(f"it ends within {record_name(opcode, start)}")
@@ -79,42 +79,42 @@ def read_records(stream: BinaryIO, start: int, stop: int) -> Iterator[Record]:
 
 
 def read_record(stream: BinaryIO, start: int, stop: int, opcode: Opcode) -> Record:
-    """Return the one record from `start` to `stop`, of the kind `opcode`; raise DamageError for others."""
+    """Return the only record from `start` to `stop`; raise DamageError unless it is an `opcode` record."""
     record = next(read_records(stream, start, stop), None)
     if record is None or record.opcode != opcode or start + record.length != stop:
-        raise DamageError(f"no {_words(opcode)} record from byte {start} to {stop}, where one should be")
+        raise DamageError(f"it has no {_words(opcode)} record from byte {start} to {stop}")
     return record
 
 
 def parse(read: Callable[[ReadDataStream], R], record: Record) -> R:
-    """Parse a record by mcap's own `read`; raise DamageError if its fields exceed its length."""
+    """Parse a record with `read`, a function of mcap; raise DamageError if its fields are not valid."""
     try:
         return read(_Body(BytesIO(record.body)))
     except (McapError, struct.error, ValueError):
         raise DamageError(f"{record_name(record.opcode, record.start)} makes no sense") from None
 
 
-def check_crc(computed: int, expected: int, what: str) -> None:
-    """Raise DamageError for a wrong checksum; 0 stands for none."""
+def check_crc(computed: int, expected: int, name: str) -> None:
+    """Raise DamageError for a wrong checksum; an expected value of 0 means that there is none."""
     if expected not in (0, computed):
-        raise DamageError(f"the checksum of {what} is {computed:08x} instead of {expected:08x}")
+        raise DamageError(f"the checksum of {name} is {computed:08x} instead of {expected:08x}")
 
 
 def section_crc(stream: BinaryIO, start: int, stop: int) -> int:
-    """Checksum of the bytes from `start` to `stop`."""
+    """Return the checksum of the bytes from `start` to `stop`."""
     stream.seek(start)
     crc = 0
     while start < stop:
-        piece = stream.read(min(BUFFER, stop - start))
-        if not piece:
+        data = stream.read(min(BUFFER, stop - start))
+        if not data:
             raise DamageError(f"it ends at byte {start}")
-        crc = zlib.crc32(piece, crc)
-        start += len(piece)
+        crc = zlib.crc32(data, crc)
+        start += len(data)
     return crc
 
 
 def record_name(opcode: int, start: int) -> str:
-    """Return a record's name for a sentence."""
+    """Return the name of a record for a message."""
     return f"the {_words(opcode)} record at byte {start}"
 
 
@@ -124,7 +124,7 @@ def _words(opcode: int) -> str:
 
 
 class _Body(ReadDataStream):
-    """Of a record: mcap's own stream returns less than asked for at the end, without a word."""
+    """The body of a record as a stream; unlike mcap's own, it raises EndOfFile if bytes are missing."""
 
     def read(self, length: int) -> bytes:
         try:
@@ -140,15 +140,15 @@ MAX_CHUNK = 16 * 2**20  # [bytes] unpacked; cranectl writes 64 KiB, other writer
 
 _MESSAGE, _SCHEMA, _CHANNEL = int(Opcode.MESSAGE), int(Opcode.SCHEMA), int(Opcode.CHANNEL)
 _PREFIX = PREFIX.size
-_MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
-_LEAST = 14  # [bytes] the shortest record in a chunk, a schema of empty strings
+_MESSAGE_HEAD = 22  # [bytes] channel, sequence, log time, publish time
+_SHORTEST = 14  # [bytes] of the shortest record in a chunk, a schema with empty strings
 
 Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
 
 
 class Column(NamedTuple):
-    """Messages of a channel whose messages have one length, in the order of the file."""
+    """The messages of a channel, all of one length, in the order of the file."""
 
     time_ns: Integers  # (N,)
     messages: Bytes  # (N, length)
@@ -163,20 +163,20 @@ class Content:
     definitions: tuple[tuple[int, bytes], ...]  # opcode and body of each schema and channel record
 
 
-def cut_up(records: bytes, where: str) -> Content:
+def split_records(records: bytes, name: str) -> Content:
     """Return the messages and definitions in `records`; raise DamageError for any other record."""
     data = np.frombuffer(records, dtype=np.uint8)
     table, definitions, stop = record_tables(data)
     if stop < len(data):
-        raise DamageError(f"byte {stop} of {where} begins no record that could be there")
+        raise DamageError(f"byte {stop} of {name} does not begin a message or a definition")
     bodies = tuple((opcode, data[start:stop].tobytes()) for opcode, start, stop in definitions.tolist())
     return Content(data, table, bodies)
 
 
 def inflate(chunk: Chunk) -> bytes:
-    """Return the records of a chunk; raise DamageError if they are not exactly what its head says.
+    """Return the records of a chunk; raise DamageError unless size and checksum are those of its head.
 
-    Takes memory for what is there, not for what is claimed, and never much more than MAX_CHUNK.
+    The memory follows from the data and not from the size that is claimed. It never exceeds MAX_CHUNK much.
     """
     size = chunk.uncompressed_size
     if size > MAX_CHUNK:
@@ -200,12 +200,12 @@ def inflate(chunk: Chunk) -> bytes:
     return data
 
 
-# Holds a decompressor, which takes longer to make than a chunk to unpack and serves one thread at a time.
+# Holds a decompressor for each thread. To make one takes longer than to unpack a chunk.
 _of_thread = threading.local()
 
 
 def _zstd(data: bytes, size: int) -> bytes:
-    # A frame that claims more itself would be given the room.
+    # zstandard would allocate what the frame itself claims.
     if zstandard.frame_content_size(data) > size:
         raise DamageError(f"a chunk unpacks to more than {size} bytes")
     if not hasattr(_of_thread, "zstd"):
@@ -219,25 +219,26 @@ def _lz4(data: bytes, size: int) -> bytes:
     return inflated
 
 
-# By compression: at most about as many bytes as a chunk claims.
+# Functions that unpack, by compression; the result never exceeds the claimed size much.
 _INFLATE: dict[str, Callable[[bytes, int], bytes]] = {"": lambda data, _: data, "lz4": _lz4, "zstd": _zstd}
 
 
 @jit
 def record_tables(data: Bytes) -> tuple[Integers, Integers, int]:
-    """Return tables of messages and definitions in a chunk, and the byte where they end.
+    """Return a table of messages and one of definitions in a chunk, and the byte at which they end.
 
-    Messages are rows (channel, time [ns], start, stop), definitions (opcode, start, stop), with the bytes
-    from start to stop without head. A record that is neither, too short or too long ends the tables.
+    The rows of messages are (channel, time [ns], start, stop), and those of definitions (opcode, start,
+    stop). The bytes from start to stop are a record without its head. The tables end before the first record
+    that is of another kind, too short or too long.
     """
     size = len(data)
     messages = np.empty((size // (_PREFIX + _MESSAGE_HEAD), 4), dtype=np.int64)
-    definitions = np.empty((size // (_PREFIX + _LEAST), 3), dtype=np.int64)
+    definitions = np.empty((size // (_PREFIX + _SHORTEST), 3), dtype=np.int64)
     m, d, at = 0, 0, 0
-    while size - at >= _PREFIX + _LEAST:
+    while size - at >= _PREFIX + _SHORTEST:
         opcode, start = data[at], at + _PREFIX
         length = little_endian(data, at + 1, 8)
-        if length < _LEAST or length > size - start:
+        if length < _SHORTEST or length > size - start:
             break
         if opcode == _MESSAGE and length >= _MESSAGE_HEAD:
             messages[m, 0] = little_endian(data, start, 2)
@@ -258,7 +259,7 @@ def record_tables(data: Bytes) -> tuple[Integers, Integers, int]:
 
 @jit
 def rows_of(data: Bytes, table: Integers, channel: int, width: int) -> tuple[Integers, Bytes]:
-    """Return times and bodies of a channel's messages; fewer bodies if one has not `width` bytes."""
+    """Return times and bodies of a channel's messages; no bodies if one does not have `width` bytes."""
     n = 0
     for row in range(len(table)):
         n += table[row, 0] == channel

@@ -1,4 +1,4 @@
-"""Rows of signals: messages whose type is a protobuf of `optional double`, each always present."""
+"""Decode rows of signals: protobuf messages in which every field is an `optional double` and present."""
 
 import functools
 from collections import defaultdict
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cranectl.mcap_columns.contents import Contents, open_contents
 from cranectl.mcap_columns.records import Column, Content, DamageError, rows_of
 
-MAX_DEFINITION = 2**16  # [bytes] of the type of a row of signals; the longest have about 1000
+MAX_DEFINITION = 2**16  # [bytes] of the message type of a row of signals; our longest have about 1000
 Field = descriptor_pb2.FieldDescriptorProto
 
 _FIXED64 = 1  # protobuf wire type of a double
@@ -24,9 +24,9 @@ _FIXED64 = 1  # protobuf wire type of a double
 def read_rows(
     path: str | Path, stream: BinaryIO, wanted: Callable[[str], bool]
 ) -> tuple[Contents, dict[int, Column]]:
-    """Read a closed file, and by channel the rows of signals of the topics `wanted`.
+    """Read a closed file: return its contents, and by channel the rows of signals of the topics `wanted`.
 
-    Raises LogError as `open_contents` does, DamageError for what is not whole.
+    Raises LogError as `open_contents` does, and DamageError for damaged records.
     """
     contents = open_contents(path, stream)
     return contents, columns_of(contents, contents.chunks(stream), wanted)
@@ -50,7 +50,7 @@ def columns_of(
                 continue
             column = Column(*rows_of(content.data, content.table, number, widths[number]))
             if len(column.messages) < len(column.time_ns):
-                raise DamageError(f"a message of {channel.topic} has not the bytes of its type")
+                raise DamageError(f"a message of {channel.topic} does not have the length of its type")
             parts[number].append(column)
     joined = {}
     for number in list(parts):
@@ -60,7 +60,7 @@ def columns_of(
 
 
 def row_width(channel: Channel, definition: Schema) -> int:
-    """Return the bytes of a message of a channel; 0 if it does not carry rows of signals."""
+    """Return the length of a channel's messages [bytes]; 0 if it does not carry rows of signals."""
     try:
         return row_layout(len(signal_names(channel, definition))).itemsize
     except DamageError:
@@ -68,7 +68,7 @@ def row_width(channel: Channel, definition: Schema) -> int:
 
 
 def signal_names(channel: Channel, definition: Schema) -> tuple[str, ...]:
-    """Return the signals of a channel; raise DamageError if it does not carry rows of signals."""
+    """Return the names of a channel's signals; raise DamageError if it does not carry rows of signals."""
     if {channel.message_encoding, definition.encoding} != {"protobuf"}:
         raise DamageError(f"{channel.topic} is not protobuf")
     if len(definition.data) > MAX_DEFINITION:
@@ -76,7 +76,7 @@ def signal_names(channel: Channel, definition: Schema) -> tuple[str, ...]:
     try:
         files = descriptor_pb2.FileDescriptorSet.FromString(definition.data).file
     except DecodeError:
-        raise DamageError(f"the type of {channel.topic} is no protobuf") from None
+        raise DamageError(f"the type of {channel.topic} is not a protobuf type") from None
     types = [
         message.field
         for file in files
@@ -84,18 +84,18 @@ def signal_names(channel: Channel, definition: Schema) -> tuple[str, ...]:
         if f"{file.package}.{message.name}" == definition.name
     ]
     if len(types) != 1:
-        raise DamageError(f"the type of {channel.topic} has {len(types)} such types: {definition.name}")
+        raise DamageError(f"the type of {channel.topic} defines {definition.name} {len(types)} times")
     for number, field in enumerate(types[0], start=1):
         signal = (number, Field.TYPE_DOUBLE, Field.LABEL_OPTIONAL)
-        # Protobuf hands out a name that is no UTF-8 as bytes.
+        # Protobuf returns a name that is not UTF-8 as bytes.
         if (field.number, field.type, field.label) != signal or not isinstance(field.name, str):
-            raise DamageError(f"the type of {channel.topic} is no row of signals: its field {field.name}")
+            raise DamageError(f"the type of {channel.topic} is not a row of signals: its field {field.name}")
     return tuple(field.name for field in types[0])
 
 
 @functools.cache
 def row_layout(n_signals: int) -> np.dtype[Any]:
-    """Byte layout of one message: for each field its tag, then the double."""
+    """Return the byte layout of one message: for each field its tag, then the double."""
     fields: list[Any] = []
     for number in range(1, n_signals + 1):
         fields += [(f"tag{number}", "u1", len(tag(number))), (f"value{number}", "<f8")]
@@ -103,7 +103,7 @@ def row_layout(n_signals: int) -> np.dtype[Any]:
 
 
 def decode_table(data: NDArray[np.uint8], n_signals: int) -> NDArray[np.float64]:
-    """Values (N, signals) of messages by `EncodedRows`, one after the other; ValueError for other bytes."""
+    """Decode messages of `EncodedRows` to values (N, signals); raise ValueError for other messages."""
     rows = data.view(row_layout(n_signals)).reshape(-1)
     values = np.empty((len(rows), n_signals))
     for number in range(1, n_signals + 1):

@@ -1,11 +1,11 @@
-"""Metrics of a run: defined once, measured from a whole record or block by block while it runs.
+"""Compute the metrics of a run, from its whole record or block by block while it runs.
 
     setup = metrics_setup(scenario, drive)
     accumulator = empty_accumulator()
     accumulate(setup, accumulator, (time_ns, record, reference, commands))  # for each block
     metrics = finish(setup, accumulator, status, end_ns)
 
-`run_metrics(run)` does that for a run in memory.
+`run_metrics(run)` does this for a run in memory. `table` defines all metrics.
 """
 
 from cranectl.metrics.accumulator import Accumulator, accumulate, empty_accumulator
@@ -40,4 +40,4 @@ __all__ = [
     "workspace_violations",
 ]
 
-NEARLY_SLACK = 0.15  # of the load's weight: below this tension the rope is drawn as about to go slack
+NEARLY_SLACK = 0.15  # tension over the load's weight, below which the rope is drawn as nearly slack

@@ -1,7 +1,7 @@
-"""Measure a run block by block: one compiled pass over its samples into an accumulator that stays small.
+"""Measure a run block by block: a compiled pass adds all samples to an accumulator of fixed size.
 
-A run gives the same bits whether it comes in one block or in many: every sum goes sample by sample, and what
-an interval needs of the sample before it is kept in the accumulator.
+The result has the same bits for one block as for many. Every sum is built sample by sample, and the
+accumulator holds the values of the last sample that the next interval needs.
 """
 
 from math import acos, cos, inf, sin, sqrt
@@ -25,7 +25,7 @@ from cranectl.signals import (
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
-# Sums run over samples, "time" and "work" over the intervals between them; extremes start infinite.
+# Sums are over samples, and those of time and work over the intervals between them. Extremes start infinite.
 _SCALARS = (
     "samples", "error_squares", "error_max", "error_last", "alpha_max", "beta_max", "sway_squares",
     "sway_max", "tension_least", "load_path", "saturated_time",  # [s]
@@ -45,7 +45,7 @@ _TRIPLES = (
 _PAIRS = "rest_angle_highest", "rest_angle_lowest"  # of alpha, beta, at samples at which the reference rests
 _SIZES = (_SCALARS, ()), (_TRIPLES, (3,)), (_PAIRS, (2,))
 _PLACES = np.dtype([(name, np.float64, size) for names, size in _SIZES for name in names])
-TOTALS = np.dtype((np.record, _PLACES))  # a record: its places are attributes, compiled or not
+TOTALS = np.dtype((np.record, _PLACES))  # a record, whose fields are attributes in compiled code too
 _LOWEST = (
     "input_lowest", "tension_least", "rest_load_lowest", "rest_angle_lowest",
     "outside_first", "settled_since",
@@ -54,10 +54,10 @@ _HIGHEST = ("input_highest", "overshoot", "rest_load_highest", "rest_angle_highe
 
 
 class Accumulator(NamedTuple):
-    """All that is kept of the samples so far."""
+    """Totals over all samples that have been added."""
 
-    total: NDArray[np.void]  # (1,) of TOTALS
-    own: dict[str, Array]  # of the metrics that have a kernel, by name
+    total: NDArray[np.void]  # (1,) of type TOTALS
+    own: dict[str, Array]  # numbers of each metric with its own kernel, by name
 
 
 def empty_accumulator() -> Accumulator:
@@ -74,11 +74,13 @@ def accumulate(
     accumulator: Accumulator,
     samples: tuple[NDArray[np.int64], Array, Array, Array],
 ) -> None:
-    """Add consecutive samples to `accumulator`: time_ns, record, reference, commands.
+    """Add consecutive `samples` to `accumulator`: a tuple of time_ns, record, reference and commands.
 
-    `time_ns` (n,); `record` (n, BASE_WIDTH or more), columns as in `signals`; `reference` (n, 15); `commands`
-    (n, any) with the flags of saturation from `setup.flag_column` on: the record of the stages, or of the
-    whole run. Without stages anything will do, e.g. `record`.
+    - `time_ns` (n,): times [ns].
+    - `record` (n, BASE_WIDTH or more): columns as in `signals`.
+    - `reference` (n, 15): the reference.
+    - `commands` (n, any): the record of the signal path, or of the whole run. It has the flags of saturation
+      from `setup.flag_column` on. Without a signal path it is not read.
     """
     add_samples(setup, accumulator.total, *samples)
     for metric in all_metrics():
@@ -90,7 +92,7 @@ def accumulate(
 def add_samples(
     setup: MetricsSetup, totals: Any, time_ns: Any, record: Array, reference: Array, commands: Array
 ) -> None:
-    """Add them to `totals` (1,), the arrays as in `accumulate`."""
+    """Add samples, the arrays of `accumulate`, to `totals` (1,)."""
     total = totals[0]
     for k in range(len(time_ns)):
         row, time = record[k], float(time_ns[k])
@@ -102,7 +104,7 @@ def add_samples(
         add_inputs(total, row)
         total.alpha_max = max(total.alpha_max, abs(alpha))
         total.beta_max = max(total.beta_max, abs(beta))
-        sway = acos(ca * cb)  # between rope and plumb line
+        sway = acos(ca * cb)  # angle between rope and plumb line
         total.sway_squares += sway * sway
         total.sway_max = max(total.sway_max, sway)
         error = add_load(total, row, reference[k])
@@ -117,7 +119,7 @@ def add_samples(
 
 @jit
 def start(total: Any, row: Array, time: float) -> None:
-    """Let the first sample be its own sample before: the interval between them has no length and no work."""
+    """Use the first sample as the one before it: this interval has no length and no work."""
     total.time = time
     for i in range(3):
         total.position[i], total.velocity[i] = row[STATE_COLUMN + 2 * i], row[STATE_COLUMN + 2 * i + 1]
@@ -126,7 +128,7 @@ def start(total: Any, row: Array, time: float) -> None:
 
 @jit
 def add_inputs(total: Any, row: Array) -> None:
-    """Commanded accelerations and rope tension."""
+    """Add commanded accelerations and rope tension of a sample."""
     for i in range(3):
         u = row[INPUT_COLUMN + i]
         total.input_squares[i] += u * u
@@ -159,12 +161,12 @@ def add_load(total: Any, row: Array, reference: Array) -> float:
 def add_drives(
     setup: MetricsSetup, total: Any, row: Array, angles: tuple[float, float, float, float], elapsed: float
 ) -> None:
-    """Paths and work of the drives over the interval that ends here.
+    """Add path and work of each drive over the interval that ends with this sample.
 
-    The force of a drive is F = m v' - S n + R + friction for bridge and trolley, with n the rope's direction,
-    S its tension and R the reaction to the disturbance, which turns the load about the trolley; F = m v' - S
-    + friction for the winch, positive when paying out. The work of m v' is the change of m v² / 2, exactly;
-    the rest is integrated with the trapezoidal rule.
+    The force on bridge and trolley is F = m v' - S n + R + friction. Here n is the rope's direction, S its
+    tension, and R the reaction to a disturbance that turns the load about the trolley. The force of the winch
+    is F = m v' - S + friction, positive when paying out. The work of m v' is exactly the change of m v² / 2;
+    all other work is integrated by the trapezoidal rule.
     """
     sa, ca, sb, cb = angles
     tension, arm = row[TENSION_COLUMN], setup.load_mass * row[STATE_COLUMN + ROPE]
@@ -188,7 +190,10 @@ def add_drives(
 
 @jit
 def add_outside(setup: MetricsSetup, total: Any, row: Array, time: float, elapsed: float) -> None:
-    """Ranges of bridge, trolley and rope; outside at a sample counts until the next."""
+    """Add how far and how long bridge, trolley and rope are outside their ranges.
+
+    An axis that is outside at a sample counts as outside until the next one.
+    """
     for i in range(3):
         if total.outside[i] > 0.0:
             total.outside_time[i] += elapsed
@@ -202,7 +207,7 @@ def add_outside(setup: MetricsSetup, total: Any, row: Array, time: float, elapse
 
 @jit
 def add_saturation(setup: MetricsSetup, total: Any, command: Array, elapsed: float) -> None:
-    """Add the time of saturation; a command is held until the next sample."""
+    """Add the time of saturation; a limited command acts until the next sample."""
     if setup.flag_column < 0:
         return
     if total.saturated > 0.0:
@@ -217,7 +222,7 @@ def add_saturation(setup: MetricsSetup, total: Any, command: Array, elapsed: flo
 def add_rest(
     setup: MetricsSetup, total: Any, row: Array, reference: Array, time: float, error: float, sway: float
 ) -> None:
-    """Add a sample at which the reference rests in its end point."""
+    """Add a sample at which the reference rests at its end point."""
     beyond = 0.0
     for i in range(3):
         load = row[LOAD_COLUMN + i]

@@ -1,4 +1,4 @@
-"""How far load and rope are from boxes: geometry that knows nothing of how motions are planned."""
+"""Compute the clearance between load, rope and boxes, independently of the planner's geometry."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,13 +7,13 @@ from cranectl.metrics.setup import MetricsSetup
 from cranectl.signals import BRIDGE, LOAD_COLUMN, STATE_COLUMN, TROLLEY
 from cranectl.support.arrays import Array
 
-HALVINGS = 50  # of the rope, to its nearest point
+HALVINGS = 50  # bisections along the rope, which find its nearest point
 
 
 def add_clearance(
     setup: MetricsSetup, own: Array, _time_ns: NDArray[np.int64], record: Array, *_unread: Array
 ) -> None:
-    """Keep the smallest clearance of all obstacles so far in `own` (1,)."""
+    """Update `own` (1,), the smallest clearance of all samples and obstacles."""
     if not len(setup.obstacles) or not len(record):
         return
     load = record[:, LOAD_COLUMN : LOAD_COLUMN + 3]
@@ -24,9 +24,10 @@ def add_clearance(
 
 
 def clearance(load: Array, trolley: Array, low: Array, high: Array, radius: float) -> Array:
-    """Return the distance (N,) [m] from a box `low` to `high` (3,) to the nearer of load and rope.
+    """Return the distance (N,) [m] between a box and the nearer one of load and rope.
 
-    `load`, `trolley` (N, 3). Negative: how deep the ball is inside, or how much of the rope.
+    `load` and `trolley` (N, 3) are positions, `low` and `high` (3,) corners of the box, and `radius` that of
+    the load. A negative distance is the depth of the load in the box, or the length of rope in it.
     """
     off = np.maximum(low - load, load - high)
     ball = _length(np.maximum(off, 0.0)) + np.minimum(off.max(axis=1), 0.0) - radius
@@ -35,7 +36,10 @@ def clearance(load: Array, trolley: Array, low: Array, high: Array, radius: floa
 
 
 def _of_rope(load: Array, trolley: Array, low: Array, high: Array) -> Array:
-    """Return the distance of the rope, which is convex along it: the minimum is found by bisection."""
+    """Return the distance (N,) between rope and box, or minus the length of rope inside.
+
+    The distance is a convex function along the rope, so bisection finds its minimum.
+    """
     way = load - trolley
     begin, end = np.zeros(len(way)), np.ones(len(way))
     for _ in range(HALVINGS):
@@ -46,9 +50,8 @@ def _of_rope(load: Array, trolley: Array, low: Array, high: Array) -> Array:
     apart = _length(_beyond(trolley + begin[:, np.newaxis] * way, low, high))
     with np.errstate(divide="ignore", invalid="ignore"):
         crossings = np.stack([(low - trolley) / way, (high - trolley) / way])
-    between = np.where(
-        (trolley > low) & (trolley < high), np.inf, -np.inf
-    )  # along the rope for good, or never
+    # For a rope along an axis: it is between the faces of that axis everywhere, or nowhere.
+    between = np.where((trolley > low) & (trolley < high), np.inf, -np.inf)
     enters = np.where(way == 0.0, -between, crossings.min(axis=0)).max(axis=1)
     leaves = np.where(way == 0.0, between, crossings.max(axis=0)).min(axis=1)
     inside = np.minimum(leaves, 1.0) - np.maximum(enters, 0.0)

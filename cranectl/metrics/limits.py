@@ -1,4 +1,4 @@
-"""Limits on metrics: asked of a scenario's own runs, or of every run of a campaign."""
+"""Check limits on metrics, which a scenario sets for its runs, or a campaign for all of its runs."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -27,7 +27,7 @@ class _Limits(Settings):
         return {name: value for name, value in self if value is not None}
 
 
-_LIMITED: dict[str, Any] = {  # those from below come last
+_LIMITED: dict[str, Any] = {  # upper limits come first, then lower ones
     metric.name: (Limit, Field(None, description=f"{metric.meaning} [{metric.unit}]"))
     for metric in sorted(all_metrics(), key=lambda metric: metric.better == "higher")
     if metric.limited
@@ -36,28 +36,31 @@ Limits = create_model("Limits", __base__=_Limits, **_LIMITED)
 
 
 def within(metric: str, values: Any, limit: float) -> Any:
-    """Return whether `values` of `metric`, one or an array, keep `limit`; NaN does not."""
+    """Return whether `values` of `metric`, a number or an array, are within `limit`; False for NaN."""
     return values >= limit if low_is_bad(metric) else values <= limit
 
 
 @dataclass(frozen=True)
 class LimitVerdict:
-    """A metric of a run beside the limit that its scenario asks of it."""
+    """The value of a metric in one run, its limit, and whether the run keeps the limit."""
 
     metric: str
-    value: float | None  # None: the run has no such thing
+    value: float | None  # None if the run does not have the metric
     limit: float
     kept: bool
 
     @property
     def fault(self) -> str:
-        """What a run that does not keep it does."""
+        """A phrase for a run that breaks the limit."""
         value, limit = self.texts
         return f"breaks the limit {limit} of {self.metric}: {value or 'no value'}"
 
     @property
     def texts(self) -> tuple[str, str]:
-        """Value, empty without one, and limit, with four digits, or as many as tell them apart."""
+        """Value and limit with at least four digits, and as many more as make them differ.
+
+        The text of a missing value is empty.
+        """
         if self.value is None:
             return "", f"{self.limit:.4g}"
         texts = ((f"{self.value:.{digits}g}", f"{self.limit:.{digits}g}") for digits in range(4, 18))
@@ -65,40 +68,40 @@ class LimitVerdict:
 
     @property
     def overrun(self) -> float:
-        """How many times the limit the value is, or the other way round where low is bad; inf without one."""
+        """Value over limit, or limit over value if low values are bad; inf without a value."""
         if self.value is None or math.isnan(self.value):
             return math.inf
         over, under = (self.limit, self.value) if low_is_bad(self.metric) else (self.value, self.limit)
         return over / under if under else math.inf
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return the verdict as plain data."""
         return asdict(self)
 
 
 def limits_of(scenario: Scenario, plants: Iterable[str]) -> dict[str, dict[str, float]]:
     """Return the limits that `scenario` sets for runs on each of `plants`, by metric.
 
-    A table in it named as a plant holds for that plant only, before what holds for all. Raises InputError for
-    names and values that cannot be.
+    A table with the name of a plant holds for that plant only, and replaces limits for all plants. Raises
+    InputError for unknown metrics or plants and for values that are not allowed.
     """
     tables = {name: value for name, value in scenario.limits.stated.items() if isinstance(value, Mapping)}
     shared = {name: value for name, value in scenario.limits.stated.items() if name not in tables}
     stated = {"": given_limits(shared, f"{scenario.name}, [limits]")}
     for plant, table in tables.items():
-        plant_entry(plant)  # raises for an unknown one
+        plant_entry(plant)  # raises InputError if it is unknown
         own = given_limits(table, f"{scenario.name}, [limits.{plant}]")
         stated[plant] = {**stated[""], **own}
     return {plant: stated.get(plant, stated[""]) for plant in plants}
 
 
 def given_limits(table: Mapping[str, Any], where: str) -> dict[str, float]:
-    """Return `table` as limits by metric; raise InputError, which names `where`, if it is not."""
+    """Return the limits in `table` by metric; raise InputError that names `where` for wrong entries."""
     return parse_settings(Limits, table, where).given
 
 
 def judge_limits(metrics: RunMetrics | None, limits: Mapping[str, float]) -> tuple[LimitVerdict, ...]:
-    """Judge each of `limits`; a run without samples keeps none."""
+    """Judge each of `limits`; a run without samples breaks them all."""
     verdicts = []
     for name, limit in limits.items():
         value = None if metrics is None else metrics.values[name]
@@ -109,9 +112,9 @@ def judge_limits(metrics: RunMetrics | None, limits: Mapping[str, float]) -> tup
 
 
 def broken_since(run: Run, verdict: LimitVerdict) -> float | None:
-    """Return from when on [s] `run` breaks a limit up to its end; None if it does not at its end.
+    """Return the time [s] from which `run` breaks a limit until its end; None if it keeps it at its end.
 
-    A value that is absent, as of a metric of rest while the reference moves, breaks nothing here.
+    While a metric has no value, its limit counts as kept, for example a metric of rest during the motion.
     """
     course = metric_course(run, verdict.metric)
     unbroken = np.flatnonzero(within(verdict.metric, course, verdict.limit) | np.isnan(course))

@@ -1,4 +1,4 @@
-"""What of a scenario its metrics need: known before the run, so that a run can be measured as it goes."""
+"""Collect the constants of a scenario that its metrics need, so that a run can be measured while it runs."""
 
 import functools
 from typing import NamedTuple
@@ -15,35 +15,35 @@ from cranectl.simulate.signal_path import has_signal_path
 from cranectl.support.arrays import Array
 
 FLAG_COLUMN = COMMAND_COLUMN + 3  # first of the three flags of saturation in the record of a signal path
-NO_FLAGS = -1  # a run without a signal path
-BEFORE_END = 1e-3  # of a segment's duration before its end, where its direction is read
-RESTS = 0.01  # of the largest speed of a spline: slower than that it counts as at rest
+NO_FLAGS = -1  # column of a run without a signal path
+BEFORE_END = 1e-3  # share of a segment's duration: so long before its end its direction is taken
+RESTS = 0.01  # share of a spline's largest speed, below which it counts as at rest
 
 
 class MetricsSetup(NamedTuple):
     """Constants of `accumulate`."""
 
-    rest_ns: float  # when the reference comes to rest for good
-    direction: Array  # (3,) of its last motion, a unit vector; zero for a reference that never moves
+    rest_ns: float  # time from which the reference rests until its end
+    direction: Array  # (3,) unit vector of its last motion; zero if it never moves
     settling_tolerance: float  # [m]
-    workspace: Array  # (3, 2) [m]
-    driven_mass: Array  # (3,) what bridge, trolley and winch drive accelerate besides the load [kg]
+    workspace: Array  # (3, 2) ranges of bridge, trolley and rope [m]
+    driven_mass: Array  # (3,) mass that bridge, trolley and winch drive accelerate, without the load [kg]
     load_mass: float  # [kg]
     coulomb: Array  # (3,) friction of the driven axes [N]
-    viscous: Array  # (3,) [N s/m]
-    obstacles: Array  # (n, 2, 3) their lowest and highest corners [m]
+    viscous: Array  # (3,) friction of the driven axes [N s/m]
+    obstacles: Array  # (n, 2, 3) lowest and highest corners [m]
     load_radius: float  # [m]
-    flag_column: int  # of the first flag of saturation in `commands`, or NO_FLAGS
+    flag_column: int  # column of the first flag of saturation in `commands`, or NO_FLAGS
 
 
 def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_COLUMN) -> MetricsSetup:
     """Return the setup of the metrics for runs of `scenario` with `drive`.
 
-    `flag_column`: where the array that `accumulate` gets as `commands` has the flags; the default is for the
-    record of the signal path alone. Ignored for a scenario without one.
+    `flag_column` is the column of the first flag of saturation in the `commands` of `accumulate`. The default
+    is right for the record of the signal path. It has no effect for a scenario without a signal path.
     """
     rig = scenario.rig
-    has_friction = not DRIVES[drive].is_prescribed  # by friction
+    has_friction = not DRIVES[drive].is_prescribed
     friction = scenario.effects.friction if has_friction else None
     rest_ns, direction = _rest(scenario.reference)
     return MetricsSetup(
@@ -65,14 +65,14 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
 
 @functools.lru_cache(maxsize=64)
 def _rest(settings: ReferenceSettings) -> tuple[float, tuple[float, float, float]]:
-    """Return when the reference comes to rest for good [ns], and the unit vector along which it does."""
+    """Return the time [ns] from which the reference rests, and the unit vector of its last motion."""
     trajectory = build_trajectory(settings)
     moving = [k for k, path in enumerate(trajectory.paths) if not isinstance(path, HoldPath)]
     if not moving:
         return 0.0, (0.0, 0.0, 0.0)
     path = trajectory.paths[moving[-1]]
     velocity = path.sample(np.array([(1.0 - BEFORE_END) * path.duration]))[0, 1]
-    if isinstance(path, SplinePath):  # which may rest already, but for its noise
+    if isinstance(path, SplinePath):  # a recorded motion may rest before its end, except for noise
         velocities = path.sample(np.linspace(0.0, path.duration, 1001))[:, 1]
         speeds = np.linalg.norm(velocities, axis=1)
         velocity = velocities[np.flatnonzero(speeds >= RESTS * speeds.max())[-1]]

@@ -1,4 +1,4 @@
-"""Figures that sum up one run: the values of the table of metrics."""
+"""Summarise a run: compute the values of all metrics."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -15,17 +15,17 @@ from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 
-OUTSIDE = ("outside_first_s", "outside_excess_m", "outside_time_s")  # given axis by axis instead
+OUTSIDE = ("outside_first_s", "outside_excess_m", "outside_time_s")  # JSON has these by axis instead
 
 
 @dataclass(frozen=True)
 class WorkspaceViolation:
-    """Where, how far and for how long bridge, trolley or rope left its range."""
+    """When, how far and how long bridge, trolley or rope was outside its range."""
 
     signal: str
     first_time_s: float
     max_excess_m: float
-    time_outside_s: float  # of all its excursions together
+    time_outside_s: float  # sum of all times outside
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class RunMetrics:
 
     @property
     def workspace_violations(self) -> tuple[WorkspaceViolation, ...]:
-        """One entry for each of bridge, trolley, rope that left its range."""
+        """One entry for each of bridge, trolley and rope that left its range."""
         axes = zip(WORKSPACE_SIGNALS, *(getattr(self, name) for name in OUTSIDE), strict=True)
         return tuple(
             WorkspaceViolation(signal, first, excess, time)
@@ -93,7 +93,10 @@ def run_metrics(run: Run) -> RunMetrics | None:
 
 
 def metric_course(run: Run, name: str) -> Array:
-    """Return the metric `name`, if `run` had ended at each sample, (N,); NaN where absent."""
+    """Return the values (N,) that the metric `name` would have if `run` had ended at each of its samples.
+
+    A missing value is NaN.
+    """
     (metric,) = (metric for metric in all_metrics() if metric.name == name)
     setup, accumulator = _begun(run)
     course = np.full(len(run.time_ns), np.nan)
@@ -107,7 +110,7 @@ def metric_course(run: Run, name: str) -> Array:
 
 
 def workspace_excess(run: Run) -> Array:
-    """Return how far bridge, trolley and rope are outside their ranges [m], shape (N, 3), else 0."""
+    """Return how far bridge, trolley and rope are outside their ranges [m], shape (N, 3); 0 if inside."""
     positions = run.block("state")[:, :6:2]
     low, high = run.scenario.rig.workspace.T
     excess: Array = np.maximum(np.maximum(low - positions, positions - high), 0.0)
@@ -123,7 +126,7 @@ def workspace_violations(run: Run) -> tuple[WorkspaceViolation, ...]:
 def finish(
     setup: MetricsSetup, accumulator: Accumulator, status: RunStatus, end_ns: int
 ) -> RunMetrics | None:
-    """Metrics of a run all of whose samples are in `accumulator`; None if there are none."""
+    """Return the metrics of a run whose samples are all in `accumulator`; None if it has no samples."""
     total = accumulator.total[0]
     if not total["samples"]:
         return None
@@ -133,7 +136,7 @@ def finish(
 
 
 def _begun(run: Run) -> tuple[MetricsSetup, Accumulator]:
-    """Return what to measure `run` with, before its first sample."""
+    """Return the setup of the metrics of `run`, and an empty accumulator."""
     names = [name for group in run.groups for name in group.names]
     flags = names.index("bridge_limited") if "bridge_limited" in names else NO_FLAGS
     return metrics_setup(run.scenario, run.drive, flag_column=flags), empty_accumulator()

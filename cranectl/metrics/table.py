@@ -1,7 +1,7 @@
-"""The one table of metrics: names, units, meaning, value, use.
+"""Define all metrics in one table: names, units, meanings, values and uses.
 
-`RunMetrics`, tables of runs, columns and limits of campaigns, names in reports and docs/reference/metrics.md
-derive from it.
+These follow from the table: `RunMetrics`, tables of runs, columns and limits of campaigns, names in reports,
+and docs/reference/metrics.md.
 """
 
 import functools
@@ -22,35 +22,36 @@ from cranectl.support import extensions
 from cranectl.support.arrays import Array
 from cranectl.support.extensions import with_extensions
 
-Value = float | tuple[float | None, ...] | None  # a number, one for each part, or none
+Value = float | tuple[float | None, ...] | None  # a number, a number for each part, or no value
 
-# Adds consecutive samples to the metric's own numbers: (setup, own, time_ns, record, reference, commands), as
-# `accumulate` gets them. It must not matter how a run is cut into blocks, some of which are empty.
+# Adds consecutive samples to the metric's own numbers, with the arguments (setup, own, time_ns, record,
+# reference, commands) of `accumulate`. The result must not depend on the division of a run into blocks, and
+# blocks may be empty.
 Kernel = Callable[[MetricsSetup, Array, NDArray[np.int64], Array, Array, Array], None]
 
 
 class Measured(NamedTuple):
-    """A run all of whose samples have been added: what values are made of."""
+    """The totals of a whole run, from which the values of metrics are computed."""
 
     setup: MetricsSetup
-    total: Any  # a record of `accumulator.TOTALS`
-    own: Mapping[str, Array]  # the numbers of the metrics that have a kernel, by name
+    total: Any  # a record of type `accumulator.TOTALS`
+    own: Mapping[str, Array]  # numbers of each metric with its own kernel, by name
     status: RunStatus
     end_ns: int
 
     @property
     def rests(self) -> bool:
-        """Whether there is more than one sample at which the reference rests."""
+        """Whether the reference rests at more than one sample."""
         return bool(self.total["rest_samples"] > 1.0)
 
 
 class Row(NamedTuple):
-    """How the table of a run shows a metric; angles are in degrees there."""
+    """The row of a metric in the table of a run, where angles are in degrees."""
 
-    label: str = ""  # without one it is not
-    digits: int = 3  # after the point
-    place: float = inf  # those without come last
-    always: bool = True  # or only where some run has it
+    label: str = ""  # a metric without a label is not in the table
+    digits: int = 3  # after the decimal point
+    place: float = inf  # order of the rows; those without a number come last
+    always: bool = True  # False shows the row only if some run has a value
 
 
 NOT_SHOWN = Row()
@@ -58,30 +59,33 @@ NOT_SHOWN = Row()
 
 @dataclass(frozen=True)
 class Metric:
-    """A figure that sums up a run, or one for each of `parts`; only one without parts can be compared."""
+    """A number that summarises a run, or a number for each of `parts`.
+
+    Only a metric without parts can be compared.
+    """
 
     name: str  # ends with its unit: max_error_m
     symbol: str
     unit: str
     meaning: str  # a phrase; describes the columns of results
     definition: str  # as a formula, for docs
-    value: Callable[[Measured], Any]  # number, array or tuple; None where the run has no such thing
+    value: Callable[[Measured], Any]  # returns a number, array or tuple, or None if the run has no value
     better: Literal["lower", "higher", ""] = ""
     parts: tuple[str, ...] = ()
     row: Row = NOT_SHOWN
-    compared: str = ""  # what comparisons of a campaign call it; "": they leave it out
-    recorded: bool = True  # in JSON and results; False where other metrics say the same
+    compared: str = ""  # its name in comparisons of a campaign; empty if they leave it out
+    recorded: bool = True  # whether JSON and results have it; False if other metrics hold the same numbers
     kernel: Kernel | None = None
-    start: tuple[float, ...] = ()  # of the kernel's own numbers
+    start: tuple[float, ...] = ()  # initial values of the kernel's own numbers
 
     @property
     def limited(self) -> bool:
-        """Whether scenarios and campaigns may limit it: one recorded number that has a better side."""
+        """Whether scenarios and campaigns may limit it: a recorded number of which less or more is better."""
         return bool(self.better) and not self.parts and self.recorded
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of its numbers in flat tables."""
+        """Names of its columns in flat tables."""
         return tuple(f"{self.name}_{part}" for part in self.parts) or (self.name,)
 
 
@@ -227,11 +231,11 @@ METRICS = (
 
 @functools.cache
 def all_metrics() -> tuple[Metric, ...]:
-    """Return all metrics, cranectl's and those of installed packages; raise InputError."""
+    """Return all metrics, those of cranectl and of installed packages; raise InputError for invalid ones."""
     own = {metric.name: metric for metric in METRICS}
     return tuple(with_extensions(own, Metric, extensions.METRICS, taken=TAKEN).values())
 
 
 def low_is_bad(column: str) -> bool:
-    """Return True if small values in this column of a metric are the bad ones."""
+    """Return True if low values are bad in this column of a metric."""
     return any(metric.better == "higher" for metric in all_metrics() if column in metric.columns)

@@ -65,7 +65,7 @@ CASES = [
     Case("compare/runs.py", "compare them without --merge", MERGE.format("again.mcap"),
          ("compare one.mcap again.mcap",)),
     Case("compare/runs.py", "run one of them again, or merge with --despite-differences: the log then "
-         "describes the {} run's scenario and the versions that are installed", MERGE.format("offset.mcap"),
+         "describes the {} run's scenario and the installed versions", MERGE.format("offset.mcap"),
          (f"{MERGE.format('offset.mcap')} --despite-differences", MERGE.format("mujoco.mcap"))),
     Case("export.py", "choose another place with --out", "log export one.mcap --out file/a.csv",
          ("log export one.mcap --out a.csv",)),

@@ -270,7 +270,7 @@ BAD = {
     "log recover .": "cannot read .",
     "compare absent.mcap": "cannot read absent.mcap",
     "compare empty.mcap": "is empty",
-    "compare foreign.mcap": "no MCAP file",
+    "compare foreign.mcap": "not an MCAP file",
 }
 
 

@@ -219,7 +219,7 @@ UNREAD: dict[str, tuple[Callable[[Path, Path], Path], str]] = {
     ),
     "repetitive": (
         lambda log, path: again(log, path, lambda writer: large(writer, 4, 60), chunk_size=2**22),
-        "unpack to far more than it has",
+        "unpack to more than 100 times its size",
     ),
 }
 

@@ -262,7 +262,7 @@ def test_encoding_keeps_every_double() -> None:
 def test_truncated_and_foreign_files(tmp_path: Path, log: Path) -> None:
     whole, text = log.read_bytes(), tmp_path / "text.mcap"
     for content, reason in (
-        (b"this is no log, but it is long enough to be one", "no MCAP file"),
+        (b"this is no log, but it is long enough to be one", "not an MCAP file"),
         (b"", "empty"),
         *((whole[:size], "truncated") for size in (4, 100, len(whole) // 3, -1)),
     ):

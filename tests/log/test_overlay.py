@@ -112,7 +112,7 @@ def test_runs_of_several_logs(short: Scenario, capsys: pytest.CaptureFixture[str
         "analytic",
     ]
     assert main(["log", "overlay", "lqr.mcap", "both.mcap", "--label", "a"]) == 2
-    assert "1 labels of 3 runs" in capsys.readouterr().err
+    assert "1 labels for 3 runs" in capsys.readouterr().err
     with pytest.raises(LogError, match=r"both\.mcap is an overlay of the runs lqr,pole-placement") as caught:
         read_log("both.mcap")
     assert "report, render" in caught.value.remedy

@@ -265,7 +265,7 @@ def test_the_source_is_never_overwritten(part: Path) -> None:
 def test_files_that_hold_nothing(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, data, text in (
         ("empty", b"", "is empty"),
-        ("text", b"this is no log", "no MCAP file"),
+        ("text", b"this is no log", "not an MCAP file"),
         ("magic", log.read_bytes()[:4], "nothing can be saved"),
     ):
         (tmp_path / name).write_bytes(data)
