@@ -3,8 +3,9 @@
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -88,22 +89,43 @@ class RunSummary:
         }
 
 
+class DriveUse(NamedTuple):
+    """The largest command to a drive beside what the drive can do."""
+
+    axis: str  # bridge, trolley or winch
+    unit: str  # m/s² of an acceleration, m/s of a velocity
+    commanded: float
+    limit: float
+
+    @property
+    def share(self) -> float:
+        """The share of the limit; above 1 the drive cannot follow."""
+        return self.commanded / self.limit
+
+
+def drive_uses(run: Run) -> list[DriveUse]:
+    """Return what a run commands of its drives, the largest share of a limit first; needs a sample."""
+    able = run.scenario.drive_limits
+    commanded = np.abs(np.hstack([run.block("input")[:, :3], run.block("state")[:, 1:6:2]])).max(axis=0)
+    kinds = product(("m/s²", "m/s"), ("bridge", "trolley", "winch"))
+    pairs = zip(commanded.tolist(), (*able.acceleration, *able.velocity), strict=True)
+    uses = [DriveUse(axis, unit, *pair) for (unit, axis), pair in zip(kinds, pairs, strict=True)]
+    return sorted(uses, key=lambda use: -use.share)
+
+
 def _beyond_drives(run: Run) -> str:
     """Return the largest command beyond the drives' limits, if the run does not limit it; else ""."""
     if run.scenario.effects.limits is not None or run.status.stopped or not len(run.time_ns):
         return ""
-    able = run.scenario.drive_limits
-    commanded = np.abs(np.hstack([run.block("input")[:, :3], run.block("state")[:, 1:6:2]])).max(axis=0)
-    ratios = commanded / np.array([*able.acceleration, *able.velocity])
-    worst = int(np.argmax(ratios))
-    if ratios[worst] <= 1.0:
+    uses = drive_uses(run)
+    axis, unit, commanded, _ = worst = uses[0]
+    if worst.share <= 1.0:
         return ""
-    axis, unit = ("bridge", "trolley", "winch")[worst % 3], ("m/s²", "m/s")[worst // 3]
     said = (
-        f"asks {commanded[worst]:.3g} {unit} of the {axis}, {ratios[worst]:.3g} times what its drive can do: "
+        f"asks {commanded:.3g} {unit} of the {axis}, {worst.share:.3g} times what its drive can do: "
+        "give the move more time"
     )
-    said += "give the move more time"
-    if (ratios[3:] > 1.0).any():  # with limits it might be refused
+    if any(use.share > 1.0 for use in uses if use.unit == "m/s"):  # with limits it might be refused
         return said
     return f"{said}, or see what comes of it with --drive velocity --plants mujoco --set effects.limits={{}}"
 

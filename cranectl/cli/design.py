@@ -47,7 +47,13 @@ def design_command(
     cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
     """
     from cranectl.controllers.registry import controller_design, load_controller, only_flat
-    from cranectl.report.design_tables import controller_tables, design_tables, designs_table
+    from cranectl.report.design import (
+        controller_tables,
+        design_figure,
+        design_tables,
+        designs_figure,
+        designs_table,
+    )
     from cranectl.simulate import linearised_controller, tracker_of
 
     loaded = request.read()
@@ -69,8 +75,6 @@ def design_command(
     for design in flat:
         tracker_of(loaded, design)  # raises if sampling makes it unstable
     if plot is not None:
-        # Matplotlib, only where it is asked for.
-        from cranectl.report.design_figures import design_figure, designs_figure
         from cranectl.report.theme import save_figure
 
         save_figure(design_figure(flat[0]) if len(flat) == 1 else designs_figure(flat), plot)

@@ -80,7 +80,7 @@ def _tell_plants(
     from cranectl.compare.agreement import against_reference, judge, least_good
     from cranectl.log.events import origins
     from cranectl.planning.review import with_claims
-    from cranectl.report.run.differences import what_was_run
+    from cranectl.report.run.differences import settings_table
     from cranectl.support.provenance import provenance, provenance_differences
     from cranectl.support.units import difference_text
 
@@ -113,7 +113,7 @@ def _tell_plants(
         _integrity(description),
     ]
     screen.print_each(f"{name:12} {text}" for name, text in facts)
-    _, settings = what_was_run({"": runs}, {})
+    settings = settings_table({"": runs})
     screen.print(settings if settings.rows else "All settings have their defaults.")
     return {
         **_asked(run_list[0]),

@@ -9,7 +9,7 @@ from cranectl.cli import exit_codes
 from cranectl.cli.command import PATH, Command, command_given, output_option, predict_option
 from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
-from cranectl.support.files import HTML, check_place, short_names
+from cranectl.support.files import HTML, check_place, check_replaceable, short_names
 
 MAX_LOGS = 4  # as many as there are colours
 
@@ -20,33 +20,43 @@ if TYPE_CHECKING:
 @click.command("report", cls=Command)
 @click.argument("logs", metavar="[LOG]...", nargs=-1, type=PATH)
 @output_option("--out", HTML, "Default: beside LOG, named after all LOGs; thesis.html without.")
+@click.option(
+    "--figures",
+    metavar="DIR",
+    type=PATH,
+    help="Also save each figure of the page as a file in DIR (.svg, .png).",
+)
 @predict_option
-def report_command(logs: tuple[Path, ...], out: Path | None) -> int:
+def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | None) -> int:
     """Write runs, or the thesis, as one page of figures and tables.
 
-    To be read in any browser, without a network. Of up to four LOGs, or runs of overlays: how they went, all
-    figures with all plants overlaid, every difference. Without a LOG: the whole of chapter 5 of the thesis,
-    run again; exit code 1 if a printed number is out of tolerance.
+    Any browser shows the page, without a network. With up to four LOGs, or runs of overlays, it begins with
+    a verdict, the numbers that matter and the crane at its worst moment. Metrics, figures with all plants
+    overlaid, differences and settings follow. Without a LOG it runs all of chapter 5 of the thesis again;
+    exit code 1 if a printed number is out of tolerance.
 
     \b
     cranectl report logs/fixed-position/lqr-ideal.mcap
+    cranectl report logs/fixed-position/lqr-ideal.mcap --figures pictures
     cranectl report logs/fixed-position/lqr-ideal.mcap logs/fixed-position/lqr-velocity.mcap --out drives.html
     cranectl report --out thesis.html
     """
+    if figures is not None:
+        _check_directory(figures)
     if not logs:
         from cranectl.cli.thesis import run_thesis
 
-        return run_thesis(Screen(), out or Path("thesis.html"))
+        return run_thesis(Screen(), out or Path("thesis.html"), figures)
     _check_number(len(logs))
     name = "-and-".join(label.replace("/", "-") for label in short_names(logs))
-    _report_logs(logs, out or logs[0].parent / f"{name}.html")
+    _report_logs(logs, out or logs[0].parent / f"{name}.html", figures)
     return exit_codes.GOOD
 
 
-def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
+def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> None:
     from cranectl.log.overlay import is_overlay, read_layers
     from cranectl.render.draw import draw_worst_moment
-    from cranectl.report.page import write_page
+    from cranectl.report.page import write_figures, write_page
     from cranectl.report.run.page import log_page
     from cranectl.support.provenance import other_software
 
@@ -74,10 +84,13 @@ def _report_logs(logs: tuple[Path, ...], out: Path) -> None:
             worst[label] = draw_worst_moment(runs)
     except InputError as error:
         notes.append(f"No picture of the crane: {error.found}")
-    write_page(log_page(of_logs, command_given(), notes, versions=versions, worst=worst), out)
+    page = log_page(of_logs, command_given(), notes, versions=versions, worst=worst)
+    write_page(page, out)
     for note in notes:
         Screen().print(note)
     Screen().print(f"report: {out}")
+    if figures is not None:
+        Screen().print(f"figures: {write_figures(page, figures)} files in {figures}")
 
 
 def _check_number(logs: int) -> None:
@@ -85,5 +98,17 @@ def _check_number(logs: int) -> None:
         raise InputError(
             f"{logs} logs, or runs of overlays",
             allowed=f"up to {MAX_LOGS}",
-            remedy="report on fewer at a time; of the levels of a ladder: cranectl ladder --report FILE",
+            remedy="report on fewer at a time; for the levels of a ladder use cranectl ladder --report FILE",
         )
+
+
+def _check_directory(directory: Path) -> None:
+    """Raise InputError unless files can be written into `directory`; make it if it is missing."""
+    try:
+        check_replaceable(directory / "figure.svg")
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"cannot write figures into {directory}: {error}",
+            allowed="a directory that can be written, or a name that is free",
+            remedy="choose another directory with --figures",
+        ) from None

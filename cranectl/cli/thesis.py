@@ -16,9 +16,9 @@ from cranectl.support.files import HTML
 def thesis_command(report: Path | None, screen: Screen) -> int:
     """Run chapter 5 of the thesis again, its numbers beside ours.
 
-    Every run of the chapter, on the analytic plant, on MuJoCo with ideal and with velocity drives. Exit code
-    1 if a number is outside its tolerance; printed values, tolerances and their reasons are in
-    validation/thesis/.
+    Every run of the chapter goes through the analytic plant, and through MuJoCo with ideal and with velocity
+    drives. Exit code 1 if a number is outside its tolerance. Printed values, tolerances and their reasons are
+    in validation/thesis/.
 
     \b
     cranectl thesis
@@ -27,9 +27,9 @@ def thesis_command(report: Path | None, screen: Screen) -> int:
     return run_thesis(screen, report)
 
 
-def run_thesis(screen: Screen, report: Path | None) -> int:
-    """Run the chapter, print it, write the requested page; return the exit code."""
-    from cranectl.report.page import write_page
+def run_thesis(screen: Screen, report: Path | None, figure_directory: Path | None = None) -> int:
+    """Run the chapter, print it, write the requested page and its figures; return the exit code."""
+    from cranectl.report.page import write_figures, write_page
     from cranectl.thesis.page import ChapterFigures, printed_tables, thesis_page
     from cranectl.thesis.reproduction import reproduce, total_simulated_seconds
 
@@ -38,10 +38,15 @@ def run_thesis(screen: Screen, report: Path | None) -> int:
         result = reproduce(lambda name, seconds: advance(seconds, name), figures.watch if figures else None)
     screen.print_each(printed_tables(result).values())
     screen.print_each(result.notes())
-    verdict = f"{PASSED}: every printed number is within its tolerance, ? marks tolerances without a reason"
-    screen.print(verdict if result.passed else f"{FAILED}: see the numbers in red")
+    verdict = (
+        f"{result.in_short}; ? marks the fitted tolerances" if result.passed else "see the numbers in red"
+    )
+    screen.print(f"{PASSED if result.passed else FAILED}: {verdict}")
     if report is not None and figures is not None:
-        write_page(thesis_page(result, figures, command_given()), report)
+        page = thesis_page(result, figures, command_given())
+        write_page(page, report)
         screen.print(f"report: {report}")
+        if figure_directory is not None:
+            screen.print(f"figures: {write_figures(page, figure_directory)} files in {figure_directory}")
     screen.write_json(result.to_json())
     return exit_codes.GOOD if result.passed else exit_codes.LIMIT_EXCEEDED

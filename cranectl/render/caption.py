@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 from cranectl.render.timeline import Timeline
 from cranectl.scenario.drawn_size import drawn_trail
 from cranectl.support.colours import LIGHT, SLACK_ROPE
-from cranectl.support.units import quantity
+from cranectl.support.units import difference_in
 
 SMOOTH = 4
 PLATE = (255, 255, 255, 175)  # under the legend
@@ -97,11 +97,11 @@ def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
     main, worst = timeline.main.label, max(errors, key=errors.__getitem__)
     labels = dict.fromkeys((main, worst)) if timeline.by_label else (main,)
     lines = [
-        (f"{label if timeline.by_label else 'load'} off by {quantity(errors[label], 'm')}", "muted")
+        (f"{label if timeline.by_label else 'load'} off by {difference_in(errors[label], 'm')}", "muted")
         for label in labels
     ]
     if (distance := timeline.distance(time)) is not None:
-        far = quantity(distance, "m")
+        far = difference_in(distance, "m")
         apart = f"others up to {far} away" if timeline.by_label else f"plants apart by {far}"
         lines.append((apart, "muted"))
     stops = {track.label: track.run.status.label for track in timeline.tracks if track.stopped(time)}

@@ -1,8 +1,10 @@
-"""A report: one HTML page that needs nothing but itself, light or dark as its reader prefers."""
+"""A report as one HTML page that loads nothing else, in light or dark colours as its reader prefers."""
 
 import io
+import re
 from base64 import b64encode
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,20 +14,21 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure as Drawing
 from PIL.Image import Image
 
-from cranectl.report.table import Table
-from cranectl.report.theme import SUBSCRIPT, css_variables, inline_svg, styled
-from cranectl.support.files import write_text, writing
+from cranectl.report.table import Cell, Table
+from cranectl.report.theme import SUBSCRIPT, css_variables, inline_svg, standalone_svg, styled
+from cranectl.support.files import BY_ENDING, check_place, replacing, write_text, writing
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture and what it shows; its number is its place in the page unless it has another."""
+    """A picture with its title and caption; its place in the page numbers it unless `number` does."""
 
     title: str
     svg: str  # or another element
     caption: str
     alone: bool = False  # in its row
     number: str = ""
+    png: bytes = b""  # of a bitmap, which `svg` embeds
 
     @classmethod
     def drawn(
@@ -42,7 +45,8 @@ class Figure:
         picture.save(data, format="png", optimize=True)
         source = f"data:image/png;base64,{b64encode(data.getvalue()).decode()}"
         size = f'width="{picture.width}" height="{picture.height}"'
-        return cls(title, f'<img src="{source}" alt="{escape(title)}" {size}>', caption)
+        element = f'<img src="{source}" alt="{escape(title)}" {size}>'
+        return cls(title, element, caption, png=data.getvalue())
 
     @property
     def markup(self) -> Markup:
@@ -62,6 +66,27 @@ class Section:
 
 
 @dataclass(frozen=True)
+class Fact:
+    """One number of the first screen: what it is, its value with the unit, and a remark below it."""
+
+    name: str
+    value: str
+    remark: str = ""
+    mark: str = ""  # as of a cell
+
+
+@dataclass(frozen=True)
+class FirstScreen:
+    """The first screen of a page: a verdict with its reason, a few numbers, and pictures beside them."""
+
+    verdict: Cell
+    reason: str
+    facts: tuple[Fact, ...] = ()
+    tables: tuple[Table, ...] = ()
+    figures: tuple[Figure, ...] = ()
+
+
+@dataclass(frozen=True)
 class Page:
     """A whole report; `remade_by` is the command that makes it again."""
 
@@ -69,6 +94,14 @@ class Page:
     lead: str
     sections: tuple[Section, ...]
     remade_by: str
+    first_screen: FirstScreen | None = None
+
+    @property
+    def figures(self) -> Iterator[Figure]:
+        """All figures in the order of the page."""
+        yield from self.first_screen.figures if self.first_screen else ()
+        for section in self.sections:
+            yield from section.figures
 
 
 def render(page: Page) -> str:
@@ -87,7 +120,7 @@ def render(page: Page) -> str:
 
 
 def typeset(text: str) -> Markup:
-    """Text with the subscripts of its symbols."""
+    """Return text with the subscripts of its symbols."""
     return Markup(SUBSCRIPT.sub(r"\1<sub>\2</sub>", str(escape(text))))
 
 
@@ -95,3 +128,21 @@ def write_page(page: Page, path: Path) -> None:
     """Write the page in one atomic step; raise InputError if that fails."""
     with writing(path):
         write_text(path, render(page))
+
+
+def write_figures(page: Page, directory: Path) -> int:
+    """Write each figure of the page as a file named by its title; return how many.
+
+    Drawings become SVG files in the colours of light pages, bitmaps PNG files. Raises InputError for a
+    file that cannot be written or that another kind of file would replace.
+    """
+    taken: Counter[str] = Counter()
+    for figure in page.figures:
+        name = re.sub(r"[^\w.]+", "-", f"{figure.number} {figure.title}".lower()).strip("-")
+        taken[name] += 1
+        name += f"-{taken[name]}" if taken[name] > 1 else ""
+        path = directory / f"{name}.{'png' if figure.png else 'svg'}"
+        check_place(path, BY_ENDING[path.suffix], option="--figures")
+        with writing(path), replacing(path) as part:
+            part.write_bytes(figure.png or standalone_svg(figure.svg).encode())
+    return taken.total()

@@ -1,9 +1,10 @@
-"""The plan of a reference, for the terminal and for pages: times, limits that act, proof, path."""
+"""Tables and a figure of a plan: times, limits that act, proof and path."""
 
 from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,10 +13,10 @@ from matplotlib.patches import Rectangle
 from cranectl.planning.limits import AXES
 from cranectl.planning.review import ACTS, Review
 from cranectl.report.table import Table, cells
-from cranectl.report.theme import WIDTH, canvas
 from cranectl.scenario import Scenario
 from cranectl.scenario.segments import seconds
 
+LIMIT_COLOUR = "C1"
 PANELS = {  # title: quantities, each with its label
     "set-points": {f"{axis} set-point": axis for axis in AXES},
     "their rates": {f"{axis} set-point's rate": axis for axis in AXES},
@@ -25,9 +26,16 @@ PANELS = {  # title: quantities, each with its label
 
 
 def plan_tables(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[float] = ()) -> list[Table]:
-    """Tell when which segment is driven; of planned ones what proves them, and the limits that act.
+    """Return a table of all segments, and one of the limits that act in planned segments.
 
-    `least` [s] is how long each would last at best, or nothing if that was not asked for.
+    Parameters
+    ----------
+    scenario : Scenario
+        The scenario with its plan.
+    reviewed : Sequence of Review
+        Reviews of the planned segments.
+    least : Sequence of float, optional
+        Estimates of the least possible duration of each segment [s].
     """
     reviews = {review.segment: review for review in reviewed}
     rows, begins = [], 0.0
@@ -44,12 +52,12 @@ def plan_tables(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[
     headings = ["segment", "", "from\n[s]", "lasts\n[s]", "drives alone\n[s]"]
     headings += ["pieces\nproven", "smallest slack"]
     note = (
-        "Drives alone: what they would need without a load, which nothing can be under. Proven: every limit "
-        "holds at every moment, on each of so many pieces of the motion. Slack: what is left of a limit."
+        "Drives alone: the time that the drives need without a load; no motion can be faster. Pieces proven: "
+        "on each of so many pieces every limit holds at every moment. Slack: the unused part of a limit."
     )
     if least:
         headings.append("least with any knots\n[s], gap")
-        note += " Least with any knots: extrapolated from this plan and one with twice as many, an estimate."
+        note += " Least with any knots: an estimate from this plan and one with twice as many knots."
     tables = [Table("", tuple(headings), tuple(rows), labels=2, note=note if reviewed else "")]
     acting = [
         cells(
@@ -63,7 +71,7 @@ def plan_tables(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[
     if acting:
         title = f"Limits that act, at {100 * ACTS:g} % or more of what may be used"
         limits = "segment", "limit", "when, from the segment's start [s]"
-        tables.append(Table(title, limits, tuple(acting), labels=3))
+        tables.append(Table(title, limits, tuple(acting), labels=3, folded=True))  # the figure shows them
     return tables
 
 
@@ -91,35 +99,56 @@ def plan_json(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[fl
 
 
 def plan_figure(reviewed: Sequence[Review], scenario: Scenario) -> Figure:
-    """Draw the load's path from above and from a side, and what its limits leave over time."""
-    figure, panels = canvas(WIDTH, 9.6, 6, 1, height_ratios=(2.4, 2.0, 1.0, 1.0, 1.0, 1.0))
-    above, side, *stack = panels
-    _draw_path(above, reviewed, scenario, 1, "y [m]")
-    _draw_path(side, reviewed, scenario, 2, "z [m]")
+    """Draw which limits act when, the use of each limit over time, and small the load's path."""
+    acting = list(dict.fromkeys(name for review in reviewed for name in review.by_limit))
+    bars = 0.6 + 0.2 * len(acting)  # [in] high
+    figure = Figure(figsize=(10.0, 5.0 + bars), layout="constrained")
+    left, right = figure.subfigures(1, 2, width_ratios=(2.1, 1.0), squeeze=False)[0]
+    ratios = (bars, *[1.2] * len(PANELS))
+    limits, *stack = left.subplots(1 + len(PANELS), 1, sharex=True, height_ratios=ratios)
+    _draw_acting(limits, reviewed, acting)
     for axes, (title, names) in zip(stack, PANELS.items(), strict=True):
         for (colour, (name, label)), (k, review) in product(enumerate(names.items()), enumerate(reviewed)):
-            if len(share := np.abs(review.shares.get(name, ()))):
+            if len(share := 100.0 * np.abs(review.shares.get(name, ()))):
                 shown = label if k == 0 else "_nolegend_"
                 axes.plot(review.start + review.time, share, color=f"C{colour}", label=shown)
-        axes.axhline(1.0, color="0.6", linewidth=0.8, linestyle=(0, (2, 2)))
-        axes.set(ylabel=title, ylim=(0.0, 1.12))
+        axes.axhline(100.0, color=LIMIT_COLOUR, linewidth=1.0, linestyle=(0, (2, 2)))
+        axes.set(ylabel=f"{title} [%]", ylim=(0.0, 112.0))
         axes.margins(x=0.0)
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    for axes in stack[:-1]:
-        axes.tick_params(labelbottom=False)
-    stack[0].set_title("shares of what the plan may use", fontsize=8.5)
+    stack[0].set_title("use of each limit", loc="left", fontsize=9)
     stack[-1].set_xlabel("time [s]")
+    above, side = right.subplots(2, 1)
+    _draw_path(above, reviewed, scenario, 1, "y [m]")
+    _draw_path(side, reviewed, scenario, 2, "z [m]")
+    above.set_title("path of the load from above", loc="left", fontsize=9)
+    side.set_title("from a side", loc="left", fontsize=9)
     return figure
 
 
+def _draw_acting(axes: Axes, reviewed: Sequence[Review], acting: Sequence[str]) -> None:
+    """Draw a bar for each stretch of time in which a limit acts, a row for each limit."""
+    for review in reviewed:
+        for stretch in review.acting:
+            length = max(stretch.end - stretch.start, review.duration / len(review.time))
+            place = review.start + stretch.start, acting.index(stretch.name)
+            axes.barh(place[1], length, left=place[0], height=0.6, color=LIMIT_COLOUR)
+    axes.set_yticks(range(len(acting)), acting)
+    axes.set_ylim(len(acting) - 0.4, -0.6)
+    axes.set_title(f"limits that act: {100 * ACTS:g} % or more is used", loc="left", fontsize=9)
+    axes.grid(visible=False, axis="y")
+    axes.margins(x=0.0)
+
+
 def _draw_path(axes: Axes, reviewed: Sequence[Review], scenario: Scenario, vertical: int, label: str) -> None:
+    edge = matplotlib.rcParams["axes.edgecolor"]
     for k, review in enumerate(reviewed):
         line = review.path[:, [0, vertical]].T
         axes.plot(*line, color=f"C{k}")
         axes.plot(*line[:, [0, -1]], ".", color=f"C{k}")
-        axes.plot(*review.marked[:, [0, vertical]].T, "x", color="0.4", markersize=4)
+        axes.plot(*review.marked[:, [0, vertical]].T, "x", color=edge, markersize=4)
     for box in scenario.obstacles:
         low, high = np.array(box.low)[[0, vertical]], np.array(box.high)[[0, vertical]]
-        axes.add_patch(Rectangle(tuple(low), *(high - low), color="0.6", alpha=0.4))
+        axes.add_patch(Rectangle(tuple(low), *(high - low), color=edge, alpha=0.4))
     axes.set(xlabel="x [m]", ylabel=label, aspect="equal")
     axes.set_adjustable("datalim")

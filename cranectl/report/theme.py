@@ -1,7 +1,7 @@
-"""Colours that follow the reader's light or dark scheme, figures as inline SVG that use them, or as files.
+"""The style of figures: drawn for a page in light or dark colours, or saved as files.
 
-A figure is drawn in stand-in colours, one for each role; in the SVG they become CSS variables of the page.
-What an SVG says of axes over time is for the page's script: where they are, what they measure, their curves.
+A figure is drawn in stand-in colours, one for each role. In the SVG they become CSS variables of the page.
+The SVG also tells the page's script where the axes over time are, what they measure and their curves.
 """
 
 import io
@@ -20,7 +20,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cranectl.support.colours import COLOURS
+from cranectl.support.colours import COLOURS, LIGHT
 from cranectl.support.errors import InputError
 from cranectl.support.files import replacing
 
@@ -69,13 +69,13 @@ def canvas(width: float, height: float, *shape: int, **more: Any) -> tuple[Figur
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Draw in the page's style; everything from making a figure to `inline_svg` belongs inside."""
+    """Draw in the page's style: make the figure and its `inline_svg` inside this context."""
     with matplotlib.rc_context(_STYLE):
         yield
 
 
 def spaced(handles: Iterable[Artist]) -> float:
-    """Columns of a legend apart, in letters: on small pages labels are longer by three tenths."""
+    """Return the space between columns of a legend, in letters; labels of small pages are 30 % longer."""
     return max(3.0, 1.0 + 0.17 * max(len(str(handle.get_label())) for handle in handles))
 
 
@@ -85,7 +85,7 @@ def css_variables(dark: bool) -> str:
 
 
 def inline_svg(figure: Figure) -> str:
-    """Return `figure` as an `<svg>` element for a page, its ids kept apart from those of others."""
+    """Return `figure` as an `<svg>` element for a page, with ids that no other figure has."""
     file = io.StringIO()
     _name_parts(figure)
     figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
@@ -101,7 +101,7 @@ def inline_svg(figure: Figure) -> str:
         r"font-size: ([\d.]+)px; font-family: [^;\"]*", r"font-size: calc(\1px * var(--text))", text
     )
     text = re.sub(r"<text.*?</text>", lambda words: SUBSCRIPT.sub(_LOWERED, words[0]), text)
-    plots, width = _told(figure), f"--wide: {72.0 * figure.get_figwidth():g}"
+    plots, width = _describe_axes(figure), f"--wide: {72.0 * figure.get_figwidth():g}"
     data = f' data-plots="{escape(plots, quote=True)}"' if plots else ""
     text = text.replace("<svg", f'<svg style="{width}"{data}', 1)
     for role, colour in STAND_IN.items():
@@ -109,12 +109,29 @@ def inline_svg(figure: Figure) -> str:
     return text.strip()
 
 
+_VARIABLE = re.compile(r"var\(--([\w-]+)(?:, ([^()]*))?\)")
+
+
+def standalone_svg(svg: str) -> str:
+    """Return the `<svg>` element of a page as the text of a file, in the colours of light pages."""
+    text = re.sub(r"calc\(([\d.]+px) \* var\(--text\)\)", r"\1", svg)
+    while _VARIABLE.search(text):  # one may be the fallback of another
+        text = _VARIABLE.sub(lambda found: LIGHT.get(found[1]) or found[2] or "none", text)
+    text = re.sub(r' data-(?:plots|part)="[^"]*"', "", text)
+    root, *rest = re.split("(?<=>)", text, maxsplit=1)
+    width, height = re.findall(r"[-\d.]+", root.partition("viewBox=")[2])[2:4]
+    style = f"color: {LIGHT['ink']}; background: #ffffff; font-family: 'DejaVu Sans', Verdana, sans-serif"
+    root = re.sub(r' style="[^"]*"', "", root)
+    root = root.replace("<svg", f'<svg width="{width}" height="{height}" style="{style}"', 1)
+    return f"{root}{''.join(rest)}\n"
+
+
 SUBSCRIPT = re.compile(r"\b([^\W\d_])_([^\W\d_]{1,2}\d?)\b")  # of a symbol: x_c
 _LOWERED = r'\1<tspan dy=".25em" font-size="75%">\2</tspan><tspan dy="-.19em">&#8203;</tspan>'
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Draw to `path`, format by its suffix; raises InputError if that cannot be done."""
+    """Draw to `path` in the format of its suffix; raise InputError if that fails."""
     kind = path.suffix.lower()
     try:
         # No date and no random identifiers: the same figure, the same bytes.
@@ -132,14 +149,14 @@ TIME = "time [s]"  # label of an axis that pages enlarge
 
 
 def _time_axes(figure: Figure) -> list[Axes]:
-    """Return the axes of `figure` over time: one of those that share an x-axis has its label."""
+    """Return the axes of `figure` over time; of axes that share an x-axis only one has its label."""
     shared = ((axes, axes.get_shared_x_axes().get_siblings(axes)) for axes in figure.axes)
     labels = ((axes, [sibling.get_xlabel() for sibling in siblings]) for axes, siblings in shared)
     return [axes for axes, texts in labels if next(filter(None, texts), "") == TIME]
 
 
 def _name_parts(figure: Figure) -> None:
-    """Give ids to what the script moves, by which the SVG's groups become `data-part`s; before drawing."""
+    """Give ids to what the page's script moves, before drawing; `inline_svg` makes them `data-part`s."""
     for k, axes in enumerate(_time_axes(figure)):
         axes.set_gid(f"part-axes{k}")
         axes.xaxis.set_gid("part-x")
@@ -151,8 +168,8 @@ def _name_parts(figure: Figure) -> None:
             text.set_gid("part-event")
 
 
-def _told(figure: Figure) -> str:
-    """Describe the axes over time, once drawn: box [points from the top left], ranges, scale, unit, names."""
+def _describe_axes(figure: Figure) -> str:
+    """Describe the axes over time, once drawn, as JSON: box [points], ranges, scale, unit, labels."""
     width, height = (72.0 * inches for inches in figure.get_size_inches())
     plots = []
     for axes in _time_axes(figure):
@@ -172,7 +189,7 @@ def _told(figure: Figure) -> str:
 
 
 def _named(axes: Axes) -> list[Any]:
-    """Return the curves that have a label in the order of drawing, the lowest first."""
+    """Return the curves that have a label, in the order in which they are drawn."""
     return sorted(
         (line for line in axes.lines if not str(line.get_label()).startswith("_")),
         key=lambda line: line.zorder,

@@ -111,22 +111,40 @@ class Reproduction:
         """Whether every printed number is within its tolerance."""
         return all(number.within for *_, number in self.numbers())
 
-    def notes(self) -> list[str]:
-        """Tell what tables do not say: gains, what stays unexplained, what the thesis did not notice."""
-        notes = [
-            f"gains of {name} (not printed in the thesis): {', '.join(f'{gain:.5g}' for gain in values)}"
-            for name, values in self.gains.items()
-        ]
-        open_points: dict[str, dict[str, None]] = {}
+    @property
+    def in_short(self) -> str:
+        """How many printed numbers are explained, within fitted tolerances, or out of tolerance."""
+        within = [number.explained for *_, number in self.numbers() if number.within]
+        outside = sum(not number.within for *_, number in self.numbers())
+        text = f"{sum(within)} explained, {len(within) - sum(within)} within fitted tolerances"
+        return f"{text}, {outside} out of tolerance" if outside else text
+
+    @property
+    def open_points(self) -> dict[str, list[str]]:
+        """Tables and columns of the numbers that nobody can explain, by what is known about them."""
+        places: dict[str, dict[str, None]] = {}
         for name, _, column, number in self.numbers():
             if not number.explained:
-                open_points.setdefault(number.reason, {})[f"{name} {SYMBOLS[column]}"] = None
-        notes += [f"unexplained, {', '.join(places)}: {reason}" for reason, places in open_points.items()]
-        return notes + [
+                places.setdefault(number.reason, {})[f"{name} {SYMBOLS[column]}"] = None
+        return {reason: list(of_reason) for reason, of_reason in places.items()}
+
+    @property
+    def unnoticed(self) -> list[str]:
+        """What the thesis did not notice, a sentence each."""
+        return [
             f"not noticed in the thesis: {d.scenario}, {d.controller}: {d.violation.signal} leaves the rig "
             f"at {d.violation.first_time_s:g} s, by up to {d.violation.max_excess_m:.3f} m"
             for d in self.departures
         ]
+
+    def notes(self) -> list[str]:
+        """Return what the tables do not say: gains, unexplained numbers, what the thesis did not notice."""
+        gains = (
+            f"gains of {name} (not printed in the thesis): {', '.join(f'{gain:.5g}' for gain in values)}"
+            for name, values in self.gains.items()
+        )
+        unexplained = (f"unexplained, {', '.join(of)}: {why}" for why, of in self.open_points.items())
+        return [*gains, *unexplained, *self.unnoticed]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""

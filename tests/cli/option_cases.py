@@ -54,7 +54,10 @@ CASES = [
          ("new scenario short --in elsewhere", "new scenario another --in there")),
     Case("cli/output.py", "choose another place with --json", "info one.mcap --json file/a.json",
          ("info one.mcap --json a.json",)),
-    Case("cli/report.py", "report on fewer at a time; of the levels of a ladder: "
+    Case("cli/report.py", "choose another directory with --figures",
+         "report one.mcap --out page.html --figures file",
+         ("report one.mcap --out page.html --figures pictures",)),
+    Case("cli/report.py", "report on fewer at a time; for the levels of a ladder use "
          "cranectl ladder --report FILE",
          "report one.mcap two.mcap mujoco.mcap offset.mcap coarse.mcap --out page.html",
          ("report one.mcap two.mcap --out page.html",

@@ -30,7 +30,7 @@ def test_what_reads_an_overlay(overlay: Path, capsys: pytest.CaptureFixture[str]
     assert main(["compare", str(overlay), "--json", "compare.json"]) == 0
     shown = capsys.readouterr().out
     assert "overlay of   lqr, pid, pole-placement" in shown
-    assert "Farthest from lqr" in shown
+    assert "Largest difference from lqr" in shown
     runs = json.loads(Path("info.json").read_text())["runs"]
     assert [(run["label"], run["plant"], run["design"]["name"]) for run in runs] == [
         (name, "mujoco", name) for name in NAMES
@@ -57,7 +57,7 @@ def test_runs_of_several_scenarios_are_named_by_them(capsys: pytest.CaptureFixtu
     assert json.loads(captured.out)["labels"] == ["here", "there"]
     assert "scenarios differ: here, there" in captured.err
     assert main(["log", "overlay", "here/a.mcap", "here/a.mcap", "--out", "both.mcap"]) == 0
-    assert "differ" not in capsys.readouterr().out
+    assert "scenarios differ" not in capsys.readouterr().out
 
 
 def test_what_reads_no_overlay_says_so(overlay: Path, capsys: pytest.CaptureFixture[str]) -> None:

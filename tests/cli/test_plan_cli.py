@@ -50,7 +50,7 @@ def test_a_plan_is_shown_drawn_and_told_by_the_log(capsys: pytest.CaptureFixture
     assert main(["report", "across.mcap"]) == 0
     page = Path("across.html").read_text()
     assert "Limits that act" in page
-    assert "path and limits" in page
+    assert "limits and path" in page
 
 
 def test_a_log_runs_again_without_planning(monkeypatch: pytest.MonkeyPatch) -> None:

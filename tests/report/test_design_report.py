@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.report.design_tables import distinct_poles
+from cranectl.report.design import distinct_poles
 
 
 @pytest.mark.parametrize("true", [(-3, -3, -4, -4), (-2.5,) * 4, (-0.1, -8, -8, -8), (-1 + 2j, -1 - 2j) * 2])

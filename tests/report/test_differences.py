@@ -8,7 +8,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
-from cranectl.report.run.differences import what_differs, what_was_run
+from cranectl.report.run.differences import settings_table, versions_table, what_differs, what_was_run
 from cranectl.report.table import Table
 from cranectl.scenario.load import changed_from_default, default_scenario
 from cranectl.simulate import Run, simulate_run
@@ -56,15 +56,17 @@ def test_what_differs_is_named_and_nothing_else() -> None:
     assert table is not None
     assert table.headings == ("", "a", "b")
     assert rows(table) == {"rig.load_mass": ["1", "3"], "controller": ["pole-placement", "lqr"]}
-    short, settings = what_was_run(two, {"a": {"cranectl": "1"}, "b": {"cranectl": "2"}})
-    assert rows(short)["made with"] == ["cranectl 1", "cranectl 2"]
+    assert rows(what_was_run(two))["controller"] == ["pole-placement", "lqr"]
+    made = versions_table(two, {"a": {"cranectl": "1"}, "b": {"cranectl": "2", "drake": "3"}})
+    assert rows(made) == {"cranectl": ["1", "2"], "drake": ["–", "3"]}
+    settings = settings_table(two)
     assert not settings.folded
     assert rows(settings)["rig.load_mass"] == ["default", "3"]
     assert rows(settings)["workspace.on_exit"] == ["record", "record"], "not the default in either"
     assert what_differs(logs()) is None
     assert what_differs({"a": two["a"]}) is None
     crane = load_scenario("ship-to-shore", overrides=[*OVERRIDES, "reference.segments=[]"])
-    _, settings = what_was_run({"crane": {"analytic": simulate_run(crane, plant="analytic")}}, {})
+    settings = settings_table({"crane": {"analytic": simulate_run(crane, plant="analytic")}})
     assert settings.folded, "the many numbers of a rig of its own"
     assert settings.title == f"Settings that are not the default: {len(settings.rows)}"
 
@@ -77,7 +79,7 @@ def test_parameters_of_one_law_are_told_like_settings() -> None:
     assert table is not None
     default = str(same["c"]["analytic"].design.to_json()["parameters"]["proportional"])
     assert rows(table) == {"controller.pid.proportional": ["30", default.removesuffix(".0")]}
-    _, settings = what_was_run(same, {})
+    settings = settings_table(same)
     assert rows(settings)["controller.pid.proportional"] == ["30", "default"]
     table = what_differs(two)
     assert table is not None
@@ -89,7 +91,7 @@ def test_page_info_and_compare_say_it(capsys: pytest.CaptureFixture[str]) -> Non
         write_log(Path(f"{label}.mcap"), list(log.values()))
     assert main(["report", "a.mcap", "b.mcap"]) == 0
     page = Path("a-and-b.html").read_text(encoding="utf-8")
-    order = ["completed", "What differs", "rig.load_mass", "Metrics", "<h2>What was run", "made with"]
+    order = ["What differs", "rig.load_mass", "completed", ">Metrics", "<h2>Settings", "Made with"]
     assert [page.index(text) for text in order] == sorted(page.index(text) for text in order)
     Path("b.mcap").rename("c.mcap")
     assert main(["report", "a.mcap", "c.mcap"]) == 0

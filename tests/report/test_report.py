@@ -10,19 +10,24 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from cranectl.cases.case import RunSummary, drive_uses
 from cranectl.cli.main import main
+from cranectl.compare.agreement import Agreement, judge
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
+from cranectl.metrics import run_metrics
+from cranectl.metrics.limits import LimitVerdict
 from cranectl.render.opengl import no_opengl
-from cranectl.report.page import Figure, Page, Section, render
+from cranectl.report.page import Figure, Page, Section, render, write_figures
 from cranectl.report.run.figures import FAMILIES, Family, RunCurve, largest_difference
+from cranectl.report.run.first_screen import first_screen_of
 from cranectl.report.run.page import agreement, caption, log_page
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import STAND_IN
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support.colours import COLOURS
+from cranectl.support.colours import COLOURS, LIGHT
 from tests.conftest import closed_loop, cut
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -135,6 +140,9 @@ def test_the_difference_that_a_figure_states_is_that_of_its_curves(name: str, ru
     apart = agreement(family, [(run, run), (run, replace(run, table=2.0 * run.table))], "apart by")
     assert re.fullmatch(r"apart by [\d.]+\D*", apart.replace("\N{NO-BREAK SPACE}", " ")), apart
     assert family.panels[0].unit in apart
+    small = agreement(family, [(run, replace(run, table=run.table * (1.0 + 1e-14)))], "apart by")
+    expected = "rad" if name == "angles" else family.panels[0].unit
+    assert small.replace("\N{NO-BREAK SPACE}", " ") == f"apart by < 1 n{expected}"
 
 
 def test_limits_are_drawn_where_the_run_comes_near_them(runs: dict[str, Run]) -> None:
@@ -201,9 +209,15 @@ def test_report_of_logs(capsys: pytest.CaptureFixture[str]) -> None:
     one = read_page(first.decode())
     assert one.tags["figure"] == len(FAMILIES) + 2
     assert (one.tags["svg"], one.tags["img"]) == (len(FAMILIES) + 1, 1)
-    assert "The load is farthest from its reference at" in one.text
-    assert "run: plants at most" in one.text
-    assert "mujoco minus analytic" in one.text
+    for text in (
+        "the load is farthest from its reference.",
+        "PASSThe plants agree: their loads differ by less than 1 nm (allowed: 100 nm).",
+        "Hold the load in the middle of the rig",
+        "pole-placement with ideal drives, on analytic, mujoco",
+        "mujoco minus analytic",
+    ):
+        assert text in one.text
+    assert re.search(r"\bpm\b", one.text) is None, "a picometre is rounding"
     assert main(["report", "ideal/run.mcap", "velocity/run.mcap", "--out", "two.html"]) == 0
     two = read_page(Path("two.html").read_text())
     for text in (
@@ -212,9 +226,11 @@ def test_report_of_logs(capsys: pytest.CaptureFixture[str]) -> None:
         "analytic, mujoco: velocity/run minus ideal/run",  # at rest: both differ by rounding only
         "limit, ideal drives",
         "limit, velocity drives",
+        "ideal/run, velocity/run: pole-placement with ideal and velocity drives",
     ):
         assert text in two.text
     assert "not judged" not in two.text
+    assert two.text.count("plants agree in all 2 logs") == 2, "in the verdict and below the figure"
 
 
 def test_report_of_one_plant_whose_run_stopped(
@@ -234,6 +250,7 @@ def test_report_of_one_plant_whose_run_stopped(
     assert (page.tags["figure"], page.tags["img"]) == (len(FAMILIES), 0)
     assert "length-singular" in page.text
     assert re.search(r"drives the trolley [\d.]+ m past the end of the rig, from 0\.\d\d s on", page.text)
+    assert re.search(r"FAILThe run on mujoco ended at 0\.\d+ s with length-singular\.", page.text)
 
 
 def test_a_run_whose_last_sample_holds_what_stopped_it_is_logged_and_reported(
@@ -250,8 +267,8 @@ def test_a_run_whose_last_sample_holds_what_stopped_it_is_logged_and_reported(
     page = read_page(render(log_page({"a": back, "b": {"mujoco": back["mujoco"]}}, "")))
     assert "engine-warning" in page.text
     assert re.search(r"Load off its reference at the end: (nan|inf)\sm", page.text)
-    assert "FAILED" in page.text
-    assert "passed" not in page.text
+    assert "FAIL" in page.text
+    assert "PASS" not in page.text
 
 
 def test_report_of_a_run_without_a_sample(runs: dict[str, Run]) -> None:
@@ -268,6 +285,8 @@ def test_report_of_a_run_without_a_sample(runs: dict[str, Run]) -> None:
         (["no.mcap"], "cannot read no.mcap"),
         (["a.mcap"] * 5, "5 logs"),
         (["a.mcap", "--out", "."], "it is a directory"),
+        (["a.mcap", "--figures", "file"], "cannot write figures into file"),
+        (["--figures", "file/below"], "cannot write figures into file/below"),
         (["--out", "file/thesis.html"], "cannot write file/thesis.html"),
     ],
 )
@@ -277,3 +296,91 @@ def test_wrong_input_is_refused_before_anything_is_computed(
     Path("file").write_text("")
     assert main(["report", *arguments]) == 2
     assert expected in capsys.readouterr().err
+
+
+def test_each_figure_of_a_report_is_saved_as_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "fixed-position", *SHORT, "--plant", "mujoco", "--out", "run.mcap"]) == 0
+    assert main(["report", "run.mcap", "--figures", "a/b"]) == 0
+    assert f"figures: {len(FAMILIES) + 1} files in {Path('a/b')}" in capsys.readouterr().out
+    files = {path.name: path.read_bytes() for path in Path("a/b").iterdir()}
+    assert len(files) == len(FAMILIES) + 1
+    assert {"tracking-error.svg", "the-crane-at-its-worst-moment.png"} < set(files)
+    for name, content in files.items():
+        if name.endswith(".png"):
+            assert content.startswith(b"\x89PNG")
+            continue
+        root = ElementTree.fromstring(content)
+        assert min(float(root.attrib[side]) for side in ("height", "width")) > 0.0
+        assert b"var(" not in content
+        assert set(re.findall(rb"(?:fill|stroke): ([^;\"]+)", content)) <= {
+            b"none",
+            *map(str.encode, LIGHT.values()),
+        }
+    assert main(["report", "run.mcap", "--figures", "a/b"]) == 0
+    assert files == {path.name: path.read_bytes() for path in Path("a/b").iterdir()}
+    Path("a/b/tracking-error.svg").write_text("my notes")
+    assert main(["report", "run.mcap", "--figures", "a/b"]) == 2
+    assert "it exists and is no SVG picture" in capsys.readouterr().err
+    assert Path("a/b/tracking-error.svg").read_text() == "my notes"
+
+
+def test_figures_of_equal_titles_have_files_of_their_own() -> None:
+    figure = Figure("a & b", '<svg viewBox="0 0 4 3" style="x"><g fill="var(--block, none)"/></svg>', "")
+    sections = (
+        Section("a", "A", figures=(figure, figure)),
+        Section("b", "B", figures=(replace(figure, number="5.1"),)),
+    )
+    assert write_figures(Page("", "", sections, ""), Path()) == 3
+    assert sorted(path.name for path in Path().iterdir()) == ["5.1-a-b.svg", "a-b-2.svg", "a-b.svg"]
+    assert '<g fill="none"/>' in Path("a-b.svg").read_text()
+
+
+def said(agreement: Agreement | None, limits: tuple[LimitVerdict, ...], run: Run) -> tuple[str, str]:
+    """The badge of the first screen and its sentence, once these verdicts are known."""
+    summary = replace(RunSummary.of(run, None), limits=limits)
+    verdicts = {"a": [] if agreement is None else [agreement]}
+    screen = first_screen_of({"a": {"mujoco": run}}, {"a": [summary]}, verdicts, {})
+    return screen.verdict.text, screen.reason
+
+
+def test_the_first_screen_says_the_verdict_and_why(runs: dict[str, Run]) -> None:
+    run = runs["mujoco"]
+    good = judge(runs["analytic"], run)
+    kept, broken = (
+        LimitVerdict("max_error_m", 0.01, 0.5, True),
+        LimitVerdict("max_sway_rad", 0.25, 0.2, False),
+    )
+    badge, reason = said(good, (kept,), run)
+    assert badge == "PASS"
+    assert reason.endswith("(allowed: 100 nm), and the limit is kept.")
+    far = replace(good, max_load_error_m=2e-3, passed=False)
+    assert said(far, (), run) == (
+        "FAIL", "Analytic and mujoco disagree: their loads differ by 2.00 mm (allowed: 100 nm).",
+    )  # fmt: skip
+    badge, reason = said(good, (kept, broken, broken), run)
+    assert (badge, reason) == (
+        "FAIL", "1 of 2 limits are broken: max_sway_rad is 0.25 rad, its limit is 0.2 rad.",
+    )  # fmt: skip
+    unjudged = replace(good, passed=None, limit_m=None, limit_rad=None, limits="nobody knows")
+    assert said(unjudged, (), run) == (
+        "not judged", "The difference between the plants is not judged: nobody knows.",
+    )  # fmt: skip
+    assert said(unjudged, (kept,), run)[0] == "PASS"
+    badge, reason = said(None, (), run)
+    assert badge == "not judged"
+    assert reason == "The log holds one plant, and the scenario sets no limits: there is nothing to judge."
+
+
+def test_the_four_numbers_have_units_that_matter() -> None:
+    run = closed_loop("settled-trajectory", "pole-placement", "mujoco")
+    metrics = run_metrics(run)
+    assert metrics is not None
+    screen = first_screen_of({"a": {"mujoco": run}}, {"a": [RunSummary.of(run, None)]}, {"a": []}, {})
+    error, sway, difference, drives = screen.facts
+    assert error.value == f"{1e3 * metrics.max_error_m:.0f} mm"
+    assert sway.value == f"{np.degrees(metrics.residual_sway_rad):.2f}°"
+    assert (difference.value, difference.remark) == ("–", "only one plant to compare: mujoco")
+    most = drive_uses(run)[0]
+    assert drives.value == f"{100 * most.share:.0f} %"
+    assert most.share == max(use.share for use in drive_uses(run))
+    assert drives.remark.startswith(f"{most.axis}: ")

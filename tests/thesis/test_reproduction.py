@@ -178,7 +178,9 @@ def test_a_number_out_of_tolerance_fails() -> None:
         wrong = replace(number, printed=number.printed + sign * 3.0 * number.tolerance)
         assert not wrong.within
         broken = replace(norms, rows={**norms.rows, controller: {"gamma": wrong}})
-        assert not replace(result, tables={**result.tables, "norms": broken}).passed
+        failed = replace(result, tables={**result.tables, "norms": broken})
+        assert not failed.passed
+        assert failed.in_short.endswith("within fitted tolerances, 1 out of tolerance")
 
 
 def test_the_run_that_leaves_the_rig_is_reported() -> None:
@@ -193,7 +195,12 @@ def test_command_line_and_json(capsys: pytest.CaptureFixture[str], monkeypatch: 
     monkeypatch.setattr("cranectl.thesis.reproduction.reproduce", lambda *_: reproduction()[0])
     assert main(["thesis", "--json", "thesis.json"]) == 0
     out = capsys.readouterr().out
-    for expected in ("Table 5.3, p. 59", "unexplained, 5.3", "leaves the rig at 15.7", "passed"):
+    for expected in (
+        "Table 5.3, p. 59",
+        "unexplained, 5.3",
+        "leaves the rig at 15.7",
+        "passed: 46 explained",
+    ):
         assert expected in out
     data = json.loads(Path("thesis.json").read_text())
     assert set(data["tables"]) == {"5.1", "5.2", "5.3", "5.4"}
@@ -217,8 +224,11 @@ def test_the_report_has_every_figure_and_table_of_the_thesis() -> None:
     assert page.tags["svg"] == len(numbers)
     for name in ("5.1", "5.2", "5.3", "5.4"):
         assert f"Table {name}, p. " in page.text
-    for note in result.notes():
-        assert note[1:].replace("_", "") in page.text.replace("_", "")  # subscripts are set as such
+    assert "The thesis, run again: 46 explained, 30 within fitted tolerances" in page.text
+    open_points = [text for pair in result.open_points.items() for text in (pair[0], ", ".join(pair[1]))]
+    for text in (*open_points, *(sentence[1:] for sentence in result.unnoticed)):
+        assert text.replace("_", "") in page.text.replace("_", "")  # subscripts are set as such
+    assert page.tags["details"] == html.count("<details open>") + 1, "what is unexplained is folded"
     for number in chapter_5[8:]:
         figure = html[html.index(f'id="figure-{number}"') :]
         figure = figure[: figure.index("</figure>")]

@@ -1,4 +1,4 @@
-"""What was run, in what runs differ, and by how much: tables of plants, logs, golden logs and overlays."""
+"""Tables of what was run, and of the differences between plants, logs, golden logs and overlays."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -17,10 +17,9 @@ MANY = 12  # rows that a page folds
 SAME = "Scenario, controller and drives are the same in all logs."
 
 
-def what_was_run(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> tuple[Table, Table]:
-    """Return the main facts, and the settings that not all logs leave at the default."""
+def what_was_run(logs: Logs) -> Table:
+    """Return the main facts of each log."""
     first = [next(iter(log.values())) for log in logs.values()]
-    changed = [changed_from_default(run.scenario) | _given(run) for run in first]
     facts: dict[str, list[str]] = {
         "scenario": [run.scenario.name for run in first],
         "controller": [run.controller for run in first],
@@ -30,20 +29,29 @@ def what_was_run(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> tuple
         "disturbances": [_text(run.scenario.disturbed_by) for run in first],
         "effects": [", ".join(run.scenario.effects.names) or "none" for run in first],
     }
-    if versions:
-        made = (versions[label].items() for label in logs)
-        facts["made with"] = [
-            ", ".join(f"{name} {version}" for name, version in versions) for versions in made
-        ]
+    return _by_log("What was run", logs, facts)
+
+
+def settings_table(logs: Logs) -> Table:
+    """Return the settings that not all logs leave at the default."""
+    first = [next(iter(log.values())) for log in logs.values()]
+    changed = [changed_from_default(run.scenario) | _given(run) for run in first]
     settings = {
         name: [_text(settings[name]) if name in settings else "default" for settings in changed]
         for name in dict.fromkeys(name for settings in changed for name in settings)
     }
-    return _by_log("", logs, facts), _by_log("Settings that are not the default", logs, settings)
+    return _by_log("Settings that are not the default", logs, settings)
+
+
+def versions_table(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> Table:
+    """Return the versions of the software that made each log."""
+    names = dict.fromkeys(name for of_log in versions.values() for name in of_log)
+    rows = {name: [versions.get(label, {}).get(name, "–") for label in logs] for name in names}
+    return _by_log("Made with", logs, rows)
 
 
 def what_differs(logs: Logs) -> Table | None:
-    """Return what is not the same in all logs, a column each; None if nothing differs."""
+    """Return the settings that differ between logs, a column each; None if nothing differs."""
     flat: list[dict[str, Any]] = []
     one_law = len({next(iter(log.values())).design.name for log in logs.values()}) == 1
     for log in logs.values():
@@ -75,11 +83,12 @@ def _given(run: Run) -> dict[str, Any]:
 
 
 def _by_log(title: str, logs: Logs, rows: Mapping[str, Sequence[str]]) -> Table:
-    """Return a row a name; many of them are counted and folded."""
+    """Return a row for each name; many rows are counted and folded."""
     many = len(rows) > MANY
     shown = tuple(cells(name, *texts) for name, texts in rows.items())
     title = f"{title}: {len(rows)}" if many else title
-    return Table(title, ("", *logs), shown, labels=1 + len(logs), folded=many)
+    headings = ("", *(logs if len(logs) > 1 else ("",)))
+    return Table(title, headings, shown, labels=1 + len(logs), folded=many)
 
 
 def _text(value: Any) -> str:
@@ -88,7 +97,7 @@ def _text(value: Any) -> str:
 
 
 def comparison_table(title: str, comparison: Comparison, *, folded: bool = False) -> Table:
-    """Return how far two runs are apart, one row a signal."""
+    """Return the differences between two runs, one row for each signal."""
     return tabulate(
         title,
         comparison.signals,
@@ -104,18 +113,18 @@ def comparison_table(title: str, comparison: Comparison, *, folded: bool = False
 
 
 def distances_table(first: str, comparisons: Mapping[str, Comparison]) -> Table:
-    """Return how far runs are from the one labelled `first`, by label."""
+    """Return the differences of runs, by label, from the run labelled `first`."""
     rows = []
     for label, comparison in comparisons.items():
         load, angles = comparison.max_load_error_m, difference_in(comparison.max_angle_error_rad, "rad")
         rows.append(
             cells(label, difference_in(load, "m"), _when(comparison.max_load_error_at_s, load), angles)
         )
-    return Table(f"Farthest from {first}", ("", "load", "at [s]", "angles"), tuple(rows))
+    return Table(f"Largest difference from {first}", ("", "load", "at [s]", "angles"), tuple(rows))
 
 
 def regression_table(verdict: RegressionVerdict) -> Table:
-    """Return a run beside its golden one: one row a signal, then how they ended."""
+    """Compare a run with its golden run: one row for each signal, then how both ended."""
     rows = []
     for signal in verdict.signals:
         difference, when = difference_text(signal.max_abs), _when(signal.at_s, signal.max_abs)
@@ -136,7 +145,7 @@ def regression_table(verdict: RegressionVerdict) -> Table:
 
 
 def regressions_table(outcomes: Mapping[str, Sequence[RegressionVerdict] | str]) -> Table:
-    """Return logs beside their golden ones, by path: the signal that is worst off, or why there is none."""
+    """Compare logs, by path, with their golden logs: the worst signal, or why there is none."""
     rows = []
     for path, verdicts in outcomes.items():
         if isinstance(verdicts, str):
@@ -152,5 +161,5 @@ def regressions_table(outcomes: Mapping[str, Sequence[RegressionVerdict] | str])
 
 
 def _when(time: float, largest: float) -> str:
-    """Return the time [s] of the largest difference; rounding is largest at no time in particular."""
+    """Return the time [s] of the largest difference; a dash for rounding, whose time means nothing."""
     return "-" if largest < PROCESSOR_ROUNDING else f"{time:.3f}"

@@ -1,4 +1,4 @@
-"""Any runs as one page: what they were, how they ended, every figure with a sentence, every difference."""
+"""Any runs as one page: verdict and worst moment first; then metrics, figures, differences and settings."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -16,7 +16,15 @@ from cranectl.planning.review import reviews
 from cranectl.plants.registry import in_order, reference_plant
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.plan import plan_figure, plan_tables
-from cranectl.report.run.differences import SAME, Logs, comparison_table, what_differs, what_was_run
+from cranectl.report.run.differences import (
+    SAME,
+    Logs,
+    comparison_table,
+    settings_table,
+    versions_table,
+    what_differs,
+    what_was_run,
+)
 from cranectl.report.run.figures import (
     DEGREES,
     FAMILIES,
@@ -26,14 +34,17 @@ from cranectl.report.run.figures import (
     families_of,
     largest_difference,
 )
+from cranectl.report.run.first_screen import agreement_sentence, first_screen_of
 from cranectl.report.run.tables import limits_table, metrics_table, run_table
 from cranectl.report.table import Table
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
-from cranectl.support.units import quantity
+from cranectl.support.units import difference_in, quantity
 
 Runs = Mapping[str, Run]  # by label
+Pairs = Sequence[tuple[Run, Run]]  # of a plant, and of the reference plant
+SMALL_ANGLE = 1e-3  # [°]; smaller differences are given in rad, which takes prefixes
 DASHES = ("-", (0, (2, 1)), (0, (1, 1)))  # of plants beside the reference plant
 
 
@@ -46,37 +57,51 @@ def log_page(
     versions: Mapping[str, Mapping[str, str]] | None = None,
     worst: Mapping[str, tuple[float, Image]] | None = None,
 ) -> Page:
-    """Return a page of up to four logs, each with the runs of one plant or more; `notes` come first.
+    """Return a page of up to four logs, each with the runs of one plant or more.
 
-    `versions`: by log, of what made it. `worst`: by log, time and picture of its worst moment.
+    Parameters
+    ----------
+    logs : Mapping
+        Runs by label of the log, by plant.
+    remade_by : str
+        The command that makes the page again.
+    notes : Sequence of str
+        Sentences above the table of runs.
+    versions : Mapping, optional
+        Versions of the software that made each log.
+    worst : Mapping, optional
+        Time [s] and picture of the worst moment of each log.
     """
-    agreements = {label: judge(a, b) for label, (a, b) in _pairs(logs).items()}
-    runs = [run for log in logs.values() for run in log.values()]
-    scenarios = dict.fromkeys(run.scenario.name for run in runs)
-    title = runs[0].scenario.title if len(scenarios) == 1 else ""
+    pairs = {label: _pairs(log) for label, log in logs.items()}
+    agreements = {label: [judge(*pair) for pair in of_log] for label, of_log in pairs.items()}
     summaries = {name: [RunSummary.of(run, Path(name)) for run in log.values()] for name, log in logs.items()}
     judged = limits_table([run for log in summaries.values() for run in log])
-    differing = what_differs(logs)
-    same = (SAME,) if len(logs) > 1 and differing is None else ()
-    outcome = (run_table(summaries, _verdicts(agreements)), judged, differing, metrics_table(summaries))
-    requested = what_was_run(logs, versions or {})
+    same = (SAME,) if len(logs) > 1 and what_differs(logs) is None else ()
+    outcome = (run_table(summaries), judged, metrics_table(summaries))
+    settings = [settings_table(logs), versions_table(logs, versions or {})]
+    if len(logs) > 1:  # else the first screen has it
+        settings.insert(0, what_was_run(logs))
     sections = [
-        Section("runs", "Runs", (*notes, *same), tuple(table for table in outcome if table is not None)),
-        Section("asked", "What was run", (), tuple(table for table in requested if table.rows)),
+        Section("runs", "Runs and metrics", (*notes, *same), tuple(table for table in outcome if table)),
+        Section("figures", "Figures", figures=_figures(logs, pairs, agreements)),
+        *_plans(logs),
+        Section("differences", "Differences", tables=_differences(logs, pairs, agreements)),
+        Section("settings", "Settings", (), tuple(table for table in settings if table.rows)),
     ]
-    sections += _plans(logs)
-    moments = []
-    for label, (time, picture) in (worst or {}).items():
-        name = f"the crane, {label}" if worst and len(worst) > 1 else "the crane"
-        end = logs[label][reference_plant(logs[label])].end_s
-        text = f"The load is farthest from its reference at {time:g} s of {end:g} s."
-        moments.append(Figure.pictured(name, text, picture))
-    if moments:
-        sections.append(Section("worst", "Worst moment", figures=tuple(moments)))
-    sections.append(Section("figures", "Figures", figures=_figures(logs, agreements)))
-    if differences := _differences(logs, agreements):
-        sections.append(Section("differences", "Differences", tables=differences))
-    return Page(", ".join(scenarios), title, tuple(sections), remade_by)
+    shown = tuple(section for section in sections if section.tables or section.figures)
+    screen = first_screen_of(logs, summaries, agreements, worst or {})
+    return Page(*_title_and_lead(logs), shown, remade_by, screen)
+
+
+def _title_and_lead(logs: Logs) -> tuple[str, str]:
+    """Return what was run as a title, and below it the labels, controllers, drives and plants."""
+    runs = [run for log in logs.values() for run in log.values()]
+    scenarios = {run.scenario.name: run.scenario.title or run.scenario.name for run in runs}
+    controllers = ", ".join(dict.fromkeys(run.controller for run in runs))
+    drives = " and ".join(dict.fromkeys(run.drive for run in runs))
+    lead = f"{controllers} with {drives} drives, on {', '.join(in_order(run.plant for run in runs))}"
+    title = f"{', '.join(list(scenarios)[:-1])} and {list(scenarios)[-1]}" if len(scenarios) > 1 else ""
+    return title or next(iter(scenarios.values())), lead if len(logs) == 1 else f"{', '.join(logs)}: {lead}"
 
 
 def _plans(logs: Logs) -> list[Section]:
@@ -89,41 +114,24 @@ def _plans(logs: Logs) -> list[Section]:
         if reviewed and scenario.reference not in seen:
             seen.append(scenario.reference)
             title = "Plan" if len(logs) == 1 else f"Plan, {label}"
-            caption = "The load's path from above and from a side, and the shares of the limits that it uses."
-            drawn = Figure.drawn("path and limits", caption, plan_figure, reviewed, scenario, alone=True)
+            caption = "Bars: when each limit acts. Curves: the use of each limit; at 100 % it allows no more."
+            drawn = Figure.drawn("limits and path", caption, plan_figure, reviewed, scenario, alone=True)
             tables = tuple(plan_tables(scenario, reviewed))
             sections.append(Section(f"plan-{len(sections)}", title, tables=tables, figures=(drawn,)))
     return sections
 
 
-def _verdicts(agreements: Mapping[str, Agreement]) -> str:
-    """Return sentences on whether the plants of each log agree."""
-    sentences = []
-    for label, judged in agreements.items():
-        limits = judged.limits
-        if judged.limit_m is not None and judged.limit_rad is not None:
-            limits = f"limits {quantity(judged.limit_m, 'm')} and {quantity(judged.limit_rad, 'rad')}"
-        sentences.append(
-            f"{label}: plants at most {quantity(judged.max_load_error_m, 'm')} and "
-            f"{quantity(judged.max_angle_error_rad, 'rad')} apart, {limits}: {judged.verdict}."
-        )
-    return " ".join(sentences)
+def _pairs(log: Mapping[str, Run]) -> Pairs:
+    """Pair each plant's run with that of the reference plant, where both have samples."""
+    return against_reference([run for run in log.values() if len(run.time_ns)], log)
 
 
-def _pairs(logs: Logs) -> dict[str, tuple[Run, Run]]:
-    """Pair each plant's run with that of the reference plant, by the label of the log."""
-    pairs_by_label = {}
-    for label, log in logs.items():
-        pairs = against_reference([run for run in log.values() if len(run.time_ns)], log)
-        for pair in pairs:
-            pairs_by_label[label if len(pairs) == 1 else f"{label}, {pair[0].plant}"] = pair
-    return pairs_by_label
-
-
-def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, ...]:
-    pairs = _pairs(logs)
+def _figures(
+    logs: Logs, pairs: Mapping[str, Pairs], agreements: Mapping[str, Sequence[Agreement]]
+) -> tuple[Figure, ...]:
     plants = in_order(plant for log in logs.values() for plant in log)
-    others = [plant for plant in plants if pairs and plant != reference_plant(plants)]
+    compared = [pair for of_log in pairs.values() for pair in of_log]
+    others = [plant for plant in plants if compared and plant != reference_plant(plants)]
     dashes = dict(zip(others, cycle(DASHES), strict=False))
     curves = [
         RunCurve(label, colour, run, wide=plant in others, dash=dashes.get(plant, "-"))
@@ -137,32 +145,40 @@ def _figures(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Figure, .
     figures = []
     for family in families_of(curve.run for curve in curves):
         sentence = caption(family, shown)
-        if pairs:
-            sentence += f" {agreement(family, list(pairs.values()), 'The plants differ by at most')}."
+        if compared:
+            sentence += f" {agreement(family, compared, 'The plants differ by at most')}."
         figures.append(Figure.drawn(family.title, sentence, family.draw, family, curves))
-    if pairs:
-        title, text = "distance of the plants' loads", _verdicts(agreements)
-        judged = agreements.values()
-        limits = {
-            f"{agreement.drive} drives": agreement.limit_m
-            for agreement in judged
-            if agreement.limit_m is not None
+    if compared:
+        labelled = {
+            label if len(of_log) == 1 else f"{label}, {pair[0].plant}": pair
+            for label, of_log in pairs.items()
+            for pair in of_log
         }
-        figures.append(Figure.drawn(title, text, distance_figure, pairs, limits))
+        limits = {
+            f"{judged.drive} drives": judged.limit_m
+            for of_log in agreements.values()
+            for judged in of_log
+            if judged.limit_m is not None
+        }
+        title, text = "difference of the plants' loads", agreement_sentence(agreements)
+        figures.append(Figure.drawn(title, text, distance_figure, labelled, limits))
     return tuple(figures)
 
 
-def _differences(logs: Logs, agreements: Mapping[str, Agreement]) -> tuple[Table, ...]:
+def _differences(
+    logs: Logs, pairs: Mapping[str, Pairs], agreements: Mapping[str, Sequence[Agreement]]
+) -> tuple[Table, ...]:
     """Compare the plants of each log, folded if they agree, and the first log with every other."""
     tables = [
         comparison_table(
-            f"{label}: {b.plant} minus {a.plant}", compare_runs(a, b), folded=bool(agreements[label].passed)
+            f"{label}: {b.plant} minus {a.plant}", compare_runs(a, b), folded=bool(judged.passed)
         )
-        for label, (a, b) in _pairs(logs).items()
+        for label, of_log in pairs.items()
+        for (a, b), judged in zip(of_log, agreements[label], strict=True)
     ]
     (first_label, first), *others = logs.items()
     for label, log in others:
-        plants: dict[Table, list[str]] = {}  # those whose tables say the same have one
+        plants: dict[Table, list[str]] = {}  # plants whose tables are equal share one
         for plant in first:
             if plant in log and len(first[plant].time_ns) and len(log[plant].time_ns):
                 table = comparison_table("", compare_runs(first[plant], log[plant]))
@@ -186,7 +202,10 @@ def caption(family: Family, runs: Runs) -> str:
 def agreement(family: Family, pairs: Sequence[tuple[Run, Run]], what: str) -> str:
     """Tell by how much the curves of the pairs differ at most, after the phrase `what`."""
     largest = max(largest_difference(family, *pair) for pair in pairs)
-    return f"{what} {_kept(largest, family.panels[0].unit)}"
+    unit = family.panels[0].unit
+    if unit == "°" and largest < SMALL_ANGLE:
+        largest, unit = largest / DEGREES, "rad"
+    return f"{what} {_kept(largest, unit)}"
 
 
 def _outside(runs: Runs) -> str:
@@ -233,5 +252,7 @@ def _beside(run: Run) -> Array:
 
 
 def _kept(value: float, unit: str) -> str:
-    """Return a quantity that stays on one line with its unit."""
-    return quantity(value, unit).replace(" ", "\N{NO-BREAK SPACE}")
+    """Return a quantity that stays on one line with its unit; rounding is not told from nothing."""
+    return (quantity(value, unit) if unit == "°" else difference_in(value, unit)).replace(
+        " ", "\N{NO-BREAK SPACE}"
+    )

@@ -8,7 +8,7 @@ from cranectl.cases.case import CaseResult, RunSummary
 from cranectl.compare.agreement import Agreement
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import ANSWERS, Cell, Table, cells
-from cranectl.support.units import difference_text, scaled
+from cranectl.support.units import PROCESSOR_ROUNDING, difference_text, scaled
 
 if TYPE_CHECKING:
     from cranectl.log.reader import LogDescription
@@ -100,6 +100,7 @@ def _told(metric: Metric, runs: Sequence[RunMetrics | None]) -> tuple[float, str
     if metric.unit == "rad":
         return degrees(1.0), "°"
     largest = max((abs(n) for run in runs for n in _numbers_of(metric, run) if n is not None), default=0.0)
+    largest = max(largest, PROCESSOR_ROUNDING) if largest else 0.0  # picometres would be rounding
     factor, unit = scaled(metric.unit, largest)
     return (factor, unit) if factor < 1.0 else (1.0, metric.unit)
 

@@ -31,7 +31,7 @@ class Plot {
       path.setAttribute("vector-effect", "non-scaling-stroke");
     }
     this.marks = [...group.querySelectorAll("[data-part=event]")].map((mark) => [mark, mark.getBBox().x]);
-    group.classList.toggle("log", this.log);
+    group.classList.toggle("log", this.log || !this.labels.length);
     this.own = made(group, "g");
     group.prepend(this.own);
     this.cursor = made(group, "line", { class: "cursor", y1: this.top, y2: this.bottom, visibility: "hidden" });
@@ -89,7 +89,7 @@ class Plot {
       const x = this.at(time);
       this.tick("x", text, { x1: x, x2: x, y1: this.top, y2: this.bottom }, { x });
     }
-    if (this.log) return; // whose heights stay
+    if (this.log || !this.labels.length) return; // these keep their heights
     const [least, most] = this.y, scale = (most - least) / (this.bottom - this.top);
     for (const [value, text] of ticks(most - (low - this.top) * scale, most - (high - this.top) * scale, 4)) {
       const y = ((most - value) / scale + this.top) * q + down;
@@ -252,6 +252,11 @@ for (const section of document.querySelectorAll("section")) {
 
 const links = [...document.querySelectorAll("nav a")], part = (link) => document.getElementById(link.hash.slice(1));
 for (const link of links) link.addEventListener("click", () => (part(link).querySelector("details").open = true));
+// What is wider than its place can be reached, and scrolled, by keys.
+const reached = new ResizeObserver((entries) => entries.forEach(({ target: box }) => {
+  if (box.scrollWidth > box.clientWidth) box.tabIndex = 0; else box.removeAttribute("tabindex");
+}));
+document.querySelectorAll(".scrolled, .alone").forEach((box) => reached.observe(box));
 addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((each) => (each.open = true)));
 addEventListener("scroll", () => {
   const current = links.findLast((link) => part(link).getBoundingClientRect().top < innerHeight / 3) ?? links[0];
