@@ -83,6 +83,17 @@ def sections(benchmark: Benchmark, made: BenchmarkTable) -> dict[str, Section]:
     return {each.anchor: each for each in page.sections}
 
 
+def test_a_page_with_our_own_controller_opens_with_its_advantages(small: Path) -> None:
+    benchmark = read_benchmark(str(small))
+    ours, others = (
+        list(sections(benchmark, table(benchmark, dict.fromkeys(laws, runs(0.02)), "published")))
+        for laws in (("first", "lqr-offset-free"), ("first", "second"))
+    )
+    assert ours[0] == "caveats"
+    assert "caveats" not in others
+    assert ours[-1] == others[-1] == "versions", "digests come last"
+
+
 def texts(shown: Table) -> Texts:
     return [[cell.text for cell in row] for row in shown.rows]
 
@@ -101,6 +112,7 @@ def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
             for d in ("tuned", "published")
             for s in ("nominal", "wide", "radius", "single", "second")
         ),
+        "versions",
     ]
     for anchor, section in found.items():
         # The table of the rules has all that a controller knows, each kind in a column.
@@ -119,7 +131,8 @@ def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
         "Tuned, on nominal, wide alike: first.",
         "As published (defaults), on nominal, wide alike: first.",
     )
-    assert found["rules"].paragraphs[-1] == "Made by cranectl 1.0, machine a; some with cranectl 1.1."
+    assert found["versions"].paragraphs[0] == "Digest of the rules: abc. Seed of the cranes: 3."
+    assert found["versions"].paragraphs[1] == "Made by cranectl 1.0, machine a; some with cranectl 1.1."
     gains, numbers = found["tuning"].tables
     assert texts(gains)[0] == ["first", "path, state", "40", "3.000", "2.000", "1.500", "50", "25", "0"]
     assert texts(numbers) == [
