@@ -98,7 +98,7 @@ def _single(plants: Sequence[str]) -> Layout:
         plot("rope tension", [_path(plant, "load", "rope_tension")]),
     ]
     scene = scene_panel(_cranes([plant]))
-    left = column([scene, standings([plant]), events()], (48, 36, 16))
+    left = column([scene, standings([plant]), events()], (62, 20, 18))
     return row([left, column(plots, (25, 19, 19, 19, 18))], (54, 46))
 
 

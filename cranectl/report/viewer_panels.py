@@ -46,7 +46,12 @@ def scene_panel(drawn: Sequence[str], *, distance: float = 4.8) -> Panel:
 
 
 def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
-    """Stretch a view of the laboratory's rig to another: camera and floor. Give wishes the rig's speeds."""
+    """Stretch a view of the laboratory's rig to another: camera, floor and ranges of plots.
+
+    Wishes get the rig's speeds.
+    """
+    if "paths" in configuration:
+        configuration.update(plot_range(configuration["paths"], rig))
     for button in ("upButton", "downButton", "leftButton", "rightButton"):
         if button in configuration:
             wanted = configuration[button]
@@ -67,6 +72,25 @@ def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
     low, high = drawn_box(rig)
     floor["size"] = round(drawn_reach(rig) * floor["size"], 3)
     floor["position"] = [*((low + high)[:2] / 2.0).round(3).tolist(), -rig.rope_range[1]]
+
+
+def plot_range(paths: Sequence[dict[str, Any]], rig: RigParameters) -> dict[str, float]:
+    """Return the ends of the vertical axis of a plot of load positions or of rope tension.
+
+    A viewer would enlarge a constant until only rounding is seen. Positions have the rig's travel and a tenth
+    more on either side, since a load may swing beyond the end of a rail. Tension has twice the weight of the
+    load. Other plots have no fixed range.
+    """
+    (x, y), lowest = (rig.bridge_range, rig.trolley_range), -rig.rope_range[1]
+    travels = {"load_x": x, "load_y": y, "load_z": (lowest, 0.0)}
+    fields = [path["value"].rpartition(".")[2] for path in paths]
+    if set(fields) == {"rope_tension"}:
+        return {"minYValue": 0.0, "maxYValue": round(2.0 * rig.weight, 2)}
+    if not set(fields) <= travels.keys():
+        return {}
+    ends = np.array([travels[field] for field in fields])
+    (low, high), beyond = (ends.min(), ends.max()), 0.1 * np.ptp(ends, axis=1).max()
+    return {"minYValue": round(low - beyond, 2), "maxYValue": round(high + beyond, 2)}
 
 
 def field_of(topic: str, name: str) -> str:
@@ -121,11 +145,11 @@ def pad(title: str, horizontal: str, vertical: str) -> Panel:
 
 
 def standings(plants: Sequence[str]) -> Panel:
-    """Show how the runs stand; reference and disturbances are the same for all.
+    """Show the status of each run, and what the reference of all does where there are few.
 
-    Three and more leave room for little more than that.
+    Rows have a fixed height in viewers. Disturbances and limits of drives are told by the events.
     """
-    last = ("phase", "disturbed", "saturated") if len(plants) < 3 else ("disturbed",)
+    last = ("phase",) if len(plants) < 3 else ()
     paths = []
     for plant, field in (*((plant, "status") for plant in plants), *((plants[-1], field) for field in last)):
         value = field_of(topics.plant_topic(plant, "status"), field)

@@ -149,6 +149,31 @@ def height(layout: Any, panel: str) -> float:
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
+def test_how_runs_stand_takes_little_of_the_window(name: str) -> None:
+    content = json.loads(layout_json(name, plants=["mujoco"], labels=LABELS[:1]))
+    (panel,) = (panel for panel in content["configById"] if panel.startswith("StateTransitions"))
+    left = content["layout"]["splitPercentage"] / 100.0
+    assert left * height(content["layout"], panel) < 0.15
+    assert len(content["configById"][panel]["paths"]) <= 3
+
+
+def test_plots_of_constants_have_the_range_of_the_rig() -> None:
+    rig = load_scenario("ship-to-shore").rig
+    plots = {
+        plot["foxglovePanelTitle"]: (plot.get("minYValue"), plot.get("maxYValue"))
+        for name in ("single", "comparison")
+        for panel, plot in json.loads(layout_json(name, rig=rig))["configById"].items()
+        if panel.startswith("Plot")
+    }
+    assert plots["load x [m]"] == (-3.0, 33.0)
+    assert plots["load y [m]"] == (-4.5, 49.5)
+    assert plots["load z [m]"] == (-44.0, 4.0)
+    assert plots["load [m]"] == (-44.5, 49.5)
+    assert plots["rope tension [N]"] == (0.0, 2.0 * rig.weight)
+    assert plots["tracking error [m]"] == (None, None), "of unknown size"
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
 def test_a_larger_rig_is_seen_from_as_much_farther(name: str) -> None:
     rigs = (LABORATORY, similar(2.5))
     filed, large = (camera_and_floor(layout_json(name, rig=rig, labels=["a", "b"])) for rig in rigs)
