@@ -29,8 +29,8 @@ class Hinge(Effect):
 ''',
     },
     "plants/mujoco/effects.py": {
-        "MADE = {\n": """\
-    "hinge": Made(
+        "EFFECT_MODELS = {\n": """\
+    "hinge": EffectModel(
         lambda *_: None,
         lambda hinge, _: [Entry("joint", name, "stiffness", hinge.stiffness) for name in CARDAN_JOINTS],
         needs=(_BIT.mjDSBL_SPRING,),

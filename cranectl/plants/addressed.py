@@ -1,6 +1,6 @@
-"""Plants that the loop calls by address: it is compiled once for all of them.
+"""Call the kernels of any plant by address, so that the loop is compiled only once for all plants.
 
-The kernels of a plant are compiled to one C function, in which they are inlined, for each kind of handle.
+For each type of handle the kernels of a plant are compiled to one C function, which contains them inline.
 """
 
 import functools
@@ -23,15 +23,15 @@ MEASURE, ADVANCE = 0, 1
 
 
 class AddressedPlant(NamedTuple):
-    """A plant as compiled code steps it. Whoever steps it keeps the handle that it was made from."""
+    """A plant in the form that compiled code steps; its caller must keep the handle alive."""
 
     address: int
-    block: Array  # its handle, packed
+    block: Array  # the packed handle
     warned: NDArray[np.int64]  # (1,) numerical warnings by the end of the last period
 
 
 def addressed_plant(kernels: Kernels, handle: Any) -> AddressedPlant:
-    """Return the plant of `kernels` and `handle`; its numbers are those of now, its arrays stay shared."""
+    """Return the plant of `kernels` and `handle`; numbers of the handle are copied, arrays are shared."""
     warned = np.zeros(1, dtype=np.int64)
     if UNCOMPILED:
         return AddressedPlant(cast(Any, kernels), handle, warned)
@@ -40,13 +40,13 @@ def addressed_plant(kernels: Kernels, handle: Any) -> AddressedPlant:
 
 @functools.cache
 def _address(kernels: Kernels, kind: Any) -> int:
-    """Compile `_step` with `kernels` for handles of the type `kind`; the cache knows it by both."""
+    """Compile `_step` with `kernels` for handles of type `kind`; return its address. Both name it on disk."""
     names = [f"{kernel.__module__}.{kernel.__qualname__}" for kernel in kernels]
     name = hashlib.sha256(" ".join([*names, str(kind)]).encode()).hexdigest()[:16]
     return jit_address(_step, name, _ARGUMENTS, unpack=unpacker(kind), **kernels._asdict())
 
 
-# The kernels of each plant take these places in its copy of `_step`, see `_address`.
+# `_address` replaces these names by the kernels of a plant when it compiles `_step`.
 unpack: Any = None
 measure: Any = None
 advance: Any = None
@@ -54,7 +54,7 @@ warnings: Any = None
 
 
 def _step(block, action, state, bridge, trolley, winch, disturbance, wind, load):
-    """Measure the plant whose handle is packed in `block`, or advance it; returns its warnings."""
+    """Measure or advance the plant whose handle is packed in `block`; return its number of warnings."""
     handle = unpack(block)
     if action == MEASURE:
         measure(handle, array_at(state, 10))
@@ -66,7 +66,7 @@ def _step(block, action, state, bridge, trolley, winch, disturbance, wind, load)
 
 @cast(Any, intrinsic)
 def _call(_typing, _address, block, _action, state, command, disturbance, wind, load):
-    """Call `_step` at an address, with pointers to the data of arrays without gaps."""
+    """Call `_step` at an address, with pointers to the data of contiguous arrays."""
     if any(array.layout != "C" for array in (block, state, disturbance, wind, load)):
         return None
 
@@ -91,7 +91,7 @@ def _call(_typing, _address, block, _action, state, command, disturbance, wind, 
 
 
 def _call_uncompiled(kernels, handle, action, state, *command_to_load):
-    """Do what `_call` does, in a process that compiles nothing."""
+    """Do what `_call` does in a process where Numba's compiler is switched off."""
     if action == MEASURE:
         kernels.measure(handle, state)
         return 0

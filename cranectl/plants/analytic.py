@@ -1,4 +1,4 @@
-"""The analytic plant: the Lagrange model, integrated with fixed DOP853 steps between samples."""
+"""The analytic plant: the Lagrange model of the crane, integrated with fixed DOP853 steps."""
 
 from math import cos, sin, sqrt, tanh
 from typing import NamedTuple
@@ -41,34 +41,34 @@ from cranectl.support.jit import jit
 
 
 class PassiveForces(NamedTuple):
-    """Drag and forces on the load, what gravity pulls it aside on sloping rails, and friction of its joint.
+    """Forces that no drive makes: drag, gravity along sloping rails, and friction of the cardan joint.
 
-    A rig without them has None, for which there is no code: a branch at run time would make every stage of
-    the integrator count references to the arrays it reads, and a run take half as long again.
+    A rig without them has None, for which no code is compiled. A branch at run time would make a run take
+    half as long again, since each stage of the integrator would count references to the arrays it reads.
     """
 
     drag: float  # force over the square of the load's speed through the air [kg/m]
     pivot_viscous: float  # [N m s/rad]
     pivot_coulomb: float  # [N m]
-    tilt: Triple  # weight of the load less that on level rails [N]
+    tilt: Triple  # weight of the load minus its weight on level rails [N]
 
 
 class AxisDrives(NamedTuple):
-    """Drives that push what they move with gain · command - damping · rate - held; ideal drives have None.
+    """Drives with the force gain · command - damping · rate - holding force; ideal drives have None.
 
-    Velocity drives are servos: gain and damping are the driven mass over the time constant, and the winch
-    holds the nominal weight of the load. Force drives have a gain of 1, and nothing else.
+    Velocity drives are servos. Their gain and damping are the driven mass over the time constant, and their
+    winch holds the nominal weight of the load. Force drives have a gain of 1 and zeros otherwise.
     """
 
     masses: AxisMasses
     slope: tuple[float, float]  # weight of bridge with trolley along x, of the trolley along y [N]
     gain: Triple
     damping: Triple  # [N s/m]
-    holding_force: float  # [N], by the winch
+    holding_force: float  # of the winch [N]
 
 
 class AnalyticRig(NamedTuple):
-    """Constants of the compiled plant."""
+    """Constants of the compiled analytic plant."""
 
     gravity: float
     load_mass: float
@@ -80,7 +80,7 @@ class AnalyticRig(NamedTuple):
 
 @jit
 def outer_force(passive, state, wind):
-    """Force of the air, of sloping rails and of disturbances on the load (x, y, z) [N]; `wind` (6,)."""
+    """Return the force on the load (x, y, z) [N] of air, sloping rails and disturbances; `wind` (6,)."""
     if passive is None:
         return 0.0, 0.0, 0.0
     n = rope_direction(state[ALPHA], state[BETA])
@@ -114,16 +114,16 @@ def passive_accelerations(passive, load_mass, state, wind):
 
 @jit
 def pivot_torque(passive, rate):
-    """Friction of one cardan axis [N m] turning with `rate`; Coulomb's is smoothed about rest."""
+    """Return the friction [N m] of a cardan axis that turns with `rate`; Coulomb's is smooth at rest."""
     return -passive.pivot_viscous * rate - passive.pivot_coulomb * tanh(rate / STICTION_RATE)
 
 
 @jit
 def drive_accelerations(drives, rig, state, command, disturbance, wind):
-    """Return the accelerations (x_c'', y_c'', l'') [m/s²] that the drives bring about.
+    """Return the accelerations (x_c'', y_c'', l'') [m/s²] that the drives cause.
 
-    The load is pushed and its cardan joint turned besides: the drives feel the forces on the load, and what
-    of them it follows across the rope they do not.
+    The drives feel forces on the load and torques of its joint, except the part that moves the load across
+    the rope.
     """
     if drives is None:
         return command[0], command[1], command[2]
@@ -148,7 +148,7 @@ def drive_accelerations(drives, rig, state, command, disturbance, wind):
 
 @jit
 def derivative(rig, state, accelerations, disturbance, wind, rate):
-    """State derivative (10,) into `rate`; the thesis's (3.22) with drives and disturbances."""
+    """Write the state derivative (10,) into `rate`: the thesis's (3.22) with drives and disturbances."""
     u_x, u_y, u_l = accelerations[0], accelerations[1], accelerations[2]
     alpha_ddot, beta_ddot = angular_accelerations(
         state[ROPE], state[ROPE_RATE], state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE],
@@ -182,7 +182,7 @@ def integrate(rig, state, command, disturbance, wind, stages, stage_state):
 
 @jit
 def observe_load(rig, state, accelerations, wind, load):
-    """Load position, velocity and rope tension (7,) into `load`, at these accelerations of the drives."""
+    """Write load position, velocity and rope tension (7,) into `load`, at these drive accelerations."""
     length, length_rate = state[ROPE], state[ROPE_RATE]
     n = rope_direction(state[ALPHA], state[BETA])
     n_dot = rope_direction_rate(state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE])
@@ -201,7 +201,7 @@ def observe_load(rig, state, accelerations, wind, load):
 
 
 class AnalyticCrane(NamedTuple):
-    """The rig with its state, and work space."""
+    """Constants, state and work space of the analytic plant: what its kernels need."""
 
     rig: AnalyticRig
     state: Array  # (10,)
@@ -211,7 +211,7 @@ class AnalyticCrane(NamedTuple):
 
 @jit
 def measure_joints(crane, state):
-    """Joint positions and velocities (10,) into `state`."""
+    """Write the joint positions and velocities (10,) into `state`."""
     for i in range(10):
         state[i] = crane.state[i]
 
@@ -227,7 +227,7 @@ def advance(crane, command, disturbance, wind, load):
 
 @jit
 def no_warnings(_):
-    """Nothing here warns."""
+    """Return 0: this plant has no warnings."""
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Which effects and drives a plant can show: what it cannot is refused rather than left out silently."""
+"""Check which effects and drives a plant can show, and refuse a run with others before it starts."""
 
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PLANTS, PlantEntry, labels_of, plant_entry
@@ -7,14 +7,14 @@ from cranectl.scenario.scenario import Scenario
 from cranectl.support.errors import InputError
 
 USE_VELOCITY = "take '--drive velocity'"
-TOGETHER = ("rope", "body", "frame")  # that the same plants show
+TOGETHER = ("rope", "body", "frame")  # effects that the same plants show
 
 
 def check_scenario(scenario: Scenario, *, plant: str, drive: Drive) -> None:
-    """Raise InputError for anything of a scenario that a plant cannot show with `drive`.
+    """Raise InputError if a plant cannot show a scenario with `drive`.
 
-    That is what `check_effects` refuses, disturbances that the plant lacks, and numbers of the rig other than
-    those that are built into it.
+    It refuses what `check_effects` refuses, disturbances that the plant lacks, and numbers of the rig that
+    differ from those built into the plant.
     """
     check_effects(scenario.effects, plant=plant, drive=drive)
     entry = plant_entry(plant)
@@ -39,11 +39,11 @@ def check_scenario(scenario: Scenario, *, plant: str, drive: Drive) -> None:
 
 
 def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
-    """Raise InputError for an unknown plant, drives it lacks, effects that it cannot show with `drive`.
+    """Raise InputError for an unknown plant, for drives that it lacks and for effects that it cannot show.
 
     Friction of the cardan joint, wind, sensing and delay suit every plant and drive. Limits of velocity and
-    acceleration and the dead zone are of set-points, which velocity drives have. Friction of the axes and
-    limits of force suit velocity and force drives, on plants that know them.
+    acceleration and the dead zone need set-points, which only velocity drives have. Friction of the axes and
+    limits of force need velocity or force drives, and a plant that shows them.
     """
     entry = plant_entry(plant)
     if drive not in entry.drives:
@@ -55,8 +55,8 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
     kind = DRIVES[drive]
     if effects.limits is not None and not kind.limits:
         raise InputError(
-            "[effects.limits] with ideal drives, which take accelerations and realise any",
-            allowed="velocity drives; force drives with limits of force alone",
+            "[effects.limits] with ideal drives, which reach any acceleration",
+            allowed="velocity drives, or force drives with limits of force only",
             remedy=f"{USE_VELOCITY}, or leave the effect out",
         )
     if kind.command != "velocity":
@@ -85,7 +85,7 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
             )
         if kind.is_prescribed and part.on_axes:
             raise InputError(
-                f"effects.{name} with ideal drives, which move as commanded whatever the force",
+                f"effects.{name} with ideal drives, which move as commanded under any force",
                 allowed=f"{setting}, or velocity or force drives",
                 remedy=f"{USE_VELOCITY} or '--drive force'; or set {setting}",
             )
@@ -113,7 +113,7 @@ def _capable(effect: str) -> tuple[str, str]:
 
 
 def lacking(entry: PlantEntry, setting: str) -> str | None:
-    """Return why a plant does not honour a setting, None if it does."""
+    """Return why a plant does not honour a setting, or None if it does."""
     above = "disturbances" if setting == "disturbances.force" else ""
     if setting in PARTS:
         above = "force" if PARTS[setting].on_axes else setting.partition(".")[0]

@@ -1,4 +1,4 @@
-"""One fixed step of the Dormand-Prince method of order 8, with SciPy's coefficients.
+"""Coefficients of a fixed step of the Dormand-Prince method of order 8, taken from SciPy.
 
 Hairer, Nørsett, Wanner: Solving Ordinary Differential Equations I, 2nd ed., section II.10.
 """

@@ -1,4 +1,4 @@
-"""What every plant offers: set a state, read the joints, advance by one control period."""
+"""The interface of all plants: set a state, read the joints, advance by one control period."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,25 +18,25 @@ Triple = tuple[float, float, float]  # of bridge, trolley, winch
 
 @dataclass(frozen=True)
 class DriveKind:
-    """What drives take for a command, and all of a run that depends on it.
+    """A kind of drive: the quantity that it takes as command, and what of a run depends on that.
 
-    Servos push with gain · (command - rate), the gain being `RigParameters.velocity_gains`.
+    Servos push with gain · (command - rate), where the gain is `RigParameters.velocity_gains`.
     """
 
     command: Literal["acceleration", "velocity", "force"]
-    column: int | None  # of the first command among the inputs in a record; None: the signal path records it
-    at_rest: Literal["nothing", "rates", "weight"]  # commands that leave a crane as it is
-    limits: tuple[str, ...] = ()  # of `effects.limits`
+    column: int | None  # of the first command among a record's inputs; None if the signal path records it
+    at_rest: Literal["nothing", "rates", "weight"]  # command that keeps the motion
+    limits: tuple[str, ...] = ()  # the limits in `effects.limits` that apply
     is_servo: bool = False
-    holds_weight: bool = False  # the winch pushes with the nominal weight on its rope besides
+    holds_weight: bool = False  # the winch also pushes with the nominal weight on its rope
 
     @property
     def is_prescribed(self) -> bool:
-        """Whether the axes move as commanded, whatever the force."""
+        """Whether the axes move as commanded under any force."""
         return self.command == "acceleration"
 
     def push(self, rig: RigParameters, effects: EffectSettings) -> tuple[Triple, Triple, Triple]:
-        """Return gain, damping and what is held [N] of the force gain · command - damping · rate - held."""
+        """Return gain, damping and holding force [N]: force = gain · command - damping · rate - holding."""
         bridge, trolley, winch = rig.velocity_gains.tolist()
         none, servo = (0.0, 0.0, 0.0), (bridge, trolley, winch)
         load_force = (0.0, 0.0, rig.hanging_mass(effects) * rig.gravity if self.holds_weight else 0.0)
@@ -58,21 +58,21 @@ DRIVES: dict[Drive, DriveKind] = {
 
 
 class StepError(InputError):
-    """Steps of the integrator that are too long."""
+    """The steps of the integrator are too long."""
 
     def __init__(self, found: str, *, allowed: str = "", remedy: str = "", step: float = 0.0) -> None:
         super().__init__(found, allowed=allowed, remedy=remedy)
-        self.step = step  # that would do [s]
+        self.step = step  # the longest that is allowed [s]
 
 
 # RK4 is stable for |rate · step| below 2.6 in all directions of decay (Hairer, Wanner: Solving Ordinary
 # Differential Equations II, figure IV.2.1), the method of Dormand and Prince below 3.3; at 2 both still damp
 # a vibration within a few periods.
-MAX_RATE_STEP = 2.0  # [1], a rate times the step
+MAX_RATE_STEP = 2.0  # a rate [1/s] times the step [s]
 
 
 def check_hook(effects: EffectSettings, length: float) -> None:
-    """Raise InputError for a rope of `length` [m], to the load, that does not reach its hook."""
+    """Raise InputError if the rope ends above its hook; `length` [m] is measured to the load."""
     if effects.body and length <= effects.body.hook_offset:
         raise InputError(
             f"a rope length of {length:g} m, to the load, with effects.body.hook_offset = "
@@ -83,9 +83,10 @@ def check_hook(effects: EffectSettings, length: float) -> None:
 
 
 def check_rate(rate: float, effects: EffectSettings, length: float, *, step: float, period: float) -> None:
-    """Raise StepError where the integrator would be unstable: `rate` [1/s] is the largest modulus of a pole.
+    """Raise StepError if the integrator would be unstable with poles of modulus up to `rate` [1/s].
 
-    With the longest step that would do and divides the control period `period` [s]. The rope is `length` [m].
+    The error names the longest step that is stable and divides the control `period` [s]. The rope is
+    `length` [m] long.
     """
     if rate * step > MAX_RATE_STEP:
         enough = longest_step(period, MAX_RATE_STEP / rate)
@@ -104,9 +105,9 @@ def check_rate(rate: float, effects: EffectSettings, length: float, *, step: flo
 
 
 class Kernels(NamedTuple):
-    """Compiled `measure`, `advance` and `warnings` of a plant; they take its `handle` in place of `self`.
+    """Compiled `measure`, `advance` and `warnings` of a plant, which take its `handle` instead of `self`.
 
-    An exception in one of them is reported on standard error and ends the run with ENGINE_WARNING.
+    An exception in one of them is printed on standard error and ends the run with ENGINE_WARNING.
     """
 
     measure: Callable[..., None]
@@ -115,39 +116,39 @@ class Kernels(NamedTuple):
 
 
 class Plant(Protocol):
-    """A crane. All arrays in SI units; states in the order of `signals.STATE`.
+    """A crane that can be simulated. All arrays are in SI units, states in the order of `signals.STATE`.
 
     The command is an acceleration (x_c'', y_c'', l'') [m/s²] with ideal drives, a velocity set-point [m/s]
-    with velocity drives, a force [N] with force drives, that of the winch positive when it pays out. It is
-    held over the period, and so are the disturbance [rad/s²] and the wind: the velocity of the air (x, y, z)
-    [m/s] and a force on the load besides (x, y, z) [N]. Where that is not zero, `effects` has a wind.
+    with velocity drives, and a force [N] with force drives; that of the winch is positive when it pays out.
+    Command, disturbance [rad/s²] and wind are constant over the period. The wind is the velocity of the air
+    (x, y, z) [m/s] and another force on the load (x, y, z) [N]. If it is not zero, `effects` has a wind.
     """
 
     name: str
     drive: Drive
-    kernels: Kernels | None  # None: stepped from Python
+    kernels: Kernels | None  # None for a plant that is stepped from Python
 
     @property
     def handle(self) -> Any:
-        """What the kernels need: a NamedTuple of numbers and arrays; without kernels, anything."""
+        """The first argument of the kernels, a NamedTuple of numbers and arrays; anything without kernels."""
 
     def __init__(
         self, rig: RigParameters, *, drive: Drive, step: float, substeps: int, effects: EffectSettings
     ) -> None:
-        """Make the plant of a run with integrator steps of `step` [s], `substeps` in a control period."""
+        """Make the plant of a run, with `substeps` integrator steps of `step` [s] in a control period."""
 
     @property
     def description(self) -> str:
-        """The model as run: MJCF, or where the equations are."""
+        """The model of the run, as MJCF or as the name of the module that has the equations."""
 
     def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
-        """Become the plant of other parameters, bit for bit; then `reset` it.
+        """Take other parameters, as if the plant were made anew; `reset` must follow. Return True if done.
 
-        False, and nothing changed, where effects are switched on or off, which takes a new plant.
+        Return False, and change nothing, if effects are switched on or off: that takes a new plant.
         """
 
     def check_length(self, length: float) -> None:
-        """Raise InputError if the plant's effects or steps do not suit a rope as short as `length` [m]."""
+        """Raise InputError if the plant's effects or steps do not allow a rope as short as `length` [m]."""
 
     def reset(self, state: Array) -> None:
         """Start from `state` (10,) at time zero."""
@@ -158,8 +159,8 @@ class Plant(Protocol):
     def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
         """Advance by one control period under `command` (3,), `disturbance` (2,) and `wind` (6,).
 
-        Writes what the plant says of its load at the start of the period, with the new command acting, into
-        `load` (7,): world position, velocity, rope tension.
+        Write world position, velocity and rope tension of the load into `load` (7,). They hold at the start
+        of the period, under the new command.
         """
 
     def warnings(self) -> int:

@@ -1,7 +1,7 @@
-"""The plants there are: what the package knows of each without loading it, where its class is.
+"""The list of all plants: what is known of each without importing it, and where its class is.
 
-Other packages declare a `PlantEntry` with an entry point of the group `cranectl.plants`, which every process
-finds, or call `register_plant`, which is known where their module is imported.
+Another package adds a plant in one of two ways. It declares a `PlantEntry` as an entry point of the group
+`cranectl.plants`, which every process finds. Or it calls `register_plant`, in each process that needs it.
 """
 
 import functools
@@ -17,11 +17,11 @@ from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.extensions import check_free, check_name, loaded, with_extensions
 from cranectl.support.provenance import source_digests
 
-LONGEST_LABEL = 40  # letters
+LONGEST_LABEL = 40  # [characters]
 PLANT_COLOURS = tuple(name for name in COLOURS if name in VIEWER and name.startswith("series-"))
-# What a plant may lack: effects and parts of them, all forces on its axes, and what disturbs its load.
+# What a plant may lack: effects, parts of effects, all forces on its axes, and disturbances of its load.
 LACKS = (*WHOLE_EFFECTS, *PARTS, "force", "disturbances", "disturbances.force")
-# Effects that plants show unless they lack them; any other is shown only by plants that declare it.
+# A plant shows these effects unless it declares that it lacks them; others only if it declares them.
 COMMON = ("limits", "friction", "rope", "body", "wind", "frame", "installation")
 BUILT_IN = (
     "gravity", "bridge_mass", "trolley_mass", "winch_mass", "load_mass", "bridge_time_constant",
@@ -32,7 +32,7 @@ REFERENCE_PLANT = "mujoco"  # the plant that others are compared against
 
 @dataclass(frozen=True)
 class PlantEntry:
-    """Declare a plant by name, and what it honours.
+    """Declare a plant: its names, where its class is, and which settings it honours.
 
     Parameters
     ----------
@@ -49,15 +49,15 @@ class PlantEntry:
     servos : bool
         Whether its velocity drives feel the load.
     shows : sequence of str or None
-        Effects that it honours; None: COMMON, and those in the field `shows` of its class.
+        Effects that it honours. None means COMMON, and those in the attribute `shows` of its class.
     lacks : Mapping of str to str
-        What it does not honour, one of LACKS, each with a reason.
+        Settings that it does not honour, out of LACKS, each with a reason such as "which has none".
     fixed : Mapping of str to float
-        Numbers of the rig that are built in, of BUILT_IN.
+        Numbers of the rig that cannot be changed, out of BUILT_IN, with their values.
     by_default : bool
         Whether commands run it where no plants are named.
     package : str
-        A package that it needs, which only the extra of its name installs.
+        A package that it needs and that only the extra with the plant's name installs.
     """
 
     name: str
@@ -94,14 +94,14 @@ class PlantEntry:
 
     @property
     def is_own(self) -> bool:
-        """Whether the plant is one of this package, whose tests hold it to the equations."""
+        """Whether the plant belongs to this package, whose tests compare it with the equations."""
         return self.where.startswith("cranectl.")
 
     def lack(self, setting: str) -> str | None:
-        """Return why it does not honour one of LACKS, None if nothing is said against it."""
+        """Return why the plant does not honour `setting`, one of LACKS, or None if no reason is declared."""
         effect = setting.partition(".")[0]
-        unsaid = setting in (*WHOLE_EFFECTS, *PARTS) and not self._shows(effect)
-        return self.lacks.get(setting, "which does not show it" if unsaid else None)
+        is_undeclared = setting in (*WHOLE_EFFECTS, *PARTS) and not self._shows(effect)
+        return self.lacks.get(setting, "which does not show it" if is_undeclared else None)
 
     def _shows(self, effect: str) -> bool:
         """Return True if an effect is declared; load the plant only for one that is not COMMON."""
@@ -115,7 +115,7 @@ class PlantEntry:
             return False
 
     def check_installed(self) -> None:
-        """Raise InputError if the package that it needs, or that brings it, is not there."""
+        """Raise InputError if the package that the plant needs, or that defines it, is not installed."""
         if not self.where:
             raise InputError(
                 f"the {self.label} plant, which no installed package brings",
@@ -130,7 +130,7 @@ class PlantEntry:
             )
 
     def check_campaigns(self) -> None:
-        """Raise InputError if it is too slow for campaigns."""
+        """Raise InputError if the plant is too slow for campaigns."""
         if not self.batch:
             able = [entry for entry in PLANTS.values() if entry.batch]
             raise InputError(
@@ -140,17 +140,17 @@ class PlantEntry:
             )
 
     def load(self) -> type[Plant]:
-        """Import the class of the plant; raise InputError as `check_installed` does."""
+        """Return the class of the plant, imported now; raise InputError as `check_installed` does."""
         self.check_installed()
         plant: type[Plant] = loaded(self.where)
         return plant
 
 
 class Plants(MutableMapping[str, PlantEntry]):
-    """Entries by name, in the order of a log; those of other packages are looked for when first asked.
+    """All entries by name, in the order of a log. Plants of other packages are loaded at first use.
 
-    Plants that only logs tell of can be looked up, to show their runs; nothing lists them, since they cannot
-    be run.
+    Plants that only a log describes can be looked up, so that their runs can be shown. Iteration leaves them
+    out, since they cannot be run.
     """
 
     def __init__(self, *own: PlantEntry) -> None:
@@ -160,7 +160,7 @@ class Plants(MutableMapping[str, PlantEntry]):
 
     def _known(self) -> dict[str, PlantEntry]:
         if not self._complete:
-            self._complete = True  # also for what asks meanwhile
+            self._complete = True  # at once: loading another package may look up plants itself
             try:
                 self._entries.update(with_extensions(self._entries, PlantEntry, extensions.PLANTS))
             except InputError:
@@ -169,7 +169,7 @@ class Plants(MutableMapping[str, PlantEntry]):
         return self._entries
 
     def __getitem__(self, name: str) -> PlantEntry:
-        # A module of another package may ask for one of ours while it is loaded itself.
+        # A module of another package may look up one of our plants while it is being loaded.
         if name in self._entries:
             return self._entries[name]
         known = self._known()
@@ -179,16 +179,16 @@ class Plants(MutableMapping[str, PlantEntry]):
         return name in self._entries or name in self._known() or name in self._logged
 
     def remember(self, entry: PlantEntry) -> None:
-        """Remember a plant of a log, unless it is known already."""
+        """Add a plant that a log describes, unless one of its name is known."""
         if entry.name not in self:
             self._logged[entry.name] = entry
 
     def forget(self) -> None:
-        """Forget the plants that only logs tell of."""
+        """Remove the plants that only logs describe."""
         self._logged.clear()
 
     def ordered(self, wanted: Collection[str]) -> tuple[str, ...]:
-        """Return the names that are `wanted` in the order of a log, those of logs only last."""
+        """Return the known names among `wanted`, in the order of a log; those known only from logs last."""
         return tuple(name for name in (*self, *self._logged) if name in wanted)
 
     def __setitem__(self, name: str, entry: PlantEntry) -> None:
@@ -238,18 +238,18 @@ PLANTS = Plants(
 )
 
 
-ALL = (("all",), ("both",))  # for every plant; both: as long as there were two
+ALL = (("all",), ("both",))  # values that stand for every plant; "both" dates from when there were two
 
 
 def default_plants() -> tuple[str, ...]:
-    """Return the plants that run where none are named."""
+    """Return the plants that a command runs if none are named."""
     return tuple(name for name, entry in PLANTS.items() if entry.by_default)
 
 
 def register_plant(entry: PlantEntry) -> None:
     """Make a plant known to this process.
 
-    Worker processes of `validate` know it too where the module of its class calls this.
+    Worker processes of `validate` know it too if the module of its class makes this call.
 
     Parameters
     ----------
@@ -266,25 +266,25 @@ def register_plant(entry: PlantEntry) -> None:
 
 
 def plant_sources(names: Iterable[str]) -> dict[str, str]:
-    """Digests of the sources of those plants that come from outside the package, as `provenance` has them."""
+    """Return the source digests of those plants that other packages define, as `provenance` has them."""
     modules = {PLANTS[name].where.partition(":")[0] for name in names if name in PLANTS}
     return source_digests(modules)
 
 
 def plant_entry(name: str) -> PlantEntry:
-    """Return the entry of the plant `name`; raise InputError that lists the known ones, nearest first."""
+    """Return the entry of the plant `name`; an InputError lists the known ones, nearest first."""
     if name not in PLANTS:
         raise unknown_name("plant", name, PLANTS)
     return PLANTS[name]
 
 
 def in_order(names: Iterable[str]) -> tuple[str, ...]:
-    """Plants in the order of a log; raises InputError for an unknown one."""
+    """Return plants in the order of a log; raise InputError for an unknown one."""
     return PLANTS.ordered({plant_entry(name).name for name in names})
 
 
 def plants_to_run(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the plants to run, in order; raise InputError also for one that is not installed."""
+    """Return the plants to run, in order; raise InputError for one that is unknown or not installed."""
     chosen = in_order(names) or default_plants()
     for name in chosen:
         PLANTS[name].check_installed()
@@ -292,9 +292,9 @@ def plants_to_run(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def plants_of_logs(names: Sequence[str], logged: Iterable[str]) -> tuple[str, ...]:
-    """Return the plants that a user names for logs that were read; `all` are the `logged` ones, if any.
+    """Return the plants that a user names for logs; `all` means those in `logged`, or else all known ones.
 
-    Raises InputError for one that neither this process nor a log knows.
+    Raises InputError for a plant that neither this process nor a log knows.
     """
     if tuple(names) in ALL:
         return in_order(logged) or tuple(PLANTS)
@@ -308,5 +308,5 @@ def reference_plant(names: Iterable[str]) -> str:
 
 
 def labels_of(entries: Iterable[PlantEntry]) -> str:
-    """Return the plants as the allowed part of an error."""
+    """Return the labels of plants as a phrase for an error: "the MuJoCo or elastic plant"."""
     return f"the {' or '.join(entry.label for entry in entries)} plant"

@@ -1,4 +1,4 @@
-"""What a rig stands in: wind, rails that slope."""
+"""The surroundings of a rig: wind, drag of the air, and gravity on sloping rails."""
 
 from math import sin, sqrt
 
@@ -7,8 +7,8 @@ import numpy as np
 from cranectl.scenario.effects import EffectSettings, Wind
 from cranectl.support.arrays import Array
 
-FORCE = 3  # first column of the force on the load, behind the velocity of the air
-STICTION_RATE = 0.01  # [rad/s], below which a model without a constraint solver smooths Coulomb's friction
+FORCE = 3  # first column of the force on the load in `wind`, after the velocity of the air
+STICTION_RATE = 0.01  # [rad/s]; below it a model without a constraint solver smooths Coulomb's friction
 
 
 def gravity_in_rig(gravity: float, effects: EffectSettings) -> tuple[float, float, float]:
@@ -20,7 +20,7 @@ def gravity_in_rig(gravity: float, effects: EffectSettings) -> tuple[float, floa
 
 
 def air_drag(effects: EffectSettings) -> float:
-    """Drag on the load over the square of its speed through the air, rho c A / 2 [kg/m]."""
+    """Return the drag on the load over the square of its speed through the air, rho c A / 2 [kg/m]."""
     wind = effects.wind
     return 0.5 * wind.density * wind.drag_area if wind else 0.0
 
@@ -28,8 +28,8 @@ def air_drag(effects: EffectSettings) -> float:
 def air_velocity(wind: Wind | None, samples: int, period: float) -> Array:
     """Return the velocity of the air (x, y, z) at every sample [m/s], shape (samples, 3).
 
-    Horizontal gusts are white noise through 1/(1 + T s), exactly sampled and stationary from the start, the
-    first-order form of Dryden's spectrum (MIL-F-8785C); the same seed gives the same wind.
+    Horizontal gusts are white noise filtered by 1/(1 + T s), the first-order form of Dryden's spectrum
+    (MIL-F-8785C). They are sampled exactly and stationary from the start. Equal seeds give equal wind.
     """
     if wind is None:
         return np.zeros((samples, 3))

@@ -1,8 +1,8 @@
-"""Trials of a plant of another package before its first run: what its entry does not exclude must act.
+"""Test a plant of another package before its first run: it must react to each setting that it accepts.
 
-A setting that a plant accepts and ignores would make runs that look different and are not. So each setting is
-changed by itself over some milliseconds, and the plant must react: a disturbance accelerates the load, and a
-heavier load raises the tension.
+If a plant accepted a setting and ignored it, runs would differ in name only. So each setting is changed
+alone, over some milliseconds, and the plant must react. For example, a disturbance must accelerate the load,
+and a heavier load must raise the tension.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -20,20 +20,20 @@ from cranectl.signals import ALPHA, BETA
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-PROBE_PERIOD, PROBE_PERIODS = 1e-3, 50  # [s], and how many
-REACTION = 0.01  # least part of the reaction that a point load on a rigid rope would show
+PROBE_PERIOD, PROBE_PERIODS = 1e-3, 50  # control period [s], and number of periods
+REACTION = 0.01  # least reaction, as a share of that of a point load on a rigid rope
 RIG = RigParameters()
 SECONDS = PROBE_PERIOD * PROBE_PERIODS
 STILL, BREEZE = Wind(gust=0.0), Wind(gust=0.0, drag_area=0.02)
 AIR = 10.0  # [m/s]
-TENSION, LOAD_VELOCITY = 6, 3  # columns of what a plant says of its load
+TENSION, LOAD_VELOCITY = 6, 3  # columns of the load's measurement, see `Plant.advance`
 
 
 @dataclass(frozen=True)
 class ProbeRun:
-    """What a plant is made for, where it starts and what acts on it."""
+    """A short run: how the plant is made, whether it starts swinging, and what acts on it."""
 
-    scaled: Mapping[str, float] = field(default_factory=dict)  # numbers of the rig, by what factor
+    scaled: Mapping[str, float] = field(default_factory=dict)  # factors on numbers of the rig, by name
     effects: EffectSettings = NO_EFFECTS
     swinging: bool = False
     driven: bool = False
@@ -46,11 +46,11 @@ Outcome = tuple[Array, Array]  # state (10,), load (7,)
 
 @dataclass(frozen=True)
 class Probe:
-    """A setting, two trials that differ in it, and what must differ in their outcomes."""
+    """A setting, two runs that differ in it, and how their outcomes must differ."""
 
-    setting: str  # as `lacks` has it, or rig.FIELD
+    setting: str  # a name as in `lacks`, or rig.FIELD
     without: ProbeRun
-    given: ProbeRun
+    changed: ProbeRun
     reacts: Callable[[Outcome, Outcome], bool]
 
 
@@ -58,7 +58,7 @@ _tried: dict[tuple[str, Drive], tuple[PlantEntry, tuple[str, ...]]] = {}  # in t
 
 
 def check_honest(name: str, drive: Drive) -> None:
-    """Raise InputError if a plant ignores what its entry does not exclude."""
+    """Raise InputError if a plant ignores a setting that its entry does not exclude."""
     entry = plant_entry(name)
     tried = _tried.get((name, drive))
     if tried is None or tried[0] is not entry:
@@ -66,12 +66,13 @@ def check_honest(name: str, drive: Drive) -> None:
     if ignored := tried[1]:
         raise InputError(
             f"the {entry.label} plant accepts {', '.join(ignored)} with {drive} drives and does not react",
-            allowed="plants whose entry excludes what they ignore",
+            allowed="plants whose entry excludes each setting that they ignore",
             remedy=f"correct the plant, or declare it in its PlantEntry: {_declaration(ignored)}",
         )
 
 
 def _declaration(ignored: tuple[str, ...]) -> str:
+    """Return the arguments of `PlantEntry` that exclude the settings."""
     lacks = [f"'{name}': 'which has none'" for name in ignored if not name.startswith("rig.")]
     rig = [name.removeprefix("rig.") for name in ignored if name.startswith("rig.")]
     fixed = [f"'{name}': {getattr(RIG, name):g}" for name in rig]
@@ -84,7 +85,7 @@ def _ignored(entry: PlantEntry, drive: Drive) -> tuple[str, ...]:
     ignored = dict[str, None]()
     for probe in _probes(entry, drive):
         try:
-            without, with_setting = (_outcome(entry, drive, trial) for trial in (probe.without, probe.given))
+            without, with_setting = (_outcome(entry, drive, run) for run in (probe.without, probe.changed))
         except InputError:  # the plant itself refuses the setting
             continue
         if not probe.reacts(without, with_setting):
@@ -93,13 +94,14 @@ def _ignored(entry: PlantEntry, drive: Drive) -> tuple[str, ...]:
 
 
 def _probes(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
-    """Yield those that the entry and the drive admit."""
-    for probe in (*_pushes(), *_parameters(drive), *_effects(entry, drive)):
+    """Yield the probes of all settings that the entry and the drive allow."""
+    for probe in (*_probe_loads(), *_probe_rig(drive), *_probe_effects(entry, drive)):
         if lacking(entry, probe.setting) is None and probe.setting.removeprefix("rig.") not in entry.fixed:
             yield probe
 
 
-def _pushes() -> Iterator[Probe]:
+def _probe_loads() -> Iterator[Probe]:
+    """Yield a probe of each disturbance, of a force on the load and of the wind."""
     rest = ProbeRun()
     for disturbance, angle in (((1.0, 0.0), ALPHA), ((0.0, 1.0), BETA)):
         pushed = ProbeRun(disturbance=disturbance)
@@ -114,7 +116,8 @@ def _pushes() -> Iterator[Probe]:
         yield Probe(setting, still, replace(still, wind=acting), _grows(1, LOAD_VELOCITY, expected))
 
 
-def _parameters(drive: Drive) -> Iterator[Probe]:
+def _probe_rig(drive: Drive) -> Iterator[Probe]:
+    """Yield a probe of each number of the rig."""
     rest, moving = ProbeRun(), ProbeRun(swinging=True, driven=True)
     for name, factor in (("load_mass", 2.0), ("gravity", 1.5)):
         scaled = replace(rest, scaled={name: factor})
@@ -125,10 +128,11 @@ def _parameters(drive: Drive) -> Iterator[Probe]:
         yield Probe(f"rig.{name}", moving, replace(moving, scaled={name: 2.0}), _differs)
 
 
-def _effects(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
+def _probe_effects(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
+    """Yield a probe of each effect but the wind, and of each part of an effect."""
     moving = ProbeRun(swinging=True, driven=True)
     for name in WHOLE_EFFECTS:
-        if name != "wind":  # which `_pushes` tries
+        if name != "wind":  # `_probe_loads` has it
             yield Probe(name, moving, _with_effect(moving, name, {}), _differs)
     for setting, part in PARTS.items():
         name, _, key = setting.partition(".")
@@ -149,6 +153,8 @@ def _with_effect(trial: ProbeRun, name: str, numbers: Mapping[str, float]) -> Pr
 
 
 def _grows(part: int, column: int, expected: float) -> Callable[[Outcome, Outcome], bool]:
+    """Return a test that a column of an outcome grows by at least REACTION times `expected`."""
+
     def reacts(without: Outcome, with_setting: Outcome) -> bool:
         return bool(with_setting[part][column] - without[part][column] > REACTION * expected)
 
@@ -160,7 +166,7 @@ def _differs(without: Outcome, with_setting: Outcome) -> bool:
 
 
 def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Outcome:
-    """Return where some periods lead; raise InputError as the plant does."""
+    """Return state and load after PROBE_PERIODS periods; raise InputError as the plant does."""
     base = RIG.model_copy(update=dict(entry.fixed))
     rig = base.model_copy(
         update={name: factor * getattr(base, name) for name, factor in trial.scaled.items()}
@@ -174,7 +180,7 @@ def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Outcome:
     command = np.full(3, 0.2 if trial.driven else 0.0)
     if DRIVES[drive].at_rest == "weight":
         command = 10.0 * command
-        command[2] -= RIG.weight  # holds the load
+        command[2] -= RIG.weight  # to hold the load
     load = np.zeros(7)
     disturbance, wind = np.array(trial.disturbance), np.array(trial.wind)
     for _ in range(PROBE_PERIODS):

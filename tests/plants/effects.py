@@ -50,7 +50,7 @@ def energy(plant: MujocoPlant) -> float:
     mujoco.mj_energyPos(model, data)
     mujoco.mj_energyVel(model, data)
     stretch = max(data.qpos[plant.rig.distance[0]] - data.qpos[plant.rig.joints[2]], 0.0)
-    stiffness = -plant.rig.rope.law[1] if plant.rig.rope.active else 0.0
+    stiffness = -plant.rig.rope.bias[1] if plant.rig.rope.active else 0.0
     return float(data.energy.sum() + 0.5 * stiffness * stretch**2)
 
 

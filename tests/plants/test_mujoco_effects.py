@@ -261,7 +261,7 @@ def test_the_push_has_the_moments_of_the_disturbance() -> None:
     """J' F = (., ., 0, m l² cos² beta d_alpha, m l² d_beta), and the trolley takes -F."""
     plant = make(EffectSettings(body=Body()), step=2e-3)
     state = np.array([1.0, 0.3, 0.7, -0.2, 0.8, 0.5, 0.4, 0.5, -0.3, 1.6])
-    plant._set_state(state)
+    plant._restart(state)
     push_load(plant.rig, np.array([0.7, -1.3]))
     q = state[0::2]
     moments = dynamics.load_jacobian(q).T @ plant.rig.wrench[:3]

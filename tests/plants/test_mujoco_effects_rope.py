@@ -84,13 +84,13 @@ def test_a_rope_that_starts_while_it_is_hoisted_is_as_taut_as_one_that_hangs(rat
 def test_stiffness_and_damping_follow_the_length() -> None:
     """Hoisted from 0.8 m to 0.4 m: twice the stiffness and damping, half the stretch."""
     plant = make(rope(stiffness=2e4), substeps=10)
-    law = plant.rig.rope.law.copy()
+    law = plant.rig.rope.bias.copy()
     simulate(plant, 10, (0.0, 0.0, -10.0))
     simulate(plant, 30)
     simulate(plant, 10, (0.0, 0.0, 10.0))
     states, loads = simulate(plant, 100)
     assert states[-1, 4] == pytest.approx(0.4, abs=1e-9)
-    assert plant.rig.rope.law[1:3] == pytest.approx(2.0 * law[1:3], rel=1e-9)
+    assert plant.rig.rope.bias[1:3] == pytest.approx(2.0 * law[1:3], rel=1e-9)
     assert -loads[-1, 2] - states[-1, 4] == pytest.approx(RIG.weight * 0.4 / 2e4, rel=1e-6)
 
 
@@ -107,7 +107,7 @@ def test_stiffness_damping_and_mass_are_those_of_the_length_that_hangs() -> None
     assert loads[0, 5] == pytest.approx(-0.5, abs=1e-12), "the load starts with the rope"
     length, rope_start = 0.7 + 2e-3 * 0.5, 0.7
     viscosity = 2 * 0.2 * np.sqrt(1e4 * RIG.load_mass / rope_start) * rope_start
-    assert plant.rig.rope.law[:3] == pytest.approx([0.0, -1e4 / length, -viscosity / length], rel=1e-13)
+    assert plant.rig.rope.bias[:3] == pytest.approx([0.0, -1e4 / length, -viscosity / length], rel=1e-13)
     rod = plant.model.body("rope_mass")
     assert rod.mass[0] == pytest.approx(0.3 * length, rel=1e-13)
     assert rod.ipos == pytest.approx([0.0, 0.0, length / 2], rel=1e-13)
@@ -304,7 +304,7 @@ def test_no_view_is_shared_between_runs() -> None:
     """A rope changes its model as it runs: two plants must have two, and a reset must undo it."""
     first, second = make(rope(mass=0.1)), make(rope(mass=0.1))
     simulate(first, 100, (0.0, 0.0, 1.0))
-    assert first.rig.rope.law[1] != second.rig.rope.law[1]
+    assert first.rig.rope.bias[1] != second.rig.rope.bias[1]
     first.reset(SWINGING)
     second.reset(SWINGING)
     runs = [simulate(plant, 100, (0.1, 0.0, 0.2)) for plant in (first, second)]

@@ -250,7 +250,7 @@ def test_beyond_its_limit_the_integrator_really_is_unstable() -> None:
         RigParameters(load_mass=1e-3), drive="ideal", step=1e-3, substeps=1,
         effects=EffectSettings(frame=frame),
     )  # fmt: skip
-    plant._set_state(HANGING)
+    plant._restart(HANGING)
     place = plant.model.joint("frame_x").qposadr[0]
     plant.data.qpos[place] = 1e-6
     simulate(plant, 60)

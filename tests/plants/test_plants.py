@@ -145,7 +145,7 @@ def test_disturbance_torques_are_those_of_the_state() -> None:
     """Exactly m l² cos² beta d_alpha and m l² d_beta."""
     plant = MujocoPlant(RIG, drive="ideal", step=2e-3, substeps=1, effects=NO_EFFECTS)
     state = np.array([1.0, 0.3, 0.7, -0.2, 0.8, 0.5, 0.4, 0.5, -0.3, 1.6])
-    plant._set_state(state)
+    plant._restart(state)
     apply_disturbance(plant.rig, np.array([0.7, -1.3]))
     torques = plant.rig.applied[plant.rig.joints]
     expected = [0.0, 0.0, 0.0, 0.8**2 * np.cos(-0.3) ** 2 * 0.7, -(0.8**2) * 1.3]

@@ -172,7 +172,7 @@ def linearise_run(
     disturbances = run.block("disturbance")[:-1]
     states, moving, stride = joints, np.arange(10), 1
     if crane is not None:
-        states, moving = hanging_states(crane, joints, run.tension), crane.places
+        states, moving = hanging_states(crane, joints, run.tension), crane.changing
         stride = LINEARISATION_STRIDE
     plant = SteppedPlant(AnalyticPlant.kernels, analytic_plant(run).handle)
     if crane is not None:

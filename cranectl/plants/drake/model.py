@@ -1,7 +1,7 @@
-"""The rig as a tree of Drake's bodies and joints, built here from its numbers.
+"""Build the rig as a tree of Drake's bodies and joints.
 
-Drake's parser of MJCF would put the hinges of `models/crane.xml`, two of one body, in the wrong place, and
-leave out drives and rotors. Tests hold this tree to the engine's, state by state.
+The tree is not parsed from `models/crane.xml`. Drake's MJCF parser would misplace the two hinges of one body,
+and would leave out drives and rotors. Tests compare this tree with MuJoCo's, state by state.
 """
 
 from math import pi
@@ -28,18 +28,18 @@ from cranectl.scenario.effects import Body, EffectSettings, Frame
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 
-AXES = ("bridge_position", "trolley_position", "rope_length")  # each with an actuator of its name
+AXES = ("bridge_position", "trolley_position", "rope_length")  # joints; each has an actuator of its name
 JOINTS = (*AXES, "alpha", "beta")  # in the order of signals.STATE
-LOAD, HOOK = "load", "hook"  # hook: the rope's end, where there is a body under it
+LOAD, HOOK = "load", "hook"  # the hook is the rope's end if the load is a body under it
 
 # An ideal drive turns a rotor so inert that no crane slows it: its acceleration is force / inertia.
-IDEAL_INERTIA = 1e16  # per kg of the crane
+IDEAL_INERTIA = 1e16  # [kg] of rotor for each kg of the crane
 
 
 def build_crane(rig: RigParameters, drive: Drive, effects: EffectSettings) -> MultibodyPlant:
-    """Bridge, trolley, cardan joint, rope and load, with drives that take forces; of continuous time.
+    """Build bridge, trolley, cardan joint, rope and load, with drives that take forces, in continuous time.
 
-    What is linear in the rates is damping of the joints: velocity drives, viscous friction.
+    Forces that are linear in the rates are damping of the joints: velocity drives and viscous friction.
     """
     crane = MultibodyPlant(0.0)
     crane.mutable_gravity_field().set_gravity_vector(gravity_in_rig(rig.gravity, effects))
@@ -52,7 +52,7 @@ def build_crane(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Mu
     trolley = _add_body(crane, "trolley", rig.trolley_mass)
     outer, inner = _add_body(crane, "outer"), _add_body(crane, "inner")
     top, end = inner.body_frame(), _add_load(crane, rig.load_mass, effects.body)
-    if effects.body:  # the length counts to the load's centre of mass, hanging straight
+    if effects.body:  # the rope length is measured to the centre of mass of the load, hanging straight
         top = _add_point(crane, "rope_top", inner, effects.body.hook_offset)
     axes = (
         _slide(crane, AXES[0], base.body_frame(), bridge, (1, 0, 0), damping=slowed[0]),
@@ -70,7 +70,7 @@ def build_crane(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Mu
 
 
 def rotor_inertias(rig: RigParameters, drive: Drive) -> tuple[float, float, float]:
-    """Return the inertia that each drive moves besides the crane [kg]."""
+    """Return the rotor inertia of each drive [kg], which it moves in addition to the crane."""
     if DRIVES[drive].is_prescribed:
         return (ideal_inertia(rig),) * 3
     return 0.0, 0.0, rig.winch_mass
@@ -82,7 +82,7 @@ def ideal_inertia(rig: RigParameters) -> float:
 
 
 def drive_forces(rig: RigParameters, drive: Drive, effects: EffectSettings) -> tuple[Array, Array]:
-    """Return gain and offset, (3,) each, of the drives' forces gain · command + offset [N]."""
+    """Return gain (3,) and offset (3,) of the drives, whose forces are gain · command + offset [N]."""
     if DRIVES[drive].is_prescribed:
         return np.array(rotor_inertias(rig, drive)), np.zeros(3)
     gain, _, load_force = DRIVES[drive].push(rig, effects)
@@ -90,16 +90,17 @@ def drive_forces(rig: RigParameters, drive: Drive, effects: EffectSettings) -> t
 
 
 def axis_damping(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[float]:
-    """Return the damping of the driven joints [N s/m]: gain of a velocity drive, viscous friction."""
+    """Return the damping of the driven joints [N s/m]: gain of a velocity drive plus viscous friction."""
     friction = np.array(effects.friction.viscous if effects.friction else (0.0, 0.0, 0.0))
     damping: list[float] = (np.array(DRIVES[drive].push(rig, effects)[1]) + friction).tolist()
     return damping
 
 
 def _add_frame(crane: MultibodyPlant, frame: Frame, rig: RigParameters) -> RigidBody:
-    """Rails on a damped spring along x and along y, whose frequency is the empty rig's.
+    """Add rails on a damped spring along x and along y; return the body that carries the bridge.
 
-    Their mass is that of rotors: it moves with them and weighs nothing on rails that slope.
+    The frequency is that of the empty rig. The mass of the rails is that of rotors, since it moves with them
+    and has no weight along rails that slope.
     """
     mass = frame.mass + rig.bridge_mass + rig.trolley_mass
     base = crane.world_body()
@@ -117,7 +118,7 @@ def _add_frame(crane: MultibodyPlant, frame: Frame, rig: RigParameters) -> Rigid
 
 
 def _add_load(crane: MultibodyPlant, mass: float, body: Body | None) -> RigidBody:
-    """Add the load, a point or a body hinged under its hook; return what hangs on the rope."""
+    """Add the load, a point or a body hinged under its hook; return the body at the rope's end."""
     if body is None:
         return _add_body(crane, LOAD, mass)
     hook = _add_body(crane, HOOK, body.hook_mass)
@@ -128,12 +129,12 @@ def _add_load(crane: MultibodyPlant, mass: float, body: Body | None) -> RigidBod
 
 
 def _add_point(crane: MultibodyPlant, name: str, body: RigidBody, height: float) -> JointFrame:
-    """Add a frame that stands `height` above the origin of `body`."""
+    """Add a coordinate frame `height` [m] above the origin of `body`."""
     return crane.AddFrame(FixedOffsetFrame(name, body.body_frame(), RigidTransform([0.0, 0.0, height])))
 
 
 def _add_body(crane: MultibodyPlant, name: str, mass: float = 0.0, inertia: float = 0.0) -> RigidBody:
-    """Add a body with the same inertia about all axes through its centre of mass; a point has none."""
+    """Add a body with the same inertia [kg m²] about all axes through its centre; 0 for a point."""
     about_axis = inertia / mass if inertia else 0.0
     return crane.AddRigidBody(name, SpatialInertia(mass, np.zeros(3), UnitInertia(*(about_axis,) * 3)))
 

@@ -1,6 +1,6 @@
-"""The Drake plant: Drake's accelerations behind the plant interface. Knows nothing of our equations.
+"""The Drake plant: accelerations from Drake, behind the plant interface; it uses none of our equations.
 
-Stepped from Python, a stage of the integrator at a time: fit for validation, too slow for campaigns.
+Python evaluates each stage of the integrator. That is fast enough for validation, too slow for campaigns.
 """
 
 from importlib.metadata import version
@@ -20,7 +20,7 @@ from cranectl.scenario.effects import EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 
-SMALL = 1e-6  # [m, rad, m/s, rad/s], of finite differences
+SMALL = 1e-6  # step of finite differences [m, rad, m/s, rad/s]
 
 
 class DrakePlant:
@@ -49,7 +49,7 @@ class DrakePlant:
         self.gain, self.offset = drive_forces(rig, drive, effects)
         self.state = np.zeros(self.crane.num_multibody_states())
         self.disturbance, self.wind = np.zeros(2), np.zeros(6)
-        self.equivalent = np.zeros(3)  # force of the disturbance on a body [N]
+        self.equivalent = np.zeros(3)  # force [N] on a body that replaces the disturbance's torque
 
     @property
     def description(self) -> str:
@@ -61,18 +61,18 @@ class DrakePlant:
         """No compiled code steps this plant."""
 
     def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:  # noqa: ARG002
-        """Never: it is for campaigns, which this plant has none of."""
+        """Return False: only campaigns retune plants, and this plant is too slow for them."""
         return False
 
     def check_length(self, length: float) -> None:
-        """Raise InputError where effects need a longer rope, or shorter steps with a rope of `length` [m]."""
+        """Raise InputError if a rope of `length` [m] is too short for the effects or for the step."""
         if self.effects.frame or self.effects.friction or self.effects.body:
             check_hook(self.effects, length)
             step, period = self.step, self.step * self.substeps
             check_rate(self.fastest_rate(length), self.effects, length, step=step, period=period)
 
     def fastest_rate(self, length: float) -> float:
-        """Largest modulus of the poles of the crane that hangs still with `length` [m] of rope [1/s]."""
+        """Return the largest modulus of the poles [1/s] about rest with `length` [m] of rope."""
         self.hold(np.zeros(3), np.zeros(2), np.zeros(6))
         hanging = np.zeros_like(self.state)
         hanging[self.positions[2]] = length
@@ -99,7 +99,7 @@ class DrakePlant:
         return 0
 
     def hold(self, command: Array, disturbance: Array, wind: Array) -> None:
-        """Hold what a control period holds."""
+        """Set command, disturbance and wind, which stay constant over a control period."""
         forces = np.zeros(self.crane.num_actuators())
         forces[self.actuators] = self.gain * command + self.offset
         self.crane.get_actuation_input_port().FixValue(self.context, forces)
@@ -108,7 +108,7 @@ class DrakePlant:
         self._turn_joint(0.0, 0.0)
 
     def observe_load(self, load: Array) -> None:
-        """Write position and velocity of the load and the pull of the rope into `load` (7,)."""
+        """Write position and velocity of the load and the tension of the rope into `load` (7,)."""
         if not isfinite(self.rates(self.state).sum()):
             load[:] = np.nan
             return
@@ -120,7 +120,7 @@ class DrakePlant:
             load[6] += up @ self.pull(self.end, self.hook_mass)
 
     def pull(self, body: RigidBody, mass: float) -> Array:
-        """Return the force that a `body` of `mass` takes besides its weight, to move as it does [N]."""
+        """Return the force [N] besides its weight that makes a `body` of `mass` [kg] move as it does."""
         acceleration = body.EvalSpatialAccelerationInWorld(self.context).translational()
         force: Array = mass * (acceleration - self.gravity)
         return force
@@ -135,7 +135,7 @@ class DrakePlant:
 
     def rates(self, state: Array) -> Array:
         """Return the derivative of Drake's positions and velocities, or NaN if Drake fails."""
-        if not isfinite(state.sum()):  # with which Drake would end the process
+        if not isfinite(state.sum()):  # Drake would end the process
             return np.full_like(state, np.nan)
         try:
             self.crane.SetPositionsAndVelocities(self.context, state)
@@ -149,7 +149,7 @@ class DrakePlant:
         return rates
 
     def air_force(self) -> Array:
-        """Drag of the air on the load and the force on it besides (x, y, z) [N], at the present state."""
+        """Return the drag plus the other force in `wind` on the load (x, y, z) [N], at the present state."""
         if not self.in_air:
             return np.zeros(3)
         through = self.wind[:FORCE] - self.load.EvalSpatialVelocityInWorld(self.context).translational()
@@ -157,7 +157,7 @@ class DrakePlant:
         return force
 
     def _disturb(self) -> None:
-        """Turn the joint as the thesis's disturbance does at the present state, or push a body like it."""
+        """Apply the thesis's disturbance at the present state, as a torque or, on a body, as a force."""
         length, _, beta = self.crane.GetPositions(self.context)[self.positions[2:]]
         if self.effects.body:
             across = self.end.EvalPoseInWorld(self.context).rotation().matrix()[:, :2]  # by beta, by alpha
@@ -173,7 +173,7 @@ class DrakePlant:
         self.crane.get_applied_generalized_force_input_port().FixValue(self.context, torques)
 
     def _push_bodies(self) -> None:
-        """Push the load, and the trolley with what the disturbance takes from it."""
+        """Apply the force on the load, and to the trolley the opposite of the disturbance's force."""
         pushes = []
         for body, force in (
             (self.load, self.air_force() + self.equivalent),

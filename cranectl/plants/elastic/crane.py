@@ -1,12 +1,12 @@
-"""What the elastic crane consists of: constants, the places of its state, and where it starts.
+"""Constants, state vector and initial state of the elastic crane.
 
-The state (22) has the joints as `signals.STATE` first, then
+The state (22) begins with the joints, in the order of `signals.STATE`. Then it has
 
-    stretch e of the rope and its rate: from pivot to hook r = l - offset + e
-    b       unit vector from hook to the load's centre of mass, w its angular velocity [rad/s], both (x, y, z)
-    q_x, q_x', q_y, q_y'   rails in the world
+    e, e'   stretch of the rope and its rate; the distance from pivot to hook is r = l - offset + e
+    b, w    unit vector from hook to the load's centre of mass, and its angular velocity [rad/s], (x, y, z)
+    q_x, q_x', q_y, q_y'   positions and velocities of the rails in the world
 
-With n the direction of the rope the load is at (x_c + q_x, y_c + q_y, 0) + r n + offset b.
+With n the direction of the rope, the load is at (x_c + q_x, y_c + q_y, 0) + r n + offset b.
 """
 
 from math import inf, pi, sqrt
@@ -24,18 +24,21 @@ from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY
 from cranectl.support.arrays import Array
 
 STRETCH, STRETCH_RATE, BODY, SPIN, RAILS, STATES = 10, 11, 12, 15, 18, 22
-JOINTS = 5  # bridge, trolley, winch, alpha, beta: position at twice their number, rate behind it
+JOINTS = 5  # bridge, trolley, winch, alpha, beta; joint i has its position at 2 i and its rate at 2 i + 1
 # The method of Dormand and Prince of order 5, with SciPy's coefficients: Hairer, Nørsett, Wanner: Solving
 # Ordinary Differential Equations I, 2nd ed., table II.5.2.
 STAGES = RK45.n_stages
 A, B = np.ascontiguousarray(RK45.A[:STAGES, :STAGES]), np.ascontiguousarray(RK45.B)
-SHORTEST = 1e-3  # [m], so that a rope wound in completely gives no infinite stiffness
+SHORTEST = 1e-3  # [m] of rope for its stiffness, which would be infinite for a rope that is wound in
 
 
 class ElasticCrane(NamedTuple):
-    """Constants in SI units; the drives push with gain · command - damping · rate - held, within `limit`."""
+    """Constants of the elastic crane, in SI units.
 
-    prescribed: bool  # the drives are ideal: they accelerate as commanded
+    The drives push with gain · command - damping · rate - holding force, within `limit`.
+    """
+
+    prescribed: bool  # whether the drives are ideal, which accelerate as commanded
     gain: Triple
     damping: Triple  # of drives [N s/m]
     holding_force: Triple  # [N]
@@ -43,26 +46,26 @@ class ElasticCrane(NamedTuple):
     axis_mass: Triple  # bridge with trolley, trolley, winch [kg]
     gravity: Triple  # [m/s²]
     load_mass: float
-    has_friction: bool  # whether there is friction of Coulomb's kind
+    has_friction: bool  # whether any joint has Coulomb friction
     coulomb: tuple[float, float, float, float, float]  # of the joints [N, N m]
     viscous: tuple[float, float, float, float, float]  # [N s/m, N m s/rad]
-    has_body: bool  # the load is a body under its hook
+    has_body: bool  # whether the load is a body under its hook
     offset: float  # hook above the centre of mass [m]
     inertia: float  # about any axis through it [kg m²]
     swing_damping: float  # between hook and body [N m s/rad]
     hook_mass: float  # at the rope's end [kg]
-    has_elastic_rope: bool  # the rope gives
+    has_elastic_rope: bool
     stiffness: float  # E A [N]
-    viscosity: Array  # (1,) times length [N s]; of the damping ratio at the start
+    viscosity: Array  # (1,) damping times length [N s], set at the start by the damping ratio
     density: float  # of the rope [kg/m]
-    has_frame: bool  # the frame does
-    rail_mass: tuple[float, float]  # what moves with the rails besides what runs on them along x, y [kg]
-    rail_weight: tuple[float, float]  # of it, on slopes [N]
+    has_frame: bool  # whether the frame is elastic
+    rail_mass: tuple[float, float]  # moving with the rails along x and y, without what runs on them [kg]
+    rail_weight: tuple[float, float]  # of that mass along slopes [N]
     rail_stiffness: tuple[float, float]  # [N/m]
     rail_damping: tuple[float, float]  # [N s/m]
-    in_air: bool
+    in_air: bool  # whether the effect `wind` is on
     drag: float  # force over the square of the load's speed through the air [kg/m]
-    places: NDArray[np.int64]  # of the states that change
+    changing: NDArray[np.int64]  # indices of the states that can change
     substeps: int
     step: float  # [s]
 
@@ -70,13 +73,13 @@ class ElasticCrane(NamedTuple):
 def make_crane(
     rig: RigParameters, effects: EffectSettings, drive: Drive, *, step: float, substeps: int
 ) -> ElasticCrane:
-    """Make the elastic crane of `rig` with `effects`."""
+    """Return the constants of `rig` with `effects`."""
     rope, body, frame, friction = effects.rope, effects.body, effects.frame, effects.friction
     gravity, none = gravity_in_rig(rig.gravity, effects), (0.0, 0.0, 0.0)
     ideal, (gain, damping, load_force) = DRIVES[drive].is_prescribed, DRIVES[drive].push(rig, effects)
     coulomb, viscous = (friction.coulomb, friction.viscous) if friction and not ideal else (none, none)
     pivot = (friction.pivot_coulomb, friction.pivot_viscous) if friction else (0.0, 0.0)
-    there = ((0, STRETCH, True), (STRETCH, BODY, rope), (BODY, RAILS, body), (RAILS, STATES, frame))
+    parts = ((0, STRETCH, True), (STRETCH, BODY, rope), (BODY, RAILS, body), (RAILS, STATES, frame))
     return ElasticCrane(
         prescribed=ideal,
         gain=gain,
@@ -102,29 +105,29 @@ def make_crane(
         **_rails(rig, frame, gravity),
         in_air=effects.wind is not None,
         drag=air_drag(effects),
-        places=np.concatenate([np.arange(first, end) for first, end, part in there if part]),
+        changing=np.concatenate([np.arange(first, end) for first, end, part in parts if part]),
         substeps=substeps,
         step=step,
     )
 
 
 def _rails(rig: RigParameters, frame: Frame | None, gravity: Triple) -> dict[str, tuple[float, float]]:
-    """Return mass, weight, stiffness and damping of the rails; frequencies are those of the empty rig."""
+    """Return mass, weight, stiffness and damping of the rails, for the frequencies of an empty rig."""
     if frame is None:
         return dict.fromkeys(("rail_mass", "rail_weight", "rail_stiffness", "rail_damping"), (0.0, 0.0))
-    standing = frame.mass + rig.bridge_mass + rig.trolley_mass
+    vibrating = frame.mass + rig.bridge_mass + rig.trolley_mass
     along_x, along_y = (2.0 * pi * frequency for frequency in frame.frequency)
-    lossy = 2.0 * frame.damping_ratio * standing
+    damping = 2.0 * frame.damping_ratio * vibrating
     return {
         "rail_mass": (frame.mass, frame.mass + rig.bridge_mass),
         "rail_weight": (0.0, rig.bridge_mass * gravity[1]),
-        "rail_stiffness": (standing * along_x**2, standing * along_y**2),
-        "rail_damping": (lossy * along_x, lossy * along_y),
+        "rail_stiffness": (vibrating * along_x**2, vibrating * along_y**2),
+        "rail_damping": (damping * along_x, damping * along_y),
     }
 
 
 def set_damping(crane: ElasticCrane, effects: EffectSettings, length: float) -> None:
-    """Fix the rope's viscosity by the damping ratio of the load on the `length` measured at the start [m]."""
+    """Set the rope's viscosity so that the load has its damping ratio at the initial `length` [m]."""
     if effects.rope:
         hanging = max(length - crane.offset, SHORTEST)
         critical = 2.0 * sqrt(crane.stiffness * (crane.load_mass + crane.hook_mass) * hanging)
@@ -134,7 +137,7 @@ def set_damping(crane: ElasticCrane, effects: EffectSettings, length: float) -> 
 def hanging_states(crane: ElasticCrane, joints: Array, tension: Array) -> Array:
     """Return states (N, 22) at `joints` (N, 10), with the rope stretched by `tension` (N,) [N].
 
-    The body turns with the hook, about the rope too; the rails rest.
+    The body turns with the hook, also about the rope. The rails are at rest.
     """
     states = np.zeros((len(joints), STATES))
     states[:, : 2 * JOINTS] = joints
@@ -165,19 +168,19 @@ def load_positions(crane: ElasticCrane, states: Array) -> Array:
 
 
 class Work(NamedTuple):
-    """Work space, and what the equations tell besides rates. Of matrices the lower half is used."""
+    """Work space of a step, and results besides the rates. Only the lower half of matrices is used."""
 
     matrix: Array  # (5, 5) masses of load and rope
     factor: Array  # (5, 5)
     force: Array  # (5,) on load and rope
     acceleration: Array  # (5,) of the coordinates
-    along: Array  # (5,) velocity of the hook along b by each coordinate
+    along: Array  # (5,) hook velocity along b for a unit rate of each coordinate
     push: Array  # (3,) of drives and friction on the axes [N]
-    sign: Array  # (5,) of the rates of joints that slide; 0 for others
-    stuck: NDArray[np.bool_]  # (5,) joints that friction holds
-    fixed: NDArray[np.bool_]  # (5,) coordinates whose acceleration is given
-    holding: Array  # (5,) force with which it does [N, N m]
-    margins: Array  # (5,) of the joints at the start of a part, until they begin to slide or to stick
+    sign: Array  # (5,) sign of the rate of a sliding joint; 0 for others
+    stuck: NDArray[np.bool_]  # (5,) whether friction holds the joint
+    fixed: NDArray[np.bool_]  # (5,) whether the acceleration of the coordinate is prescribed
+    holding: Array  # (5,) friction force that holds a stuck joint [N, N m]
+    margins: Array  # (5,) `margin` of each joint at the start of a part of the step
     tension: Array  # (1,) [N]
     velocity: Array  # (3,) of the load [m/s]
     rates: Array  # (STAGES + 1, 22)
@@ -186,7 +189,7 @@ class Work(NamedTuple):
 
 
 def make_work() -> Work:
-    """Fresh work space, for joints that slide without friction."""
+    """Return new work space, for joints that slide without friction."""
     five, state = (JOINTS,), (STATES,)
     return Work(
         matrix=np.zeros((JOINTS, JOINTS)),

@@ -1,10 +1,12 @@
-"""Equations of motion of the elastic crane: five accelerations by Kane's method, the rest follows.
+"""Equations of motion of the elastic crane, by Kane's method for five coordinates.
 
-Coordinates P_x, P_y of the pivot in the world, r from pivot to hook, alpha, beta. Seen from its hook the load
-is a mass that depends on the direction: m along b, m J / (J + m offset²) across. So a body needs no
-coordinates of its own in the equations that are solved, nor does the frame: P feels the drive's force, the
-rails its reaction. A coordinate that is locked, by an ideal drive or by friction, has its acceleration given,
-and the equations say which force holds it. What pushes the axes comes last: drives, friction, rails.
+The coordinates are P_x and P_y of the pivot in the world, r from pivot to hook, alpha and beta. At its hook
+the load acts as a mass that depends on the direction: m along b, m J / (J + m offset²) across b. So the body
+adds no coordinates to the equations that are solved. Neither does the frame, since the pivot P feels the
+force of the drive and the rails feel its reaction.
+
+An ideal drive or friction may lock a coordinate. Then its acceleration is prescribed, and the equations give
+the force that holds it. The forces of drives, friction and rails on the axes are added last.
 """
 
 from math import cos, sin, sqrt
@@ -41,7 +43,7 @@ def rope_directions(alpha, beta):
 
 @jit
 def rate_of_turn(alpha_rate, beta_rate, n, by_alpha, by_beta):
-    """Return the rate of n, and the part of its second derivative that depends on the angle rates only."""
+    """Return the rate of n, and the part of its second derivative without angular accelerations."""
     rate = sum_of((0.0, alpha_rate * by_alpha[1], alpha_rate * by_alpha[2]), beta_rate, by_beta)
     both = beta_rate * beta_rate + alpha_rate * alpha_rate
     mixed = 2.0 * alpha_rate * beta_rate
@@ -55,7 +57,7 @@ def rate_of_turn(alpha_rate, beta_rate, n, by_alpha, by_beta):
 
 @jit
 def derivative(crane, state, command, disturbance, wind, work, rate):
-    """Rates (22,) of `state` under `command` (3,), `disturbance` (2,) and `wind` (6,), see `Plant`."""
+    """Write the derivative of `state` into `rate` (22,); the other arguments are those of `Plant.advance`."""
     matrix, force, acceleration, along = work.matrix, work.force, work.acceleration, work.along
     mass, offset, alpha_rate, beta_rate = crane.load_mass, crane.offset, state[7], state[9]
     paid_out = max(state[4] - offset, SHORTEST)
@@ -65,7 +67,7 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
     torque_alpha = -crane.viscous[3] * alpha_rate - crane.coulomb[3] * work.sign[3]
     torque_beta = -crane.viscous[4] * beta_rate - crane.coulomb[4] * work.sign[4]
 
-    # The hook's velocity, and its acceleration at no accelerations less that of a load it does not hold.
+    # Velocity of the hook; its acceleration if no coordinate accelerates, minus that of a free load.
     pivot = (state[1] + state[RAILS + 1], state[3] + state[RAILS + 3], 0.0)
     velocity = sum_of(sum_of(pivot, r_rate, n), r, turn)
     fall = sum_of((-crane.gravity[0], -crane.gravity[1], -crane.gravity[2]), 2.0 * r_rate, turn)
@@ -89,7 +91,7 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
         stream = (wind[0] - velocity[0], wind[1] - velocity[1], wind[2] - velocity[2])
         outer = sum_of(outer, crane.drag * sqrt(dot(stream, stream)), stream)
     taken = (0.0, 0.0, 0.0)
-    if crane.has_body:  # the disturbance is a force at the centre, of which the trolley takes the opposite
+    if crane.has_body:  # the disturbance is a force at the load's centre; its reaction acts on the trolley
         lever = mass * state[4]
         taken = sum_of(sum_of(taken, lever * disturbance[0], by_alpha), lever * disturbance[1], by_beta)
         outer = sum_of(outer, 1.0, taken)
@@ -98,8 +100,8 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
         torque_beta += mass * r * r * disturbance[1]
     hook = sum_of(hook, -1.0 / mass, outer)
 
-    # Masses and forces of the load at its hook, of the rope, a thin rod from there up to the winch, and of
-    # the hook itself, a point.
+    # Masses and forces of the load at its hook, of the rope and of the hook. The rope is a thin rod from the
+    # hook up to the winch, and the hook is a point.
     rod = crane.density * paid_out
     middle, turning = r - 0.5 * paid_out, rod * paid_out * paid_out / 12.0
     zeroth, first = apparent + rod, apparent * r + rod * middle
@@ -123,7 +125,7 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
         turned = sum_of(turned, crane.hook_mass * r, at_end)
     force[0], force[1], force[2] = -lifted[0] - taken[0], -lifted[1] - taken[1], -dot(n, lifted)
     force[3], force[4] = torque_alpha - dot(by_alpha, turned), torque_beta - dot(by_beta, turned)
-    if crane.has_body:  # what the load resists more along b than across
+    if crane.has_body:  # the load's mass along b is larger than across
         more = mass - apparent
         along[0], along[1], along[2] = b[0], b[1], dot(b, n)
         along[3], along[4] = r * dot(b, by_alpha), r * dot(b, by_beta)
@@ -147,7 +149,7 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
 
 @jit
 def n_squared(by_alpha):
-    """Square of the derivative of n by alpha, that by beta is of length 1."""
+    """Return the squared length of dn/dalpha; dn/dbeta has length 1."""
     return by_alpha[1] * by_alpha[1] + by_alpha[2] * by_alpha[2]
 
 
@@ -159,7 +161,7 @@ def is_locked(crane, work, joint):
 
 @jit
 def move_axes(crane, state, command, work, rate):
-    """Solve the equations in `work` for the accelerations; writes the rates of all but a body."""
+    """Solve the equations in `work`; write the accelerations and the rates of all states but the body's."""
     acceleration, push = work.acceleration, work.push
     for i in range(3):
         drive = crane.gain[i] * command[i] - crane.damping[i] * state[2 * i + 1] - crane.holding_force[i]
@@ -202,7 +204,7 @@ def rail_force(crane, state, axis):
 
 @jit
 def load_pull(work, coordinate):
-    """Force of load and rope along a coordinate [N, N m]."""
+    """Return the force of load and rope along a coordinate [N, N m]."""
     pull = work.force[coordinate]
     for j in range(JOINTS):
         pull -= work.matrix[max(coordinate, j), min(coordinate, j)] * work.acceleration[j]
@@ -221,7 +223,7 @@ def add_axes(crane, state, command, work):
     for i in range(2):
         locked, mass = is_locked(crane, work, i), crane.axis_mass[i]
         fixed[i] = locked and not crane.has_frame
-        if locked and crane.has_frame:  # then the rails move with it
+        if locked and crane.has_frame:  # then the rails move with the axis
             factor[i, i] += mass + crane.rail_mass[i]
             force[i] += mass * crane.gravity[i] + rail_force(crane, state, i)
             force[i] += crane.rail_mass[i] * locked_acceleration(crane, command, i)
@@ -241,9 +243,9 @@ def add_axes(crane, state, command, work):
 
 @jit
 def solve(matrix, force, fixed):
-    """Accelerations into `force` (5,) by elimination in the lower half of `matrix` (5, 5).
+    """Replace `force` (5,) by the accelerations, by elimination in the lower half of `matrix` (5, 5).
 
-    Those that are fixed are there already.
+    Fixed coordinates have their accelerations in `force` from the start.
     """
     for i in range(JOINTS):
         if fixed[i]:
@@ -267,7 +269,7 @@ def solve(matrix, force, fixed):
 
 @jit
 def reaction_forces(crane, work):
-    """Compute the friction force that holds each sticking joint [N, N m], into `holding`."""
+    """Write the friction force that holds each stuck joint [N, N m] into `work.holding`."""
     for i in range(JOINTS):
         work.holding[i] = 0.0
         if not work.stuck[i]:

@@ -1,4 +1,4 @@
-"""The elastic plant: our equations of the crane as it is built, behind the plant interface."""
+"""The elastic plant: a crane with elastic rope, swinging load, soft frame and friction, as a plant."""
 
 from typing import NamedTuple
 
@@ -26,12 +26,12 @@ from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TENSION, TROLLEY, VELOCI
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
-FINE_DIFFERENCE = 1e-9  # [m, rad, m/s, rad/s], below the stretch of a stiff rope
+FINE_DIFFERENCE = 1e-9  # step of finite differences [m, rad, m/s, rad/s], below a stiff rope's stretch
 STILL_AIR = np.zeros(6)
 
 
 class ElasticHandle(NamedTuple):
-    """What the kernels need."""
+    """Constants, state and work space: what the kernels need."""
 
     crane: ElasticCrane
     state: Array  # (22,)
@@ -40,14 +40,14 @@ class ElasticHandle(NamedTuple):
 
 @jit
 def measure_joints(handle, state):
-    """Joint positions and velocities (10,) into `state`."""
+    """Write the joint positions and velocities (10,) into `state`."""
     for i in range(2 * JOINTS):
         state[i] = handle.state[i]
 
 
 @jit
 def observe_load(crane, state, work, load):
-    """Load position, velocity and rope tension (7,) into `load`, with what `work` has found."""
+    """Write load position, velocity and rope tension (7,) into `load`; `work` has the last two."""
     n, _, _ = rope_directions(state[ALPHA], state[BETA])
     pivot = (state[BRIDGE] + state[RAILS], state[TROLLEY] + state[RAILS + 2], 0.0)
     for axis in range(3):
@@ -70,7 +70,7 @@ def advance(handle, command, disturbance, wind, load):
 
 @jit
 def no_warnings(_):
-    """Nothing here warns."""
+    """Return 0: this plant has no warnings."""
     return 0
 
 
@@ -96,32 +96,32 @@ class ElasticPlant:
         return True
 
     def check_length(self, length: float) -> None:
-        """Raise InputError where effects need a longer rope, or shorter steps with a rope of `length` [m]."""
+        """Raise InputError if a rope of `length` [m] is too short for the effects or for the step."""
         if any((self.effects.rope, self.effects.body, self.effects.frame, self.effects.friction)):
             check_hook(self.effects, length)
             step, period = self.crane.step, self.crane.step * self.crane.substeps
             check_rate(self.fastest_rate(length), self.effects, length, step=step, period=period)
 
     def fastest_rate(self, length: float) -> float:
-        """Largest modulus of the poles of the crane that hangs still with `length` [m] of rope [1/s].
+        """Return the largest modulus of the poles [1/s] about rest with `length` [m] of rope.
 
-        From finite differences, with joints that slide freely.
+        It is computed from finite differences, with joints that slide freely.
         """
         crane = self.crane._replace(has_friction=False, coulomb=(0.0, 0.0, 0.0, 0.0, 0.0))
         joints, work = np.zeros(10), make_work()
         joints[ROPE] = length
         hanging, command = taut_state(crane, self.effects, joints, self.drive)
-        places = crane.places
+        changing = crane.changing
 
         def rates(state: Array) -> Array:
             stick_or_slip(crane, state, command, STILL_AIR[:2], STILL_AIR, work)
-            first_rates: Array = work.rates[0, places].copy()
+            first_rates: Array = work.rates[0, changing].copy()
             return first_rates
 
         rest = rates(hanging)
         system = [
             (rates(hanging + FINE_DIFFERENCE * np.eye(len(hanging))[index]) - rest) / FINE_DIFFERENCE
-            for index in places
+            for index in changing
         ]
         return float(np.abs(np.linalg.eigvals(np.array(system))).max())
 
@@ -148,8 +148,8 @@ def taut_state(
 ) -> tuple[Array, Array]:
     """Return the state (22,) that starts at `joints` (10,), and the command (3,) that keeps it.
 
-    The rope, if it can be taut, is stretched so that it neither stretches on nor springs back; its viscosity
-    is set. The drives keep their speeds, or, taking forces, hold the weight.
+    A rope that can be taut is stretched until its stretch has no acceleration. The viscosity of the rope is
+    set too. Velocity drives keep their speeds, and force drives hold the weight.
     """
     set_damping(crane, effects, joints[ROPE])
     command = np.zeros(3)
@@ -158,7 +158,7 @@ def taut_state(
     elif DRIVES[drive].at_rest == "weight":
         command[2] = crane.load_mass * crane.gravity[2]
     tension, work = 0.0, make_work()
-    for _ in range(3):  # the stretch moves the load, by little
+    for _ in range(3):  # the stretch lowers the load a little, so the tension is refined
         if not crane.has_elastic_rope:
             break
         stretching = []

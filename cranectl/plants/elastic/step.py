@@ -1,8 +1,8 @@
-"""A step of the elastic crane: joints slide or stick all the while, or it is parted where that changes.
+"""A step of the elastic crane; it is split where a joint begins to slide or to stick.
 
-Coulomb's friction is no smoothed sign: what slides rubs with its whole force against its motion, what sticks
-stands still until more than that is needed to hold it. Within a part the equations are smooth, so the
-integrator keeps its order.
+Coulomb friction is not smoothed. A sliding joint feels the whole friction force against its motion. A stuck
+joint stands still until a larger force would be needed to hold it. Within each part of a step the equations
+are smooth, so that the integrator keeps its order.
 """
 
 from math import sqrt
@@ -11,15 +11,15 @@ from cranectl.plants.elastic.crane import BODY, JOINTS, STAGES, A, B
 from cranectl.plants.elastic.motion import derivative, reaction_forces
 from cranectl.support.jit import jit
 
-PARTS = 20  # of a step at most
-MAX_STICK_ROUNDS = 10  # in which joints at rest find out who sticks
-SEARCHES = 40  # for the instant at which that changes
-SHARP = 1e-12  # how well it is found: by what changes up to it and after it in the step
+MAX_STEP_PARTS = 20
+MAX_STICK_ROUNDS = 10  # iterations to decide which of the joints at rest stick
+MAX_EVENT_SEARCHES = 40  # iterations to find the instant at which a joint begins to slide or to stick
+EVENT_TOLERANCE = 1e-12  # of the margin at that instant, relative to its change over the step
 
 
 @jit
 def stick_or_slip(crane, state, command, disturbance, wind, work):
-    """Find out which joints stick at `state`; writes the rates there."""
+    """Decide which joints stick at `state`, and compute the rates there, both into `work`."""
     for joint in range(JOINTS):
         rate, has_friction = state[2 * joint + 1], crane.coulomb[joint] > 0.0
         work.stuck[joint] = has_friction and rate == 0.0
@@ -37,7 +37,10 @@ def stick_or_slip(crane, state, command, disturbance, wind, work):
 
 @jit
 def update_modes(crane, state, work):
-    """Let go what is held the hardest beyond its friction, or hold again what would slide back."""
+    """Release the joint whose friction is exceeded most, or stick one that would slide back.
+
+    Return True if a joint was released or stuck.
+    """
     loose, most = -1, 1.0
     for joint in range(JOINTS):
         if work.stuck[joint] and abs(work.holding[joint]) > most * crane.coulomb[joint]:
@@ -55,16 +58,16 @@ def update_modes(crane, state, work):
 
 @jit
 def integrate(crane, state, length, command, disturbance, wind, work):
-    """Integrate from `state`, whose rates are known, over `length` [s] into `work.end`."""
+    """Integrate from `state`, with its rates in `work.rates[0]`, over `length` [s]; write `work.end`."""
     rates, trial, end = work.rates, work.trial, work.end
     for stage in range(1, STAGES):
-        for index in crane.places:
+        for index in crane.changing:
             increment = 0.0
             for j in range(stage):
                 increment += A[stage, j] * rates[j, index]
             trial[index] = state[index] + length * increment
         derivative(crane, trial, command, disturbance, wind, work, rates[stage])
-    for index in crane.places:
+    for index in crane.changing:
         increment = 0.0
         for stage in range(STAGES):
             increment += B[stage] * rates[stage, index]
@@ -77,7 +80,7 @@ def integrate(crane, state, length, command, disturbance, wind, work):
 
 @jit
 def margin(crane, state, work, joint):
-    """Return how far `joint` is from sliding or sticking: signed rate, or friction less holding force."""
+    """Return the margin of `joint` before it changes: signed rate, or friction minus holding force."""
     if work.stuck[joint]:
         return crane.coulomb[joint] - abs(work.holding[joint])
     return work.sign[joint] * state[2 * joint + 1]
@@ -85,7 +88,7 @@ def margin(crane, state, work, joint):
 
 @jit
 def evaluate_end(crane, command, disturbance, wind, work):
-    """Compute the holding forces of the sticking joints at `work.end`."""
+    """Compute the holding forces of the stuck joints at `work.end`."""
     for joint in range(JOINTS):
         if work.stuck[joint]:
             derivative(crane, work.end, command, disturbance, wind, work, work.rates[STAGES])
@@ -94,8 +97,8 @@ def evaluate_end(crane, command, disturbance, wind, work):
 
 
 @jit
-def changing(crane, work, known):
-    """Return a joint other than `known` that begins to slide or stick by `work.end`, or -1."""
+def find_changed_joint(crane, work, known):
+    """Return a joint other than `known` that begins to slide or stick before `work.end`, or -1."""
     for joint in range(JOINTS):
         if joint != known and margin(crane, work.end, work, joint) < 0.0:
             return joint
@@ -104,9 +107,9 @@ def changing(crane, work, known):
 
 @jit
 def finish_step(crane, state, command, disturbance, wind, work):
-    """Advance `state`, whose joints stick or slide consistently, to the end of the step, in place."""
+    """Advance `state` in place to the end of the step; `stick_or_slip` must have been called at `state`."""
     left = crane.step
-    for part in range(PARTS):
+    for part in range(MAX_STEP_PARTS):
         if part > 0:
             stick_or_slip(crane, state, command, disturbance, wind, work)
         start = work.margins
@@ -114,15 +117,15 @@ def finish_step(crane, state, command, disturbance, wind, work):
             start[joint] = margin(crane, state, work, joint)
         length, changed = left, -1
         integrate(crane, state, length, command, disturbance, wind, work)
-        if crane.has_friction and part < PARTS - 1:
+        if crane.has_friction and part < MAX_STEP_PARTS - 1:
             evaluate_end(crane, command, disturbance, wind, work)
             for _ in range(JOINTS):
-                joint = changing(crane, work, changed)
+                joint = find_changed_joint(crane, work, changed)
                 if joint < 0:
                     break
                 changed = joint
                 length = find_event(crane, state, length, joint, command, disturbance, wind, work)
-        for index in crane.places:
+        for index in crane.changing:
             state[index] = work.end[index]
         for joint in range(JOINTS):
             if work.sign[joint] * state[2 * joint + 1] < 0.0:
@@ -134,16 +137,16 @@ def finish_step(crane, state, command, disturbance, wind, work):
 
 @jit
 def find_event(crane, state, length, joint, command, disturbance, wind, work):
-    """Find when `joint` begins to slide or stick within `length` [s] (Illinois method).
+    """Return the time [s], at most `length`, at which `joint` begins to slide or stick (Illinois method).
 
-    `work.end` is the state just behind that instant.
+    The state just after that time is left in `work.end`.
     """
     low, high, above, below = 0.0, length, work.margins[joint], margin(crane, work.end, work, joint)
     if above <= 0.0:
         return length
-    sharp, left, right = SHARP * (above - below), above, below  # what the secant takes for the two
-    for _ in range(SEARCHES):
-        if below >= -sharp:
+    tolerance, left, right = EVENT_TOLERANCE * (above - below), above, below  # last two: ends of the secant
+    for _ in range(MAX_EVENT_SEARCHES):
+        if below >= -tolerance:
             break
         middle = high - right * (high - low) / (right - left)
         integrate(crane, state, middle, command, disturbance, wind, work)

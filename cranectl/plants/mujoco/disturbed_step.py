@@ -1,19 +1,19 @@
-"""A step of the engine under what changes within it: the thesis's disturbance, drag, a rope that is paid out.
+"""A step of MuJoCo under forces that change within the step: the thesis's disturbance, drag, an elastic rope.
 
-The engine holds applied forces, and the numbers of its model, over a step. Held, drag is of first order in
-the step, a torque m l² cos² beta d_alpha of second, where all else is of fourth. So while such things act the
-engine's own scheme is taken here, stage by stage, with what the state there makes of them; where
-nothing changes it is `mj_step`, bit for bit where no ball joint turns, and to the fifth order of the step
-where one does. (The engine's callback for such forces belongs to the whole process, and a model without
-springs and dampers skips it.)
+The engine keeps applied forces and the numbers of its model constant over a step. Constant drag would have an
+error of first order in the step, and a constant torque m l² cos² beta d_alpha one of second order. All else
+is of fourth order. So this module takes the engine's own scheme stage by stage, and computes such forces from
+the state of each stage. Without them it gives the same bits as `mj_step` if no ball joint turns, and agrees
+to the fifth order of the step if one does. (The engine's callback for such forces belongs to the whole
+process, and a model without springs and dampers skips it.)
 
 Compiled code calls the engine's functions. Their symbols are resolved at link time from the library that the
-`mujoco` package has loaded, so no C compiler and no struct offsets are needed and Numba's cache keeps
-working. An error inside the library ends the process: callers take their first step through the Python
+`mujoco` package has loaded. So neither a C compiler nor struct offsets are needed, and Numba's cache works.
+An error inside the library ends the process. Therefore callers take their first step through the Python
 binding.
 
-The binding gives the engine a clock, which it reads at every part of a step to fill `mjData.timer`: a quarter
-of the time of a step as small as the crane's. Loading this module takes it away again, for the whole process.
+The binding gives the engine a clock to fill `mjData.timer`. Reading it takes a quarter of the time of a step
+as small as the crane's. Loading this module removes the clock, for the whole process.
 """
 
 import ctypes
@@ -45,7 +45,7 @@ def _library() -> str:
     for path in candidates:
         if path.name.startswith(("libmujoco", "mujoco")):
             return str(path)
-    raise CranectlError("the mujoco package carries no engine library that compiled code could call")
+    raise CranectlError("the mujoco package contains no engine library that compiled code can call")
 
 
 _LIBRARY = _library()
@@ -54,7 +54,7 @@ ctypes.c_void_p.in_dll(ctypes.CDLL(_LIBRARY), "mjcb_time").value = None  # the c
 
 
 def _engine(name: str, *arguments: Any) -> Any:
-    """Return the engine's function `name`, without a result; compiled or, without Numba, through ctypes."""
+    """Return the engine's function `name`, which returns nothing: for compiled code or through ctypes."""
     if not _numba_config.DISABLE_JIT:
         return types.ExternalFunction(name, types.void(*arguments))
     function = getattr(ctypes.CDLL(_LIBRARY), name)
@@ -62,7 +62,7 @@ def _engine(name: str, *arguments: Any) -> Any:
     return function
 
 
-# All take the addresses of model and data; what follows them is said here.
+# All take the addresses of model and data first; comments give further arguments.
 mj_step = _engine("mj_step", ADDRESS, ADDRESS)
 mj_check_pos = _engine("mj_checkPos", ADDRESS, ADDRESS)
 mj_check_vel = _engine("mj_checkVel", ADDRESS, ADDRESS)
@@ -71,32 +71,32 @@ mj_fwd_position = _engine("mj_fwdPosition", ADDRESS, ADDRESS)
 mj_fwd_velocity = _engine("mj_fwdVelocity", ADDRESS, ADDRESS)
 mj_sensor_pos = _engine("mj_sensorPos", ADDRESS, ADDRESS)
 mj_sensor_vel = _engine("mj_sensorVel", ADDRESS, ADDRESS)
-# ... stage up to which nothing is computed anew, whether sensors are left out
+# ... stage up to which nothing is computed again, whether sensors are skipped
 mj_forward_skip = _engine("mj_forwardSkip", ADDRESS, ADDRESS, FLAG, FLAG)
 # model, positions that change, velocities, time [s]
 mj_integrate_pos = _engine("mj_integratePos", ADDRESS, ADDRESS, ADDRESS, NUMBER)
 
-# The classical fourth-order scheme: how far the next stage reaches, and what each stage counts.
+# The classical Runge-Kutta scheme of order 4: where the next stage is, and the weight of each stage.
 REACH = (0.5, 0.5, 1.0)
 WEIGHT = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
-VELOCITY_STAGE = 2  # of the engine's forward dynamics: up to it nothing depends on forces
+VELOCITY_STAGE = 2  # of the engine's forward dynamics; nothing up to it depends on forces
 
 
 class StageWork(NamedTuple):
-    """What a step in stages reads and keeps of one MjModel/MjData pair besides the rig's own views."""
+    """Views and work space that a step in stages needs, besides the views of the rig."""
 
     qacc: Array  # view
     warmstart: Array  # view
     qpos_address: int
     slope_address: int
-    swing: int  # of the load's ball joint in qvel; -1 without one
+    swing: int  # index in qvel of the load's ball joint; -1 without one
     start_position: Array  # (nq,)
     start_velocity: Array  # (nv,)
     slope: Array  # (nv,) rates of the positions, in the tangent space of the start
     turn: Array  # (3,) rotation vector of the load since the start, about its own axes
     mean_slope: Array  # (nv,)
     mean_acceleration: Array  # (nv,)
-    sensed: Array  # (7,) of the load at the start of the step
+    sensed: Array  # (7,) sensor values of the load at the start of the step
 
 
 def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, has_body: bool) -> StageWork:
@@ -120,7 +120,7 @@ def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, has_body: bool) ->
 
 @jit
 def apply_disturbance(rig, disturbance):
-    """Hinge torques that add `disturbance` (2,) [rad/s²] to the cardan accelerations at the present state."""
+    """Set hinge torques that add `disturbance` (2,) [rad/s²] to the cardan accelerations at this state."""
     length = rig.qpos[rig.distance[0]]
     cos_beta = cos(rig.qpos[rig.joints[4]])
     inertia = rig.load_mass * length * length
@@ -132,8 +132,8 @@ def apply_disturbance(rig, disturbance):
 def push_body(rig, disturbance):
     """Apply the thesis's disturbance (2,) [rad/s²] to a load that swings below its hook.
 
-    A force at its centre: torques at the cardan hinges would act on the hook, which has no mass. The trolley
-    takes the opposite force, as it does from a torque, so that a load without extent moves the same.
+    It is a force at the load's centre, since torques at the cardan hinges would act on the massless hook. The
+    opposite force acts on the trolley, as it does with a torque. So a load of no size moves the same.
     """
     length = rig.qpos[rig.joints[2]]
     alpha, beta = rig.qpos[rig.joints[3]], rig.qpos[rig.joints[4]]
@@ -149,7 +149,7 @@ def push_body(rig, disturbance):
 
 @jit
 def push_load(rig, disturbance):
-    """Replace the last disturbance of the load by `disturbance` (2,) [rad/s²] at the present state."""
+    """Apply `disturbance` (2,) [rad/s²] at the present state, in place of the last one."""
     if rig.has_body:
         push_body(rig, disturbance)
     else:
@@ -158,7 +158,7 @@ def push_load(rig, disturbance):
 
 @jit
 def apply_drag(rig, wind):
-    """Drag on the load in air that moves, and the force on it, of `wind` (6,), at the sensed velocity."""
+    """Apply the drag and the force of `wind` (6,) to the load, at the velocity that its sensors give."""
     v_x = wind[0] - rig.sensors[rig.load_sensors[3]]
     v_y = wind[1] - rig.sensors[rig.load_sensors[4]]
     v_z = wind[2] - rig.sensors[rig.load_sensors[5]]
@@ -172,9 +172,10 @@ def apply_drag(rig, wind):
 
 @jit
 def evaluate(rig, disturbance, wind, first):
-    """Accelerations at the present state under all that acts on it; `first`: and what the sensors say.
+    """Compute the accelerations at the present state under all forces; if `first`, also all sensor values.
 
-    In parts, for drag asks for the load's velocity, and constraints, the dearest of them, need solving once.
+    The engine's parts are called one by one. Drag needs the velocity of the load first, and the constraints,
+    which take the most time, are solved only once.
     """
     if rig.rope.active:
         pay_out(rig.rope, rig.qpos)
@@ -202,7 +203,7 @@ def release_load(rig):
 
 @jit
 def _begin(rig):
-    """Note the state, in which the engine has brought quaternions to unit length by now."""
+    """Copy the state at the start of the step; the engine has normalised its quaternions by now."""
     work = rig.work
     for i in range(len(rig.qpos)):
         work.start_position[i] = rig.qpos[i]
@@ -217,7 +218,7 @@ def _begin(rig):
 
 @jit
 def turn_rate(turn, spin):
-    """Rate of the rotation vector `turn` (3,) under a spin (3,) about the body's own axes, to fourth order.
+    """Return the rate of the rotation vector `turn` (3,) at `spin` (3,) about body axes, to fourth order.
 
     spin + turn x spin / 2 + turn x (turn x spin) / 12 (Munthe-Kaas, BIT 38, 1998).
     """
@@ -233,7 +234,7 @@ def turn_rate(turn, spin):
 
 @jit
 def _keep_stage(rig, weight):
-    """Count the rates of this stage by `weight`."""
+    """Add the rates of this stage, times `weight`, to the mean rates."""
     work = rig.work
     for i in range(len(rig.qvel)):
         work.slope[i] = rig.qvel[i]
@@ -248,7 +249,7 @@ def _keep_stage(rig, weight):
 
 @jit
 def _move(rig, slope, acceleration, reach):
-    """Move from the start of the step along `slope` and `acceleration` (nv,) for `reach` [s]."""
+    """Set the state at `reach` [s] after the start of the step, with `slope` and `acceleration` (nv,)."""
     work = rig.work
     for i in range(len(slope)):
         work.slope[i] = slope[i]
@@ -264,7 +265,7 @@ def _move(rig, slope, acceleration, reach):
 
 @jit
 def step_in_stages(rig, disturbance, wind):
-    """Step as `mj_step` does, under `disturbance` (2,) [rad/s²] in `wind` (6,); the time stands still."""
+    """Step as `mj_step` does, with `disturbance` (2,) [rad/s²] and `wind` (6,); `mjData.time` stays."""
     work = rig.work
     mj_check_pos(rig.model, rig.data)
     mj_check_vel(rig.model, rig.data)

@@ -1,9 +1,10 @@
-"""Effects that are parts of the model: each adds what it is made of, then lists the numbers of it.
+"""Effects as parts of the MuJoCo model: a function adds the elements of each, another lists their numbers.
 
-Numbers that follow from parameters are written alike into a spec and into what is compiled of it. So a model
-that takes other parameters in place becomes, bit for bit, the one that would be compiled for them. Effects
-are a load that swings under its hook, a rope that gives, a frame that gives way under its bridge, friction,
-limits of force. MADE has them all.
+Numbers that depend on parameters can be written into a spec or into its compiled model. So a compiled model
+that takes other parameters becomes, bit for bit, the one that would be compiled for them.
+
+The effects are a load that swings under its hook, an elastic rope, an elastic frame, friction and limits of
+force. EFFECT_MODELS lists them all.
 """
 
 from collections.abc import Callable, Iterable
@@ -22,34 +23,34 @@ DRIVEN_JOINTS = ("bridge_position", "trolley_position", "rope_length")
 CARDAN_JOINTS = ("alpha", "beta")
 ACTUATORS = ("bridge_drive", "trolley_drive", "winch_drive")
 
-COMPILED = {"ref": "qpos0"}  # fields that have another name in a compiled model
+COMPILED_NAMES = {"ref": "qpos0"}  # names in a compiled model of fields that have another one in a spec
 
 
 class Entry(NamedTuple):
-    """A number of one element, or the first numbers of a list, by their names in MJCF."""
+    """A number of an element, or the first numbers of a list, by its name in MJCF."""
 
-    element: str  # body, joint, actuator; or option, which has no name
+    element: str  # body, joint, actuator; or option, with an empty name
     name: str
     field: str
     value: float | tuple[float, ...]
 
 
 class Setting(NamedTuple):
-    """What an effect is part of."""
+    """What effects need to know of the model that they are added to."""
 
     rig: RigParameters
     drive: Drive
-    drawn: float  # length of rope in the file, measured to the load [m]
-    length: float  # and to the hook
+    drawn: float  # length of rope in the model file [m], measured to the load's centre
+    length: float  # the same, measured to the hook [m]
 
     @property
     def is_moved_by_force(self) -> bool:
-        """False for ideal drives, which no force can hold."""
+        """Whether forces move the drives; False for ideal drives."""
         return not DRIVES[self.drive].is_prescribed
 
 
 def write_spec(spec: mujoco.MjSpec, entries: Iterable[Entry]) -> None:
-    """Set all entries before compiling."""
+    """Set all entries in a spec, before it is compiled."""
     for element, name, field, value in entries:
         owner: Any = spec.option if element == "option" else getattr(spec, element)(name)
         if isinstance(getattr(owner, field), np.ndarray):
@@ -60,19 +61,19 @@ def write_spec(spec: mujoco.MjSpec, entries: Iterable[Entry]) -> None:
 
 
 def write_model(model: mujoco.MjModel, entries: Iterable[Entry]) -> None:
-    """Set all entries in a compiled model, but nothing that follows from them."""
+    """Set all entries in a compiled model; `derive_constants` must follow."""
     for element, name, field, value in entries:
         owner = model.opt if element == "option" else getattr(model, element)(name)
-        view = getattr(owner, COMPILED.get(field, field))
-        size = len(value) if isinstance(value, tuple) else len(view)  # one number: of a ball joint, all three
+        view = getattr(owner, COMPILED_NAMES.get(field, field))
+        size = len(value) if isinstance(value, tuple) else len(view)  # one number sets all of a ball joint
         view[:size] = value
 
 
 def derive_constants(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Bring what the compiler derives from entries up to date: `mj_setConst`, and what that leaves alone.
+    """Update what the compiler derives from entries: with `mj_setConst`, and here what that does not update.
 
-    That is the mean inertia, by which the solver of friction stops, the mean mass, and the tendons' lengths
-    at rest. `data` is left anyhow.
+    Not updated by it are the mean inertia, which the solver of friction uses to stop, the mean mass, and the
+    tendons' lengths at rest. The state in `data` is lost.
     """
     mujoco.mj_resetData(model, data)
     mujoco.mj_setConst(model, data)
@@ -84,13 +85,13 @@ def derive_constants(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     model.tendon_lengthspring[:] = data.ten_length[:, np.newaxis]
 
 
-# A hook has at least so much mass: MuJoCo wants some of every body that moves.
+# Least mass and inertia of a hook: MuJoCo requires some of every moving body.
 HOOK_MASS = 1e-9  # of the load's mass
 HOOK_INERTIA = 1e-15  # [kg m²]
 
 
 def hang_body(spec: mujoco.MjSpec, _body: Body, _of: Setting) -> None:
-    """Part the filed point load in hook and load, joined by a ball joint `hook_offset` above the load."""
+    """Split the model file's point load into hook and load, joined by a ball joint."""
     hook = spec.body("load")
     geoms = [(g.name, g.type, g.size.copy(), g.fromto.copy(), g.material) for g in hook.geoms]
     hook.name = "hook"
@@ -114,7 +115,7 @@ def hang_body(spec: mujoco.MjSpec, _body: Body, _of: Setting) -> None:
 
 
 def body_entries(body: Body, of: Setting) -> list[Entry]:
-    """Return the numbers of hook, load and the joint between them; the mass of the load is the rig's."""
+    """Return the numbers of hook and load, except the load's mass, and of the ball joint above the load."""
     return [
         Entry("body", "hook", "mass", max(body.hook_mass, HOOK_MASS * of.rig.load_mass)),
         Entry("body", "load", "pos", (0.0, 0.0, -body.hook_offset)),
@@ -126,11 +127,11 @@ def body_entries(body: Body, of: Setting) -> list[Entry]:
 
 WINCH_MASS = 1e-9  # [kg] of the winch's body; the rotor's inertia is the joint's armature
 LARGEST_FORCE = 1e12  # [N]
-SLENDER = 1e-6  # inertia of the rope about itself, of that across
+SLENDER = 1e-6  # inertia of the rope about its own axis, as a share of that across
 
 
 def add_rope(spec: mujoco.MjSpec, rope: Rope, _of: Setting) -> None:
-    """Part the filed rope joint in winch and distance, and pull with a tendon between them."""
+    """Split the model file's rope joint into winch and distance, and add a tendon that pulls between them."""
     distance = spec.joint("rope_length")
     distance.name = DISTANCE
     distance.armature = 0.0
@@ -159,9 +160,9 @@ def add_rope(spec: mujoco.MjSpec, rope: Rope, _of: Setting) -> None:
 
 
 def rope_entries(rope: Rope, of: Setting) -> list[Entry]:
-    """Return the numbers of the rope in the compiled model: no tension, and a mass if it has one.
+    """Return the numbers of the rope as compiled: no tension yet, and its mass, if it has any.
 
-    Its mass is a thin rod above its end, cut off at the pivot: it moves with what the winch pays out.
+    The mass is a thin rod from the rope's end up to the pivot, and moves with the rope that is paid out.
     """
     density, length = rope.mass, of.length
     entries = [
@@ -184,15 +185,15 @@ FRAME = {"frame_x": (1.0, 0.0, 0.0), "frame_y": (0.0, 1.0, 0.0)}  # joints and t
 
 
 def add_frame(spec: mujoco.MjSpec, _frame: Frame, _of: Setting) -> None:
-    """Put the bridge on a damped spring along x and along y; its joints stay relative to the rails."""
+    """Put the bridge on a damped spring along x and along y; its own joint stays relative to the rails."""
     for name, axis in FRAME.items():
         spec.body("bridge").add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
 
 
 def frame_entries(frame: Frame, of: Setting) -> list[Entry]:
-    """Return the frame's mass, as inertia (armature) of its two joints, and their springs.
+    """Return the frame's mass, as inertia (armature) of its two joints, and the springs and dampers.
 
-    Its frequency is the empty rig's: no load, bridge and trolley standing on it.
+    The frequency is that of the empty rig: bridge and trolley stand on the frame, without a load.
     """
     mass = frame.mass + of.rig.bridge_mass + of.rig.trolley_mass
     entries: list[Entry] = []
@@ -206,26 +207,26 @@ def frame_entries(frame: Frame, of: Setting) -> list[Entry]:
     return entries
 
 
-# A sticking joint creeps with force / mass · (1 - impedance) / impedance · time constant / 2, with these and
-# steps of 1 ms with 1e-7 s · force / mass. A time constant below two steps is not stable.
-IMPEDANCE = 0.9999  # the hardest that the engine takes
-STEPS = 2.0
-# The solver stops where its progress is small against the mean inertia, which ideal drives make 1e12 times
-# that of the crane. With the engine's own 1e-8 it would not start.
-TOLERANCE = 1e-30
+# A stuck joint creeps at force / mass · (1 - impedance) / impedance · time constant / 2. With these values
+# and steps of 1 ms this is 1e-7 s · force / mass. A time constant below two steps is not stable.
+MAX_IMPEDANCE = 0.9999  # the largest that the engine accepts
+FRICTION_STEPS = 2.0  # time constant of friction, in steps
+# The solver stops when its progress is small compared with the mean inertia. Ideal drives make that 1e12
+# times the crane's, so with the engine's default of 1e-8 the solver would not start.
+SOLVER_TOLERANCE = 1e-30
 
 
 def add_friction(spec: mujoco.MjSpec, _friction: Friction, of: Setting) -> None:
-    """Friction of the engine's own: Coulomb's as a constraint that holds at rest, viscous as damping."""
+    """Switch on the engine's friction: Coulomb's is a constraint that holds at rest, viscous is damping."""
     for name in (*CARDAN_JOINTS, *(DRIVEN_JOINTS if of.is_moved_by_force else ())):
         joint = spec.joint(name)
-        joint.solref_friction = (STEPS * spec.option.timestep, 1.0)
-        joint.solimp_friction[:2] = IMPEDANCE
-    spec.option.tolerance = TOLERANCE
+        joint.solref_friction = (FRICTION_STEPS * spec.option.timestep, 1.0)
+        joint.solimp_friction[:2] = MAX_IMPEDANCE
+    spec.option.tolerance = SOLVER_TOLERANCE
 
 
 def friction_entries(friction: Friction, of: Setting) -> list[Entry]:
-    """Coulomb's and viscous friction of each joint."""
+    """Return Coulomb's and viscous friction of each joint."""
     pivot = (friction.pivot_coulomb, friction.pivot_viscous)
     axes = zip(DRIVEN_JOINTS, friction.coulomb, friction.viscous, strict=True)
     joints = [(name, *pivot) for name in CARDAN_JOINTS] + (list(axes) if of.is_moved_by_force else [])
@@ -237,7 +238,7 @@ def friction_entries(friction: Friction, of: Setting) -> list[Entry]:
 
 
 def limit_forces(spec: mujoco.MjSpec, _limits: DriveLimits, _of: Setting) -> None:
-    """Limit the whole force of each drive, the weight that the winch holds included."""
+    """Limit the whole force of each drive, including the weight that the winch holds."""
     for name in ACTUATORS:
         spec.actuator(name).forcelimited = True
 
@@ -248,24 +249,24 @@ def limit_entries(limits: DriveLimits, _of: Setting) -> list[Entry]:
     return [Entry("actuator", name, "forcerange", (-force, force)) for name, force in forces]
 
 
-class Made(NamedTuple):
-    """How the engine shows an effect: what it adds, its numbers, and what of the engine it needs."""
+class EffectModel(NamedTuple):
+    """An effect in the engine: what it adds, its numbers, and which features of the engine it needs."""
 
-    add: Callable[[mujoco.MjSpec, Any, Setting], None]
+    add: Callable[[mujoco.MjSpec, Any, Setting], None]  # must keep the names of the driven joints
     entries: Callable[[Any, Setting], list[Entry]]
-    needs: tuple[mujoco.mjtDisableBit, ...] = ()  # else switched off
+    needs: tuple[mujoco.mjtDisableBit, ...] = ()  # features that stay on; without effects they are off
     is_shown: Callable[[Setting], bool] = lambda _: True
 
 
 _BIT = mujoco.mjtDisableBit
-MADE = {
-    "body": Made(hang_body, body_entries, needs=(_BIT.mjDSBL_DAMPER,)),
-    "rope": Made(add_rope, rope_entries),
-    "frame": Made(add_frame, frame_entries, needs=(_BIT.mjDSBL_SPRING, _BIT.mjDSBL_DAMPER)),
-    "friction": Made(
+EFFECT_MODELS = {
+    "body": EffectModel(hang_body, body_entries, needs=(_BIT.mjDSBL_DAMPER,)),
+    "rope": EffectModel(add_rope, rope_entries),
+    "frame": EffectModel(add_frame, frame_entries, needs=(_BIT.mjDSBL_SPRING, _BIT.mjDSBL_DAMPER)),
+    "friction": EffectModel(
         add_friction,
         friction_entries,
         needs=(_BIT.mjDSBL_CONSTRAINT, _BIT.mjDSBL_WARMSTART, _BIT.mjDSBL_DAMPER),
     ),
-    "limits": Made(limit_forces, limit_entries, is_shown=lambda of: of.is_moved_by_force),
+    "limits": EffectModel(limit_forces, limit_entries, is_shown=lambda of: of.is_moved_by_force),
 }

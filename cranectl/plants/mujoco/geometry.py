@@ -1,4 +1,4 @@
-"""The shapes of a crane for logs and pictures: those of `models/crane.xml`, or of a larger kind of crane."""
+"""The shapes of a crane in logs and pictures, from `models/crane.xml` or as another kind of crane."""
 
 import functools
 from collections.abc import Callable, Mapping
@@ -25,26 +25,31 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.support import resources
 from cranectl.support.arrays import Array
 
-# MuJoCo's names of what is drawn; planes are endless and left out.
+# Shapes that are drawn, by MuJoCo's type. Planes are infinite and left out.
 KINDS = {
     int(mujoco.mjtGeom.mjGEOM_BOX): "box",
     int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
     int(mujoco.mjtGeom.mjGEOM_CAPSULE): "cylinder",
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
 }
-# Along which axes a body takes its shapes with it: there they are placed from its own middle.
+# The axes along which a body moves. Along these its shapes are placed relative to its own middle.
 CARRIED = {
     "world": (False, False, False),
     "frame": (False, False, False),
     "bridge": (True, False, False),
     "trolley": (True, True, False),
 }
-ASPECT = 4.0 / 3.0  # what the filed cameras are made for
-NEAR_POST = "near_post"  # begins the names of posts between the overview's camera and the load
-HIDING = ("post", NEAR_POST, "top_beam", "foot_beam")  # begin the names of parts that may hide the load
-FLOOR = 9.0  # [m] from the middle of the laboratory to where pictures of it end
+ASPECT = 4.0 / 3.0  # width over height of pictures from the model file's cameras
+NEAR_POST = "near_post"  # names of posts between the overview's camera and the load begin with this
+HIDING = (
+    "post",
+    NEAR_POST,
+    "top_beam",
+    "foot_beam",
+)  # names of parts that may hide the load begin with these
+FLOOR = 9.0  # [m] from the middle of the laboratory to the edge of its pictures
 COLUMNS = 4  # of a bridge crane, on each side
-CONTAINER = (2.2, 0.9, 0.95)  # half its extents, of the radius of a ball with its mass; 6 m long for 20 t
+CONTAINER = (2.2, 0.9, 0.95)  # half its size, in radii of a ball of the same mass; 6 m long for 20 t
 WATER = (0.55, 0.68, 0.78, 1.0)
 
 Span = tuple[float, float]
@@ -72,7 +77,7 @@ def drawn_spec(rig: RigParameters) -> mujoco.MjSpec:
 
 
 def draw_to_scale(spec: mujoco.MjSpec, rig: RigParameters) -> None:
-    """Stretch shapes, cameras and light; nothing of it has a mass or touches anything."""
+    """Fit shapes, cameras and lights to the size of `rig`; none of them has a mass or makes contact."""
     factor, kind = drawn_load_radius(rig) / FILED_RADIUS, crane_kind(rig)
     for geom in spec.body("load").geoms:
         geom.size, geom.fromto = factor * geom.size, factor * geom.fromto
@@ -82,7 +87,7 @@ def draw_to_scale(spec: mujoco.MjSpec, rig: RigParameters) -> None:
         for geom in [geom for geom in spec.geoms if geom.name.startswith(HIDING)]:
             spec.delete(geom)
     if drawn_as_filed(rig):
-        return  # as filed, to the last bit
+        return  # exactly as in the model file
     if kind not in PARTS:
         for body, carried in CARRIED.items():
             for geom in spec.body(body).geoms:
@@ -102,7 +107,7 @@ def draw_to_scale(spec: mujoco.MjSpec, rig: RigParameters) -> None:
 
 
 def _stretch(geom: mujoco.MjsGeom, rig: RigParameters, carried: Array) -> None:
-    """Fit a part of the rig to the rig's ranges, with its thickness to scale."""
+    """Fit a shape to the ranges of the rig; its thickness is scaled."""
     scale = drawn_scale(rig)
 
     def place(filed: Array) -> Array:
@@ -117,7 +122,7 @@ def _stretch(geom: mujoco.MjsGeom, rig: RigParameters, carried: Array) -> None:
 
 
 class Parts:
-    """Adds parts to a body of a model, in that body's frame."""
+    """A body of a model to which shapes are added, in its own coordinates."""
 
     def __init__(self, spec: mujoco.MjSpec, body: str) -> None:
         self._body = spec.body(body)
@@ -139,7 +144,7 @@ def _around(middle: float, half: float) -> Span:
 
 
 def _replace_parts(spec: mujoco.MjSpec, rig: RigParameters, kind: CraneKind) -> None:
-    """Replace the filed frame, bridge and trolley by those of another kind of crane."""
+    """Replace the model file's frame, bridge and trolley by those of another kind of crane."""
     bodies = ("frame", "bridge", "trolley")
     for body in bodies:
         for geom in list(spec.body(body).geoms):

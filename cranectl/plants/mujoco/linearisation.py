@@ -1,10 +1,11 @@
-"""The engine's whole state as changes about one state: all coordinates, those that effects add included.
+"""Express the engine's whole state as a change from one state, including the coordinates of effects.
 
-Changes of position are in the tangent space, so a ball joint counts three, turns about the body's own axes,
-and not four; its rates are about the axes that the body has at that state, so that a turn about its rope, on
-which nothing depends, does not change them either. The ten measured signals come first, in the order of
-`signals.STATE`; then positions and velocities of the other joints; with drag, the load's velocity (3) of
-which the drag of the next step is made.
+Changes of position are in the tangent space. So a ball joint has three coordinates, turns about the body's
+own axes, and not four. Its rates are about the axes that the body has at the first state. So a turn about the
+rope, on which nothing depends, does not change the rates either.
+
+The ten measured signals come first, in the order of `signals.STATE`. Positions and velocities of the other
+joints follow. With drag the last three are the load's velocity, from which the next step computes the drag.
 """
 
 from typing import NamedTuple
@@ -19,15 +20,15 @@ from cranectl.support.arrays import Array
 
 
 class Anchor(NamedTuple):
-    """The state that changes count from."""
+    """The state from which changes are counted."""
 
     qpos: Array  # (nq,)
     qvel: Array  # (nv,)
-    load_velocity: Array  # (3,) [m/s] as the sensors had it before the last step
+    load_velocity: Array  # (3,) [m/s], sensed at the start of the last step
 
 
 def anchor_of(plant: MujocoPlant) -> Anchor:
-    """Return the present state of `plant`."""
+    """Return the present state of `plant`, to count changes from."""
     mujoco.mj_forward(plant.model, plant.data)
     return Anchor(plant.data.qpos.copy(), plant.data.qvel.copy(), load_velocity(plant))
 
@@ -39,21 +40,21 @@ def load_velocity(plant: MujocoPlant) -> Array:
 
 
 def free_coordinates(plant: MujocoPlant) -> NDArray[np.int64]:
-    """Places in qvel of the joints without a drive."""
+    """Return the indices in qvel of the coordinates without a drive."""
     return np.setdiff1d(np.arange(plant.model.nv), plant.rig.rates[:3])
 
 
 def moved(plant: MujocoPlant, anchor: Anchor, turn: Array) -> Anchor:
-    """Return `anchor` with its positions changed by `turn` (nv,), in the order of qvel."""
+    """Return `anchor` with its positions changed by `turn` (nv,), in the tangent space."""
     qpos = anchor.qpos.copy()
     mujoco.mj_integratePos(plant.model, qpos, turn, 1.0)
     return anchor._replace(qpos=qpos)
 
 
 def unbalanced(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, air: Array) -> Array:
-    """Return the generalised forces (nv,) that accelerate the crane at `anchor`.
+    """Return the unbalanced generalised forces (nv,) at `anchor`, mass matrix times acceleration.
 
-    Mass times acceleration, not acceleration itself: on a hook without mass that is ill conditioned.
+    The accelerations themselves would be ill conditioned for a hook without mass.
     """
     _set(plant, anchor)
     set_command(plant.rig, command)
@@ -64,13 +65,13 @@ def unbalanced(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, 
 
 
 def stretch(plant: MujocoPlant, anchor: Anchor) -> float:
-    """Return by how much the rope is longer than what is paid out [m]; infinite for a rigid rope."""
+    """Return the stretch of the rope, its length minus the length paid out [m]; infinite for a rigid rope."""
     rig = plant.rig
     return float(anchor.qpos[rig.distance[0]] - anchor.qpos[rig.joints[2]]) if rig.rope.active else np.inf
 
 
 def coordinates(plant: MujocoPlant) -> int:
-    """Return the number of coordinates of a change of state."""
+    """Return the number of coordinates that a change of state has."""
     return 2 * int(plant.model.nv) + (3 if plant.rig.drag > 0.0 else 0)
 
 
@@ -86,7 +87,7 @@ def put(plant: MujocoPlant, anchor: Anchor, change: Array) -> None:
 
 
 def change_since(plant: MujocoPlant, anchor: Anchor) -> Array:
-    """Return the difference of the present state from `anchor`."""
+    """Return the present state as a change from `anchor`, the inverse of `put`."""
     data, position = plant.data, np.zeros(plant.model.nv)
     mujoco.mj_differentiatePos(plant.model, position, 1.0, anchor.qpos, data.qpos)
     now = anchor._replace(qpos=data.qpos)
@@ -119,7 +120,7 @@ def _seen(plant: MujocoPlant) -> NDArray[np.int64]:
 
 
 def _order(plant: MujocoPlant) -> NDArray[np.int64]:
-    """Return the order of the changes in the engine's positions, velocities and sensors."""
+    """Return, for each coordinate of a change, its index in (positions, velocities, sensors)."""
     nv, rates = plant.model.nv, plant.rig.rates
     measured = np.column_stack([rates, nv + rates]).ravel()
     return np.concatenate([measured, np.setdiff1d(np.arange(coordinates(plant)), measured)])

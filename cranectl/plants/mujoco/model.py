@@ -1,4 +1,7 @@
-"""`models/crane.xml` for one run: parameters set by name, velocity drives as filed or motors instead."""
+"""Make the MuJoCo model of a run from `models/crane.xml`.
+
+Parameters are set by name. Drives are the velocity servos of the file, or motors instead.
+"""
 
 import copy
 import functools
@@ -12,9 +15,9 @@ from cranectl.plants.mujoco.effects import (
     ACTUATORS,
     CARDAN_JOINTS,
     DRIVEN_JOINTS,
-    MADE,
+    EFFECT_MODELS,
+    EffectModel,
     Entry,
-    Made,
     Setting,
     write_spec,
 )
@@ -27,17 +30,25 @@ from cranectl.support import resources
 
 JOINTS = (*DRIVEN_JOINTS, *CARDAN_JOINTS)
 BODIES = ("bridge", "trolley", "load")
-DRAWN_LENGTH = 0.7  # [m] of rope in the file, without which the cardan angles would have no inertia
+DRAWN_LENGTH = 0.7  # [m] of rope in the file; with none, the cardan angles would have no inertia
 
 # An ideal drive is a motor on a joint so inert that nothing can move it: acceleration = command to 1e-12.
-IDEAL_INERTIA = 1e12  # per kg of the crane
+IDEAL_INERTIA = 1e12  # [kg] of rotor for each kg of the crane
+
+DRAWN_ROPE = "rope"  # tendon
+# Features of the engine that take time and that a crane without effects does not need.
+SWITCHABLE = frozenset(
+    {mujoco.mjtDisableBit.mjDSBL_ISLAND}.union(*(model.needs for model in EFFECT_MODELS.values()))
+)
+ENCODERS = (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtSensor.mjSENS_JOINTVEL)
+FINE_DIFFERENCE = 1e-9  # step of finite differences [m, rad, m/s, rad/s], below a stiff rope's stretch
 
 
 @functools.lru_cache(maxsize=8)
 def compiled_model(
     rig: RigParameters, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
 ) -> mujoco.MjModel:
-    """Compile the model of runs, without drawing; plants of the same rig copy it, and must not change it."""
+    """Return the compiled model without its drawing; it is shared, so copy it before changing it."""
     spec = model_spec(rig, drive=drive, step=step, effects=effects)
     leave_out_idle(spec, effects)
     return spec.compile()
@@ -47,25 +58,25 @@ def compiled_model(
 def model_description(
     rig: RigParameters, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
 ) -> str:
-    """MJCF of the model as drawn, to the size of its rig."""
+    """Return the model as MJCF, drawn to the size of its rig."""
     spec = model_spec(rig, drive=drive, step=step, effects=effects)
     draw_to_scale(spec, rig)
-    spec.compile()  # which writing it needs
+    spec.compile()  # `to_xml` needs a compiled spec
     return str(spec.to_xml())
 
 
 def model_spec(
     rig: RigParameters, *, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
 ) -> mujoco.MjSpec:
-    """Return the scaled model with the parameters, drives, effects and physics step [s] of one run."""
+    """Return the model of one run: parameters, drives, effects and physics step [s] are set."""
     spec = mujoco.MjSpec.from_file(str(resources.MODEL_FILE))
     spec.option.timestep = step
-    # The file's joint ranges are the rig's end stops. Leaving them is judged by the run, the same on every
-    # plant, so that a run that is told to record a violation does not hit a wall on one plant only.
+    # The joint ranges of the file are the rig's end stops. The run judges violations, in the same way for all
+    # plants. So a run that records violations must not hit a wall on this plant only.
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
     setting = _setting(rig, drive, effects)
-    for made, own in _shown(effects, setting):
-        made.add(spec, own, setting)
+    for model, effect in _shown_effects(effects, setting):
+        model.add(spec, effect, setting)
     if not DRIVES[drive].is_servo:
         for name in ACTUATORS:
             spec.actuator(name).set_to_motor()
@@ -75,26 +86,26 @@ def model_spec(
 
 def _setting(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Setting:
     offset = effects.body.hook_offset if effects.body else 0.0
-    drawn = DRAWN_LENGTH + offset  # measured length counts to the load's centre of mass, hanging still
+    drawn = DRAWN_LENGTH + offset  # the rope is measured to the load's centre of mass
     return Setting(rig, drive, drawn, drawn - offset)
 
 
-def _shown(effects: EffectSettings, setting: Setting) -> Iterator[tuple[Made, Effect]]:
-    """Yield the effects that the model shows. The driven joints keep their names."""
-    for name, made in MADE.items():
-        own = getattr(effects, name)
-        if own is not None and made.is_shown(setting):
-            yield made, own
+def _shown_effects(effects: EffectSettings, setting: Setting) -> Iterator[tuple[EffectModel, Effect]]:
+    """Yield each effect that is on and that this model shows, with its EffectModel."""
+    for name, model in EFFECT_MODELS.items():
+        effect = getattr(effects, name)
+        if effect is not None and model.is_shown(setting):
+            yield model, effect
 
 
 def structure_of(effects: EffectSettings) -> tuple[object, ...]:
-    """Return what decides the structure of the compiled model."""
+    """Return a key of the model's structure: models with equal keys differ only in numbers."""
     heavy = effects.rope is not None and effects.rope.mass > 0.0
     return (effects.names, heavy)
 
 
 def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[Entry]:
-    """Return every number of the model that depends on parameters; the structure decides which there are."""
+    """Return all numbers of the model that depend on parameters; equal structures have the same entries."""
     setting = _setting(rig, drive, effects)
     entries = [Entry("option", "", "gravity", gravity_in_rig(rig.gravity, effects))]
     entries += [Entry("body", body, "mass", getattr(rig, f"{body}_mass")) for body in BODIES]
@@ -102,22 +113,22 @@ def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> 
     entries += [Entry("joint", joint, "range", limits) for joint, limits in ranges]
     entries += [Entry("joint", "rope_length", "ref", setting.drawn)]
     if DRIVES[drive].is_prescribed:
-        entries += _set_ideal_drives(rig)
+        entries += _ideal_drive_entries(rig)
     elif DRIVES[drive].is_servo:
-        entries += _set_velocity_drives(rig, drive, effects)
-    else:  # motors, a force for a command
+        entries += _velocity_drive_entries(rig, drive, effects)
+    else:  # motors, whose command is a force
         entries += [Entry("joint", "rope_length", "armature", rig.winch_mass)]
-    shown = _shown(effects, setting)
-    return [*entries, *(entry for made, own in shown for entry in made.entries(own, setting))]
+    shown = _shown_effects(effects, setting)
+    return [*entries, *(entry for model, effect in shown for entry in model.entries(effect, setting))]
 
 
 def ideal_inertia(rig: RigParameters) -> float:
-    """Return the rotor inertia of each ideal drive [kg]: 1e12 times whatever pulls on it."""
+    """Return the rotor inertia of each ideal drive [kg]: 1e12 times the mass of the crane with its load."""
     return IDEAL_INERTIA * (rig.bridge_mass + rig.trolley_mass + rig.load_mass)
 
 
-def _set_ideal_drives(rig: RigParameters) -> list[Entry]:
-    """Motors that accelerate what stands on their axes as well; the load, which hangs, only pulls."""
+def _ideal_drive_entries(rig: RigParameters) -> list[Entry]:
+    """Return the entries of ideal drives: gears include the mass on an axis, so command = acceleration."""
     inertia = ideal_inertia(rig)
     carried = (rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, 0.0)
     drives = []
@@ -128,7 +139,7 @@ def _set_ideal_drives(rig: RigParameters) -> list[Entry]:
     return drives
 
 
-def _set_velocity_drives(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[Entry]:
+def _velocity_drive_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[Entry]:
     armature = rig.winch_mass
     drives = []
     for name, gain, damping, load_force in zip(ACTUATORS, *DRIVES[drive].push(rig, effects), strict=True):
@@ -141,17 +152,17 @@ def _set_velocity_drives(rig: RigParameters, drive: Drive, effects: EffectSettin
 
 
 def state_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:
-    """Index of each of JOINTS in qpos."""
+    """Return the index of each of JOINTS in qpos."""
     return np.array([model.joint(name).qposadr[0] for name in JOINTS], dtype=np.int64)
 
 
 def rate_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:
-    """Index of each of JOINTS in qvel; not that in qpos behind a ball joint."""
+    """Return the index of each of JOINTS in qvel; after a ball joint it differs from that in qpos."""
     return np.array([model.joint(name).dofadr[0] for name in JOINTS], dtype=np.int64)
 
 
 def sensor_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:
-    """Index in sensordata of load position (3), load velocity (3), rope tension (1)."""
+    """Return the indices in sensordata of load position (3), load velocity (3) and rope tension (1)."""
     position, velocity, force = (
         model.sensor(name).adr[0] for name in ("load_position", "load_velocity", "rope_force")
     )
@@ -163,42 +174,34 @@ def sensor_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:
 
 
 def drive_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:
-    """Index of each of ACTUATORS in ctrl."""
+    """Return the index of each of ACTUATORS in ctrl."""
     return np.array([model.actuator(name).id for name in ACTUATORS], dtype=np.int64)
 
 
-DRAWN_ROPE = "rope"  # tendon
-IDLE = frozenset({mujoco.mjtDisableBit.mjDSBL_ISLAND}.union(*(made.needs for made in MADE.values())))
-ENCODERS = (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtSensor.mjSENS_JOINTVEL)
-
-
 def leave_out_idle(spec: mujoco.MjSpec, effects: EffectSettings) -> None:
-    """Take away what is only drawn, the encoders, which a run reads in qpos and qvel, and idle forces.
+    """Delete the drawing and the encoders, and switch off features of the engine that no effect needs.
 
-    All geoms are massless and touch nothing. The engine looks for springs, dampers and constraints at each
-    stage of a step, of which the crane has only what effects bring; and for groups of bodies that constraints
-    do not join, of which the crane is one. (Without a warm start friction would differ in the last digits,
-    and take longer.)
+    All geoms are massless and make no contact, and a run reads qpos and qvel instead of encoders. At each
+    stage of a step the engine would look for springs, dampers and constraints, which only effects bring. It
+    would look for separate groups of bodies too, but the crane is one. Friction keeps the warm start: without
+    it, its results would differ in the last digits and take longer.
     """
     encoders = [sensor for sensor in spec.sensors if sensor.type in ENCODERS]
     drawing = [*spec.geoms, spec.tendon(DRAWN_ROPE), *spec.materials, *spec.textures]
     drawing += [*spec.cameras, *spec.lights]
     for element in [*drawing, *encoders]:
         spec.delete(element)
-    spec.stat.meansize = 1.0  # a scale of pictures, which the compiler would guess from the bodies
-    shown = [made.needs for name, made in MADE.items() if getattr(effects, name) is not None]
-    for flag in IDLE.difference(*shown):
+    spec.stat.meansize = 1.0  # scale of pictures, which the compiler would else derive from the bodies
+    needed = [model.needs for name, model in EFFECT_MODELS.items() if getattr(effects, name) is not None]
+    for flag in SWITCHABLE.difference(*needed):
         spec.option.disableflags |= int(flag)
 
 
-FINE_DIFFERENCE = 1e-9  # [m, rad, m/s, rad/s], below the stretch of a stiff rope
-
-
 def fastest_rate(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Largest modulus of the poles about the state in `data` [1/s], which is left as it is.
+    """Return the largest modulus of the poles [1/s] about the state in `data`, which is not changed.
 
-    From finite differences of the engine's own accelerations, with axes that slide: Coulomb's friction, which
-    the engine keeps slow enough by itself, would hide what they do.
+    It is computed from finite differences of the engine's accelerations. Coulomb friction is off: it would
+    hold the axes and hide their poles, and the engine itself keeps it slow enough.
     """
     model = copy.copy(model)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)

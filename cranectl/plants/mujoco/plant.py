@@ -1,4 +1,4 @@
-"""The MuJoCo plant: `models/crane.xml` behind the plant interface. Knows nothing of our equations."""
+"""The MuJoCo plant: `models/crane.xml` behind the plant interface; it uses none of our equations."""
 
 import copy
 from typing import NamedTuple
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.plants.mujoco.disturbed_step import StageWork, mj_step, stage_work, step_in_stages
-from cranectl.plants.mujoco.effects import MADE, derive_constants, write_model
+from cranectl.plants.mujoco.effects import EFFECT_MODELS, derive_constants, write_model
 from cranectl.plants.mujoco.model import (
     compiled_model,
     drive_addresses,
@@ -36,7 +36,7 @@ from cranectl.support.jit import jit
 
 
 class MujocoRig(NamedTuple):
-    """Views into one MjModel/MjData pair, and where things are in them."""
+    """Views into one MjModel/MjData pair, with the indices of joints, drives and sensors in them."""
 
     model: int  # address
     data: int  # address
@@ -45,11 +45,11 @@ class MujocoRig(NamedTuple):
     ctrl: Array
     applied: Array  # qfrc_applied
     sensors: Array  # sensordata
-    joints: NDArray[np.int64]  # (5,) x_c, y_c, l, alpha, beta in qpos
-    rates: NDArray[np.int64]  # (5,) and in qvel
-    distance: NDArray[np.int64]  # (2,) from pivot to rope end, in qpos and qvel; l of a rigid rope
-    drives: NDArray[np.int64]  # (3,)
-    load_sensors: NDArray[np.int64]  # (7,)
+    joints: NDArray[np.int64]  # (5,) indices in qpos of x_c, y_c, l, alpha, beta
+    rates: NDArray[np.int64]  # (5,) indices of the same joints in qvel
+    distance: NDArray[np.int64]  # (2,) indices in qpos and qvel of the distance from pivot to rope end
+    drives: NDArray[np.int64]  # (3,) indices in ctrl
+    load_sensors: NDArray[np.int64]  # (7,) indices in sensordata
     warnings: NDArray[np.int32]  # counts of the engine's numerical warnings
     load_mass: float
     air: Array  # (3,) drag and other forces on the load [N]
@@ -57,7 +57,7 @@ class MujocoRig(NamedTuple):
     reaction: Array  # (6,) of the trolley
     has_body: bool  # whether the load is a body that swings under its hook
     rope: ElasticRope
-    in_air: bool  # whether there are any
+    in_air: bool  # whether the effect `wind` is on, which sets `air`
     drag: float  # force over the square of the load's speed through the air [kg/m]
     work: StageWork
     substeps: int
@@ -66,7 +66,7 @@ class MujocoRig(NamedTuple):
 
 @jit
 def measure_joints(rig, state):
-    """Joint positions and velocities (10,) into `state`, order of `signals.STATE`."""
+    """Write the joint positions and velocities (10,) into `state`, in the order of `signals.STATE`."""
     for i in range(5):
         state[2 * i] = rig.qpos[rig.joints[i]]
         state[2 * i + 1] = rig.qvel[rig.rates[i]]
@@ -74,14 +74,14 @@ def measure_joints(rig, state):
 
 @jit
 def set_command(rig, command):
-    """Hold `command` (3,) on the drives."""
+    """Write `command` (3,), in the unit of the drive, into the engine's controls."""
     for i in range(3):
         rig.ctrl[rig.drives[i]] = command[i]
 
 
 @jit
 def read_load(rig, load):
-    """Load position, velocity and rope tension (7,) as the engine's sensors had them before its last step."""
+    """Write load position, velocity and rope tension (7,) at the beginning of the last step into `load`."""
     for i in range(7):
         load[i] = rig.sensors[rig.load_sensors[i]]
 
@@ -102,18 +102,18 @@ def advance(rig, command, disturbance, wind, load):
 
 @jit
 def count_warnings(rig):
-    """Numerical warnings of the engine since the last reset."""
+    """Return the number of numerical warnings of the engine since the last reset."""
     return rig.warnings.sum()
 
 
 class MujocoPlant:
-    """The MuJoCo rig behind the plant interface; steps through the Python binding where forces are held.
+    """The MuJoCo crane as a plant.
 
-    The compiled loop steps the same data through `rig`, bit for bit the same.
+    The method `advance` and the compiled kernel `advance` step the same data and give the same bits.
     """
 
     name = "mujoco"
-    shows = tuple(MADE)
+    shows = tuple(EFFECT_MODELS)
     kernels = Kernels(measure_joints, advance, count_warnings)
 
     def __init__(
@@ -153,7 +153,7 @@ class MujocoPlant:
 
     @property
     def description(self) -> str:
-        """MJCF."""
+        """The model as drawn, in MJCF."""
         return model_description(self.parameters, self.drive, self.rig.step, self.effects)
 
     def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
@@ -176,32 +176,35 @@ class MujocoPlant:
             hanging = self.parameters.hanging_mass(self.effects)
             set_damping(self.rig.rope, self.effects.rope, hanging, state[4])
         self.check_length(state[4])
-        # A first step through the binding: were the model broken, the compiled loop would end the process.
-        self._set_state(state)
+        # The first step goes through the binding, which raises an exception if the model is broken. In
+        # compiled code such a model would end the process.
+        self._restart(state)
         mujoco.mj_step(self.model, self.data)
-        self._set_state(state)
+        self._restart(state)
 
     def check_length(self, length: float) -> None:
-        """Raise InputError where effects need a longer rope, or shorter steps with a rope of `length` [m]."""
+        """Raise InputError if a rope of `length` [m] is too short for the effects or for the step."""
         if self.effects == NO_EFFECTS:
             return
         check_hook(self.effects, length)
         trial, state = mujoco.MjData(self.model), np.zeros(10)
         state[4] = length
-        self._place(trial, state)
+        self._write_state(trial, state)
         rate, step = fastest_rate(self.model, trial), self.rig.step
         check_rate(rate, self.effects, length, step=step, period=step * self.rig.substeps)
 
-    def _set_state(self, state: Array) -> None:
+    def _restart(self, state: Array) -> None:
+        """Reset the engine, then write `state` (10,) into it."""
         mujoco.mj_resetData(self.model, self.data)
-        self._place(self.data, state)
+        self._write_state(self.data, state)
 
-    def _place(self, data: mujoco.MjData, state: Array) -> None:
+    def _write_state(self, data: mujoco.MjData, state: Array) -> None:
+        """Write `state` (10,) into `data`; an elastic rope starts taut, and its drives hold it."""
         data.qpos[self.rig.joints] = state[0::2]
         data.qvel[self.rig.rates] = state[1::2]
         if self.rig.rope.active:
             if DRIVES[self.drive].at_rest == "rates":
-                data.ctrl[self.rig.drives] = state[1:6:2]  # else they would brake, and the rope with them
+                data.ctrl[self.rig.drives] = state[1:6:2]  # else the drives and the rope would brake
             elif DRIVES[self.drive].at_rest == "weight":
                 data.ctrl[self.rig.drives[2]] = -self.parameters.weight  # else the load would fall
             start_taut(self.model, data, self.rig.rope)
@@ -229,5 +232,7 @@ class MujocoPlant:
 
 
 def _physical(effects: EffectSettings) -> EffectSettings:
-    """Those that change the model; what others say must not compile it anew."""
-    return NO_EFFECTS.model_copy(update={name: getattr(effects, name) for name in (*MADE, "installation")})
+    """Return only the effects that change the model, so that others cause no new compilation."""
+    return NO_EFFECTS.model_copy(
+        update={name: getattr(effects, name) for name in (*EFFECT_MODELS, "installation")}
+    )

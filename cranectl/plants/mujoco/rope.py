@@ -1,8 +1,9 @@
-"""A rope that gives, goes slack and has mass.
+"""An elastic rope in MuJoCo, which can go slack and has mass.
 
-The distance from pivot to hook becomes a coordinate of its own, beside the length that the winch has paid
-out. Tension = max(0, K e + C de/dt) with e = distance - length, K = E A / length and C in the same ratio to
-K: an actuator that can only pull, evaluated at every stage of the integrator, without the constraint solver.
+The distance from pivot to hook becomes another coordinate, beside the length that the winch has paid out. The
+tension is max(0, K e + C de/dt) with e = distance - length and K = E A / length; the ratio of C to K is
+constant. It is an actuator that can only pull. The engine evaluates it at every stage of the integrator,
+without its constraint solver.
 """
 
 from typing import NamedTuple
@@ -17,20 +18,20 @@ from cranectl.support.jit import jit
 DISTANCE = "hook_distance"  # joint: from the pivot to the end of the rope
 ELASTICITY = "rope_elasticity"  # actuator, and the tendon that it pulls
 MASS = "rope_mass"  # body
-SHORTEST = 1e-3  # [m], so that a rope wound in completely gives no infinite stiffness
-ROUNDS = 4  # in which the tension of a rope at rest is found where a winch may stick
+SHORTEST = 1e-3  # [m] of rope for its stiffness, which would be infinite for a rope that is wound in
+MAX_TENSION_ROUNDS = 4  # iterations for the tension of a rope at rest, if its winch may stick
 
 
 class ElasticRope(NamedTuple):
-    """Views into one model: what changes with the rope's length. Without a rope `active` is false."""
+    """Views into a model of what changes with the rope's length."""
 
-    active: bool
+    active: bool  # False for a rigid rope
     winch: int  # index of the paid-out length in qpos
-    winch_rate: int  # and in qvel
-    offset: float  # what the paid-out length counts beyond the rope's end [m]
+    winch_rate: int  # index of its rate in qvel
+    offset: float  # from the rope's end to the load's centre, which the length includes [m]
     stiffness: float  # E A [N]
-    viscosity: Array  # (1,) C times length [N s]
-    law: Array  # actuator's force = law[0] + law[1] * length + law[2] * velocity
+    viscosity: Array  # (1,) damping C times length [N s]
+    bias: Array  # (3,) biasprm: actuator force = bias[0] + bias[1] * length + bias[2] * velocity
     density: float  # [kg/m]
     mass: Array  # (1,) [kg]
     centre: Array  # (3,) in the frame of the rope's end [m]
@@ -38,7 +39,7 @@ class ElasticRope(NamedTuple):
 
 
 def elastic_rope(model: mujoco.MjModel, effects: EffectSettings) -> ElasticRope:
-    """Return views of the rope in the run's own `model`; the rigid rope of the model file is not active."""
+    """Return views of the rope in `model`; without the effect `rope` they are not active."""
     nothing, rope = np.zeros(3), effects.rope
     views = ElasticRope(False, 0, 0, 0.0, 0.0, nothing[:1], nothing, 0.0, nothing[:1], nothing, nothing)
     if rope is None:
@@ -55,25 +56,25 @@ def elastic_rope(model: mujoco.MjModel, effects: EffectSettings) -> ElasticRope:
         offset=effects.body.hook_offset if effects.body else 0.0,
         stiffness=rope.stiffness,
         viscosity=np.zeros(1),
-        law=model.actuator_biasprm[model.actuator(ELASTICITY).id],
+        bias=model.actuator_biasprm[model.actuator(ELASTICITY).id],
         density=rope.mass,
     )
 
 
 def set_damping(views: ElasticRope, rope: Rope, mass: float, length: float) -> None:
-    """Fix the viscosity by the damping ratio of the `mass` [kg] on the `length` measured at the start [m]."""
+    """Set the viscosity so that a `mass` [kg] at the initial `length` [m] has the damping ratio of `rope`."""
     hanging = max(length - views.offset, SHORTEST)
     views.viscosity[0] = 2.0 * rope.damping_ratio * np.sqrt(rope.stiffness * mass * hanging)
 
 
 def start_taut(model: mujoco.MjModel, data: mujoco.MjData, views: ElasticRope) -> None:
-    """Stretch the rope in `data` so that it neither stretches on nor springs back, if it can be taut."""
+    """Stretch the rope in `data` until its stretch has no acceleration, if it can be taut."""
     distance = model.joint(DISTANCE)
     address, rate = distance.qposadr[0], distance.dofadr[0]
     data.qpos[address], data.qvel[rate] = data.qpos[views.winch], data.qvel[views.winch_rate]
     pay_out(views, data.qpos)
     tension = 0.0
-    for _ in range(ROUNDS if model.dof_frictionloss.any() else 1):
+    for _ in range(MAX_TENSION_ROUNDS if model.dof_frictionloss.any() else 1):
         stretching = []
         for tried in (tension, tension + 1.0):
             data.qfrc_applied[rate], data.qfrc_applied[views.winch_rate] = -tried, tried
@@ -82,15 +83,15 @@ def start_taut(model: mujoco.MjModel, data: mujoco.MjData, views: ElasticRope) -
         free, with_unit = stretching
         tension = max(tension + free / (free - with_unit), 0.0)
     data.qfrc_applied[[rate, views.winch_rate]] = 0.0
-    data.qpos[address] -= tension / views.law[1]
+    data.qpos[address] -= tension / views.bias[1]
 
 
 @jit
 def pay_out(rope, qpos):
-    """Stiffness, damping and mass of the length that hangs out."""
+    """Set stiffness, damping and mass to those of the length of rope that is paid out."""
     length = max(qpos[rope.winch] - rope.offset, SHORTEST)
-    rope.law[1] = -rope.stiffness / length
-    rope.law[2] = -rope.viscosity[0] / length
+    rope.bias[1] = -rope.stiffness / length
+    rope.bias[2] = -rope.viscosity[0] / length
     if rope.density > 0.0:
         rope.mass[0] = rope.density * length
         rope.centre[2] = 0.5 * length

@@ -77,7 +77,7 @@ def place(engine: MujocoPlant, state: Array, random: np.random.Generator) -> Non
 
 
 def engine_rates(engine: MujocoPlant, state: Array, command: Array, disturbance: Array, wind: Array) -> Array:
-    """Rates of change (22,) of the rates in `state`, at their places, by the engine."""
+    """Rates of change (22,) of the rates in `state`, at the changing states, by the engine."""
     data, rig = engine.data, engine.rig
     data.ctrl[rig.drives] = command
     evaluate(rig, disturbance, wind, True)
@@ -108,7 +108,7 @@ def test_accelerations_and_tension_are_the_engines(effects: EffectSettings, driv
     random = np.random.default_rng(len(effects.names))
     engine = MujocoPlant(RIG, drive=drive, step=1e-4, substeps=1, effects=effects)
     elastic = ElasticPlant(RIG, drive=drive, step=1e-4, substeps=1, effects=effects)
-    places = elastic.crane.places
+    changing = elastic.crane.changing
     for _ in range(STATES_EACH):
         state = random_state(random, effects)
         place(engine, state, random)
@@ -126,7 +126,7 @@ def test_accelerations_and_tension_are_the_engines(effects: EffectSettings, driv
         assert rates[:10:2] == pytest.approx(state[1:10:2], abs=0.0)
         turning = np.cross(state[SPIN : SPIN + 3], state[BODY : BODY + 3])
         assert rates[BODY : BODY + 3] == pytest.approx(turning if effects.body else np.zeros(3), abs=1e-14)
-        fast = [k for k in places if k in (1, 3, 5, 7, 9, 11, 15, 16, 17, 19, 21)]
+        fast = [k for k in changing if k in (1, 3, 5, 7, 9, 11, 15, 16, 17, 19, 21)]
         scale = np.abs(expected[fast]).max()
         assert rates[fast] == pytest.approx(expected[fast], rel=exact, abs=exact * scale)
         tension = engine.data.sensordata[engine.rig.load_sensors[6]]
