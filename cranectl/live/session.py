@@ -125,7 +125,7 @@ class Session:
             own.clock[0] = self._samples
             if carried_over := _kept_memory(before, design, state.run.memory):
                 memory[:carried_over] = state.run.memory[:carried_over]
-            inputs = state.run.inputs._replace(law=own)
+            inputs = state.run.inputs._replace(controller=own)
             state.run = state.run._replace(inputs=inputs, memory=memory)
             self._hand_over(state)
 
@@ -176,10 +176,10 @@ class Session:
     def _hand_over(self, state: _PlantState) -> None:
         """Have a controller that reads its own reference read what is driven."""
         if self._hand:
-            compiled = state.run.inputs.law._replace(
+            compiled = state.run.inputs.controller._replace(
                 reference=self._hand.table, samples=len(self._hand.table)
             )
-            state.run = state.run._replace(inputs=state.run.inputs._replace(law=compiled))
+            state.run = state.run._replace(inputs=state.run.inputs._replace(controller=compiled))
 
     def _reference(self, index: NDArray[np.intp]) -> Array:
         """Return the reference at the next samples `index` (n,): shape (n, 15)."""

@@ -5,7 +5,8 @@ direction n = (sin b, cos b sin a, -cos a cos b). With J = dr/dq the manipulator
 
     M = M_drives + m J'J,    C = m J' dJ/dt,    G = m g dr_3/dq,    M qdd + C qd + G = F
 
-and this C makes dM/dt - 2C skew. `validation/proofs/derivations/lagrange.py` derives it from the Lagrangian.
+and this C makes dM/dt - 2C skew. `validation/proofs/derivations/lagrange.py` derives the equations from the
+Lagrangian.
 """
 
 from math import cos, sin
@@ -24,9 +25,9 @@ Matrix = NDArray[np.float64]
 
 @jit
 def angular_accelerations(rope_length, rope_rate, alpha, alpha_rate, beta, beta_rate, u_x, u_y, gravity):
-    """Cardan angle accelerations [rad/s²] under commanded bridge and trolley accelerations [m/s²].
+    """Return (alpha'', beta'') [rad/s²] at the accelerations u_x, u_y of bridge and trolley [m/s²].
 
-    Mass-free; the corrected (2.12). Needs rope_length > 0 and |beta| < pi/2.
+    This is the corrected (2.12). It contains no masses. It needs rope_length > 0 and |beta| < pi/2.
     """
     sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
     alpha_ddot = (
@@ -47,9 +48,9 @@ def angular_accelerations(rope_length, rope_rate, alpha, alpha_rate, beta, beta_
 
 @jit
 def specific_rope_force(rope_length, alpha, alpha_rate, beta, beta_rate, u_x, u_y, u_l, gravity):
-    """Load acceleration along n caused by the rope [m/s²], (3.27); negative while the rope pulls.
+    """Return the acceleration of the load along n that the rope causes [m/s²], by (3.27).
 
-    The rope tension is minus the load mass times this.
+    It is negative while the rope pulls. The rope tension is minus the load mass times this.
     """
     sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
     centripetal = rope_length * (alpha_rate * alpha_rate * cb * cb + beta_rate * beta_rate)
@@ -74,7 +75,7 @@ def rope_direction_rate(alpha, alpha_rate, beta, beta_rate):
 
 
 class AxisMasses(NamedTuple):
-    """What forces of the drives move [kg], and gravity [m/s²]."""
+    """The masses that the forces of the drives move [kg], and gravity [m/s²]."""
 
     bridge: float  # bridge and trolley, along x
     trolley: float  # along y
@@ -84,7 +85,7 @@ class AxisMasses(NamedTuple):
 
 
 def axis_masses(rig: RigParameters) -> AxisMasses:
-    """Those of `rig`."""
+    """Return the masses of `rig`."""
     return AxisMasses(
         bridge=rig.bridge_mass + rig.trolley_mass,
         trolley=rig.trolley_mass,
@@ -106,8 +107,8 @@ def _rope_force(state, u_x, u_y, u_l, gravity):
 def drive_forces(masses, state, u_x, u_y, u_l):
     """Return the forces [N] that accelerate bridge, trolley, rope by (u_x, u_y, u_l) [m/s²].
 
-    Each moves its own mass against the rope's tension S = -m a_r, which pulls along (n_x, n_y, 1):
-    F = P u + w with P = M_drives + m (n_x, n_y, 1)'(n_x, n_y, 1). `state` (10,) as `signals.STATE`.
+    Each drive moves its own mass against the rope's tension S = -m a_r, which pulls along (n_x, n_y, 1). So
+    F = P u + w with P = M_drives + m (n_x, n_y, 1)'(n_x, n_y, 1). `state` (10,) is as `signals.STATE`.
     """
     n = rope_direction(state[ALPHA], state[BETA])
     tension = -masses.load * _rope_force(state, u_x, u_y, u_l, masses.gravity)
@@ -120,7 +121,7 @@ def drive_forces(masses, state, u_x, u_y, u_l):
 
 @jit
 def _tension(masses, state, n, u_x, u_y, u_l, winch_mobility):
-    """Return the tension of the rope [N], if u are the accelerations without it (Sherman and Morrison)."""
+    """Return the tension of the rope [N]; u are the accelerations without it (Sherman-Morrison formula)."""
     alone = _rope_force(state, u_x, u_y, u_l, masses.gravity)
     mobility = n[0] * n[0] / masses.bridge + n[1] * n[1] / masses.trolley + winch_mobility
     return -masses.load * alone / (1.0 + masses.load * mobility)
@@ -128,9 +129,9 @@ def _tension(masses, state, n, u_x, u_y, u_l, winch_mobility):
 
 @jit
 def forced_accelerations(masses, state, f_x, f_y, f_l):
-    """Accelerations of bridge, trolley, rope [m/s²] under forces [N]; the inverse of `drive_forces`.
+    """Return the accelerations of bridge, trolley, rope [m/s²] under forces [N]; inverse of `drive_forces`.
 
-    P^-1 (F - w): what the forces alone would do, less what the tension does.
+    They are P^-1 (F - w): what the forces alone would cause, minus what the tension causes.
     """
     n = rope_direction(state[ALPHA], state[BETA])
     u_x, u_y, u_l = f_x / masses.bridge, f_y / masses.trolley, f_l / masses.winch
@@ -144,14 +145,14 @@ def forced_accelerations(masses, state, f_x, f_y, f_l):
 
 @jit
 def winch_force(masses, state, f_x, f_y, u_l):
-    """F_l [N] that accelerates the rope by u_l [m/s²] while bridge and trolley get f_x, f_y [N]."""
+    """Return the winch force [N] for the rope acceleration u_l [m/s²], with f_x, f_y on the axes [N]."""
     n = rope_direction(state[ALPHA], state[BETA])
     tension = _tension(masses, state, n, f_x / masses.bridge, f_y / masses.trolley, u_l, 0.0)
     return masses.winch * u_l - tension
 
 
 def load_jacobian(q: Vector) -> Matrix:
-    """J = dr/dq, shape (3, 5), for q = (x_c, y_c, l, alpha, beta)."""
+    """Return J = dr/dq, shape (3, 5), for q = (x_c, y_c, l, alpha, beta)."""
     _, _, length, alpha, beta = q
     sa, ca, sb, cb = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
     return np.array(
@@ -164,7 +165,7 @@ def load_jacobian(q: Vector) -> Matrix:
 
 
 def load_jacobian_rate(q: Vector, qd: Vector) -> Matrix:
-    """dJ/dt along the velocity `qd`, shape (3, 5)."""
+    """Return dJ/dt along the velocity `qd`, shape (3, 5)."""
     _, _, length, a, b = q
     _, _, length_rate, ad, bd = qd
     sa, ca, sb, cb = np.sin(a), np.cos(a), np.sin(b), np.cos(b)
@@ -191,47 +192,47 @@ def load_jacobian_rate(q: Vector, qd: Vector) -> Matrix:
 
 
 def mass_matrix(q: Vector, rig: RigParameters) -> Matrix:
-    """M(q), shape (5, 5), symmetric positive definite for l > 0, |beta| < pi/2 [kg, kg m, kg m²]."""
+    """Return M(q), shape (5, 5) [kg, kg m, kg m²]; positive definite for l > 0 and |beta| < pi/2."""
     jacobian = load_jacobian(q)
     drives = [rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass, 0.0, 0.0]
     return np.diag(drives) + rig.load_mass * jacobian.T @ jacobian
 
 
 def coriolis_matrix(q: Vector, qd: Vector, rig: RigParameters) -> Matrix:
-    """C(q, qd), shape (5, 5), such that dM/dt - 2C is skew."""
+    """Return C(q, qd), shape (5, 5), such that dM/dt - 2C is skew."""
     return rig.load_mass * load_jacobian(q).T @ load_jacobian_rate(q, qd)
 
 
 def gravity_vector(q: Vector, rig: RigParameters) -> Vector:
-    """G(q) = dV/dq, shape (5,) [N, N m]."""
+    """Return G(q) = dV/dq, shape (5,) [N, N m]."""
     weight: Vector = rig.weight * load_jacobian(q)[2]
     return weight
 
 
 def kinetic_energy(q: Vector, qd: Vector, rig: RigParameters) -> float:
-    """Kinetic energy of bridge, trolley, winch rotor and load [J]."""
+    """Return the kinetic energy of bridge, trolley, winch rotor and load [J]."""
     return float(0.5 * qd @ mass_matrix(q, rig) @ qd)
 
 
 def potential_energy(q: Vector, rig: RigParameters) -> float:
-    """Potential energy of the load [J], zero at trolley height."""
+    """Return the potential energy of the load [J], zero at trolley height."""
     return float(rig.weight * load_position(q)[2])
 
 
 def load_position(q: Vector) -> Vector:
-    """Load position [m], shape (3,), world frame."""
+    """Return the load position [m] in the world, shape (3,)."""
     bridge, trolley, length, alpha, beta = q
     n = rope_direction(alpha, beta)
     return np.array([bridge + length * n[0], trolley + length * n[1], length * n[2]])
 
 
 def load_velocity(q: Vector, qd: Vector) -> Vector:
-    """Load velocity [m/s], shape (3,), world frame."""
+    """Return the load velocity [m/s] in the world, shape (3,)."""
     return load_jacobian(q) @ qd
 
 
 def rope_tension(q: Vector, qd: Vector, accelerations: Vector, rig: RigParameters) -> float:
-    """Rope tension [N], positive when it pulls, under the accelerations (u_x, u_y, u_l) [m/s²]."""
+    """Return the rope tension [N], positive when it pulls, at accelerations (u_x, u_y, u_l) [m/s²]."""
     _, _, length, alpha, beta = q
     u_x, u_y, u_l = accelerations
     force = specific_rope_force(length, alpha, qd[3], beta, qd[4], u_x, u_y, u_l, rig.gravity)

@@ -1,13 +1,13 @@
-"""The load position as flat output: state and inputs from it, and it from the state.
+"""The load position as flat output: state and inputs follow from it and its derivatives, and back.
 
-With the rope slopes p = (p_x, p_y), horizontal run over vertical drop h = -z_3 of the rope,
+The rope slopes p = (p_x, p_y) are the horizontal run over the vertical drop h = -z_3 of the rope. From
 
     p_x = tan b / cos a = -z1'' / (z3'' + g)       x_c = z1 - p_x h      l = h sqrt(1 + p_x² + p_y²)
     p_y = tan a         = -z2'' / (z3'' + g)       y_c = z2 - p_y h
 
-everything follows by differentiation in time, with no matrix to invert. It equals the thesis's (3.33) to
-(3.46) with the corrections listed in docs/explanation/model.md. Singular where the rope is slack
-(z3'' + g <= 0), has no length, or a cardan angle reaches pi/2.
+all else follows by differentiation in time, and no matrix is inverted. The result equals the thesis's (3.33)
+to (3.46) with the corrections listed in docs/explanation/model.md. It is singular if the rope is slack
+(z3'' + g <= 0) or has no length, and if a cardan angle reaches pi/2.
 """
 
 from math import atan, cos, sqrt, tan
@@ -40,7 +40,7 @@ from cranectl.support.jit import jit
 
 @jit
 def slopes_from_angles(alpha, alpha_rate, beta, beta_rate):
-    """Rope slopes (p_x, p_y) and their rates from the cardan angles."""
+    """Return the rope slopes p_x, p_y and their rates, from the cardan angles and their rates."""
     secant, tan_b = 1.0 / cos(alpha), tan(beta)
     p_y = tan(alpha)
     p_x = tan_b * secant
@@ -51,7 +51,7 @@ def slopes_from_angles(alpha, alpha_rate, beta, beta_rate):
 
 @jit
 def angles_from_slopes(p_x, p_y, p_x_dot, p_y_dot):
-    """Cardan angles and rates from the rope slopes; inverse of `slopes_from_angles`."""
+    """Return the cardan angles and their rates from the rope slopes; inverse of `slopes_from_angles`."""
     alpha = atan(p_y)
     ca = cos(alpha)
     alpha_rate = p_y_dot * ca * ca
@@ -64,10 +64,11 @@ def angles_from_slopes(p_x, p_y, p_x_dot, p_y_dot):
 
 @jit
 def flat_output(state, zeta, zeta_dot, gravity, output):
-    """Load position and its first three derivatives from state and dynamic extension.
+    """Write the load position and its first three derivatives into `output`, from state and extension.
 
-    `state` in the order of `signals.STATE`; `zeta`, `zeta_dot`: vertical load acceleration [m/s²] and its
-    rate. Writes `output[0:12]` = (z, z', z'', z''') with three axes each. (3.24), (3.25), (3.43), (3.44).
+    `state` is in the order of `signals.STATE`. `zeta` and `zeta_dot` are the vertical acceleration of the
+    load [m/s²] and its rate. `output[0:12]` becomes (z, z', z'', z'''), three axes each, by (3.24), (3.25),
+    (3.43) and (3.44).
     """
     length, length_rate = state[ROPE], state[ROPE_RATE]
     alpha, alpha_rate, beta, beta_rate = state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE]
@@ -91,10 +92,10 @@ def flat_output(state, zeta, zeta_dot, gravity, output):
 
 @jit
 def drive_accelerations(h, h_dot, p_x, p_y, p_x_dot, p_y_dot, p_x_ddot, p_y_ddot, zeta, gravity):
-    """Accelerations (x_c'', y_c'', l'') that give the slopes these second derivatives [m/s²].
+    """Return the accelerations (x_c'', y_c'', l'') [m/s²] that give the slopes these second derivatives.
 
-    The second derivatives of x_c = z1 - p_x h, y_c = z2 - p_y h and l = h s, s² = 1 + p_x² + p_y²,
-    with h'' = -zeta and z1'' = -p_x (zeta + g).
+    They are the second derivatives of x_c = z1 - p_x h, y_c = z2 - p_y h and l = h s, where
+    s² = 1 + p_x² + p_y², h'' = -zeta and z1'' = -p_x (zeta + g).
     """
     s = sqrt(1.0 + p_x * p_x + p_y * p_y)
     s_dot = (p_x * p_x_dot + p_y * p_y_dot) / s
@@ -108,15 +109,16 @@ def drive_accelerations(h, h_dot, p_x, p_y, p_x_dot, p_y_dot, p_x_ddot, p_y_ddot
 
 @jit
 def slope_acceleration(slope, slope_rate, jerk_rate, zeta_d2, zeta_dot, lift):
-    """Second derivative of a slope p from z'''' = `jerk_rate`, differentiating z'' = -p (zeta + g)."""
+    """Return p'' of a slope p, from z'''' = `jerk_rate` and the derivatives of z'' = -p (zeta + g)."""
     return -(jerk_rate + 2.0 * slope_rate * zeta_dot + slope * zeta_d2) / lift
 
 
 @jit
 def linearising_input(state, zeta, zeta_dot, v_x, v_y, v_z, gravity):
-    """Accelerations (x_c'', y_c'', l'') [m/s²] under which z'''' = (v_x, v_y, v_z) [m/s⁴] exactly.
+    """Return the accelerations (x_c'', y_c'', l'') [m/s²] at which z'''' = (v_x, v_y, v_z) [m/s⁴] exactly.
 
-    The dynamic extension obeys zeta'' = v_z. Needs a regular state: l > 0, angles within pi/2, zeta + g > 0.
+    The dynamic extension obeys zeta'' = v_z. The state must be regular: l > 0, angles within pi/2 and
+    zeta + g > 0.
     """
     length, length_rate = state[ROPE], state[ROPE_RATE]
     alpha, alpha_rate, beta, beta_rate = state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE]
@@ -133,10 +135,11 @@ def linearising_input(state, zeta, zeta_dot, v_x, v_y, v_z, gravity):
 
 @jit
 def state_and_input(flat, gravity, state, inputs):
-    """State and inputs from the load position and four derivatives; (3.34) to (3.39), corrected.
+    """Write `state` and `inputs` that follow from the load position and its four derivatives.
 
-    `flat`: 15 values (z, z', z'', z''', z''''), three axes each. Writes `state` (order of `signals.STATE`)
-    and `inputs` = (x_c'', y_c'', l'') [m/s²]. Needs z_3 < 0 and z_3'' + g > 0.
+    `flat` (15,) is (z, z', z'', z''', z''''), three axes each. `state` (10,) is in the order of
+    `signals.STATE`, and `inputs` (3,) is (x_c'', y_c'', l'') [m/s²], by the corrected (3.34) to (3.39).
+    z_3 < 0 and z_3'' + g > 0 must hold.
     """
     lift = flat[ACCELERATION + Z] + gravity
     h, h_dot = -flat[Z], -flat[VELOCITY + Z]

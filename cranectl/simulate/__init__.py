@@ -1,4 +1,4 @@
-"""Simulate scenarios on plants and keep everything that happened."""
+"""Simulate scenarios on plants, and record all signals of each run."""
 
 from cranectl.simulate.plan import (
     Plan,

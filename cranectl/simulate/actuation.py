@@ -1,6 +1,7 @@
-"""Turn commands of a controller into those of the drives: set-points with lead, forces, rest when slack.
+"""Turn the commands of a controller into those of the drives: set-points with lead, or forces.
 
-The same for every controller, so that all of them get the same lead and the same handling of limits.
+It is the same for every controller, so that all get the same lead and the same handling of limits and of a
+slack rope.
 """
 
 from typing import NamedTuple
@@ -13,21 +14,21 @@ from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
-BRAKING = 0.1  # [s], time constant with which the drives come to rest while the rope is slack; assumed
+BRAKING = 0.1  # [s] time constant with which the drives come to rest while the rope is slack; assumed
 
 
 class Actuation(NamedTuple):
-    """What the loop does between a controller and the drives of bridge, trolley, winch."""
+    """Numbers and memory for the conversion of commands into those of bridge, trolley and winch drives."""
 
-    lag: Array  # (3,) [s], cancelled in the velocity set-points
-    time_constant: Array  # (3,) [s], of the drives
-    period: float  # [s]
-    velocity: Array  # (3,) integral of the commanded accelerations [m/s], the set-points without lead
-    masses: AxisMasses | None  # that forces are meant for; None unless the drives take forces
+    lag: Array  # (3,) that velocity set-points compensate [s]
+    time_constant: Array  # (3,) of the drives [s]
+    period: float  # of control [s]
+    velocity: Array  # (3,) integral of the commanded accelerations, the set-points without lead [m/s]
+    masses: AxisMasses | None  # of the nominal crane, to compute forces; None unless the drives take forces
 
 
 def make_actuation(nominal: Scenario, start: Array, drive: Drive = "ideal") -> Actuation:
-    """Make the actuation of a run that starts at `start` (10,) for the crane `nominal`."""
+    """Return the actuation of a run that starts at `start` (10,); numbers are those of `nominal`."""
     return Actuation(
         lag=nominal.rig.time_constants * nominal.control.lag_compensation,
         time_constant=nominal.rig.time_constants,
@@ -39,7 +40,7 @@ def make_actuation(nominal: Scenario, start: Array, drive: Drive = "ideal") -> A
 
 @jit
 def actuate(actuation, command):
-    """Write the set-points [m/s] that belong to the accelerations `command[:3]` into `command[3:]`."""
+    """Write the set-points [m/s] for the accelerations `command[:3]` into `command[3:]`; advance memory."""
     for i in range(3):
         command[3 + i] = actuation.velocity[i] + actuation.lag[i] * command[i]
         actuation.velocity[i] += actuation.period * command[i]
@@ -47,13 +48,13 @@ def actuate(actuation, command):
 
 @jit
 def drive_acceleration(actuation, axis, setpoint, velocity):
-    """Return the acceleration of a drive with this set-point while it moves with `velocity` [m/s²]."""
+    """Return the acceleration [m/s²] of a drive with this set-point that moves at `velocity`."""
     return (setpoint - velocity) / actuation.time_constant[axis]
 
 
 @jit
 def take_set_points(actuation, state, command):
-    """Move the set-points `command[:3]` to `command[3:]`, and put their accelerations there."""
+    """Move the set-points in `command[:3]` to `command[3:]`, and write their accelerations in front."""
     for i in range(3):
         command[3 + i] = command[i]
         command[i] = drive_acceleration(actuation, i, command[3 + i], state[2 * i + 1])
@@ -62,14 +63,14 @@ def take_set_points(actuation, state, command):
 
 @jit
 def brake(actuation, command):
-    """Command accelerations that bring the drives to rest: no controller holds while the rope is slack."""
+    """Command accelerations that bring the drives to rest, while a slack rope makes control impossible."""
     for i in range(3):
         command[i] = -actuation.velocity[i] / BRAKING
 
 
 @jit
 def take_forces(masses, state, command):
-    """Replace the forces `command[:3]` [N] by the accelerations that they are meant to cause."""
+    """Replace the forces `command[:3]` [N] by the accelerations that they cause on the nominal crane."""
     command[0], command[1], command[2] = forced_accelerations(
         masses, state, command[0], command[1], command[2]
     )
@@ -77,7 +78,7 @@ def take_forces(masses, state, command):
 
 @jit
 def follow_velocity(masses, actuation, state):
-    """Force drives keep no velocity: set-points and braking go on from the measured one at each sample."""
+    """With force drives, take the measured velocity as start of set-points and braking at this sample."""
     if masses is None:
         return
     for i in range(3):
@@ -88,7 +89,7 @@ def follow_velocity(masses, actuation, state):
 def drive_command(masses, slack, column, state, row, command):
     """Return the commands of the drives: those in `row`, or forces for the accelerations `command[:3]`.
 
-    A slack rope holds no load.
+    The forces move the load too, unless the rope is slack.
     """
     if masses is None:
         return row[column], row[column + 1], row[column + 2]

@@ -1,7 +1,7 @@
-"""Run blocks in a child process: a controller that ends it, or never returns, ends only its run.
+"""Run blocks of samples in a child process, so that a controller that crashes or hangs ends only its run.
 
-The record is memory that both share; the child tells how far it is after each block. Where processes cannot
-be forked the blocks run here.
+Both processes share the memory of the record, and the child reports after each block. On systems that cannot
+fork processes the blocks run in this one.
 """
 
 import ctypes
@@ -18,15 +18,15 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import MachineError, printable
 
 CAN_FORK = hasattr(os, "fork")
-# [s] for a block, by default: it only ends what hangs. A predictive controller takes ten seconds for a block
-# on a usual machine.
+# [s] for a block by default, to end only controllers that hang: a predictive controller takes ten seconds for
+# a block on a usual machine.
 BLOCK_TIMEOUT = 120.0
 
-Advance = Callable[[int], tuple[int, int, int]]  # from a row on by a block: (complete rows, end, status)
+Advance = Callable[[int], tuple[int, int, int]]  # first row of a block → (complete rows, end, status)
 
 
 def shared_zeros(shape: tuple[int, int]) -> Array:
-    """Memory that a child shares."""
+    """Return an array of zeros in memory that child processes share."""
     count = shape[0] * shape[1]
     return np.frombuffer(mmap.mmap(-1, max(8 * count, 1)), dtype=np.float64, count=count).reshape(shape)
 
@@ -42,18 +42,18 @@ def blocks_here(advance: Advance, total: int) -> Iterator[tuple[int, int, int]]:
 def blocks_in_child(
     advance: Advance, total: int, name: str, patience: float
 ) -> Iterator[tuple[int, int, int]]:
-    """Yield what `blocks_here` yields, computed in a child process.
+    """Yield the results of `advance`, block by block, computed in a child process.
 
-    If it dies, or takes longer than `patience` [s] for a block, it says so and the run ends as
-    `controller-failed`. Time in which it waits for a processor, or for a program to start, does not count.
-    Raises MachineError if it is killed from outside, or lacks memory or disk space.
+    If the child dies, or takes longer than `patience` [s] for a block, a message is printed and the run ends
+    as `controller-failed`. Time that it waits for a processor or for a program to start does not count.
+    Raises MachineError if the child is killed from outside, or lacks memory or disk space.
     """
-    from cranectl.support.children import ChildError, fork_child  # which only laws from outside need
+    from cranectl.support.children import ChildError, fork_child  # only for controllers from outside
 
     def work(connection: Connection) -> None:
         libc = ctypes.CDLL(None)
         for report in blocks_here(advance, total):
-            libc.fflush(None)  # what the law has printed in C
+            libc.fflush(None)  # text that the controller has printed in C
             connection.send(report)
 
     rows, status, child = 0, int(RunStatus.RUNNING), fork_child(work)

@@ -1,7 +1,7 @@
-"""Settings that change nothing: on a plant, with its drives, under a controller, beside other settings.
+"""Find settings without effect on a plant, with its drives, under a controller or beside other settings.
 
-A command says so in a line for what its user gave, and a campaign refuses parameters that act nowhere. What
-only happens not to matter in a run, such as a limit that is not reached, is no such setting.
+A command prints a line for each such setting of its user, and a campaign refuses such parameters. A setting
+that could act but does not in this run, such as a limit that is not reached, does not count.
 """
 
 from collections.abc import Iterable, Mapping
@@ -26,7 +26,7 @@ from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, matching
 
 LAG = "rig.*_time_constant"
-# Settings that act only where none of these groups is zero in all its numbers.
+# A setting acts only if none of these groups has all its numbers zero.
 FACTORS = {
     **{
         f"effects.{name}.{setting}": tuple(f"effects.{name}.{factor}" for factor in factors)
@@ -36,16 +36,16 @@ FACTORS = {
     "disturbances.*.start": ("disturbances.*.magnitude", "disturbances.*.force.*"),
     "disturbances.*.end": ("disturbances.*.magnitude", "disturbances.*.force.*"),
 }
-# What the numbers of [design] are for, by a part of a controller's name.
+# The settings in [design] that a controller uses, by a part of its name.
 DESIGNED = {
     "pole-placement": "design.poles.*",
     "lqr": "design.[is]*_weight*",
     "hinf": "design.hinf.*",
     "loop-shaping": "design.loop_shaping.*",
 }
-# What a controller of the package does not read of its sensors, unless its drives take forces.
+# Sensors that a controller of the package does not read, unless its drives take forces.
 UNREAD = {"pid": "effects.sensing.angle_*"}
-# Parameters of the package's laws that act unless another has this value.
+# Parameters of the package's controllers that act unless another parameter has this value.
 UNUSED = {
     "controller.pid.filter_time": ("derivative", 0.0),
     "controller.pid.rope_length": ("shaper", "none"),
@@ -53,7 +53,7 @@ UNUSED = {
 
 
 class RunKind(NamedTuple):
-    """A run of a scenario."""
+    """Plant, drives and controller of a run."""
 
     plant: str
     drive: Drive
@@ -63,18 +63,18 @@ class RunKind(NamedTuple):
 def idle_settings(
     scenario: Scenario, requested: Scenario, names: Iterable[str], uses: Iterable[RunKind]
 ) -> dict[str, list[str]]:
-    """Return those of `names`, dotted, that change nothing in any of `uses`, by the reason in the first.
+    """Return those of `names` that change nothing in any of `uses`, grouped by the reason in the first use.
 
     Parameters
     ----------
     scenario
-        What is run, its reference planned.
-    asked
-        The same as it was read, before it was planned.
+        The scenario that is run, with a planned reference.
+    requested
+        The same scenario as it was read, before its reference was planned.
     names
-        Settings that are given.
+        Dotted names of the settings to check.
     uses
-        The runs; those whose controller cannot be designed say so themselves and are passed over.
+        The runs. A controller that cannot be designed raises its own error elsewhere and is left out here.
     """
     idle: dict[str, list[str]] = {}
     runs = []
@@ -91,9 +91,9 @@ def idle_settings(
 
 
 def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bool]) -> str | None:
-    """Return why a plant does not notice the setting `name`, None if it does.
+    """Return why the setting `name` has no effect on a plant, or None if it has one.
 
-    `zero` tells by name which numbers are 0 in all runs.
+    `zero` says for each number, by name, whether it is 0 in all runs.
     """
     entry = plant_entry(plant)
     group = "disturbances" if name.startswith("disturbances.") else ".".join(name.split(".")[1:3])
@@ -107,7 +107,7 @@ def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bo
     for factor in (
         factor_name for pattern in FACTORS if fnmatchcase(name, pattern) for factor_name in FACTORS[pattern]
     ):
-        if name.startswith("disturbances."):  # of this one
+        if name.startswith("disturbances."):  # the factor must be of the same disturbance
             factor = factor.replace("*", name.split(".")[1], 1)
         names = matching(factor, zero)
         if names and all(zero[other] for other in names):
@@ -122,7 +122,7 @@ def _why_idle(
     run: tuple[RunKind, ControllerDesign],
     zero: Mapping[str, bool],
 ) -> str | None:
-    """Return why the setting `name` changes nothing in a run, None if it does."""
+    """Return why the setting `name` has no effect in a run, or None if it has one."""
     use, design = run
     table = name.partition(".")[0]
     if table == "design":
@@ -133,10 +133,10 @@ def _why_idle(
         return _why_idle_controller(name, use, design)
     if name.startswith("rig.effects."):
         if getattr(scenario.effects, name.split(".")[2], None) is None:
-            return None  # `idle_effects` tells it
+            return None  # `idle_effects` reports it
         name = name.removeprefix("rig.")
-        rig_numbers, holds = (dict(leaves(settings.model_dump())) for settings in (scenario.rig, scenario))
-        if rig_numbers.get(name) != holds.get(name):
+        rig_numbers, numbers = (dict(leaves(settings.model_dump())) for settings in (scenario.rig, scenario))
+        if rig_numbers.get(name) != numbers.get(name):
             return f"{name} is given"
     if table == "limits":
         plant = name.split(".")[1]
@@ -149,7 +149,7 @@ def _why_idle(
         return f"{use.controller} does not read these encoders"
     zero = {key: is_zero for key, is_zero in zero.items() if not fnmatchcase(key, unread)}
     why = why_idle_on_plant(name, use.plant, use.drive, zero)
-    if why and fnmatchcase(name, LAG) and (planned or _is_told(name, scenario, use, design)):
+    if why and fnmatchcase(name, LAG) and (planned or _uses_lag(name, scenario, use, design)):
         return None
     return why
 
@@ -204,10 +204,10 @@ def _why_no_lead(use: RunKind, design: ControllerDesign) -> str | None:
     return None
 
 
-def _is_told(name: str, scenario: Scenario, use: RunKind, design: ControllerDesign) -> bool:
-    """Return True if a lag of the rig's drives changes what a controller is prepared with, or commands.
+def _uses_lag(name: str, scenario: Scenario, use: RunKind, design: ControllerDesign) -> bool:
+    """Return True if the lag `name` of the rig's drives changes a controller's preparation or commands.
 
-    From set-points ideal drives accelerate as the nominal drives would.
+    Set-points of a controller depend on the lag with ideal drives too: these accelerate as nominal drives do.
     """
     if controller_of(design).command == "velocity":
         return True
@@ -219,6 +219,6 @@ def _is_told(name: str, scenario: Scenario, use: RunKind, design: ControllerDesi
             prepared(controller, nominal_crane(candidate, design, controller, use.drive, plan))
             for candidate in (scenario, scenario.model_copy(update={"rig": changed}))
         )
-    except InputError:  # it looks at the number
+    except InputError:  # the preparation checks the number
         return True
     return not all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))

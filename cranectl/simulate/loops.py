@@ -1,7 +1,7 @@
-"""The one loop: what happens at a control sample, and a block of samples on any plant.
+"""The control loop: one sample, and a block of samples on any plant.
 
-In plain Python, or compiled once for all plants with kernels; both give the same bits, and a test holds them
-to it. A block returns often enough for progress, Ctrl-C and live changes.
+The loop runs in plain Python, or compiled once for all plants that have kernels. Both give the same bits, and
+a test compares them. A block is short enough for progress, Ctrl-C and live changes between blocks.
 """
 
 import functools
@@ -54,22 +54,25 @@ ENGINE_WARNING = int(RunStatus.ENGINE_WARNING)
 class LoopInputs(NamedTuple):
     """Everything a loop needs besides the plant, the record and the memory of the controller."""
 
-    law: CompiledController
+    controller: CompiledController
     actuation: Actuation
     reference: Array  # (N, 15)
     disturbance: Array  # (N, 2) [rad/s²]
     wind: Array  # (N, 3) velocity of the air [m/s]
     workspace: Array  # (3, 2) [m]
-    stop_outside: bool
-    command_column: int  # where the record holds what ideal and velocity drives take
-    recover: bool  # from a slack rope, instead of ending the run
-    slack: Array  # (1,) 1 while the rope is slack, as the last sample told
+    stop_outside: bool  # whether the run ends if an axis leaves the workspace
+    command_column: int  # first column in the record of the commands of ideal or velocity drives
+    recover: bool  # whether the run goes on after the rope was slack
+    slack: Array  # (1,) 1 if the rope was slack at the last sample
 
 
 @jit
 def command_controller(inputs, path, state, k, memory, row):
-    """Have the controller command, or brake the drives while the rope is slack; make the set-points."""
-    compiled, reference = inputs.law, inputs.reference[k]
+    """Write the controller's command into `row`, with its set-points; a slack rope brakes the drives instead.
+
+    Return the status of the controller.
+    """
+    compiled, reference = inputs.controller, inputs.reference[k]
     command = row[INPUT_COLUMN : INPUT_COLUMN + 6]
     follow_velocity(inputs.actuation.masses, inputs.actuation, state)
     give_measured(compiled, path, state, k)
@@ -94,7 +97,7 @@ def command_controller(inputs, path, state, k, memory, row):
 
 @jit
 def give_measured(compiled, path, state, k):
-    """Write what the controller may measure: joints and estimated disturbances, or encoder readings."""
+    """Write the measurements for the controller: joints and estimated disturbances, or encoder readings."""
     for i in range(2 * JOINTS):
         compiled.measured[i] = state[i]
     if path is not None:
@@ -108,7 +111,7 @@ def give_measured(compiled, path, state, k):
 
 @jit
 def control_sample(inputs, path, k, row, memory):
-    """Run the controller on the state in record row `k`; writes the rest of the row except the load."""
+    """Run the controller on the state in `row`, number `k`; write the rest of the row except the load."""
     if path is None:
         status = command_controller(inputs, path, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
     else:
@@ -132,7 +135,7 @@ def command_of(inputs, path, k, row):
     if path is None:
         first = inputs.command_column
         return row[first], row[first + 1], row[first + 2]
-    else:  # noqa: RET505  only then is the other branch left out by the compiler
+    else:  # noqa: RET505  the compiler leaves the other branch out only if there is an `else`
         commanded = path.record[k, COMMAND_COLUMN:]
         return commanded[0], commanded[1], commanded[2]
 
@@ -156,11 +159,11 @@ def judge_sample(inputs, row):
 
 @jit
 def complete_rows(k, status):
-    """Return the number of valid rows if the run ends with row `k`: it counts unless it is not finite."""
+    """Return the number of valid rows if the run ends with row `k`, which is invalid if not finite."""
     return k if status == NON_FINITE else k + 1
 
 
-# (inputs, path, record, memory, first, last) → (complete rows, sample it ended at, status)
+# (inputs, path, record, memory, first, last) → (complete rows, sample of the end, status)
 AdvanceBlock = Callable[[LoopInputs, SignalPath | None, Array, Array, int, int], tuple[int, int, int]]
 
 
@@ -179,13 +182,13 @@ def python_loop(plant: Plant) -> AdvanceBlock:
 
 @dataclass(frozen=True)
 class CompiledLoop:
-    """The compiled loop, for one plant."""
+    """The compiled loop with one plant."""
 
     plant: AddressedPlant
-    handle: Any  # kept, since `plant` refers to its arrays
+    handle: Any  # stays alive here, since `plant` refers to its arrays
 
     def __call__(self, *arguments: Any) -> tuple[int, int, int]:
-        """Run a block, as `AdvanceBlock` has it."""
+        """Run a block of samples; arguments and result are those of `AdvanceBlock`."""
         return one_loop()(self.plant, *arguments)
 
 
@@ -202,7 +205,7 @@ def one_loop() -> Callable[..., tuple[int, int, int]]:
 
 
 def measure(plant: Plant, state: Array) -> None:
-    """Read the joints of `plant`; the compiled loop calls an address here, as in the next two functions."""
+    """Read the joints of `plant`; the compiled loop replaces this and the next two functions by addresses."""
     plant.measure(state)
 
 
@@ -212,7 +215,7 @@ def advance(plant: Plant, command: Array, disturbance: Array, wind: Array, load:
 
 
 def warnings(plant: Plant) -> int:
-    """Numerical warnings of `plant`."""
+    """Return the number of numerical warnings of `plant`."""
     return plant.warnings()
 
 

@@ -1,7 +1,7 @@
-"""Count what runs will hold in memory before they begin, and refuse what does not fit.
+"""Estimate the memory that runs need before they begin, and refuse runs that do not fit.
 
-Nearly all of it is arrays with a row for each control sample, so a run is counted in columns of 8 bytes. The
-compiled code and the libraries come on top, about 200 MB whatever the run.
+Nearly all memory is arrays with a row for each control sample, so a run is counted in columns of 8 bytes.
+Compiled code and libraries need about 200 MB more, for any run.
 """
 
 import math
@@ -19,19 +19,19 @@ from cranectl.support.errors import InputError
 
 MAX_BYTES = 2**30
 NUMBER = 8  # [bytes]
-COMMAND_UNDER_WAY = 3  # numbers of each sample of the delay
-WIND = 6
-# Of a plan: time, reference, state, disturbance, wind; and what goes into the last two while it is made.
+COMMAND_UNDER_WAY = 3  # numbers for each sample of the delay
+WIND = 6  # numbers for each sample
+# Columns of a plan: time, reference, state, disturbance, wind. While it is made, the last two need more.
 PLANNED = 1 + len(REFERENCE) + len(STATE) + len(DISTURBANCE) + WIND
 PLANNING = PLANNED + 8
-NOISE = 10  # of encoders, and white noise of which it is made
-DIFFERENCE = len(STATE) + len(LOAD) + 2  # of two plants in a log
-# [bytes] of what a log draws of a plant in a simulated second: poses and ropes, and how many a trail takes.
+NOISE = 10  # columns: noise of the encoders, and the white noise that it is made of
+DIFFERENCE = len(STATE) + len(LOAD) + 2  # columns: difference of two plants in a log
+# [bytes] in a log for each plant and simulated second: poses and ropes, and the trail of the load.
 DRAWN, TRAIL = 30_000, 200_000
 
 
 def check_planned(scenario: Scenario, *, others: Iterable[Scenario] = ()) -> None:
-    """Raise InputError if the plan of `scenario`, with those of `others`, takes too much memory."""
+    """Raise InputError if the plans of `scenario` and `others` together take too much memory."""
     samples = sum(planned.steps + 1 for planned in (scenario, *others))
     check_held(scenario, PLANNING * samples * NUMBER, "the reference")
 
@@ -39,13 +39,13 @@ def check_planned(scenario: Scenario, *, others: Iterable[Scenario] = ()) -> Non
 def check_runs(
     scenario: Scenario, design: ControllerDesign, drive: Drive, plants: int = 1, *, logged: bool = False
 ) -> None:
-    """Raise InputError if runs on so many plants, held together, take too much memory.
+    """Raise InputError if runs on that many `plants` take too much memory together.
 
-    `logged`: whether they are written to a log of every n-th sample, as the scenario says.
+    `logged` says whether a log of them is written, of every n-th sample as in the scenario.
     """
     samples, columns = scenario.steps + 1, _recorded(scenario, design, drive)
     needed = NUMBER * (samples * (PLANNED + plants * columns) + COMMAND_UNDER_WAY * scenario.delay_samples)
-    # The last run has the parts of its record besides, until they are put together.
+    # The parts of the last run's record are in memory too, until they are joined.
     parted = has_signal_path(scenario.effects, drive) or scenario.forced
     last = NUMBER * samples * ((columns if parted else 0) + (NOISE if scenario.effects.sensing else 0))
     written = 0.0
@@ -61,7 +61,7 @@ def check_runs(
 
 
 def fits(run: Run, *, more: int) -> bool:
-    """Return True if `more` runs like `run` can be held beside it and another."""
+    """Return True if `more` runs like `run` fit into memory, beside it and one other."""
     columns = PLANNED + (2 + more) * _recorded(run.scenario, run.design, run.drive)
     return columns * (run.scenario.steps + 1) * NUMBER <= MAX_BYTES
 
@@ -69,9 +69,9 @@ def fits(run: Run, *, more: int) -> bool:
 def check_several(
     scenario: Scenario, design: ControllerDesign, runs: int, what: str, *, columns: int = 0, most: int
 ) -> None:
-    """Raise InputError if `what` takes more than `most` bytes: so many runs with effects, and more columns.
+    """Raise InputError if `what` takes more than `most` bytes: that many runs with effects, and `columns`.
 
-    `columns`: numbers for each sample that come on top of the runs.
+    `columns` is how many numbers each sample needs besides the runs.
     """
     whole = sum(map(len, recorded_groups(design.groups, staged="velocity", forced=True)))
     needed = NUMBER * (scenario.steps + 1) * (PLANNING + runs * whole + columns)
@@ -81,7 +81,7 @@ def check_several(
 def check_held(
     scenario: Scenario, needed: float, what: str, *, most: int = MAX_BYTES, fewer_plants: bool = False
 ) -> None:
-    """Raise InputError if `what` of `scenario`, of `needed` bytes, takes more than `most`."""
+    """Raise InputError if `what` of `scenario`, which needs `needed` bytes, takes more than `most`."""
     if needed <= most:
         return
     times, samples = math.ceil(needed / most), scenario.steps + 1
@@ -95,7 +95,7 @@ def check_held(
 
 
 def _longer_period(scenario: Scenario, times: int) -> float:
-    """Return the next control period [s] that is so many times as long and divides all times, if any does."""
+    """Return a control period [s], at least `times` as long, that divides all times, if there is one."""
     ends = [time for step in scenario.disturbances for time in (step.start, step.end)]
     delay = scenario.effects.delay.seconds if scenario.effects.delay else 0.0
     common = math.gcd(*(nanoseconds(time or 0.0) for time in (scenario.duration, delay, *ends)))

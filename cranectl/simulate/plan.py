@@ -1,4 +1,4 @@
-"""What a scenario means: its reference and disturbances at every sample, checked against the rig."""
+"""Sample the reference and the disturbances of a scenario, and check them against the rig."""
 
 from dataclasses import dataclass
 
@@ -19,38 +19,38 @@ AXES = ("bridge", "trolley", "rope")
 
 @dataclass(frozen=True)
 class PlannedReference:
-    """What a run is asked to do at every control sample, that at its end included, whatever the plant."""
+    """The desired motion at every control sample of a run, including its end; it depends on no plant."""
 
     time_ns: NDArray[np.int64]  # (N,)
     reference: Array  # (N, 15) load position and four derivatives
-    reference_state: Array  # (N, 10) what the crane does on the reference
-    gravity: float  # with which the states are planned [m/s²]
+    reference_state: Array  # (N, 10) state of the crane on the reference
+    gravity: float  # for which the states are computed [m/s²]
 
 
 @dataclass(frozen=True)
 class Plan(PlannedReference):
-    """And where the crane starts, and what disturbs it."""
+    """A planned reference with the initial state and the disturbances of a run."""
 
-    initial_state: Array  # (10,) where the crane starts, on its reference unless the scenario says otherwise
+    initial_state: Array  # (10,) on the reference, unless the scenario has offsets
     disturbance: Array  # (N, 2) [rad/s²]
-    wind: Array  # (N, 6) velocity of the air [m/s], force on the load besides [N]
+    wind: Array  # (N, 6) velocity of the air [m/s], other force on the load [N]
 
     @property
     def shortest_rope(self) -> float:
-        """Of the reference and the start [m]."""
+        """The shortest rope length of the reference and the start [m]."""
         return float(min(self.reference_state[:, ROPE].min(), self.initial_state[ROPE]))
 
 
 def plan_scenario(scenario: Scenario) -> Plan:
-    """Sample reference and disturbances; raises InputError as `plan_reference` and `plan_run` do."""
+    """Return the plan of a scenario; raise InputError as `plan_reference` and `plan_run` do."""
     return plan_run(plan_reference(scenario), scenario)
 
 
 def plan_reference(scenario: Scenario) -> PlannedReference:
     """Sample the reference.
 
-    Raises InputError where the reference is not smooth enough, would need a slack rope, or leads bridge,
-    trolley or rope out of the workspace, and where its samples take too much memory.
+    Raises InputError if the reference is not smooth enough, needs a slack rope, leaves the workspace, is
+    faster than the drives, or takes too much memory.
     """
     check_planned(scenario)
     time_ns = np.arange(scenario.steps + 1, dtype=np.int64) * scenario.period_ns
@@ -65,7 +65,7 @@ def plan_reference(scenario: Scenario) -> PlannedReference:
 def plan_run(planned: PlannedReference, scenario: Scenario) -> Plan:
     """Plan the run of `scenario` on a reference that may have been planned for another crane.
 
-    Raises InputError where it would start outside of its workspace.
+    Raises InputError if the run would start outside the workspace.
     """
     time_ns = planned.time_ns
     disturbances = disturbances_at(scenario, time_ns)
@@ -98,7 +98,7 @@ def _initial_state(scenario: Scenario, planned: PlannedReference) -> Array:
 
 
 def disturbances_at(scenario: Scenario, time_ns: NDArray[np.int64]) -> Array:
-    """Accelerations of alpha and beta [rad/s²], force on the load (x, y, z) [N], shape (N, 5)."""
+    """Return accelerations of alpha, beta [rad/s²] and force on the load (x, y, z) [N], shape (N, 5)."""
     columns = np.zeros((len(time_ns), 5))
     for step in scenario.disturbances:
         columns[step.acts(time_ns)] += (*step.acceleration, *(step.force or (0.0, 0.0, 0.0)))

@@ -1,4 +1,4 @@
-"""One run: everything recorded at every sample, and how it ended."""
+"""A run: all signals at every sample, and how it ended."""
 
 from dataclasses import dataclass, replace
 
@@ -21,7 +21,7 @@ def groups_of(scenario: Scenario, design: ControllerDesign, drive: Drive) -> tup
 
 
 def record_width(design: ControllerDesign) -> int:
-    """Columns of a run's record without those of its signal path."""
+    """Return the number of columns of a run's record without those of its signal path."""
     return sum(map(len, recorded_groups(design.groups)))
 
 
@@ -70,7 +70,7 @@ class Run:
 
     @property
     def controller(self) -> str:
-        """Its name, and of a controller from outside the file."""
+        """The name of the controller, with the file of one from outside the package."""
         origin = self.design.origin
         return self.design.name if origin is None else f"{self.design.name}, {origin.described}"
 
@@ -81,22 +81,22 @@ class Run:
 
     @property
     def load_position(self) -> Array:
-        """Of the load in the world (x, y, z) [m], shape (N, 3). A view, as the others."""
+        """Position of the load in the world (x, y, z) [m], shape (N, 3); a view."""
         return self.block("load")[:, :3]
 
     @property
     def load_force(self) -> Array:
-        """On the load by disturbances (x, y, z) [N], shape (N, 3)."""
+        """Force of disturbances on the load (x, y, z) [N], shape (N, 3)."""
         return self.block("load_force") if self.scenario.forced else np.zeros((len(self.time_ns), 3))
 
     @property
     def tension(self) -> Array:
-        """Of the rope [N], positive when it pulls, shape (N,)."""
+        """Tension of the rope [N], positive when it pulls, shape (N,); a view."""
         return self.block("load")[:, 6]
 
     @property
     def angles(self) -> Array:
-        """Cardan angles alpha, beta [rad], shape (N, 2)."""
+        """Cardan angles alpha, beta [rad], shape (N, 2); a view."""
         return self.block("state")[:, 6::2]
 
     @property
@@ -125,7 +125,7 @@ class Run:
     def every(self, n: int) -> "Run":
         """Return the run at every n-th control sample, and always at the last one.
 
-        Of a run that was logged, those that are there. Views, not copies, where they are evenly spaced.
+        A run that was read from a log has only the samples of that log. Evenly spaced samples are views.
         """
         samples = (self.time_ns - self.time_ns[:1]) // self.scenario.period_ns
         mask = samples % n == 0

@@ -1,4 +1,4 @@
-"""Simulate a scenario on a plant: a whole run that is kept, or one that is looked at block by block."""
+"""Simulate a scenario on a plant, as a whole run in memory or as a stream of blocks."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -40,7 +40,7 @@ BLOCK = 1000  # samples per call of the loop: a few milliseconds of computing
 
 
 class PreparedRun(NamedTuple):
-    """A run at its first sample."""
+    """A run that is ready for its first sample."""
 
     advance: AdvanceBlock
     inputs: LoopInputs
@@ -64,7 +64,7 @@ def simulate_run(
 ) -> Run:
     """Simulate a scenario on one plant and record every sample.
 
-    A run that has to stop early, Ctrl-C included, returns what it has, with the reason in its status.
+    A run that stops early, also by Ctrl-C, returns the samples up to there, with the reason in its status.
 
     Parameters
     ----------
@@ -79,11 +79,11 @@ def simulate_run(
     nominal : Scenario, optional
         The crane that the controller assumes; it may differ in rig, effects, initial state and disturbances.
     plan, law : Plan, CompiledController, optional
-        Results of `plan_scenario` and `prepare_controller`, to save making them twice.
+        Results of `plan_scenario` and `prepare_controller`, if they exist already.
     compiled : bool
-        Whether the compiled loop runs; the other one is slower and easy to step through.
+        Whether the compiled loop runs; the one in Python is slower and easy to debug.
     patience : float
-        Time [s] that a block of samples may take with a controller from outside.
+        Time [s] that a block of samples may take with a controller from outside the package.
     progress : Callable, optional
         Called with the simulated seconds since the last call.
 
@@ -95,7 +95,7 @@ def simulate_run(
     Raises
     ------
     InputError
-        For wrong names, for a reference that the rig cannot follow, and for too large a run.
+        If a name is unknown, the rig cannot follow the reference, or the run takes too much memory.
     """
     nominal = nominal or scenario
     design = design or controller_design(controller or nominal.controller.name, nominal)
@@ -116,7 +116,7 @@ def simulate_run(
         nominal=nominal,
         path_record=path_record,
         compiled=compiled,
-        enter=outside is None,
+        bind=outside is None,
     )
     record = zeros((samples, width))
     rows, last, status = _run_blocks(run, record, plan, outside, patience=patience, progress=progress)
@@ -137,19 +137,19 @@ def simulate_run(
 def start_run(
     crane: Plant,
     scenario: Scenario,
-    law: CompiledController,
+    controller: CompiledController,
     plan: Plan,
     *,
     nominal: Scenario,
     path_record: Array | None = None,
     compiled: bool = True,
-    enter: bool = True,
+    bind: bool = True,
 ) -> PreparedRun:
-    """Put `crane`, which is that of `scenario`, at the start of `plan`.
+    """Put `crane`, the plant of `scenario`, at the start of `plan`, and return the run.
 
-    Raises InputError where effects or steps do not suit its rope. `enter`: give a controller from outside an
-    address in this process, without which it cannot be run. `path_record`: where the signal path writes, by
-    default whole memory for all samples.
+    `bind` gives a controller from outside an address in this process, which it needs to run here. The signal
+    path writes to `path_record`, by default a new array for all samples. Raises InputError if effects or
+    steps do not allow the shortest rope of the plan.
     """
     crane.check_length(plan.shortest_rope)
     start = plan.initial_state
@@ -158,12 +158,12 @@ def start_run(
     return PreparedRun(
         advance=compiled_loop(crane) if compiled else python_loop(crane),
         inputs=inputs_of(
-            scenario, law, make_actuation(nominal, start, crane.drive), plan, crane.drive, enter=enter
+            scenario, controller, make_actuation(nominal, start, crane.drive), plan, crane.drive, bind=bind
         ),
         path=make_signal_path(
             scenario, start, drive=crane.drive, samples=samples, nominal=nominal, record=path_record
         ),
-        memory=law.start.copy(),
+        memory=controller.start.copy(),
     )
 
 
@@ -177,7 +177,7 @@ def prepare_controller(
 ) -> CompiledController:
     """Prepare `design` for the reference of `plan` on the crane `nominal` that it assumes.
 
-    Raises InputError where its sampling makes it unstable, or as its own preparation does.
+    Raises InputError if the sampled loop is unstable, or as the controller's own preparation does.
     """
     controller = controller_of(design)
     recorded = sum(map(len, design.groups))
@@ -187,9 +187,9 @@ def prepare_controller(
 def linearised_controller(
     nominal: Scenario, design: ControllerDesign, rope_lengths: Sequence[float] = ()
 ) -> list[LinearController]:
-    """Return the controller linearised near rest at some rope lengths [m]; empty if it cannot be.
+    """Return the controller linearised near rest at some rope lengths [m]; empty if it has no linear form.
 
-    By default at the shortest, the middle and the longest rope of the rig.
+    The default lengths are the shortest, the middle and the longest rope of the rig.
     """
     controller = controller_of(design)
     if controller.linearise is None:
@@ -203,7 +203,7 @@ def linearised_controller(
 def nominal_crane(
     nominal: Scenario, design: ControllerDesign, controller: Controller, drive: Drive, plan: PlannedReference
 ) -> Nominal:
-    """Return what `controller` gets to know of crane, drives and reference when it is prepared."""
+    """Return the data of crane, drives and reference with which `controller` is prepared."""
     reference = plan.reference
     if controller.follows == "set-point":
         reference = build_trajectory(nominal.reference).set_points(plan.time_ns / NANOSECONDS)
@@ -219,7 +219,7 @@ def nominal_crane(
 
 
 def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
-    """Make the plant `name` for a scenario; raise InputError for an unknown one and what it cannot show."""
+    """Make the plant `name` for a scenario; raise InputError if it is unknown or cannot show the scenario."""
     check_scenario(scenario, plant=name, drive=drive)
     entry = plant_entry(name)
     if not entry.is_own:
@@ -245,17 +245,17 @@ def checked_drive(name: str) -> Drive:
 
 def inputs_of(
     scenario: Scenario,
-    law: CompiledController,
+    controller: CompiledController,
     actuation: Actuation,
     plan: Plan,
     drive: Drive,
     *,
-    enter: bool = True,
+    bind: bool = True,
 ) -> LoopInputs:
-    """Return what a loop needs to run `plan` from its first row to its last; `enter` as in `start_run`."""
-    law = with_own_memory(law)
+    """Return what a loop needs to run `plan` from its first row to its last; `bind` is as in `start_run`."""
+    controller = with_own_memory(controller)
     return LoopInputs(
-        law=bind_address(law) if enter else law,
+        controller=bind_address(controller) if bind else controller,
         actuation=actuation,
         reference=plan.reference,
         disturbance=plan.disturbance,
@@ -282,14 +282,16 @@ def _run_blocks(
 
     def advance(first: int) -> tuple[int, int, int]:
         nonlocal inputs
-        inputs = inputs._replace(law=bind_address(inputs.law))
+        inputs = inputs._replace(controller=bind_address(inputs.controller))
         return run.advance(inputs, run.path, record, run.memory, first, min(first + BLOCK, total))
 
     try:
         if outside is None:
             blocks = blocks_here(advance, total)
         else:
-            run.advance(run.inputs, run.path, record, run.memory, 0, 0)  # compiled before it is timed
+            run.advance(
+                run.inputs, run.path, record, run.memory, 0, 0
+            )  # compile before the time limit counts
             blocks = blocks_in_child(advance, total, outside.name, patience)
         for complete, ended_at, code in blocks:
             done, rows, end, status = rows, complete, ended_at, RunStatus(code)
@@ -303,20 +305,21 @@ def _run_blocks(
 
 
 class Block(NamedTuple):
-    """Consecutive complete samples; its rows are written over by the next block."""
+    """Consecutive complete samples; the next block overwrites their rows."""
 
     time_ns: NDArray[np.int64]  # (n,)
     record: Array  # (n, columns of `signals` without those of the signal path)
     reference: Array  # (n, 15)
-    path: Array  # (n, PATH_WIDTH) what the signal path recorded; without one, `record`
+    path: Array  # (n, PATH_WIDTH) record of the signal path; `record` if there is none
 
 
 def stream_run(
-    run: PreparedRun, plan: Plan, record: Array, look: Callable[[Block], None]
+    run: PreparedRun, plan: Plan, record: Array, process: Callable[[Block], None]
 ) -> tuple[int, RunStatus]:
-    """Run `plan` to its end, `len(record)` samples at a time; returns when it ended [ns], and how.
+    """Run `plan` in blocks of `len(record)` samples; return when it ended [ns], and how.
 
-    The signal path must have a record of as many rows. Sample by sample the same as a run in one piece.
+    `process` is called with each block. The record of the signal path must have as many rows as `record`. The
+    samples equal those of a run in one piece.
     """
     total, size = len(plan.time_ns), len(record)
     for first in range(0, total, size):
@@ -327,7 +330,7 @@ def stream_run(
         )
         rows, end, code = run.advance(inputs, run.path, record, run.memory, 0, len(reference))
         path = record if run.path is None else run.path.record
-        look(Block(plan.time_ns[first : first + rows], record[:rows], reference[:rows], path[:rows]))
+        process(Block(plan.time_ns[first : first + rows], record[:rows], reference[:rows], path[:rows]))
         if code != RunStatus.RUNNING:
             return int(plan.time_ns[first + end]), RunStatus(code)
     return int(plan.time_ns[-1]), RunStatus.COMPLETED

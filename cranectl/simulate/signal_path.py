@@ -1,9 +1,10 @@
-"""Between plant and controller on a real rig: encoders and observer before it, limits and transport after it.
+"""The signal path of a real rig: encoders and observer before the controller, limits and delay after it.
 
-Encoders read positions in whole steps, with noise; velocities are for the observer to find. Velocity drives
-have a largest set-point and a largest change of it in a period. Commands arrive a whole number of samples
-late. A run without any of these gets None, for which the compiled loop has no code at all; but with force
-drives, whose commands nothing else records.
+Encoders read positions in whole steps, with noise, and the observer estimates velocities. Velocity drives
+limit the set-point and its change in a period. Commands arrive a whole number of samples late.
+
+A run without any of these has None instead of a signal path, for which the compiled loop has no code. Runs
+with force drives always have one, since nothing else records their commands.
 """
 
 from math import floor
@@ -32,14 +33,14 @@ from cranectl.support.jit import jit
 
 
 class Encoders(NamedTuple):
-    """Of bridge, trolley, rope, alpha, beta; noise is drawn before the run, so the same on any plant."""
+    """Encoders of bridge, trolley, rope, alpha, beta. Noise is drawn before the run, equal on all plants."""
 
-    resolution: Array  # (5,) [m, m, m, rad, rad]; 0: as fine as a number
-    noise: Array  # (N, 5), repeated after N samples
+    resolution: Array  # (5,) [m, m, m, rad, rad]; 0 for no rounding
+    noise: Array  # (N, 5); it repeats after N samples
 
 
 def make_encoders(sensing: Sensing, samples: int) -> Encoders:
-    """Make the encoders of a run of `samples`, with white noise from the seed of the settings."""
+    """Return the encoders of a run of `samples`, with white noise from the seed of the settings."""
     deviation = np.array([*sensing.position_noise, sensing.angle_noise, sensing.angle_noise])
     resolution = np.array([*sensing.position_resolution, sensing.angle_resolution, sensing.angle_resolution])
     white = np.random.default_rng(sensing.seed).standard_normal((samples, 5))
@@ -48,32 +49,32 @@ def make_encoders(sensing: Sensing, samples: int) -> Encoders:
 
 @jit
 def read_encoder(encoders, sample, joint, position):
-    """Return the reading of the encoder of `joint` at `position`: noise is added, then it is rounded."""
+    """Return the encoder reading of `joint` at `position`: noise is added before rounding."""
     value = position + encoders.noise[sample % encoders.noise.shape[0], joint]
     step = encoders.resolution[joint]
     return step * floor(value / step + 0.5) if step > 0.0 else value
 
 
 class SetpointLimits(NamedTuple):
-    """Of bridge, trolley, winch."""
+    """Limits of the set-points of bridge, trolley and winch."""
 
-    velocity: Array  # (3,) [m/s]
-    change: Array  # (3,) within a control period [m/s]
+    velocity: Array  # (3,) largest set-point [m/s]
+    change: Array  # (3,) largest change in a control period [m/s]
 
 
 def make_limits(limits: DriveLimits | None, period: float) -> SetpointLimits:
-    """Return the limits of drives that are sampled with `period` [s]; infinite ones for None."""
+    """Return the limits of drives with the control `period` [s]; infinite limits for None."""
     if limits is None:
         return SetpointLimits(np.full(3, np.inf), np.full(3, np.inf))
     return SetpointLimits(np.array(limits.velocity), period * np.array(limits.acceleration))
 
 
-CUT_OFF = 1e-9  # of the largest velocity; a limit that changes a set-point by less does not act
+CUT_OFF = 1e-9  # share of the velocity limit; a smaller change of a set-point does not count as limited
 
 
 @jit
 def limited(limits, axis, setpoint, previous):
-    """Return the set-point nearest to `setpoint` that the drive may get after `previous` [m/s]."""
+    """Return the set-point nearest to `setpoint` that the limits allow after `previous` [m/s]."""
     change = limits.change[axis]
     reachable = min(max(setpoint, previous - change), previous + change)
     return min(max(reachable, -limits.velocity[axis]), limits.velocity[axis])
@@ -81,7 +82,7 @@ def limited(limits, axis, setpoint, previous):
 
 @jit
 def transport(line, sample, command):
-    """Put `command` (3,) on the line and replace it by the one that arrives at `sample`."""
+    """Put `command` (3,) on the delay line, and replace it by the command that arrives at `sample`."""
     length = line.shape[0]
     if length == 0:
         return
@@ -94,32 +95,32 @@ ROPE = 2  # among the joints
 
 
 class CalibrationError(NamedTuple):
-    """Between controller and rig."""
+    """Errors of installation between controller and rig."""
 
-    rope_offset: float  # read more than there is [m]
-    drive_gain: Array  # (3,) of bridge, trolley, winch
-    dead_zone: Array  # (3,) of set-points [m/s]
+    rope_offset: float  # encoder reading minus true rope length [m]
+    drive_gain: Array  # (3,) executed over given command of bridge, trolley, winch
+    dead_zone: Array  # (3,) set-points below these are ignored [m/s]
 
 
 class SignalPath(NamedTuple):
-    """Encoders, observer, limits and transport of a run, with their memories and their part of the record."""
+    """Encoders, observer, limits and delay of a run, with their memories and their part of the record."""
 
-    sensed: bool  # else the true state is measured
+    sensed: bool  # whether encoders and observer measure the state; else the true state is measured
     readings: Array  # (5,) of the encoders
     encoders: Encoders
     observer: Observer
     estimate: Array  # the observer's memory
-    assumed: Array  # (3,) accelerations of the drives, for it [m/s²]
+    assumed: Array  # (3,) accelerations of the drives that the observer assumes [m/s²]
     calibration: CalibrationError
     limits: SetpointLimits
-    previous: Array  # (3,) last command given
-    line: Array  # (samples of delay, 3) commands under way
+    previous: Array  # (3,) last command after limits
+    line: Array  # (samples of delay, 3) commands that have not arrived yet
     clock: NDArray[np.int64]  # (1,) samples since the start
     record: Array  # (N, PATH_WIDTH)
 
 
 def has_signal_path(effects: EffectSettings, drive: Drive) -> bool:
-    """Return True if a run has a signal path: for its effects, or to record the forces of its drives."""
+    """Return True if a run needs a signal path: for its effects, or to record the forces of its drives."""
     return effects.staged or DRIVES[drive].column is None
 
 
@@ -134,8 +135,8 @@ def make_signal_path(
 ) -> SignalPath | None:
     """Return the signal path of a run that starts at `start` (10,), or None if it has none.
 
-    The observer is designed for `nominal`, by default the scenario itself. `record`: where it is written, by
-    default whole memory for `samples`.
+    The observer is designed for `nominal`, by default the scenario itself. The path writes to `record`, by
+    default a new array with a row for each of `samples`.
     """
     effects = scenario.effects
     if not has_signal_path(effects, drive):
@@ -168,7 +169,7 @@ def make_signal_path(
 
 
 def whole_record(scenario: Scenario, record: Array, path: SignalPath | None, wind: Array) -> Array:
-    """Return the record of a run with the columns of its signal path and of forces on its load, if any."""
+    """Return the record of a run joined with the columns of its signal path and of forces on the load."""
     parts = [record] if path is None else [record, path.record]
     if scenario.forced:
         parts.append(wind[:, FORCE:])
@@ -177,7 +178,7 @@ def whole_record(scenario: Scenario, record: Array, path: SignalPath | None, win
 
 @jit
 def sense(path, row, measured):
-    """Write what is measured of the state in `row` into `measured` (12,), order of `signals.MEASUREMENT`."""
+    """Measure the state in `row`; write `measured` (12,), in the order of `signals.MEASUREMENT`."""
     offset = path.calibration.rope_offset
     if not path.sensed:
         for i in range(2 * JOINTS):
@@ -199,12 +200,12 @@ def sense(path, row, measured):
 
 @jit
 def act(path, actuation, wanted, row, commanded):
-    """Turn what the drives are to get, three numbers, into what they get and whether limits act, `commanded`.
+    """Limit and delay the `wanted` command (3,); write the one that drives get, and which limits act.
 
-    The integral of `actuation` follows a set-point that is cut off, so that it does not run away. The
-    observer is told what drives make of that set-point, or it would take the rest for a disturbance. A
-    controller that keeps to the limits itself exceeds them by rounding, which differs between processors:
-    that is no cut.
+    `commanded` (6,) receives both. The integral in `actuation` follows a limited set-point, so that it does
+    not wind up. The observer assumes the acceleration for the limited set-point. Otherwise it would take the
+    rest for a disturbance. A controller that keeps to the limits may exceed them by rounding, which differs
+    between processors. This does not count as limited.
     """
     command = commanded[:3]
     for axis in range(3):
@@ -219,7 +220,7 @@ def act(path, actuation, wanted, row, commanded):
             path.assumed[axis] = drive_acceleration(actuation, axis, command[axis], velocity)
             commanded[3 + axis] = 1.0
         path.previous[axis] = command[axis]
-        if abs(command[axis]) < path.calibration.dead_zone[axis]:  # the drive's own, of which nobody is told
+        if abs(command[axis]) < path.calibration.dead_zone[axis]:  # neither controller nor observer knows it
             command[axis] = 0.0
         command[axis] *= path.calibration.drive_gain[axis]
     if path.sensed:
