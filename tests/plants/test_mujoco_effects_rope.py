@@ -84,13 +84,13 @@ def test_a_rope_that_starts_while_it_is_hoisted_is_as_taut_as_one_that_hangs(rat
 def test_stiffness_and_damping_follow_the_length() -> None:
     """Hoisted from 0.8 m to 0.4 m: twice the stiffness and damping, half the stretch."""
     plant = make(rope(stiffness=2e4), substeps=10)
-    law = plant.rig.rope.bias.copy()
+    bias = plant.rig.rope.bias.copy()
     simulate(plant, 10, (0.0, 0.0, -10.0))
     simulate(plant, 30)
     simulate(plant, 10, (0.0, 0.0, 10.0))
     states, loads = simulate(plant, 100)
     assert states[-1, 4] == pytest.approx(0.4, abs=1e-9)
-    assert plant.rig.rope.bias[1:3] == pytest.approx(2.0 * law[1:3], rel=1e-9)
+    assert plant.rig.rope.bias[1:3] == pytest.approx(2.0 * bias[1:3], rel=1e-9)
     assert -loads[-1, 2] - states[-1, 4] == pytest.approx(RIG.weight * 0.4 / 2e4, rel=1e-6)
 
 
