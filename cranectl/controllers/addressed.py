@@ -1,4 +1,7 @@
-"""Laws that the loop calls by address: it is compiled once for all of them, in whatever language they are."""
+"""Call the step of any controller by address, so that the loop is compiled only once for all controllers.
+
+The step may be written in any language that makes a function with the C signature of `controller`.
+"""
 
 from ctypes import POINTER, c_double
 from math import isfinite
@@ -30,33 +33,33 @@ JOINTS = 5
 
 
 class CompiledController(NamedTuple):
-    """A controller as the loop runs it: what does not change in a run, and then its memories."""
+    """A controller in the form that the loop runs: its constants, then its memories."""
 
-    address: int  # 0: only `entered` gives it one
+    address: int  # of its step; 0 until `bind_address` sets it
     parameters: Array
     reference: Array  # (N + preview, 15); after its end the last row is repeated
     samples: int  # N
     every: int  # control periods between two steps
-    encoders: bool  # else the state is measured
-    velocity: bool  # is commanded
-    force: bool  # is commanded; if neither, acceleration
-    masses: AxisMasses  # that forces are meant for
-    places: NDArray[np.int64]  # of the memory that are recorded
+    encoders: bool  # whether it measures encoder readings; else the state
+    velocity: bool  # whether it commands velocities
+    force: bool  # whether it commands forces; if neither, accelerations
+    masses: AxisMasses  # of the nominal crane, to turn forces into accelerations
+    places: NDArray[np.int64]  # indices of the memory that are recorded
     start: Array  # memory at the start of a run
     measured: Array  # (12,)
     command: Array  # (3,) held between two steps
     scratch: Array  # (12,)
     clock: NDArray[np.int64]  # (1,) control samples since the start
-    entry: int  # place in `OpenControllers.entries`
-    slack_place: int  # of the memory, told of a slack rope; -1: it is not called then
-    records_all: bool  # `places` are all that is recorded of it
-    outside: bool  # the package's and other packages' are trusted to write nothing but memory and command
+    entry: int  # index in `OpenControllers.entries`
+    slack_place: int  # index of the memory that says whether the rope is slack; -1: no step while it is
+    records_all: bool  # whether `places` has all signals that are recorded of the controller
+    outside: bool  # whether it comes from a file, and might write to arrays other than memory and command
 
 
 def compile_controller(controller: Controller, nominal: Nominal, recorded: int) -> CompiledController:
-    """Prepare `controller` for `nominal`; raise InputError where its design cannot be met.
+    """Prepare `controller` for `nominal`; raise InputError as its `prepare` does.
 
-    `recorded`: how many signals a run records of it, load and error included.
+    `recorded` is the number of signals that a run records of it, including load and error.
     """
     parameters, memory = prepared(controller, nominal)
     reference = nominal.reference
@@ -91,7 +94,7 @@ def compile_controller(controller: Controller, nominal: Nominal, recorded: int) 
 
 
 def bind_address(compiled: CompiledController) -> CompiledController:
-    """Return the controller with the address of its step in this process; it must come from `at_start`."""
+    """Return the controller with the address of its step in this process."""
     if compiled.address:
         return compiled
     entry, sizes = OPEN.entries[compiled.entry]
@@ -104,7 +107,7 @@ def _compiled(controller: Controller) -> int:
     """Return the address of the compiled step; raise InputError with Numba's reason if that fails."""
     try:
         address = address_of(controller.step)
-    except Exception as error:  # of many classes, some of no family
+    except Exception as error:  # Numba raises many unrelated classes
         said, where = why_not_compiled(controller.step, error)
         raise InputError(
             f"the step of {controller.name} cannot be compiled: {said}",
@@ -115,7 +118,7 @@ def _compiled(controller: Controller) -> int:
 
 
 def with_own_memory(compiled: CompiledController) -> CompiledController:
-    """Return the controller with memory of its own; one from outside gets copies of all arrays."""
+    """Return the controller with new work arrays; one from outside also gets copies of its constants."""
     if compiled.outside:
         compiled = compiled._replace(
             parameters=compiled.parameters.copy(), reference=compiled.reference.copy()
@@ -148,7 +151,7 @@ def _call(_typing, _address, parameters, measured, reference, memory, command):
 
 
 def _call_uncompiled(address, *arrays):
-    """Do what `_call` does, in a process that compiles nothing."""
+    """Do what `_call` does in a process where Numba's compiler is switched off."""
     return STEP(address)(*(array.ctypes.data_as(POINTER(c_double)) for array in arrays))
 
 
@@ -158,7 +161,7 @@ if UNCOMPILED:
 
 @jit
 def record_controller(compiled, state, reference, memory, row):
-    """Write load and error as the joints tell them, and what the controller logs, into the record `row`."""
+    """Write load and error, computed from the joints, and the controller's own signals into `row`."""
     recorded = compiled.places.shape[0]
     if compiled.records_all:
         first = memory.shape[0] - recorded
@@ -175,11 +178,11 @@ def record_controller(compiled, state, reference, memory, row):
 
 @jit
 def addressed_step(compiled, state, reference, memory, row):
-    """Take one sample of any controller; `law.measured` is what it is given.
+    """Take one sample of any controller, with the measurements in `compiled.measured`.
 
-    Returns RUNNING, or why the controller cannot go on, in which case nothing is written.
+    Returns RUNNING, or the status with which the run ends. In this case nothing is written to `row`.
     """
-    if not compiled.records_all:  # else the step itself judges the state that it writes down
+    if not compiled.records_all:  # else the step checks the state itself
         status = regularity(state, 0.0, 1.0)
         if status != RUNNING:
             return status
@@ -203,7 +206,7 @@ def addressed_step(compiled, state, reference, memory, row):
 
 @jit
 def addressed_wait(compiled, state, reference, memory, row):
-    """Wait, in place of `addressed_step`, while the rope is slack; tell those that want to know it."""
+    """Take one sample while the rope is slack; only a controller with a `slack_place` takes a step."""
     if compiled.slack_place >= 0:
         memory[compiled.slack_place] = ROPE_SLACK
         rows = compiled.reference[min(compiled.clock[0], compiled.samples - 1)]

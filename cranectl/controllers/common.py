@@ -1,4 +1,4 @@
-"""Compiled pieces that several controllers share."""
+"""Compiled functions that several controllers share."""
 
 from cranectl.model.dynamics import AxisMasses, winch_force
 from cranectl.model.flatness import state_and_input
@@ -6,15 +6,21 @@ from cranectl.signals import ACCELERATION, ROPE, ROPE_RATE, Z
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
-AXIS_MASSES = ("bridge_mass", "gravity", "load_mass", "trolley_mass", "winch_mass")  # read by `axis_masses`
-MASSES = len(AxisMasses._fields)  # numbers of a slot of parameters from which `masses_at` reads
+AXIS_MASSES = (
+    "bridge_mass",
+    "gravity",
+    "load_mass",
+    "trolley_mass",
+    "winch_mass",
+)  # `axis_masses` reads them
+MASSES = len(AxisMasses._fields)  # size of a slot of parameters that `masses_at` reads
 
 
 @jit
 def state_on_path(reference, gravity, desired, inputs):
     """Write the state (10,) and accelerations (3,) of a crane whose load is on the path `reference` (15,).
 
-    Returns False, and writes nothing, where the path would need a rope that pushes.
+    Returns False, and writes nothing, if the path would need a slack rope.
     """
     if reference[ACCELERATION + Z] + gravity <= 0.0 or reference[Z] >= 0.0:
         return False
@@ -30,7 +36,7 @@ def saturate(value, limit):
 
 @jit
 def masses_at(parameters, place):
-    """Return the `AxisMasses` that begin at a place of the parameters."""
+    """Return the `AxisMasses` that begin at an index of the parameters."""
     return AxisMasses(
         parameters[place],
         parameters[place + 1],
@@ -42,14 +48,14 @@ def masses_at(parameters, place):
 
 @jit
 def rope_acceleration(pole, measured, desired, planned):
-    """Return `planned` [m/s²] and what puts two poles of the rope's length at -`pole` [1/s]."""
+    """Return `planned` [m/s²] plus feedback that puts two poles of the rope's length at -`pole` [1/s]."""
     wanted = planned - pole * pole * (measured[ROPE] - desired[ROPE])
     return wanted - 2.0 * pole * (measured[ROPE_RATE] - desired[ROPE_RATE])
 
 
 @jit
 def winch_servo(masses, pole, measured, reference, command):
-    """Command the winch's force for two poles of the rope at -`pole` [1/s], whatever the other drives do."""
+    """Command the winch's force for two poles of the rope at -`pole` [1/s], under any other forces."""
     u_l = -pole * (pole * (measured[ROPE] + reference[Z]) + 2.0 * measured[ROPE_RATE])
     command[Z] = winch_force(masses, measured, command[0], command[1], u_l)
 

@@ -1,6 +1,6 @@
-"""What every controller offers: a compiled step, its declarations, and how it is prepared for a crane.
+"""The interface of all controllers: a compiled step, its declarations, and its preparation for a crane.
 
-The step has one C signature, whatever language it comes from; all numbers in SI units:
+The step has this C signature in any language; all numbers are in SI units:
 
     int64_t step(const double *parameters,  /* the controller's own, made once by `prepare` */
                  const double *measured,    /* 12, order of signals.MEASUREMENT; or 5 encoder readings */
@@ -8,9 +8,9 @@ The step has one C signature, whatever language it comes from; all numbers in SI
                  double *memory,            /* the controller's own, as `prepare` or the last step left it */
                  double *command);          /* 3, bridge, trolley, rope, of the declared kind */
 
-It returns 0, or why it cannot go on: a number of `RunStatus` from SLACK_ROPE to NON_FINITE, or any other, and
-the run ends as `controller-failed`. The loop does what is common: set-points and their lead, limits, delay,
-observer, braking while the rope is slack, logging.
+It returns 0 to go on. A number of `RunStatus` from SLACK_ROPE to NON_FINITE ends the run with that status.
+Any other number ends it as `controller-failed`. The loop does what all controllers have in common: set-points
+and their lead, limits, delay, observer, braking while the rope is slack, and logging.
 """
 
 import re
@@ -30,18 +30,18 @@ from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.extensions import check_name
 
 Command = Literal["acceleration", "velocity", "force"]  # [m/s²], [m/s], [N]
-Follows = Literal["path", "set-point"]  # set-point: end of the segment now running, at rest
+Follows = Literal["path", "set-point"]  # set-point: the end of the present segment, at rest
 Measures = Literal["state", "encoders"]
 _COMPUTED = tuple(name for name, kind in vars(RigParameters).items() if isinstance(kind, property))
 READABLE = (*RigParameters.model_fields, *_COMPUTED, "limits", "path")
 SLACK_ENDS_RUN, ROPE_TAUT, ROPE_SLACK = 0.0, 1.0, 2.0  # what the loop writes into a `slack_place`
-LONGEST_SIGNAL = 200  # letters of the name of a signal that a controller logs
-LONGEST_SHOWN = 200  # letters of a value in a message
+LONGEST_SIGNAL = 200  # [characters] of the name of a signal that a controller logs
+LONGEST_SHOWN = 200  # [characters] of a value in a message
 # The same limits as `library.declaration` has for controllers in C.
 MAX_EVERY = 10**6  # control periods between two steps
 MAX_PREVIEW = 10**6  # rows of the reference
 MAX_MEMORY = 10**6  # numbers, and as many parameters
-_NAMES = {  # by what has a name: how its owner has it, what the name must match, and that in words
+_NAMES = {  # by kind of thing: the verb for its owner, the pattern of its name, and the pattern in words
     "parameter": ("has", r"(?s).+", "a name of its own for each parameter, one character or more"),
     "signal": (
         "logs",
@@ -50,7 +50,7 @@ _NAMES = {  # by what has a name: how its owner has it, what the name must match
         f"at most {LONGEST_SIGNAL} characters",
     ),
 }
-_WHOLE = (  # numbers that a controller declares: their range, and what each is
+_WHOLE = (  # whole numbers that a controller declares: name, range and meaning
     ("every", 1, MAX_EVERY, "how many control periods lie between two steps"),
     ("preview", 0, MAX_PREVIEW, "how many rows of the reference it looks ahead"),
 )
@@ -73,7 +73,7 @@ class Parameter:
     choices : tuple of str
         Allowed names, for a choice.
     search : tuple of float or None
-        Where tuning looks, on a logarithmic scale; None: it stays.
+        Range in which tuning searches, on a logarithmic scale; None: tuning leaves it unchanged.
     length_power : float
         Power of the rig's relative length with which the default grows (Froude's similarity): -0.5 for 1/s.
     """
@@ -95,7 +95,7 @@ class Parameter:
         return rounded(value * length**self.length_power)
 
     def checked(self, value: Value, where: str) -> Value:
-        """Return `value` if it is allowed; raise InputError that names the allowed values otherwise."""
+        """Return `value` if it is allowed; else raise an InputError that names the allowed values."""
         if self.choices:
             fits, allowed = value in self.choices, ", ".join(self.choices)
         else:
@@ -128,12 +128,12 @@ class Logged(NamedTuple):
 
 
 class Nominal(NamedTuple):
-    """Describe the crane that a controller is prepared for, which it takes for the real one.
+    """Describe the nominal crane: the one for which a controller is prepared.
 
     Parameters
     ----------
     rig : RigParameters
-        The crane, with the limits of its drives that hold.
+        The crane, with the limits of its drives in this run.
     drive : str
         Kind of drive.
     period : float
@@ -163,8 +163,8 @@ CRANE_STATES = 4  # of one horizontal axis: position, its rate, angle, its rate
 class LinearController(NamedTuple):
     """One horizontal axis near rest: x' = A x + B u, u = -gain·x, with u the drive's acceleration [m/s²].
 
-    The first `CRANE_STATES` are the crane's, deviations from the path; what the controller adds, such as
-    integrators, follows and takes nothing of u.
+    The first `CRANE_STATES` states are deviations of the crane from the path. States of the controller, such
+    as integrators, follow; their rows of B are zero.
     """
 
     rope_length: float  # [m]
@@ -174,7 +174,7 @@ class LinearController(NamedTuple):
 
 
 class Sizes(NamedTuple):
-    """Numbers that a step is given."""
+    """Sizes of the arrays that a step receives."""
 
     parameters: int
     measured: int
@@ -184,7 +184,7 @@ class Sizes(NamedTuple):
 
 
 def called_by_address(*_: Any) -> int:
-    """Stand in for the step of a controller that has only an `entry`."""
+    """Replace the step of a controller that has only an `entry`; it must never be called."""
     raise NotImplementedError("it is called by address")
 
 
@@ -261,7 +261,7 @@ class Controller:
     slack_place: int | None = None
 
     def __post_init__(self) -> None:
-        """Raise InputError for a declaration that is not of the kind, or in the range, given above."""
+        """Raise InputError for a declaration of the wrong kind or out of its range."""
         if self.axis_design is None:
             check_name("controller", self.name)
         check_callable(f"{self.name}.step", self.step, remedy="write step(parameters, measured, ...)")
@@ -301,7 +301,7 @@ class Controller:
 
 
 def is_whole(value: Any, lowest: int, highest: int) -> bool:
-    """Return True if `value` is a whole number in the range, of Python or NumPy, and no truth value."""
+    """Return True if `value` is a whole number in the range, of Python or NumPy, but not a bool."""
     return isinstance(value, Integral) and not isinstance(value, bool) and lowest <= int(value) <= highest
 
 
@@ -324,7 +324,7 @@ def check_choice(what: str, value: Any, choices: Collection[str]) -> None:
 
 
 def check_items(what: str, values: Any, kind: type, otherwise: str) -> None:
-    """Raise InputError unless each of `values` is a `kind`; `otherwise`: what a class may have instead."""
+    """Raise InputError unless each of `values` is a `kind`; `otherwise` is what a class may have instead."""
     if not isinstance(values, tuple | list) or not all(isinstance(item, kind) for item in values):
         raise InputError(
             f"{what} = {shown(values)}",
@@ -340,7 +340,7 @@ def check_callable(what: str, value: Any, *, remedy: str) -> None:
 
 
 def check_names(owner: str, kind: str, names: Iterable[Any]) -> None:
-    """Raise InputError for a name of a parameter or signal that cannot be, or is there twice."""
+    """Raise InputError for an invalid or repeated name of a parameter or signal."""
     verb, pattern, allowed = _NAMES[kind]
     seen = set()
     for name in names:
@@ -352,9 +352,9 @@ def check_names(owner: str, kind: str, names: Iterable[Any]) -> None:
 
 
 def shown(value: Any) -> str:
-    """Return a value as its author would write it, and its type where it has no short text."""
+    """Return a value as Python writes it, or its type if that text is empty or too long."""
     try:
         text = repr(value)
-    except Exception:  # of an object of the user's
+    except Exception:  # the `__repr__` of a user's class may raise anything
         text = ""
     return text if 0 < len(text) <= LONGEST_SHOWN else f"a {type(value).__name__}"

@@ -1,8 +1,9 @@
 """The flat family: one sampled tracking controller, in six designs.
 
-v = z_d'''' + K (e, e', e'', e''') + v-bar with e = z_d - z, then the exactly linearising law of `flatness`.
-Between samples the input is held; the dynamic extension zeta'' = v_z is integrated exactly. Source: the
-thesis, chapters 3 and 4. Assumes: full state, a taut rope; masses are not used. Certain.
+The tracker computes v = z_d'''' + K (e, e', e'', e''') + v-bar with e = z_d - z. The exactly linearising
+control law of `flatness` turns v into accelerations. Between samples the input is held, and the dynamic
+extension zeta'' = v_z is integrated exactly. Source: the thesis, chapters 3 and 4. Assumes: full state, a
+taut rope; masses are not used. Certain.
 """
 
 from functools import partial
@@ -41,19 +42,19 @@ ANGLE_SINGULAR = int(RunStatus.ANGLE_SINGULAR)
 LENGTH_SINGULAR = int(RunStatus.LENGTH_SINGULAR)
 NON_FINITE = int(RunStatus.NON_FINITE)
 
-GIVEN = Slots(gain=4, feedthrough=1, period=1, gravity=1, blocks=1, matrices=0)  # of the robustifier's blocks
-BLOCK_SIZE = 8  # numbers of one: A (2, 2), B (2,), C (2,)
-# `begun`: whether the extension has been set to the reference; `slack`: the `slack_place`. The robustifier
-# states of the axes x, y, z follow one another, and after them comes a row of the record.
+GIVEN = Slots(gain=4, feedthrough=1, period=1, gravity=1, blocks=1, matrices=0)  # matrices: of all blocks
+BLOCK_SIZE = 8  # numbers of a block of the robustifier: A (2, 2), B (2,), C (2,)
+# `begun` says whether the extension has been set to the reference, and `slack` is the `slack_place`. In
+# `robustifier` the states of the axes x, y, z come first, then a row of the record.
 MEMORY = Slots(zeta=1, zeta_dot=1, begun=1, slack=1, robustifier=0)
-LEAST_TENSION = 0.05  # of the load's weight, asked for by a tracker that is to recover; assumed
+LEAST_TENSION = 0.05  # least tension, over the load's weight, that a recovering tracker commands; assumed
 
 
 class Tracker(NamedTuple):
-    """What the kernel needs to know besides signals; a design, sampled, on a given rig."""
+    """A sampled design on a given rig: what the kernels need besides signals."""
 
     gain: Array  # (4,)
-    # Of n blocks, one after the other: kernels would take longer to make matrices than to use them.
+    # The matrices of n blocks are flat, since kernels would take longer to make matrices than to use them.
     state_matrix: Array  # (4 n,), see design.discretisation.SampledBlocks
     input_matrix: Array  # (2 n,)
     output_matrix: Array  # (2 n,)
@@ -62,7 +63,7 @@ class Tracker(NamedTuple):
     gravity: float  # [m/s²]
 
 
-# What makes a loop slower, by what is in the name of its controller.
+# How to make a loop slower, by a part of its controller's name.
 SAMPLING_REMEDIES = {
     "pole-placement": "move design.poles towards 0",
     "lqr": "raise design.input_weight",
@@ -72,9 +73,9 @@ SAMPLING_REMEDIES = {
 
 
 def make_tracker(design: Design, *, period: float, gravity: float) -> Tracker:
-    """Put a design into the form that the kernel takes.
+    """Return the tracker of a design, sampled with `period` [s].
 
-    Raises InputError if its loop is unstable when sampled with `period`.
+    Raises InputError if the sampled loop is unstable.
     """
     r = design.robustifier
     blocks = sampled_blocks(r.a, r.b, r.c, r.d, period)
@@ -94,7 +95,7 @@ def make_tracker(design: Design, *, period: float, gravity: float) -> Tracker:
 
 @jit
 def regularity(state, zeta, gravity):
-    """Return RUNNING where the linearising control law is defined, else the status that says why not."""
+    """Return RUNNING if the linearising control law is defined at `state`, else the status of its failure."""
     for value in state:
         if not isfinite(value):
             return NON_FINITE
@@ -111,7 +112,7 @@ def regularity(state, zeta, gravity):
 
 @jit
 def robustify(tracker, axis, error, memory):
-    """Output v-bar of one axis's robustifier [m/s⁴]; advances its states in `memory`."""
+    """Return the output v-bar [m/s⁴] of the robustifier of one axis; advance its states in `memory`."""
     output = tracker.feedthrough * error
     a, b, c = tracker.state_matrix, tracker.input_matrix, tracker.output_matrix
     n_blocks = len(b) // 2
@@ -142,9 +143,9 @@ def linearising_step(tracker, state, memory, v, command):
 def control_step(tracker, state, reference, memory, row):
     """Compute the accelerations of one sample from measured joints and reference.
 
-    `state` (10,), order of `signals.STATE`; `reference` (15,); `memory` is advanced by one period. Writes the
-    flat output, error, input, virtual input and controller blocks of the record `row`. Returns RUNNING, or
-    the status that forbids the controller at this state, in which case nothing is written.
+    `state` (10,) is in the order of `signals.STATE`, `reference` has shape (15,), and `memory` is advanced by
+    one period. Writes the flat output, error, input, virtual input and controller blocks of the record `row`.
+    Returns RUNNING. If the control law is not defined at `state`, returns why, and writes nothing.
     """
     zeta, zeta_dot = memory[MEMORY.zeta], memory[MEMORY.zeta_dot]
     status = regularity(state, zeta, tracker.gravity)
@@ -175,7 +176,7 @@ def control_step(tracker, state, reference, memory, row):
 
 @jit
 def begin(reference, memory):
-    """Set the extension to the reference at the first sample, so that a run begins without a transient."""
+    """Set the extension to the reference at the first sample, so that a run starts without a transient."""
     if memory[MEMORY.begun] == 0.0:
         memory[MEMORY.zeta], memory[MEMORY.zeta_dot] = reference[ACCELERATION + Z], reference[JERK + Z]
         memory[MEMORY.begun] = 1.0
@@ -183,7 +184,7 @@ def begin(reference, memory):
 
 @jit
 def keep_taut(tracker, memory):
-    """Keep the dynamic extension from asking for less tension than LEAST_TENSION of the load's weight."""
+    """Limit the dynamic extension, so that it commands at least LEAST_TENSION of the load's weight."""
     least = (LEAST_TENSION - 1.0) * tracker.gravity
     if memory[MEMORY.zeta] < least:
         memory[MEMORY.zeta], memory[MEMORY.zeta_dot] = least, max(memory[MEMORY.zeta_dot], 0.0)
@@ -191,9 +192,9 @@ def keep_taut(tracker, memory):
 
 @jit
 def wait_step(tracker, state, reference, memory, row):
-    """Replace `control_step` while the rope is slack: dynamic extension and robustifiers wait.
+    """Replace `control_step` while the rope is slack; dynamic extension and robustifiers stay as they are.
 
-    The load falls freely, z'' = (0, 0, -g), and position and velocity are those of a rope that is taut.
+    The record has free fall, z'' = (0, 0, -g), and position and velocity as if the rope were taut.
     """
     row[CONTROLLER_COLUMN], row[CONTROLLER_COLUMN + 1] = memory[MEMORY.zeta], memory[MEMORY.zeta_dot]
     for i in range(len(memory) - MEMORY.robustifier):

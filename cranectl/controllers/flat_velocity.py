@@ -1,15 +1,16 @@
-"""`flat-velocity`: the tracker of the flat family with the measured velocity in the set-points of its drives.
+"""`flat-velocity`: the tracker of the flat family, with the measured velocity in the drives' set-points.
 
 Source: Knierim, Krieger, Sawodny, Flatness based control of a 3-DOF overhead crane with velocity controlled
-drives, Mechatronic Systems 2010, rebuilt from what the thesis takes from it, (2.12) and (3.27) to (3.28); the
-paper was not at hand. Drives obey T x'' = w - x', so that
+drives, Mechatronic Systems 2010. The paper was not available. The controller is rebuilt from what the thesis
+takes from it, (2.12) and (3.27) to (3.28). Drives obey T x'' = w - x', so that the set-point
 
     w = x' + T u
 
-brings about the accelerations u of the linearising law, where the flat family has the integral of u for x'.
-Held over a control period h, this set-point adds h u to the velocity, as it is to, if T is replaced by
-h / (1 - exp(-h / T)), which is T for h to 0. Assumes: full state, drives that nothing pulls from what they
-are told; masses are not used. Certain on these equations, not that the paper's set-points are these.
+causes the accelerations u of the linearising control law. The flat family uses the integral of u in place of
+x'. A set-point that is held over a control period h must add h u to the velocity. It does so if T is replaced
+by h / (1 - exp(-h / T)), which tends to T for small h. Assumes: full state, drives that loads do not pull
+from their set-points; masses are not used. Certain on these equations, not that these are the paper's
+set-points.
 """
 
 from dataclasses import replace
@@ -51,9 +52,10 @@ VIRTUAL = MEMORY.row + VIRTUAL_INPUT_COLUMN
 
 @jit
 def set_points(tracker, lead, measured, reference, extension, row, command):
-    """Velocities w (3,) [m/s] under which the drives accelerate as the tracker asks; returns its status.
+    """Write the velocity set-points (3,) [m/s] for the tracker's accelerations; return its status.
 
-    `lead` (3,) [s]; `measured` (12,); `reference` (15,); `extension` and `row` as the tracker has them.
+    Shapes are (3,) [s] of `lead`, (12,) of `measured` and (15,) of `reference`. `extension` and `row` are the
+    memory and the record of the tracker.
     """
     status = control_step(tracker, measured[:10], reference, extension, row)
     for axis in range(3):
@@ -88,14 +90,14 @@ def tracker_of(nominal: Nominal) -> Tracker:
 
 
 def lead_times(nominal: Nominal) -> Array:
-    """T (3,) [s], of velocity drives for a set-point that is held; others get (w - x') / T of the rig's T."""
+    """Return T (3,) [s]: for held set-points of velocity drives, else the time constants of the rig."""
     lag, period = nominal.rig.time_constants, nominal.period
     lead: Array = period / -np.expm1(-period / lag) if nominal.drive == "velocity" else lag
     return lead
 
 
 def prepare(nominal: Nominal) -> tuple[Array, Array]:
-    """Parameters and memory."""
+    """Return parameters and memory."""
     tracker = tracker_of(nominal)
     parameters = GIVEN.array(
         gain=tracker.gain, period=tracker.period, gravity=tracker.gravity, lead=lead_times(nominal)
@@ -104,9 +106,9 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
 
 
 def linear_gain(flat_gain: Array, rope_length: float, gravity: float) -> Array:
-    """K (4,) of u = -K (dx, dx', db, db') near rest, with l the rope length.
+    """Return K (4,) of u = -K (dx, dx', db, db') near rest, with the rope length l.
 
-    There (dx + l db, dx' + l db', -g db, -g db') is the flat state, and l z'''' = g (g db + u).
+    Near rest the flat state is (dx + l db, dx' + l db', -g db, -g db'), and l z'''' = g (g db + u).
     """
     position, rate, acceleration, jerk = flat_gain * rope_length / gravity
     angle = position * rope_length - acceleration * gravity + gravity

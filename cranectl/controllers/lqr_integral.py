@@ -1,13 +1,13 @@
 """`lqr-integral`: linear-quadratic feedback with integral action on the linearised crane, on the flat path.
 
-Per horizontal axis, near plumb, with x the drive, b the angle, l the rope length and u = x'' (thesis (2.12)):
+For each horizontal axis, near plumb, with drive x, angle b, rope length l and u = x'' (thesis (2.12)):
 
     l b'' = -g b - u,    load error e = dx + l db,    s' = e,    u = u_d - K(l) (dx, dx', db, db', s)
 
-where d is the deviation from the state that the flat map gives for the path, u_d its input. K minimises the
-integral of q_e e² + q_v e'² + q_i s² + r u², on a grid of lengths between which it is interpolated; the rope
-has the same weights, with its length for e. Source: the textbook's. Assumes: full state, slow hoisting;
-masses are not used. Certain. Where drives are at their limits the integral winds up.
+Here d is the deviation from the state that the flat map gives for the path, and u_d is its input. K minimises
+the integral of q_e e² + q_v e'² + q_i s² + r u². It is computed on a grid of lengths and interpolated between
+them. The rope has the same weights, with its length in place of e. Source: textbooks. Assumes: full state,
+slow hoisting; masses are not used. Certain. When drives are at their limits the integral winds up.
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ MEMORY = Slots(integral=3, desired=10, inputs=3, load=12)
 
 @jit
 def feedback(parameters, measured, desired, integral, joint, angle, row, share):
-    """Return K(l) (dx, dx', db, db', s) of one axis, `share` of the way from a row to the next."""
+    """Return K(l) (dx, dx', db, db', s) of one axis; K is interpolated by `share` between two rows."""
     total = 0.0
     for i in range(STATES):
         first = parameters[GIVEN.gain + STATES * row + i]
@@ -45,7 +45,7 @@ def feedback(parameters, measured, desired, integral, joint, angle, row, share):
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and path in, accelerations out."""
+    """Compute the accelerations of one sample from state and path; see `controller` for the arguments."""
     buffer = carray(memory, (MEMORY.size,))
     integral, desired = buffer[: MEMORY.desired], buffer[MEMORY.desired : MEMORY.inputs]
     inputs, load = buffer[MEMORY.inputs : MEMORY.load], buffer[MEMORY.load :]
@@ -86,12 +86,12 @@ def matrices(rope_length: float, gravity: float) -> tuple[Array, Array, Array]:
 
 
 def gain_at(rope_length: float, nominal: Nominal) -> Array:
-    """Return K (5,) at a rope length [m]; raises InputError where the sampled loop would be unstable."""
+    """Return K (5,) at a rope length [m]; raise InputError if the sampled loop would be unstable."""
     return _gain(nominal, *matrices(rope_length, nominal.rig.gravity))
 
 
 def rope_gain(nominal: Nominal) -> Array:
-    """Return K (3,) of the rope, for its length, rate, and the integral of the length."""
+    """Return K (3,) of the rope, on the errors of its length, its rate and the integral of its length."""
     return _gain(nominal, *(np.array(m) for m in _ROPE))
 
 

@@ -1,24 +1,26 @@
-"""`lqr-offset-free`: LQR about the path of a crane that leans against what pushes its load.
+"""`lqr-offset-free`: LQR about the path of a crane that leans against a disturbance of its load.
 
-However its drives move, a load at z is pulled along its rope, so that with z₃'' of the path
+A rope pulls its load along itself, for any motion of the drives. So with z₃'' of the path
 
     z₁'' = -(tan β / cos α)(z₃'' + g) + d₁,    z₂'' = -tan α (z₃'' + g) + d₂.
 
-An observer finds z, z' and the push d, an acceleration, from the measured joints. It is told nothing of what
-drives were commanded: their lags, delays and limits are no error of it, and no saturation winds anything up.
-The path's acceleration less d gives by the flat map where the crane leans just so that its load is on the
-path: what a standing push, a tilted rail or a crooked angle sensor asks for (the target of offset-free
-control: Pannocchia and Rawlings, AIChE J. 49, 2003). Per horizontal axis, with x the drive and e the error of
-the observed load, in lengths of l, times of 1/p = sqrt(l/g):
+An observer estimates z, z' and the disturbance d, an acceleration, from the measured joints. It does not use
+the commands of the drives. So lags, delays and limits of drives cause no error in it, and nothing winds up
+when drives saturate. From the path's acceleration minus d, the flat map gives the state in which the crane
+leans so that its load is on the path. This compensates a constant force, a tilted rail or an angle sensor
+with an offset. It is the target of offset-free control (Pannocchia and Rawlings, AIChE J. 49, 2003).
+
+For each horizontal axis, with the drive x and the error e of the observed load, scaled by the length l and
+the time 1/p = sqrt(l/g):
 
     u/g = u_d/g - k₁ (x - x_d)/l - k₂ (x - x_d)'/lp - k₃ e/l - k₄ e'/lp
 
-K minimises the integral of ρ (q_e (e/l)² + q_v (e'/lp)²) + (u/g)²; so scaled one K serves every rope length
-and every size of crane. ρ is 1 near the path, and less where the drive's limit of acceleration asks for it:
-the largest for which K x stays within what the path leaves of the limit on the whole ellipsoid through the
-present x that the loop does not leave, (x·P x)(B·P B) <= u_max², P the cost of a state (Megretski, L2 BIBO
-output feedback stabilization with saturated control, IFAC 1996). The rope follows its own length, with two
-equal poles.
+K minimises the integral of ρ (q_e (e/l)² + q_v (e'/lp)²) + (u/g)². With this scaling one K serves every rope
+length and every size of crane. ρ is 1 near the path and smaller where the drive's acceleration is limited.
+The path uses a part of that limit, and u_max is the rest. The loop does not leave the ellipsoid through the
+present x. ρ is the largest value for which K x stays within u_max on that ellipsoid:
+(x·P x)(B·P B) <= u_max², where x·P x is the cost of a state (Megretski, L2 BIBO output feedback stabilization
+with saturated control, IFAC 1996). The rope follows its own length, with two equal poles.
 """
 
 from math import sqrt
@@ -57,18 +59,18 @@ from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
-LEVELS = 17  # of ρ, the smallest first
+LEVELS = 17  # values of ρ, the smallest first
 STATES = 4
 GIVEN = Slots(period=1, gravity=1, rope_pole=1, observer=3, limit=2, levels=0)
 LEVEL = Slots(gain=STATES, ellipsoid=STATES * STATES)  # K, then (B·P B) P
 MEMORY = Slots(estimate=6, leaning=15, desired=10, inputs=3, load=12, state=STATES, begun=1)
-PUSH = 2  # in the estimate of an axis, which is z, z' and d
-MIN_FEEDBACK_SHARE = 0.2  # of the limit is the feedback's, whatever the path takes
+PUSH = 2  # index of d in the estimate z, z', d of an axis
+MIN_FEEDBACK_SHARE = 0.2  # least share of the limit that is left for feedback
 
 
 @jit
 def expect(estimate, specific_force, period):
-    """Move the `estimate` (3,) of an axis on by a period; the rope pulls with `specific_force` [m/s²]."""
+    """Predict the `estimate` (3,) of an axis one period ahead; `specific_force` is the rope's [m/s²]."""
     acceleration = specific_force + estimate[PUSH]
     estimate[0] += period * (estimate[1] + 0.5 * period * acceleration)
     estimate[1] += period * acceleration
@@ -76,7 +78,7 @@ def expect(estimate, specific_force, period):
 
 @jit
 def reached(parameters, level, state):
-    """Return the largest acceleration, over g, on the ellipsoid of a level through `state` (4,)."""
+    """Return the largest acceleration over g that a level commands on its ellipsoid through `state` (4,)."""
     start = GIVEN.levels + LEVEL.size * level + LEVEL.ellipsoid
     total = 0.0
     for i in range(STATES):
@@ -87,7 +89,7 @@ def reached(parameters, level, state):
 
 @jit
 def feedback(parameters, state, limit):
-    """Return K x of an axis [1], scaled as above, for `state` (4,) and a limit of acceleration, over g."""
+    """Return the scaled K x of an axis for `state` (4,) and `limit`, an acceleration over g."""
     level, share = LEVELS - 2, 1.0
     high = reached(parameters, LEVELS - 1, state)
     while high > limit:
@@ -105,7 +107,7 @@ def feedback(parameters, state, limit):
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and path in, accelerations out."""
+    """Compute the accelerations of one sample from state and path; see `controller` for the arguments."""
     buffer = carray(memory, (MEMORY.size,))
     leaning, desired = buffer[MEMORY.leaning : MEMORY.desired], buffer[MEMORY.desired : MEMORY.inputs]
     inputs, load = buffer[MEMORY.inputs : MEMORY.load], buffer[MEMORY.load : MEMORY.state]
@@ -133,7 +135,7 @@ def step(parameters, measured, reference, memory, command):
     speed = sqrt(gravity * length)
     for axis in range(2):
         estimate, joint = buffer[3 * axis : 3 * axis + 3], BRIDGE if axis == X else TROLLEY
-        # Its drives follow the path itself: x_c'' = z'' - (p h)'', with the rope's slope p and drop h.
+        # The drive follows the path, without d: x_c'' = z'' - (p h)'', with the rope's slope p and drop h.
         command[axis] = inputs[axis] + estimate[PUSH]
         state[0] = (measured[joint] - desired[joint]) / length
         state[1] = (measured[joint + 1] - desired[joint + 1]) / speed
@@ -152,13 +154,13 @@ def step(parameters, measured, reference, memory, command):
     return 0
 
 
-# Of x, x', e, e' near plumb, in lengths of l, times of 1/p: l e'' = g (x - e).
+# The model of x, x', e, e' near plumb, scaled by l and 1/p: l e'' = g (x - e).
 A = np.array([[0.0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [1, 0, -1, 0]])
 B = np.array([[0.0], [1], [0], [0]])
 
 
 def regulator(error_weight: float, rate_weight: float) -> tuple[Array, Array]:
-    """Return K (4,) of (x, x', e, e') and P (4, 4), the cost of a state."""
+    """Return K (4,) on (x, x', e, e'), and P (4, 4) of the cost of a state."""
     cost = solve_continuous_are(A, B, np.diag([0.0, 0.0, error_weight, rate_weight]), [[1.0]])
     gain: Array = (B.T @ cost)[0]
     return gain, cost
@@ -173,17 +175,17 @@ def frequencies(nominal: Nominal) -> tuple[float, float]:
 
 
 def levels(nominal: Nominal) -> Array:
-    """Return the levels of the weights and of ever smaller ones, a row each."""
+    """Return the levels, a row each, for weights from MIN_SCALE times their values up to the full ones."""
     error_weight, rate_weight = (float(nominal.parameters[name]) for name in ("error_weight", "rate_weight"))
     rows = []
     for share in np.geomspace(MIN_SCALE, 1.0, LEVELS):
         gain, cost = regulator(share * error_weight, share * rate_weight)
-        rows.append([*gain, *(gain[1] * cost).ravel()])  # B·P B is K's second
+        rows.append([*gain, *(gain[1] * cost).ravel()])  # B·P B is the second number of K
     return np.array(rows)
 
 
 def prepare(nominal: Nominal) -> tuple[Array, Array]:
-    """Return parameters and memory; raise InputError where sampling would make the loop unstable."""
+    """Return parameters and memory; raise InputError if the sampled loop would be unstable."""
     table, gravity = levels(nominal), nominal.rig.gravity
     observer_pole, rope_pole = frequencies(nominal)
     period = nominal.period * sqrt(gravity / nominal.rig.rope_range[0])
@@ -222,7 +224,7 @@ def linearise(nominal: Nominal, rope_length: float) -> LinearController:
     return LinearController(rope_length, a, b, np.array(gain))
 
 
-MIN_SCALE = 1e-6  # of ρ
+MIN_SCALE = 1e-6  # smallest ρ
 WEIGHT, POLE = (1e-6, 1e6), (0.01, 100.0)
 
 LQR_OFFSET_FREE = Controller(
@@ -235,7 +237,7 @@ LQR_OFFSET_FREE = Controller(
     parameters=(
         Parameter("error_weight", 5.0, "1", "q_e on the load's error over l", *WEIGHT, search=(0.5, 10.0)),
         Parameter("rate_weight", 1.0, "1", "q_v on its rate over sqrt(g l)", *WEIGHT, search=(0.1, 4.0)),
-        # A faster one takes a load that turns about its hook for a push, and drives it on.
+        # A faster observer takes the swing of a load about its hook for a disturbance, and excites it.
         Parameter("observer_pole", 1.5, "1", "three, over sqrt(g/l)", *POLE, search=(0.2, 2.0)),
         Parameter("rope_pole", 1.5, "1", "two, over sqrt(g/l)", *POLE, search=(0.3, 6.0)),
     ),

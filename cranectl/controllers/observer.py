@@ -1,11 +1,13 @@
-"""Velocities and disturbances from positions alone: an extended observer for each joint.
+"""Estimate velocities and disturbances from positions alone, with an extended observer for each joint.
 
-Each joint obeys q'' = a + d with a known acceleration a, commanded for the drives and from the equations of
-motion for the cardan angles, and a slowly changing unknown d: load reaction, friction, the thesis's
-disturbances. A third-order observer with a triple pole at exp(-w T) estimates q, q' and d. Its gains are
-those of the critically damped g-h-k filter (Brookner, Tracking and Kalman Filtering Made Easy, 1998, 1.2.10).
+Each joint obeys q'' = a + d. The acceleration a is known: it is commanded for the drives, and follows from
+the equations of motion for the cardan angles. d is unknown and changes slowly: reaction of the load,
+friction, the thesis's disturbances. A third-order observer with a triple pole at exp(-w T) estimates q, q'
+and d. Its gains are those of the critically damped g-h-k filter (Brookner, Tracking and Kalman Filtering Made
+Easy, 1998, 1.2.10).
 
-A step D of d leaves at most 0.27 D/w² in position and 0.84 D/w in velocity, both gone within some 1/w.
+A step D of d causes errors of at most 0.27 D/w² in position and 0.84 D/w in velocity. Both vanish within a
+few times 1/w.
 """
 
 from typing import NamedTuple
@@ -18,11 +20,11 @@ from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
 JOINTS = 5  # bridge, trolley, rope, alpha, beta
-EXPECTED = Slots(position=JOINTS, velocity=JOINTS, disturbance=JOINTS)  # expected at the next sample
+EXPECTED = Slots(position=JOINTS, velocity=JOINTS, disturbance=JOINTS)  # predicted for the next sample
 
 
 class Observer(NamedTuple):
-    """Gains on the innovation, and what the prediction needs."""
+    """Gains on the innovation, and numbers for the prediction."""
 
     position_gain: float  # 1
     velocity_gain: float  # [1/s]
@@ -50,7 +52,7 @@ def initial_estimate(state: Array) -> Array:
 
 @jit
 def correct(observer, joint, position, memory):
-    """Take the measured `position` of one joint into account."""
+    """Correct the estimate of one joint by its measured `position`."""
     innovation = position - memory[EXPECTED.position + joint]
     memory[EXPECTED.position + joint] += observer.position_gain * innovation
     memory[EXPECTED.velocity + joint] += observer.velocity_gain * innovation
@@ -68,10 +70,10 @@ def advance(memory, joint, known, period):
 
 @jit
 def predict(observer, accelerations, memory):
-    """Expect the next sample, given the commanded accelerations (3,) of bridge, trolley, rope [m/s²].
+    """Predict the next sample from the commanded accelerations (3,) of bridge, trolley, rope [m/s²].
 
-    The angles' accelerations are those in the middle of the period: at its start they would be late by half
-    a period, and the disturbances would make up for it.
+    The angular accelerations are those in the middle of the period. Those at its start would be late by half
+    a period, and the estimated disturbances would compensate for it.
     """
     period = observer.period
     u_x = accelerations[0] + memory[EXPECTED.disturbance]

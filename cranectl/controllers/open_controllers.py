@@ -1,4 +1,4 @@
-"""The controllers that a process has besides those of packages: registered by modules, opened from files."""
+"""The controllers of a process besides those of packages: registered by modules or opened from files."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -12,38 +12,38 @@ if TYPE_CHECKING:
 
 
 class SharedControllers(NamedTuple):
-    """What another process needs to open the same controllers."""
+    """Data with which another process can open the same controllers."""
 
-    files: tuple[Any, ...]  # each a `loaders.opening.ControllerFile`
-    folder: Path | None = None  # of copies; None on another machine
+    files: tuple[Any, ...]  # of `loaders.opening.ControllerFile`
+    folder: Path | None = None  # of copies of the files; None for a process on another machine
 
 
 class OpenControllers:
-    """All of one process; the command line and the API add to it, and child processes are handed a share."""
+    """All such controllers of a process. The command line and the API add to them; children get a share."""
 
     def __init__(self) -> None:
-        self.registered: dict[str, Controller] = {}  # by name, those of files too
-        self.files: dict[str, Any] = {}  # by name of the controller: `loaders.opening.ControllerFile`
-        self.versions: dict[tuple[str, str], Controller] = {}  # all of files, by name and SHA-256 of content
-        # What gives addresses to steps that have none before a run, by `CompiledController.entry`.
+        self.registered: dict[str, Controller] = {}  # by name, including controllers from files
+        self.files: dict[str, Any] = {}  # `loaders.opening.ControllerFile` by name of the controller
+        self.versions: dict[tuple[str, str], Controller] = {}  # those from files, by name and SHA-256
+        # Functions that give an address to a step that Numba does not compile: `CompiledController.entry`.
         self.entries: list[tuple[Callable[[Sizes, Array], int], Sizes]] = []
         self._folder: Path | None = None
 
     @property
     def folder(self) -> Path:
-        """Where copies of files lie as long as this process runs, or the one that started and may kill it."""
+        """Folder with copies of files. It exists while this process runs, or the parent that shares it."""
         if self._folder is None or not self._folder.is_dir():
             self._folder = temporary_directory("laws")
         return self._folder
 
     def share(self, names: Iterable[str] | None = None) -> SharedControllers:
-        """Return what a child process is handed, by default of all files."""
+        """Return the data for a child process to open the controllers `names`, by default all from files."""
         wanted = self.files if names is None else names
         files = tuple(self.files[name] for name in wanted if name in self.files)
         return SharedControllers(files, self.folder if files else None)
 
     def take_folder(self, folder: Path | None) -> None:
-        """Keep copies where the process does that has started this one."""
+        """Keep copies in the folder of the parent process."""
         self._folder = folder or self._folder
 
 

@@ -1,14 +1,15 @@
-"""`pid`: what cranes are sold with. Drives follow the path by their encoders; input shaping calms the load.
+"""`pid`: what industrial cranes have. Drives follow the path by their encoders; input shaping damps the load.
 
-w = r' + k_p e + k_i ∫e + k_d e', e = r - q, for bridge, trolley and rope, whose paths are those of a load
-that hangs plumb: x, y and -z. r is the path convolved with impulses A_i at t_i; T = 2 pi sqrt(l/g), undamped:
+w = r' + k_p e + k_i ∫e + k_d e' with e = r - q, for bridge, trolley and rope. Their paths are those of a load
+that hangs plumb: x, y and -z. r is the path convolved with impulses A_i at times t_i. The undamped period of
+the load is T = 2 pi sqrt(l/g):
 
     zv   1/2, 1/2                   at 0, T/2      Singer, Seering, J. Dyn. Sys. Meas. Control 112 (1990)
     zvd  1/4, 1/2, 1/4              at 0, T/2, T   the same
     ei   (1+V)/4, (1-V)/2, (1+V)/4  at 0, T/2, T   Singhose, Seering, Singer, J. Mech. Des. 116 (1994)
 
-Assumes: drives that follow set-points of velocity, a rope about as long as the shaper is made for; masses are
-not used. Measures: encoders of the drives. Certain. It sees no angle: a load that is pushed swings on.
+Assumes: drives that follow velocity set-points, a rope about as long as the shaper is made for; masses are
+not used. Measures: encoders of the drives. Certain. It measures no angle, so a disturbed load swings on.
 """
 
 from math import pi, sqrt
@@ -21,10 +22,10 @@ from cranectl.signals import ROPE, Signal
 from cranectl.support.arrays import Array
 
 SHAPERS = ("none", "zv", "zvd", "ei")
-VIBRATION = 0.05  # V of ei, the part of the unshaped vibration that may remain at the modelled frequency
+VIBRATION = 0.05  # V of ei: the share of the unshaped vibration that may remain at the modelled frequency
 
-MAX_IMPULSES = 3  # impulses
-KEPT = 6  # position and velocity of a row of the path
+MAX_IMPULSES = 3
+KEPT = 6  # numbers of a row of the path that are stored: position and velocity
 
 GIVEN = Slots(
     period=1,
@@ -37,7 +38,7 @@ GIVEN = Slots(
     amplitude=MAX_IMPULSES,
     delay=MAX_IMPULSES,
 )
-MEMORY = Slots(integral=3, error=3, rate=3, shaped=3, clock=1, ring=0)  # ring: past rows of the path
+MEMORY = Slots(integral=3, error=3, rate=3, shaped=3, clock=1, ring=0)  # ring: buffer of past path rows
 
 
 def impulses(shaper: str, period: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -53,13 +54,13 @@ def impulses(shaper: str, period: float) -> tuple[tuple[float, ...], tuple[float
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. Readings and path in, set-points of velocity out."""
+    """Compute the velocity set-points of one sample from readings and path; see `controller`."""
     period, clock, rows = parameters[GIVEN.period], int(memory[MEMORY.clock]), int(parameters[GIVEN.rows])
     memory[MEMORY.clock] += 1.0
     for i in range(KEPT):
         memory[MEMORY.ring + KEPT * (clock % rows) + i] = reference[i]
     for axis in range(3):
-        sign = -1.0 if axis == 2 else 1.0  # the rope is longer the lower the load
+        sign = -1.0 if axis == 2 else 1.0  # a lower load means a longer rope
         position, velocity = 0.0, 0.0
         for k in range(int(parameters[GIVEN.impulses])):
             past = MEMORY.ring + KEPT * (max(clock - int(parameters[GIVEN.delay + k]), 0) % rows) + axis

@@ -17,10 +17,10 @@ PAIR = "a prepare(nominal) that returns (parameters, memory), two arrays of at m
 
 
 def prepared(controller: Controller, nominal: Nominal) -> tuple[Array, Array]:
-    """Return parameters and memory, each with one number or more, so that there is something to point to.
+    """Return parameters and memory, each with at least one number, so that pointers to them are valid.
 
-    Raises InputError where the controller says that its design cannot be met, where its `prepare` raises
-    anything else or returns no such pair, and where it logs a place that the memory does not have.
+    Raises InputError as the controller's `prepare` does, if `prepare` raises anything else or returns no such
+    pair, and if the controller logs an index that its memory does not have.
     """
     returned = _run_own_code(controller, "prepare", controller.prepare, PAIR, nominal)
     problem = f"prepare of {controller.name} returns "
@@ -56,9 +56,9 @@ def linearised(controller: Controller, nominal: Nominal, rope_length: float) -> 
 
 
 def real_numbers(values: Any) -> Array:
-    """Return a flat copy of `values`, one zero where there are none.
+    """Return a flat copy of `values`, or one zero if there are none.
 
-    Raises TypeError, ValueError or MemoryError for anything but real numbers, and for more than a million.
+    Raises TypeError, ValueError or MemoryError if they are not real numbers or more than a million.
     """
     array = np.asarray(values)
     if array.size and array.dtype.kind not in "biuf":
@@ -71,9 +71,9 @@ def real_numbers(values: Any) -> Array:
 def _run_own_code(
     controller: Controller, name: str, function: Callable[..., Any], allowed: str, *arguments: Any
 ) -> Any:
-    """Return what a function of the controller returns; raise InputError for anything that it raises.
+    """Return what a function of the controller returns; turn its exceptions into InputError.
 
-    What a function of this package raises is reported as it is.
+    Exceptions of this package's own functions are not changed.
     """
     if str(getattr(function, "__module__", "")).partition(".")[0] == __name__.partition(".")[0]:
         return function(*arguments)
@@ -91,7 +91,7 @@ def _run_own_code(
 
 
 def _where(error: BaseException) -> str:
-    """Return the line that raised, of the last file that is not an installed library."""
+    """Return the last line in the traceback that is in no installed library, as ' in FILE:LINE'."""
     frames = [
         frame
         for frame in traceback.extract_tb(error.__traceback__)[1:]

@@ -1,4 +1,4 @@
-"""All controllers: the flat family by its designs, every other one by where it is defined."""
+"""The list of all controllers: the flat family by its designs, the others by their modules."""
 
 import functools
 import re
@@ -18,13 +18,13 @@ from cranectl.support.provenance import FINGERPRINT_DIGITS, source_digests
 if TYPE_CHECKING:
     from cranectl.controllers.controller import Controller
 
-WHERE = {  # module and name of each law, imported only when asked for
+WHERE = {  # module and name of each controller, imported at first use
     "pid": "cranectl.controllers.pid:PID",
     "lqr-integral": "cranectl.controllers.lqr_integral:LQR_INTEGRAL",
     "flat-velocity": "cranectl.controllers.flat_velocity:FLAT_VELOCITY",
     "lqr-offset-free": "cranectl.controllers.lqr_offset_free:LQR_OFFSET_FREE",
 }
-UDP = "udp://"  # of what is no file, but an address
+UDP = "udp://"  # prefix of the address of a controller in another process
 ENDINGS = (".py", ".so", ".dylib", ".dll", ".fmu", ".toml")  # of files with controllers
 FILE = re.compile(rf"(?P<path>.*({'|'.join(map(re.escape, ENDINGS))}))(:(?P<symbol>\w*))?")
 
@@ -32,7 +32,7 @@ FILE = re.compile(rf"(?P<path>.*({'|'.join(map(re.escape, ENDINGS))}))(:(?P<symb
 def register_controller(controller: "Controller") -> None:
     """Make a controller known to this process.
 
-    An entry point of the group `cranectl.controllers` makes it known to all.
+    An entry point of the group `cranectl.controllers` makes it known to all processes.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def register_controller(controller: "Controller") -> None:
     InputError
         If another controller has its name.
     """
-    if OPEN.registered.get(controller.name) is controller:  # as every test file of a package may say
+    if OPEN.registered.get(controller.name) is controller:  # several test files may register the same one
         return
     check_free("controller", controller.name, controller_names())
     OPEN.registered[controller.name] = controller
@@ -93,7 +93,7 @@ def described_controllers() -> dict[str, tuple[str, str]]:
 
 
 def checked_controller(name: str) -> str:
-    """Return `name` if it names a controller; raise InputError that lists the known names otherwise."""
+    """Return `name` if it names a controller; else raise an InputError that lists the known names."""
     if name in controller_names():
         return name
     if is_reference(name):
@@ -111,7 +111,7 @@ def checked_controller(name: str) -> str:
 
 
 def chosen_controllers(names: Iterable[str]) -> tuple[str, ...]:
-    """Return controllers by name; none mean the flat family, `all` means all."""
+    """Return the chosen names of controllers; no names mean the flat family, `all` means all."""
     wanted = dict.fromkeys(names)
     if "all" in wanted:
         return controller_names()
@@ -119,7 +119,7 @@ def chosen_controllers(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def load_controller(name: str) -> "Controller":
-    """Return the controller `name`, which is known."""
+    """Return the controller of a known `name`."""
     if name in FLAT_FAMILY:
         from cranectl.controllers.flat import FLAT_CONTROLLERS
 
@@ -131,9 +131,10 @@ def load_controller(name: str) -> "Controller":
 
 
 def controller_of(design: ControllerDesign) -> "Controller":
-    """Return the controller that `design` was made of: of a file, the version with the same content.
+    """Return the controller that runs `design`; from a file, the version with the same content.
 
-    All of the flat family run alike, and a design with gains by hand has a name of its own.
+    All controllers of the flat family run the same code. So their first one is returned for any of their
+    designs, also for one with gains set by hand, whose name is not registered.
     """
     if design.axis_design is not None:
         return load_controller(FLAT_FAMILY[0])
@@ -143,13 +144,13 @@ def controller_of(design: ControllerDesign) -> "Controller":
 
 
 def controller_argument(name: str) -> str:
-    """Return what `--controller` is given for a controller: its file as it was named, or its name."""
+    """Return the argument of `--controller` for a controller: its file as it was named, or its name."""
     origin = OPEN.registered[name].origin if name in OPEN.registered else None
     return origin.reference if origin else name
 
 
 def controller_digests(names: Iterable[str]) -> dict[str, str]:
-    """Return the first digits of the digest of each controller that is in a file, by `law NAME`."""
+    """Return the short digest of each controller that comes from a file, by the key `law NAME`."""
     return {
         f"law {controller.name}": controller.code[:FINGERPRINT_DIGITS]
         for controller in _registered(names)
@@ -158,7 +159,7 @@ def controller_digests(names: Iterable[str]) -> dict[str, str]:
 
 
 def controller_sources(names: Iterable[str]) -> dict[str, str]:
-    """Digests of the sources of those of `names` that a module has registered in this process."""
+    """Return source digests of those of `names` that a module has registered in this process."""
     own = [controller for controller in _registered(names) if not controller.origin]
     functions = [function for controller in own for function in (controller.step, controller.prepare)]
     return source_digests(getattr(function, "__module__", "cranectl") for function in functions)
@@ -174,9 +175,10 @@ def _registered(names: Iterable[str]) -> list["Controller"]:
 
 
 def controller_design(name: str, scenario: Scenario) -> ControllerDesign:
-    """Return the controller `name` as `scenario` sets it.
+    """Return the controller `name` with the settings of `scenario`.
 
-    Raises InputError for a wrong name, also of a table of parameters, and for settings that it cannot meet.
+    Raises InputError for an unknown name, also of a table of parameters, and for settings that no design
+    meets.
     """
     checked_controller(name)
     names = [other for other in controller_names() if other not in FLAT_FAMILY]

@@ -1,11 +1,11 @@
-"""Name the places of a controller's parameters and memory: offsets, first numbers and logged signals.
+"""Name the parts of a controller's parameters and memory: offsets, initial numbers and logged signals.
 
     MEMORY = Slots(error=3, begun=1)
 
     def step(parameters, measured, reference, memory, command):
         memory[MEMORY.error + axis] = ...        # MEMORY.error is 0, MEMORY.begun is 3, MEMORY.size is 4
 
-Offsets are whole numbers in a tuple, which Numba freezes in compiled code like any constant of a module.
+Offsets are integers in a tuple, which Numba treats as constants in compiled code.
 """
 
 from collections.abc import Iterable
@@ -18,22 +18,22 @@ from cranectl.controllers.controller import Logged
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
 
-RESERVED = ("size", "array", "logged", "count", "index")  # names that have another meaning
+RESERVED = ("size", "array", "logged", "count", "index")  # attributes with another meaning
 
 
 class Slots(tuple[int, ...]):
-    """Offsets of named slots that follow each other in a flat array, each as an attribute, and its `size`.
+    """Offsets of named slots in a flat array, each as an attribute, and the `size` of the array.
 
     Parameters
     ----------
     **sizes : int
-        How many numbers each slot has, in their order. The last may have 0: then `array` decides.
+        How many numbers each slot has, in order. The last may have 0; then `array` sets its size.
     """
 
-    _fields: tuple[str, ...] = ()  # Numba reads attributes of a tuple by it, as of a named tuple
+    _fields: tuple[str, ...] = ()  # with it Numba reads attributes as of a named tuple
 
     def __new__(cls, **sizes: int) -> "Slots":
-        """Raise ValueError for a name that has another meaning, and for a size that is no positive number."""
+        """Raise ValueError for a reserved name, and for a size that is not a positive integer."""
         for place, (name, size) in enumerate(sizes.items(), 1):
             if name in RESERVED or name.startswith("_"):
                 raise ValueError(f"a slot named '{name}', which must be none of {', '.join(RESERVED)}, _...")
@@ -49,13 +49,13 @@ class Slots(tuple[int, ...]):
         raise AttributeError(f"there is no slot '{name}', there are {', '.join(self._fields[:-1])}")
 
     def _asdict(self) -> dict[str, int]:
-        """Return offsets by name: what tells Numba that this tuple has names."""
+        """Return offsets by name; Numba takes a tuple with this method for a named tuple."""
         return dict(zip(self._fields, self, strict=True))
 
     def array(self, **values: Any) -> Array:
         """Return the flat array with the numbers of each slot in `values`, zeros in all other slots.
 
-        Raises ValueError for another slot, and for more or fewer numbers than a slot has.
+        Raises ValueError for an unknown slot, and for a wrong number of values.
         """
         if unknown := set(values) - set(self._fields[:-1]):
             raise ValueError(f"no slot '{min(unknown)}', there are {', '.join(self._fields[:-1])}")
@@ -68,7 +68,7 @@ class Slots(tuple[int, ...]):
         return np.concatenate(parts)
 
     def logged(self, **signals: Iterable[Signal]) -> tuple[Logged, ...]:
-        """Return what is recorded at every sample: of each slot the first numbers, one for each signal."""
+        """Return the numbers that are recorded: the first ones of each slot, one for each of its signals."""
         return tuple(
             Logged(getattr(self, name) + k, signal)
             for name, of_slot in signals.items()
@@ -77,5 +77,5 @@ class Slots(tuple[int, ...]):
 
 
 def per_axis(name: str, symbol: str, unit: str, description: str, axes: str = "xy") -> tuple[Signal, ...]:
-    """Return a signal for each letter of `axes`, which ends its name, symbol and description."""
+    """Return a signal for each letter of `axes`; the letter ends its name, symbol and description."""
     return tuple(Signal(f"{name}_{a}", f"{symbol}_{a}", unit, f"{description}, {a}") for a in axes)

@@ -1,7 +1,7 @@
-"""The registry of controllers, FEEDBACK or FEEDBACK+ROBUSTIFIER, and the one way to design them.
+"""The controllers of the flat family, named FEEDBACK or FEEDBACK+ROBUSTIFIER, and how they are designed.
 
-A design is a pure function of its settings, of this program and of its libraries. It is kept on disk, since
-loading what computes it takes longer than most runs.
+A design depends only on its settings, this program and its libraries. It is stored on disk, since importing
+the libraries that compute it takes longer than most runs.
 """
 
 import functools
@@ -24,7 +24,7 @@ ROBUSTIFIERS = {
     "hinf": ", robustified by mixed sensitivity",
     "loop-shaping": ", robustified by loop shaping",
 }
-BY_HAND = ", gains by hand"  # follows the name of a design whose gains were changed
+BY_HAND = ", gains by hand"  # end of the name of a design whose gains were changed
 TITLES = {
     f"{feedback}+{robustifier}".rstrip("+"): title + by
     for feedback, title in FEEDBACKS.items()
@@ -72,22 +72,23 @@ def design_controller(name: str, settings: DesignSettings | None = None) -> Desi
 
 
 def _computed(name: str, settings: DesignSettings) -> Design:
-    # python-control takes more than a second to import, and each synthesis some more
+    # python-control takes more than a second to import, and each synthesis more.
     from cranectl.design.linear_systems import NOTHING, closed_loop_poles, loop_margins, open_loop
     from cranectl.design.state_feedback import lqr_gain, pole_placement_gain
 
     feedback, _, kind = name.partition("+")
     gain = {"pole-placement": pole_placement_gain, "lqr": lqr_gain}[feedback](settings)
-    made = NOTHING
+    robustifier = NOTHING
     if kind == "hinf":
         from cranectl.design.mixed_sensitivity import hinf_robustifier
 
-        made = hinf_robustifier(gain, settings.hinf)
+        robustifier = hinf_robustifier(gain, settings.hinf)
     elif kind == "loop-shaping":
         from cranectl.design.loop_shaping import loop_shaping_robustifier
 
-        made = loop_shaping_robustifier(gain, settings.loop_shaping)
-    loop, modal = open_loop(gain, made.system), made.modal
+        robustifier = loop_shaping_robustifier(gain, settings.loop_shaping)
+    loop, modal = open_loop(gain, robustifier.system), robustifier.modal
+    gamma = robustifier.gamma
     record = Robustifier(modal.A, modal.B.ravel(), modal.C.ravel(), float(modal.D[0, 0]))
     return Design(
         name=name,
@@ -95,9 +96,9 @@ def _computed(name: str, settings: DesignSettings) -> Design:
         closed_loop_poles=closed_loop_poles(loop),
         margins=loop_margins(loop),
         robustifier=record if record.order else NO_ROBUSTIFIER,
-        gamma=made.gamma_min,
-        gamma_achieved=made.gamma,
-        stability_margin=1.0 / made.gamma if made.gamma is not None and kind == "loop-shaping" else None,
+        gamma=robustifier.gamma_min,
+        gamma_achieved=gamma,
+        stability_margin=1.0 / gamma if gamma is not None and kind == "loop-shaping" else None,
     )
 
 

@@ -1,4 +1,4 @@
-"""Sample a robustifier exactly for a held input, block by block, and see what the loop becomes."""
+"""Sample a robustifier exactly for a held input, and check that the sampled loop is stable."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,10 @@ from cranectl.support.errors import InputError
 
 
 class SampledBlocks(NamedTuple):
-    """xi_k+ = state_matrix[k] xi_k + input_matrix[k] e, v-bar = sum output_matrix[k]·xi_k + feedthrough e."""
+    """A sampled robustifier of n blocks with two states each.
+
+    xi_k+ = state_matrix[k] xi_k + input_matrix[k] e, v-bar = sum output_matrix[k]·xi_k + feedthrough e.
+    """
 
     state_matrix: Array  # (n, 2, 2)
     input_matrix: Array  # (n, 2)
@@ -28,8 +31,8 @@ def zero_order_hold(a: Array, b: Array, period: float) -> tuple[Array, Array]:
 def sampled_blocks(a: Array, b: Array, c: Array, d: float, period: float) -> SampledBlocks:
     """Sample a real modal form exactly for an input held over `period` [s].
 
-    Stiff modes decay within a sample and integrators stay integrators: nothing can ring. A last single pole
-    shares its block with an idle state.
+    Stiff modes decay within a sample and integrators stay integrators, so nothing can ring. If the number of
+    poles is odd, the last one shares its block with a state that has no effect.
     """
     if len(a) % 2:
         a, b, c = block_diag(a, -1.0), np.append(b, 0.0), np.append(c, 0.0)
@@ -43,10 +46,10 @@ def sampled_blocks(a: Array, b: Array, c: Array, d: float, period: float) -> Sam
 
 
 def sampled_loop(gain: Array, blocks: SampledBlocks, period: float) -> Array:
-    """State matrix of one axis's error under the sampled controller, if v itself were held.
+    """Return the state matrix of one axis's error under the sampled controller, if v were held.
 
-    States: the error and three derivatives, then those of the blocks. What is truly held is the drives'
-    accelerations, which differs by a fraction of a period.
+    The states are the error and three derivatives, then those of the blocks. In a run the accelerations of
+    the drives are held instead of v, which differs by a fraction of a period.
     """
     phi, hold = zero_order_hold(np.diag(np.ones(3), 1), np.eye(4)[:, 3:], period)
     measured = np.eye(4)[:1]
@@ -71,6 +74,6 @@ def check_sampled(name: str, loop: Array, period: float, *, remedy: str) -> None
 
 
 def diagonal(blocks: Array | list[Array]) -> Array:
-    """Return the block-diagonal matrix of `blocks`; `block_diag` of no blocks has a row too many."""
+    """Return the block-diagonal matrix of `blocks`, (0, 0) if there are none, unlike SciPy's."""
     matrix: Array = block_diag(*blocks) if len(blocks) else np.zeros((0, 0))
     return matrix

@@ -1,11 +1,11 @@
 """H-infinity synthesis for a generalised plant: by SLICOT's SB10AD, or by one Riccati equation.
 
-SLICOT comes through ctrlsys (BSD-3); the closed loop is rebuilt here from plant and controller and checked.
+SLICOT is called through ctrlsys (BSD-3). The norm of the closed loop is computed again here as a check.
 
-The Riccati equation serves where the state follows from the measurement. With a stable plant, stable weights
-and a measurement that shows the disturbance itself, a copy of the plant reconstructs the whole state. Output
-feedback then reaches the same norm as feedback of state and disturbance. The computation uses balanced
-coordinates, so it stays accurate where weights are many decades apart.
+The Riccati equation can be used if the state follows from the measurement. With a stable plant, stable
+weights and a measurement that contains the disturbance itself, a copy of the plant reconstructs the whole
+state. Output feedback then reaches the same norm as feedback of state and disturbance. The computation uses
+balanced coordinates, so it stays accurate if weights are many decades apart.
 
 Doyle, Glover, Khargonekar, Francis: State-space solutions to standard H2 and H-infinity control problems,
 IEEE TAC 34 (1989) 831, problems of full information and of disturbance feedforward.
@@ -23,9 +23,9 @@ from cranectl.design.linear_systems import HinfController, balanced, closed_loop
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-GAMMA_ROUNDING = 1e-5  # relative error that SB10AD's bisection may leave in gamma; five digits are printed
+GAMMA_ROUNDING = 1e-5  # largest relative error of gamma by SB10AD's bisection; five digits are printed
 BISECTION = 1e-9  # relative width at which the bisection for the smallest gamma ends
-SEMIDEFINITE = 1e-12  # rounding of the eigenvalues that must not be negative; their scale is 1
+SEMIDEFINITE = 1e-12  # rounding of eigenvalues of scale 1 that must not be negative
 AGREEMENT = 1e-5  # relative difference of gamma in two sets of coordinates; five digits are printed
 
 
@@ -38,10 +38,10 @@ def hinf_controller(
     back_off: float = 1.0,
     gamma: float | None = None,
 ) -> HinfController:
-    """Bring the norm from w to z below `gamma`, by default the smallest times `back_off` >= 1, by u = K y.
+    """Design u = K y with a norm from w to z below `gamma`, by default `back_off` >= 1 times the smallest.
 
-    `generalised` maps (w, u) to (z, y), with so many `controls` u and `measurements` y; `name` is what errors
-    call the problem. Raises InputError where no controller exists.
+    `generalised` maps (w, u) to (z, y). `controls` and `measurements` are the numbers of inputs u and outputs
+    y, and `name` is the problem's name in errors. Raises InputError if no controller exists.
     """
     gamma_opt = _smallest_gamma(generalised, controls, measurements, name)
     wanted = wanted_gamma(gamma_opt, back_off, gamma, name)
@@ -50,7 +50,7 @@ def hinf_controller(
 
 
 def wanted_gamma(smallest: float, back_off: float, gamma: float | None, name: str) -> float:
-    """Return the gamma to design for; raises InputError for a `gamma` below the smallest."""
+    """Return the gamma to design for; raise InputError for a `gamma` below the smallest."""
     if gamma is not None and gamma < smallest:
         raise InputError(
             f"{name} with gamma = {gamma:g}",
@@ -61,7 +61,7 @@ def wanted_gamma(smallest: float, back_off: float, gamma: float | None, name: st
 
 
 def rounded_up(gamma: float) -> float:
-    """Round up to five digits, which are certain: what is designed for it is the same on every processor."""
+    """Round up to five digits, which have no rounding errors, so that all processors design for the same."""
     unit = 10.0 ** (math.floor(math.log10(gamma)) - 4)
     return math.ceil(gamma / unit) * unit
 
@@ -69,9 +69,9 @@ def rounded_up(gamma: float) -> float:
 def checked_controller(
     controller: control.StateSpace, smallest: float, achieved: float, wanted: float, name: str
 ) -> HinfController:
-    """Return the design; raises InputError unless its norm lies between the smallest and the wanted one.
+    """Return the design; raise InputError unless its norm lies between the smallest and the wanted one.
 
-    A norm that is smaller by rounding is the better value of the smallest.
+    If the norm is smaller than `smallest` by rounding, it replaces that.
     """
     if not smallest * (1.0 - GAMMA_ROUNDING) <= achieved <= wanted * (1.0 + 1e-4):
         raise ill_conditioned(name)
@@ -108,7 +108,7 @@ def _smallest_gamma(generalised: control.StateSpace, controls: int, measurements
 def _synthesise(
     generalised: control.StateSpace, controls: int, measurements: int, name: str, *, job: int, gamma: float
 ) -> tuple[control.StateSpace, float]:
-    """SB10AD: `job` 1 bisects for the smallest gamma from above, 4 takes the given one."""
+    """Call SB10AD; `job` 1 bisects for the smallest gamma, from above, and 4 takes the given gamma."""
     matrices = (np.asfortranarray(x) for x in (generalised.A, generalised.B, generalised.C, generalised.D))
     sizes = (generalised.nstates, generalised.ninputs, generalised.noutputs, controls, measurements)
     *_, info = solution = ctrlsys.sb10ad(job, *sizes, *matrices, gamma, 1e-8, 0.0)
@@ -145,7 +145,7 @@ class FullInformation(NamedTuple):
 
 
 def full_information(generalised: control.StateSpace, controls: int, measurements: int) -> FullInformation:
-    """Split and balance `generalised`, from (w, u) to (z, y) with y = C2 x + w and D11' D12 = 0.
+    """Split and balance `generalised`, which maps (w, u) to (z, y) with y = C2 x + w and D11' D12 = 0.
 
     Parameters
     ----------
@@ -166,13 +166,12 @@ def full_information(generalised: control.StateSpace, controls: int, measurement
 def smallest_gamma(problem: FullInformation, highest: float) -> float:
     """Find the smallest norm from w to z that a stabilising controller reaches.
 
-    The computation is done twice, in coordinates that differ by a reflection. Where rounding matters, the two
-    results differ.
+    It is computed twice, in coordinates that differ by a reflection. If rounding matters, the results differ.
 
     Parameters
     ----------
     problem
-        As `full_information` gives it.
+        A result of `full_information`.
     highest
         A norm that some controller is known to reach.
 
@@ -214,7 +213,7 @@ def _reflected(problem: FullInformation) -> FullInformation:
 def central_controller(problem: FullInformation, gamma: float) -> control.StateSpace:
     """Return the central controller from y to the scaled u for `gamma` above the smallest.
 
-    It is a copy of the problem with state feedback, in which y - C2 x stands for the disturbance.
+    It is a copy of the problem with state feedback, in which y - C2 x replaces the disturbance.
     """
     lower, upper, r = _stable_subspace(problem, gamma)
     x = np.linalg.solve(lower.T, upper.T)
@@ -226,7 +225,7 @@ def central_controller(problem: FullInformation, gamma: float) -> control.StateS
 
 
 def in_own_units(problem: FullInformation, controller: control.StateSpace) -> control.StateSpace:
-    """Return `controller` with the control as the user's weights have it, not scaled."""
+    """Return `controller` with its output u in the unscaled units of the user's weights."""
     c, d = (np.linalg.solve(problem.control_scale, x) for x in (controller.C, controller.D))
     return control.ss(controller.A, controller.B, c, d)
 
@@ -234,8 +233,8 @@ def in_own_units(problem: FullInformation, controller: control.StateSpace) -> co
 def _is_feasible(problem: FullInformation, gamma: float) -> bool:
     """Return True if the Riccati equation has a stabilising solution X >= 0 for `gamma`.
 
-    With the stable subspace [U; V] X is V U⁻¹, and U'V has the signs of its eigenvalues. It stays bounded
-    where X grows without bound, which is what ends the range of gamma.
+    With the stable subspace [U; V], X is V U⁻¹, and the eigenvalues of U'V have the same signs as those of X.
+    At the smallest gamma X may grow without bound, but U'V stays bounded.
     """
     projected = problem.d_11 - problem.d_12 @ (problem.d_12.T @ problem.d_11)
     if gamma <= np.linalg.norm(projected, 2):
@@ -249,7 +248,7 @@ def _is_feasible(problem: FullInformation, gamma: float) -> bool:
 
 
 def _stable_subspace(problem: FullInformation, gamma: float) -> tuple[Array, Array, Array]:
-    """Return the halves of the Hamiltonian's stable subspace, and R; raises LinAlgError without one."""
+    """Return the halves of the Hamiltonian's stable subspace, and R; raise LinAlgError if there is none."""
     b, d = np.hstack([problem.b_1, problem.b_2]), np.hstack([problem.d_11, problem.d_12])
     n, w = problem.b_1.shape
     r, s = d.T @ d, d.T @ problem.c_1

@@ -1,4 +1,4 @@
-"""Small tools for linear systems that python-control does not have; poles and margins of one axis."""
+"""Functions for linear systems that python-control lacks, and poles and margins of one axis."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,18 +16,18 @@ from cranectl.support.errors import InputError
 
 Response = NDArray[np.complex128]
 
-SWEEPS = 100  # of balancing; it ends after a few
-SWEPT_AGREEMENT = 1e-4  # relative difference of a norm from its sweep over all frequencies
-OUTSIDE = 1e3  # how far beyond the slowest and the fastest pole frequencies are sampled
-PER_DECADE = 100
-RESONANCE = np.linspace(-3.0, 3.0, 31)  # samples about a pole, in distances of it from the imaginary axis
-HIGHEST = 4  # local maxima that are refined
-REFINEMENTS = 6  # each by a tenth
+MAX_SWEEPS = 100  # of balancing, which needs only a few
+SWEPT_AGREEMENT = 1e-4  # largest relative difference of a norm from its sweep over all frequencies
+OUTSIDE = 1e3  # factor beyond the slowest and the fastest pole up to which frequencies are sampled
+PER_DECADE = 100  # samples
+RESONANCE = np.linspace(-3.0, 3.0, 31)  # samples about a pole, in units of its distance from the axis
+REFINED_MAXIMA = 4  # largest local maxima that are refined
+REFINEMENTS = 6  # of a maximum; each makes the samples ten times as dense
 
 
 @dataclass(frozen=True)
 class HinfController:
-    """What an H-infinity synthesis gives."""
+    """The result of an H-infinity synthesis."""
 
     controller: control.StateSpace
     gamma_min: float  # smallest norm that any controller reaches
@@ -35,9 +35,9 @@ class HinfController:
 
 
 class Synthesised(NamedTuple):
-    """The robustifier of a loop, from e to v-bar."""
+    """A synthesised robustifier, from e to v-bar."""
 
-    system: control.StateSpace  # as the synthesis gives it
+    system: control.StateSpace  # in the coordinates of the synthesis
     modal: control.StateSpace  # the same in `real_modal_form`
     gamma_min: float | None = None
     gamma: float | None = None
@@ -52,7 +52,7 @@ def balanced(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
     The diagonal of A, which no scaling changes, does not count.
     """
     a, b, c = a.copy(), b.copy(), c.copy()
-    for _ in range(SWEEPS):
+    for _ in range(MAX_SWEEPS):
         changed = False
         for k in range(len(a)):
             others = np.arange(len(a)) != k
@@ -74,7 +74,7 @@ def balanced(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
 def inner_loop(gain: Array) -> control.StateSpace:
     """Return 1 / (s⁴ + k_3 s³ + k_2 s² + k_1 s + k_0), one axis with state feedback from v-bar to z.
 
-    In state space: as a ratio of polynomials fourfold poles lose digits.
+    It is in state space, since fourfold poles lose digits in a ratio of polynomials.
     """
     a = np.diag(np.ones(3), 1)
     a[3] = -np.asarray(gain)
@@ -82,8 +82,8 @@ def inner_loop(gain: Array) -> control.StateSpace:
 
 
 def hinf_norm(system: control.StateSpace) -> float:
-    """Largest singular value over all frequencies of a stable system, by SLICOT's AB13DD."""
-    import ctrlsys  # a seventh of a second that plain state feedback does not need
+    """Return the largest singular value over all frequencies of a stable system, by SLICOT's AB13DD."""
+    import ctrlsys  # takes a seventh of a second, and plain state feedback does not need it
 
     n, m, p = system.nstates, system.ninputs, system.noutputs
     a, b, c, d = (np.asfortranarray(x) for x in (system.A, system.B, system.C, system.D))
@@ -96,7 +96,7 @@ def hinf_norm(system: control.StateSpace) -> float:
 
 
 def closed_loop_norm(generalised: control.StateSpace, k: control.StateSpace) -> float:
-    """Norm from w to z with u = K y around `generalised`, (w, u) to (z, y), rebuilt; infinite if unstable."""
+    """Return the norm from w to z of `generalised`, (w, u) to (z, y), with u = K y; infinite if unstable."""
     closed = generalised.lft(k)
     return np.inf if len(unstable_poles(closed.A)) else hinf_norm(closed)
 
@@ -104,9 +104,9 @@ def closed_loop_norm(generalised: control.StateSpace, k: control.StateSpace) -> 
 def check_swept(
     name: str, achieved: float, magnitude: Callable[[Array], Array], loop: control.StateSpace, high: float
 ) -> None:
-    """Raise InputError unless the norm of a `loop` that is swept over all frequencies is the `achieved` one.
+    """Raise InputError unless a sweep of `loop` over all frequencies gives the norm `achieved`.
 
-    `magnitude` and its limit `high` for high frequencies as for `peak_over_frequency`.
+    `magnitude` and its limit `high` at high frequencies are those of `peak_over_frequency`.
     """
     swept = peak_over_frequency(magnitude, closed_loop_poles(loop), high)
     if not abs(swept - achieved) <= SWEPT_AGREEMENT * achieved:
@@ -116,8 +116,8 @@ def check_swept(
 def ill_conditioned(name: str) -> InputError:
     """Return the error for a synthesis of which two computations differ.
 
-    It prints no figure and is the same for all of them: which one differs, and by how much, is rounding that
-    depends on the processor.
+    The message has no numbers and is the same for all pairs of computations. Which of them differ, and by how
+    much, is rounding that depends on the processor.
     """
     return InputError(
         f"the {name} synthesis is ill-conditioned: two computations of its gamma differ",
@@ -127,7 +127,7 @@ def ill_conditioned(name: str) -> InputError:
 
 
 def unstable_poles(a: Array) -> NDArray[np.complex128]:
-    """Eigenvalues of `a` on or right of the imaginary axis."""
+    """Return the eigenvalues of `a` on or right of the imaginary axis."""
     poles = np.linalg.eigvals(a).astype(complex)
     unstable: NDArray[np.complex128] = poles[poles.real >= 0.0]
     return unstable
@@ -159,10 +159,10 @@ def check_regulable(a: Array, b: Array, c: Array, what: str) -> None:
 def real_modal_form(system: control.StateSpace) -> control.StateSpace:
     """Return the same single-input single-output system with 2 x 2 blocks on the diagonal of A.
 
-    Conjugate pairs come first, a block each, then real poles, two to a block. Each mode is scaled so that it
-    is driven as strongly as it is seen, and turned so that only its last state is driven, by a positive
-    number. So the form is unique: eigenvectors have signs that differ between processors. Raises InputError
-    where poles nearly coincide: there is no such form.
+    Conjugate pairs come first, each in a block, then real poles, two in a block. Each mode is scaled so that
+    the norms of its input and output are equal. It is turned so that only its last state has an input, by a
+    positive number. This makes the form unique, whereas signs of eigenvectors differ between processors.
+    Raises InputError if poles nearly coincide, since then there is no such form.
     """
     poles, vectors = np.linalg.eig(system.A)
     if len(poles) and np.linalg.cond(vectors) > 1e10:
@@ -192,19 +192,19 @@ def real_modal_form(system: control.StateSpace) -> control.StateSpace:
 
 
 def _normalised(b: Array, c: Array) -> tuple[Array, Array]:
-    """Return how the states of one mode are driven and seen after they are turned and scaled.
+    """Return the inputs b and outputs c of one mode after its states are turned and scaled.
 
-    Both commute with the mode's block of A, which therefore stays as it is.
+    Turning and scaling commute with the mode's block of A, which therefore does not change.
     """
-    driven, seen = np.linalg.norm(b), np.linalg.norm(c)
-    if not driven or not seen:
+    input_norm, output_norm = np.linalg.norm(b), np.linalg.norm(c)
+    if not input_norm or not output_norm:
         return b, c
-    scale = np.sqrt(seen / driven)
+    scale = np.sqrt(output_norm / input_norm)
     if len(b) == 1:
         sign = np.sign(b)
         return sign * scale * b, sign * c / scale
-    turn = np.array([[b[1], -b[0]], [b[0], b[1]]]) / driven
-    return np.array([0.0, scale * driven]), turn @ c / scale
+    turn = np.array([[b[1], -b[0]], [b[0], b[1]]]) / input_norm
+    return np.array([0.0, scale * input_norm]), turn @ c / scale
 
 
 def open_loop(gain: Array, robustifier: control.StateSpace) -> control.StateSpace:
@@ -214,14 +214,14 @@ def open_loop(gain: Array, robustifier: control.StateSpace) -> control.StateSpac
 
 
 def closed_loop_poles(loop: control.StateSpace) -> NDArray[np.complex128]:
-    """Poles of the closed loop of one axis, robustifier included [1/s]."""
+    """Return the poles of the closed loop of one axis, including its robustifier [1/s]."""
     poles: NDArray[np.complex128] = np.sort_complex(np.linalg.eigvals(loop.A - loop.B @ loop.C))
     return poles
 
 
 def loop_margins(loop: control.StateSpace) -> Margins:
-    """Margins of a stable `loop`."""
-    with np.errstate(invalid="ignore"):  # frequencies whose powers overflow cross nothing
+    """Return the margins of a stable `loop`."""
+    with np.errstate(invalid="ignore"):  # at frequencies whose powers overflow there is no crossing
         gain_margin, phase_margin, _, _, crossover, _ = control.stability_margins(loop)
     poles = closed_loop_poles(loop)
 
@@ -242,7 +242,7 @@ def loop_margins(loop: control.StateSpace) -> Margins:
 
 
 def frequency_response(system: control.StateSpace, omega: Array) -> Response:
-    """Response of a single-input single-output system at frequencies (N,) [rad/s]."""
+    """Return the response (N,) of a single-input single-output system at frequencies (N,) [rad/s]."""
     a, b, c = balanced(system.A, system.B, system.C)
     resolvent = 1j * omega[:, np.newaxis, np.newaxis] * np.eye(len(a)) - a
     response: Response = (c @ np.linalg.solve(resolvent, b.astype(complex)))[:, 0, 0] + system.D[0, 0]
@@ -254,16 +254,16 @@ def peak_over_frequency(
 ) -> float:
     """Find the largest value of a magnitude over all frequencies, by samples and their refinement.
 
-    The usual test for eigenvalues on the imaginary axis loses all digits where poles are many decades apart.
+    The usual test for eigenvalues on the imaginary axis loses all digits if poles are many decades apart.
 
     Parameters
     ----------
     magnitude
-        Of frequencies (N,) [rad/s], vectorised.
+        Function of frequencies (N,) [rad/s] that returns magnitudes (N,).
     poles
-        Of the closed loop. Samples reach three decades beyond them, and lie closely about each resonance.
+        Poles of the closed loop. Samples reach three decades beyond them, and are dense about each resonance.
     at_infinity
-        Its limit for high frequencies.
+        Limit of the magnitude at high frequencies.
     """
     sizes = _sizes(poles)
     first, last = np.log10(sizes.min() / OUTSIDE), np.log10(sizes.max() * OUTSIDE)
@@ -272,7 +272,7 @@ def peak_over_frequency(
     values = magnitude(omega)
     best = max(values[0], values[-1], at_infinity)
     inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
-    for k in inner[np.argsort(values[inner])[-HIGHEST:]]:
+    for k in inner[np.argsort(values[inner])[-REFINED_MAXIMA:]]:
         low, high = omega[k - 1], omega[k + 1]
         for _ in range(REFINEMENTS):
             finer = np.linspace(low, high, 21)
@@ -290,7 +290,7 @@ def _sizes(poles: Response) -> Array:
 
 
 def _bandwidth(loop: control.StateSpace, poles: Response) -> float:
-    """First frequency at which |T| is 3 dB below 1 (python-control's own search range is too narrow)."""
+    """Return the first frequency [rad/s] at which |T| is 3 dB below 1; python-control searches too few."""
 
     def excess(log_omega: Array) -> Array:
         gain = frequency_response(loop, 10.0 ** np.atleast_1d(log_omega))
@@ -311,6 +311,6 @@ def _bandwidth(loop: control.StateSpace, poles: Response) -> float:
 
 
 def slowed_and_sampled(system: control.StateSpace, pace: float, period: float) -> control.StateSpace:
-    """Return a system from lengths to speeds, given in times of 1/`pace` [s], sampled by Tustin's map."""
+    """Return a system from lengths to speeds, with time in units of 1/`pace` [s], sampled by Tustin's map."""
     slowed = control.ss(pace * system.A, pace * system.B, pace * system.C, pace * system.D)
     return control.sample_system(slowed, period, "tustin")

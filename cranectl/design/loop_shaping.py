@@ -30,11 +30,11 @@ SLOWER = "move design.poles towards 0, or raise design.input_weight or design.lo
 
 
 def glover_mcfarlane(plant: control.StateSpace, back_off: float = 1.01) -> HinfController:
-    """Robustly stabilise the normalised coprime factors of the shaped `plant`, in positive feedback u = K y.
+    """Design u = K y, in positive feedback, that robustly stabilises normalised coprime factors of `plant`.
 
-    Any number of inputs and outputs, stable or not, with or without feed-through. gamma_min is 1 / the
-    largest stability margin; with `back_off` > 1 the controller is designed for gamma = back_off * gamma_min.
-    Raises InputError where there is none.
+    `plant` is the shaped plant, with any number of inputs and outputs, stable or not, with or without
+    feed-through. gamma_min is 1 / the largest stability margin. The controller is designed for
+    gamma = back_off * gamma_min with `back_off` > 1. Raises InputError if there is no controller.
     """
     if not back_off > 1.0:
         raise InputError(
@@ -44,7 +44,7 @@ def glover_mcfarlane(plant: control.StateSpace, back_off: float = 1.01) -> HinfC
         )
     try:
         return _synthesise(plant, back_off)
-    except InputError:  # where gains are large, rounding in these coordinates hides the slow modes
+    except InputError:  # with large gains, rounding in these coordinates can hide the slow modes
         return _synthesise(control.ss(*balanced(plant.A, plant.B, plant.C), plant.D), back_off)
 
 
@@ -75,8 +75,8 @@ def _synthesise(plant: control.StateSpace, back_off: float) -> HinfController:
 def loop_shaping_robustifier(gain: Array, settings: LoopShapingSettings) -> Synthesised:
     """Design a robustifier for the inner loop with `gain`.
 
-    The weight W_e = P + I/s shapes the inner loop from v-bar to z; v-bar = -W_e K e, since K feeds back
-    positively and e = z_d - z.
+    The weight W_e = P + I/s shapes the inner loop from v-bar to z. Since K is in positive feedback and
+    e = z_d - z, v-bar = -W_e K e.
     """
     weight, inner = error_weight(settings), inner_loop(gain)
     try:
@@ -93,20 +93,20 @@ def loop_shaping_robustifier(gain: Array, settings: LoopShapingSettings) -> Synt
         stacked: Array = both / np.abs(1.0 + plant * response)
         return stacked
 
-    high = np.hypot(1.0, np.abs(design.controller.D[0, 0]))  # the shaped plant vanishes there
+    high = np.hypot(1.0, np.abs(design.controller.D[0, 0]))  # at high frequencies the shaped plant vanishes
     check_swept("loop-shaping", design.gamma, norm, open_loop(gain, modal), float(high))
     return Synthesised(robustifier, modal, design.gamma_min, design.gamma)
 
 
 def error_weight(settings: LoopShapingSettings) -> control.StateSpace:
-    """W_e = P + I/s."""
+    """Return W_e = P + I/s."""
     return control.ss([[0.0]], [[1.0]], [[settings.integral]], [[settings.proportional]])
 
 
 def _coprime_problem(plant: control.StateSpace) -> control.StateSpace:
-    """Return the plant from (disturbance at y and u; u) to (y, u; y).
+    """Return the generalised plant from (disturbances at y and u; u) to (y, u; y).
 
-    Closed by u = K y it is [I; K] (I - G K)^-1 [I G].
+    With u = K y it becomes [I; K] (I - G K)^-1 [I G].
     """
     a, b, c, d = plant.A, plant.B, plant.C, plant.D
     m, p = plant.ninputs, plant.noutputs

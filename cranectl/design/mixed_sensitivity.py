@@ -40,8 +40,8 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 NAME = "S/KS"
-NEAR_ENOUGH = 1e-4  # relative error of SLICOT's smallest gamma up to which its controller is taken
-CLOSEST = 2e-5  # relative distance to the smallest gamma; nearer the controller's fast pole loses all digits
+NEAR_ENOUGH = 1e-4  # largest relative error of SLICOT's smallest gamma with which its controller is used
+CLOSEST = 2e-5  # least relative distance to the smallest gamma; nearer, a fast pole loses all digits
 
 
 def mixed_sensitivity(
@@ -51,12 +51,12 @@ def mixed_sensitivity(
     back_off: float = 1.0,
     gamma: float | None = None,
 ) -> HinfController:
-    """Bring the norm of [W_s S; W_ks K S] below `gamma`, by default the smallest times `back_off` >= 1.
+    """Design K with a norm of [W_s S; W_ks K S] below `gamma`, by default `back_off` >= 1 times the smallest.
 
-    K is for negative feedback u = K (r - y); exactly at the optimum it has a pole that grows without bound.
-    For stable plants without feed-through a Riccati equation checks the smallest gamma that SLICOT finds, and
-    replaces it if they differ. If they differ by much, it gives the controller too.
-    Raises InputError for weights of wrong dimension or with unstable poles, and where no controller exists.
+    K is for negative feedback u = K (r - y). Exactly at the optimum one of its poles grows without bound. For
+    stable plants without feed-through a Riccati equation checks the smallest gamma that SLICOT finds. If the
+    two differ, that of the Riccati equation counts. If they differ by much, it also gives the controller.
+    Raises InputError for weights of wrong dimension or with unstable poles, and if no controller exists.
     """
     _check_weight("sensitivity weight", sensitivity_weight, plant.noutputs)
     _check_weight("control weight", control_weight, plant.ninputs)
@@ -72,7 +72,7 @@ def mixed_sensitivity(
     if len(unstable_poles(plant.A)) or plant.D.any():
         return hinf_controller(generalised, *sizes, name=NAME, back_off=back_off, gamma=gamma)
     problem = full_information(generalised, *sizes)
-    # Without any control the norm is that of the weight.
+    # Without control the norm is that of the weight, so it is an upper bound.
     smallest = smallest_gamma(problem, hinf_norm(sensitivity_weight))
     try:
         design = hinf_controller(generalised, *sizes, name=NAME, back_off=back_off, gamma=gamma)
@@ -89,7 +89,7 @@ def mixed_sensitivity(
 def _by_full_information(
     problem: FullInformation, smallest: float, back_off: float, gamma: float | None
 ) -> HinfController:
-    """Design by the Riccati equation, for weights at which SB10AD's computation is inaccurate or fails."""
+    """Design by the Riccati equation, for weights with which SB10AD is inaccurate or fails."""
     wanted = wanted_gamma(smallest, back_off, gamma, NAME)
     if wanted < smallest:
         raise InputError(
@@ -107,7 +107,7 @@ def _by_full_information(
 
 
 def hinf_robustifier(gain: Array, settings: HinfSettings) -> Synthesised:
-    """Design a robustifier for the inner loop with `gain`, (5.1)."""
+    """Design a robustifier for the inner loop with `gain` (5.1)."""
     try:
         return _robustifier(gain, settings)
     except InputError as error:

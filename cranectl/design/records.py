@@ -1,4 +1,4 @@
-"""What a controller is in a run: its settings and, of the flat family, gains, poles, margins, robustifier."""
+"""Records of a controller in a run: its settings and, for the flat family, its linear design."""
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, asdict, dataclass, field
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import control
 
 Value = float | str
-# z'''' = v of one axis as a system; python-control takes most of a second to import.
+# The system z'''' = v of one axis, as arrays: importing python-control takes most of a second.
 CHAIN_A: Array = np.diag(np.ones(3), 1)
 CHAIN_B: Array = np.eye(4)[:, 3:]
 
@@ -40,12 +40,12 @@ class Robustifier:
 
     @property
     def sampled_order(self) -> int:
-        """Number of states per axis when sampled in 2 x 2 blocks; the last may be idle."""
+        """Number of states per axis when sampled in 2 x 2 blocks; the last may have no effect."""
         return 2 * ((self.order + 1) // 2)
 
     @property
     def static_gain(self) -> float:
-        """K(0) [1/s⁴]: what of a lasting error counters it; infinite with an integrator."""
+        """Static gain K(0) from a constant error to v-bar [1/s⁴]; infinite with an integrator."""
         poles = np.linalg.eigvals(self.a)
         if self.order and np.abs(poles).min() < 1e-12 * np.abs(poles).max():
             return np.inf
@@ -53,7 +53,7 @@ class Robustifier:
 
     @property
     def fastest_mode(self) -> tuple[float, float]:
-        """Pole [1/s] of the mode farthest to the left and its part of the static gain [1/s⁴], in size."""
+        """Pole [1/s] of the fastest mode, and the magnitude of its part in the static gain [1/s⁴]."""
         poles, modes = np.linalg.eig(self.a)
         inputs, outputs = np.linalg.solve(modes, self.b.astype(complex)), self.c @ modes
         k = int(np.argmin(poles.real))
@@ -66,7 +66,7 @@ class Robustifier:
         return control.ss(self.a, self.b[:, np.newaxis], self.c[np.newaxis], self.d)
 
     def to_json(self) -> dict[str, Any] | None:
-        """Plain data, B as a column and C as a row; None for the robustifier that does nothing."""
+        """Return plain data, B as a column and C as a row, or None for the robustifier without effect."""
         if not self.order and not self.d:
             return None
         return {
@@ -78,7 +78,7 @@ class Robustifier:
 
     @classmethod
     def from_json(cls, data: dict[str, Any] | None) -> "Robustifier":
-        """Inverse of `to_json`; raises ValueError for matrices that do not fit together."""
+        """Return what `to_json` has written; raise ValueError for matrices that do not fit together."""
         if data is None:
             return NO_ROBUSTIFIER
         n = len(data["B"])
@@ -95,11 +95,11 @@ NO_ROBUSTIFIER = Robustifier(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0.0)
 
 @dataclass(frozen=True)
 class Margins:
-    """What the loop, cut at v, tolerates. T = 1 - S is its complementary sensitivity."""
+    """Stability margins of the loop, cut at v. T = 1 - S is its complementary sensitivity."""
 
-    gain_margin: float  # factor on the loop gain that meets the stability limit; below 1: a reduction
+    gain_margin: float  # factor on the loop gain at which the loop becomes unstable; it may be below 1
     phase_margin: float  # [rad]
-    disk_margin: float  # balanced (S - T): gain within (2 - a)/(2 + a) to its inverse, and phase, together
+    disk_margin: float  # balanced (S - T): a allows gain factors from (2 - a)/(2 + a) to its inverse
     crossover: float  # [rad/s], where the loop gain is 1
     bandwidth: float  # [rad/s], where T first falls 3 dB below 1
     sensitivity_peak: float  # largest |S|
@@ -112,36 +112,36 @@ class Margins:
 
 
 class Origin(NamedTuple):
-    """The file of a controller that no package brings, as a log tells it; it is never run from there."""
+    """The file of a controller that belongs to no package. A log contains it, but never runs it."""
 
-    reference: str  # as it was named on the command line
+    reference: str  # name of the file as on the command line
     sha256: str  # of its content, hexadecimal
-    source: str  # its text, where it is one
+    source: str  # its content if it is a text, else empty
 
     @property
     def described(self) -> str:
-        """In a phrase."""
+        """The file and its digest as a phrase."""
         return f"{self.reference}, SHA-256 {self.sha256[:FINGERPRINT_DIGITS]}"
 
 
 @dataclass(frozen=True)
 class ControllerDesign:
-    """A controller with its settings, as a run and its log know it."""
+    """A controller with its settings, as runs and logs record it."""
 
     name: str
     _: KW_ONLY
     parameters: Mapping[str, Value] = field(default_factory=dict, hash=False)
-    signals: tuple[Signal, ...] = ()  # that it logs of itself
+    signals: tuple[Signal, ...] = ()  # signals of its own that it logs
     origin: Origin | None = None
 
     @property
     def groups(self) -> tuple[SignalGroup, ...]:
-        """What a run with this controller records besides what every run does."""
+        """The signal groups that a run with this controller records, besides those of every run."""
         return controller_groups_of(self.name, self.signals)
 
     @property
     def axis_design(self) -> "Design | None":
-        """The linear design of one axis of the load, of controllers that are designed so."""
+        """The linear design of one axis of the load, or None for a controller without one."""
         return None
 
     def to_json(self) -> dict[str, Any]:
@@ -205,7 +205,7 @@ class Design(ControllerDesign):
 
     @property
     def groups(self) -> tuple[SignalGroup, ...]:
-        """Only the flat tracker knows z'' and above, v and zeta."""
+        """The signal groups of the flat tracker, which has z'' and above, v and zeta."""
         return flat_groups(self.robustifier.sampled_order)
 
     @property
@@ -214,7 +214,7 @@ class Design(ControllerDesign):
         return self
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data; poles as [real, imaginary]."""
+        """Return plain data, with poles as [real, imaginary]."""
         return {
             "name": self.name,
             "gain": self.gain.tolist(),
@@ -228,7 +228,7 @@ class Design(ControllerDesign):
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> "Design":
-        """Inverse of `to_json`; raises KeyError, TypeError or ValueError for other data."""
+        """Return what `to_json` has written; raise KeyError, TypeError or ValueError for other data."""
         poles = np.array([complex(*pole) for pole in data["closed_loop_poles"]])
         return cls(
             **{
@@ -242,9 +242,9 @@ class Design(ControllerDesign):
 
 
 def loop_matrices(gain: Array, a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array, Array]:
-    """Return A, B, C of the loop cut at v: z'''' = v, then gain · (z, z', z'', z''') + robustifier z.
+    """Return A, B, C of the loop cut at v: from v by z'''' = v to gain · (z, z', z'', z''') + robustifier z.
 
-    The robustifier as matrices (n, n), (n, 1), (1, n), (1, 1).
+    The matrices of the robustifier have the shapes (n, n), (n, 1), (1, n), (1, 1).
     """
     n = len(a)
     return (
@@ -255,7 +255,7 @@ def loop_matrices(gain: Array, a: Array, b: Array, c: Array, d: Array) -> tuple[
 
 
 def closed_loop_matrix(gain: Array, robustifier: Robustifier) -> Array:
-    """State matrix of one axis's error in the closed loop, (4 + n, 4 + n)."""
+    """Return the state matrix (4 + n, 4 + n) of one axis's error in the closed loop."""
     r = robustifier
     a, b, c = loop_matrices(gain, r.a, r.b.reshape(-1, 1), r.c.reshape(1, -1), np.array([[r.d]]))
     closed: Array = a - b @ c

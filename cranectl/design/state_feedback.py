@@ -8,7 +8,7 @@ from cranectl.design.records import CHAIN_A, CHAIN_B
 from cranectl.scenario import DesignSettings
 from cranectl.support.arrays import Array
 
-CERTAIN = 1e-7  # relative error up to which gains of the Riccati solver are taken
+GAIN_AGREEMENT = 1e-7  # largest relative error of the Riccati solver's gains with which they are used
 
 
 def pole_placement_gain(settings: DesignSettings) -> Array:
@@ -20,26 +20,26 @@ def pole_placement_gain(settings: DesignSettings) -> Array:
 def lqr_gain(settings: DesignSettings) -> Array:
     """Return the gain (4,) that minimises the integral of x'Qx + R v² for one axis (4.15).
 
-    The solver of the Riccati equation fails or loses digits where weights are many decades apart. Then the
-    gain comes from the spectral factor.
+    The solver of the Riccati equation fails or loses digits if weights are many decades apart. Then the gain
+    comes from the spectral factor.
     """
     factor = spectral_factor(np.array(settings.state_weights) / settings.input_weight)
     try:
         gain, _, _ = control.lqr(
             CHAIN_A, CHAIN_B, np.diag(settings.state_weights), np.array([[settings.input_weight]])
         )
-    except ValueError:  # of which LinAlgError is one
+    except ValueError:  # LinAlgError is a subclass
         return factor
     gain = np.asarray(gain).reshape(4)
-    return gain if np.allclose(gain, factor, rtol=CERTAIN, atol=0.0) else factor
+    return gain if np.allclose(gain, factor, rtol=GAIN_AGREEMENT, atol=0.0) else factor
 
 
 def spectral_factor(weights: Array) -> Array:
     """Return the gain (4,) of lqr for state weights (4,) relative to the weight of v.
 
     With p(s) = s⁴ + k3 s³ + k2 s² + k1 s + k0, p(s) p(-s) = s⁸ - q3 s⁶ + q2 s⁴ - q1 s² + q0. Equal powers
-    give k0, and k1 and k3 as functions of k2. What remains for k2 is concave and positive at 2 √k0; its root
-    above that makes p stable.
+    give k0, and k1 and k3 as functions of k2. The remaining equation for k2 is concave and positive at 2 √k0.
+    Its root above that makes p stable.
     """
     q0, q1, q2, q3 = map(float, weights)
     k0 = np.sqrt(q0)
