@@ -13,7 +13,9 @@ from playwright.sync_api import Locator, Page
 from tests.pace import HANG, slowness
 from viewer.panels import Layout
 from viewer.pictures import Picture
+from viewer.serving import HERE
 
+AXE = HERE / "node_modules" / "axe-core" / "axe.min.js"
 TIME = 2  # opcode of the protocol
 T = TypeVar("T")
 
@@ -160,3 +162,15 @@ def eventually(look: Callable[[], T], good: Callable[[T], object]) -> T:
     while not good(seen := look()) and time.monotonic() < end:
         time.sleep(0.1)
     return seen
+
+
+def violations(page: Page) -> list[str]:
+    """What axe finds wrong with a page for people who use a keyboard or a screen reader."""
+    page.add_script_tag(path=AXE)
+
+    def found() -> list[str]:
+        result = page.evaluate("axe.run()")
+        return [f"{rule['id']}: {rule['nodes'][0]['html']}" for rule in result["violations"]]
+
+    # A moment after its width changed, a page makes what scrolls reachable by the keyboard.
+    return eventually(found, lambda seen: seen == [])

@@ -1,4 +1,4 @@
-"""A report in a browser: its curves tell the values of the log, and are enlarged together."""
+"""A report in a browser: first screen, values at the cursor, and curves that are enlarged together."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Page
 from cranectl.cli import exit_codes
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
-from viewer.studio import eventually
+from viewer.studio import eventually, violations
 
 LABELS = """all => all.map(svg => [...svg.querySelectorAll("[data-part^=axes]")].at(-1)
     .querySelectorAll(".zoomed > g > text").length)"""
@@ -69,3 +69,17 @@ def test_the_cursor_tells_the_log_and_the_wheel_enlarges_all_figures(page: Page,
 
     figures.first.dblclick()
     assert eventually(lambda: figures.evaluate_all(WINDOWS), lambda seen: seen == home) == home
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_first_screen_fits_and_axe_finds_nothing(page: Page, scheme: str) -> None:
+    page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+    for width, height in ((1440, 900), (1024, 768), (390, 844)):
+        page.set_viewport_size({"width": width, "height": height})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert violations(page) == []
+    page.set_viewport_size({"width": 1440, "height": 900})
+    for part in (page.locator(".verdict"), page.locator(".facts"), page.get_by_role("img").first):
+        box = part.bounding_box()
+        assert box is not None
+        assert box["y"] + box["height"] <= 900

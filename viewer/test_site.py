@@ -6,13 +6,11 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from docs.build import build
-from viewer.serving import HERE
-from viewer.studio import eventually
+from viewer.studio import eventually, violations
 
 PAGES = ("index", "start", "how-to/index", "explanation/controllers", "reference/api", "reference/settings")
 PAGES += ("reference/command-line", "proofs/performance")
 WIDTHS = (1440, 1024, 390)
-AXE = HERE / "node_modules" / "axe-core" / "axe.min.js"
 
 
 @pytest.fixture(scope="module")
@@ -47,11 +45,4 @@ def test_a_page_fits_and_is_accessible(site: Path, chromium: Browser, name: str,
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 900})
         assert page.evaluate("document.documentElement.scrollWidth") <= width
-    page.add_script_tag(path=AXE)
-
-    def violations() -> list[str]:
-        result = page.evaluate("axe.run()")
-        return [f"{rule['id']}: {rule['nodes'][0]['html']}" for rule in result["violations"]]
-
-    # A moment after its width changed, the page makes what scrolls reachable by the keyboard.
-    assert eventually(violations, lambda found: found == []) == []
+    assert violations(page) == []

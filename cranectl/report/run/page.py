@@ -82,7 +82,12 @@ def log_page(
     if len(logs) > 1:  # else the first screen has it
         settings.insert(0, what_was_run(logs))
     sections = [
-        Section("runs", "Runs and metrics", (*notes, *same), tuple(table for table in outcome if table)),
+        Section(
+            "run" if len(logs) == 1 else "runs",
+            "Runs and metrics",
+            (*notes, *same),
+            tuple(table for table in outcome if table),
+        ),
         Section("figures", "Figures", figures=_figures(logs, pairs, agreements)),
         *_plans(logs),
         Section("differences", "Differences", tables=_differences(logs, pairs, agreements)),
@@ -189,7 +194,7 @@ def _differences(
 
 
 def caption(family: Family, runs: Runs) -> str:
-    """Tell what `family` shows of these runs, which share a scenario."""
+    """Return a sentence with the main number of each run in a figure of this family."""
     if family.name.startswith("trolley"):
         return _outside(runs)
     several, parts = len(runs) > 1, []
@@ -200,7 +205,7 @@ def caption(family: Family, runs: Runs) -> str:
 
 
 def agreement(family: Family, pairs: Sequence[tuple[Run, Run]], what: str) -> str:
-    """Tell by how much the curves of the pairs differ at most, after the phrase `what`."""
+    """Return the largest difference between the curves of the pairs, after the phrase `what`."""
     largest = max(largest_difference(family, *pair) for pair in pairs)
     unit = family.panels[0].unit
     if unit == "°" and largest < SMALL_ANGLE:
@@ -226,7 +231,7 @@ def _measured(run: Run) -> RunMetrics:
 
 _FARTHEST = (("Farthest from the reference", lambda run: _measured(run).max_error_m, "m"),)
 _LEFT = (("Load off its reference at the end", lambda run: _measured(run).final_error_m, "m"),)
-# By the name of a family, what is said of each run: words, the figure, its unit.
+# By family, the numbers that its caption gives for each run: words, number, unit.
 _CAPTIONS: dict[str, tuple[tuple[str, Callable[[Run], float], str], ...]] = {
     **dict.fromkeys(("space", "load"), _FARTHEST),
     **dict.fromkeys(("error", "load-path"), _LEFT),
@@ -252,7 +257,7 @@ def _beside(run: Run) -> Array:
 
 
 def _kept(value: float, unit: str) -> str:
-    """Return a quantity that stays on one line with its unit; rounding is not told from nothing."""
+    """Return a quantity that stays on one line with its unit; below a nanometre it is rounding."""
     return (quantity(value, unit) if unit == "°" else difference_in(value, unit)).replace(
         " ", "\N{NO-BREAK SPACE}"
     )
