@@ -22,7 +22,7 @@ from cranectl.report.theme import WIDTH, canvas
 from cranectl.scenario.design import LoopShapingSettings
 from cranectl.support.arrays import Array
 
-ROUNDING = 1e4  # by which polynomials of some poles that nearly coincide amplify it, at most, as seen
+ROUNDING = 1e4  # the largest observed factor by which poles that nearly coincide amplify rounding
 OMEGA = np.logspace(-2, 3, 800)  # [rad/s]
 STEP_TIME = np.linspace(0.0, 8.0, 801)  # [s]
 FREQUENCY = "angular frequency [rad/s]"
@@ -31,7 +31,7 @@ DISTURBED = ("disturbance of 1 m/s⁴ on v", "time [s]", "displacement [mm]")
 
 
 def design_tables(design: Design) -> tuple[Table, Table]:
-    """Figures of a design, and its poles."""
+    """Return a table of a design's numbers, and one of its poles."""
     figures = (
         ("gain k0 … k3", "  ".join(f"{gain:.6g}" for gain in design.gain), "on e and three derivatives"),
         *_gamma_rows(design),
@@ -46,7 +46,7 @@ def design_tables(design: Design) -> tuple[Table, Table]:
 
 
 def designs_table(designs: Sequence[Design]) -> Table:
-    """Several designs beside each other, a column each."""
+    """Return a table of several designs, a column for each."""
     rows = [
         (f"gain k{k} [1/s{'⁴³²'[k] if k < 3 else ''}]", *(f"{design.gain[k]:.6g}" for design in designs))
         for k in range(4)
@@ -70,7 +70,7 @@ def _pole_rows(poles: Iterable[NDArray[Any]]) -> list[tuple[str, ...]]:
 def controller_tables(
     design: ControllerDesign, controller: Controller, linear: Sequence[LinearController]
 ) -> tuple[Table, ...]:
-    """Parameters of a controller, and what it achieves near rest at some rope lengths, if it can say it."""
+    """Return tables of a controller's parameters, and of its linear loops at some rope lengths, if known."""
     rows = tuple(
         cells(
             parameter.name,
@@ -139,8 +139,8 @@ def _poles(poles: NDArray[Any]) -> list[str]:
 def distinct_poles(poles: NDArray[Any]) -> list[tuple[complex, int]]:
     """Return computed poles with their multiplicities, without imaginary parts due to rounding.
 
-    Rounding of eps moves an m-fold root by the m-th root of eps, in all directions, but hardly the mean of
-    what it falls apart into: m poles within (1e4 eps)^(1/m) of their mean, relative to it, are one.
+    Rounding by eps splits an m-fold root into m roots, about the m-th root of eps away in all directions.
+    It hardly moves their mean. So m poles within (1e4 eps)^(1/m) of their mean, relative to it, are one.
     """
     left, distinct = np.asarray(poles, dtype=complex), []
     while len(left):
@@ -177,7 +177,7 @@ def design_figure(design: Design) -> Figure:
 
 
 def designs_figure(designs: Sequence[Design]) -> Figure:
-    """Draw several designs on top of each other, a colour each."""
+    """Draw several designs on top of each other, each in its colour."""
     figure, panels = canvas(10.0, 7.9, 2, 2)
     sensitivities, gains, initial, disturbed = panels.flat
     for k, design in enumerate(designs):
@@ -200,7 +200,7 @@ def designs_figure(designs: Sequence[Design]) -> Figure:
 
 
 def loop_shaping_figure(design: Design, settings: LoopShapingSettings) -> Figure:
-    """Draw how the weight shapes the inner loop, what robustification leaves of it, and sensitivities."""
+    """Draw the inner loop, its weight, the shaped and the robustified loop, and the sensitivities."""
     robustifier = design.robustifier.system()
     inner, weight = (system(1j * OMEGA) for system in (inner_loop(design.gain), error_weight(settings)))
     figure, (shapes, sensitivities) = canvas(WIDTH, 5.4, 2, 1, sharex=True)

@@ -1,4 +1,4 @@
-"""Tables as data: the terminal and a page show the same one."""
+"""Tables as data, which the terminal and a page show alike."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -10,14 +10,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell; `mark` is "", "good", "open", "bad", "best" of its row, "head" over the rows below."""
+    """One cell; `mark` is "", "good", "open", "bad", "best" of a row, or "head" of the rows below."""
 
     text: str
     mark: str = ""
 
 
 def cells(*values: Cell | str) -> tuple[Cell, ...]:
-    """Return a row, or a part of one; a text is a cell without a mark."""
+    """Return a row or a part of one; a text becomes a cell without a mark."""
     return tuple(Cell(value) if isinstance(value, str) else value for value in values)
 
 
@@ -27,7 +27,7 @@ VERDICTS = {True: Cell("passed", "good"), False: Cell("FAILED", "bad"), None: Ce
 
 @dataclass(frozen=True)
 class Heading:
-    """What stands over one or more columns of a page, in one or more rows."""
+    """The heading of one or more columns of a page, over one or more rows."""
 
     text: str
     label: bool = False
@@ -47,11 +47,11 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
     labels: int = 1
     note: str = ""
-    folded: bool = False  # on a page, until it is asked for
+    folded: bool = False  # on a page, until the reader opens it
 
     @property
     def head(self) -> tuple[tuple[Heading, ...], ...]:
-        """The headings as rows for a page: what neighbours begin with stands once over all of them."""
+        """The headings as rows for a page; the first line that neighbours share stands once over them."""
         if not any(self.headings):
             return ()
         upper, lower = [], []
@@ -71,6 +71,6 @@ class Table:
 def tabulate(
     title: str, items: Iterable[T], columns: Mapping[str, Callable[[T], Cell | str]], **more: Any
 ) -> Table:
-    """Return a table of one row an item; `columns`: by heading, what a row has there."""
+    """Return a table with one row for each item; `columns` gives by heading the cell of an item."""
     rows = tuple(cells(*(value(item) for value in columns.values())) for item in items)
     return Table(title, tuple(columns), rows, **more)

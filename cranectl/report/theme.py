@@ -34,7 +34,7 @@ _STYLE: dict[Any, Any] = {
     "axes.facecolor": "none",
     "axes.grid": True,
     "axes.labelcolor": STAND_IN["ink"],
-    "axes.labelpad": 11.0,  # and wide legends: small pages have larger letters
+    "axes.labelpad": 11.0,  # room for the larger letters of small pages
     "axes.linewidth": 0.6,
     "axes.prop_cycle": cycler(color=[STAND_IN[role] for role in SERIES]),
     "axes.spines.right": False,
@@ -126,7 +126,7 @@ def standalone_svg(svg: str) -> str:
     return f"{root}{''.join(rest)}\n"
 
 
-SUBSCRIPT = re.compile(r"\b([^\W\d_])_([^\W\d_]{1,2}\d?)\b")  # of a symbol: x_c
+SUBSCRIPT = re.compile(r"\b([^\W\d_])_([^\W\d_]{1,2}\d?)\b")  # a symbol with its subscript: x_c
 _LOWERED = r'\1<tspan dy=".25em" font-size="75%">\2</tspan><tspan dy="-.19em">&#8203;</tspan>'
 
 
@@ -145,7 +145,7 @@ def save_figure(figure: Figure, path: Path) -> None:
         ) from None
 
 
-TIME = "time [s]"  # label of an axis that pages enlarge
+TIME = "time [s]"  # label of the axes that readers can enlarge
 
 
 def _time_axes(figure: Figure) -> list[Axes]:

@@ -1,4 +1,4 @@
-"""Layouts for viewers of logs: which panels show what, in the JSON that Foxglove and its open forks import.
+"""Layouts for viewers of logs, as the JSON that Foxglove and its open forks import.
 
 Plots take their fields and units from the table of signals, topics from the log package.
 """
@@ -40,11 +40,11 @@ SIGNALS: dict[tuple[str, str], Signal] = {
 }
 DISTANCE = topics.DISTANCE.signals[0]  # of the load
 SIGNALS |= {(group, DISTANCE.name): DISTANCE for group in (topics.DISTANCE.name, STEP)}
-LEAST_ORDER = -9.0  # of what a fidelity level adds: less than a nanometre is nothing
-DISTANCE_EXPONENT = -14.0  # power of ten of the least distance that logs tell
+LEAST_ORDER = -9.0  # power of ten of the least distance [m] that a fidelity level adds; less is rounding
+DISTANCE_EXPONENT = -14.0  # power of ten of the least distance in logs
 # Height of the standings in [%] of a window of 900 pixels.
 TITLE, ROW_HEIGHT, MOST = 8.0, 8.0, 64.0
-MOST_UNITS = 4  # of what a law logs
+MOST_UNITS = 4  # of the signals that a controller logs
 FOLLOWED = 30.0  # [s] that a live session's plots show
 
 
@@ -58,7 +58,7 @@ def layout_json(
 ) -> str:
     """Return the layout `name` as a file's content, for a log of `plants`, by default the usual ones.
 
-    What shows one run shows the reference plant's.
+    Panels of one run show the run of the reference plant.
 
     `labels`: of the runs of an overlay; of a ladder by default all. The camera sees the whole `rig`.
     `logged`: what a controller outside the flat family logs under its own names. Raises InputError for an
@@ -103,7 +103,7 @@ def _single(plants: Sequence[str]) -> Layout:
 
 
 def _comparison(plants: Sequence[str]) -> Layout:
-    """Several plants: the crane and its ghosts, the same signals of all, what parts them."""
+    """Return the layout of several plants: the crane and its ghosts, their signals and differences."""
     plants = plants if len(plants) > 1 else default_plants()
     left = _crane_and_standings(scene_panel(_cranes(plants)), plants)
     return row([left, _several(partial(_of_each, plants), row(_distance_plots(plants)))], (42, 58))
@@ -136,7 +136,7 @@ def _flat_plots(plant: str) -> list[Panel]:
 
 
 def _controller_plots(plant: str, logged: Sequence[Signal]) -> list[Panel]:
-    """Return plots of what a controller logs, one for each of the first units."""
+    """Return plots of the signals that a controller logs, one for each of the first units."""
     topic, by_unit = topics.plant_topic(plant, "controller"), dict[str, list[dict[str, Any]]]()
     for signal in logged:
         lines = by_unit.setdefault(signal.unit, [])
@@ -165,7 +165,7 @@ def _live(plants: Sequence[str]) -> Layout:
 
 
 def _overlay(labels: Sequence[str]) -> Layout:
-    """Show runs by label: the crane of the first, the others as ghosts, the same signals of all."""
+    """Return the layout of runs by label: the crane of the first, the others as ghosts, their signals."""
     if not labels:
         raise InputError(
             "the layout overlay, of no runs",
@@ -182,7 +182,7 @@ def _overlay(labels: Sequence[str]) -> Layout:
 
 
 def _ladder(labels: Sequence[str]) -> Layout:
-    """Show what each fidelity level adds, its distance from theory, that crane, the trails of all."""
+    """Return the layout of a ladder: what each level adds, its distance from theory, the trails of all."""
     labels = labels or NAMES
     if len(labels) == 1:  # nothing to be compared
         return _overlay(labels)
@@ -264,7 +264,7 @@ def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
 
 
 def _distance_plots(plants: Sequence[str]) -> list[Panel]:
-    """Return how far the plants are apart, in powers of ten down to what rounding leaves.
+    """Return plots of the differences between plants, in powers of ten down to rounding.
 
     On a linear axis nanometres beside millimetres would be a flat line.
     """
@@ -290,6 +290,6 @@ def _line(value: str, signal: Signal, label: str, colour: str) -> dict[str, Any]
 
 
 def _cranes(plants: Sequence[str]) -> list[str]:
-    """Topics of everything that is drawn of these plants."""
+    """Return the topics that draw these plants."""
     kinds = ("model", topics.ROPE, "trail", topics.ARROW, *topics.FORMER_NAMES)
     return [topics.plant_topic(plant, name) for plant in plants for name in kinds]

@@ -1,4 +1,4 @@
-"""Panels of layouts for viewers: of each kind what it shows, in the configuration that viewers read."""
+"""Panels of layouts for viewers, in the configuration that viewers read."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -46,9 +46,9 @@ def scene_panel(drawn: Sequence[str], *, distance: float = 4.8) -> Panel:
 
 
 def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
-    """Stretch a view of the laboratory's rig to another: camera, floor and ranges of plots.
+    """Fit a view of the laboratory's rig to another rig.
 
-    Wishes get the rig's speeds.
+    Camera, floor, ranges of plots and the speeds that buttons request follow its size.
     """
     if "paths" in configuration:
         configuration.update(plot_range(configuration["paths"], rig))
@@ -119,7 +119,7 @@ def plot(title: str, paths: Sequence[dict[str, Any]], **limits: float) -> Panel:
 
 
 def without_legend(drawn: Panel) -> Panel:
-    """Return a plot without legend, whose lines are those of another plot."""
+    """Return a plot without its legend, for lines that another plot explains."""
     kind, configuration = drawn
     return kind, {**configuration, "showLegend": False}
 
@@ -164,7 +164,7 @@ def panel(kind: str, title: str, **configuration: Any) -> Panel:
 
 
 def _split(direction: str, parts: Sequence[Layout], shares: Sequence[float] = ()) -> Layout:
-    """Parts one after the other with these shares, by default equal ones, as nested pairs."""
+    """Return parts side by side with these shares, by default equal ones, as nested pairs."""
     if len(parts) == 1:
         return parts[0]
     shares = shares or [1.0] * len(parts)

@@ -133,9 +133,9 @@ def test_too_few_base_points_for_sobol_indices_are_told() -> None:
         page_of(synthetic_results(three(sampling="saltelli", runs=5 * points, **ONE), never_fails))
         for points in (8, 16)
     )
-    assert "Sobol indices take 16 base points" in few
+    assert "Sobol indices need 16 base points" in few
     assert "Total Sobol indices" not in few
-    assert "Sobol indices take" not in enough
+    assert "Sobol indices need" not in enough
     assert "Total Sobol indices" in enough
 
 
@@ -163,14 +163,14 @@ def test_the_page_is_whole_and_the_same_again(usual: tuple[Results, str]) -> Non
 
 def test_the_page_names_what_decides_and_what_does_not(usual: tuple[Results, str]) -> None:
     page = usual[1]
-    verdicts = re.findall(r"With the largest error go ([^<]*)\.", page)
+    verdicts = re.findall(r"These correlate with the largest error: ([^<]*)\.", page)
     assert len(verdicts) == 4
     for verdict in verdicts:
         assert verdict.startswith("rig.load_mass (ρ = +0.9")
         assert "winch_time_constant" not in verdict
     inert = page_of(synthetic_results(three(runs=128, **ONE), constant))
-    assert "With the largest error go" not in inert
-    assert "Nothing goes with the largest error beyond chance" in inert
+    assert "correlate with the largest error:" not in inert
+    assert "Nothing correlates with the largest error beyond chance" in inert
 
 
 def test_every_replay_command_is_one_that_works(usual: tuple[Results, str]) -> None:

@@ -189,7 +189,7 @@ def test_budget() -> None:
     assert "servos: rough estimate, no bound" in table.note
     for level, estimate in (("engine", ("0.002", "")), ("servos", ("~0.002", "open"))):
         assert cells(table, level)["estimate max"] == estimate
-    assert "~ marks estimates without a bound, which may be far off" in table.note
+    assert "~ marks estimates without a bound. They may be far off" in table.note
     assert "servos: ended with slack-rope." in table.note
     assert "sampled" not in table.note
 

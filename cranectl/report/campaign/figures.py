@@ -33,7 +33,7 @@ RISES, FALLS, BENT = SERIES[1], SERIES[0], SERIES[2]
 
 
 def series_style(k: int) -> dict[str, Any]:
-    """Colour and dashes of the k-th controller."""
+    """Return colour and dashes of the k-th controller."""
     return {
         "color": STAND_IN[SERIES[k % len(SERIES)]],
         "linestyle": ("-", (0, (5, 2)), (0, (1, 1.5)))[k // len(SERIES) % 3],
@@ -69,7 +69,7 @@ def distributions(groups: Sequence[Group], limits: dict[str, float]) -> Figure:
 
 
 def effort_and_error(groups: Sequence[Group]) -> Figure:
-    """Draw RMS error against effort, a point a run; crosses span 90 % of each controller's runs."""
+    """Draw RMS error against effort, a point for each run; crosses span 90 % of a controller's runs."""
     figure, axes = canvas(WIDTH, 3.6)
     points_each = MOST_POINTS // max(1, len(groups))
     for k, group in enumerate(groups):
@@ -92,7 +92,7 @@ def effort_and_error(groups: Sequence[Group]) -> Figure:
 
 
 def two_plants(pairs: Sequence[Pair]) -> Figure:
-    """Draw the largest error on one plant over that on the other, by controller; then all distances."""
+    """Draw the largest error on one plant over that on the other, by controller, and all differences."""
     columns = min(3, len(pairs) + 1)
     rows = -(-(len(pairs) + 1) // columns)
     figure, panels = canvas(1.35 * WIDTH, 0.4 + 2.7 * rows, rows, columns, squeeze=False)
@@ -118,7 +118,7 @@ def two_plants(pairs: Sequence[Pair]) -> Figure:
 
 
 def _cloud(axes: Axes, x: Array, y: Array, colour: str) -> None:
-    """Points, or where there are many, hexagons that are darker the more points they hold."""
+    """Draw points, or of many points hexagons that are darker the more points they hold."""
     both = ~np.isnan(x) & ~np.isnan(y)
     x, y = x[both], y[both]
     if not x.size:
@@ -140,7 +140,7 @@ def _cloud(axes: Axes, x: Array, y: Array, colour: str) -> None:
 
 
 def _spread_axis(axes: Axes, which: str, values: Sequence[Array]) -> None:
-    """Logarithmic where the values that are there span decades and none is 0."""
+    """Return "log" if the finite values span decades and none is 0, else "linear"."""
     finite = np.concatenate(values)
     finite = finite[np.isfinite(finite)]
     if finite.size and finite.min() > 0.0 and finite.max() > DECADES * finite.min():
@@ -148,7 +148,7 @@ def _spread_axis(axes: Axes, which: str, values: Sequence[Array]) -> None:
 
 
 def correlation_fields(correlations: Correlations, order: Sequence[int]) -> Figure:
-    """Draw a field for each parameter and metric, filled beyond chance; rows as `order` says."""
+    """Draw a field for each parameter and metric, filled beyond chance, with rows in this `order`."""
     rho, strength = correlations.rho[list(order)], correlations.strength[list(order)]
     bent, eta = correlations.bent[list(order)], correlations.eta[list(order)]
     figure, axes = canvas(WIDTH, 1.1 + 0.24 * len(order))
@@ -223,7 +223,7 @@ def sobol_bars(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Fig
 
 
 def tornado(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure:
-    """Draw how far each parameter's ends move the largest error from that of the nominal run."""
+    """Draw how much the ends of each parameter change the largest error of the nominal run."""
     figure, panels = _rows_figure(len(parts), len(parameters))
     for axes, part in zip(panels, parts, strict=True):
         nominal = float(part.group.metrics[MEASURE][0])

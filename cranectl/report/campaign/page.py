@@ -1,4 +1,4 @@
-"""The result of a campaign as one page: outcome, worst runs, comparisons, what decides, what was run."""
+"""The page of a campaign: outcome, worst runs, comparisons, influence of parameters, what was run."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -20,7 +20,7 @@ from cranectl.support.arrays import Array
 SHOWN_PANELS = 4  # parameters that have a panel of their own
 NAMED_PARAMETERS = 3  # parameters in a sentence
 COLUMN = MAIN_METRICS.index(MEASURE)
-FAINT = 1e-6  # stands for what may be chance
+FAINT = 1e-6  # strength of a correlation that may be chance
 
 
 def campaign_page(analysis: Analysis, remade_by: str) -> Page:
@@ -106,14 +106,13 @@ def _influence(analysis: Analysis) -> Iterator[Section]:
 
 
 _SPREAD = (
-    "Influence is measured over completed runs. Colour marks what is beyond chance, corrected for the number "
-    "of fields; parameters that were sampled with a correlation share their influence."
+    "Influence is measured over completed runs. Colour marks fields beyond chance, corrected for the number "
+    "of fields. Parameters that were sampled with a correlation share their influence."
 )
 _FEW = (
-    f"Sobol indices take {MIN_BASE_POINTS} base points all of whose runs completed, "
-    "and an output that varies."
+    f"Sobol indices need {MIN_BASE_POINTS} base points whose runs all completed, and an output that varies."
 )
-_STEPS = "Each parameter by itself is put at a low and at a high value, the others stay nominal."
+_STEPS = "Each parameter in turn takes a low and a high value, while the others stay nominal."
 
 
 def _correlations(parts: Sequence[GroupAnalysis]) -> Iterator[Figure]:
@@ -130,18 +129,18 @@ def _bands(analysis: Analysis, parts: Sequence[GroupAnalysis]) -> Figure:
     leading = _leading(strengths, int((strengths > FAINT).sum()))
     columns = [compared_parameters(analysis.results)[j] for j in leading]
     title = f"largest error over what goes with it most, {parts[0].group.plant}"
-    verdict = "Median and 5 to 95 % of completed runs, in ranges of equal number."
+    verdict = "Median and 5 to 95 % of completed runs, in ranges with equally many runs."
     return Figure.drawn(title, verdict, figures.error_bands, analysis, parts, columns)
 
 
 def _leading(values: Sequence[float] | Array, beyond_chance: int) -> list[int]:
-    """Places of the largest, those `beyond_chance` if there are two at least, and no more than SHOWN."""
+    """Return the places of the largest values: at least two, those beyond chance, at most SHOWN_PANELS."""
     order: list[int] = np.argsort(-np.asarray(values), kind="stable").tolist()
     return order[: min(SHOWN_PANELS, max(2, beyond_chance))]
 
 
 def _strengths(parts: Sequence[GroupAnalysis]) -> Array:
-    """Return the strongest of all controllers (parameters, metrics); what may be chance below FAINT."""
+    """Return the strongest correlation over all controllers (parameters, metrics); chance is below FAINT."""
     correlations = [part.correlations for part in parts if part.correlations is not None]
     strengths = [entry.strength + FAINT * np.abs(np.nan_to_num(entry.rho)) for entry in correlations]
     strongest: Array = np.max(strengths, axis=0)
@@ -206,13 +205,13 @@ def _uncertainty(analysis: Analysis) -> Section:
 
 
 def _summary_of(results: Results) -> Iterator[str]:
-    """Say what is missing, what made the runs where that is not installed, what was run, when a run fails."""
+    """Yield sentences on missing runs, other software, what was run, and when a run fails."""
     campaign = results.campaign
     settings, limits = campaign.settings, campaign.settings.limits.given.items()
     if results.missing:
         yield (
-            f"INCOMPLETE: {results.missing_runs} of {campaign.all_runs} runs are missing, and everything "
-            f"here is of the others. Complete it with {resume_command(results.manifest) or RESUME}."
+            f"INCOMPLETE: {results.missing_runs} of {campaign.all_runs} runs are missing; this page "
+            f"describes the others. Complete the result with {resume_command(results.manifest) or RESUME}."
         )
     yield from (f"{note[0].upper()}{note[1:]}." for note in software_notes(results))
     yield (
@@ -227,7 +226,7 @@ def _summary_of(results: Results) -> Iterator[str]:
 def _distributions_sentence(parts: Sequence[GroupAnalysis]) -> str:
     medians = ((part.summary.median_max_error_m, part.group.controller) for part in parts)
     texts = ", ".join(f"{number(value)} m ({name})" for value, name in medians if value is not None)
-    sentence = "A curve that ends below 1 leaves out runs that stopped or never settled."
+    sentence = "A curve ends below 1 where runs stopped or never settled."
     return f"Largest error, median: {texts}. {sentence}" if texts else "No run completed."
 
 
@@ -242,9 +241,9 @@ def _correlations_sentence(correlations: Correlations) -> str:
         f"{100 - 100 * CONFIDENCE:.0f} % of such figures"
     )
     if not order:
-        return f"Nothing goes with the largest error beyond chance. {beyond}."
+        return f"Nothing correlates with the largest error beyond chance. {beyond}."
     named = ", ".join(_strength(correlations, k) for k in order[:NAMED_PARAMETERS])
-    return f"With the largest error go {named}. {beyond}."
+    return f"These correlate with the largest error: {named}. {beyond}."
 
 
 def _sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> str:
@@ -262,7 +261,7 @@ def _sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -
 
 
 def _tornado_sentence(part: GroupAnalysis) -> str:
-    """Tell which parameter has the widest bar."""
+    """Return a sentence on the parameter with the widest bar."""
     nominal = float(part.group.metrics[MEASURE][0])
     effects = [(abs(float(s.metrics[COLUMN]) - nominal), s) for s in part.one_at_a_time]
     known = [(size, s) for size, s in effects if not np.isnan(size)]
@@ -276,7 +275,7 @@ def _tornado_sentence(part: GroupAnalysis) -> str:
 
 
 def _failures_sentence(parts: Sequence[GroupAnalysis]) -> str:
-    """Tell which parameters separate failed runs from the others."""
+    """Return sentences on the parameters that separate failed runs from the others."""
     texts = []
     for part in parts:
         separations = [separation for separation in part.separations if separation.significant][
@@ -286,7 +285,7 @@ def _failures_sentence(parts: Sequence[GroupAnalysis]) -> str:
             f"{separation.parameter} (distance {separation.distance:.2f})" for separation in separations
         )
         texts.append(f"{part.group.controller}: {named or 'no parameter beyond chance'}.")
-    return f"What separates failed from other runs. {' '.join(texts)}"
+    return f"Parameters that separate failed runs from the others. {' '.join(texts)}"
 
 
 def _agreement_sentence(pairs: Sequence[Pair]) -> str:
@@ -296,7 +295,7 @@ def _agreement_sentence(pairs: Sequence[Pair]) -> str:
         for pair in pairs
         if pair.agreement.samples
     ]
-    return f"{'. '.join(texts)}." if texts else "No sample completed on both of the plants compared."
+    return f"{'. '.join(texts)}." if texts else "No sample completed on both plants."
 
 
 def _strength(correlations: Correlations, k: int) -> str:

@@ -1,6 +1,6 @@
-"""Tables of a campaign's page: outcome, influence, pairs on the same samples, what is uncertain.
+"""Tables of a campaign's page: outcome, influence, pairs on the same samples, uncertain parameters.
 
-Also what the page calls metrics and parameters, and how it writes numbers.
+Labels of metrics and parameters, and the format of numbers, are here too.
 """
 
 import shlex
@@ -22,8 +22,8 @@ from cranectl.metrics import all_metrics
 from cranectl.report.table import Cell, Table, cells, tabulate
 from cranectl.support.arrays import Array
 
-REASONS = 3  # why runs could not be run
-SEPARATING = 6  # parameters of a controller in the table of failures
+REASONS = 3  # that are listed for runs that could not start
+SEPARATING = 6  # parameters for each controller in the table of failures
 LISTED = 12  # sample indices in a cell
 METRIC_LABELS = {m.name: f"{m.compared} [{m.unit}]" for m in all_metrics() if m.compared}
 METRIC_LABELS[EFFORT] = "effort [m/s²]"
@@ -36,19 +36,19 @@ def metric_name(metric: str) -> str:
 
 
 def parameter_label(campaign: Campaign, name: str) -> str:
-    """Return name and unit of a parameter, without `effects.`."""
+    """Return name and unit of a parameter, the name without `effects.`."""
     unit = describe(campaign, name).unit
     short = name.removeprefix("effects.")
     return f"{short} [{unit}]" if unit else short
 
 
 def number(value: float | None, digits: int = 3, form: str = "") -> str:
-    """Return a number for a table, to so many digits or in `form`; a dash where there is none."""
+    """Return a number as text, with `digits` digits or in `form`; a dash without a number."""
     return "–" if value is None or value != value else format(value, form or f".{digits}g")
 
 
 def percent(share: float | None) -> str:
-    """Return a share in percent; a dash where there is none."""
+    """Return a share in percent; a dash without one."""
     return number(share and 100.0 * share, form=".1f")
 
 
@@ -58,14 +58,14 @@ def probability(p: float) -> str:
 
 
 def replay_command(results: Results, sample: int, controller: str, plant: str = "") -> str:
-    """Return the command that runs a sample again; on all plants where none is named."""
+    """Return the command that runs a sample again, by default on all plants."""
     named = controller_from(results.manifest, results.directory, controller)
     options = ["--run", str(sample), "--controller", named, *(["--plant", plant] if plant else [])]
     return shlex.join(["cranectl", "campaign", "replay", str(results.directory), *options])
 
 
 def summary_table(groups: Sequence[GroupSummary], title: str) -> Table:
-    """Return one row a controller."""
+    """Return a table with one row for each controller."""
     columns: dict[str, Callable[[GroupSummary], str]] = {
         "controller": lambda group: group.controller,
         "runs": lambda group: str(group.runs),
@@ -102,12 +102,12 @@ def metrics_quantiles(parts: Sequence[GroupAnalysis]) -> Table:
             spread, runs = map(number, (least, *quantiles(values), largest)), np.isfinite(values).sum()
             rows.append(cells(METRIC_LABELS[metric], part.group.controller, str(runs), *spread))
     headings = ("metric", "controller", "runs", "least", *(f"{100 * q:g} %" for q in LEVELS), "largest")
-    note = "Over completed runs that have the metric: without settling time are those that do not settle."
+    note = "Over completed runs that have the metric; runs that do not settle have no settling time."
     return Table(f"Metrics on {parts[0].group.plant}", headings, tuple(rows), labels=2, note=note)
 
 
 def separation_table(parts: Sequence[GroupAnalysis]) -> Table:
-    """Compare the parameters of failed runs with those of the others."""
+    """Return a table that compares the parameters of failed runs with those of the others."""
     rows = []
     for part in parts:
         for separation in part.separations[:SEPARATING]:
@@ -116,7 +116,7 @@ def separation_table(parts: Sequence[GroupAnalysis]) -> Table:
             rows.append(cells(part.group.controller, separation.parameter, distance, *medians))
     headings = ("controller", "parameter", "distance", "median of failed", "of the others")
     note = (
-        "Distance: Kolmogorov-Smirnov, 0 for the same distribution, 1 for values apart, largest first. Red: "
+        "Distance: Kolmogorov-Smirnov, 0 for equal distributions, 1 for separate values, largest first. Red: "
         f"more than chance explains, at {100 * CONFIDENCE:g} % for all parameters of a controller together."
     )
     title = f"Failed and other runs on {parts[0].group.plant}"
@@ -124,14 +124,16 @@ def separation_table(parts: Sequence[GroupAnalysis]) -> Table:
 
 
 def sobol_table(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Table:
-    """Total indices with intervals, for all metrics."""
+    """Return a table of the total indices of all metrics, with intervals."""
     rows = []
     for part in parts:
         for k, parameter in enumerate(parameters):
             indices = (_sobol_cell(part.sobol.get(metric), k) for metric in MAIN_METRICS)
             rows.append(cells(part.group.controller, parameter, *indices))
     headings = ("controller", "parameter", *map(metric_name, MAIN_METRICS))
-    note = "Total index and its 95 % interval. Green: all of it above 0.05, the parameter matters."
+    note = (
+        "Total index and its 95 % interval. Green: the whole interval is above 0.05, the parameter matters."
+    )
     return Table(f"Total Sobol indices on {parts[0].group.plant}", headings, tuple(rows), labels=2, note=note)
 
 
@@ -143,7 +145,7 @@ def _sobol_cell(indices: SobolIndices | None, k: int) -> Cell:
 
 
 def one_at_a_time_table(part: GroupAnalysis) -> Table:
-    """Return every step of a one-at-a-time design."""
+    """Return a table with every step of a one-at-a-time design."""
     nominal = [part.group.metrics[metric][0] for metric in MAIN_METRICS]
     steps: list[tuple[Any, ...]] = [("nominal", "", "0", nominal)]
     steps += [(s.parameter, number(s.value, 4), str(s.sample), s.metrics) for s in part.one_at_a_time]
@@ -154,7 +156,7 @@ def one_at_a_time_table(part: GroupAnalysis) -> Table:
 
 
 def worst_table(analysis: Analysis) -> Table:
-    """Return runs to look at, with the commands that replay them."""
+    """Return a table of runs to look at, with the commands that replay them."""
     rows = []
     for run in analysis.worst:
         replay = "cannot be replayed"
@@ -164,19 +166,19 @@ def worst_table(analysis: Analysis) -> Table:
         numbers = f"{run.end_s:g}", number(run.max_error_m, 4)
         rows.append(cells(run.plant, run.controller, run.why, replay, str(run.sample), ended, *numbers))
     headings = ("plant", "controller", "why", "replay", "sample", "ended", "at [s]", "largest error [m]")
-    note = "The largest errors, of stopped runs until they stopped; then one of each other way to stop."
+    note = "The largest errors, for stopped runs until they stopped; then one run for each other way to stop."
     return Table("Runs worth a look", headings, tuple(rows), labels=4, note=note)
 
 
 def uncertainty_table(analysis: Analysis) -> Table:
-    """Return what is uncertain, and which values the runs had."""
+    """Return a table of the uncertain parameters and the values of the runs."""
     campaign = analysis.results.campaign
     rows = []
     for parameter, values in zip(campaign.parameters, analysis.values.T, strict=True):
         numbers = (parameter.nominal, *_ends(values))
         texts = (parameter.name, describe(campaign, parameter.name).unit, _distribution(parameter))
         rows.append(cells(*texts, *(number(value, 4) for value in numbers)))
-    headings = ("parameter", "unit", "distribution of what the plant has", "nominal", "sampled from", "to")
+    headings = ("parameter", "unit", "distribution in the plant", "nominal", "sampled from", "to")
     note = "The controller and its reference know the nominal values only."
     if campaign.settings.correlation:
         note += f" Rank correlations: {'; '.join(map(str, campaign.settings.correlation))}."
@@ -197,7 +199,7 @@ def _short(value: Any) -> str:
 
 
 def controller_differences(pairs: Sequence[Pair], sampling: str) -> Table:
-    """Return differences on the same samples, a row for each metric of each pair."""
+    """Return a table of differences on the same samples, a row for each metric of each pair."""
     tests = len(pairs) * len(MAIN_METRICS)
     rows = []
     for pair in pairs:
@@ -223,7 +225,7 @@ def controller_differences(pairs: Sequence[Pair], sampling: str) -> Table:
 
 
 def failures_table(pairs: Sequence[Pair], sampling: str, title: str) -> Table:
-    """Return the samples on which only one of two groups fails."""
+    """Return a table of the samples on which only one of two groups fails."""
     rows = []
     for pair in pairs:
         failures, a, b = pair.failures, pair.first, pair.second
@@ -241,7 +243,7 @@ def failures_table(pairs: Sequence[Pair], sampling: str, title: str) -> Table:
 
 
 def plants_agreement(pairs: Sequence[Pair]) -> Table:
-    """Compare the largest errors on two plants."""
+    """Return a table that compares the largest errors on two plants."""
     rows = []
     for pair in pairs:
         agreement = pair.agreement
@@ -250,12 +252,12 @@ def plants_agreement(pairs: Sequence[Pair]) -> Table:
         rows.append(cells(*texts, *map(number, (*agreement.quantiles, largest))))
     levels = (f"|difference| {100 * q:g} %" for q in LEVELS)
     headings = ("controller", "samples", "rank correlation", *levels, "largest")
-    note = "Of the largest error [m], over samples completed on both of the plants compared."
-    return Table("How far the plants are apart", headings, tuple(rows), note=note)
+    note = "Differences of the largest error [m], over samples that completed on both plants."
+    return Table("Differences between the plants", headings, tuple(rows), note=note)
 
 
 def disagreements(analysis: Analysis, pairs: Sequence[Pair]) -> Table:
-    """Return the samples on which the plants differ most, with the commands that replay both."""
+    """Return a table of the samples on which the plants differ most, with commands that replay them."""
     rows = []
     for pair in pairs:
         for sample, difference in pair.agreement.largest:
@@ -264,17 +266,17 @@ def disagreements(analysis: Analysis, pairs: Sequence[Pair]) -> Table:
             rows.append(cells(pair.first.controller, replay, str(sample), *errors, f"{difference:+.3g}"))
     one, other = pairs[0].first.plant, pairs[0].second.plant
     headings = ("controller", "replay", "sample", f"error on {one} [m]", f"on {other} [m]", "difference [m]")
-    return Table("Where the plants are farthest apart", headings, tuple(rows), labels=2)
+    return Table("Largest differences between the plants", headings, tuple(rows), labels=2)
 
 
 def _ends(values: Array) -> tuple[float | None, float | None]:
-    """Return the least and the largest of the values that are there."""
+    """Return the least and the largest finite value, or None."""
     there = values[np.isfinite(values)]
     return (there.min(), there.max()) if there.size else (None, None)
 
 
 def _tested(p: float, tests: int, sampling: str, better: str) -> tuple[str, str]:
-    """Return a p-value corrected for `tests`, and who is better if it is significant."""
+    """Return a p-value corrected for `tests`, and the better one if it is significant."""
     if sampling not in INDEPENDENT:
         return "–", "–"
     corrected = min(1.0, p * tests)

@@ -23,19 +23,19 @@ from cranectl.support.colours import LIGHT
 
 Loops = tuple[NominalLoop, InnerLoop]  # of a controller: with the design model, and at the worst point
 
-LEAST = 1e-6  # [m] that is drawn
+LEAST = 1e-6  # [m], the smallest deviation in figures
 EDGE = "At the left edge: 1 µm or less."
-LOWEST = 1e-2  # [rad/s]
+LOWEST = 1e-2  # [rad/s] of the frequencies in figures
 STYLES = ("-", "--", ":", "-.")
 MARKS = {"gap": "o", "by frequency": "s", "refused": "x"}
 FROZEN = (
-    "A nu-gap below the margin guarantees that the linear loop, frozen at that point, is stable. "
-    "It says nothing of the motion from point to point; refused does not mean unstable."
+    "A nu-gap below the margin guarantees that the linear loop frozen at that point is stable. It says "
+    "nothing about the motion from point to point. Refused does not mean unstable."
 )
 
 
 def ladder_page(scenario: Scenario, controller: str, results: Sequence[LevelResult], remade_by: str) -> Page:
-    """Return the page on what each effect costs with one controller, alone and in sum."""
+    """Return the page on the cost of each effect with one controller, alone and on top of the others."""
     title = f"{scenario.name}, {controller}: the fidelity ladder"
     return Page(title, scenario.title, _ladder_sections(results), remade_by)
 
@@ -93,7 +93,7 @@ def _budget_figure(budget: Budget) -> Figure:
 def deviation_dots(
     names: Sequence[str], pair: Mapping[str, Sequence[float]], bounds: Sequence[float] = ()
 ) -> Drawing:
-    """Draw two dots a name, by label of their values [m], and a mark for a finite bound."""
+    """Draw two dots for each name, by label of their values [m], and a mark for a finite bound."""
     (drawing, axes), rows = canvas(WIDTH, 0.9 + 0.3 * len(names)), np.arange(len(names))
     for offset, role, marker, (label, values) in zip((-0.1, 0.1), SERIES, "oD", pair.items(), strict=False):
         style: dict[str, Any] = {"color": STAND_IN[role], "markersize": 5, "clip_on": False, "zorder": 3}

@@ -1,4 +1,4 @@
-"""The tables and words on a rig, for the terminal and for pages: advice, certificate, ladder, budget."""
+"""Tables and sentences about a rig, for the terminal and for pages: advice, certificate, ladder, budget."""
 
 import math
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ def _millimetres(metres: float, digits: int = 3) -> str:
 
 
 def _sizes(size: Size | None, digits: int = 3) -> tuple[Cell, ...]:
-    """Return RMS, largest and final deviation [mm]; empty where there is none."""
+    """Return RMS, largest and final deviation [mm], or empty cells without one."""
     if size is None:
         return cells("", "", "")
     return cells(*(_millimetres(value, digits) for value in (size.rms, size.max, size.final)))
@@ -41,7 +41,7 @@ def _three(what: str) -> tuple[str, ...]:
 
 
 def controllers_table(advice: Advice) -> Table:
-    """Return one row a controller."""
+    """Return a table with one row for each controller."""
     headings = ("controller", "grade", "certified\nby", "least\nmargin", "error RMS\n[mm]", "error max\n[mm]",
                 "cost RMS\n[mm]", "cost max\n[mm]")  # fmt: skip
     rows = []
@@ -53,17 +53,17 @@ def controllers_table(advice: Advice) -> Table:
             numbers = [_millimetres(length) for length in lengths]
         rows.append(cells(row.controller, grade, by, f"{row.least_margin:+.4f}", *numbers))
     note = (
-        f"Guaranteed: a margin above {CAUTION:g} is left at every operating point, by the nu-gap alone "
-        "or, which asks less, frequency by frequency; the linear loop frozen there is stable. Survived: not "
-        "certified, but the run completed. Cost: distance of the load from where the same controller's "
-        "continuous-time ideal has it."
+        f"Guaranteed: at every operating point a margin above {CAUTION:g} remains, by the nu-gap alone or, a "
+        "weaker condition, frequency by frequency. The linear loop frozen there is then stable. Survived: "
+        "not certified, but the run completed. Cost: distance of the load from its place in the "
+        "continuous-time ideal of the same controller."
     )
     title = f"{advice.scenario.name}: controllers, the best first"
     return Table(title, headings, tuple(rows), labels=3, note=note)
 
 
 def improvements_table(advice: Advice) -> Table:
-    """Return one row a change of the rig, for an advice that recommends a controller."""
+    """Return a table with one row for each change of the rig; the advice must recommend a controller."""
     assert advice.best is not None
     headings = ("improve", "change", "cost RMS\n[mm]", "saved", "least\nmargin", "grade")
     rows = []
@@ -92,13 +92,13 @@ def recommendation(advice: Advice) -> tuple[str, ...]:
             f"Improve first: {first.name}, {first.change}; takes {100 * first.gain:.0f} % of the cost."
         )
     words.append(
-        f"{len(advice.points)} operating points; a statement on linear loops frozen there, not on the motion."
+        f"{len(advice.points)} points. This holds for linear loops frozen there, not for the motion."
     )
     return tuple(words)
 
 
 def map_table(certificate: Certificate) -> Table:
-    """Return the gap at every point: one row a rope length, one column a tilt and hoisting speed."""
+    """Return the gap at every point: rows are rope lengths, columns are tilts and hoisting speeds."""
     loop = f"{certificate.controller}, {certificate.drive} drives, margin {certificate.margin:.3f}"
     note = "Columns: tilting disturbance [rad/s²], hoisting speed [m/s]."
     columns = list(dict.fromkeys((v.point.tilt, v.point.hoisting_speed) for v in certificate.points))
@@ -126,12 +126,12 @@ def summary_lines(certificate: Certificate) -> list[str]:
         f"of {len(grades)} points certified: {grades.count('gap')} by the gap, "
         f"{grades.count('by frequency')} frequency by frequency (f); refused (r): {grades.count('refused')}; "
         f"truly unstable (u): {unstable}",
-        "A statement on the linear loop frozen at each point, not on a motion through them.",
+        "This holds for the linear loop frozen at each point, not for a motion through the points.",
     ]
 
 
 def drive_table(margins: DriveMargins, worst: PointVerdict) -> Table:
-    """Return what the loop at the worst point tolerates in its drives."""
+    """Return the changes of the drives that the loop at the worst point tolerates."""
     low, high = margins.gain_range
     rows = [
         ("gain and phase, disk margin", f"{margins.disk_margin:.3f}"),
@@ -146,8 +146,8 @@ def drive_table(margins: DriveMargins, worst: PointVerdict) -> Table:
 
 
 def limit_table(limits: Sequence[LargestValues]) -> Table:
-    """Delays and lags, one row a rope length."""
-    title = "How conservative: largest certified, largest survived by the linear loop"
+    """Return a table of certified and survived delays and lags by rope length."""
+    title = "Conservatism: largest certified value, largest value that the linear loop survives"
     headings = ("rope\n[m]", "delay certified\n[ms]", "survived\n[ms]")
     rows = []
     for limit in limits:
@@ -158,7 +158,7 @@ def limit_table(limits: Sequence[LargestValues]) -> Table:
 
 
 def certificates_table(assessments: Sequence[Assessment]) -> Table:
-    """Return the certificates of several controllers, one row each."""
+    """Return a table of the certificates of several controllers."""
     rows = []
     for row in assessments:
         certificate, worst = row.certificate, row.certificate.worst
@@ -174,12 +174,12 @@ def certificates_table(assessments: Sequence[Assessment]) -> Table:
 
 
 def ladder_table(results: Sequence[LevelResult]) -> Table:
-    """Return one row a level."""
+    """Return a table with one row for each level."""
     run = results[0].run
     headings = ("level", "ended", *_three("error [mm]"), *_three("adds [mm]"), *_three("alone [mm]"),
                 "effort\n[m/s²]", "sway\n[°]")  # fmt: skip
     note = (
-        "Adds: distance of the load from where it was on the level before. "
+        "Adds: distance of the load from its place on the level before. "
         f"Alone: from {BASE}, with this effect only. "
         "Effort: RMS of the commanded accelerations. Sway: RMS angle between rope and plumb line."
     )
@@ -197,7 +197,7 @@ def _level(result: LevelResult) -> tuple[Cell, ...]:
         return cells(ended, *[MISSING] * 11)
     alone = _sizes(result.alone)
     if result.alone_status not in (None, "completed"):
-        # What is left of a run that stopped says little: how it ended is shown instead.
+        # The numbers of a run that stopped early say little: its status is shown instead.
         alone = cells(Cell(str(result.alone_status), "bad"), "", "")
     errors = _sizes(Size(metrics.rms_error_m, metrics.max_error_m, metrics.final_error_m))
     effort, sway = math.hypot(*metrics.rms_acceleration_m_s2), math.degrees(metrics.rms_sway_rad)
@@ -205,7 +205,7 @@ def _level(result: LevelResult) -> tuple[Cell, ...]:
 
 
 def levels_table(results: Sequence[LevelResult]) -> Table:
-    """Return what each level adds, where it runs, and the numbers of its effect."""
+    """Return a table of what each level adds: plant, drives and the settings of its effect."""
     rows = []
     for result in results:
         level = result.level
@@ -217,7 +217,7 @@ def levels_table(results: Sequence[LevelResult]) -> Table:
 
 
 def budget_table(budget: Budget) -> Table:
-    """Return one row a level, then the sum and what no estimate explains; the note says what is odd."""
+    """Return a row for each level, then the sum and the unexplained rest; remarks are in the note."""
     headings = ("level", *_three("estimate"), *_three("measured"), "ratio\nof RMS", "bound\nof max",
                 "over\nmeasured")  # fmt: skip
     entries, rows = budget.entries, []
@@ -235,7 +235,7 @@ def budget_table(budget: Budget) -> Table:
     remarks = [f"{entry.level}: {entry.remark}." for entry in entries if entry.remark]
     if any(entry.rough for entry in entries):
         remarks.append(
-            "~ marks estimates without a bound, which may be far off, as may what they leave unexplained."
+            "~ marks estimates without a bound. They may be far off, and so may the unexplained rest."
         )
     remarks += [
         f"{entry.level}: ended with {entry.status}." for entry in entries if entry.status != "completed"

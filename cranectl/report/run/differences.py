@@ -12,8 +12,8 @@ from cranectl.support.documents import leaves
 from cranectl.support.units import PROCESSOR_ROUNDING, difference_in, difference_text, plain
 
 Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
-LONGEST = 70  # characters of a value
-MANY = 12  # rows that a page folds
+MAX_CHARACTERS = 70  # of a value
+MAX_ROWS = 12  # of a table that a page does not fold
 SAME = "Scenario, controller and drives are the same in all logs."
 
 
@@ -53,12 +53,12 @@ def versions_table(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> Tab
 def what_differs(logs: Logs) -> Table | None:
     """Return the settings that differ between logs, a column each; None if nothing differs."""
     flat: list[dict[str, Any]] = []
-    one_law = len({next(iter(log.values())).design.name for log in logs.values()}) == 1
+    is_one_controller = len({next(iter(log.values())).design.name for log in logs.values()}) == 1
     for log in logs.values():
         run = next(iter(log.values()))
         requested: dict[str, Any] = {"plants": list(log), "drives": run.drive, "controller": run.controller}
         requested["scenario"] = run.scenario.model_dump(mode="json", exclude={"controller"})
-        flat.append(dict(leaves((_parameters(run) if one_law else {}) | requested)))
+        flat.append(dict(leaves((_parameters(run) if is_one_controller else {}) | requested)))
     names = dict.fromkeys(name for settings in flat for name in settings)
     differing = [name for name in names if any(settings.get(name) != flat[0].get(name) for settings in flat)]
     rows = {
@@ -71,7 +71,7 @@ def what_differs(logs: Logs) -> Table | None:
 
 
 def _parameters(run: Run) -> dict[str, Any]:
-    """Return a controller's parameters by dotted names; the flat family has settings in [design]."""
+    """Return a controller's parameters by dotted names; those of the flat family are settings in [design]."""
     design = run.design
     return {f"controller.{design.name}.{name}": value for name, value in design.parameters.items()}
 
@@ -84,7 +84,7 @@ def _given(run: Run) -> dict[str, Any]:
 
 def _by_log(title: str, logs: Logs, rows: Mapping[str, Sequence[str]]) -> Table:
     """Return a row for each name; many rows are counted and folded."""
-    many = len(rows) > MANY
+    many = len(rows) > MAX_ROWS
     shown = tuple(cells(name, *texts) for name, texts in rows.items())
     title = f"{title}: {len(rows)}" if many else title
     headings = ("", *(logs if len(logs) > 1 else ("",)))
@@ -93,7 +93,7 @@ def _by_log(title: str, logs: Logs, rows: Mapping[str, Sequence[str]]) -> Table:
 
 def _text(value: Any) -> str:
     text = plain(value)
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+    return text if len(text) <= MAX_CHARACTERS else f"{text[: MAX_CHARACTERS - 1]}…"
 
 
 def comparison_table(title: str, comparison: Comparison, *, folded: bool = False) -> Table:

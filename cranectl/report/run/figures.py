@@ -1,4 +1,4 @@
-"""Figures of runs: what is drawn for each family, and over which axes."""
+"""Figures of runs: the curves of each family of figures, and how to draw them."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,20 +19,20 @@ from cranectl.support.arrays import Array
 Values = Callable[[Run], Array]
 
 DEGREES = 180.0 / np.pi
-# The least span of a curve, by unit, that is more than rounding, which moves loads at rest by 1e-12 m, inputs
-# by 2e-12 m/s² and 4e-11 m/s⁴; what tells plants apart begins at 1e-9 m.
+# The least span of a curve, by unit, that is more than rounding. Rounding moves loads at rest by 1e-12 m, and
+# inputs by 2e-12 m/s² and 4e-11 m/s⁴. Differences between plants begin at 1e-9 m.
 LEAST_SPAN = {"m": 1e-11, "°": 1e-9, "m/s²": 1e-11, "m/s⁴": 1e-10}
 
 
 @dataclass(frozen=True)
 class RunCurve:
-    """One run in a figure. Runs of one label share its colour; wide ones lie pale under the others."""
+    """One run in a figure. Runs of one label share a colour; wide curves lie pale under the others."""
 
     label: str
     colour: str  # a role of the theme
     run: Run
     wide: bool
-    dash: Any = "-"  # of matplotlib; tells wide ones apart
+    dash: Any = "-"  # line style of matplotlib, different for each wide curve
 
 
 @dataclass(frozen=True)
@@ -46,23 +46,23 @@ class RunPanel:
 
     @property
     def unit(self) -> str:
-        """As its label has it."""
+        """The unit in the label."""
         return self.label.partition("[")[2].rstrip("]")
 
 
 @dataclass(frozen=True)
 class Family:
-    """A kind of figure; statements about all of it have the unit of its first panel."""
+    """A kind of figure; sentences about the whole figure use the unit of its first panel."""
 
     name: str
     title: str
     panels: tuple[RunPanel, ...]
     draw: Callable[["Family", Sequence[RunCurve]], Figure]
-    group: str = "state"  # of signals, without which there is no such figure
+    group: str = "state"  # of signals that a run must have for this figure
 
 
 def families_of(runs: Iterable[Run]) -> list[Family]:
-    """Return the kinds of figures for which all of `runs` have signals."""
+    """Return the families of figures for which all `runs` have the signals."""
     recorded = [{group.name for group in run.groups} for run in runs]
     return [family for family in FAMILIES.values() if all(family.group in names for names in recorded)]
 
@@ -74,7 +74,7 @@ def largest_difference(family: Family, a: Run, b: Run) -> float:
 
 
 def distance_figure(pairs: Mapping[str, tuple[Run, Run]], limits: Mapping[str, float]) -> Figure:
-    """Draw the distance of the loads of two plants over time, by label, and `limits` [m] by name."""
+    """Draw the distance between the loads of each pair of plants over time, and the named `limits` [m]."""
     figure, axes = canvas(WIDTH, 3.2)
     _mark_disturbances(axes, next(iter(pairs.values()))[0], named=True)
     for (label, (a, b)), role in zip(pairs.items(), cycle(SERIES), strict=False):
@@ -114,17 +114,17 @@ def _over_time(family: Family, curves: Sequence[RunCurve]) -> Figure:
 
 
 def _constant_axis(interval: Array, unit: str) -> tuple[float, float] | None:
-    """Return the axis of values within `interval` (2,) if they are constant up to rounding."""
+    """Return the range of an axis for values within `interval` (2,) that differ by rounding, else None."""
     (low, high), least = interval, LEAST_SPAN[unit]
     if not 0.0 <= high - low < least:
         return None
     middle = 0.0 if abs(high) < least else high
-    half = 0.05 * (abs(middle) or 1.0)  # as matplotlib has it of a constant
+    half = 0.05 * (abs(middle) or 1.0)  # as matplotlib draws a constant
     return middle - half, middle + half
 
 
 def _in_the_plane(family: Family, curves: Sequence[RunCurve]) -> Figure:
-    """Draw the second panel over the first, at equal scale; limits of both make the rig."""
+    """Draw the second panel over the first, at equal scale, in the outline of the rig."""
     figure, axes = canvas(WIDTH, 0.78 * WIDTH)
     x, y = family.panels
     first = curves[0].run
@@ -208,7 +208,7 @@ def _mark_disturbances(axes: Axes, run: Run, *, named: bool) -> None:
 
 
 def _near_limits(panel: RunPanel, curves: Sequence[RunCurve]) -> bool:
-    """Return True if limits are worth showing: the curves use half of their range, or leave it."""
+    """Return True if the curves use half of the range between the limits, or leave it."""
     if panel.limits is None:
         return False
     low, high = panel.limits(curves[0].run)
@@ -218,7 +218,7 @@ def _near_limits(panel: RunPanel, curves: Sequence[RunCurve]) -> bool:
 
 
 def _legend(figure: Figure, family: Family, curves: Sequence[RunCurve]) -> None:
-    """Add a legend: colours in a first row, what lines mean in a second."""
+    """Add a legend: the labels of colours in a first row, the meaning of lines in a second."""
     colours = [
         Line2D([], [], color=STAND_IN[colour], linewidth=2.2, label=label)
         for label, colour in {curve.label: curve.colour for curve in curves}.items()

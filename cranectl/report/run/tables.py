@@ -1,4 +1,4 @@
-"""Tables of runs, agreements and logs, for the terminal and for pages, and what they have no room for."""
+"""Tables and notes about runs, agreements and logs, for the terminal and for pages."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import degrees, isnan
@@ -19,7 +19,7 @@ SharedLimits = dict[str, tuple[float, float] | None]  # by drive; None where lim
 
 
 def run_table(logs: Mapping[str, Sequence[RunSummary]], note: str = "") -> Table:
-    """Return how each run ended, by the label of its log; what all runs share is in the title."""
+    """Return a table of how each run ended; facts that all runs share stand in its title."""
     runs = [run for log in logs.values() for run in log]
     facts = {
         "log": [label for label, log in logs.items() for _ in log],
@@ -46,9 +46,9 @@ def _outcome(run: RunSummary) -> tuple[Cell, ...]:
 
 
 def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
-    """Return one row a metric, a column a run; one for all runs of a log that print the same.
+    """Return a row for each metric and a column for each run; runs of a log with equal texts share one.
 
-    Of several logs the best value of a metric is marked, if not all are the same.
+    With several logs the best value of a metric is marked, unless all are equal.
     """
     measured = [run.metrics for runs in logs.values() for run in runs]
     shown = [
@@ -57,7 +57,7 @@ def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
         if metric.row.label
         and (metric.row.always or any(n is not None for run in measured for n in _numbers_of(metric, run)))
     ]
-    units = [_told(metric, measured) for metric in shown]
+    units = [_shown_unit(metric, measured) for metric in shown]
     columns: dict[tuple[str, tuple[str, ...]], list[RunSummary]] = {}
     for label, runs in logs.items():
         for run in runs:
@@ -74,7 +74,7 @@ def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
         cells(metric.row.label, unit, *_best_marked(metric, texts, whole))
         for metric, (_, unit), *texts in zip(shown, units, *(texts for _, texts in columns), strict=True)
     )
-    note = "Settling, overshoot and what is residual count from when the reference has come to rest."
+    note = "Settling, overshoot and residual values count from the moment when the reference rests."
     if len(logs) > 1:
         note += " ★ is the best of the runs that did not stop."
     return Table("Metrics", ("metric", "unit", *headings), rows, labels=2, note=note)
@@ -95,7 +95,7 @@ def _numbers_of(metric: Metric, metrics: RunMetrics | None) -> tuple[float | Non
     return value if isinstance(value, tuple) else (value,)
 
 
-def _told(metric: Metric, runs: Sequence[RunMetrics | None]) -> tuple[float, str]:
+def _shown_unit(metric: Metric, runs: Sequence[RunMetrics | None]) -> tuple[float, str]:
     """Return the factor to the unit in which a metric is shown, and that unit (degrees, kN)."""
     if metric.unit == "rad":
         return degrees(1.0), "°"
@@ -114,9 +114,7 @@ def _text(metric: Metric, metrics: RunMetrics | None, factor: float) -> str:
 def limits_table(runs: Sequence[RunSummary], *, worst: int | None = None) -> Table | None:
     """Return limits and values, a row for each run and metric; None without limits.
 
-    `worst` restricts it to so many broken limits, the worst first.
-
-    `worst`: so many of those that are broken at most, the worst first.
+    `worst` restricts the table to that many broken limits, the worst first.
     """
     verdicts = shown = [(run, verdict) for run in runs for verdict in run.limits]
     broken = sorted((pair for pair in verdicts if not pair[1].kept), key=lambda pair: -pair[1].overrun)
@@ -142,7 +140,7 @@ def limits_table(runs: Sequence[RunSummary], *, worst: int | None = None) -> Tab
 
 
 def topic_table(description: "LogDescription") -> Table:
-    """Return what a log holds, one row a topic."""
+    """Return a table of the topics of a log."""
     rates = ["-" if topic.rate_hz is None else f"{topic.rate_hz:g}" for topic in description.topics]
     rows = tuple(
         cells(topic.topic, topic.schema, str(topic.messages), rate)
@@ -229,7 +227,7 @@ def _difference_headings(agreements: Sequence[Agreement]) -> tuple[list[str], Sh
 
 
 def _shared(agreements: Sequence[Agreement]) -> tuple[float, float] | None:
-    """Return the limits that all have, if they have the same."""
+    """Return the limits of all agreements if they are equal, else None."""
     (load_m, angle_rad), *others = {(agreement.limit_m, agreement.limit_rad) for agreement in agreements}
     return None if others or load_m is None or angle_rad is None else (load_m, angle_rad)
 
@@ -250,7 +248,7 @@ def _numbers(drives: Drives, shared: SharedLimits) -> Iterator[Cell | str]:
 def _difference(value: float, limit: float | None, limits: tuple[float, float] | None) -> Cell:
     """Return a difference, with its limit unless the column's heading shows it."""
     beside = "" if limit is None or limits is not None else f" < {limit:.1e}"
-    mark = "" if limit is None or value <= limit else "bad"  # not a number keeps no limit
+    mark = "" if limit is None or value <= limit else "bad"  # NaN is above every limit
     return Cell(f"{difference_text(value)}{beside}", mark)
 
 
@@ -280,7 +278,7 @@ def few(names: Sequence[str], shown: int = 3) -> str:
 
 
 def run_notes(results: Sequence[CaseResult]) -> list[str]:
-    """Tell what tables have no room for: stops, workspace violations, long steps; a line each."""
+    """Return a line for each stop, workspace violation and step that is too long."""
     where: dict[tuple[str, str], list[str]] = {}
     expected_stops: dict[tuple[str, str], list[float]] = {}
     for result, run in ((case, run) for case in results for run in case.runs):

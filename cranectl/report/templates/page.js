@@ -1,5 +1,5 @@
-// Curves over time: one window of time for all figures of a chapter, and a cursor that tells values. The curves are
-// those of the SVG, which without this stand still. Chapters that are linked to open.
+// Curves over time: one window of time for all figures of a chapter, and a cursor that shows values. The curves are
+// those of the SVG, which show without this script too. A link opens the chapter that it leads to.
 "use strict";
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const made = (parent, kind, attributes = {}) => {
@@ -19,11 +19,11 @@ function ticks(low, high, n) {
     .map((value) => [value, text(Math.abs(value) < 1e-9 * step ? 0 : value).replace("-", "−")]);
 }
 
-/** One axes of a figure, with what the page tells of it: box [points], ranges x and y, log, unit, labels of curves. */
+/** One axes of a figure, with its data from the page: box [points], ranges x and y, log, unit, labels of curves. */
 class Plot {
-  constructor(group, told) {
-    Object.assign(this, told, { group, shown: told.x });
-    [this.left, this.top, this.right, this.bottom] = told.box;
+  constructor(group, data) {
+    Object.assign(this, data, { group, shown: data.x });
+    [this.left, this.top, this.right, this.bottom] = data.box;
     this.drawn = [...group.querySelectorAll("path[clip-path]")].filter((path) => !path.closest(".tick"));
     for (const path of this.drawn) { // the clip stays where it is while the path moves
       made(path.parentNode, "g", { "clip-path": path.getAttribute("clip-path") }).append(path);
@@ -37,18 +37,18 @@ class Plot {
     this.cursor = made(group, "line", { class: "cursor", y1: this.top, y2: this.bottom, visibility: "hidden" });
   }
 
-  /** Of each curve its label, path and points x0, y0, x1, ...; read when first needed: a page has many. */
+  /** Label, path and points x0, y0, x1, ... of each curve, read when first needed: a page has many. */
   get curves() {
     const paths = [...this.group.querySelectorAll("[data-part=curve] path[style*=stroke]")];
     const points = (path) => path.getAttribute("d").match(/[-\d.]+/g).map(Number);
     return (this.read ??= paths.map((path, k) => ({ label: this.labels[k], path, points: points(path) })));
   }
 
-  /** Where a time is in the figure [points], and back. */
+  /** The place of a time in the figure [points], and the time of a place. */
   at(time, [from, to] = this.shown) { return this.left + ((time - from) / (to - from)) * (this.right - this.left); }
   time(x, [from, to] = this.shown) { return from + ((x - this.left) / (this.right - this.left)) * (to - from); }
 
-  /** Height of a curve [points] where the figure as drawn has `x`; none where it has no sample. */
+  /** Height of a curve [points] at the place `x` of the figure as drawn; undefined without a sample there. */
   height(points, x) {
     let [low, high] = [0, points.length / 2 - 1];
     if (!(points[0] <= x && x <= points[2 * high])) return undefined;
@@ -60,7 +60,7 @@ class Plot {
     return x1 > x0 ? y0 + ((y1 - y0) * (x - x0)) / (x1 - x0) : y1;
   }
 
-  /** What a height stands for, with the digits that the figure resolves. */
+  /** The value at a height, with the digits that the figure resolves. */
   value(y) {
     const [low, high] = this.log ? this.y.map(Math.log10) : this.y;
     const value = low + ((this.bottom - y) / (this.bottom - this.top)) * (high - low);
@@ -97,7 +97,7 @@ class Plot {
     }
   }
 
-  /** The range of heights that the curves take between two places, with a margin. */
+  /** The range of heights of the curves between two places, with a margin. */
   extent(from, to) {
     let [high, low] = [Infinity, -Infinity];
     for (const { points } of this.curves) {
@@ -125,7 +125,7 @@ class Plot {
 class Chapter {
   constructor(drawings) {
     for (const svg of drawings) {
-      const plot = (told, k) => new Plot(svg.querySelector(`[data-part=axes${k}]`), told);
+      const plot = (data, k) => new Plot(svg.querySelector(`[data-part=axes${k}]`), data);
       svg.plots = JSON.parse(svg.dataset.plots).map(plot);
       this.listen(svg);
     }
