@@ -1,1 +1,1 @@
-"""The thesis that this came from: its tables computed anew, its diagrams."""
+"""The thesis behind cranectl: its tables computed again, and its figures."""

@@ -1,8 +1,8 @@
-"""The thesis's tables beside ours, and with its figures as one page, numbered as in the thesis.
+"""Printed and computed tables of the thesis, and a page with its figures, numbered as in the thesis.
 
-Its lost diagrams of model, controllers and simulation are our own drawings of our own system: right signs,
-our symbols. `validation/thesis/drawing/draw.py` draws them in the page's text colour; a page may set the CSS
-variables --block (fill of blocks, none by default) and --forbidden (fill of the bounds in 4.6, as blocks).
+The diagrams of model, controllers and simulation are drawn anew, with right signs and our symbols.
+`validation/thesis/drawing/draw.py` draws them in the page's text colour. A page may set the CSS variables
+--block (fill of blocks, none by default) and --forbidden (fill of the bounds in 4.6, as blocks).
 """
 
 from collections.abc import Iterable
@@ -42,14 +42,14 @@ FAMILY_ORDER = tuple(name for name in FAMILIES if name != "space")
 
 
 class ChapterFigures:
-    """Draws the figures of chapter 5 while its runs come in, so that few runs are in memory at once."""
+    """Draw the figures of chapter 5 while its runs come in, so that few runs are in memory at once."""
 
     def __init__(self) -> None:
         self.figures: dict[str, list[Figure]] = {name: [] for name in FIRST_FIGURE}
         self._runs: dict[tuple[str, str], Run] = {}  # (robustifier, source)
 
     def watch(self, source: str, run: Run) -> None:
-        """Take one run; draws once all robustifiers of its feedback are there."""
+        """Take one run; draw figures as soon as all runs of its feedback are there."""
         feedback, _, robustifier = run.design.name.partition("+")
         self._runs[robustifier, source] = run
         if len(self._runs) == len(ROBUSTIFIERS) * len(SOURCES):
@@ -72,7 +72,7 @@ def gain_table(reproduction: Reproduction) -> Table:
 
 
 def robustifier_table(reproduction: Reproduction) -> Table:
-    """Return what each robustifier does to a lasting error, and the share of its fastest mode."""
+    """Return a table of the remaining steady error and the fastest mode of each robustifier."""
     rows = []
     for name, design in reproduction.designs.items():
         if design.gamma_achieved is not None:
@@ -166,8 +166,9 @@ def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: 
 def _summary(reproduction: Reproduction) -> Section:
     """Return the section that counts the printed numbers; what nobody can explain is folded."""
     count = (
-        f"Of {len([*reproduction.numbers()])} printed numbers, {reproduction.in_short}, on the analytic "
-        "plant and on MuJoCo's. A fitted tolerance allows for a difference that nobody can explain yet."
+        f"The thesis prints {len([*reproduction.numbers()])} numbers, which are compared with the analytic "
+        f"plant and with MuJoCo's: {reproduction.in_short}. A fitted tolerance allows for a difference that "
+        "nobody can explain yet."
     )
     rows = tuple(cells(", ".join(places), why) for why, places in reproduction.open_points.items())
     title = f"What nobody can explain: {len(rows)} differences"

@@ -1,4 +1,4 @@
-"""The thesis's numbers beside ours: norms and tables 5.1 to 5.4, on the analytic plant and MuJoCo's."""
+"""Printed and computed numbers of the thesis: norms, and tables 5.1 to 5.4 on two plants."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -40,7 +40,7 @@ SYMBOLS = {  # of the tables' columns
 
 @dataclass(frozen=True)
 class Number:
-    """One printed number and ours."""
+    """One printed number and the computed ones."""
 
     printed: float
     ours: dict[str, float]  # by source
@@ -51,17 +51,17 @@ class Number:
 
     @property
     def judged(self) -> list[float]:
-        """Ours of the sources that are judged."""
+        """The computed numbers of the judged sources."""
         return [self.ours[source] for source in JUDGED if source in self.ours]
 
     @property
     def difference(self) -> float:
-        """Largest difference from print, signed."""
+        """The largest difference from the printed number, with its sign."""
         return max((value - self.printed for value in self.judged), key=abs)
 
     @property
     def within(self) -> bool:
-        """Whether ours are as near as the tolerance, and print as what was printed."""
+        """Whether all computed numbers are within the tolerance, and have the printed digits."""
         digits = self.decimals is None or all(prints_as(v, self.printed, self.decimals) for v in self.judged)
         return digits and abs(self.difference) <= self.tolerance
 
@@ -130,10 +130,10 @@ class Reproduction:
 
     @property
     def unnoticed(self) -> list[str]:
-        """What the thesis did not notice, a sentence each."""
+        """Sentences on what the thesis did not notice."""
         return [
-            f"not noticed in the thesis: {d.scenario}, {d.controller}: {d.violation.signal} leaves the rig "
-            f"at {d.violation.first_time_s:g} s, by up to {d.violation.max_excess_m:.3f} m"
+            f"the thesis did not notice that on {d.scenario} {d.controller} drives {d.violation.signal} out "
+            f"of the rig, from {d.violation.first_time_s:g} s on, by up to {d.violation.max_excess_m:.3f} m"
             for d in self.departures
         ]
 

@@ -198,7 +198,7 @@ def test_command_line_and_json(capsys: pytest.CaptureFixture[str], monkeypatch: 
     for expected in (
         "Table 5.3, p. 59",
         "unexplained, 5.3",
-        "leaves the rig at 15.7",
+        "out of the rig, from 15.7",
         "passed: 46 explained",
     ):
         assert expected in out
