@@ -368,7 +368,7 @@ def test_the_first_screen_says_the_verdict_and_why(runs: dict[str, Run]) -> None
     assert said(unjudged, (kept,), run)[0] == "PASS"
     badge, reason = said(None, (), run)
     assert badge == "not judged"
-    assert reason == "The log holds one plant, and the scenario sets no limits: there is nothing to judge."
+    assert reason == "Only one plant was run, and the scenario sets no limits: there is nothing to judge."
 
 
 def test_the_four_numbers_have_units_that_matter() -> None:

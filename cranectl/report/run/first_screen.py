@@ -60,8 +60,8 @@ def verdict_on(logs: Logs, summaries: Summaries, agreements: Agreements) -> tupl
         good.append(f"{'all ' if len(limits) > 1 else 'the '}{_count(len(limits), 'limit')} kept")
     open_points = [*_reasons(judged)]
     if not good and not judged:
-        holds = "each log holds" if len(logs) > 1 else "the log holds"
-        open_points = [f"{holds} one plant, and the scenario sets no limits: there is nothing to judge"]
+        alone = "each run has one plant" if len(logs) > 1 else "only one plant was run"
+        open_points = [f"{alone}, and the scenario sets no limits: there is nothing to judge"]
     return (True if good else None), _sentences([", and ".join(good), *open_points])
 
 
