@@ -112,8 +112,9 @@ package: setup ## install the wheel with pip, uvx and pipx, validate and test an
 		$(PYTHON) $(CURDIR)/.ci/limited.py $@ 3600 sh -exc "$$(sed -n 's/^ *- run: //p' .github/workflows/test.yml)"
 
 ## Results
-docs: .venv/site ## build the site of all pages into build/docs
-	$(call limit,1800) $(BIN)/python docs/build.py
+docs: .venv/site ## run the examples, and build the site of all pages into build/docs
+	$(call saying,3600,"looking for EGL and a C compiler") tests/install
+	$(call limit,3600) $(BIN)/python docs/build.py
 
 TABLE ?= build/literature
 JUDGED := validation/benchmark/literature.parquet

@@ -2,6 +2,7 @@
 
     python docs/build.py              into build/docs
     python docs/build.py DIRECTORY
+    python docs/build.py --no-gallery     without running the examples
 
 Pages are copied into another folder, DIRECTORY-source, and Sphinx reads them there. So Markdown in docs/
 stays plain, and its links work on a forge too. Sections and their order are those of docs/index.md.
@@ -33,6 +34,7 @@ RENAMED = {
     "CHANGELOG.md": "changes.md",
     "examples/harbour-crane/README.md": "how-to/harbour-crane.md",
 }
+GALLERY = {"docs/gallery/README.rst": "examples/index.rst"}  # which sphinx-gallery writes
 BUILT = {  # pages that only the site has, by section
     "Reference": [
         "- [Python API](reference/api.rst)",
@@ -69,8 +71,8 @@ def toctree(pages: list[str]) -> str:
 def staged_path(path: Path) -> str:
     """Return where a file of the repository stands in the site, relative to its root."""
     name = path.relative_to(ROOT).as_posix()
-    if name in RENAMED:
-        return RENAMED[name]
+    if name in RENAMED | GALLERY:
+        return (RENAMED | GALLERY)[name]
     return name.removeprefix("docs/") if path.is_relative_to(DOCS) else f"files/{name}"
 
 
@@ -135,13 +137,14 @@ def stage(source: Path) -> None:
         file.write(toctree([*menu, "contributing.md", "changes.md"]))
 
 
-def build(directory: Path) -> None:
-    """Write the site into `directory`. A warning is an error."""
+def build(directory: Path, gallery: bool = True) -> None:
+    """Write the site into `directory`, with the examples of the gallery. A warning is an error."""
     source = directory.parent / f"{directory.name}-source"
     stage(source)
     shutil.rmtree(directory, ignore_errors=True)
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     options = ["--fail-on-warning", "--keep-going", "--quiet", "--jobs", "auto"]
+    options += ["-D", f"plot_gallery={int(gallery)}"]
     options += ["-D", f"release={project['version']}", "-D", f"html_title=cranectl {project['version']}"]
     subprocess.run([sys.executable, "-m", "sphinx", *options, source, directory], check=True)
 
@@ -151,6 +154,8 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("directory", nargs="?", type=Path, default=ROOT / "build" / "docs")
-    directory = parser.parse_args().directory.resolve()
-    build(directory)
+    parser.add_argument("--no-gallery", action="store_true", help="do not run the examples of the gallery")
+    arguments = parser.parse_args()
+    directory = arguments.directory.resolve()
+    build(directory, gallery=not arguments.no_gallery)
     print(f"site: {directory / 'index.html'}")

@@ -10,9 +10,10 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx_click",
     "sphinx_copybutton",
+    "sphinx_gallery.gen_gallery",
 ]
 root_doc = "index"
-exclude_patterns = ["extra"]
+exclude_patterns = ["extra", "gallery"]
 html_extra_path = ["extra"]  # pages that are whole already
 suppress_warnings = ["myst.strikethrough"]
 
@@ -26,6 +27,20 @@ myst_links_external_new_tab = False
 autodoc_typehints = "none"  # the docstrings give types, with shapes and units
 numpydoc_show_class_members = False
 add_module_names = False
+
+# The gallery. Its scripts run in the order of their names, in one folder.
+sphinx_gallery_conf = {
+    "examples_dirs": "gallery",
+    "gallery_dirs": "examples",
+    "filename_pattern": r"\.py$",
+    "within_subsection_order": "FileNameSortKey",
+    "min_reported_time": float("inf"),  # pages do not depend on the machine
+    "write_computation_times": False,
+    "show_memory": False,
+    "only_warn_on_example_error": False,
+    "download_all_examples": False,
+    "show_signature": False,
+}
 
 # Appearance. Nothing is loaded from the network.
 html_theme = "pydata_sphinx_theme"

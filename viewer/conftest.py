@@ -2,7 +2,10 @@
 
 import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +31,7 @@ FLAGS = (
     *tools.CHROMIUM_FLAGS,
 )
 FAILURES = HERE / "failures"
+LIVE = "-m cranectl live settled-trajectory --plant mujoco --port 0 --record"
 
 
 @pytest.fixture(scope="session")
@@ -68,6 +72,30 @@ def studio(files: Path, chromium: Browser) -> Iterator[Studio]:
         pytest.exit("the viewer is not installed; run `make test-viewer`", returncode=2)
     with serve(files) as origin:
         yield Studio(chromium.new_page(viewport={"width": 1280, "height": 800}), origin)
+
+
+@dataclass(frozen=True)
+class Live:
+    """A running session."""
+
+    process: subprocess.Popen[str]
+    url: str
+    record: Path
+
+
+@pytest.fixture
+def live(studio: Studio, tmp_path: Path) -> Iterator[Live]:
+    """The command, as a user starts it."""
+    record = tmp_path / "live.mcap"
+    command = [sys.executable, *LIVE.split(), str(record)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        urls = (re.search(r"ws://\S+", line) for line in process.stdout)
+        url = next((found[0] for found in urls if found), None)
+        assert url is not None, "ended without saying where to connect"
+        yield Live(process, url, record)
+        process.kill()
+    studio.close()
 
 
 @pytest.hookimpl(wrapper=True)

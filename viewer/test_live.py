@@ -2,10 +2,6 @@
 
 import re
 import signal
-import subprocess
-import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -14,36 +10,12 @@ import cranectl
 from cranectl.scenario import NANOSECONDS
 from tests.pace import HANG
 from viewer import panels, pictures
+from viewer.conftest import Live
 from viewer.panels import Layout
 from viewer.studio import Studio, at_rest, eventually
 
-COMMAND = "-m cranectl live settled-trajectory --plant mujoco --port 0 --record"
 # 1.48 expects the schemas of services where the protocol of its time had them.
 SERVICES = r'could not find datatype "cranectl\.\w+_Request"'
-
-
-@dataclass(frozen=True)
-class Live:
-    """A running session."""
-
-    process: subprocess.Popen[str]
-    url: str
-    record: Path
-
-
-@pytest.fixture
-def live(studio: Studio, tmp_path: Path) -> Iterator[Live]:
-    """The command, as a user starts it."""
-    record = tmp_path / "live.mcap"
-    command = [sys.executable, *COMMAND.split(), str(record)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        urls = (re.search(r"ws://\S+", line) for line in process.stdout)
-        url = next((found[0] for found in urls if found), None)
-        assert url is not None, "ended without saying where to connect"
-        yield Live(process, url, record)
-        process.kill()
-    studio.close()
 
 
 @pytest.fixture

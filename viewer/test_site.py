@@ -16,7 +16,7 @@ WIDTHS = (1440, 1024, 390)
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("site") / "docs"
-    build(directory)
+    build(directory, gallery=False)
     return directory
 
 

@@ -68,6 +68,22 @@ def test_the_api_page_has_every_public_name() -> None:
     assert 0.0 <= names["result"] < 1e-7
 
 
+@pytest.mark.parametrize(
+    "script", sorted((ROOT / "docs" / "gallery").glob("*.py")), ids=lambda path: path.stem
+)
+def test_an_example_is_short_and_uses_what_is_public(script: Path) -> None:
+    """`make docs` runs it."""
+    text = script.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 65
+    assert not re.search(r"cranectl[.]\w+[.]|from cranectl", text)
+    assert re.match(r'"""\n.+\n=+\n\n', text)
+
+
+def test_there_are_ten_examples() -> None:
+    names = sorted(path.name for path in (ROOT / "docs" / "gallery").glob("*.py"))
+    assert [name[:3] for name in names] == [f"{number:02}_" for number in range(1, 11)]
+
+
 def test_the_data_of_performance_are_read_as_they_are_written(tmp_path: Path) -> None:
     results = performance.read_results()
     performance.write_results(*results, tmp_path / "performance.json")
