@@ -40,6 +40,7 @@ sphinx_gallery_conf = {
     "only_warn_on_example_error": False,
     "download_all_examples": False,
     "show_signature": False,
+    "capture_repr": (),
 }
 
 # Appearance. Nothing is loaded from the network.
