@@ -146,7 +146,7 @@ def planned(folder: Path, value: str) -> object:
     before = set(folder.parent.rglob("plans/*"))
     first = load_scenario(scenario)
     assert set(folder.parent.rglob("plans/*")) - before, "no plan of another scenario is taken"
-    plan._PLANNED.clear()
+    plan._SEGMENTS.clear()
     assert load_scenario(scenario) == first
     return [segment.model_dump(exclude={"source"}) for segment in first.reference.segments]
 
@@ -168,7 +168,7 @@ def forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
     monkeypatch.setattr(sys, "path", sys.path[:])
     yield
     close_controllers()
-    plan._PLANNED.clear()
+    plan._SEGMENTS.clear()
     PLANTS.pop("own", None)
     OPEN.registered.pop("own", None)
     for name in ("own_plant", "own_law", "beside"):

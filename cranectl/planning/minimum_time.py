@@ -1,6 +1,7 @@
 """Motions in minimum time: solved at samples, proven in between, sampled more finely where the proof fails.
 
-The search begins with the shortest motion by the law of degree 9, which is kept where nothing is faster.
+A search along a path begins with the fastest motion whose time law is a polynomial of degree 9. The caller
+keeps that motion where the search finds nothing faster.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,21 +23,21 @@ from cranectl.support.arrays import Array
 
 SPANS, SPANS_ALONG = 24, 40  # of free motions, of motions along a given path
 DENSITY_IN_BLENDS = 16  # samples a span at first, for paths with blends: in those much happens in a span
-FINE = 40  # samples a span by which a solution is looked at before it is proven
+CHECK_DENSITY = 40  # samples a span at which a solution is checked before it is proven
 LIMIT_TIGHTENING = 0.004  # part of limits that the solver may not use: what lies between samples
 SMOOTHING_WEIGHTS = (1.0, 10.0, 100.0)  # of fifth differences of a guess's coefficients; one is taken
 VIA_POINT_WEIGHT = 1e3  # weight of its distances from via points
 ALLOWED_EXCESS = 0.02  # of a guess over its excess at rest, as a share of the limit
 RETRY_SLOWDOWN = 1.5  # of the second guess, whose excesses cost much from the beginning
-NEARBY = np.array([-1.0, 0.0, 1.0])  # where samples are added, in distances of fine ones: what breaks moves
+ADDED_OFFSETS = np.array([-1.0, 0.0, 1.0])  # samples added at a violation, in distances of checked samples
 MAX_REFINEMENTS = 10  # of sampling more finely
 
 Solver = Callable[[Problem, Array, Array, float], Solution]
 
 
 @dataclass(frozen=True)
-class Placed:
-    """A free motion: coordinates along `directions` (d, 3), unit vectors, from `start`."""
+class FreeCoordinates:
+    """Coordinates of a free motion: distances [m] from `start` along `directions` (d, 3), unit vectors."""
 
     start: Array
     end: Array
@@ -54,14 +55,14 @@ class Placed:
         return load
 
     def points(self, coordinates: Array) -> Array:
-        """Return places (N, 3) [m] of coordinates (N, d), exact where they end."""
+        """Return the points (N, 3) [m] of coordinates (N, d). Those equal to the last are exactly `end`."""
         places = self.start + coordinates @ self.directions
         places[(coordinates == coordinates[-1]).all(axis=1)] = self.end
         return places
 
 
-class ShortestMotion(NamedTuple):
-    """A proven motion in coordinates q."""
+class FastestMotion(NamedTuple):
+    """A proven motion of least time, as a spline of the path coordinate, or of a free load's position."""
 
     duration: float  # [s]
     coefficients: Array  # (spans + degree, d); of a free motion in space, d = 3
@@ -69,16 +70,16 @@ class ShortestMotion(NamedTuple):
 
 
 def along_path(geometry: Geometry, limits: Limits, duration: float) -> Task:
-    """Return the task of a motion along a given path; `duration` is that of the law of degree 9."""
+    """Return the task of a motion along a given path. `duration` [s] is that of the degree-9 motion."""
     guess = time_law("degree-9", np.linspace(0.0, 1.0, GUESS))[0][:, None]
     ends = np.zeros(1), np.ones(1)
     return Task(*ends, geometry, limits, guess, duration, SPANS_ALONG, forwards=True)
 
 
 def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law, float, float]]) -> Task:
-    """Return the task of a motion along parts that go over into each other.
+    """Return the task of a motion along parts that are joined by blends.
 
-    `stopping`: law, duration [s], length [m] of each part alone.
+    `stopping` has the time law, duration [s] and length [m] of each part when it starts and ends at rest.
     """
     durations, lengths = (np.array([part[k] for part in stopping]) for k in (1, 2))
     begins = np.cumsum(durations) - durations
@@ -92,52 +93,54 @@ def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law
     return Task(*ends, geometry, limits, *guessed, SPANS_ALONG, forwards=True, density=DENSITY_IN_BLENDS)
 
 
-def minimum_time(task: Task, solver: Solver = solve) -> ShortestMotion | None:
-    """Find and prove the motion of least time; None if none is found, from the guess or a slower one."""
+def minimum_time(task: Task, solver: Solver = solve) -> FastestMotion | None:
+    """Find and prove the motion of least time; return None if no guess leads to one."""
     return _minimum_time(task, solver) or _minimum_time(task, solver, RETRY_SLOWDOWN, PENALTIES[-1])
 
 
 def _minimum_time(
     task: Task, solver: Solver, slowdown: float = 1.0, penalty: float = PENALTIES[0]
-) -> ShortestMotion | None:
+) -> FastestMotion | None:
     fractions = np.linspace(0.0, 1.0, task.spans * task.density + 1)
-    inside, beside = _inside(task), PASSAGE_SAMPLES
-    problem = Problem(inside, fractions)
-    begun, coefficients = _guess(problem)
-    x = problem.unknowns(coefficients, slowdown * begun)
+    tightened, passage_samples = _inside(task), PASSAGE_SAMPLES
+    problem = Problem(tightened, fractions)
+    first_duration, coefficients = _guess(problem)
+    x = problem.unknowns(coefficients, slowdown * first_duration)
     size = 0.3 * float(np.abs(task.guess - task.start).max())
-    sizes = np.concatenate([np.full(problem.width, size), [0.5 * begun], np.full(len(task.instants), 0.3)])
+    sizes = np.concatenate(
+        [np.full(problem.width, size), [0.5 * first_duration], np.full(len(task.instants), 0.3)]
+    )
     obstacles = {box.key for box in task.limits.obstacles}
     for _ in range(MAX_REFINEMENTS):
         x, solved, penalty = solver(problem, x, sizes, penalty)
         if not solved:
             return None
         duration, coefficients = problem.duration(x), problem.coefficients(x)
-        over = _excesses(task, duration, coefficients, FINE)
+        over = _excesses(task, duration, coefficients, CHECK_DENSITY)
         violated = {name for name, excess in over.items() if (excess > PROOF_MARGIN).any()}
         worst = np.max(list(over.values()), axis=0)
-        places = np.linspace(0.0, 1.0, task.spans * FINE + 1)[worst > PROOF_MARGIN]
+        places = np.linspace(0.0, 1.0, task.spans * CHECK_DENSITY + 1)[worst > PROOF_MARGIN]
         if not violated:
             to_load: ToLoad | None = task.to_load
-            if isinstance(task.to_load, Placed):  # what is proven is what is given
+            if isinstance(task.to_load, FreeCoordinates):  # what is proven is what is given
                 coefficients, to_load = task.to_load.points(coefficients), None
             breaks = np.linspace(0.0, duration, task.spans + 1)
             proof = prove(breaks, coefficients, PLANNED_DEGREE, task.limits, to_load)
             if proof.is_valid:
-                return ShortestMotion(duration, coefficients, proof)
+                return FastestMotion(duration, coefficients, proof)
             violated = {violation.name for violation in proof.violations}
             places = np.array(
                 [0.5 * (violation.start + violation.end) / duration for violation in proof.violations]
             )
-        beside_them = (places[:, None] + NEARBY / (task.spans * FINE)).ravel()
-        fractions = np.unique(np.clip(np.concatenate([fractions, beside_them]), 0.0, 1.0))
-        beside *= 1 + bool(violated & obstacles)
-        problem = Problem(inside, fractions, beside)
+        added = (places[:, None] + ADDED_OFFSETS / (task.spans * CHECK_DENSITY)).ravel()
+        fractions = np.unique(np.clip(np.concatenate([fractions, added]), 0.0, 1.0))
+        passage_samples *= 1 + bool(violated & obstacles)
+        problem = Problem(tightened, fractions, passage_samples)
     return None
 
 
 def _excesses(task: Task, duration: float, coefficients: Array, density: int) -> dict[str, Array]:
-    """Return the excesses over each limit, at so many samples a span."""
+    """Return the excess over each limit, as a share of it, at `density` samples a span."""
     breaks = np.linspace(0.0, duration, task.spans + 1)
     time = np.linspace(0.0, duration, task.spans * density + 1)
     coordinates = series_along(breaks, coefficients, PLANNED_DEGREE, time)
@@ -145,7 +148,7 @@ def _excesses(task: Task, duration: float, coefficients: Array, density: int) ->
 
 
 def _inside(task: Task) -> Task:
-    """Tighten limits to leave a clearance for what is between samples, but not for where the task rests."""
+    """Tighten the limits for what happens between samples; start, end and via points stay within ranges."""
     limits = _tightened(task.limits, LIMIT_TIGHTENING)
     rests = np.array(
         [
@@ -167,7 +170,10 @@ def _holding(ranges: Array, points: Array) -> Array:
 
 
 def _tightened(limits: Limits, part: float) -> Limits:
-    """Tighten each limit by a part; ranges by a part of the motion's size, at most a tenth of their own."""
+    """Tighten each limit by `part` of itself, and ranges and obstacles by a length.
+
+    The length is half of `part` times `limits.size` at each side, at most a tenth of a range's own width.
+    """
     low, high = limits.tension
     weight = float(limits.masses[3]) * limits.gravity
     keep, gap = 1.0 - part, 0.5 * part * limits.size
@@ -190,13 +196,13 @@ def _narrowed(ranges: Array, gap: float) -> Array:
 
 
 def _guess(problem: Problem) -> tuple[float, Array]:
-    """Return the duration [s] and coefficients of the quickest of smooth splines near the guess."""
+    """Return duration [s] and coefficients of the fastest of three smooth splines near the task's guess."""
     fitted = [_fitted(problem, smoothing) for smoothing in SMOOTHING_WEIGHTS]
     return min(((_quickest(problem.task, guess), guess) for guess in fitted), key=lambda pair: pair[0])
 
 
 def _fitted(problem: Problem, smoothing: float) -> Array:
-    """Return the coefficients of a spline near the guess, through its via points."""
+    """Return the coefficients of a smooth spline near the guess that nearly passes through the via points."""
     task = problem.task
     basis = problem.curves[0](np.linspace(0.0, 1.0, len(task.guess)))
     tied = problem.coefficients(np.zeros(problem.width + 1))
@@ -211,7 +217,7 @@ def _fitted(problem: Problem, smoothing: float) -> Array:
 
 
 def _quickest(task: Task, coefficients: Array) -> float:
-    """Find the shortest duration [s] that violates no limit by more than the rest state does."""
+    """Find the shortest duration [s] that exceeds limits by at most 2 % more than a very slow motion does."""
 
     def excess(duration: float) -> float:
         over = _excesses(task, duration, coefficients, DENSITY)

@@ -14,8 +14,8 @@ from cranectl.planning.checks import check_duration, check_least_time, check_poi
 from cranectl.planning.limits import FIXED, Limits, key_of, limits_of, share_of
 from cranectl.planning.minimum_time import (
     SPANS,
-    Placed,
-    ShortestMotion,
+    FastestMotion,
+    FreeCoordinates,
     along_parts,
     along_path,
     minimum_time,
@@ -46,17 +46,15 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.support.kept import kept
 
-GUESS_OFFSET = (
-    0.1  # of its way, by which a first guess leaves it: a crane swings out of a straight line, and up
-)
-LEAST_WAY = 1e-6  # [m] from one point of a move to the next
-EXCESS_PRECISION = 0.1  # of its way, by which a motion's excesses over ranges are measured
+GUESS_OFFSET = 0.1  # share of a move's length by which the first guess bulges aside and up, as cranes swing
+LEAST_MOVE = 1e-6  # [m] from one point of a move to the next
+RANGE_SCALE = 0.1  # share of a motion's length that counts as one whole excess over a range
 _PLANS: TypeAdapter[list[tuple[Segment, str]]] = TypeAdapter(list[tuple[Segment, str]])  # with claims
-_PLANNED: dict[str, list[Segment]] = {}
+_SEGMENTS: dict[str, list[Segment]] = {}
 
 
 def with_planned_segments(scenario: Scenario, directory: Path) -> Scenario:
-    """Plan the segments of a scenario and read those that are in files; the counterpart of `planned`."""
+    """Return the scenario with every segment planned or read from its file, and blended lines joined."""
     segments: list[Segment] = []
     here = np.array(scenario.reference.start)
     blended: list[Line | Arc] = []  # with what follows
@@ -70,7 +68,7 @@ def with_planned_segments(scenario: Scenario, directory: Path) -> Scenario:
         where = f"reference.segments.{index - len(blended)}"
         if blended and isinstance(segment, Line | Arc):
             segment, blended = path_with_blends([*blended, segment], here, where), []
-        ready = [segment] if is_planned(segment) else _ready(segment, here, scenario, directory, where)
+        ready = [segment] if is_planned(segment) else _prepare(segment, here, scenario, directory, where)
         for planned in ready:
             segments.append(planned)
             here = end_point(planned, here)
@@ -82,7 +80,7 @@ def with_planned_segments(scenario: Scenario, directory: Path) -> Scenario:
     return scenario.model_copy(update={"reference": reference, "planning": planning})
 
 
-def _ready(
+def _prepare(
     segment: Segment, start: Array, scenario: Scenario, directory: Path, where: str
 ) -> Sequence[Segment]:
     if isinstance(segment, Samples):
@@ -93,38 +91,40 @@ def _ready(
             return ready
         (segment,) = ready
     assert isinstance(segment, AlongPath | Spline | Move)
-    return _planned_segment(segment, start, scenario, where)
+    return _plan_segment(segment, start, scenario, where)
 
 
-def _planned_segment(
+def _plan_segment(
     segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str
 ) -> list[Segment]:
-    """Give a segment without a time duration and law, or return a spline or lines with stops in its place.
+    """Return the segment with its duration and time law, or what replaces it: a spline, or lines with stops.
 
-    Raises InputError where no motion keeps the limits. What was planned on this machine is not planned again.
+    Raises InputError where no motion keeps the limits. Plans are stored on disk and used again.
     """
     key = key_of(segment, start, scenario)
-    if key not in _PLANNED:
-        text = kept("plans", [key, version("clarabel")], lambda: _planned(segment, start, scenario, where))
+    if key not in _SEGMENTS:
+        text = kept(
+            "plans", [key, version("clarabel")], lambda: _plan_as_json(segment, start, scenario, where)
+        )
         plans = _PLANS.validate_json(text)
-        _PLANNED[key] = [
+        _SEGMENTS[key] = [
             planned.claiming(claim) if isinstance(planned, Plannable) else planned for planned, claim in plans
         ]
     return [
         planned.holding(segment.held)
         if isinstance(planned, Spline) and isinstance(segment, Spline)
         else planned
-        for planned in _PLANNED[key]
+        for planned in _SEGMENTS[key]
     ]
 
 
-def _planned(segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str) -> str:
+def _plan_as_json(segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str) -> str:
     if isinstance(segment, Move):
-        segments = planned_move(segment, start, scenario, where)
+        segments = plan_move(segment, start, scenario, where)
     elif isinstance(segment, BlendedPath) and segment.time_law == MINIMUM_TIME:
-        segments = planned_with_blends(segment, start, scenario, where)
+        segments = plan_with_blends(segment, start, scenario, where)
     else:
-        segments = [planned_along(segment, start, scenario, where)]
+        segments = [plan_along(segment, start, scenario, where)]
     plans = []
     for planned in segments:
         plans.append((planned, claim_of(planned, start, scenario)))
@@ -132,10 +132,14 @@ def _planned(segment: Along | Spline | Move, start: Array, scenario: Scenario, w
     return _PLANS.dump_json(plans).decode()
 
 
-def planned_along(segment: Along | Spline, start: Array, scenario: Scenario, where: str) -> Along | Spline:
-    """Give a segment on a given path its duration, and its law if that is to be found."""
+def plan_along(segment: Along | Spline, start: Array, scenario: Scenario, where: str) -> Along | Spline:
+    """Plan a segment on a given path.
+
+    A segment in minimum time gets the time law that the search finds. Any other segment, and one for which
+    nothing faster is found, gets the law of degree 9. Raises InputError for a motion that takes too long.
+    """
     geometry = geometry_of(segment, start, where)
-    limits = limits_of(scenario)._replace(size=EXCESS_PRECISION * geometry.length)
+    limits = limits_of(scenario)._replace(size=RANGE_SCALE * geometry.length)
     check_point(start, limits, f"{where}: its start")
     end = place(geometry, 1.0)
     check_point(end, limits, f"{where}: its end")
@@ -151,25 +155,25 @@ def planned_along(segment: Along | Spline, start: Array, scenario: Scenario, whe
     return _timed(segment, duration, "degree-9")
 
 
-def planned_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, where: str) -> list[Segment]:
-    """Plan one motion along all parts, or, where that is no faster, the parts with a stop at each corner."""
+def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, where: str) -> list[Segment]:
+    """Plan one motion along all parts. Return the parts with a stop at each corner if that is as fast."""
     stopping: list[Along | Spline] = []
     parts = parts_of(segment.parts, start, where)
     for index, (part, path) in enumerate(zip(segment.parts, parts, strict=True)):
         alone = part.model_copy(update={"blend": 0.0})
-        stopping.append(planned_along(alone, path.start, scenario, f"{where}, part {index + 1}"))
+        stopping.append(plan_along(alone, path.start, scenario, f"{where}, part {index + 1}"))
     geometry = geometry_of(segment, start, where)
-    limits = limits_of(scenario)._replace(size=EXCESS_PRECISION * geometry.length)
+    limits = limits_of(scenario)._replace(size=RANGE_SCALE * geometry.length)
     time_laws = [
         (time_law_of(part), seconds(part), path.length) for part, path in zip(stopping, parts, strict=True)
     ]
-    shortest = _faster(along_parts(geometry, limits, time_laws), scenario)
-    return [_with_law(segment, shortest)] if shortest and shortest.duration < MAX_DURATION else list(stopping)
+    motion = _faster(along_parts(geometry, limits, time_laws), scenario)
+    return [_with_law(segment, motion)] if motion and motion.duration < MAX_DURATION else list(stopping)
 
 
-def _with_law(segment: Along | Spline, shortest: ShortestMotion) -> Along | Spline:
-    time_law = SplineLaw(coefficients=tuple(np.clip(shortest.coefficients[:, 0], 0.0, 1.0).tolist()))
-    return _timed(segment, shortest.duration, time_law)
+def _with_law(segment: Along | Spline, motion: FastestMotion) -> Along | Spline:
+    time_law = SplineLaw(coefficients=tuple(np.clip(motion.coefficients[:, 0], 0.0, 1.0).tolist()))
+    return _timed(segment, motion.duration, time_law)
 
 
 def _timed(segment: Along | Spline, duration: float, time_law: SplineLaw | str) -> Along | Spline:
@@ -177,15 +181,18 @@ def _timed(segment: Along | Spline, duration: float, time_law: SplineLaw | str) 
     return segment.model_copy(update={key: duration, "time_law": time_law})
 
 
-def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
-    """Plan a free motion as the spline that was found, or lines with stops where none is faster."""
+def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
+    """Plan a free motion: the fastest spline that is found, else lines with stops.
+
+    Raises InputError for a motion that takes too long, and with `constant_rope` instead of returning lines.
+    """
     points = _points_of(segment, start)
     size = float(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(points)))
-    limits = limits_of(scenario)._replace(size=EXCESS_PRECISION * size)
+    limits = limits_of(scenario)._replace(size=RANGE_SCALE * size)
     _check_move(segment, points, limits, where)
     corners = stops(points, limits, where)
-    ways = [Straight(begin, end) for begin, end in itertools.pairwise(corners)]
-    durations = [shortest(geometry, limits, where) for geometry in ways]
+    lines = [Straight(begin, end) for begin, end in itertools.pairwise(corners)]
+    durations = [shortest(geometry, limits, where) for geometry in lines]
     quickest = longest = sum(durations)
     if segment.duration is None:
         motion = _faster(free_motion(segment, points, corners, limits, longest), scenario)
@@ -193,7 +200,7 @@ def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) ->
             return [_spline(segment, motion)]
         quickest = motion.duration if motion else longest
     slowest = int(np.argmax(durations))
-    check_duration(quickest, limiting(ways[slowest], limits, durations[slowest]), limits, where)
+    check_duration(quickest, limiting(lines[slowest], limits, durations[slowest]), limits, where)
     if segment.constant_rope:  # on straight lines it is not: the trolley swings out beside the load
         raise InputError(
             f"{where}: no motion with constant_rope is found that takes at most {longest:.4g} s, as straight "
@@ -203,30 +210,30 @@ def planned_move(segment: Move, start: Array, scenario: Scenario, where: str) ->
         )
     return [
         Line(kind="line", to=tuple(geometry.end.tolist()), duration=duration)
-        for geometry, duration in zip(ways, durations, strict=True)
+        for geometry, duration in zip(lines, durations, strict=True)
     ]
 
 
 def _points_of(segment: Move, start: Array) -> list[Array]:
-    """Return the points of a move from its start to its end, each (3,), repeated ones once."""
+    """Return start, via points and end of a move, each (3,), without points equal to the one before."""
     points = [start, *map(np.array, segment.via), np.array(segment.to)]
     moved = [after for before, after in itertools.pairwise(points) if not np.array_equal(before, after)]
     return [start, *moved]
 
 
-def _spline(segment: Move, shortest: ShortestMotion) -> Spline:
-    breaks = np.linspace(0.0, shortest.duration, len(shortest.coefficients) - PLANNED_DEGREE + 1)
+def _spline(segment: Move, motion: FastestMotion) -> Spline:
+    breaks = np.linspace(0.0, motion.duration, len(motion.coefficients) - PLANNED_DEGREE + 1)
     return Spline(
         kind="spline",
         degree=7,
         breaks=tuple(breaks.tolist()),
-        coefficients=tuple(map(tuple, shortest.coefficients.tolist())),
+        coefficients=tuple(map(tuple, motion.coefficients.tolist())),
         made_from=segment.model_dump(mode="json", exclude_defaults=True),
     )
 
 
 def _check_move(segment: Move, points: Sequence[Array], limits: Limits, where: str) -> None:
-    """Raise InputError for a move that nothing need be solved for to know that it is impossible."""
+    """Raise InputError for a move that can be refused without planning it."""
     if len(points) == 1:
         raise InputError(
             f"{where} moves nowhere: the load is at {segment.to} already",
@@ -234,10 +241,10 @@ def _check_move(segment: Move, points: Sequence[Array], limits: Limits, where: s
             remedy='to stay in place use kind = "hold"',
         )
     nearest = min(float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(points))
-    if nearest < LEAST_WAY:
+    if nearest < LEAST_MOVE:
         raise InputError(
             f"{where} moves by {nearest:.3g} m from one of its points to the next",
-            allowed=f"at least {LEAST_WAY:g} m: less takes no time that control periods can show",
+            allowed=f"at least {LEAST_MOVE:g} m: less takes no time that control periods can show",
             remedy="move the point away, or leave it out",
         )
     names = ["start", *["point in via"] * (len(points) - 2), "end"]
@@ -275,7 +282,7 @@ def free_motion(
     aside, up = np.array([-along[1], along[0], 0.0]), np.array([0.0, 0.0, 1.0])
     directions = np.array([along, up]) if segment.plane else np.eye(3)
     out = aside * (not segment.plane) + up * (not segment.constant_rope)
-    bump = GUESS_OFFSET / EXCESS_PRECISION * limits.size * out
+    bump = GUESS_OFFSET / RANGE_SCALE * limits.size * out
     guess += np.sin(np.pi * np.linspace(0.0, 1.0, len(guess)))[:, None] ** 4 * bump
     guess = np.clip(guess, *limits.load.T)
     via = points[1:-1]
@@ -284,7 +291,7 @@ def free_motion(
     return Task(
         start=np.zeros(len(directions)),
         end=directions @ (end - start),
-        to_load=Placed(start, end, directions),
+        to_load=FreeCoordinates(start, end, directions),
         limits=limits,
         guess=(guess - start) @ directions.T,
         duration=duration,
@@ -295,8 +302,11 @@ def free_motion(
     )
 
 
-def _faster(task: Task, scenario: Scenario) -> ShortestMotion | None:
-    """Find a motion that is faster than the law of degree 9, with the knots of `[planning]`."""
+def _faster(task: Task, scenario: Scenario) -> FastestMotion | None:
+    """Return a motion that is faster than the task's first duration, or None.
+
+    It has `planning.refinement` times the task's spans.
+    """
     if not np.isfinite(task.duration):  # there is no finite guess
         return None
     refined = minimum_time(replace(task, spans=scenario.planning.refinement * task.spans))

@@ -9,7 +9,7 @@ import numpy as np
 
 from cranectl.planning import load_scenario
 from cranectl.planning.limits import Limits, limits_of
-from cranectl.planning.plan import EXCESS_PRECISION, free_motion
+from cranectl.planning.plan import RANGE_SCALE, free_motion
 from cranectl.planning.problem import Task
 from cranectl.planning.route import stops
 from cranectl.planning.shortest import shortest
@@ -40,7 +40,7 @@ def scenario(lag: bool = True, share: float = AT_MOST, obstacles: Sequence[Obsta
 def limits_for(points: Sequence[np.ndarray], of: Scenario) -> Limits:
     """As the planner has them for a motion through `points`."""
     size = sum(float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(points))
-    return limits_of(of)._replace(size=EXCESS_PRECISION * size)
+    return limits_of(of)._replace(size=RANGE_SCALE * size)
 
 
 def move(name: str, of: Scenario | None = None, lag: bool = True, **options) -> Task:  # type: ignore[no-untyped-def]

@@ -8,7 +8,7 @@ import pytest
 
 from cranectl.planning import planned
 from cranectl.planning.limits import FIXED, excesses, motion
-from cranectl.planning.minimum_time import ShortestMotion, _minimum_time, along_path, minimum_time
+from cranectl.planning.minimum_time import FastestMotion, _minimum_time, along_path, minimum_time
 from cranectl.planning.problem import ORDERS, Task
 from cranectl.planning.programs import solve
 from cranectl.planning.shortest import shortest
@@ -40,7 +40,7 @@ def task(name: str, lag: bool) -> Task:
 
 
 @functools.cache
-def plan(name: str, lag: bool) -> ShortestMotion:
+def plan(name: str, lag: bool) -> FastestMotion:
     found = minimum_time(task(name, lag))
     assert found
     return found
@@ -51,7 +51,7 @@ def least(name: str, lag: bool) -> float:
     return bound(CASES[name], Bounds(lag=0.02 * lag))
 
 
-def samples(of: Task, found: ShortestMotion) -> dict[str, np.ndarray]:
+def samples(of: Task, found: FastestMotion) -> dict[str, np.ndarray]:
     """Excesses over all limits, in parts of them."""
     curve = spline(np.linspace(0.0, found.duration, of.spans + 1), found.coefficients, 7)
     at = np.linspace(0.0, found.duration, SAMPLES)

@@ -34,7 +34,7 @@ def own_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def scenario(move: str, *overrides: str) -> Scenario:
     """As a process that begins has it."""
-    plan._PLANNED.clear()
+    plan._SEGMENTS.clear()
     told = ["disturbances=[]", "reference.start=[0.5,0.5,-0.7]", f"reference.segments=[{move}]", *overrides]
     return load_scenario("fixed-position", overrides=told)
 
@@ -47,9 +47,9 @@ def plan_never(monkeypatch: pytest.MonkeyPatch) -> None:
     def found(*_: Any) -> Segment:
         raise AssertionError("planned again")
 
-    monkeypatch.setattr(plan, "planned_move", found)
-    monkeypatch.setattr(plan, "planned_along", found)
-    monkeypatch.setattr(plan, "planned_with_blends", found)
+    monkeypatch.setattr(plan, "plan_move", found)
+    monkeypatch.setattr(plan, "plan_along", found)
+    monkeypatch.setattr(plan, "plan_with_blends", found)
 
 
 @pytest.mark.parametrize("move", MOVES)

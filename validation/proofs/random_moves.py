@@ -19,7 +19,7 @@ from cranectl.cli.output import Screen
 from cranectl.metrics.clearance import clearance
 from cranectl.planning import load_scenario, planned
 from cranectl.planning.limits import constraints, limits_of, motion
-from cranectl.planning.plan import planned_move
+from cranectl.planning.plan import plan_move
 from cranectl.planning.problem import ORDERS
 from cranectl.reference import end_point, time_law
 from cranectl.reference.series import from_derivatives
@@ -85,7 +85,7 @@ def result(scenario: Scenario) -> Result:
     shortest = np.nan
     begun = time.process_time()
     try:
-        ready = planned_move(move, np.array(scenario.reference.start), scenario, "move")  # never a kept plan
+        ready = plan_move(move, np.array(scenario.reference.start), scenario, "move")  # never a kept plan
         spent = time.process_time() - begun
         nine = planned(_with(scenario, move.model_copy(update={"duration": "shortest"})))
         shortest = sum(map(seconds, nine.reference.segments))
