@@ -34,6 +34,10 @@ def test_all_pages_are_built_from_the_data_of_the_repository(source: Path) -> No
     for name in (*(figure.name for figure in figures), *(f"`{row.law}`" for row in times)):
         assert f"\n| {name} | " in measured, name
     assert "| core hours |" in measured
+    for text in (mutated, measured):
+        headings = re.findall(r"^\|(.*)\|\n\|[-|: ]+\|$", text, re.MULTILINE)
+        assert headings
+        assert all(cell.strip() for row in headings for cell in row.split("|"))
 
 
 def test_every_page_is_in_the_list_of_all_pages() -> None:

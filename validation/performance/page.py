@@ -70,7 +70,7 @@ def performance_page(figures: list[Figure], times: list[LawTime]) -> str:
 
 def table(figures: Iterable[Figure]) -> str:
     """Return figures in Markdown, a row each."""
-    lines = ["| | median | spread | limit |", "|---|---|---|---|"]
+    lines = ["| measured | median | spread | limit |", "|---|---|---|---|"]
     for f in figures:
         limit = (
             ""
