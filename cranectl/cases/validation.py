@@ -3,7 +3,7 @@
 import math
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 from xml.etree import ElementTree
 
@@ -11,8 +11,13 @@ from cranectl.cases.case import Case, CaseResult, Failure, RunSummary
 from cranectl.cases.workers import CasesOutcome
 from cranectl.compare.agreement import Agreement
 from cranectl.controllers.registry import controller_argument
+from cranectl.metrics import all_metrics
+from cranectl.metrics.limits import LimitVerdict
+from cranectl.plants.registry import reference_plant
 from cranectl.support.consistency import check_sum
+from cranectl.support.units import difference_in, quantity, scaled
 
+PLANTS = "plants"  # key of a difference between plants
 Kind = Literal["passed", "failed", "error"]  # error: there is no result
 
 
@@ -34,6 +39,43 @@ class Verdict(NamedTuple):
         if self.controller:
             parts += ["--controller", controller_argument(self.controller), "--drive", self.drive]
         return shlex.join([*parts, "--plants", ",".join(self.plants), *options])
+
+
+class CaseVerdict(NamedTuple):
+    """A case, what came of it, and the verdict; a scenario that cannot be loaded has only the last."""
+
+    verdict: Verdict
+    case: Case | None
+    result: CaseResult | None
+
+    @property
+    def name(self) -> str:
+        """Controller and drives in words."""
+        return f"{self.verdict.controller} with {self.verdict.drive} drives"
+
+    @property
+    def badness(self) -> tuple[bool, float]:
+        """What sorts cases, the worst last."""
+        return self.verdict.kind != "passed", self.verdict.overrun
+
+
+class JudgedValue(NamedTuple):
+    """A value beside its limit, in one unit."""
+
+    key: str  # name of a metric, or PLANTS
+    name: str
+    limit: str
+    measured: str
+    kept: bool
+    overrun: float
+    sign: str = "≤"
+
+    @property
+    def fault(self) -> str:
+        """A sentence on a value that does not keep its limit; the name says all where there is no value."""
+        if not self.limit:
+            return f"{self.name}."
+        return f"{self.name} is {self.measured or 'missing'}, the limit is {self.limit}."
 
 
 @dataclass(frozen=True)
@@ -203,3 +245,54 @@ def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:
 def _printable(text: str) -> str:
     """Replace characters that XML cannot hold."""
     return "".join(char if char in "\n\t" or ord(char) >= 0x20 else "?" for char in text)
+
+
+def judged_values(result: CaseResult) -> Iterator[JudgedValue]:
+    """Yield each limit once, as the reference plant keeps it, and the differences between the plants.
+
+    A limit that only another plant breaks, or that holds for it alone, is told of that plant.
+    """
+    reference = reference_plant(run.plant for run in result.runs)
+    worst: dict[str, tuple[str, LimitVerdict]] = {}
+    for run in sorted(result.runs, key=lambda run: run.plant != reference):
+        for limit in run.limits:
+            known = worst.get(limit.metric)
+            if known is None or (known[1].kept and not limit.kept):
+                worst[limit.metric] = (run.plant, limit)
+    for plant, limit in worst.values():
+        yield _judged_limit(limit, "" if plant == reference else plant)
+    judged = [agreement for agreement in result.agreements if agreement.limit_m is not None]
+    if judged:
+        yield max(map(_judged_agreement, judged), key=lambda value: (not value.kept, value.overrun))
+
+
+def _judged_limit(limit: LimitVerdict, plant: str) -> JudgedValue:
+    """Return a limit on a metric in a unit for people; `plant` is told if it is not the reference plant."""
+    metric = next(metric for metric in all_metrics() if metric.name == limit.metric)
+    factor, unit = scaled(metric.unit, max(abs(limit.value or 0.0), limit.limit))
+    if metric.unit == "rad":
+        factor, unit = math.degrees(1.0), "°"
+    value = None if limit.value is None else factor * limit.value
+    measured, allowed = replace(limit, value=value, limit=factor * limit.limit).texts
+    meaning, sign = metric.meaning.partition(";")[0], "≥" if metric.better == "higher" else "≤"
+    name = f"{meaning[0].upper()}{meaning[1:]}{f' ({plant})' if plant else ''}"
+    space = "" if unit == "°" else " "
+    texts = f"{allowed}{space}{unit}", measured and f"{measured}{space}{unit}"
+    return JudgedValue(metric.name, name, *texts, limit.kept, limit.overrun, sign)
+
+
+def _judged_agreement(agreement: Agreement) -> JudgedValue:
+    """Return the difference of two plants, in position, or in angle where that is farther from its limit."""
+    pairs = (
+        ("positions", agreement.max_load_error_m, agreement.limit_m, "m"),
+        ("angles", agreement.max_angle_error_rad, agreement.limit_rad, "rad"),
+    )
+    ratios = [math.inf if math.isnan(value) else value / (limit or math.inf) for _, value, limit, _ in pairs]
+    what, value, limit, unit = pairs[ratios.index(max(ratios))]
+    if agreement.passed is False and max(ratios) <= 1.0:
+        plants = f"{agreement.plant} and {agreement.reference}"
+        name = f"The runs on {plants} end in different ways, or at different times"
+        return JudgedValue(PLANTS, name, "", "", kept=False, overrun=math.inf, sign="")
+    name = f"Difference of {what} between {agreement.plant} and {agreement.reference}"
+    texts = quantity(limit or 0.0, unit), difference_in(value, unit)
+    return JudgedValue(PLANTS, name, *texts, agreement.passed is not False, max(ratios))

@@ -18,6 +18,7 @@ from cranectl.support.files import HTML, XML, exists, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case, Failure, Keep
+    from cranectl.cases.pairwise import Pairwise
     from cranectl.cases.validation import Validation
     from cranectl.compare.agreement import Agreement
     from cranectl.report.table import Table
@@ -60,7 +61,7 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
     "--details", is_flag=True, help="Show every controller and plant, not only the largest differences."
 )
 @command.output_option("--junit", XML, "Write JUnit XML, a test case for each case.")
-@command.output_option("--report", HTML, "Write one HTML page, what failed on top.")
+@command.output_option("--report", HTML, "Write one HTML page: verdict, limits, worst moments.")
 @command.json_option
 def validate_command(
     scenarios: tuple[str, ...],
@@ -105,7 +106,7 @@ def validate_command(
     from cranectl.log.writer import check_writable
     from cranectl.plants.plant import DRIVES, Drive
     from cranectl.plants.registry import default_plants
-    from cranectl.report.validation import pair_tables
+    from cranectl.report.run.differences import pair_tables
     from cranectl.scenario.load import scenario_names
     from cranectl.simulate import checked_drive
     from cranectl.simulate.child import BLOCK_TIMEOUT
@@ -163,12 +164,27 @@ def validate_command(
             write_text(junit, junit_xml(validation.verdicts, options))
         screen.print(f"JUnit: {junit}")
     if report is not None:
-        from cranectl.report.page import write_page
-        from cranectl.report.validation import validation_page
-
-        write_page(validation_page(validation, options, command.command_given(), pairs), report)
-        screen.print(f"report: {report}")
+        _write_report(report, validation, options, pairs, screen)
     return code
+
+
+def _write_report(
+    report: Path, validation: "Validation", options: Sequence[str], pairs: "Pairwise | None", screen: Screen
+) -> None:
+    """Write the page, with a picture of the worst moment of each scenario whose log is kept."""
+    from cranectl.log.reader import read_log
+    from cranectl.render.draw import draw_worst_moment
+    from cranectl.report.page import write_page
+    from cranectl.report.validation import validation_page, worst_logs
+
+    moments = {}
+    try:
+        for source, log in worst_logs(validation).items():
+            moments[source] = draw_worst_moment(read_log(log))
+    except InputError as error:
+        screen.print(f"report: no picture of the crane: {error.found}")
+    write_page(validation_page(validation, options, command.command_given(), pairs, moments), report)
+    screen.print(f"report: {report}")
 
 
 def _sources(names: Sequence[str]) -> list[str]:

@@ -139,6 +139,8 @@ class Renderer:
             geom.transparent = 1
             geom.size = geom.size + HALO * self._scale
             geom.pos = self._behind(geom.pos)
+            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and model.geom(geom.objid).name.startswith(NEAR_POST):
+                geom.rgba[3] = 0.0  # the solid crane's is seen through
 
     def _add_disturbance(self, track: Track, data: Any, row: int) -> None:
         load = track.run.load_position[row]

@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell; `mark` is "", "good", "open", "bad", "best" of a row, or "head" of the rows below."""
+    """One cell; `mark` is "", "good", "open", "bad", "code", "best" of a row, or "head" of the rows below."""
 
     text: str
     mark: str = ""

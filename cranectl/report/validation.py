@@ -1,85 +1,333 @@
-"""The page of a validation: what failed on top, with the command that shows it."""
+"""The page of a validation: the verdict, then each scenario with its limits, reason, picture and command."""
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import isnan
+from math import inf, isnan
+from pathlib import Path
+from typing import NamedTuple
 
-from cranectl.cases.pairwise import Pairwise, WorstPair
-from cranectl.cases.validation import Validation
-from cranectl.report.page import Page, Section
-from cranectl.report.run.tables import agreement_table, limit_notes, limits_table, run_notes, run_table
+import numpy as np
+from PIL.Image import Image
+
+from cranectl.cases.case import Failure
+from cranectl.cases.pairwise import Pairwise
+from cranectl.cases.validation import PLANTS, CaseVerdict, JudgedValue, Validation, judged_values
+from cranectl.plants.registry import reference_plant
+from cranectl.reference import HoldPath, build_trajectory
+from cranectl.report.page import Fact, Figure, FirstScreen, Page, Section
+from cranectl.report.run.differences import pair_tables
+from cranectl.report.run.first_screen import BADGES
+from cranectl.report.run.tables import agreement_table, limit_notes, run_notes, run_table
 from cranectl.report.table import ANSWERS, Cell, Table, cells, tabulate
-from cranectl.support.units import difference_text
+from cranectl.scenario import Scenario
+from cranectl.scenario.drawn_size import crane_kind
+from cranectl.support.units import difference_in, quantity
 
-SHOWN = 10  # rows of what is wrong, the worst first, before the others are folded
+SHOWN = 10  # rows, the worst first, before the others are folded
+SHOWN_SCENARIOS = 12  # that have sections and pictures, the worst first
+PATH_SAMPLES = 2001  # of a reference whose length is told
+TONNE = 1000.0  # [kg] from which on a mass is told in tonnes
+
+Moment = tuple[float, Image]  # time [s] and picture
+
+
+class ScenarioVerdict(NamedTuple):
+    """A scenario with all its cases, the worst first."""
+
+    source: str
+    scenario: Scenario | None
+    cases: tuple[CaseVerdict, ...]
+
+    @property
+    def failed(self) -> list[CaseVerdict]:
+        """The cases that did not pass."""
+        return [case for case in self.cases if case.verdict.kind != "passed"]
+
+    @property
+    def name(self) -> str:
+        """The scenario's name; where it cannot be loaded, its file."""
+        return self.scenario.name if self.scenario else self.source
+
+    @property
+    def title(self) -> str:
+        """The scenario's title, or its name."""
+        return (self.scenario.title if self.scenario else "") or self.name
+
+    @property
+    def motion(self) -> str:
+        """Crane and motion in words."""
+        if self.scenario is None:
+            return ""
+        kind = crane_kind(self.scenario.rig)
+        return f"{kind[0].upper()}{kind[1:]}: {motion_text(self.scenario)}"
 
 
 def validation_page(
-    validation: Validation, options: Sequence[str], remade_by: str, pairs: Pairwise | None = None
+    validation: Validation,
+    options: Sequence[str],
+    remade_by: str,
+    pairs: Pairwise | None = None,
+    moments: Mapping[str, Moment] | None = None,
 ) -> Page:
-    """Return the page of `validation`; `options` belong to the commands that run a case again."""
-    verdicts, finished = validation.verdicts, validation.finished
-    failed = sorted(
-        (verdict for verdict in verdicts if verdict.kind != "passed"), key=lambda verdict: -verdict.overrun
-    )
-    rows = []
-    for verdict in failed:
-        case = ", ".join(filter(None, (verdict.scenario, verdict.controller, verdict.drive)))
-        faults = "; ".join(" ".join(fault.split()) for fault in verdict.faults)
-        report = shlex.join(["cranectl", "report", verdict.log]) if verdict.log else verdict.command(options)
-        rows.append(cells(case, faults, report))
-    tables = _in_parts(Table("", ("case", "what is wrong", "to see it"), tuple(rows), labels=3))
-    lead = f"{len(verdicts) - len(failed)} of {len(verdicts)} cases passed."
-    sections = [Section("failed", "What failed", () if failed else ("Nothing.",), tables)]
-    if finished:
-        agreements, runs = validation.agreements, validation.runs
-        paragraphs = limit_notes(agreements)
-        tables = (agreement_table(agreements, validation.other_failures),)
-        worst, limits = limits_table(runs, worst=SHOWN), limits_table(runs)
-        if worst is not None and limits is not None:
-            folded = replace(limits, title=f"All limits: {len(limits.rows)}", folded=True)
-            tables = (*((worst,) if worst.rows else ()), folded, *tables)
-            paragraphs[:0] = [] if worst.rows else [limits.note]
+    """Return the page of a validation.
+
+    Parameters
+    ----------
+    validation : Validation
+        The cases and what came of them.
+    options : Sequence of str
+        Options of the commands that run a case again.
+    remade_by : str
+        The command that makes the page again.
+    pairs : Pairwise, optional
+        Differences of all pairs of plants.
+    moments : Mapping, optional
+        Time and picture of the worst moment of each scenario, by how it was asked for.
+    """
+    scenarios, moments = scenario_verdicts(validation), moments or {}
+    single = len(scenarios) == 1
+    first = next((scenario for scenario in scenarios if scenario.source in moments), scenarios[0])
+    screen, sections = _first_screen(validation, scenarios, options, _figures(first, moments)), []
+    others = {source: moment for source, moment in moments.items() if source != first.source}
+    for number, scenario in enumerate(() if single else scenarios[:SHOWN_SCENARIOS], 1):
+        sections.append(_scenario_section(f"scenario-{number}", scenario, options, others))
+    if sum(len(scenario.cases) for scenario in scenarios) > len(scenarios):
+        sections.append(_cases_section(scenarios, options))
+    if finished := validation.finished:
+        agreements = validation.agreements
         notes = Table("Notes", ("",), tuple(cells(note) for note in run_notes(finished)))
-        tables = (*tables, *_in_parts(notes))
-        sections.append(Section("judgement", "Plants and limits", tuple(paragraphs), tables))
+        tables = (agreement_table(agreements, validation.other_failures), *_in_parts(notes))
+        sections.append(Section("judgement", "Plants", tuple(limit_notes(agreements)), tables))
         if pairs is not None and pairs.pairs:
             sections.append(Section("pairs", "Every plant against every other", (), pair_tables(pairs)))
-        sections.append(Section("runs", "Runs", (), (run_table({"": runs}),)))
-    return Page("Validation", lead, tuple(sections), remade_by)
+        runs = replace(run_table({"": validation.runs}), folded=True)
+        sections.append(Section("runs", "Runs", (), (runs,)))
+    title, lead = (scenarios[0].title, scenarios[0].motion) if single else ("Validation", "")
+    return Page(title, lead or _what_was_run(validation), tuple(sections), remade_by, screen)
 
 
-def pair_tables(pairwise: Pairwise) -> tuple[Table, Table]:
-    """Return how far each plant is from each other at most, and what each does by itself."""
-    columns: dict[str, Callable[[WorstPair], Cell | str]] = {
-        "drives": lambda pair: pair.drive,
-        "plants": lambda pair: f"{pair.plant}, {pair.reference}",
-        "cases": lambda pair: f"{pair.cases}",
-        "load [m]": lambda pair: difference_text(pair.load_m),
-        "angle [rad]": lambda pair: difference_text(pair.angle_rad),
-        "tension [N]": lambda pair: difference_text(pair.tension_n),
-        "load, where": lambda pair: f"{pair.scenario}, {pair.controller}",
-        "agree": _answer,
+def scenario_verdicts(validation: Validation) -> list[ScenarioVerdict]:
+    """Return the scenarios of a validation, the worst first, each with its cases, the worst first."""
+    loaded = [*[None] * len(validation.unloaded), *validation.cases]
+    outcomes = [*[None] * len(validation.unloaded), *validation.outcome.results]
+    by_source: dict[str, list[CaseVerdict]] = {}
+    for verdict, case, outcome in zip(validation.verdicts, loaded, outcomes, strict=True):
+        result = None if outcome is None or isinstance(outcome, Failure) else outcome
+        by_source.setdefault(verdict.scenario, []).append(CaseVerdict(verdict, case, result))
+    scenarios = []
+    for source, cases in by_source.items():
+        cases.sort(key=lambda case: case.badness, reverse=True)
+        scenario = cases[0].case.scenario if cases[0].case else None
+        scenarios.append(ScenarioVerdict(source, scenario, tuple(cases)))
+    return sorted(scenarios, key=lambda scenario: scenario.cases[0].badness, reverse=True)
+
+
+def worst_logs(validation: Validation) -> dict[str, Path]:
+    """Return the log of the worst case of the scenarios that are shown, where it is kept."""
+    shown = scenario_verdicts(validation)[:SHOWN_SCENARIOS]
+    logs = {scenario.source: scenario.cases[0].verdict.log for scenario in shown}
+    return {source: Path(log) for source, log in logs.items() if log}
+
+
+def motion_text(scenario: Scenario) -> str:
+    """Return load and motion in short: "32 t, 20 m in 35 s"."""
+    trajectory, mass = build_trajectory(scenario.reference), scenario.rig.load_mass
+    load = f"{mass / TONNE:.3g} t" if mass >= TONNE else f"{mass:.3g} kg"
+    moving = [path for path in trajectory.paths if not isinstance(path, HoldPath)]
+    if not moving:
+        return f"{load}, held in place for {scenario.duration:g} s"
+    course = trajectory.sample(np.linspace(0.0, trajectory.joints[-1], PATH_SAMPLES))[:, :3]
+    length = np.linalg.norm(np.diff(course, axis=0), axis=1).sum()
+    return f"{load}, {length:.3g} m in {sum(path.duration for path in moving):.3g} s"
+
+
+def causes(case: CaseVerdict) -> list[str]:
+    """Return why a case does not pass, a sentence each.
+
+    A run that ends too early explains its limits and differences, which are left out then.
+    """
+    result = case.result
+    if result is None:
+        return [_refusal(fault) for fault in case.verdict.faults]
+    ends: dict[str, list[str]] = {}
+    for run in result.runs:
+        if run.status.label != result.expected:
+            how = f"at {run.end_s:g} s with {run.status.label}: {run.status.explanation}"
+            ends.setdefault(how, []).append(run.plant)
+    if ends:
+        wanted = "" if result.expected == "completed" else f" Expected was {result.expected}."
+        return [f"The run on {', '.join(plants)} ended {how}.{wanted}" for how, plants in ends.items()]
+    faults = [value.fault for value in judged_values(result) if not value.kept]
+    steps = {agreement.curing_step_s for agreement in result.agreements} - {None}
+    faults += [
+        f"With control.physics_step = {step:g} the plants agree." for step in sorted(filter(None, steps))
+    ]
+    if not result.limits_kept:
+        beyond = dict.fromkeys(run.beyond_drives for run in result.runs if run.beyond_drives)
+        faults += [f"The controller {text}." for text in list(beyond)[:1]]
+    return faults
+
+
+def _refusal(text: str) -> str:
+    """Return a sentence from an error of several lines: what is found, and the remedy."""
+    parts = dict(line.split(":", 1) for line in text.splitlines() if ":" in line)
+    if not {"found", "remedy"} <= parts.keys():
+        return " ".join(text.split())
+    return f"It could not be run: {parts['found'].strip()}. Remedy: {parts['remedy'].strip()}."
+
+
+def _first_screen(
+    validation: Validation,
+    scenarios: Sequence[ScenarioVerdict],
+    options: Sequence[str],
+    figures: tuple[Figure, ...],
+) -> FirstScreen:
+    failed, worst = [scenario for scenario in scenarios if scenario.failed], scenarios[0]
+    tables: tuple[Table | None, ...] = (_scenario_table(scenarios),)
+    if len(scenarios) == 1:
+        tables = _limit_table(worst), _command_table(worst.cases[0], options)
+    facts, shown = tuple(_facts(validation, scenarios)), tuple(filter(None, tables))
+    return FirstScreen(BADGES[not failed], _reason(scenarios, failed), facts, shown, figures)
+
+
+def _reason(scenarios: Sequence[ScenarioVerdict], failed: Sequence[ScenarioVerdict]) -> str:
+    """Return the verdict in words; of several scenarios that fail, the reason of the worst."""
+    if not failed:
+        values = [
+            value
+            for scenario in scenarios
+            for case in scenario.cases
+            if case.result
+            for value in judged_values(case.result)
+        ]
+        good = ["runs end as expected"]
+        good += ["the plants agree"] if any(value.key == PLANTS for value in values) else []
+        good += ["all limits are kept"] if any(value.key != PLANTS for value in values) else []
+        passed = f"All {len(scenarios)} scenarios pass" if len(scenarios) > 1 else "The scenario passes"
+        return f"{passed}: {', '.join(good)}."
+    reason = " ".join(causes(failed[0].cases[0]))
+    if len(scenarios) == 1:
+        cases = failed[0].cases
+        several = f"{len(failed[0].failed)} of {len(cases)} cases fail; the worst is {cases[0].name}. "
+        return f"{several if len(cases) > 1 else ''}{reason}"
+    verb = "fails" if len(failed) == 1 else "fail"
+    which = "" if len(failed) == 1 else "The worst: "
+    return f"{len(failed)} of {len(scenarios)} scenarios {verb}. {which}{failed[0].name}: {reason}"
+
+
+def _facts(validation: Validation, scenarios: Sequence[ScenarioVerdict]) -> Iterator[Fact]:
+    """Yield the numbers of the first screen."""
+    if len(scenarios) == 1:
+        yield Fact("Runs", f"{len(validation.runs)}", _what_was_run(validation))
+    else:
+        passed = sum(not scenario.failed for scenario in scenarios)
+        mark = "bad" if passed < len(scenarios) else ""
+        yield Fact("Scenarios that pass", f"{passed} of {len(scenarios)}", _what_was_run(validation), mark)
+    values = [value for result in validation.finished for value in judged_values(result)]
+    limits = [value for value in values if value.key != PLANTS]
+    if limits:
+        kept, reference = sum(value.kept for value in limits), reference_plant(validation.plants)
+        mark = "bad" if kept < len(limits) else ""
+        yield Fact("Limits kept", f"{kept} of {len(limits)}", f"judged on {reference}", mark)
+    errors = {
+        f"{run.scenario}, {run.controller}, {run.drive} drives": run.metrics.max_error_m
+        for run in validation.runs
+        if run.metrics is not None
     }
-    apart = tabulate("Every plant against every other, at most", pairwise.pairs, columns, labels=2)
+    if errors:
+        name, largest = max(errors.items(), key=lambda pair: (isnan(pair[1]), pair[1]))
+        yield Fact("Largest tracking error", quantity(largest, "m"), name if len(errors) > 1 else "")
+    if judged := [agreement for agreement in validation.agreements if agreement.limit_m is not None]:
+        apart = max(judged, key=lambda agreement: agreement.max_load_error_m / (agreement.limit_m or inf))
+        allowed = f"allowed: {quantity(apart.limit_m or 0.0, 'm')}"
+        mark = "bad" if any(agreement.passed is False for agreement in judged) else ""
+        yield Fact("Difference between plants", difference_in(apart.max_load_error_m, "m"), allowed, mark)
+
+
+def _what_was_run(validation: Validation) -> str:
+    """Return controllers, drives and plants in words."""
+    controllers = list(dict.fromkeys(case.controller for case in validation.cases))
+    drives = " and ".join(dict.fromkeys(case.drive for case in validation.cases))
+    what = controllers[0] if len(controllers) == 1 else f"{len(controllers)} controllers"
+    return f"{what} with {drives} drives, on {', '.join(validation.plants)}" if controllers else ""
+
+
+def _scenario_table(scenarios: Sequence[ScenarioVerdict]) -> Table:
+    columns: dict[str, Callable[[ScenarioVerdict], Cell | str]] = {
+        "scenario": lambda scenario: scenario.title,
+        "motion": lambda scenario: motion_text(scenario.scenario) if scenario.scenario else "",
+        "result": lambda scenario: BADGES[not scenario.failed],
+    }
+    return tabulate("", scenarios, columns, labels=3)
+
+
+def _limit_table(scenario: ScenarioVerdict) -> Table | None:
+    """Return each limit of a scenario once, of the case that is farthest from keeping it."""
+    worst: dict[str, tuple[JudgedValue, CaseVerdict]] = {}
+    for case in scenario.cases:
+        for value in judged_values(case.result) if case.result else ():
+            if value.key not in worst or value.overrun > worst[value.key][0].overrun:
+                worst[value.key] = (value, case)
     rows = []
-    for plant in pairwise.plants:
-        order = "-" if isnan(plant.order) else f"{plant.order:.1f}"
-        where, drift = f"{plant.scenario}, {plant.controller}", difference_text(plant.energy_drift)
-        rows.append(cells(plant.drive, plant.plant, difference_text(plant.step_error_m), order, drift, where))
-    headings = ("drives", "plant", "step error\n[m]", "order", "energy drift\n[m g l]", "step error, where")
-    note = (
-        "Step error: how far the load moves when the plant's own steps are a quarter as long, and the order "
-        "by which that falls; - where rounding is all there is. Energy drift: of a free swing of 20 s."
-    )
-    return apart, Table("Each plant by itself", headings, tuple(rows), labels=2, note=note)
+    for value, case in worst.values():
+        which = (case.name,) if len(scenario.cases) > 1 else ()
+        rows.append(
+            cells(
+                value.name, f"{value.sign} {value.limit}", value.measured or "–", ANSWERS[value.kept], *which
+            )
+        )
+    headings = ("limit", "allowed", "measured", "kept", *(("worst case",) if len(scenario.cases) > 1 else ()))
+    return Table("", headings, tuple(rows)) if rows else None
 
 
-def _answer(pair: WorstPair) -> Cell:
-    if pair.failed:
-        return Cell(f"NO ({pair.failed})", "bad")
-    return ANSWERS[None if pair.not_judged == pair.cases else True]
+def _figures(scenario: ScenarioVerdict, moments: Mapping[str, Moment]) -> tuple[Figure, ...]:
+    if scenario.source not in moments:
+        return ()
+    (time, picture), case = moments[scenario.source], scenario.cases[0]
+    caption = f"{case.name}: at {time:.2f} s the load is farthest from its reference."
+    return (Figure.pictured(f"{scenario.name} at its worst moment", caption, picture),)
+
+
+def _scenario_section(
+    anchor: str, scenario: ScenarioVerdict, options: Sequence[str], moments: Mapping[str, Moment]
+) -> Section:
+    """Return title, motion, reason, limits, commands and picture of a scenario."""
+    failed, worst = scenario.failed, scenario.cases[0]
+    paragraphs = [scenario.title] if scenario.title != scenario.name else []
+    paragraphs += [f"{scenario.motion}."] if scenario.motion else []
+    if failed:
+        paragraphs += [f"{f'{worst.name}: ' if worst.case else ''}{' '.join(causes(worst))}"]
+        if len(scenario.cases) > 1:
+            paragraphs += [f"{len(failed)} of {len(scenario.cases)} cases fail."]
+    tables = tuple(filter(None, (_limit_table(scenario), _command_table(worst, options))))
+    title = f"{BADGES[not failed].text}: {scenario.name}"
+    return Section(anchor, title, tuple(paragraphs), tables, _figures(scenario, moments))
+
+
+def _command_table(case: CaseVerdict, options: Sequence[str]) -> Table:
+    """Return the commands that show a case, as they are typed."""
+    commands = {"the run again": case.verdict.command(options)}
+    if case.verdict.log:
+        commands = {"all figures": shlex.join(["cranectl", "report", case.verdict.log]), **commands}
+    rows = tuple(cells(what, Cell(text, "code")) for what, text in commands.items())
+    return Table("", ("to see", "type"), rows, labels=2)
+
+
+def _cases_section(scenarios: Sequence[ScenarioVerdict], options: Sequence[str]) -> Section:
+    """Return all cases that do not pass with their reasons and commands, and how many pass."""
+    rows = []
+    for scenario in scenarios:
+        for case in scenario.failed:
+            name = ", ".join(filter(None, (scenario.name, case.verdict.controller, case.verdict.drive)))
+            log = case.verdict.log
+            command = shlex.join(["cranectl", "report", log]) if log else case.verdict.command(options)
+            rows.append(cells(name, " ".join(causes(case)), Cell(command, "code")))
+    total = sum(len(scenario.cases) for scenario in scenarios)
+    summary = f"{len(rows)} of {total} cases fail." if rows else f"All {total} cases pass."
+    summary = {(1, 0): "The case passes.", (1, 1): "The case fails."}.get((total, len(rows)), summary)
+    tables = _in_parts(Table("", ("case", "reason", "to see it"), tuple(rows), labels=3))
+    return Section("cases", "Cases", (summary,), tables)
 
 
 def _in_parts(table: Table) -> tuple[Table, ...]:

@@ -165,10 +165,7 @@ def test_a_directory_stands_for_the_scenarios_in_it(
     assert "a directory without scenarios" in capsys.readouterr().err
 
 
-def test_ci_gets_junit_and_a_page_and_keeps_what_failed(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("cranectl.report.validation.SHOWN", 1)
+def test_ci_gets_junit_and_a_page_and_keeps_what_failed(capsys: pytest.CaptureFixture[str]) -> None:
     Path("strict.toml").write_text(GOOD.replace("good", "strict") + LIMITS.format(0.0))
     moved = ["--set", "initial.load_offset=[0.001,0,0]"]
     command = ["validate", "strict.toml", "good.toml", "broken.toml", *moved, *FOLLOWED]
@@ -194,20 +191,23 @@ def test_ci_gets_junit_and_a_page_and_keeps_what_failed(
     assert main(shlex.split(again[1])) == 1, "the command that shows it does"
     assert cases["broken.toml"].find("error") is not None
     page = Path("cases.html").read_text(encoding="utf-8")
-    assert "1 of 3 cases passed." in page
-    order = [
-        "broken.toml",
-        "<summary>1 more<",
-        "breaks the limit",
-        "All limits: 4",
-        "Agreement of the plants",
-    ]
-    places = [page.index(text) for text in order]
-    assert places == sorted(places), "what failed is on top, the worst first, the others folded"
-    assert "cranectl report logs/strict/lqr+hinf-ideal.mcap" in page
-    first = Path("cases.xml").read_bytes()
+    assert re.search(
+        r'class="badge bad">FAIL</strong>\s*2 of 3 scenarios fail\. The worst: broken\.toml', page
+    )
+    order = ["It could not be run: broken.toml is not valid TOML", "FAIL: strict", "PASS: good", "<h2>Plants"]
+    places = [page.rindex(text) for text in order]
+    assert places == sorted(places), "what failed is on top, the worst first"
+    assert page.count("Largest tracking error of the load is 1 mm, the limit is 0 mm.") == 1, (
+        "once, not by plant"
+    )
+    assert page.count("<img ") == 1, "good left no log, broken never ran"
+    (typed,) = set(re.findall(r'class="label code">cranectl (report [^<]*)<', page))
+    assert typed == "report logs/strict/lqr+hinf-ideal.mcap"
+    assert main(typed.split()) == 0
+    capsys.readouterr()
+    first = [Path(f"cases.{kind}").read_bytes() for kind in ("xml", "html")]
     assert main(command) == 2
-    assert Path("cases.xml").read_bytes() == first
+    assert [Path(f"cases.{kind}").read_bytes() for kind in ("xml", "html")] == first
 
 
 def test_without_logs_all_is_judged_as_with_them(capsys: pytest.CaptureFixture[str]) -> None:

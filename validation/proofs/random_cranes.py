@@ -25,7 +25,7 @@ from cranectl.planning import load_scenario
 from cranectl.plants.capabilities import check_effects
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import plants_to_run
-from cranectl.report.validation import pair_tables
+from cranectl.report.run.differences import pair_tables
 from cranectl.scenario import Scenario
 from cranectl.simulate import make_plant, plan_scenario
 from cranectl.support.errors import InputError

@@ -1,11 +1,13 @@
 """Tables of what was run, and of the differences between plants, logs, golden logs and overlays."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from math import isnan
 from typing import Any
 
+from cranectl.cases.pairwise import Pairwise, WorstPair
 from cranectl.compare.golden import RegressionVerdict, worst_first
 from cranectl.compare.runs import Comparison
-from cranectl.report.table import VERDICTS, Table, cells, tabulate
+from cranectl.report.table import ANSWERS, VERDICTS, Cell, Table, cells, tabulate
 from cranectl.scenario.load import changed_from_default
 from cranectl.simulate import Run
 from cranectl.support.documents import leaves
@@ -163,3 +165,35 @@ def regressions_table(outcomes: Mapping[str, Sequence[RegressionVerdict] | str])
 def _when(time: float, largest: float) -> str:
     """Return the time [s] of the largest difference; a dash for rounding, whose time means nothing."""
     return "-" if largest < PROCESSOR_ROUNDING else f"{time:.3f}"
+
+
+def pair_tables(pairwise: Pairwise) -> tuple[Table, Table]:
+    """Return how far each plant is from each other at most, and what each does by itself."""
+    columns: dict[str, Callable[[WorstPair], Cell | str]] = {
+        "drives": lambda pair: pair.drive,
+        "plants": lambda pair: f"{pair.plant}, {pair.reference}",
+        "cases": lambda pair: f"{pair.cases}",
+        "load [m]": lambda pair: difference_text(pair.load_m),
+        "angle [rad]": lambda pair: difference_text(pair.angle_rad),
+        "tension [N]": lambda pair: difference_text(pair.tension_n),
+        "load, where": lambda pair: f"{pair.scenario}, {pair.controller}",
+        "agree": _answer,
+    }
+    apart = tabulate("Every plant against every other, at most", pairwise.pairs, columns, labels=2)
+    rows = []
+    for plant in pairwise.plants:
+        order = "-" if isnan(plant.order) else f"{plant.order:.1f}"
+        where, drift = f"{plant.scenario}, {plant.controller}", difference_text(plant.energy_drift)
+        rows.append(cells(plant.drive, plant.plant, difference_text(plant.step_error_m), order, drift, where))
+    headings = ("drives", "plant", "step error\n[m]", "order", "energy drift\n[m g l]", "step error, where")
+    note = (
+        "Step error: how far the load moves when the plant's own steps are a quarter as long, and the order "
+        "by which that falls; - where rounding is all there is. Energy drift: of a free swing of 20 s."
+    )
+    return apart, Table("Each plant by itself", headings, tuple(rows), labels=2, note=note)
+
+
+def _answer(pair: WorstPair) -> Cell:
+    if pair.failed:
+        return Cell(f"NO ({pair.failed})", "bad")
+    return ANSWERS[None if pair.not_judged == pair.cases else True]

@@ -1,0 +1,167 @@
+"""The page of a validation: limits once, the right reason first, commands and motions in plain words."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cranectl.cases.case import Case, CaseResult, Failure, RunSummary, make_case
+from cranectl.cases.validation import Validation, judged_values
+from cranectl.cases.workers import CasesOutcome
+from cranectl.compare.agreement import Agreement
+from cranectl.metrics.limits import LimitVerdict
+from cranectl.planning import load_scenario
+from cranectl.report.page import Page, render
+from cranectl.report.validation import causes, motion_text, scenario_verdicts, validation_page, worst_logs
+from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
+from tests.report.test_report import read_page
+
+PLANTS = ("analytic", "elastic", "mujoco")
+BROKEN = LimitVerdict("max_error_m", 0.6848, 0.5, kept=False)
+KEPT = LimitVerdict("max_sway_rad", 0.01, 0.05, kept=True)
+AGREE = Agreement("any", "lqr", "analytic", "mujoco", "ideal", 2e-9, 1e-9, 1e-7, 1e-7, True, "as shipped")
+
+
+def run(plant: str, *limits: LimitVerdict, status: RunStatus = RunStatus.COMPLETED) -> RunSummary:
+    return RunSummary("any", "lqr", plant, "ideal", status, 4.0, Path("logs/any.mcap"), None, limits)
+
+
+def result(*runs: RunSummary, agreement: Agreement = AGREE) -> CaseResult:
+    return CaseResult(runs, (agreement,), "completed")
+
+
+def case(name: str = "ship-to-shore", controller: str = "lqr") -> Case:
+    return make_case(load_scenario(name), controller=controller, plants=PLANTS)
+
+
+def validation(*outcomes: tuple[Case, CaseResult | Failure], **unloaded: Failure) -> Validation:
+    cases, results = zip(*outcomes, strict=True)
+    return Validation(cases, CasesOutcome(list(results), interrupted=False), unloaded, PLANTS)
+
+
+def page_of(made: Validation) -> tuple[Page, str]:
+    page = validation_page(made, ["--set", "rig.load_mass=2"], "cranectl validate")
+    return page, read_page(render(page)).text
+
+
+@pytest.mark.parametrize(
+    ("name", "motion"),
+    [
+        ("ship-to-shore", "20 t, 37.7 m in 32 s"),
+        ("workshop-move", "5 t, 19.1 m in 45 s"),
+        ("settled-trajectory", "1 kg, 5.86 m in 20 s"),
+        ("near-slack", "1 kg, 0.9 m in 1.1 s"),
+        ("fixed-position", "1 kg, held in place for 25 s"),
+    ],
+)
+def test_a_motion_in_words(name: str, motion: str) -> None:
+    assert motion_text(load_scenario(name)) == motion
+
+
+def test_a_limit_is_judged_once_on_the_reference_plant() -> None:
+    values = list(judged_values(result(*(run(plant, BROKEN, KEPT) for plant in PLANTS))))
+    assert [(value.key, value.kept) for value in values] == [
+        ("max_error_m", False),
+        ("max_sway_rad", True),
+        ("plants", True),
+    ]
+    error, sway, plants = values
+    assert error.fault == "Largest tracking error of the load is 684.8 mm, the limit is 500 mm."
+    assert (sway.measured, sway.limit) == ("0.573°", "2.865°")
+    assert (plants.measured, plants.limit) == ("2.00 nm", "100 nm")
+    made, text = page_of(validation((case(), result(*(run(plant, BROKEN, KEPT) for plant in PLANTS)))))
+    assert made.first_screen is not None
+    assert [fact.value for fact in made.first_screen.facts if fact.name == "Limits kept"] == ["1 of 2"]
+    assert text.count("684.8 mm, the limit") == 1
+    assert "max_error_m" not in text
+
+
+def test_a_limit_that_only_another_plant_breaks_names_that_plant() -> None:
+    fine = replace(BROKEN, value=0.4999, kept=True)
+    (value, _) = judged_values(result(run("elastic", BROKEN), run("mujoco", fine)))
+    assert value.fault.startswith("Largest tracking error of the load (elastic) is 684.8 mm")
+    own = LimitVerdict("min_rope_tension_n", None, 1000.0, kept=False)
+    (value, _) = judged_values(result(run("elastic", own), run("mujoco")))
+    assert value.fault == "Smallest tension of the rope (elastic) is missing, the limit is 1 kN."
+    assert value.sign == "≥"
+
+
+def reasons(outcome: CaseResult | Failure) -> list[str]:
+    (scenario,) = scenario_verdicts(validation((case(), outcome)))
+    return causes(scenario.cases[0])
+
+
+def test_a_run_that_ends_early_is_the_reason_not_its_limits() -> None:
+    slack = result(run("analytic", BROKEN), run("mujoco", BROKEN, status=RunStatus.SLACK_ROPE))
+    (reason,) = reasons(slack)
+    assert reason == (
+        "The run on mujoco ended at 4 s with slack-rope: the rope went slack, in the plant or as the tracker "
+        "sees it."
+    )
+
+
+def test_plants_that_disagree_and_the_step_that_cures_it() -> None:
+    apart = replace(AGREE, max_angle_error_rad=3e-6, passed=False, curing_step_s=0.001)
+    first, second = reasons(result(run("mujoco", KEPT), agreement=apart))
+    assert first == "Difference of angles between analytic and mujoco is 3.00 µrad, the limit is 100 nrad."
+    assert second == "With control.physics_step = 0.001 the plants agree."
+    ends = replace(AGREE, passed=False)
+    assert reasons(result(run("mujoco"), agreement=ends)) == [
+        "The runs on analytic and mujoco end in different ways, or at different times."
+    ]
+
+
+def test_an_input_error_is_one_sentence_with_its_remedy() -> None:
+    error = InputError("rig.load_mass is -2", allowed="positive masses", remedy="set rig.load_mass")
+    assert reasons(Failure.of(error)) == [
+        "It could not be run: rig.load_mass is -2. Remedy: set rig.load_mass."
+    ]
+    assert reasons(Failure("ZeroDivisionError: of our own making", bad_input=False)) == [
+        "ZeroDivisionError: of our own making"
+    ]
+
+
+def test_the_worst_scenario_is_first_and_each_has_a_command() -> None:
+    broken = result(*(run(plant, BROKEN) for plant in PLANTS))
+    fine = result(*(replace(run(plant, KEPT), log=None) for plant in PLANTS))
+    made = validation((case("workshop-move"), fine), (case(), fine), (case(controller="pid"), broken))
+    page, text = page_of(made)
+    assert [section.title for section in page.sections][:3] == [
+        "FAIL: ship-to-shore",
+        "PASS: workshop-move",
+        "Cases",
+    ]
+    assert "1 of 2 scenarios fails. ship-to-shore: Largest tracking error" in text
+    assert "1 of 3 cases fail" in text
+    assert worst_logs(made) == {"ship-to-shore": Path("logs/any.mcap")}
+    assert "cranectl report logs/any.mcap" in text
+    again = "cranectl run workshop-move --controller lqr --drive ideal --plants analytic,elastic,mujoco"
+    assert f"{again} --set rig.load_mass=2" in text
+
+
+def test_of_many_cases_that_fail_the_least_are_folded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cranectl.report.validation.SHOWN", 1)
+    worse = replace(BROKEN, value=2.0)
+    outcomes = [(case(controller=name), result(run("mujoco", limit))) for name, limit in
+                (("pid", BROKEN), ("lqr", worse))]  # fmt: skip
+    page, text = page_of(validation(*outcomes))
+    (cases,) = (section for section in page.sections if section.anchor == "cases")
+    assert [table.title for table in cases.tables] == ["", "1 more"]
+    assert [table.rows[0][0].text for table in cases.tables] == [
+        "ship-to-shore, lqr, ideal",
+        "ship-to-shore, pid, ideal",
+    ]
+    assert "2 of 2 cases fail; the worst is lqr with ideal drives." in text
+
+
+def test_a_page_of_what_passes() -> None:
+    page, text = page_of(validation((case(), result(*(run(plant, KEPT) for plant in PLANTS)))))
+    assert page.first_screen is not None
+    assert page.first_screen.verdict.text == "PASS"
+    assert page.title == load_scenario("ship-to-shore").title
+    assert page.lead == "Ship-to-shore crane: 20 t, 37.7 m in 32 s"
+    assert "The scenario passes: runs end as expected, the plants agree, all limits are kept." in text
+    alone = CaseResult((run("mujoco"),), (), "completed")
+    _, text = page_of(validation((case(), alone)))
+    assert "The scenario passes: runs end as expected." in text, "nothing else is judged"
