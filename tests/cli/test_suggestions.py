@@ -127,7 +127,9 @@ def test_what_a_result_that_is_not_whole_suggests(wrong: str, capsys: pytest.Cap
         part.unlink()
         close_controllers()
         assert main(["campaign", "report", "the result", "--unfinished", "--out", "a page.html"]) == 0
-        (told,) = re.findall(r"Complete it with (cranectl [^<]*--resume)", Path("a page.html").read_text())
+        (told,) = re.findall(
+            r"Complete the result with (cranectl [^<]*--resume)", Path("a page.html").read_text()
+        )
         assert (
             told
             == "cranectl campaign run &#39;many ships.toml&#39; --trust --out &#39;the result&#39; --resume"
