@@ -71,7 +71,7 @@ def scaling(figures: Sequence[Figure]) -> str:
     core_s = 2.0 / value[RATE]
     memory = (value[MEMORY.format("100 000")] - value[MEMORY.format("10 000")]) * 1e6 / 9e4
     size = value[RESULT]
-    lines = ["| | 10⁶ runs | 10⁹ runs |", "|---|---|---|"]
+    lines = ["| measured | 10⁶ runs | 10⁹ runs |", "|---|---|---|"]
     rows = {
         "core hours": [n * core_s / 3600.0 for n in COUNTS],
         "hours on 2 cores": [n * core_s / 3600.0 / 2.0 for n in COUNTS],
