@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from cranectl.status import RunStatus
     from cranectl.support.errors import CranectlError, InputError, LogError
 
-_NAMES = {  # by module
+_NAMES = {  # public names by module
     "cases.assertions": "assert_agree assert_limits",
     "compare.agreement": "Agreement judge",
     "compare.runs": "Comparison compare_runs",
@@ -99,7 +99,7 @@ __all__ = [
 ]
 
 
-_RENAMED = {"open_law": "open_controller"}  # since 0.3.0; the old names go with 1.0
+_RENAMED = {"open_law": "open_controller"}  # since 0.3.0; version 1.0 removes the old names
 
 
 def __getattr__(name: str) -> Any:

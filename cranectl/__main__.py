@@ -1,4 +1,4 @@
-"""`python -m cranectl`, and the command `cranectl`."""
+"""Start the command line: `python -m cranectl`, or the command `cranectl`."""
 
 import sys
 
@@ -7,7 +7,7 @@ from cranectl.support.interrupts import came_of_interrupt, heed_interrupts, inte
 
 
 def main() -> int:
-    """Run the command line; an interrupt counts from now on, also while that is being loaded."""
+    """Run the command line; handle interrupts from the start, even while modules are loaded."""
     try:
         heed_interrupts(interrupt)
         from cranectl.cli.main import main

@@ -1,8 +1,10 @@
-"""Runs as one table for other tools: CSV, Parquet, MATLAB and what packages add. Everything as recorded.
+"""Export runs as one table for other tools: CSV, Parquet, MATLAB, and formats that packages add.
 
-One row a sample time, one column a signal, named PLANT.GROUP.SIGNAL, and the reference's, which all plants
-share, as reference.SIGNAL; of an overlay LABEL.GROUP.SIGNAL and LABEL.reference.SIGNAL. SI units and radians,
-time in seconds.
+The table has a row for each sample time and a column for each signal, with the values as recorded, in SI
+units and radians. The names of columns are:
+
+- PLANT.GROUP.SIGNAL, and reference.SIGNAL for the reference that all plants share
+- LABEL.GROUP.SIGNAL and LABEL.reference.SIGNAL for the runs of an overlay
 """
 
 import csv
@@ -25,10 +27,11 @@ from cranectl.support.errors import InputError, matching, unknown_name, unmatche
 from cranectl.support.extensions import with_extensions
 from cranectl.support.files import Kind, replacing, writing
 
-# In place of scipy's, which has the date: the same run gives the same bytes. 116 bytes by the format.
+# Replaces the header of SciPy, which has the date, so that the same run gives the same bytes. The format
+# requires 116 bytes.
 MAT_HEADER = b"MATLAB 5.0 MAT-file, written by cranectl".ljust(116)
 
-# Letters of a MATLAB name. Files whose names are all short are read by versions before 7 as well.
+# Characters of a MATLAB name: the limit before version 7, and the limit now.
 SHORT_NAME, LONGEST_NAME = 31, 63
 MATLAB_KEYWORD = re.compile(
     "break|case|catch|classdef|continue|else|elseif|end|for|function|global|if|otherwise|parfor|persistent|"
@@ -38,18 +41,18 @@ MATLAB_KEYWORD = re.compile(
 
 @dataclass(frozen=True)
 class ExportColumn:
-    """One signal on the table's grid of times."""
+    """One signal at all times of the table."""
 
     name: str
     unit: str
     description: str
-    values: Array  # (N,), NaN where missing
-    missing: Mask  # (N,), where the run has no sample
+    values: Array  # (N,) NaN where missing
+    missing: Mask  # (N,) True where the run has no sample
 
 
 @dataclass(frozen=True)
 class ExportTable:
-    """What is exported, whatever the format."""
+    """The data to export, in any format."""
 
     time: Array  # (N,) [s]
     columns: tuple[ExportColumn, ...]
@@ -58,28 +61,27 @@ class ExportTable:
 
 @dataclass(frozen=True)
 class Exporter:
-    """A format of tables."""
+    """A format of exported tables."""
 
-    name: str  # of `--format`, and the ending of its files
-    title: str  # for people
-    begins: bytes  # regular expression of what its files begin with: no other file is replaced by one
-    write: Callable[[ExportTable, Path], None]  # into a file that is new and empty
-    # By each name that the format cannot have, of a column or what it begins with, that in the file.
+    name: str  # value of `--format`, and the ending of its files
+    title: str  # for messages
+    begins: bytes  # regular expression for the start of its files; an export never replaces other files
+    write: Callable[[ExportTable, Path], None]  # writes the table into a new, empty file
+    # Returns names that the format cannot have, of columns or their first parts, and their names in the file.
     renamed: Callable[[ExportTable], Mapping[str, str]] = lambda _: {}
 
     @property
     def kind(self) -> Kind:
-        """The kind of file that it writes."""
+        """The kind of its files."""
         return Kind(self.title, self.begins)
 
 
 def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> ExportTable:
-    """Return the signals that match any of `patterns`, all by default, at every time of any run.
+    """Return the signals that match any of `patterns`, by default all signals.
 
-    `runs`: by plant of a log, which share their reference, or by label of an overlay.
-
-    Where a run has no sample, after its end above all, its signals are missing. Raises InputError for a
-    pattern that matches nothing.
+    `runs` are those of a log by plant, which share their reference, or those of an overlay by label. The
+    table has every time at which any run has a sample. Where a run has no sample, mostly after its end, its
+    signals are missing. Raises InputError for a pattern that matches nothing.
     """
     time_ns = np.unique(np.concatenate([run.time_ns for run in runs.values()]))
     result = list(_recorded(runs, time_ns))
@@ -104,12 +106,15 @@ def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> Expor
 
 @functools.cache
 def exporters() -> dict[str, Exporter]:
-    """Return cranectl's exporters and those of installed packages, by name; raise InputError."""
+    """Return the exporters of cranectl and of installed packages, by name.
+
+    Raises InputError if a package declares an invalid one.
+    """
     return with_extensions({own.name: own for own in EXPORTERS}, Exporter, extensions.EXPORTERS)
 
 
-def chosen_exporter(name: str | None, out: Path | None) -> Exporter:
-    """Return the exporter for the format `name`, else for the ending of `out`, else for csv.
+def choose_exporter(name: str | None, out: Path | None) -> Exporter:
+    """Return the exporter of the format `name`, or without a name that of the ending of `out`, or csv.
 
     Raises InputError if there is no such format.
     """
@@ -122,7 +127,7 @@ def chosen_exporter(name: str | None, out: Path | None) -> Exporter:
     raise InputError(
         f"the ending of {out} names no format",
         allowed=", ".join(f".{name}" for name in known),
-        remedy="choose such an ending, or say --format",
+        remedy="choose such an ending, or add --format",
     )
 
 
@@ -148,7 +153,7 @@ def _reference(prefix: str, runs: Sequence[Run], time_ns: NDArray[np.int64]) -> 
     """Yield the columns of the reference that the runs share."""
     times = np.concatenate([run.time_ns for run in runs])
     values = np.concatenate([run.reference for run in runs])
-    # A log may lack the reference of the last sample of the run that stopped first: read as NaN.
+    # A log may lack the reference of the last sample of a run that stopped early, which is read as NaN.
     known = np.flatnonzero(~np.isnan(values).any(axis=1))
     rows, first = np.unique(np.searchsorted(time_ns, times[known]), return_index=True)
     for signal, column in zip(REFERENCE.signals, values[known[first]].T, strict=True):
@@ -164,15 +169,15 @@ def _column(prefix: str, signal: Signal, length: int, rows: NDArray[np.intp], va
 def _info(runs: Mapping[str, Run]) -> dict[str, str | float]:
     info: dict[str, str | float] = {}
     for name, run in runs.items():
-        about = {"scenario": run.scenario.name, "controller": run.design.name, "drive": run.drive}
-        info |= {f"{name}_{key}": text for key, text in about.items()} if _by_label(runs) else about
+        facts = {"scenario": run.scenario.name, "controller": run.design.name, "drive": run.drive}
+        info |= {f"{name}_{key}": text for key, text in facts.items()} if _by_label(runs) else facts
         info[f"{name}_status"] = run.status.label
         info[f"{name}_end_s"] = run.end_s
     return info
 
 
 def _write_csv(table: ExportTable, path: Path) -> None:
-    """Write floats as the shortest digits that give the same floats again, and nothing where missing."""
+    """Write each number with the fewest digits that read back as the same number; missing ones are empty."""
     cells = [table.time.tolist()]
     for column in table.columns:
         known = zip(column.values.tolist(), column.missing.tolist(), strict=True)
@@ -184,7 +189,7 @@ def _write_csv(table: ExportTable, path: Path) -> None:
 
 
 def _write_parquet(table: ExportTable, path: Path) -> None:
-    """Write units and descriptions as metadata of columns, scenario and outcome as the table's."""
+    """Write units and descriptions as metadata of columns, and facts about the runs as those of the table."""
     import pyarrow as arrow
     from pyarrow import parquet
 
@@ -200,7 +205,7 @@ def _write_parquet(table: ExportTable, path: Path) -> None:
 
 
 def _write_mat(table: ExportTable, path: Path) -> None:
-    """Write a struct for each plant with one for each group, the same again with units, and `info`."""
+    """Write nested structs of plants, groups and signals, the same structs with units, and `info`."""
     from scipy.io import savemat
 
     variables: dict[str, Any] = {"time": table.time}
@@ -222,7 +227,7 @@ def _write_mat(table: ExportTable, path: Path) -> None:
 
 
 def _matlab_renamed(table: ExportTable) -> dict[str, str]:
-    """Return the plants, labels, groups and columns that have other names in MATLAB, and those names."""
+    """Return the names of plants, labels, groups and columns that change in MATLAB, with their new names."""
     renamed = {}
     for name, path in _matlab_paths(table).items():
         parts = name.split(".")
@@ -233,20 +238,20 @@ def _matlab_renamed(table: ExportTable) -> dict[str, str]:
 
 
 def _matlab_paths(table: ExportTable) -> dict[str, tuple[str, ...]]:
-    """Return the names of variable and fields that each column has in MATLAB, level by level."""
+    """Return for each column the names of its variable and nested fields in MATLAB."""
     paths = {column.name: tuple(column.name.split(".")) for column in table.columns}
-    steps = {name: [(path[:k], part) for k, part in enumerate(path)] for name, path in paths.items()}
+    levels = {name: [(path[:k], part) for k, part in enumerate(path)] for name, path in paths.items()}
     below: dict[tuple[str, ...], list[str]] = {}
-    for above, part in (step for path in steps.values() for step in path):
+    for above, part in (level for path in levels.values() for level in path):
         below.setdefault(above, []).append(part)
     taken = ("time", "units", "info")
     valid = {above: _valid_names(parts, () if above else taken) for above, parts in below.items()}
-    return {name: tuple(valid[above][part] for above, part in path) for name, path in steps.items()}
+    return {name: tuple(valid[above][part] for above, part in path) for name, path in levels.items()}
 
 
 def _valid_names(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
-    """Return for each name one that MATLAB takes, all different, as its `makeValidName` makes them."""
-    used, found = set(taken), dict[str, str]()
+    """Return for each name a valid and unique MATLAB name, as MATLAB's `makeValidName` does."""
+    used, result = set(taken), dict[str, str]()
     for name in dict.fromkeys(names):
         valid = re.sub(r"^(?=[\d_])", "x", re.sub(r"\W", "_", name, flags=re.ASCII))
         if MATLAB_KEYWORD.fullmatch(valid):
@@ -256,8 +261,8 @@ def _valid_names(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, s
             number += 1
             free = f"{valid[: LONGEST_NAME - len(f'_{number}')]}_{number}"
         used.add(free)
-        found[name] = free
-    return found
+        result[name] = free
+    return result
 
 
 def _put(tree: dict[str, Any], path: Sequence[str], value: Any) -> None:

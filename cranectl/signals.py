@@ -1,7 +1,7 @@
-"""The one table of signals: names, symbols, units, order. Records, logs, plots and docs derive from it.
+"""Define all signals in one table: names, symbols, units and order; records, logs, plots and docs use it.
 
-Frames: world origin at a corner of the rig at trolley height, x along the 2 m side, y along the
-1.54 m side, z up. SI units and radians.
+The origin of the world frame is a corner of the rig at trolley height. On the laboratory rig x is along the
+2 m side and y along the 1.54 m side; z is up. Units are SI units and radians.
 """
 
 import functools
@@ -27,7 +27,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class SignalGroup:
-    """Signals recorded together: one array block in memory, one topic in a log."""
+    """Signals that are recorded together, as a block of columns in memory and a topic in a log."""
 
     name: str
     schema: str  # message type in logs
@@ -49,14 +49,14 @@ _DERIVATIVE_MARKS = ("", "\u0307", "\u0308", "\u20db", "\u20dc")
 _DERIVATIVE_NAMES = ("position", "velocity", "acceleration", "third derivative", "fourth derivative")
 
 
-def _derivatives(stem: str, symbol: str, what: str, orders: range) -> tuple[Signal, ...]:
-    """Return `stem_x, stem_y, stem_z` and their time derivatives, derivative by derivative."""
+def _derivatives(stem: str, symbol: str, quantity: str, orders: range) -> tuple[Signal, ...]:
+    """Return the signals `stem_x, stem_y, stem_z` and their time derivatives, ordered by derivative."""
     return tuple(
         Signal(
             f"{stem}_{axis}{DERIVATIVE_SUFFIXES[order]}",
             f"{symbol}{_DERIVATIVE_MARKS[order]}{subscript}",
             _DERIVATIVE_UNITS[order],
-            f"{what}, {axis}, {_DERIVATIVE_NAMES[order]}",
+            f"{quantity}, {axis}, {_DERIVATIVE_NAMES[order]}",
         )
         for order in orders
         for axis, subscript in zip(AXES, "₁₂₃", strict=True)
@@ -84,7 +84,7 @@ STATE = SignalGroup(
 LOAD = SignalGroup(
     "load",
     "Load",
-    "what the plant itself says of the load: world position, velocity, rope tension",
+    "world position and velocity of the load, and rope tension, from the plant itself",
     (
         *_derivatives("load", "z", "load as measured by the plant", range(2)),
         Signal("rope_tension", "S", "N", "positive when the rope pulls"),
@@ -94,7 +94,7 @@ LOAD = SignalGroup(
 FLAT_OUTPUT = SignalGroup(
     "flat_output",
     "FlatOutput",
-    "load position and derivatives as the tracker reconstructs them from the joints and ζ",
+    "load position and derivatives, which the tracker computes from the joints and ζ",
     _derivatives("load", "z", "load as seen by the tracker", range(5)),
 )
 
@@ -115,7 +115,7 @@ ERROR = SignalGroup(
 INPUT = SignalGroup(
     "input",
     "Input",
-    "what the tracker commands: accelerations for ideal drives, set-points for velocity drives",
+    "commands of the tracker: accelerations for ideal drives, set-points for velocity drives",
     (
         Signal("bridge_acceleration", "u_x", "m/s²", "commanded bridge acceleration"),
         Signal("trolley_acceleration", "u_y", "m/s²", "commanded trolley acceleration"),
@@ -157,7 +157,7 @@ LOAD_FORCE = SignalGroup(
 
 
 def controller_group(robustifier_order: int) -> SignalGroup:
-    """Return the controller's states: the dynamic extension, then each axis's robustifier."""
+    """Return the group of the flat tracker's states: the dynamic extension, then the robustifier by axis."""
     extension = (
         Signal("zeta", "ζ", "m/s²", "vertical load acceleration held by the tracker"),
         Signal("zeta_dot", "ζ̇", "m/s³", "rate of zeta"),
@@ -167,7 +167,7 @@ def controller_group(robustifier_order: int) -> SignalGroup:
         for axis in AXES
         for k in range(1, robustifier_order + 1)
     )
-    # Of another length, another message type: one schema name must mean one schema.
+    # A schema name must mean one schema, so each length has its own name.
     schema = f"Controller{robustifier_order or ''}"
     return SignalGroup("controller", schema, "states of the controller", extension + robustifier)
 
@@ -175,7 +175,7 @@ def controller_group(robustifier_order: int) -> SignalGroup:
 MEASUREMENT = SignalGroup(
     "measurement",
     "Measurement",
-    "what is measured of the joints, and what the observer makes of disturbances",
+    "measured joint positions and velocities, and disturbances estimated by the observer",
     (
         *STATE.signals,
         Signal("alpha_disturbance_estimate", "d̂_α", "rad/s²", "unexplained angular acceleration of alpha"),
@@ -187,35 +187,38 @@ MEASUREMENT = SignalGroup(
 _COMMANDS = {"acceleration": ("u", "m/s²"), "velocity": ("w", "m/s"), "force": ("F", "N")}  # symbol, unit
 
 
-def command_group(what: str) -> SignalGroup:
-    """Return what arrives at the drives after limits and transport, and which axes were limited."""
-    symbol, unit = _COMMANDS[what]
+def command_group(kind: str) -> SignalGroup:
+    """Return the group of commands at the drives, after limits and delay, and of limits that act.
+
+    `kind` is acceleration, velocity or force.
+    """
+    symbol, unit = _COMMANDS[kind]
     axes = {"bridge": "x", "trolley": "y", "rope": "l"}.items()
-    description = "what arrives at the drives, and whether a limit has cut it off"
+    description = "commands that arrive at the drives, and whether a limit has cut them off"
     arriving = [
-        Signal(f"{n}_command", f"{symbol}_{a}", unit, f"{what} given to the {n} drive") for n, a in axes
+        Signal(f"{n}_command", f"{symbol}_{a}", unit, f"{kind} given to the {n} drive") for n, a in axes
     ]
     limited = [
         Signal(f"{n}_limited", f"sat_{a}", "1", f"1 while the {n} drive's limits act") for n, a in axes
     ]
-    return SignalGroup("command", f"{what.capitalize()}Command", description, (*arriving, *limited))
+    return SignalGroup("command", f"{kind.capitalize()}Command", description, (*arriving, *limited))
 
 
-COMMON = (STATE, LOAD, INPUT, DISTURBANCE)  # recorded of every run, whatever the law
+COMMON = (STATE, LOAD, INPUT, DISTURBANCE)  # recorded in every run, with any controller
 
 
 @functools.cache
 def flat_groups(robustifier_order: int) -> tuple[SignalGroup, ...]:
-    """Return what the flat tracker records in addition: only it knows z'' and above, v and ζ."""
+    """Return the groups that only the flat tracker records: only it has z'' and above, v and ζ."""
     return (FLAT_OUTPUT, ERROR, VIRTUAL_INPUT, controller_group(robustifier_order))
 
 
 def controller_groups_of(name: str, logged: tuple[Signal, ...]) -> tuple[SignalGroup, ...]:
-    """Return what any other controller records: load, error and its own signals."""
-    load = SignalGroup("flat_output", "LoadFromJoints", "load as the joints tell it", FLAT_OUTPUT.signals[:6])
+    """Return the groups that any other controller records: load, error and its own signals."""
+    load = SignalGroup("flat_output", "LoadFromJoints", "load from the joints", FLAT_OUTPUT.signals[:6])
     error = SignalGroup("error", "LoadError", "tracking error z_d - z and its rate", ERROR.signals[:6])
-    schema = f"Controller_{name.replace('-', '_')}"  # a schema has the signals of one law
-    own = SignalGroup("controller", schema, f"what {name} says of itself", logged)
+    schema = f"Controller_{name.replace('-', '_')}"  # each controller has its own schema
+    own = SignalGroup("controller", schema, f"signals that {name} logs", logged)
     return (load, error, own) if logged else (load, error)
 
 
@@ -223,30 +226,30 @@ def controller_groups_of(name: str, logged: tuple[Signal, ...]) -> tuple[SignalG
 def recorded_groups(
     controller_groups: tuple[SignalGroup, ...], *, staged: str = "", forced: bool = False
 ) -> tuple[SignalGroup, ...]:
-    """Return everything that a run records at every sample, in column order: `controller_groups` come last.
+    """Return all groups that a run records at every sample, in the order of columns.
 
-    `staged`: what the drives of a run with a signal path take, which is recorded too with the path; so
-    are the forces of a run whose load is `forced`.
+    `staged` is the kind of command in a run with a signal path, which is recorded too. The forces on the load
+    are recorded in a run with `forced` load.
     """
     path = (MEASUREMENT, command_group(staged)) if staged else ()
     return (*COMMON, *controller_groups, *path, *((LOAD_FORCE,) if forced else ()))
 
 
-# First column of each group; the compiled loops write blocks at these offsets.
+# First column of each group, where the compiled loops write its block.
 _STARTS = (0, *accumulate(len(group) for group in recorded_groups(flat_groups(0))))
 STATE_COLUMN, LOAD_COLUMN, INPUT_COLUMN, DISTURBANCE_COLUMN = _STARTS[:4]
 FLAT_OUTPUT_COLUMN, ERROR_COLUMN, VIRTUAL_INPUT_COLUMN, CONTROLLER_COLUMN = _STARTS[4:-1]
-# Places within groups, for kernels: of the state, of the axes, and of derivatives of three axes each.
+# Indices within groups for kernels: in the state, of axes, and of derivatives, which have three axes each.
 BRIDGE, BRIDGE_RATE, TROLLEY, TROLLEY_RATE, ROPE, ROPE_RATE, ALPHA, ALPHA_RATE, BETA, BETA_RATE = range(10)
 X, Y, Z = range(len(AXES))
 POSITION, VELOCITY, ACCELERATION, JERK, SNAP = range(0, len(REFERENCE), len(AXES))
-TENSION = LOAD.names.index("rope_tension")  # in the group of the load
+TENSION = LOAD.names.index("rope_tension")  # index in the group of the load
 TENSION_COLUMN = LOAD_COLUMN + TENSION
 BASE_WIDTH = _STARTS[-1]  # columns of the flat tracker without robustifier states
-LAW_LOAD_COLUMN = FLAT_OUTPUT_COLUMN  # first of what other laws record, then their errors, then their own
+LAW_LOAD_COLUMN = FLAT_OUTPUT_COLUMN  # other controllers record the load here, then errors and own signals
 LAW_ERROR_COLUMN = LAW_LOAD_COLUMN + 6
 LAW_SIGNALS_COLUMN = LAW_ERROR_COLUMN + 6
-COMMAND_COLUMN = len(MEASUREMENT)  # in the part of the record that is the signal path's
+COMMAND_COLUMN = len(MEASUREMENT)  # in the record of the signal path
 PATH_WIDTH = len(MEASUREMENT) + len(command_group("acceleration"))
 
 # Workspace axes: (signal, column in the state), the order of `RigParameters.workspace`.

@@ -1,10 +1,10 @@
-"""How a run stands or why it ended: one enumeration for kernels, loops, logs and exit codes."""
+"""Define the status of a run, for kernels, loops, logs and exit codes."""
 
 from enum import IntEnum
 
 
 class RunStatus(IntEnum):
-    """State of a run at one sample. Everything from SLACK_ROPE on stopped the run early."""
+    """Status of a run at one sample; a run with SLACK_ROPE or a later one stopped early."""
 
     RUNNING = 0
     COMPLETED = 1
@@ -24,12 +24,12 @@ class RunStatus(IntEnum):
 
     @property
     def label(self) -> str:
-        """The name used in tables and JSON, e.g. `slack-rope`."""
+        """The name in tables and JSON, such as `slack-rope`."""
         return self.name.lower().replace("_", "-")
 
     @property
     def explanation(self) -> str:
-        """One sentence for people."""
+        """One sentence that explains the status."""
         return _EXPLANATION[self]
 
 

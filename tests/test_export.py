@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 
 from cranectl.cli.main import main
-from cranectl.export import Exporter, chosen_exporter, export_table, exporters, write_table
+from cranectl.export import Exporter, choose_exporter, export_table, exporters, write_table
 from cranectl.log.overlay import Layer, write_overlay
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
@@ -290,7 +290,7 @@ def test_signals_are_chosen_in_the_order_of_the_log(log: Path) -> None:
     ],
 )
 def test_the_format_is_named_or_the_ending(name: str | None, out: str | None, expected: str) -> None:
-    assert chosen_exporter(name, Path(out) if out else None).name == expected
+    assert choose_exporter(name, Path(out) if out else None).name == expected
 
 
 def test_every_unit_is_documented() -> None:

@@ -41,10 +41,10 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     cranectl log export logs/fixed-position/lqr-ideal.mcap
     cranectl log export logs/fixed-position/lqr-ideal.mcap --signals 'mujoco.state.*' --out run.mat
     """
-    from cranectl.export import chosen_exporter, export_table, write_table
+    from cranectl.export import choose_exporter, export_table, write_table
     from cranectl.log.overlay import read_layers
 
-    exporter = chosen_exporter(format_name, out)
+    exporter = choose_exporter(format_name, out)
     path = out or log.parent / f"{log.stem}.{exporter.name}"
     layers = read_layers(log)
     check_place(path, exporter.kind, inputs=[log], option="--out")

@@ -61,7 +61,7 @@ CASES = [
     ("compare one.mcap", "name a second log", "compare one.mcap two.mcap"),
     ("compare one.mcap", "run with --plants all", "run short.toml --plants all"),
     ("render one.mcap a.gif --time 0.1", "name a .png", "render one.mcap a.png --time 0.1"),
-    ("log export one.mcap --out a.table", "say --format", "log export one.mcap --out a.table --format csv"),
+    ("log export one.mcap --out a.table", "add --format", "log export one.mcap --out a.table --format csv"),
     (
         "campaign run many.toml --out result",
         "complete it with --resume",
