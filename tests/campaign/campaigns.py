@@ -47,6 +47,6 @@ def campaign(uncertain: dict[str, Any] | None = None, **changes: Any) -> Campaig
     return make_campaign(parse_campaign(table(uncertain, **changes), "test.toml"))
 
 
-def run_batch(made: Campaign, batch: Batch) -> list[Row]:
-    ((_, rows),) = run_batches(made, [batch])
+def run_batch(campaign_to_run: Campaign, batch: Batch) -> list[Row]:
+    ((_, rows),) = run_batches(campaign_to_run, [batch])
     return rows

@@ -1,4 +1,4 @@
-"""A small campaign and its result, for tests of commands; a cluster."""
+"""Fixtures for tests of campaign commands: a small campaign, its result, and a cluster."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -34,7 +34,7 @@ high = 30.0
 
 @pytest.fixture
 def cluster() -> "Iterator[LocalCluster]":
-    """Workers in threads: no start of a process to wait for; all the rest is as between machines."""
+    """Start a cluster with workers in threads, which start faster than processes and behave the same."""
     from distributed import LocalCluster  # of an extra
 
     from cranectl.campaign.cluster import NO_DASHBOARD
@@ -53,7 +53,7 @@ def cluster() -> "Iterator[LocalCluster]":
 
 @pytest.fixture
 def in_directory_with_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """It has `small.toml`: 160 samples, three batches for each of two controllers."""
+    """Enter a directory with `small.toml`: 160 samples, three batches for each of two controllers."""
     monkeypatch.chdir(tmp_path)
     Path("small.toml").write_text(SMALL)
     return tmp_path
@@ -61,7 +61,7 @@ def in_directory_with_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The result that threads write without interruption, not to be changed."""
+    """Return the result of an uninterrupted run in threads; no test may change it."""
     folder = tmp_path_factory.mktemp("finished")
     (folder / "small.toml").write_text(SMALL)
     assert main(["campaign", "run", str(folder / "small.toml"), "--out", str(folder / "result")]) == 0
@@ -70,7 +70,10 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
-    """Runs a `cranectl campaign` that must end with exit code 2 and no traceback: its standard error."""
+    """Return a function that runs a refused `cranectl campaign` command and returns its standard error.
+
+    The command must end with exit code 2 and without a traceback.
+    """
 
     def refused(*arguments: str) -> str:
         assert main(["campaign", *arguments]) == 2

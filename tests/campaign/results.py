@@ -1,4 +1,4 @@
-"""Results without a simulation, for tests of what is around one."""
+"""Invented results, for tests that need no simulation."""
 
 from pathlib import Path
 
@@ -12,12 +12,12 @@ from tests.campaign.campaigns import campaign
 
 
 def two_controllers(**changes: object) -> Campaign:
-    """Three batches of each: the last one shorter."""
+    """Return a campaign with two controllers and three batches for each; the last one is shorter."""
     return campaign(**({"controllers": ["lqr", "pole-placement"], "runs": 40} | changes))
 
 
 def invented_rows(of: Campaign, batch: Batch) -> list[Row]:
-    """Rows as a worker makes them; some runs stop early, some metrics are absent."""
+    """Return rows like those of a worker; some runs stop early, and some metrics are absent."""
     values = sample_values(of, batch.first, batch.last)
     return [
         invented_row(of, batch, sample, row) for sample, row in zip(range(*batch[2:]), values, strict=True)
@@ -38,12 +38,12 @@ def invented_row(of: Campaign, batch: Batch, sample: int, values: np.ndarray) ->
 
 
 def write_all(of: Campaign, directory: Path, *, leave: int = 0) -> None:
-    """A result without its last `leave` batches, written from its end."""
+    """Write a result without its last `leave` batches, the last of the others first."""
     with open_store(of, directory) as store:
         for batch in reversed(batches_of(of)[: len(batches_of(of)) - leave]):
             store.write(batch, invented_rows(of, batch))
 
 
 def parts_of(directory: Path | str) -> dict[str, bytes]:
-    """The parts of a result by name."""
+    """Return the content of each part of a result, by name."""
     return {path.name: path.read_bytes() for path in (Path(directory) / PARTS).iterdir()}

@@ -1,4 +1,4 @@
-"""Results whose metrics are known functions of the parameters: no simulation, no files."""
+"""Results in memory whose metrics are known functions of the parameters, without a simulation."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -21,27 +21,27 @@ Metrics = Callable[[np.ndarray, str, str], Mapping[str, np.ndarray]]
 
 
 def three(**changes: Any) -> Campaign:
-    """Load mass, lag of the winch, offset of the load; two plants, two controllers."""
+    """Return a campaign with uncertain load mass, winch lag and load offset, in four groups."""
     return campaign(THREE, **(BOTH | changes))
 
 
 def synthetic_results(of: Campaign, metrics: Metrics, *, missing: int = 0) -> Results:
-    """`metrics(values, plant, controller)` gives (n,) arrays by name; "status" may be among them.
+    """Return results with the metrics of a function, without the last `missing` batches.
 
-    Metrics that it does not name are 0.5; those of runs that stopped are what it says. The last `missing`
-    batches are not there.
+    `metrics(values, plant, controller)` returns (n,) arrays by name, with or without "status". All other
+    metrics are 0.5.
     """
     batches = batches_of(of)
-    kept = batches[: len(batches) - missing]
+    present = batches[: len(batches) - missing]
     schema = arrow_schema(of, {"campaign": of.settings.name})
     tables = []
-    for plant, controller in dict.fromkeys((batch.plant, batch.controller) for batch in kept):
-        last = max(b.last for b in kept if (b.plant, b.controller) == (plant, controller))
+    for plant, controller in dict.fromkeys((batch.plant, batch.controller) for batch in present):
+        last = max(b.last for b in present if (b.plant, b.controller) == (plant, controller))
         tables.append(_table(schema, of, metrics, (plant, controller), last))
     table = pyarrow.concat_tables(tables) if tables else schema.empty_table()
     made_by = np.zeros(table.num_rows, dtype=np.int64)
     return Results(
-        Path("logs/campaign test"), of, manifest_of(of), tuple(batches[len(kept) :]), table, made_by
+        Path("logs/campaign test"), of, manifest_of(of), tuple(batches[len(present) :]), table, made_by
     )
 
 

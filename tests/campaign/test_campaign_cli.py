@@ -1,4 +1,4 @@
-"""`cranectl campaign` as users meet it: run, cut short, resumed, replayed, wrong input."""
+"""Test `cranectl campaign` as users do: run, interrupt, resume, replay, and wrong input."""
 
 import json
 import os
@@ -40,9 +40,9 @@ sys.exit(main(["campaign", "run", "small.toml", "--out", "cut"]))
 """
 
 
-@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_a_run_cut_short_is_resumed_to_the_same_table(
-    finished: Path, sent: signal.Signals, refused: Refused
+    finished: Path, number: signal.Signals, refused: Refused
 ) -> None:
     process = subprocess.Popen(
         [sys.executable, "-c", ANNOUNCED],
@@ -55,12 +55,12 @@ def test_a_run_cut_short_is_resumed_to_the_same_table(
     assert process.stdout.readline() == "written\n"
     resume = ["run", "small.toml", "--out", "cut", "--resume"]
     assert "another process is writing cut" in refused(*resume)
-    process.send_signal(sent)
+    process.send_signal(number)
     out, error = process.communicate(timeout=HANG)
     assert "Traceback" not in error
-    assert process.returncode == (-sent if sent == signal.SIGKILL else 130)
-    again = "of 320 runs are kept; go on with: cranectl campaign run small.toml --out cut --resume"
-    assert (again in out) == (sent != signal.SIGKILL)
+    assert process.returncode == (-number if number == signal.SIGKILL else 130)
+    hint = "of 320 runs are kept; go on with: cranectl campaign run small.toml --out cut --resume"
+    assert (hint in out) == (number != signal.SIGKILL)
     before = len(read_results("cut", unfinished=True))
     assert 0 < before < 320
     assert "is not finished" in refused("report", "cut")
@@ -87,9 +87,9 @@ def test_a_finished_result_is_judged_by_other_limits_without_running(
     limit = ["--set", "limits.max_error_m=0.5", "--resume", "--out", "mine", "--json", "-"]
     assert main(["campaign", "run", "small.toml", *limit]) == 0
     captured = capsys.readouterr()
-    found = json.loads(captured.out)
-    assert (found["finished"], found["runs"], found["missing"]) == (True, 320, 0)
-    lqr, poles = found["groups"]
+    summary = json.loads(captured.out)
+    assert (summary["finished"], summary["runs"], summary["missing"]) == (True, 320, 0)
+    lqr, poles = summary["groups"]
     assert (lqr["controller"], poles["controller"]) == ("lqr", "pole-placement")
     results = read_results("mine")
     beyond = int((results.column("max_error_m")[:160] > 0.5).sum())
@@ -101,12 +101,12 @@ def test_a_finished_result_is_judged_by_other_limits_without_running(
 def test_replayed_runs_are_the_same_to_the_bit(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["replay", str(finished), "--worst", "2", "--every", "1", "--out", "again", "--json", "-"]
     assert main(["campaign", *command]) == 0
-    found = json.loads(capsys.readouterr().out)["replays"]
+    replays = json.loads(capsys.readouterr().out)["replays"]
     results = read_results(finished)
     errors = results.column("max_error_m")
     worst = (-errors).argsort(kind="stable")[:2]
-    assert [replay["sample"] for replay in found] == results.column("sample")[worst].tolist()
-    for replay, row in zip(found, worst.tolist(), strict=True):
+    assert [replay["sample"] for replay in replays] == results.column("sample")[worst].tolist()
+    for replay, row in zip(replays, worst.tolist(), strict=True):
         (run,) = read_log(replay["log"]).values()
         metrics = run_metrics(run)
         assert metrics is not None
@@ -116,7 +116,7 @@ def test_replayed_runs_are_the_same_to_the_bit(finished: Path, capsys: pytest.Ca
 
 
 def test_a_replay_that_differs_fails_loudly(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """One bit of one metric of one run, in a part that is otherwise whole."""
+    """One bit of one metric of one run is changed, in a part that is valid otherwise."""
     shutil.copytree(finished, "mine")
     results = read_results("mine")
     change_one_bit(results, Batch("analytic", "lqr", 64, 128), "rms_error_m")
@@ -137,7 +137,7 @@ def change_one_bit(results: Results, batch: Batch, column: str) -> None:
 
 
 def test_failures_of_the_crane_are_results(capsys: pytest.CaptureFixture[str]) -> None:
-    """A push that throws the load out of the range in which angles are defined."""
+    """A disturbance swings the load to angles that are not defined."""
     hard = ["--set", "uncertain.disturbances.0.magnitude.low=200.0"]
     hard += ["--set", "uncertain.disturbances.0.magnitude.high=300.0", "--runs", "3", "--controllers", "lqr"]
     assert main(["campaign", "run", "small.toml", *hard, "--json", "found.json"]) == 0
@@ -151,7 +151,7 @@ def test_failures_of_the_crane_are_results(capsys: pytest.CaptureFixture[str]) -
 def test_list_and_show(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["campaign", "list", "--json", "-"]) == 0
     listed = json.loads(capsys.readouterr().out)["campaigns"]
-    assert [each["name"] for each in listed] == campaign_names()
+    assert [entry["name"] for entry in listed] == campaign_names()
     assert main(["campaign", "show", "small.toml", "--runs", "50", "--json", "-"]) == 0
     captured = capsys.readouterr()
     shown = json.loads(captured.out)
@@ -192,7 +192,7 @@ def test_bad_input_is_explained(refused: Refused, arguments: list[str], expected
 
 
 def test_a_page_can_show_a_command_with_a_name_that_is_no_text(tmp_path: Path) -> None:
-    """Names of files are bytes; Python shows those that are not UTF-8 as surrogates."""
+    """File names are bytes, and Python shows those that are not UTF-8 as surrogates."""
     page = tmp_path / "page.html"
     assert main(["campaign", "run", "small.toml", "--runs", "2", "--out", "odd"]) == 0
     assert main(["campaign", "report", "odd", "--json", "\udcff.json", "--out", str(page)]) == 0

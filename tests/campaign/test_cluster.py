@@ -1,4 +1,4 @@
-"""Campaigns on a Dask cluster: the bytes of the threads, whatever dies on the way."""
+"""A campaign on a Dask cluster gives the same bytes as in threads, also if workers or the scheduler die."""
 
 import contextlib
 import logging
@@ -64,11 +64,11 @@ def die(_batch: Batch, **_: Any) -> None:
 def test_killed_workers_cost_time_only_unless_a_batch_kills_them_all(
     finished: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = small()
-    with cluster_client(None, 2) as client, open_store(made, Path("mine")) as store:
+    campaign = small()
+    with cluster_client(None, 2) as client, open_store(campaign, Path("mine")) as store:
         before = client.run(os.getpid)
         killed = ""
-        for batch, rows in run_batches_on(client, made, store.missing):
+        for batch, rows in run_batches_on(client, campaign, store.missing):
             store.write(batch, rows)
             if not killed:
                 killed = next(address for address, keys in client.processing().items() if keys)
@@ -78,7 +78,7 @@ def test_killed_workers_cost_time_only_unless_a_batch_kills_them_all(
         monkeypatch.setattr("cranectl.campaign.cluster.run_remotely", die)
         client.cluster.scheduler.allowed_failures = 0
         with pytest.raises(InputError, match=r"all workers that ran .* died.*tcp://[^$]*--resume"):
-            list(run_batches_on(client, made, batches_of(made)[:1]))
+            list(run_batches_on(client, campaign, batches_of(campaign)[:1]))
         after = client.cluster.scheduler.workers
     assert not after
     for pid in before.values():
@@ -110,7 +110,7 @@ def test_what_came_in_before_the_scheduler_died_is_kept_and_the_rest_resumed(
 
 
 def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster) -> None:
-    """A batch of half a minute, whose client goes without a word."""
+    """The client of a batch of half a minute leaves without cancelling it."""
     long = small("set=['duration=600.0']", "uncertain.disturbances.0.magnitude.high=3.0")
 
     def running() -> bool:
@@ -125,38 +125,38 @@ def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster) -> N
 
 def test_a_batch_is_left_when_another_thread_says_so(cluster: LocalCluster) -> None:
     long = small("set=['duration=600.0']", "uncertain.disturbances.0.magnitude.high=3.0")
-    told: list[bool] = []
+    executing: list[bool] = []
 
     def stop() -> bool:
-        told.append(any(worker.state.executing for worker in cluster.workers.values()))
-        return told[-1]
+        executing.append(any(worker.state.executing for worker in cluster.workers.values()))
+        return executing[-1]
 
     with cluster_client(cluster.scheduler_address, 1) as client:
         with pytest.raises(StoppedError):
             list(run_batches_on(client, long, batches_of(long)[:1], stop))
-        assert told.count(True) == 1, "it was left at once"
+        assert executing.count(True) == 1, "it was left at once"
         wait_until(lambda: not any(worker.state.executing for worker in cluster.workers.values()))
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "phrase"),
     [("numpy", ", here 1.0"), ("cranectl", "the scheduler has"), ("sources", "the worker tcp://")],
 )
 def test_other_software_is_refused(
-    name: str, told: str, cluster: LocalCluster, refused: Refused, monkeypatch: pytest.MonkeyPatch
+    name: str, phrase: str, cluster: LocalCluster, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    other = provenance() | {name: "1.0"}
-    monkeypatch.setattr("cranectl.campaign.manifest.software_of", lambda *_: other)  # not the worker's
+    versions = provenance() | {name: "1.0"}
+    monkeypatch.setattr("cranectl.campaign.manifest.software_of", lambda *_: versions)  # not the worker's
     error = refused(*RUN, "--scheduler", cluster.scheduler_address)
     assert "has other software" in error
     assert f" {name} " in error
-    assert told in error
+    assert phrase in error
     assert not Path("logs/campaign-small/campaign.json").exists()
 
 
 def test_a_crane_that_cannot_be_run_is_refused(cluster: LocalCluster, refused: Refused) -> None:
     unstable = ["design.state_weights=[1e9,1.0,1.0,1.0]", "design.input_weight=1e-9", "control.period=0.05"]
-    options = [part for each in unstable for part in ("--set", each)]
+    options = [part for setting in unstable for part in ("--set", setting)]
     error = refused(*RUN, *options, "--scheduler", cluster.scheduler_address)
     assert "unstable when sampled" in error
 
@@ -200,22 +200,22 @@ def test_a_scheduler_without_workers(refused: Refused, monkeypatch: pytest.Monke
 
 
 def test_no_recipe_opens_a_scheduler_to_everybody(capsys: pytest.CaptureFixture[str]) -> None:
-    """Whoever reaches one runs programs; as it comes it listens on all addresses."""
+    """Everybody who reaches a scheduler can run programs, and by default it listens on all addresses."""
     recipes = []
     for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
         text = page.read_text()
-        found = re.findall("^dask (?:scheduler|worker) .*$", text, re.MULTILINE)
-        assert not found or ("runs programs on it" in text and "tls://" in text)
-        recipes += found
+        commands = re.findall("^dask (?:scheduler|worker) .*$", text, re.MULTILINE)
+        assert not commands or ("runs programs on it" in text and "tls://" in text)
+        recipes += commands
     assert recipes
     assert all(re.search(r" --host 10[.\d]+ ", recipe) for recipe in recipes)
     assert main(["campaign", "run", "--help"]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert "Whoever reaches it runs programs there: start it with --host" in told
+    help_text = " ".join(capsys.readouterr().out.split())
+    assert "Whoever reaches it runs programs there: start it with --host" in help_text
 
 
 def test_dask_s_usual_port_may_be_taken() -> None:
-    """A warning would be an error here: by another campaign, or another test's cluster."""
+    """Another campaign or test may use the port; a warning about it would be an error in tests."""
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # it is taken already
             stack.enter_context(socket.create_server(("127.0.0.1", 8787)))

@@ -1,4 +1,4 @@
-"""Inverse distribution functions against those of scipy.stats, and in themselves."""
+"""Compare inverse distribution functions with scipy.stats, and test their own properties."""
 
 from typing import Any
 
@@ -43,16 +43,16 @@ def test_quantiles_are_those_of_scipy(ours: Distribution, theirs: Any) -> None:
 
 
 def test_a_tail_far_from_the_mean_is_still_sampled_within_it() -> None:
-    """Six deviations out, where Φ itself has lost most digits."""
+    """Six deviations from the mean, Φ itself has lost most of its digits."""
     far = make("normal", mean=0.0, deviation=1.0, low=6.0, high=7.0)
     theirs = truncated(0.0, 1.0, 6.0, 7.0).ppf(U)
     np.testing.assert_allclose(far.quantile(U, 0.0), theirs, rtol=1e-8)
 
 
 def test_relative_numbers_follow_a_negative_nominal_value() -> None:
-    turned = make("uniform", low=0.5, high=2.0, relative=True)
-    assert turned.ends(-3.0) == (-6.0, -1.5)
-    values = turned.quantile(U, -3.0)
+    distribution = make("uniform", low=0.5, high=2.0, relative=True)
+    assert distribution.ends(-3.0) == (-6.0, -1.5)
+    values = distribution.quantile(U, -3.0)
     assert (values >= -6.0).all()
     assert (values <= -1.5).all()
 
@@ -72,11 +72,14 @@ def test_relative_numbers_follow_a_negative_nominal_value() -> None:
     ids=str,
 )
 def test_a_spread_takes_each_value_so_much_farther_from_the_nominal_one(
-    given: Distribution, factor: float
+    distribution: Distribution, factor: float
 ) -> None:
-    """The same draw, sample by sample: along a ray from the nominal value."""
-    once, more = given.quantile(U, NOMINAL), given.spread_out(factor, NOMINAL).quantile(U, NOMINAL)
-    if given.distribution == "log-uniform":
+    """Each sample moves along a ray from the nominal value."""
+    once, more = (
+        distribution.quantile(U, NOMINAL),
+        distribution.spread_out(factor, NOMINAL).quantile(U, NOMINAL),
+    )
+    if distribution.distribution == "log-uniform":
         once, more = np.log(once / NOMINAL), np.log(more / NOMINAL)
     else:
         once, more = once - NOMINAL, more - NOMINAL
@@ -85,12 +88,12 @@ def test_a_spread_takes_each_value_so_much_farther_from_the_nominal_one(
 
 
 def test_without_spread_all_is_nominal_but_seeds_and_choices() -> None:
-    for given in (make("uniform", low=0.5, high=2.0, relative=True), make("normal", deviation=0.3)):
-        still = given.spread_out(0.0, NOMINAL)
-        assert not still.varies
-        assert set(still.quantile(U, NOMINAL)) == {NOMINAL}
-    for given in (make("integers"), make("choice", values=[1.0, 3.0])):
-        assert given.spread_out(0.0, NOMINAL) == given == given.spread_out(3.0, NOMINAL)
+    for distribution in (make("uniform", low=0.5, high=2.0, relative=True), make("normal", deviation=0.3)):
+        without_spread = distribution.spread_out(0.0, NOMINAL)
+        assert not without_spread.varies
+        assert set(without_spread.quantile(U, NOMINAL)) == {NOMINAL}
+    for distribution in (make("integers"), make("choice", values=[1.0, 3.0])):
+        assert distribution.spread_out(0.0, NOMINAL) == distribution == distribution.spread_out(3.0, NOMINAL)
 
 
 def test_a_choice_has_the_shares_of_its_weights() -> None:

@@ -1,9 +1,8 @@
-"""Numbers of campaign files at the ends of what is allowed, and the smallest and largest of all numbers.
+"""Test numbers of campaign files at the ends of their allowed ranges, and extreme floats.
 
-A campaign is refused with what to do, or its values are finite, within the ends of their distribution, and
-the same in whatever block they are drawn. Quantiles of the distributions are held to SciPy's in
-`test_distributions.py`, statistics of results to SciPy's in `test_statistics.py`, Sobol indices to closed
-forms in `test_sensitivity.py`.
+Either a campaign is refused with a remedy, or its values are finite, within the ends of their distribution,
+and the same in every block. Other files compare with independent results: `test_distributions.py` and
+`test_statistics.py` with SciPy, and `test_sensitivity.py` with closed forms.
 """
 
 import math
@@ -20,8 +19,8 @@ from cranectl.support.errors import InputError
 from tests.campaign.campaigns import LAG, MASS, PAIR, PUSH, choice, table
 from tests.ranges import Key, ends, put, result_or_refusal, share_of, tells_what_to_do
 
-ROWS = 4  # that are looked at, at either end of a campaign
-# With bounds of their own in no schema: of distributions, the ends of all numbers.
+ROWS = 4  # samples checked at either end of a campaign
+# For numbers of distributions, which have no bounds in any schema.
 EXTREME = (-1e308, -1.0, -5e-324, 0.0, 5e-324, 1e-12, 1e12, 1e308)
 UNCERTAIN: dict[str, dict[str, Any]] = {
     "rig.load_mass": MASS,
@@ -34,12 +33,12 @@ UNCERTAIN: dict[str, dict[str, Any]] = {
 }
 RULE = re.compile(
     r"found: .* (must|need|needs|is missing|take|takes no) .*remedy: ", re.DOTALL
-)  # between two numbers
+)  # errors about two numbers together
 SAMPLINGS = ("monte-carlo", "latin-hypercube", "sobol", "saltelli", "grid", "one-at-a-time")
 
 
 class Case(NamedTuple):
-    """One number of a campaign, changed."""
+    """A campaign with one changed number."""
 
     name: str
     key: Key
@@ -65,7 +64,7 @@ def base(sampling: str) -> dict[str, Any]:
 
 
 def cases() -> list[Case]:
-    found = []
+    result = []
     for sampling in SAMPLINGS:
         numbers: list[tuple[Key, float]] = [
             (key, value) for key, value in ends(CampaignSettings) if key[0] in base(sampling)
@@ -79,12 +78,12 @@ def cases() -> list[Case]:
                 elif key == "levels":
                     numbers += [(("uncertain", name, key), value) for value in (1, 10_000)]
         for key, value in numbers:
-            found.append(Case(f"{sampling} {'.'.join(map(str, key))}={value:g}", key, value, sampling))
-    return found
+            result.append(Case(f"{sampling} {'.'.join(map(str, key))}={value:g}", key, value, sampling))
+    return result
 
 
 CASES = cases()
-FOUND = ("sobol uncertain.initial.alpha_offset.deviation=1e+308",)  # by all of them
+ALWAYS_TRIED = ("sobol uncertain.initial.alpha_offset.deviation=1e+308",)  # it once failed
 
 
 def drawn(case: Case) -> tuple[Campaign, np.ndarray]:
@@ -96,16 +95,16 @@ def drawn(case: Case) -> tuple[Campaign, np.ndarray]:
     return campaign, np.concatenate(values)
 
 
-@pytest.mark.parametrize("case", share_of(CASES, 60, FOUND), ids=lambda case: case.name)
+@pytest.mark.parametrize("case", share_of(CASES, 60, ALWAYS_TRIED), ids=lambda case: case.name)
 def test_a_campaign_is_drawn_or_refused(case: Case) -> None:
-    found = result_or_refusal(lambda: drawn(case))
-    if isinstance(found, InputError):
-        assert tells_what_to_do(str(found)) or RULE.search(str(found))
+    result = result_or_refusal(lambda: drawn(case))
+    if isinstance(result, InputError):
+        assert tells_what_to_do(str(result)) or RULE.search(str(result))
         return
-    campaign, values = found
+    campaign, values = result
     assert np.isfinite(values).all()
-    again = sample_values(campaign, campaign.runs - 1, campaign.runs)
-    assert np.array_equal(again[0], values[-1]), "a row is the same in whatever block"
+    last_row = sample_values(campaign, campaign.runs - 1, campaign.runs)
+    assert np.array_equal(last_row[0], values[-1]), "a row is the same in whatever block"
     spread = campaign.settings.spread
     for column, (name, kind) in zip(values.T, campaign.settings.uncertain.items(), strict=True):
         if spread != 1.0:

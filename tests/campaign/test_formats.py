@@ -1,4 +1,4 @@
-"""Results stay readable: one of every format is kept in `samples`, written by the version that had it."""
+"""Results of every format stay readable: `samples` has one of each, written by the version of that format."""
 
 import json
 import shutil
@@ -16,7 +16,7 @@ from cranectl.support.errors import InputError
 from cranectl.support.provenance import fingerprints
 
 SAMPLES = Path(__file__).parent / "samples"
-# As pyarrow alone reads it from the parts: largest error of each sample with lqr.
+# Largest error of each sample with lqr, read from the parts by pyarrow alone.
 ERRORS = [
     0.04711652747316714,
     0.07450149957616926,
@@ -28,8 +28,8 @@ ERRORS = [
 
 
 @pytest.fixture
-def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of all samples to work in."""
+def samples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Copy all samples, and enter their folder."""
     shutil.copytree(SAMPLES, tmp_path / "samples")
     monkeypatch.chdir(tmp_path / "samples")
     return tmp_path / "samples"
@@ -55,7 +55,7 @@ def test_its_numbers_are_what_they_were(number: int) -> None:
 
 
 @pytest.mark.parametrize("number", READERS)
-def test_it_can_be_reported(kept: Path, number: int, capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_can_be_reported(samples: Path, number: int, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["campaign", "report", f"format-{number}", "--out", "page.html", "--json", "found.json"]
     assert main(command) == 0
     out = capsys.readouterr().out
@@ -63,33 +63,33 @@ def test_it_can_be_reported(kept: Path, number: int, capsys: pytest.CaptureFixtu
     assert (
         f"sources {'unknown' if number == 1 else '70bca0eedddf5057'}, now {fingerprints()['sources']}" in out
     )
-    makers = json.loads((kept / "found.json").read_text())["software"]
+    makers = json.loads((samples / "found.json").read_text())["software"]
     assert [maker["runs"] for maker in makers] == ([6] if number == 1 else [6, 6])
     if number > 1:
         assert [maker["versions"]["sources"] for maker in makers] == ["70bca0eedddf5057", "0123456789abcdef"]
-    assert "sources" in (kept / "page.html").read_text()
+    assert "sources" in (samples / "page.html").read_text()
     assert "were lags that do not feel the load" in " ".join(out.split())
 
 
-def test_a_result_of_other_velocity_drives_is_not_resumed(kept: Path) -> None:
-    """Its runs and new ones would be of two cranes in one table."""
+def test_a_result_of_other_velocity_drives_is_not_resumed(samples: Path) -> None:
+    """Old and new runs in one table would be runs of two different cranes."""
     before = read_results("format-1")
-    manifest = (kept / "format-1" / MANIFEST_FILE).read_bytes()
+    manifest = (samples / "format-1" / MANIFEST_FILE).read_bytes()
     with (
         pytest.raises(InputError, match="velocity_drives is absent, not servos"),
         open_store(before.campaign, Path("format-1"), resume=True, despite_differences=True),
     ):
         pass
-    assert (kept / "format-1" / MANIFEST_FILE).read_bytes() == manifest
+    assert (samples / "format-1" / MANIFEST_FILE).read_bytes() == manifest
 
 
 @pytest.mark.parametrize("number", READERS)
 def test_columns_may_be_described_in_other_words(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    other = columns.METRIC_COLUMNS["max_error_m"]._replace(description="how far off the load was at most")
-    monkeypatch.setitem(columns.METRIC_COLUMNS, "max_error_m", other)
+    reworded = columns.METRIC_COLUMNS["max_error_m"]._replace(description="how far off the load was at most")
+    monkeypatch.setitem(columns.METRIC_COLUMNS, "max_error_m", reworded)
     results = read_results(SAMPLES / f"format-{number}")
     assert results.table.schema.field("max_error_m").metadata[b"description"].startswith(b"how far off")
-    monkeypatch.setitem(columns.METRIC_COLUMNS, "max_error_m", other._replace(unit="mm"))
+    monkeypatch.setitem(columns.METRIC_COLUMNS, "max_error_m", reworded._replace(unit="mm"))
     with pytest.raises(InputError, match="its columns are not those of the campaign"):
         read_results(SAMPLES / f"format-{number}")
 
@@ -104,8 +104,8 @@ def test_columns_may_be_described_in_other_words(number: int, monkeypatch: pytes
         ('{"a":' * 20_000, "campaign.json", "remove the directory"),
     ],
 )
-def test_records_that_cannot_be_read(kept: Path, text: str, found: str, remedy: str) -> None:
-    (kept / "format-2" / MANIFEST_FILE).write_text(text)
+def test_records_that_cannot_be_read(samples: Path, text: str, found: str, remedy: str) -> None:
+    (samples / "format-2" / MANIFEST_FILE).write_text(text)
     with pytest.raises(InputError) as caught:
         read_results("format-2")
     assert found in caught.value.found
@@ -113,8 +113,8 @@ def test_records_that_cannot_be_read(kept: Path, text: str, found: str, remedy: 
 
 
 @pytest.mark.parametrize("accepted", [None, "a", ["a"], [None]])
-def test_what_was_accepted_must_be_a_list_of_software(kept: Path, accepted: object) -> None:
-    path = kept / "format-2" / MANIFEST_FILE
+def test_what_was_accepted_must_be_a_list_of_software(samples: Path, accepted: object) -> None:
+    path = samples / "format-2" / MANIFEST_FILE
     path.write_text(json.dumps(json.loads(path.read_text()) | {"accepted": accepted}))
     with pytest.raises(InputError, match="not the manifest of a campaign"):
         read_results("format-2")
@@ -122,8 +122,8 @@ def test_what_was_accepted_must_be_a_list_of_software(kept: Path, accepted: obje
 
 @pytest.mark.parametrize("part", ["rig", "disturbances"])
 @pytest.mark.parametrize("damaged", [None, "a", ["a"]])
-def test_a_scenario_must_have_what_results_are_compared_by(kept: Path, part: str, damaged: object) -> None:
-    path = kept / "format-2" / MANIFEST_FILE
+def test_a_scenario_must_have_what_results_are_compared_by(samples: Path, part: str, damaged: object) -> None:
+    path = samples / "format-2" / MANIFEST_FILE
     manifest = json.loads(path.read_text())
     manifest["scenario"][part] = damaged
     path.write_text(json.dumps(manifest))

@@ -1,4 +1,4 @@
-"""What the machine does to the processes of a campaign is no result of the controller that they run."""
+"""A failure of the machine, such as a killed process, is never a result of the controller."""
 
 from collections.abc import Callable, Iterator
 from itertools import count
@@ -21,7 +21,7 @@ from tests.campaign.campaigns import campaign, fixed
 from tests.loaders.law_files import LAW
 
 SHORT = ["duration=3.2", "disturbances=[]"]
-# A file counts the failures that are left; `failing` says whether there is to be another one.
+# A file holds the number of failures that are left; `failing` returns True if there must be another one.
 COUNTED = """
 import os, signal
 from multiprocessing import parent_process
@@ -44,7 +44,7 @@ def broken(parameters, measured, reference, memory, command):
         os.kill(os.getpid(), signal.SIGKILL)
     return damper(parameters, measured, reference, memory, command)
 """
-WHAT = {"loading": LOADING + "broken = interpreted\n", "stepping": STEPPING}
+ACTIONS = {"loading": LOADING + "broken = interpreted\n", "stepping": STEPPING}
 
 
 @pytest.fixture(autouse=True)
@@ -55,14 +55,14 @@ def forgotten() -> Iterator[None]:
 
 @pytest.fixture
 def failing(tmp_path: Path) -> Callable[..., str]:
-    """Open a law that the machine fails so many times, at `what` it does."""
+    """Return a function that opens a controller whose process fails `times` times during an `action`."""
 
-    def opened(what: str, times: int, *, always: bool = False) -> str:
-        counter, law = tmp_path / "left", tmp_path / "own" / "law.py"
-        law.parent.mkdir(exist_ok=True)
+    def opened(action: str, times: int, *, always: bool = False) -> str:
+        counter, file = tmp_path / "left", tmp_path / "own" / "law.py"
+        file.parent.mkdir(exist_ok=True)
         counter.write_text(str(times))
-        law.write_text(LAW + COUNTED.format(counter=str(counter), always=always) + WHAT[what])
-        return open_controller(f"{law}:broken")
+        file.write_text(LAW + COUNTED.format(counter=str(counter), always=always) + ACTIONS[action])
+        return open_controller(f"{file}:broken")
 
     return opened
 
@@ -71,31 +71,31 @@ def of(name: str) -> Campaign:
     return campaign({"rig.load_mass": fixed(0.8)}, controllers=[name], plants=["analytic"], runs=1, set=SHORT)
 
 
-def rows(made: Campaign, patience: float = 1e9) -> list[Row]:
+def rows(campaign_to_run: Campaign, patience: float = 1e9) -> list[Row]:
     with Children() as children:
-        worker = ChildWorker(Prepared(made), children, patience=patience)
+        worker = ChildWorker(Prepared(campaign_to_run), children, patience=patience)
         try:
-            return worker.run_batch(Batch("analytic", made.settings.controllers[0], 0, 1))
+            return worker.run_batch(Batch("analytic", campaign_to_run.settings.controllers[0], 0, 1))
         finally:
             worker.close()
 
 
-@pytest.mark.parametrize("what", WHAT)
+@pytest.mark.parametrize("action", ACTIONS)
 def test_a_process_that_the_machine_ends_is_no_row_and_is_tried_again(
-    what: str, failing: Callable[..., str]
+    action: str, failing: Callable[..., str]
 ) -> None:
-    made = of(failing(what, 2))
-    (row,) = rows(made)
+    broken = of(failing(action, 2))
+    (row,) = rows(broken)
     assert (row["status"], row["reason"]) == ("completed", "")
     close_controllers()
     with pytest.raises(MachineError, match=r"a worker (with broken ended|cannot begin)"):
-        rows(of(failing(what, 9)))
+        rows(of(failing(action, 9)))
 
 
 def test_there_is_no_limit_of_time_until_a_run_begins(
     failing: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A clock that jumps by an hour whenever it is asked: all that is compiled takes hours."""
+    """The clock jumps by an hour whenever it is read, so that compilation seems to take hours."""
 
     class Jumping(Timeout):
         def __init__(self, pid: int, seconds: float) -> None:

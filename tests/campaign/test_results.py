@@ -1,4 +1,4 @@
-"""Results on disk: whole parts, found again in order, damage and differences told."""
+"""Test results on disk: complete parts in order, and errors for damage and differences."""
 
 import errno
 import json
@@ -34,22 +34,22 @@ def directory(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def one_part(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The part of the first batch, not to be changed."""
+    """Return the part of the first batch; no test may change it."""
     folder = tmp_path_factory.mktemp("part")
     write_all(CAMPAIGN, folder, leave=len(batches_of(CAMPAIGN)) - 1)
     return folder / PARTS / part_name(batches_of(CAMPAIGN)[0])
 
 
 def caught(function: Any, *arguments: Any, **options: Any) -> InputError:
-    with pytest.raises(InputError) as found:
+    with pytest.raises(InputError) as error:
         function(*arguments, **options)
-    assert found.value.remedy
-    assert found.value.allowed
-    return found.value
+    assert error.value.remedy
+    assert error.value.allowed
+    return error.value
 
 
 def opened(*arguments: Any, **options: Any) -> tuple[int, tuple[str, ...]]:
-    """Number of missing batches and what was quarantined."""
+    """Open a store; return its number of missing batches and its quarantined parts."""
     with open_store(*arguments, **options) as store:
         return len(store.missing), store.quarantined
 
@@ -103,10 +103,10 @@ def test_columns_say_what_they_are(one_part: Path) -> None:
 def test_a_record_is_enough_to_draw_the_samples_again(name: str) -> None:
     of = load_campaign(name)
     manifest = json.loads(json.dumps(manifest_of(of)))
-    again = campaign_of(manifest, "manifest")
-    assert (again.settings, again.nominal) == (of.settings, of.nominal)
-    assert np.array_equal(sample_values(again, 0, 10), sample_values(of, 0, 10))
-    assert differences(manifest_of(again), manifest) == []
+    restored = campaign_of(manifest, "manifest")
+    assert (restored.settings, restored.nominal) == (of.settings, of.nominal)
+    assert np.array_equal(sample_values(restored, 0, 10), sample_values(of, 0, 10))
+    assert differences(manifest_of(restored), manifest) == []
 
 
 def test_a_record_does_not_need_the_scenario_file(tmp_path: Path) -> None:
@@ -132,12 +132,12 @@ def test_an_unfinished_result_says_so(tmp_path: Path, leave: int, runs: int) -> 
 
 def test_truncated_and_foreign_parts_are_found(one_part: Path, tmp_path: Path) -> None:
     batch = batches_of(CAMPAIGN)[0]
-    whole, path = one_part.read_bytes(), tmp_path / one_part.name
-    for size in (0, 3, 100, len(whole) // 2, len(whole) - 1):
-        path.write_bytes(whole[:size])
+    original, path = one_part.read_bytes(), tmp_path / one_part.name
+    for size in (0, 3, 100, len(original) // 2, len(original) - 1):
+        path.write_bytes(original[:size])
         with pytest.raises(ResultDamageError):
             read_part(path, CAMPAIGN, ORIGINS, batch)
-    path.write_bytes(whole)
+    path.write_bytes(original)
     assert read_part(path, CAMPAIGN, ORIGINS, batch)[0].num_rows == 16
     with pytest.raises(ResultDamageError, match="another campaign"):
         read_part(path, CAMPAIGN, [SoftwareOrigin("other", {})], batch)
@@ -146,22 +146,22 @@ def test_truncated_and_foreign_parts_are_found(one_part: Path, tmp_path: Path) -
 
 
 def test_a_flipped_bit_is_found_or_does_no_harm(one_part: Path, tmp_path: Path) -> None:
-    """Nearly all bytes are data or what says how to read them; a few, like the writer's name, say nothing."""
+    """Nearly all bytes are data or describe data; a few have no meaning, like the writer's name."""
     batch = batches_of(CAMPAIGN)[0]
-    whole, path = one_part.read_bytes(), tmp_path / one_part.name
+    original, path = one_part.read_bytes(), tmp_path / one_part.name
     expected, _ = read_part(one_part, CAMPAIGN, ORIGINS, batch)
     rng = np.random.default_rng(0)
-    found = 0
-    places = rng.choice(len(whole), 150, replace=False).tolist()
-    for place in places:
-        changed = bytearray(whole)
-        changed[place] ^= 1 << int(rng.integers(8))
+    damaged = 0
+    positions = rng.choice(len(original), 150, replace=False).tolist()
+    for position in positions:
+        changed = bytearray(original)
+        changed[position] ^= 1 << int(rng.integers(8))
         path.write_bytes(changed)
         try:
             assert read_part(path, CAMPAIGN, ORIGINS, batch)[0].equals(expected)
         except ResultDamageError:
-            found += 1
-    assert found > 0.75 * len(places)
+            damaged += 1
+    assert damaged > 0.75 * len(positions)
 
 
 def test_damaged_parts_are_told_quarantined_and_run_again(directory: Path) -> None:
@@ -173,12 +173,12 @@ def test_damaged_parts_are_told_quarantined_and_run_again(directory: Path) -> No
     shutil.copy(third, second)
     third.rename(third.with_name(f"{third.name}.4711.part"))  # as a kill leaves it, half-written
     error = caught(read_results, directory)
-    for told in (
+    for phrase in (
         first.name,
         f"{second.name}: it holds the batch mujoco lqr 32",
         f"{stray.name}: its name belongs to no batch",
     ):
-        assert told in error.found
+        assert phrase in error.found
     assert "--resume" in error.remedy
     with open_store(CAMPAIGN, directory, resume=True) as store:
         assert store.missing == tuple(batches_of(CAMPAIGN)[:3])

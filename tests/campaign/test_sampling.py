@@ -1,4 +1,4 @@
-"""Samples: the same in every block, distributed and correlated as said, arranged as each method promises."""
+"""Test samples: equal in every block, with the stated distributions, correlations and arrangement."""
 
 import itertools
 from concurrent.futures import ProcessPoolExecutor
@@ -17,33 +17,35 @@ TWO = {"rig.load_mass": MASS, "rig.winch_time_constant": LAG}
 
 
 def of_method(method: str) -> Campaign:
-    """A mixed campaign sampled by `method`."""
+    """Return a campaign with mixed distributions, sampled by `method`."""
     if method in RANDOM:
         return campaign(sampling=method, runs=203, correlation=PAIR)
     if method == "grid":
-        uncertain = {name: each | {"levels": 5} for name, each in TWO.items()}
+        uncertain = {name: distribution | {"levels": 5} for name, distribution in TWO.items()}
         return campaign(uncertain, sampling=method, runs=None)
     return campaign(sampling=method, runs=16 * 8 if method == "saltelli" else None)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_blocks_are_rows_of_the_whole_to_the_bit(method: str) -> None:
-    made = of_method(method)
-    whole = sample_values(made, 0, made.runs)
-    assert whole.shape == (made.runs, len(made.parameters))
+    sampled = of_method(method)
+    whole = sample_values(sampled, 0, sampled.runs)
+    assert whole.shape == (sampled.runs, len(sampled.parameters))
     assert np.isfinite(whole).all()
     for width in (1, 3, 7):
-        blocks = [sample_values(made, k, min(k + width, made.runs)) for k in range(0, made.runs, width)]
+        blocks = [
+            sample_values(sampled, k, min(k + width, sampled.runs)) for k in range(0, sampled.runs, width)
+        ]
         assert (np.concatenate(blocks) == whole).all()
-    assert sample_values(made, 2, 2).shape == (0, len(made.parameters))
+    assert sample_values(sampled, 2, 2).shape == (0, len(sampled.parameters))
 
 
 @pytest.mark.parametrize("method", RANDOM)
 def test_another_process_draws_the_same(method: str) -> None:
-    made = of_method(method)
+    sampled = of_method(method)
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        elsewhere = pool.submit(sample_values, made, 50, 90).result()
-    assert (elsewhere == sample_values(of_method(method), 0, made.runs)[50:90]).all()
+        elsewhere = pool.submit(sample_values, sampled, 50, 90).result()
+    assert (elsewhere == sample_values(of_method(method), 0, sampled.runs)[50:90]).all()
 
 
 @pytest.mark.parametrize("method", [*RANDOM, "saltelli"])
@@ -68,9 +70,9 @@ def test_another_parameter_leaves_the_values_of_the_others(method: str) -> None:
 
 @pytest.mark.parametrize("method", RANDOM)
 def test_samples_have_their_distributions(method: str) -> None:
-    """Kolmogorov-Smirnov; seeded, so that it passes always or never."""
-    made = campaign(sampling=method, runs=2048, correlation=PAIR)
-    values = dict(zip(made.names, sample_values(made, 0, 2048).T, strict=True))
+    """The Kolmogorov-Smirnov test has a fixed seed, so that it always passes or always fails."""
+    sampled = campaign(sampling=method, runs=2048, correlation=PAIR)
+    values = dict(zip(sampled.names, sample_values(sampled, 0, 2048).T, strict=True))
     expected = {
         "rig.load_mass": stats.uniform(0.5, 1.0),
         "rig.winch_time_constant": stats.loguniform(0.01, 0.04),
@@ -86,8 +88,8 @@ def test_samples_have_their_distributions(method: str) -> None:
 
 
 def test_times_lie_on_control_periods_and_within_their_range() -> None:
-    made = campaign({"effects.delay.seconds": uniform(0.0013, 0.0058)}, runs=500)
-    delays = sample_values(made, 0, 500)[:, 0]
+    sampled = campaign({"effects.delay.seconds": uniform(0.0013, 0.0058)}, runs=500)
+    delays = sample_values(sampled, 0, 500)[:, 0]
     np.testing.assert_allclose(np.unique(delays), [0.002, 0.003, 0.004, 0.005], atol=1e-15)
 
 
@@ -95,12 +97,12 @@ def test_times_lie_on_control_periods_and_within_their_range() -> None:
     ("method", "tolerance"), [("monte-carlo", 0.05), ("latin-hypercube", 0.05), ("sobol", 3e-3)]
 )
 def test_rank_correlations_are_reached_and_nothing_else_is_correlated(method: str, tolerance: float) -> None:
-    """Sobol points are even enough to tell 2 sin(π ρ/6) from ρ, which differ by 0.02."""
+    """Sobol points are even enough to distinguish 2 sin(π ρ/6) from ρ, which differ by 0.02."""
     mass, lag, push = "rig.load_mass", "rig.winch_time_constant", "disturbances.0.magnitude"
     chain = [{"between": [mass, lag], "value": 0.6}, {"between": [push, lag], "value": -0.7}]
-    made = campaign(sampling=method, runs=2**14, correlation=chain)
-    ranks = stats.spearmanr(sample_values(made, 0, 2**14)[:, list(made.varied)]).statistic
-    a, b, c = (made.varied.index(made.names.index(name)) for name in (mass, lag, push))
+    correlated = campaign(sampling=method, runs=2**14, correlation=chain)
+    ranks = stats.spearmanr(sample_values(correlated, 0, 2**14)[:, list(correlated.varied)]).statistic
+    a, b, c = (correlated.varied.index(correlated.names.index(name)) for name in (mass, lag, push))
     expected = np.eye(len(ranks))
     expected[[a, b], [b, a]] = 0.6
     expected[[c, b], [b, c]] = -0.7
@@ -120,7 +122,7 @@ def test_a_latin_hypercube_hits_every_part_once_and_sobol_points_are_balanced() 
 
 
 def test_random_numbers_are_those_of_numpy_by_counter() -> None:
-    """The stream of a column, drawn in one go by NumPy's own code."""
+    """Draw the stream of a column at once with NumPy's own code."""
     import hashlib
 
     key = np.array([5, int.from_bytes(hashlib.blake2b(b"name", digest_size=8).digest(), "little")], np.uint64)
@@ -131,28 +133,28 @@ def test_random_numbers_are_those_of_numpy_by_counter() -> None:
 
 def test_a_grid_has_every_combination_once() -> None:
     levels = {"rig.load_mass": MASS | {"levels": 3}, "rig.winch_time_constant": LAG | {"levels": 2}}
-    made = campaign(levels | {"initial.load_offset.0": choice(0.0, 0.01)}, sampling="grid", runs=None)
+    sampled = campaign(levels | {"initial.load_offset.0": choice(0.0, 0.01)}, sampling="grid", runs=None)
     expected = list(itertools.product([0.5, 1.0, 1.5], [0.01, 0.04], [0.0, 0.01]))
-    np.testing.assert_allclose(sample_values(made, 0, made.runs), expected, rtol=1e-12)
+    np.testing.assert_allclose(sample_values(sampled, 0, sampled.runs), expected, rtol=1e-12)
 
 
 def test_one_at_a_time_is_nominal_but_for_one_parameter() -> None:
-    made = campaign(MIXED, sampling="one-at-a-time", runs=None)
-    values = sample_values(made, 0, made.runs)
-    free = list(made.varied)
-    nominal = np.array([p.nominal for p in made.parameters])
+    sampled = campaign(MIXED, sampling="one-at-a-time", runs=None)
+    values = sample_values(sampled, 0, sampled.runs)
+    free = list(sampled.varied)
+    nominal = np.array([p.nominal for p in sampled.parameters])
     assert (values[0, free] == nominal[free]).all()
-    assert (values[:, made.names.index("initial.load_offset.0")] == 0.01).all()
+    assert (values[:, sampled.names.index("initial.load_offset.0")] == 0.01).all()
     assert ((values[1:, free] != nominal[free]).sum(axis=1) <= 1).all()
     np.testing.assert_allclose(values[1:3, 0], [0.55, 1.45])
-    coulomb = made.names.index("effects.friction.coulomb.1")
+    coulomb = sampled.names.index("effects.friction.coulomb.1")
     assert set(values[:, coulomb]) == {0.5, 1.0, 2.0}
-    assert made.runs == 1 + 5 * 2 + 3
+    assert sampled.runs == 1 + 5 * 2 + 3
 
 
 def test_saltelli_rows_take_one_coordinate_from_b() -> None:
-    made = campaign(sampling="saltelli", runs=4 * 8)
-    points = unit_points(made, 0, made.runs)[:, list(made.varied)].reshape(4, 8, 6)
+    sampled = campaign(sampling="saltelli", runs=4 * 8)
+    points = unit_points(sampled, 0, sampled.runs)[:, list(sampled.varied)].reshape(4, 8, 6)
     a, b = points[:, 0], points[:, 1]
     assert (a != b).all()
     for k in range(6):
@@ -161,7 +163,7 @@ def test_saltelli_rows_take_one_coordinate_from_b() -> None:
 
 
 def test_any_block_of_a_million_takes_little_time_and_none_is_outside() -> None:
-    made = load_campaign("lab-rig", overrides=["runs=1000000", "sampling=monte-carlo"])
+    sampled = load_campaign("lab-rig", overrides=["runs=1000000", "sampling=monte-carlo"])
     with pytest.raises(ValueError, match="of 1000000"):
-        sample_values(made, 0, 1_000_001)
-    assert sample_values(made, 999_990, 1_000_000).shape == (10, len(made.parameters))
+        sample_values(sampled, 0, 1_000_001)
+    assert sample_values(sampled, 999_990, 1_000_000).shape == (10, len(sampled.parameters))

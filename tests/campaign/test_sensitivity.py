@@ -1,4 +1,4 @@
-"""What decides how runs go, and which runs differ: synthetic runs with effects that are known."""
+"""Test which parameters decide the outcome and which runs differ, with synthetic runs of known effects."""
 
 import math
 
@@ -28,7 +28,7 @@ THREE_NAMES = tuple(THREE)
 
 
 def ishigami(of: Campaign) -> np.ndarray:
-    """Of the three parameters, mapped to (-π, π) by their distribution functions; a = 7, b = 0.1."""
+    """Return Ishigami's function (a = 7, b = 0.1) of three parameters, mapped to (-π, π) by their ranks."""
     values = sample_values(of, 0, of.runs)
     low, high = np.array([[0.5, math.log(0.01), -0.03], [1.5, math.log(0.04), 0.03]])
     values[:, 1] = np.log(values[:, 1])
@@ -42,65 +42,68 @@ def designed() -> Campaign:
 
 
 def test_sobol_indices_of_ishigami(designed: Campaign) -> None:
-    """First 0.3139, 0.4424, 0; total 0.5576, 0.4424, 0.2437: Ishigami and Homma (1990)."""
+    """First-order indices: 0.3139, 0.4424, 0; total: 0.5576, 0.4424, 0.2437 (Ishigami and Homma 1990)."""
     outputs = ishigami(designed)
-    found = sobol_indices(designed, outputs)
-    assert found is not None
-    assert found.first == pytest.approx([0.3139, 0.4424, 0.0], abs=0.02)
-    assert found.total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.02)
-    for values, interval in ((found.first, found.first_interval), (found.total, found.total_interval)):
+    indices = sobol_indices(designed, outputs)
+    assert indices is not None
+    assert indices.first == pytest.approx([0.3139, 0.4424, 0.0], abs=0.02)
+    assert indices.total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.02)
+    for values, interval in (
+        (indices.first, indices.first_interval),
+        (indices.total, indices.total_interval),
+    ):
         assert (interval[0] < values).all()
         assert (values < interval[1]).all()
         assert (interval[1] - interval[0] < 0.15).all()
-    assert found.important.all()
-    assert (found.base_points, found.left_out) == (2048, 0)
+    assert indices.important.all()
+    assert (indices.base_points, indices.left_out) == (2048, 0)
     blocks = saltelli_blocks(designed, outputs[:, np.newaxis])
     expected = scipy.stats.sobol_indices(func=blocks, n=2048)
-    assert found.first == pytest.approx(expected.first_order, abs=1e-12)
-    assert found.total == pytest.approx(expected.total_order, abs=1e-12)
+    assert indices.first == pytest.approx(expected.first_order, abs=1e-12)
+    assert indices.total == pytest.approx(expected.total_order, abs=1e-12)
 
 
 def test_intervals_hold_the_index_as_often_as_they_say() -> None:
-    """Of y = 2 x + z for uniform x, z: shares 0.8 and 0.2. Resampling 64 base points misses a little more."""
-    held = []
+    """For y = 2 x + z with uniform x, z the shares are 0.8 and 0.2; 64 points miss them more often."""
+    is_inside = []
     for seed in range(40):
         of = three(sampling="saltelli", runs=5 * 64, seed=seed)
         values = sample_values(of, 0, of.runs)
-        found = sobol_indices(of, 2.0 * values[:, 0] + values[:, 2] / 0.06)
-        assert found is not None
-        low, high = found.total_interval
-        held += [low[0] < 0.8 < high[0], low[2] < 0.2 < high[2]]
-        assert np.ptp(found.total_interval[:, 0]) < 0.6
-    assert sum(held) > 0.85 * len(held)
+        indices = sobol_indices(of, 2.0 * values[:, 0] + values[:, 2] / 0.06)
+        assert indices is not None
+        low, high = indices.total_interval
+        is_inside += [low[0] < 0.8 < high[0], low[2] < 0.2 < high[2]]
+        assert np.ptp(indices.total_interval[:, 0]) < 0.6
+    assert sum(is_inside) > 0.85 * len(is_inside)
 
 
 def test_sobol_indices_without_some_runs_or_any_answer(designed: Campaign) -> None:
     outputs = ishigami(designed)
     outputs[3] = outputs[4] = outputs[5 * 700] = NAN
-    found = sobol_indices(designed, outputs)
-    assert found is not None
-    assert (found.base_points, found.left_out) == (2046, 2)
-    assert found.total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.02)
+    indices = sobol_indices(designed, outputs)
+    assert indices is not None
+    assert (indices.base_points, indices.left_out) == (2046, 2)
+    assert indices.total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.02)
     assert sobol_indices(designed, np.ones(designed.runs)) is None
-    few = np.full(designed.runs, NAN)
-    assert sobol_indices(designed, few) is None
-    few[: 5 * MIN_BASE_POINTS] = ishigami(designed)[: 5 * MIN_BASE_POINTS]
-    assert sobol_indices(designed, few) is not None
-    few[0] = NAN
-    assert sobol_indices(designed, few) is None
+    sparse = np.full(designed.runs, NAN)
+    assert sobol_indices(designed, sparse) is None
+    sparse[: 5 * MIN_BASE_POINTS] = ishigami(designed)[: 5 * MIN_BASE_POINTS]
+    assert sobol_indices(designed, sparse) is not None
+    sparse[0] = NAN
+    assert sobol_indices(designed, sparse) is None
 
 
 def test_an_inert_parameter_has_no_total_index(designed: Campaign) -> None:
     values = sample_values(designed, 0, designed.runs)
-    found = sobol_indices(designed, values[:, 0] ** 2 + 100.0 * values[:, 1])
-    assert found is not None
-    assert found.total[2] == found.total_interval[1, 2] == 0.0
-    assert found.important.tolist() == [True, True, False]
-    assert found.first[:2].sum() == pytest.approx(1.0, abs=0.02), "no interaction"
+    indices = sobol_indices(designed, values[:, 0] ** 2 + 100.0 * values[:, 1])
+    assert indices is not None
+    assert indices.total[2] == indices.total_interval[1, 2] == 0.0
+    assert indices.important.tolist() == [True, True, False]
+    assert indices.first[:2].sum() == pytest.approx(1.0, abs=0.02), "no interaction"
 
 
 def known(values: np.ndarray, *_: str) -> dict[str, np.ndarray]:
-    """The mass makes the largest error rise, the offset the RMS either way, the lag is inert."""
+    """The largest error rises with the mass, the RMS error with the offset squared; the lag has no effect."""
     mass, _lag, offset = values.T
     noise = np.random.default_rng(0).normal(size=len(mass))
     stopped = mass > 1.4
@@ -113,53 +116,53 @@ def known(values: np.ndarray, *_: str) -> dict[str, np.ndarray]:
     }
 
 
-def found_of(of: Campaign) -> tuple[Correlations, dict[str, int], dict[str, int]]:
+def correlations_of(of: Campaign) -> tuple[Correlations, dict[str, int], dict[str, int]]:
     results = synthetic_results(of, known)
-    found = correlations(results, groups_of(results)[0], parameter_values(results))
-    rows = {name: k for k, name in enumerate(found.parameters)}
-    return found, rows, {name: k for k, name in enumerate(found.metrics)}
+    strengths = correlations(results, groups_of(results)[0], parameter_values(results))
+    rows = {name: k for k, name in enumerate(strengths.parameters)}
+    return strengths, rows, {name: k for k, name in enumerate(strengths.metrics)}
 
 
 @pytest.mark.parametrize("sampling", ["latin-hypercube", "monte-carlo", "sobol", "saltelli"])
 def test_influence_is_found_and_nothing_else(sampling: str) -> None:
-    found, row, column = found_of(three(sampling=sampling, runs=640))
+    strengths, row, column = correlations_of(three(sampling=sampling, runs=640))
     mass, lag, offset = (row[name] for name in THREE_NAMES)
-    assert found.significant[mass, column["max_error_m"]]
-    assert found.rho[mass, column["max_error_m"]] > 0.8
-    assert found.bent[offset, column["rms_error_m"]]
-    assert not found.significant[offset, column["rms_error_m"]]
-    assert (found.significant | found.bent).sum() == 2, "nothing by chance"
-    assert not found.strength[lag].any()
-    assert np.isnan(found.rho[:, column["final_error_m"]]).all(), "constant"
+    assert strengths.significant[mass, column["max_error_m"]]
+    assert strengths.rho[mass, column["max_error_m"]] > 0.8
+    assert strengths.bent[offset, column["rms_error_m"]]
+    assert not strengths.significant[offset, column["rms_error_m"]]
+    assert (strengths.significant | strengths.bent).sum() == 2, "nothing by chance"
+    assert not strengths.strength[lag].any()
+    assert np.isnan(strengths.rho[:, column["final_error_m"]]).all(), "constant"
 
 
 def test_only_completed_runs_that_have_a_metric_count() -> None:
     of = three(runs=640)
-    found, _, column = found_of(of)
+    strengths, _, column = correlations_of(of)
     mass, _, offset = sample_values(of, 0, of.runs).T
     completed = mass <= 1.4
-    assert found.runs[column["max_error_m"]] == completed.sum() < 640
-    assert found.runs[column["settling_time_s"]] == (completed & (offset > 0.0)).sum() < completed.sum()
+    assert strengths.runs[column["max_error_m"]] == completed.sum() < 640
+    assert strengths.runs[column["settling_time_s"]] == (completed & (offset > 0.0)).sum() < completed.sum()
 
 
 def test_seeds_constants_and_repeated_rows_are_left_out() -> None:
-    """Of a Saltelli design the rows of A and B count, the others repeat their coordinates."""
+    """In a Saltelli design only rows of A and B count, because the others repeat their coordinates."""
     results = synthetic_results(three(sampling="saltelli", runs=40), known)
     assert independent_rows(results).tolist() == [base + k for base in range(0, 40, 5) for k in (0, 1)]
     inert = {"effects.sensing.seed": SEED, "effects.sensing.angle_noise": fixed(1e-4)}
     of = campaign(THREE | inert, plants=["mujoco"])
     results = synthetic_results(of, lambda values, *_: known(values[:, :3], *_))
     assert independent_rows(results).size == 64
-    found = correlations(results, groups_of(results)[0], parameter_values(results))
-    assert found.parameters == THREE_NAMES
+    strengths = correlations(results, groups_of(results)[0], parameter_values(results))
+    assert strengths.parameters == THREE_NAMES
 
 
 def test_what_separates_failed_runs_comes_first() -> None:
     results = synthetic_results(three(runs=320), known)
-    found = separations(results, groups_of(results)[0], parameter_values(results))
-    assert [each.significant for each in found] == [True, False, False]
-    assert (found[0].parameter, found[0].distance) == ("rig.load_mass", 1.0)
-    assert found[0].failed_median > 1.4 > found[0].other_median
+    result = separations(results, groups_of(results)[0], parameter_values(results))
+    assert [separation.significant for separation in result] == [True, False, False]
+    assert (result[0].parameter, result[0].distance) == ("rig.load_mass", 1.0)
+    assert result[0].failed_median > 1.4 > result[0].other_median
     none = synthetic_results(three(), lambda *_: {})
     assert separations(none, groups_of(none)[0], parameter_values(none)) == ()
     everything = synthetic_results(three(), lambda v, *_: {"status": np.full(len(v), "slack-rope")})
@@ -169,10 +172,10 @@ def test_what_separates_failed_runs_comes_first() -> None:
 def test_effects_one_at_a_time_are_steps_from_the_nominal_run() -> None:
     results = synthetic_results(three(sampling="one-at-a-time", runs=None), known)
     group, values = groups_of(results)[0], parameter_values(results)
-    found = one_at_a_time_effects(results, group, values)
-    assert [step.parameter for step in found] == [name for name in THREE_NAMES for _ in range(2)]
+    steps = one_at_a_time_effects(results, group, values)
+    assert [step.parameter for step in steps] == [name for name in THREE_NAMES for _ in range(2)]
     nominal = values[0].copy()
-    for step in found:
+    for step in steps:
         changed = values[step.sample] != nominal
         assert np.flatnonzero(changed).tolist() == [THREE_NAMES.index(step.parameter)]
         assert values[step.sample, changed] == step.value
@@ -181,7 +184,7 @@ def test_effects_one_at_a_time_are_steps_from_the_nominal_run() -> None:
 
 
 def apart(values: np.ndarray, plant: str, controller: str) -> dict[str, np.ndarray]:
-    """MuJoCo adds 1 mm, and 1 m to sample 5; pole placement halves, and fails where the load is light."""
+    """MuJoCo adds 1 mm, and 1 m to sample 5. Pole placement halves errors, and fails with light loads."""
     error = 0.1 + 0.01 * values[:, 0]
     if controller == "pole-placement":
         error = 0.5 * error
@@ -204,11 +207,11 @@ def test_pairs_compare_the_same_samples() -> None:
     light = np.flatnonzero(parameter_values(results)[:, 0] < 0.6).tolist()
     assert 5 not in light
     assert len(light) > 2
-    found = pair_of(lqr, poles).failures
-    assert (found.first_only, found.second_only, found.both) == ((), tuple(light), 0)
-    assert found.neither == 64 - len(light)
-    assert found.p == pytest.approx(2.0 * 0.5 ** len(light))
-    by_metric = {each.metric: each for each in pair_of(lqr, poles).differences}
+    failures = pair_of(lqr, poles).failures
+    assert (failures.first_only, failures.second_only, failures.both) == ((), tuple(light), 0)
+    assert failures.neither == 64 - len(light)
+    assert failures.p == pytest.approx(2.0 * 0.5 ** len(light))
+    by_metric = {difference.metric: difference for difference in pair_of(lqr, poles).differences}
     error = by_metric["max_error_m"]
     assert (error.samples, error.second_better, error.better_share) == (64 - len(light), 64 - len(light), 1.0)
     assert error.quantiles[2] < 0.0
@@ -244,13 +247,15 @@ def test_examples_are_the_worst_and_one_of_each_stop() -> None:
     errors, stopped = results.column("max_error_m")[:128], results.column("status")[:128] != "completed"
 
     def of_lqr(worst: int) -> list[Example]:
-        found = examples(results, worst=worst)
-        return [each for each in found if (each.plant, each.controller) == ("mujoco", "lqr")]
+        all_examples = examples(results, worst=worst)
+        return [
+            example for example in all_examples if (example.plant, example.controller) == ("mujoco", "lqr")
+        ]
 
     worst = of_lqr(10)
-    assert [each.sample for each in worst] == np.argsort(-errors, kind="stable")[:10].tolist()
+    assert [example.sample for example in worst] == np.argsort(-errors, kind="stable")[:10].tolist()
     assert worst[0].max_error_m == errors.max()
-    assert "slack-rope" in {each.status for each in worst}, "which is then an example already"
+    assert "slack-rope" in {example.status for example in worst}, "which is then an example already"
     (only,) = of_lqr(0)
     assert only.sample == np.flatnonzero(stopped)[0]
     assert only.why == f"one of {stopped.sum()}: the rope went slack"

@@ -1,4 +1,4 @@
-"""Wrong campaigns: everything is found before the first run, with what is allowed and what to do."""
+"""Mistakes in campaigns are found before the first run; each error says what is allowed and what to do."""
 
 import json
 from pathlib import Path
@@ -41,7 +41,7 @@ def nested(name: str, leaf: Any) -> dict[str, Any]:
 
 # fmt: off
 @pytest.mark.parametrize(
-    ("name", "given", "phrases"),
+    ("name", "distribution", "phrases"),
     [
         ("rig.load_mas", MASS, ["unknown parameter 'rig.load_mas'", "rig.load_mass", "did you mean"]),
         ("load_mass", MASS, ["unknown parameter 'load_mass'", "rig.load_mass", "did you mean"]),
@@ -98,10 +98,10 @@ def nested(name: str, leaf: Any) -> dict[str, Any]:
          ["seconds reaches 0.0015: effects.delay.seconds = 0.0015 s is no multiple"]),
     ],
 )
-def test_a_wrong_parameter_is_found(name: str, given: Any, phrases: list[str]) -> None:
-    told = str(error(nested(name, given), runs=200))
+def test_a_wrong_parameter_is_found(name: str, distribution: Any, phrases: list[str]) -> None:
+    message = str(error(nested(name, distribution), runs=200))
     for phrase in phrases:
-        assert phrase in told
+        assert phrase in message
 
 
 def between(a: str, b: str, value: float = 0.7) -> dict[str, Any]:
@@ -154,9 +154,9 @@ def between(a: str, b: str, value: float = 0.7) -> dict[str, Any]:
     ],
 )
 def test_a_wrong_campaign_is_found(changes: dict[str, Any], phrases: list[str]) -> None:
-    told = str(error(**changes))
+    message = str(error(**changes))
     for phrase in phrases:
-        assert phrase in told
+        assert phrase in message
 # fmt: on
 
 

@@ -1,4 +1,4 @@
-"""Results that two programs have made: refused, or accepted and told run by run."""
+"""A result of two versions of the software is refused, or accepted and reported run by run."""
 
 import json
 import shutil
@@ -40,7 +40,7 @@ def contents() -> dict[str, bytes]:
 
 
 def test_a_result_is_not_resumed_by_other_physics(tmp_path: Path) -> None:
-    """Gravity in the sources is 5 % larger; nothing of the result says so but the fingerprint."""
+    """Gravity in the sources is 5 % larger, which only the fingerprint shows."""
     checkout = copy_checkout(tmp_path / "checkout")
     dynamics = checkout / "cranectl" / "model" / "dynamics.py"
     text = dynamics.read_text()
@@ -60,23 +60,23 @@ def test_a_result_is_not_resumed_by_other_physics(tmp_path: Path) -> None:
 def test_what_is_accepted_is_told(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    own = fingerprints()
+    installed = fingerprints()
     with monkeypatch.context() as patched:
-        patched.setattr("cranectl.support.provenance.fingerprints", lambda: own | CHANGED)
+        patched.setattr("cranectl.support.provenance.fingerprints", lambda: installed | CHANGED)
         assert main(RESUME) == 2
         capsys.readouterr()
         assert main([*RESUME, "--despite-differences", "--json", "found.json"]) == 0
         out = capsys.readouterr().out
         mixed = "ade by 2 sets of sources or versions: 288 runs, 32 runs"
-        note = f"288 runs by other software than is installed: sources {own['sources']}, now 00ff"
+        note = f"288 runs by other software than is installed: sources {installed['sources']}, now 00ff"
         makers = json.loads(Path("found.json").read_text())["software"]
         assert [(maker["runs"], bool(maker["differences"])) for maker in makers] == [(288, True), (32, False)]
         assert makers[1]["versions"]["sources"] == CHANGED["sources"]
         assert main(["campaign", "report", "result", "--out", "page.html"]) == 0
         page = Path("page.html").read_text()
-        for told in (mixed, note):
-            assert told in out
-            assert told in page
+        for phrase in (mixed, note):
+            assert phrase in out
+            assert phrase in page
         assert "sources, software 2" in page
         assert main(RESUME) == 0, "accepted once"
     results = read_results("result")
@@ -113,6 +113,6 @@ def test_a_replay_that_differs_names_the_other_program(
     out = " ".join(capsys.readouterr().out.split())
     assert "FAILED run 0 with lqr on analytic" in out
     assert f"made by other software: sources {results.origins[0].versions['sources']}, now 00ff" in out
-    (found,) = json.loads(Path("found.json").read_text())["replays"]
-    assert len(found["software_differences"]) == 1
-    assert found["same"] is False
+    (replayed,) = json.loads(Path("found.json").read_text())["replays"]
+    assert len(replayed["software_differences"]) == 1
+    assert replayed["same"] is False

@@ -1,4 +1,4 @@
-"""Statistics of arrays, against closed forms and SciPy."""
+"""Compare statistics of arrays with closed forms and SciPy."""
 
 import itertools
 import math
@@ -67,17 +67,17 @@ def test_rank_correlations_without_an_answer() -> None:
 def test_the_noise_floor_is_where_scipys_p_value_is_bonferronis() -> None:
     n = 60
     y = random(n)
-    found = [
+    results = [
         scipy.stats.spearmanr(y * weight + random(n, seed=k), y) for k in range(40) for weight in (0.0, 0.4)
     ]
-    beyond = [abs(each.statistic) > noise_floor(n, 12) for each in found]
-    assert beyond == [each.pvalue * 12 < 0.05 for each in found]
+    beyond = [abs(result.statistic) > noise_floor(n, 12) for result in results]
+    assert beyond == [result.pvalue * 12 < 0.05 for result in results]
     assert any(beyond)
     assert not all(beyond)
 
 
 def test_few_runs_cannot_show_anything_and_chance_is_seldom_called_an_influence() -> None:
-    """Of 400 tables of 12 inert parameters, about one in twenty has anything above the floor."""
+    """About one in twenty of 400 tables of 12 inert parameters has a correlation above the floor."""
     assert noise_floor(4, 1) == 1.0, "4 ranks are in order by chance in 1 of 12"
     assert noise_floor(5, 10) == noise_floor(0, 1) == 1.0
     assert noise_floor(6, 1) < 1.0
@@ -112,12 +112,12 @@ def test_between_bins_sees_what_neither_rises_nor_falls() -> None:
 def test_between_bins_without_an_answer() -> None:
     x = random(200)
     bins = equal_bins(x, BINS)
-    few = np.where(x < np.median(x), NAN, x)
+    upper_half = np.where(x < np.median(x), NAN, x)
     for (eta,), (p,) in (
         between_bins([bins], np.ones(200)),
         between_bins([bins], np.full(200, NAN)),
         between_bins([equal_bins(np.ones(200), BINS)], x),
-        between_bins([bins], np.where(np.arange(200) < 5, few, NAN)),
+        between_bins([bins], np.where(np.arange(200) < 5, upper_half, NAN)),
     ):
         assert np.isnan(eta)
         assert p == 1.0

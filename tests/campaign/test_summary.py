@@ -1,4 +1,4 @@
-"""Failures, limits and quantiles of a result, against figures known otherwise."""
+"""Compare failures, limits and quantiles of a result with numbers computed in another way."""
 
 from pathlib import Path
 from typing import Any
@@ -71,7 +71,7 @@ def test_limits_are_on_metrics_that_there_are() -> None:
 
 
 def test_wilsons_interval() -> None:
-    """The formula by itself; for 1 of 10 it gives 0.0179 and 0.4042 (Newcombe 1998 has the formula)."""
+    """The formula of Newcombe (1998) gives 0.0179 and 0.4042 for 1 failure in 10."""
     assert failure_interval(1, 10) == pytest.approx((0.0178762, 0.4041500), abs=1e-6)
     z = 1.959963984540054
     for k, n in ((0, 50), (7, 1000), (30, 30)):

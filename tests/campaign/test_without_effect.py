@@ -1,4 +1,4 @@
-"""Every number that can be uncertain changes the outcome, on each plant with each drive, or is refused."""
+"""On each plant with each drive, every number that can be uncertain changes the outcome or is refused."""
 
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
@@ -16,7 +16,7 @@ from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign, fixed, run_batch, uniform
 from tests.conftest import PLANTS
 
-# A crane pushed about there and back, with drives at their limits.
+# A crane that moves there and back under disturbances, with drives at their limits.
 SCENARIO = "off-reference"
 MOVING = [
     "duration=2", "workspace.on_exit=record",
@@ -35,7 +35,7 @@ NO_FORCES = [
     "effects.limits.force=[1e9,1e9,1e9]",
 ]  # fmt: skip
 OF_FORCE_DRIVES = ["effects.limits.velocity=[1e9,1e9,1e9]", "effects.limits.acceleration=[1e9,1e9,1e9]"]
-OF_OTHERS = ("rope", "body", "frame")  # effects
+OF_OTHERS = ("rope", "body", "frame")  # effects that the analytic plant does not have
 OTHER = {
     "rig.bridge_range.0": 0.67, "rig.bridge_range.1": 0.7, "rig.trolley_range.0": 0.5,
     "rig.trolley_range.1": 0.55, "rig.rope_range.0": 0.58, "rig.rope_range.1": 0.61,
@@ -45,21 +45,23 @@ OTHER = {
 
 
 def overrides_of(plant: str, drive: str) -> list[str]:
-    """As much as the plant and its drives can show."""
+    """Return settings with all effects that the plant and its drives can show."""
     able = plant != "analytic"
     effects = [name for name in type(ALL_EFFECTS).model_fields if able or name not in OF_OTHERS]
     if drive == "ideal":
         effects.remove("limits")
     forces = FORCES if plant != "analytic" and drive != "ideal" else NO_FORCES
-    told = [*TIGHT, *forces, *(OF_FORCE_DRIVES if drive == "force" else ())]
+    settings = [*TIGHT, *forces, *(OF_FORCE_DRIVES if drive == "force" else ())]
     if plant != "analytic" and drive == "force":
-        told.append("effects.limits.force=[20.0,10.0,12.0]")  # else they would not leave the workspaces below
-    shown = [line for line in told if line.split(".")[1] in effects]
+        settings.append(
+            "effects.limits.force=[20.0,10.0,12.0]"
+        )  # else they would not leave the workspaces below
+    shown = [line for line in settings if line.split(".")[1] in effects]
     return [*MOVING, *(f"effects.{name}={{}}" for name in effects), *shown]
 
 
 def names() -> list[str]:
-    """Everything that can be uncertain, and what the other plant can show."""
+    """Return all numbers that can be uncertain, on the plant that shows most effects."""
     everything = numbers_of(load_scenario(SCENARIO, overrides=overrides_of("mujoco", "velocity")))
     return [name for name in everything if name.split(".")[0] in PHYSICAL or name == PERIOD]
 
@@ -68,8 +70,8 @@ def other_value(name: str, nominal: float) -> float:
     return OTHER.get(name, nominal + 1 if name.endswith("seed") else 0.8 * nominal if nominal else 0.05)
 
 
-def outcome(made: Campaign) -> list[Any]:
-    (row,) = run_batch(made, Batch(made.settings.plants[0], "lqr", 0, 1))
+def outcome(campaign_to_run: Campaign) -> list[Any]:
+    (row,) = run_batch(campaign_to_run, Batch(campaign_to_run.settings.plants[0], "lqr", 0, 1))
     assert row["status"] != "failed", row["reason"]
     return [row[metric] for metric in METRIC_COLUMNS]
 
@@ -88,16 +90,16 @@ def test_every_parameter_changes_the_outcome_or_is_refused(plant: str, drive: Dr
     for name in names():
         value = other_value(name, nominal.get(name, 1.0))
         try:
-            made = made_campaign(name, value, plant, drive)
+            changed = made_campaign(name, value, plant, drive)
         except InputError as error:
             refused.add((name, bool(error.allowed and error.remedy)))
             continue
-        assert outcome(made) != usual, name
+        assert outcome(changed) != usual, name
     assert refused == {(name, True) for name in expected(plant, drive)}
 
 
 def expected(plant: str, drive: str) -> Iterator[str]:
-    """What must be refused, by hand."""
+    """Yield the names that must be refused, from a list made by hand."""
     without_forces, ideal = plant == "analytic" or drive == "ideal", drive == "ideal"
     patterns = {
         "rig.*_time_constant": drive != "velocity",
@@ -128,11 +130,11 @@ def expected(plant: str, drive: str) -> Iterator[str]:
     ],
 )
 def test_a_factor_that_is_always_zero_is_found(name: str, zeros: list[str]) -> None:
-    told = [*MOVING, "effects.wind={}", "effects.sensing={}"]
+    settings = [*MOVING, "effects.wind={}", "effects.sensing={}"]
     value = other_value(name, 1.0)
-    campaign({name: fixed(value)}, scenario=SCENARIO, set=told, runs=1)
+    campaign({name: fixed(value)}, scenario=SCENARIO, set=settings, runs=1)
     with pytest.raises(InputError, match="is 0 in all runs"):
-        campaign({name: fixed(value)}, scenario=SCENARIO, set=[*told, *zeros], runs=1)
+        campaign({name: fixed(value)}, scenario=SCENARIO, set=[*settings, *zeros], runs=1)
 
 
 def test_a_factor_that_is_uncertain_itself_is_not_zero() -> None:

@@ -1,4 +1,4 @@
-"""Campaigns are run as single runs are: the same bits, in any order."""
+"""The rows of a campaign have the same bits as single runs, in any order."""
 
 import errno
 import os
@@ -45,16 +45,16 @@ def short(uncertain: dict[str, Any] | None = None, *extra: str, **changes: Any) 
 
 @pytest.fixture(scope="module")
 def both() -> Campaign:
-    """Both plants, with whatever both can show."""
+    """Return a campaign on both plants, with all effects that both can show."""
     return short(None, *NO_FORCES, plants=list(PLANTS))
 
 
-def alone(made: Campaign, sample: int, plant: str, controller: str) -> Run:
-    """The same run by itself."""
-    (values,) = sample_values(made, sample, sample + 1)
-    sampled = sampled_scenario(made, values)
+def alone(of: Campaign, sample: int, plant: str, controller: str) -> Run:
+    """Simulate one sample of a campaign as a single run."""
+    (values,) = sample_values(of, sample, sample + 1)
+    sampled = sampled_scenario(of, values)
     return simulate_run(
-        sampled, nominal=nominal_scenario(made, sampled), plant=plant, drive=made.settings.drive,
+        sampled, nominal=nominal_scenario(of, sampled), plant=plant, drive=of.settings.drive,
         controller=controller,
     )  # fmt: skip
 
@@ -80,16 +80,16 @@ def test_rows_are_those_of_single_runs(both: Campaign, plant: str, controller: s
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_a_sampled_control_period_is_that_of_the_scenario(plant: str) -> None:
-    """The controller is made for the period that it runs at, and so is the plant's number of steps."""
+    """The controller and the plant's number of steps belong to the control period of the sample."""
     period, mass = {"control.period": choice(0.001, 0.005)}, {"rig.load_mass": fixed(1.0)}
     fine = short(period, sampling="grid", runs=None, plants=[plant])
     coarse = short(mass, "control.period=0.005", "control.physics_step=0.001", runs=1, plants=[plant])
-    found = run_batch(fine, Batch(plant, "lqr", 0, 2))[1]
+    row = run_batch(fine, Batch(plant, "lqr", 0, 2))[1]
     (expected,) = run_batch(coarse, Batch(plant, "lqr", 0, 1))
-    assert found["control.period"] == 0.005
-    assert found["status"] == "completed"
-    names = [name for name in METRIC_COLUMNS if found[name] == found[name]]
-    assert [found[name] for name in names] == [expected[name] for name in names]
+    assert row["control.period"] == 0.005
+    assert row["status"] == "completed"
+    names = [name for name in METRIC_COLUMNS if row[name] == row[name]]
+    assert [row[name] for name in names] == [expected[name] for name in names]
 
 
 EFFECTS = {
@@ -110,21 +110,21 @@ EFFECTS = {
 
 
 def test_rows_are_those_of_single_runs_with_every_effect_of_the_engine() -> None:
-    made = short(EFFECTS, "control.physics_step=0.0005", runs=4)
-    for row in run_batch(made, Batch("mujoco", "lqr", 0, 4)):
+    all_effects = short(EFFECTS, "control.physics_step=0.0005", runs=4)
+    for row in run_batch(all_effects, Batch("mujoco", "lqr", 0, 4)):
         assert row["reason"] == ""
-        assert_row_is(row, alone(made, int(row["sample"] or 0), "mujoco", "lqr"))
+        assert_row_is(row, alone(all_effects, int(row["sample"] or 0), "mujoco", "lqr"))
 
 
 def test_the_controller_knows_the_nominal_crane_only(both: Campaign) -> None:
-    """Told of the sample, it does otherwise; and the plant is that of the sample."""
+    """A controller that knew the sample would give another run; the plant has the sample's parameters."""
     (values,) = sample_values(both, 0, 1)
     scenario = sampled_scenario(both, values)
     options: dict[str, Any] = {"plant": "analytic", "drive": "velocity", "controller": "lqr"}
     known = simulate_run(scenario, nominal=both.nominal, **options)
-    told = simulate_run(scenario, **options)
+    informed = simulate_run(scenario, **options)
     nominal = simulate_run(both.nominal, **options)
-    for other in (told, nominal):
+    for other in (informed, nominal):
         assert (known.table != other.table).any()
     assert (known.reference == nominal.reference).all()
     offset = known.block("state")[0] - nominal.block("state")[0]
@@ -149,20 +149,20 @@ def test_a_sample_that_is_no_scenario_or_too_stiff_is_a_failed_row_and_the_next_
     assert failed[0]["end_s"] == 0.0
     assert all(failed[0][name] is None for name in METRIC_COLUMNS)
     assert failed[0]["disturbances.0.start"] is not None
-    made = short({"effects.rope.stiffness": choice(5e4, 1e9)}, runs=8)
-    rows = run_batch(made, Batch("mujoco", "lqr", 0, 8))
+    stiff = short({"effects.rope.stiffness": choice(5e4, 1e9)}, runs=8)
+    rows = run_batch(stiff, Batch("mujoco", "lqr", 0, 8))
     values = [row["effects.rope.stiffness"] for row in rows]
     assert {5e4, 1e9} == set(values)
     for value, row in zip(values, rows, strict=True):
         assert row["status"] == ("failed" if value == 1e9 else "completed"), row["reason"]
     assert "too fast for steps" in str(rows[values.index(1e9)]["reason"])
     after = next(k for k in range(8) if 1e9 in values[:k] and values[k] == 5e4)
-    assert_row_is(rows[after], alone(made, after, "mujoco", "lqr"))
+    assert_row_is(rows[after], alone(stiff, after, "mujoco", "lqr"))
 
 
 def test_a_run_that_stops_says_why_and_keeps_its_metrics() -> None:
-    made = short({"disturbances.1.magnitude": fixed(400.0)}, runs=1)
-    (row,) = run_batch(made, Batch("mujoco", "lqr", 0, 1))
+    slack = short({"disturbances.1.magnitude": fixed(400.0)}, runs=1)
+    (row,) = run_batch(slack, Batch("mujoco", "lqr", 0, 1))
     assert row["status"] == "slack-rope"
     assert row["reason"] == "the rope went slack, in the plant or as the tracker sees it"
     assert 0.1 < float(row["end_s"] or 0.0) < 0.25
@@ -185,22 +185,22 @@ def test_errors_in_the_program_are_told_of_a_sample_and_raised_of_a_worker(
 
 
 def test_a_controller_unstable_on_the_nominal_crane_is_refused_at_once() -> None:
-    made = short({"rig.load_mass": MASS}, "control.period=0.05", "control.physics_step=0.001",
+    unstable = short({"rig.load_mass": MASS}, "control.period=0.05", "control.physics_step=0.001",
                  "design.state_weights=[1e9,1.0,1.0,1.0]", "design.input_weight=1e-9")  # fmt: skip
     with pytest.raises(InputError, match="unstable when sampled"):
-        list(run_batches(made, [Batch("mujoco", "lqr", 0, 1)]))
+        list(run_batches(unstable, [Batch("mujoco", "lqr", 0, 1)]))
 
 
 def test_a_worker_stops_within_a_block(both: Campaign) -> None:
-    asked = []
+    calls = []
 
     def stop() -> bool:
-        asked.append(True)
-        return len(asked) > 1
+        calls.append(True)
+        return len(calls) > 1
 
     with pytest.raises(StoppedError):
         Worker(Prepared(both)).run_batch(Batch("analytic", "lqr", 0, 6), stop)
-    assert len(asked) == 2
+    assert len(calls) == 2
 
 
 def test_leaving_ends_the_threads_and_keeps_whole_batches(both: Campaign) -> None:
@@ -224,14 +224,14 @@ def test_every_metric_has_its_columns(both: Campaign) -> None:
     assert values["outside_time_s_bridge"] == 0.0
 
 
-def _failing(what: type[Exception], times: int, *given: Any) -> Any:
-    """`plan_run` of a machine that fails so many times."""
+def _failing(kind: type[Exception], times: int, *arguments_of_error: Any) -> Any:
+    """Return a function like `plan_run` that first fails `times` times, as if the machine failed."""
     left = [times]
 
     def planned(*arguments: Any) -> Any:
         left[0] -= 1
         if left[0] >= 0:
-            raise what(*given)
+            raise kind(*arguments_of_error)
         return plan_run(*arguments)
 
     return planned
@@ -248,20 +248,20 @@ FAILURES: list[tuple[Any, ...]] = [
 def test_what_the_machine_keeps_from_running_is_run_again_and_is_no_row(
     failure: tuple[Any, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = short({"rig.load_mass": MASS}, runs=2, plants=["analytic"], controllers=["lqr"])
-    batch, prepared = Batch("analytic", "lqr", 0, 2), Prepared(made)
-    wanted = Worker(prepared).run_batch(batch)
-    what, *given = failure
-    monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(what, 2, *given))
-    assert Worker(prepared).run_batch(batch) == wanted
-    monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(what, 9, *given))
-    with pytest.raises(MachineError, match=f"the machine failed: {what.__name__}.*in sample 0 with lqr"):
+    small = short({"rig.load_mass": MASS}, runs=2, plants=["analytic"], controllers=["lqr"])
+    batch, prepared = Batch("analytic", "lqr", 0, 2), Prepared(small)
+    expected = Worker(prepared).run_batch(batch)
+    kind, *arguments = failure
+    monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(kind, 2, *arguments))
+    assert Worker(prepared).run_batch(batch) == expected
+    monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(kind, 9, *arguments))
+    with pytest.raises(MachineError, match=f"the machine failed: {kind.__name__}.*in sample 0 with lqr"):
         Worker(prepared).run_batch(batch)
 
 
 def test_what_fails_by_itself_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = short({"rig.load_mass": MASS}, runs=1, plants=["analytic"], controllers=["lqr"])
-    batch, prepared = Batch("analytic", "lqr", 0, 1), Prepared(made)
+    small = short({"rig.load_mass": MASS}, runs=1, plants=["analytic"], controllers=["lqr"])
+    batch, prepared = Batch("analytic", "lqr", 0, 1), Prepared(small)
     monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(OSError, 9, errno.ENOENT, "no file"))
     (row,) = Worker(prepared).run_batch(batch)
     assert (row["status"], "no file" in str(row["reason"])) == ("failed", True)
@@ -286,20 +286,22 @@ STARTS = Controller("starts", "starts a program", step, prepare)
 
 
 def test_what_a_worker_has_started_ends_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Else a program that reads nothing more would stay for ever."""
+    """Otherwise a program that reads nothing more would run for ever."""
     monkeypatch.chdir(tmp_path)
     Path("law.py").write_text(LAW)
-    made = short({"rig.load_mass": MASS}, controllers=[open_controller("law.py:STARTS")], plants=["analytic"])
+    starting = short(
+        {"rig.load_mass": MASS}, controllers=[open_controller("law.py:STARTS")], plants=["analytic"]
+    )
     with Children() as children:
-        prepared = Prepared(made)
-        own = int(Path("pid").read_text())
-        os.kill(own, signal.SIGKILL)  # of this process, which has prepared it too
-        os.waitpid(own, 0)
+        prepared = Prepared(starting)
+        of_parent = int(Path("pid").read_text())
+        os.kill(of_parent, signal.SIGKILL)  # of this process, which has prepared it too
+        os.waitpid(of_parent, 0)
         worker = ChildWorker(prepared, children, HANG)
         worker.run_batch(Batch("analytic", "starts", 0, 1))
         worker.close()
         started = int(Path("pid").read_text())
-        assert started != own
+        assert started != of_parent
     deadline = time.monotonic() + HANG
     while is_running(started) and time.monotonic() < deadline:
         time.sleep(0.01)

@@ -114,7 +114,7 @@ SERVO = Controller(
 
 @pytest.fixture
 def small(tmp_path: Path) -> Iterator[Path]:
-    """The file of the benchmark, its law and scenario beside it."""
+    """Write a small benchmark with its controller and scenario, and return its file."""
     (tmp_path / "short.toml").write_text(SHORT)
     (tmp_path / "servo.py").write_text(SERVO)
     (tmp_path / "small.toml").write_text(SMALL)

@@ -1,4 +1,4 @@
-"""`cranectl benchmark`: from a file to a page, again, and beside what others have run."""
+"""Test `cranectl benchmark`: from a file to a page, repeated, and together with results of others."""
 
 import json
 import re
@@ -29,7 +29,7 @@ def titles_of(page: Path) -> list[str]:
 
 
 def test_what_the_page_suggests(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every crane fails; the law of a file is named by its file."""
+    """Every crane fails, and a controller from a file is named by its file."""
     small.with_name("short.toml").write_text(SHORT.replace("0.05", "0.0"))
     (tmp_path / "some where").mkdir()
     monkeypatch.chdir(tmp_path / "some where")
@@ -38,17 +38,17 @@ def test_what_the_page_suggests(small: Path, tmp_path: Path, monkeypatch: pytest
     close_controllers()
     report = ["benchmark", "report", "the out", "--benchmark", "../small.toml", "--trust"]
     assert main([*report, "--out", "the page.html"]) == 0
-    *replays, again = suggested_by_page(Path("the page.html"))
+    *replays, report_again = suggested_by_page(Path("the page.html"))
     assert len(replays) == 2
     assert "--controller ../servo.py:SERVO" in replays[1]
-    for command in (*replays, again):
+    for command in (*replays, report_again):
         assert executed(command) == 0, command
 
 
 def test_nothing_is_touched_where_an_unknown_controller_is_tuned(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The name is looked up before its files are tried, which for this one lie outside of --out."""
+    """The name is checked before its files, which would be outside of --out for this name."""
     monkeypatch.setattr(
         "cranectl.campaign.benchmark.tuned.check_place", lambda *_, **__: pytest.fail("tried")
     )
@@ -67,8 +67,8 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     damaged.write_bytes(parts[damaged][:-100])
     capsys.readouterr()
     assert main([*run, "--workers", "1"]) == 0, "goes on with what is missing"
-    told = " ".join(capsys.readouterr().err.split())
-    assert f"{damaged.parent.parent.relative_to(out)}: {damaged.name} was damaged" in told
+    output = " ".join(capsys.readouterr().err.split())
+    assert f"{damaged.parent.parent.relative_to(out)}: {damaged.name} was damaged" in output
     assert {path: path.read_bytes() for path in out.rglob("*.parquet")} == parts, "the same, whoever runs it"
 
     written = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
@@ -80,8 +80,8 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     report = ["benchmark", "report", str(out), "--benchmark", str(small), "--trust", "--out", str(page)]
     capsys.readouterr()
     assert main([*report, "--table", str(table), "--json", "-"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["laws"]["servo"] == {
+    output = json.loads(capsys.readouterr().out)
+    assert output["laws"]["servo"] == {
         "follows": "set-point",
         "measures": "state",
         "commands": "acceleration",
@@ -89,10 +89,10 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
         "reads_path": False,
         "every": 1,
         "rig": ["gravity"],
-        "file": told["laws"]["servo"]["file"],
+        "file": output["laws"]["servo"]["file"],
     }
-    assert len(told["laws"]["servo"]["file"]) >= 12
-    assert [row["runs"] for row in told["divisions"]["published"]["wide"]] == [6, 6]
+    assert len(output["laws"]["servo"]["file"]) >= 12
+    assert [row["runs"] for row in output["divisions"]["published"]["wide"]] == [6, 6]
     assert titles_of(page) == [
         "Summary",
         "Rules and information",
@@ -115,10 +115,10 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     close_controllers()
     capsys.readouterr()
     assert main(["benchmark", "report", str(table), "--benchmark", str(small), "--json", "-"]) == 0
-    again = json.loads(capsys.readouterr().out)
-    assert again["laws"] == told["laws"]
-    for name, standings in told["divisions"]["published"].items():
-        for row, same in zip(standings, again["divisions"]["published"][name], strict=True):
+    from_table = json.loads(capsys.readouterr().out)
+    assert from_table["laws"] == output["laws"]
+    for name, standings in output["divisions"]["published"].items():
+        for row, same in zip(standings, from_table["divisions"]["published"][name], strict=True):
             assert same.pop("law") == row.pop("law")
             assert same == pytest.approx(row, rel=1e-3)
     assert titles_of(table.with_suffix(".html")) == titles_of(page)
@@ -153,7 +153,7 @@ def test_what_a_table_of_other_rules_is_refused_for(small: Path, capsys: pytest.
 
 
 @pytest.mark.parametrize(
-    ("file", "before", "after", "told"),
+    ("file", "before", "after", "phrase"),
     [
         ("small.toml", "seed = 3", "seed = 4", "seed is 3, not 4"),
         ("small.toml", "high = 2.0", "high = 3.0", "rig.load_mass"),
@@ -162,13 +162,13 @@ def test_what_a_table_of_other_rules_is_refused_for(small: Path, capsys: pytest.
     ],
 )
 def test_a_page_tells_of_this_benchmark_only(
-    small: Path, file: str, before: str, after: str, told: str, capsys: pytest.CaptureFixture[str]
+    small: Path, file: str, before: str, after: str, phrase: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = small.with_name("out")
     law = ["--controller", f"{small.with_name('servo.py')}:SERVO"]
-    few = ["--set-of-cranes", "wide", "--scenario", "short", "--draws", "2"]
+    restricted = ["--set-of-cranes", "wide", "--scenario", "short", "--draws", "2"]
     report = ["benchmark", "report", str(out), "--benchmark", str(small), *law]
-    assert main(["benchmark", "run", str(small), *law, *few, "--out", str(out)]) == 0
+    assert main(["benchmark", "run", str(small), *law, *restricted, "--out", str(out)]) == 0
     assert main(report) == 0, "fewer cranes are the first of the same"
     page = out.with_suffix(".html").read_text(encoding="utf-8")
     assert "no runs of lqr-integral are here" in page, "the baseline"
@@ -179,11 +179,11 @@ def test_a_page_tells_of_this_benchmark_only(
     assert main(report) == 2
     error = capsys.readouterr().err
     assert "was not run by this benchmark" in error
-    assert told in error
+    assert phrase in error
 
 
 def test_what_others_made_is_not_gone_on_with(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A law that has changed is other software; limits judge runs, and may change."""
+    """A changed controller is other software; limits only judge runs, so they may change."""
     law, out = small.with_name("servo.py"), small.with_name("out")
     run = ["benchmark", "run", str(small), "--controller", f"{law}:SERVO", "--set-of-cranes", "nominal"]
     run += ["--out", str(out)]
@@ -231,8 +231,8 @@ def test_a_law_that_refuses_a_crane_keeps_no_other_from_running(
     run = ["benchmark", "run", str(small), "--trust", "--set-of-cranes", "nominal", "--out", str(out)]
     assert main(run) == 3
     assert "could not be run: servo on short: no" in capsys.readouterr().out
-    there = {path.parent.name for path in out.rglob("campaign.json")}
-    assert there == {"lqr-integral"}, "nothing of it is left to stand in the way"
+    with_results = {path.parent.name for path in out.rglob("campaign.json")}
+    assert with_results == {"lqr-integral"}, "nothing of it is left to stand in the way"
 
 
 def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -243,13 +243,13 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
     assert "servo is not tuned" in capsys.readouterr().err
     assert main(["tune", servo[1], "--benchmark", str(small), "--out", str(tuned)]) == 0
     assert main([*run, "--division", "tuned"]) == 0
-    found = tomllib.loads((tuned / "servo.toml").read_text())
-    assert found["cost"]["full"] < found["cost"]["untuned"]
+    tuned_numbers = tomllib.loads((tuned / "servo.toml").read_text())
+    assert tuned_numbers["cost"]["full"] < tuned_numbers["cost"]["untuned"]
     manifest = json.loads(
         (out / "tuned" / "mujoco" / "nominal" / "short" / "servo" / "campaign.json").read_text()
     )
-    wanted = {key.rpartition(".")[2]: value for key, value in leaves(found["parameters"])}
-    assert manifest["scenario"]["controller"]["servo"] == wanted
+    expected = {key.rpartition(".")[2]: value for key, value in leaves(tuned_numbers["parameters"])}
+    assert manifest["scenario"]["controller"]["servo"] == expected
 
     # Both divisions on one page, what tuning gave with them, from the table alone too.
     assert main(run) == 0
@@ -257,29 +257,33 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
     report = ["benchmark", "report", str(out), "--benchmark", str(small), *servo, "--json", "-"]
     capsys.readouterr()
     assert main([*report, "--table", str(table)]) == 0
-    told = json.loads(capsys.readouterr().out)
-    facts = told["tuned"]["servo"]
-    assert (facts["cost"], facts["failed"], facts["runs"]) == (found["cost"], found["failed"], found["runs"])
-    assert {key: number for key, (_, number) in facts["numbers"].items()} == found["parameters"]
+    output = json.loads(capsys.readouterr().out)
+    facts = output["tuned"]["servo"]
+    assert (facts["cost"], facts["failed"], facts["runs"]) == (
+        tuned_numbers["cost"],
+        tuned_numbers["failed"],
+        tuned_numbers["runs"],
+    )
+    assert {key: number for key, (_, number) in facts["numbers"].items()} == tuned_numbers["parameters"]
     assert facts["numbers"]["controller.servo.damping"][0] == 4.0
-    assert list(told["divisions"]) == ["tuned", "published"]
+    assert list(output["divisions"]) == ["tuned", "published"]
     titles = titles_of(page)
-    wanted = ["Tuning", "Tuned: nominal", "Tuned: on analytic", "As published (defaults): nominal"]
-    assert [title for title in titles if title in wanted] == wanted
+    expected = ["Tuning", "Tuned: nominal", "Tuned: on analytic", "As published (defaults): nominal"]
+    assert [title for title in titles if title in expected] == expected
     assert main(["benchmark", "report", str(table), "--benchmark", str(small)]) == 0
     assert titles_of(table.with_suffix(".html")) == titles
     numbers = tuned / "servo.toml"
-    kept = numbers.read_text()
-    numbers.write_text(re.sub('(damping" =) .*', r"\1 5.0", kept))
+    original = numbers.read_text()
+    numbers.write_text(re.sub('(damping" =) .*', r"\1 5.0", original))
     assert main(report) == 2
     assert "was run with other numbers" in capsys.readouterr().err
-    numbers.write_text(re.sub(".*damping.*", "", kept))
+    numbers.write_text(re.sub(".*damping.*", "", original))
     assert main(report) == 2
     assert "another version of servo" in capsys.readouterr().err
-    numbers.write_text(kept.replace("[cost]", "[costs]"))
+    numbers.write_text(original.replace("[cost]", "[costs]"))
     assert main(report) == 2
     assert "servo.toml is damaged: KeyError 'cost'" in capsys.readouterr().err
-    numbers.write_text(kept)
+    numbers.write_text(original)
 
     text = small.read_text()
     small.write_text(text.replace("variation_price = 0.02", "variation_price = 0.03"))
@@ -298,10 +302,10 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
 def test_the_judged_table_is_known_by_its_name_in_a_checkout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As the how-to has it, where no such file is; a file of that name goes first."""
+    """The name works as in the how-to if there is no such file; a file of that name counts first."""
     monkeypatch.chdir(tmp_path)
-    few = ["--set-of-cranes", "nominal", "--scenario", "pulse", "--draws", "1"]
-    assert main(["benchmark", "run", "--controller", "pid", *few, "--out", "mine"]) == 0
+    restricted = ["--set-of-cranes", "nominal", "--scenario", "pulse", "--draws", "1"]
+    assert main(["benchmark", "run", "--controller", "pid", *restricted, "--out", "mine"]) == 0
     report = ["benchmark", "report", "mine", "--controller", "pid", "--beside", "literature.parquet"]
     assert main(report) == 0
     assert "super-twisting" in (tmp_path / "mine.html").read_text(encoding="utf-8")
@@ -313,21 +317,21 @@ def test_the_judged_table_is_known_by_its_name_in_a_checkout(
 def test_without_the_judged_table_the_message_says_where_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As a wheel is installed; the copy of a checkout's is taken, by its path."""
+    """An installed wheel has no judged table; a copy from a checkout works by its path."""
     installed = tmp_path / "installed"
     installed.mkdir()
     shutil.copy(BENCHMARK_DIRECTORY / "literature.toml", installed)
     monkeypatch.setattr("cranectl.cli.benchmark.BENCHMARK_DIRECTORY", installed)
     monkeypatch.chdir(tmp_path)
     assert main(["benchmark", "report", "literature.parquet"]) == 2
-    told = capsys.readouterr().err
-    assert "the judged table literature.parquet is in cranectl's repository" in " ".join(told.split())
-    (place,) = re.findall(r"copy (\S+) from a checkout", " ".join(told.split()))
-    shutil.copy(ROOT / place, "copy.parquet")
+    message = capsys.readouterr().err
+    assert "the judged table literature.parquet is in cranectl's repository" in " ".join(message.split())
+    (table,) = re.findall(r"copy (\S+) from a checkout", " ".join(message.split()))
+    shutil.copy(ROOT / table, "copy.parquet")
     assert main(["benchmark", "report", "copy.parquet", "--controller", "pid", "--out", "page.html"]) == 0
 
 
-@pytest.mark.parametrize("odd", ["", ".", "/", ".."])
-def test_a_place_without_a_name_is_no_table_that_comes_with_cranectl(odd: str) -> None:
-    """It is refused where it is read; it ended the command with an internal error."""
-    assert _table_place(Path(odd)) == Path(odd)
+@pytest.mark.parametrize("path", ["", ".", "/", ".."])
+def test_a_place_without_a_name_is_no_table_that_comes_with_cranectl(path: str) -> None:
+    """Reading it raises the error; here it once ended the command with an internal error."""
+    assert _table_place(Path(path)) == Path(path)

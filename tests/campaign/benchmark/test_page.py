@@ -1,4 +1,4 @@
-"""The page, from results that are made up: both divisions apart, what its numbers are, what it leaves out."""
+"""Test the benchmark's page with invented results: separate divisions, right numbers, named gaps."""
 
 import math
 from collections.abc import Mapping
@@ -42,7 +42,7 @@ Texts = list[list[str]]
 
 
 def runs(error: float, failures: int = 0, effort: float = 1.0) -> Runs:
-    """Eight runs with errors from `error` upwards, the last `failures` of them failed."""
+    """Return eight runs with errors from `error` upwards, of which the last `failures` failed."""
     metrics = {**dict.fromkeys(METRICS, 0.1), EFFORT: effort, VARIATION: 1.0}
     columns = {name: np.full(RUNS, value) for name, value in metrics.items()}
     columns["rms_error_m"] = error + 1e-3 * np.arange(RUNS)
@@ -51,7 +51,7 @@ def runs(error: float, failures: int = 0, effort: float = 1.0) -> Runs:
 
 
 def table(benchmark: Benchmark, laws: Mapping[str, Runs], *divisions: Division) -> BenchmarkTable:
-    """Every law with the same runs in every trial of `divisions`."""
+    """Return a table in which each controller has the same runs in every trial of `divisions`."""
     tuned = {
         "runs": 40,
         "cost": {"untuned": 3.0, "half": 2.0, "full": 1.5},
@@ -67,20 +67,20 @@ def table(benchmark: Benchmark, laws: Mapping[str, Runs], *divisions: Division) 
         "tuned": dict.fromkeys(laws, tuned) if "tuned" in divisions else {},
     }
     trials = {
-        Trial(division, plant, name, "short", law): of_law
+        Trial(division, plant, name, "short", law): runs_of_law
         for division in divisions
         for name in sets_of(benchmark)
         for plant in ("mujoco", "analytic")
-        for law, of_law in laws.items()
+        for law, runs_of_law in laws.items()
     }
     return BenchmarkTable(about, trials)
 
 
-def sections(benchmark: Benchmark, made: BenchmarkTable) -> dict[str, Section]:
-    page = benchmark_page(benchmark, made, "cranectl benchmark report")
-    assert len({each.anchor for each in page.sections}) == len(page.sections)
+def sections(benchmark: Benchmark, results: BenchmarkTable) -> dict[str, Section]:
+    page = benchmark_page(benchmark, results, "cranectl benchmark report")
+    assert len({section.anchor for section in page.sections}) == len(page.sections)
     assert render(page)
-    return {each.anchor: each for each in page.sections}
+    return {section.anchor: section for section in page.sections}
 
 
 def test_a_page_with_our_own_controller_opens_with_its_advantages(small: Path) -> None:
@@ -102,8 +102,8 @@ def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     published = table(benchmark, {"first": runs(0.02), "second": runs(0.03)}, "published")
     both = joined([published, table(benchmark, {"first": runs(0.01), "third": runs(0.05)}, "tuned")])
-    found = sections(benchmark, both)
-    assert list(found) == [
+    by_anchor = sections(benchmark, both)
+    assert list(by_anchor) == [
         "summary",
         "rules",
         "tuning",
@@ -114,26 +114,26 @@ def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
         ),
         "versions",
     ]
-    for anchor, section in found.items():
+    for anchor, section in by_anchor.items():
         # The table of the rules has all that a controller knows, each kind in a column.
         assert all(shown.headings[:2] == ("controller", "knows") for shown in section.tables) is (
             anchor != "rules"
         )
         if anchor.startswith(("tuned-", "published-")):
-            wanted = {"first", "third"} if anchor.startswith("tuned-") else {"first", "second"}
+            allowed = {"first", "third"} if anchor.startswith("tuned-") else {"first", "second"}
             for shown in section.tables:
-                assert {row[0] for row in texts(shown)} <= wanted
-    tuned, untuned = found["summary"].tables
+                assert {row[0] for row in texts(shown)} <= allowed
+    tuned, untuned = by_anchor["summary"].tables
     assert texts(tuned) == [["first", "path, state", "0.0", "11.1", "1.00", "0.0", "11.1", "1.00"]]
     assert {row[2].mark for row in untuned.rows} == {"best"}
     assert tuned.title == "Tuned: 1 of 2 controllers"
-    assert found["summary"].paragraphs[1:] == (
+    assert by_anchor["summary"].paragraphs[1:] == (
         "Tuned, on nominal, wide alike: first.",
         "As published (defaults), on nominal, wide alike: first.",
     )
-    assert found["versions"].paragraphs[0] == "Digest of the rules: abc. Seed of the cranes: 3."
-    assert found["versions"].paragraphs[1] == "Made by cranectl 1.0, machine a; some with cranectl 1.1."
-    gains, numbers = found["tuning"].tables
+    assert by_anchor["versions"].paragraphs[0] == "Digest of the rules: abc. Seed of the cranes: 3."
+    assert by_anchor["versions"].paragraphs[1] == "Made by cranectl 1.0, machine a; some with cranectl 1.1."
+    gains, numbers = by_anchor["tuning"].tables
     assert texts(gains)[0] == ["first", "path, state", "40", "3.000", "2.000", "1.500", "50", "25", "0"]
     assert texts(numbers) == [
         ["first", "path, state", "weight 1 → 2.5"],
@@ -144,10 +144,10 @@ def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
 def test_single_effects_of_the_five_best_are_shown_and_the_others_folded(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     laws = {f"law-{k}": runs(0.01 * k, failures=(k == 2) + 5 * (k == 6)) for k in (6, 5, 4, 3, 2, 1)}
-    made = table(benchmark, laws, "published")
+    results = table(benchmark, laws, "published")
     alone = Trial("published", "mujoco", "only-load", "short", "law-3")
-    made = BenchmarkTable(made.about, {**made.trials, alone: runs(0.2, failures=1)})
-    failed, errors, failed_others, errors_others = sections(benchmark, made)["published-single"].tables
+    results = BenchmarkTable(results.about, {**results.trials, alone: runs(0.2, failures=1)})
+    failed, errors, failed_others, errors_others = sections(benchmark, results)["published-single"].tables
     assert [head.split("\n")[-1] for head in failed.headings[2:]] == ["nominal", "load", "sensing", "all"]
     order = ["law-1", "law-3", "law-4", "law-5", "law-2"]
     assert [row[0] for row in texts(failed)] == [row[0] for row in texts(errors)] == order
@@ -158,18 +158,18 @@ def test_single_effects_of_the_five_best_are_shown_and_the_others_folded(small: 
     assert texts(failed)[1][2:] == ["0", "12", "0", "0"]
     assert texts(errors)[1][2:] == ["33.5", "204", "33.5", "33.5"]
     assert texts(errors_others)[0][2:] == ["fails"] * 4
-    assert "only-" not in "".join(sections(benchmark, made)["published-radius"].tables[0].headings), (
+    assert "only-" not in "".join(sections(benchmark, results)["published-radius"].tables[0].headings), (
         "the radius is over wider sets only"
     )
 
 
 def test_the_radius_is_said_even_where_it_lies_outside(small: Path) -> None:
     benchmark = read_benchmark(str(small))
-    made = table(benchmark, {"never": runs(0.01), "always": runs(0.01, failures=RUNS)}, "published")
+    results = table(benchmark, {"never": runs(0.01), "always": runs(0.01, failures=RUNS)}, "published")
     wide = Trial("published", "mujoco", "spread-3", "short", "between")
-    made = joined([made, table(benchmark, {"between": runs(0.01)}, "published")])
-    made = BenchmarkTable(made.about, {**made.trials, wide: runs(0.01, failures=1)})
-    (shown,) = sections(benchmark, made)["published-radius"].tables
+    results = joined([results, table(benchmark, {"between": runs(0.01)}, "published")])
+    results = BenchmarkTable(results.about, {**results.trials, wide: runs(0.01, failures=1)})
+    (shown,) = sections(benchmark, results)["published-radius"].tables
     assert [(row[0], row[2]) for row in texts(shown)] == [
         ("never", "above 3"),
         ("between", "1.80"),
@@ -178,15 +178,15 @@ def test_the_radius_is_said_even_where_it_lies_outside(small: Path) -> None:
 
 
 def test_a_crane_that_cannot_be_simulated_is_no_failure_of_a_law(small: Path) -> None:
-    """As one is by no law; what one law alone could not do is its own."""
+    """Crane 3 could not be simulated with any controller; crane 2 failed with one, which counts."""
     benchmark = read_benchmark(str(small))
-    made = table(benchmark, {"first": runs(0.01), "second": runs(0.02)}, "published")
-    for law, lost in (("first", (2, 3)), ("second", (3,))):
-        status = tuple("failed" if k in lost else "completed" for k in range(RUNS))
-        place = Trial("published", "mujoco", "spread-3", "short", law)
-        stopped = Runs(np.isin(np.arange(RUNS), lost), status, made.trials[place].metrics)
-        made = BenchmarkTable(made.about, {**made.trials, place: stopped})
-    section = sections(benchmark, made)["published-radius"]
+    results = table(benchmark, {"first": runs(0.01), "second": runs(0.02)}, "published")
+    for law, failed in (("first", (2, 3)), ("second", (3,))):
+        status = tuple("failed" if k in failed else "completed" for k in range(RUNS))
+        trial = Trial("published", "mujoco", "spread-3", "short", law)
+        stopped = Runs(np.isin(np.arange(RUNS), failed), status, results.trials[trial].metrics)
+        results = BenchmarkTable(results.about, {**results.trials, trial: stopped})
+    section = sections(benchmark, results)["published-radius"]
     assert [row[-1] for row in texts(section.tables[0])] == ["0", "14"]
     assert section.paragraphs[0].endswith(
         "Left out are cranes that could not be simulated with any controller: 1 at 3."
@@ -195,61 +195,63 @@ def test_a_crane_that_cannot_be_simulated_is_no_failure_of_a_law(small: Path) ->
 
 def test_failures_are_named_by_division_with_what_shows_them(small: Path) -> None:
     benchmark = read_benchmark(str(small))
-    made = table(benchmark, {"first": runs(0.01, failures=1)}, "tuned", "published")
-    tuned, published = sections(benchmark, made)["failures"].tables
+    results = table(benchmark, {"first": runs(0.01, failures=1)}, "tuned", "published")
+    tuned, published = sections(benchmark, results)["failures"].tables
     for shown, division in ((tuned, "tuned"), (published, "published")):
         assert [row[2] for row in texts(shown)] == ["nominal", "wide"]
         command = f"cranectl campaign replay {division}/mujoco/nominal/short/first --run 7"
         assert texts(shown)[0] == ["first", "path, state", "nominal", "short", "7", "beyond a limit", command]
-    made.about["laws"]["first"]["file"] = "abc"
-    for shown in sections(benchmark, made)["failures"].tables:
+    results.about["laws"]["first"]["file"] = "abc"
+    for shown in sections(benchmark, results)["failures"].tables:
         assert texts(shown)[0][-1].endswith("--run 7 --controller FILE"), "the law of a file asks for it"
 
 
 def test_a_law_without_effort_is_on_no_front(small: Path) -> None:
-    """Where a law could not be run at all it has none, and is no better than others by it."""
+    """A controller that could not run at all has no effort, which must not make it better than others."""
     benchmark = read_benchmark(str(small))
     laws = {"first": runs(0.01), "broken": runs(0.02, failures=RUNS, effort=math.nan)}
-    made = table(benchmark, laws, "published")
-    points = points_of(Judged(benchmark, made, "published").ranking("wide"))
+    results = table(benchmark, laws, "published")
+    points = points_of(Judged(benchmark, results, "published").ranking("wide"))
     np.testing.assert_array_equal(points, [[0.1 / 0.9, 1.0, 0.0], [1.0, math.inf, 1.0]])
-    shown = sections(benchmark, made)
+    shown = sections(benchmark, results)
     assert [row[0] for row in texts(shown["summary"].tables[0])] == ["first"]
     assert [row[2] for row in texts(shown["published-wide"].tables[0])] == ["yes", "first"], "who is ahead"
 
 
 def test_most_that_fail_have_no_effort_to_boast_of(small: Path) -> None:
-    """What a run did until it was lost is no merit of its law, wherever medians are shown."""
+    """In all medians, the small effort of a failed run is no merit of its controller."""
     benchmark = read_benchmark(str(small))
     lazy = runs(0.01, failures=5, effort=0.1)
-    made = table(benchmark, {"lqr-integral": runs(0.02), "lazy": lazy}, "published")
-    shown = sections(benchmark, made)
+    results = table(benchmark, {"lqr-integral": runs(0.02), "lazy": lazy}, "published")
+    shown = sections(benchmark, results)
     assert [row[2] for row in texts(shown["published-wide"].tables[0])] == ["yes", "lqr-integral"]
-    standing, _, scenario = (texts(each)[1] for each in shown["published-wide"].tables)
+    standing, _, scenario = (texts(shown_table)[1] for shown_table in shown["published-wide"].tables)
     assert standing[-2:] == ["fails", "fails"]
     assert scenario[6:8] == ["fails", "fails"]
     assert scenario[8:] == ["", "", "", "0.70", "-0.10 to 0.70", "+0.25"]
-    (second,) = (texts(each)[1] for each in shown["published-second"].tables[:1])
+    (second,) = (texts(shown_table)[1] for shown_table in shown["published-second"].tables[:1])
     assert second[-1] == "0"
 
 
 def test_laws_meet_on_the_cranes_that_all_of_them_have(small: Path) -> None:
-    """One's own law may have run on the first few; laws of set points have no error to a path."""
+    """One controller may have run on the first cranes only, and a set-point controller has no path error."""
     benchmark = read_benchmark(str(small))
     laws = {"mine": runs(0.01).first(6), "lqr-integral": runs(0.02), "other": runs(0.03)}
-    made = table(benchmark, laws, "published")
-    made.about["laws"]["mine"] = {**FACTS, "file": "", "follows": "set-point"}
-    place = Trial("published", "mujoco", "wide", "short", "other")
-    made.trials[place._replace(scenario="path")] = made.trials.pop(place)  # type: ignore[attr-defined,index]
-    shown = sections(benchmark, made)["published-wide"]
+    results = table(benchmark, laws, "published")
+    results.about["laws"]["mine"] = {**FACTS, "file": "", "follows": "set-point"}
+    trial = Trial("published", "mujoco", "wide", "short", "other")
+    results.trials[trial._replace(scenario="path")] = results.trials.pop(trial)  # type: ignore[attr-defined,index]
+    shown = sections(benchmark, results)["published-wide"]
     assert [row[0] for row in texts(shown.tables[0])] == ["mine", "lqr-integral"]
     assert shown.paragraphs[0].endswith("Not shown, since scenarios are missing: other.")
     scenario = {row[0]: row for row in texts(shown.tables[2])}["mine"]
     assert scenario[7:] == ["", "", "", "", "-0.10", "-0.10 to -0.10", "-1.00"]
-    assert texts(sections(benchmark, made)["published-second"].tables[0])[0][2] == "6", "of what runs there"
-    for place in [place for place in made.trials if place.law == "mine" and place.plant == "mujoco"]:
-        made.trials[place] = runs(0.01).first(5)  # type: ignore[index]
-    shown = sections(benchmark, made)
+    assert texts(sections(benchmark, results)["published-second"].tables[0])[0][2] == "6", (
+        "of what runs there"
+    )
+    for trial in [trial for trial in results.trials if trial.law == "mine" and trial.plant == "mujoco"]:
+        results.trials[trial] = runs(0.01).first(5)  # type: ignore[index]
+    shown = sections(benchmark, results)
     scenario = {row[0]: row for row in texts(shown["published-wide"].tables[2])}["mine"]
     assert scenario[7:] == [""] * 7, "of five cranes not even the range is an interval of 95 %"
     assert texts(shown["published-second"].tables[0])[0][2] == "5"
@@ -276,44 +278,44 @@ def test_a_law_has_the_same_numbers_in_all_tables(small: Path) -> None:
 
 
 def test_a_table_is_read_as_it_was_written_or_not_at_all(small: Path) -> None:
-    made = table(read_benchmark(str(small)), {"first": runs(0.01, failures=1)}, "tuned")
+    results = table(read_benchmark(str(small)), {"first": runs(0.01, failures=1)}, "tuned")
     file = small.with_name("made.parquet")
-    write_table(file, made)
+    write_table(file, results)
     read = read_table(file)
-    assert read.about == made.about
-    for trial, wanted in made.trials.items():
-        np.testing.assert_array_equal(read.trials[trial].failed, wanted.failed)
-        np.testing.assert_allclose(read.trials[trial].metrics["rms_error_m"], wanted.metrics["rms_error_m"])
-    made.about.pop("tuned")
-    write_table(file, made)
-    for other in (file, small):
-        with pytest.raises(InputError, match=f"{other.name} holds no benchmark"):
-            read_table(other)
+    assert read.about == results.about
+    for trial, expected in results.trials.items():
+        np.testing.assert_array_equal(read.trials[trial].failed, expected.failed)
+        np.testing.assert_allclose(read.trials[trial].metrics["rms_error_m"], expected.metrics["rms_error_m"])
+    results.about.pop("tuned")
+    write_table(file, results)
+    for damaged in (file, small):
+        with pytest.raises(InputError, match=f"{damaged.name} holds no benchmark"):
+            read_table(damaged)
 
 
 def test_classes_of_information() -> None:
     assert information_class({**FACTS, "rig": ["gravity", "rope_range"]}) == "path, state"
-    told = {**FACTS, "follows": "set-point", "measures": "encoders", "rig": ["gravity", "load_mass"]}
-    assert information_class(told) == "set points, encoders, masses"
-    told = {**FACTS, "preview": 20, "rig": ["time_constants"]}
-    assert information_class(told) == "path, state, preview, drives"
+    facts = {**FACTS, "follows": "set-point", "measures": "encoders", "rig": ["gravity", "load_mass"]}
+    assert information_class(facts) == "set points, encoders, masses"
+    facts = {**FACTS, "preview": 20, "rig": ["time_constants"]}
+    assert information_class(facts) == "path, state, preview, drives"
     assert information("lqr-offset-free")["rig"] == ["gravity", "limits", "rope_range"]
     assert information_class({**FACTS, "rig": ["limits"]}) == "path, state, limits"
     assert information("flat-velocity")["rig"] == ["gravity", "time_constants"]
 
 
 def test_a_controller_without_a_declaration_is_shown_so(small: Path) -> None:
-    """What it reads is not guessed; drives under force are known by the masses that the loop takes."""
+    """What it reads is not guessed; a force command implies that the loop uses masses."""
     with known(replace(FOLLOWING, name="silent", reads=None)) as name:
         silent = information(name)
     assert (silent["rig"], silent["reads_path"]) == (None, None)
     assert information_class(silent) == "path, state, rig not declared"
     with known(replace(FOLLOWING, name="open", command="force", reads=("path", "load_mass"))) as name:
-        told = information(name)
-    assert (told["rig"], told["reads_path"]) == (["load_mass", "masses"], True)
-    made = table(read_benchmark(str(small)), {"first": runs(0.01), "second": runs(0.02)}, "published")
-    made.about["laws"] |= {"first": silent, "second": told}
-    (shown,) = sections(read_benchmark(str(small)), made)["rules"].tables
+        declared = information(name)
+    assert (declared["rig"], declared["reads_path"]) == (["load_mass", "masses"], True)
+    results = table(read_benchmark(str(small)), {"first": runs(0.01), "second": runs(0.02)}, "published")
+    results.about["laws"] |= {"first": silent, "second": declared}
+    (shown,) = sections(read_benchmark(str(small)), results)["rules"].tables
     assert texts(shown) == [
         ["first", "path", "state", "not declared", "velocity", "not declared"],
         ["second", "path", "state", "all of the path", "force", "load mass, masses"],

@@ -1,4 +1,4 @@
-"""Scores against what comes out by hand."""
+"""Compare scores with results computed by hand."""
 
 import math
 
@@ -11,25 +11,25 @@ NAN = math.nan
 
 
 def test_paired_differences_are_over_the_cranes_that_both_master() -> None:
-    theirs = np.array([1.0, 2.0, 3.0, NAN, 5.0])
-    own = theirs - np.array([0.5, 0.5, 0.5, 0.5, -0.1])
+    baseline = np.array([1.0, 2.0, 3.0, NAN, 5.0])
+    own = baseline - np.array([0.5, 0.5, 0.5, 0.5, -0.1])
     own[0] = NAN
-    found = scores.paired_difference(own, theirs, seed=1)
-    assert found.cranes == 3
-    assert found.median == pytest.approx(-0.5)
-    assert found.low == pytest.approx(-0.5)
-    assert found.high == pytest.approx(0.1)
-    assert found.effect == pytest.approx(-1.0 / 3.0)
-    assert scores.paired_difference(own, theirs, seed=1) == found
-    assert scores.paired_difference(np.full(5, NAN), theirs, seed=1).cranes == 0
+    difference = scores.paired_difference(own, baseline, seed=1)
+    assert difference.cranes == 3
+    assert difference.median == pytest.approx(-0.5)
+    assert difference.low == pytest.approx(-0.5)
+    assert difference.high == pytest.approx(0.1)
+    assert difference.effect == pytest.approx(-1.0 / 3.0)
+    assert scores.paired_difference(own, baseline, seed=1) == difference
+    assert scores.paired_difference(np.full(5, NAN), baseline, seed=1).cranes == 0
 
 
 def test_the_interval_of_the_median_covers_it_as_often_as_it_says() -> None:
     generator = np.random.Generator(np.random.Philox(5))
     inside = 0
     for trial in range(200):
-        found = scores.paired_difference(generator.normal(0.3, 1.0, 50), np.zeros(50), seed=trial)
-        inside += found.low <= 0.3 <= found.high
+        difference = scores.paired_difference(generator.normal(0.3, 1.0, 50), np.zeros(50), seed=trial)
+        inside += difference.low <= 0.3 <= difference.high
     assert 0.90 <= inside / 200 <= 0.99
 
 

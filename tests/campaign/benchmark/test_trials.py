@@ -1,4 +1,4 @@
-"""Every law meets the same cranes; which trials there are."""
+"""Every controller drives the same cranes; the list of trials is complete."""
 
 from pathlib import Path
 
@@ -66,8 +66,8 @@ def test_laws_run_where_it_suits_them(small: Path) -> None:
     trials = trials_of(benchmark, ("lqr-integral", servo))
     assert len(trials) == len(set(trials)) == 2 * 2 * 3 + 2 * 2 + 2 * 2
     assert not [p for p in trials if p.law == servo and p.scenario == "path"]
-    few = trials_of(benchmark, ("lqr-integral",), ("nominal",), ("path",))
-    assert few == [
+    chosen = trials_of(benchmark, ("lqr-integral",), ("nominal",), ("path",))
+    assert chosen == [
         Trial("published", plant, "nominal", "path", "lqr-integral") for plant in ("mujoco", "analytic")
     ]
     with pytest.raises(InputError, match="unknown set of small 'narrow'"):
@@ -75,7 +75,7 @@ def test_laws_run_where_it_suits_them(small: Path) -> None:
 
 
 def test_one_uncertainty_alone(small: Path) -> None:
-    """The same draws as where all are uncertain, so that what each does can be told apart."""
+    """The draws are those of the full set, so that the effect of each uncertainty can be compared."""
     benchmark = read_benchmark(str(small))
 
     def drawn(crane_set: str) -> tuple[tuple[str, ...], np.ndarray]:
@@ -116,7 +116,7 @@ def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ("spreads = [1.0, 3.0]", "spreads = [3.0, 1.0]", "radius.spreads must increase"),
         ('second_plant = "analytic"', 'second_plant = "mujoco"', "plant and second_plant must differ"),
@@ -125,11 +125,11 @@ def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
         ("[sets.wide]", "[sets.spread-2]", "names that do not begin with spread- or only-"),
     ],
 )
-def test_rules_that_would_not_judge_are_refused(small: Path, old: str, new: str, told: str) -> None:
+def test_rules_that_would_not_judge_are_refused(small: Path, old: str, new: str, message: str) -> None:
     text = small.read_text()
     assert old in text
     small.write_text(text.replace(old, new))
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         read_benchmark(str(small))
 
 

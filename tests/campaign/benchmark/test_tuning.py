@@ -1,4 +1,4 @@
-"""Tuning: its cost by hand, the same for any number of threads, better than the start, every point kept."""
+"""Test tuning: cost computed by hand, same result for any number of threads, better numbers, all points."""
 
 import json
 import os
@@ -91,9 +91,9 @@ def test_what_is_written_gives_the_same_cost_again(
     assert main([*command, "--json", "told.json"]) == 0
     assert "controller.mine.stiffness" in capsys.readouterr().out
     written, points = read_toml(Path("out/mine.toml")), parquet.read_table("out/mine.parquet")
-    told = json.loads(Path("told.json").read_text())
-    assert told.pop("files") == ["out/mine.toml", "out/mine.parquet"]
-    assert written == told
+    output = json.loads(Path("told.json").read_text())
+    assert output.pop("files") == ["out/mine.toml", "out/mine.parquet"]
+    assert written == output
     assert (written["law"], written["benchmark"], written["seed"]) == ("mine", "tiny", 7)
     assert (written["rules"], written["budget_runs"], written["runs"]) == (rules_of(tiny), 12, 12)
     assert len(written["code"]) == 64
@@ -103,8 +103,8 @@ def test_what_is_written_gives_the_same_cost_again(
     assert {key: points[key][best].as_py() for key in written["parameters"]} == written["parameters"]
 
     settings = assignments(variables_of("mine"), list(written["parameters"].values()))
-    again = tiny.model_copy(update={"set": (*tiny.set, *settings)})
-    campaign = tuning_campaign(again, "move", "mine")
+    tuned_benchmark = tiny.model_copy(update={"set": (*tiny.set, *settings)})
+    campaign = tuning_campaign(tuned_benchmark, "move", "mine")
     rows = Worker(Prepared(campaign)).run_batch(Batch("analytic", "mine", 0, 2))
     broken = [float(str(row["final_error_m"])) > 0.2 for row in rows]
     costs = [run_cost(row, campaign.nominal, bad, 0.02) for row, bad in zip(rows, broken, strict=True)]
@@ -115,7 +115,7 @@ def test_what_is_written_gives_the_same_cost_again(
 @pytest.mark.parametrize("state", ["absent", "of another law", "by other rules", "damaged"])
 @pytest.mark.usefixtures("tiny")
 def test_the_command_that_tunes_again_does(state: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """It is that of the file, and of the benchmark, whatever they are called."""
+    """The command names the controller's file and the benchmark, whatever their names are."""
     Path("mine.py").rename("my law.py")
     Path("tiny.toml").rename("the tiny.toml")
     run = ["benchmark", "run", "the tiny.toml", "--controller", "my law.py:LAW", "--division", "tuned"]
@@ -167,9 +167,9 @@ def test_a_law_with_nothing_to_tune_says_so(capsys: pytest.CaptureFixture[str]) 
 
 def test_what_cannot_be_tuned(tiny: Benchmark, monkeypatch: pytest.MonkeyPatch) -> None:
     law = open_controller("mine.py:LAW")
-    with pytest.raises(InputError, match="a budget of 3 runs") as few:
+    with pytest.raises(InputError, match="a budget of 3 runs") as too_few:
         tune(tiny, law, runs=3)
-    assert "4 runs or more" in str(few.value)
+    assert "4 runs or more" in str(too_few.value)
     with pytest.raises(InputError, match="'wanders' follows a set-point, and tiny tunes on no scenario"):
         tune(tiny, open_controller("mine.py:WANDERS"))
     refused = tiny.model_copy(update={"set": ("controller.mine.damping=13.0",)})

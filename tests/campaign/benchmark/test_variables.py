@@ -1,4 +1,4 @@
-"""What tuning may change: numbers within bounds, as a law or the flat family declares them."""
+"""Test the numbers that tuning may change, with the bounds that controllers declare."""
 
 import pytest
 
@@ -19,7 +19,7 @@ NEGATIVE = Variable("controller.a.k", -4.0, 1.0, 100.0, -0.5)
 
 
 def test_places_are_logarithmic_and_keep_the_sign() -> None:
-    assert [NEGATIVE.at(place) for place in (0.0, 0.5, 1.0)] == [-1.0, -10.0, -100.0]
+    assert [NEGATIVE.at(position) for position in (0.0, 0.5, 1.0)] == [-1.0, -10.0, -100.0]
     assert NEGATIVE.at(NEGATIVE.start_position) == -4.0
     assert NEGATIVE.at(1.0 / 3.0) == -4.642  # four digits: what is printed is what was run
     assert NEGATIVE._replace(start=0.0).start_position == 0.0
@@ -27,16 +27,18 @@ def test_places_are_logarithmic_and_keep_the_sign() -> None:
 
 
 def test_a_law_is_tuned_where_it_says() -> None:
-    names = [each.key for each in variables_of("lqr-integral")]
-    declared = [each for each in load_controller("lqr-integral").parameters if each.search]
-    assert names == [f"controller.lqr-integral.{each.name}" for each in declared]
-    assert [(each.low, each.high) for each in variables_of("lqr-integral")] == [e.search for e in declared]
+    names = [variable.key for variable in variables_of("lqr-integral")]
+    declared = [variable for variable in load_controller("lqr-integral").parameters if variable.search]
+    assert names == [f"controller.lqr-integral.{variable.name}" for variable in declared]
+    assert [(variable.low, variable.high) for variable in variables_of("lqr-integral")] == [
+        e.search for e in declared
+    ]
     with pytest.raises(InputError, match="unknown controller 'lrq'"):
         variables_of("lrq")
 
 
 def test_the_flat_family_is_tuned_by_its_parts() -> None:
-    parts = {name: [each.key for each in variables_of(name)] for name in FLAT_FAMILY}
+    parts = {name: [variable.key for variable in variables_of(name)] for name in FLAT_FAMILY}
     assert parts["pole-placement"] == [f"design.poles.{k}" for k in range(4)]
     assert parts["lqr"] == [f"design.state_weights.{k}" for k in range(4)]
     hinf = [f"design.hinf.{name}" for name in ("bandwidth", "offset", "control_weight")]
@@ -45,10 +47,10 @@ def test_the_flat_family_is_tuned_by_its_parts() -> None:
         assert parts[f"{feedback}+hinf"] == parts[feedback] + hinf
         assert parts[f"{feedback}+loop-shaping"] == parts[feedback] + shaped
     poles, weights = variables_of("pole-placement"), variables_of("lqr")
-    assert [(each.start, each.at(0.0), each.at(1.0), each.length_power) for each in poles] == [
-        (-2.5, -0.8, -8.0, -0.5)
-    ] * 4
-    assert [each.length_power for each in weights] == [-4.0, -3.0, -2.0, -1.0]
+    assert [
+        (variable.start, variable.at(0.0), variable.at(1.0), variable.length_power) for variable in poles
+    ] == [(-2.5, -0.8, -8.0, -0.5)] * 4
+    assert [variable.length_power for variable in weights] == [-4.0, -3.0, -2.0, -1.0]
 
 
 @pytest.mark.parametrize("name", sorted({*FLAT_FAMILY, *read_benchmark("literature").laws}))
@@ -56,18 +58,18 @@ def test_all_within_the_bounds_is_allowed(name: str) -> None:
     if ":" in name:
         name = open_controller(str(ROOT / "validation" / "benchmark" / name))
     variables = variables_of(name)
-    for place in (0.0, 1.0):
-        settings = assignments(variables, [each.at(place) for each in variables])
+    for position in (0.0, 1.0):
+        settings = assignments(variables, [variable.at(position) for variable in variables])
         scenario = load_scenario("fast-diagonal", overrides=settings)
         if name not in FLAT_FAMILY:
             load_controller(name).designed(scenario.controller.parameters.get(name, {}))
-    for each in variables:
-        assert 0.0 < each.low <= abs(each.start) <= each.high
+    for variable in variables:
+        assert 0.0 < variable.low <= abs(variable.start) <= variable.high
 
 
 def test_numbers_reach_a_scenario_scaled_to_its_crane() -> None:
     poles = variables_of("pole-placement")
-    start = [each.start for each in poles]
+    start = [variable.start for variable in poles]
     assert assignments(poles, start) == []
     changed = [-4.0, *start[1:]]
     scenario = load_scenario("fast-diagonal", overrides=assignments(poles, changed))

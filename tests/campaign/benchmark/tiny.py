@@ -1,4 +1,4 @@
-"""A benchmark of seconds, and a law with one number that matters."""
+"""A benchmark that takes seconds, and a controller with one number that matters."""
 
 from pathlib import Path
 
@@ -93,7 +93,7 @@ WANDERS = Controller("wanders", "of set points", step, prepare, follows="set-poi
 
 
 def write_tiny(directory: Path) -> Benchmark:
-    """Write `tiny.toml`, its scenario and its laws into `directory`."""
+    """Write `tiny.toml`, its scenario and its controllers into `directory`, and read it."""
     for name, text in (("tiny.toml", TINY), ("move.toml", MOVE), ("mine.py", LAW)):
         (directory / name).write_text(text, encoding="utf-8")
     return read_benchmark(str(directory / "tiny.toml"))
