@@ -1,4 +1,4 @@
-"""Exports, read back by others' readers: the run bit for bit, the same bytes each time, and honest errors."""
+"""Exports hold the run bit for bit for other readers, and the same run gives the same bytes."""
 
 import csv
 import os
@@ -96,16 +96,16 @@ def expected_columns(runs: list[Run]) -> dict[str, Array]:
 
 @pytest.mark.parametrize("file_format", READERS)
 def test_read_back_bit_for_bit(runs: list[Run], file_format: str) -> None:
-    """From a file beside the log, where it lies by default."""
+    """The exported file is beside the log by default."""
     log = write_log("logs/pair.mcap", runs)
     assert main(["log", "export", str(log), "--format", file_format]) == 0
-    found = READERS[file_format](Path(f"logs/pair.{file_format}"))
+    columns = READERS[file_format](Path(f"logs/pair.{file_format}"))
     expected = expected_columns(list(read_log(log).values()))
-    assert list(found) == list(expected)
-    assert len(found["time"]) == 126
+    assert list(columns) == list(expected)
+    assert len(columns["time"]) == 126
     for name, values in expected.items():
-        assert found[name].dtype == np.float64
-        assert found[name].tobytes() == values.tobytes(), name
+        assert columns[name].dtype == np.float64
+        assert columns[name].tobytes() == values.tobytes(), name
 
 
 @pytest.mark.parametrize("file_format", READERS)
@@ -114,12 +114,12 @@ def test_the_same_bytes_on_another_day(
 ) -> None:
     table = export_table(by_plant(runs))
     write_table(table, Path("a"), exporters()[file_format])
-    asked = []
-    monkeypatch.setattr("time.asctime", lambda *_: asked.append(1) or "Sat Jan  1 00:00:00 2000")
+    calls = []
+    monkeypatch.setattr("time.asctime", lambda *_: calls.append(1) or "Sat Jan  1 00:00:00 2000")
     monkeypatch.setattr("time.time", lambda: 946684800.0)
     write_table(table, Path("b"), exporters()[file_format])
     assert Path("a").read_bytes() == Path("b").read_bytes()
-    assert bool(asked) == (file_format == "mat"), "scipy no longer asks for the date: leave its header alone"
+    assert bool(calls) == (file_format == "mat"), "scipy no longer asks for the date: leave its header alone"
 
 
 def test_parquet_says_what_its_columns_are(log: Path) -> None:
@@ -158,7 +158,7 @@ NAMED = (
 
 
 def odd_names(short: Scenario) -> Run:
-    """A run whose controller logs numbers under names that MATLAB restricts."""
+    """Return a run whose controller logs signals with names that MATLAB does not allow."""
     run = simulate_run(short, plant="analytic", controller="lqr-integral")
     (old,) = (group for group in run.groups if group.name == "controller")
     signals = tuple(Signal(name, name, "m", "") for name, _ in NAMED)
@@ -174,13 +174,13 @@ def test_names_that_matlab_restricts_are_changed_and_told(
     write_log("odd.mcap", [run], every=1)
     assert main(["log", "export", "odd.mcap", "--out", "odd.mat"]) == 0
     content = loadmat("odd.mat", simplify_cells=True)
-    told, own = capsys.readouterr().out, content["analytic"]["controller"]
-    assert list(own) == [new for _, new in NAMED]
+    output, signals = capsys.readouterr().out, content["analytic"]["controller"]
+    assert list(signals) == [new for _, new in NAMED]
     for k, (old, new) in enumerate(NAMED):
-        assert np.array_equal(own[new], (1.0 + k) * run.time)
+        assert np.array_equal(signals[new], (1.0 + k) * run.time)
         assert content["units"]["analytic"]["controller"][new] == "m"
         line = f"analytic.controller.{old} is analytic.controller.{new}"
-        assert (f"renamed: {line}" in told.replace("\n", " ")) == (old != new)
+        assert (f"renamed: {line}" in output.replace("\n", " ")) == (old != new)
         assert (line in content["info"]["renamed"]) == (old != new)
 
 
@@ -219,14 +219,14 @@ def test_a_plant_that_stopped_has_no_values_afterwards(runs: list[Run], file_for
     pair = [until(runs[0], 201).every(4), until(runs[1], 302).every(4)]
     path = Path("a")
     write_table(export_table(by_plant(pair)), path, exporters()[file_format])
-    found = READERS[file_format](path)
-    assert np.array_equal(found["time"], pair[1].time)
-    alpha = found["analytic.state.alpha"]
+    columns = READERS[file_format](path)
+    assert np.array_equal(columns["time"], pair[1].time)
+    alpha = columns["analytic.state.alpha"]
     assert alpha[:51].tobytes() == pair[0].signal("state.alpha").tobytes()
     assert np.isnan(alpha[51:]).all()
     assert len(alpha) == 77
-    assert found["mujoco.state.alpha"].tobytes() == pair[1].signal("state.alpha").tobytes()
-    assert found["reference.load_z"].tobytes() == pair[1].reference[:, 2].tobytes()
+    assert columns["mujoco.state.alpha"].tobytes() == pair[1].signal("state.alpha").tobytes()
+    assert columns["reference.load_z"].tobytes() == pair[1].reference[:, 2].tobytes()
 
 
 def test_a_last_sample_between_the_others_has_a_row_of_its_own(runs: list[Run]) -> None:
@@ -294,7 +294,7 @@ def test_the_format_is_named_or_the_ending(name: str | None, out: str | None, ex
 
 
 def test_every_unit_is_documented() -> None:
-    """The table of docs/how-to/export.md, first match as it says, against the table of signals."""
+    """The table in docs/how-to/export.md, where the first match counts, agrees with the table of signals."""
     text = (ROOT / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
     units = {}
     for signal in REFERENCE.signals:
@@ -352,16 +352,16 @@ def test_a_full_disk_leaves_what_was_there(runs: list[Run]) -> None:
 
 
 def test_a_format_from_outside(log: Path, tmp_path: Path) -> None:
-    """That of the page, in a package of its own."""
+    """The example of the docs page works in its own package."""
     text = (ROOT / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(import numpy.*?)```", text, re.DOTALL)
     (entry,) = re.findall(r'cranectl.exporters"\]\n(.*)\n', text)
     install(tmp_path, "crane-exporters", code, "[cranectl.exporters]\n" + entry.replace('"', ""))
     assert "run.npz" in run_beside(tmp_path, "log", "export", "pair.mcap", "--out", "run.npz")
-    with np.load("run.npz") as found:
+    with np.load("run.npz") as columns:
         assert (
-            found["mujoco.state.alpha"].tobytes() == read_log(log)["mujoco"].signal("state.alpha").tobytes()
+            columns["mujoco.state.alpha"].tobytes() == read_log(log)["mujoco"].signal("state.alpha").tobytes()
         )
     Path("notes.npz").write_text("my notes")
-    told = run_beside(tmp_path, "log", "export", "pair.mcap", "--out", "notes.npz", code=2)
-    assert "it exists and is no NumPy archive" in told
+    error = run_beside(tmp_path, "log", "export", "pair.mcap", "--out", "notes.npz", code=2)
+    assert "it exists and is no NumPy archive" in error

@@ -1,4 +1,4 @@
-"""Tests set the signals that they assume, whoever starts them."""
+"""Tests set the handlers of signals that they assume, independently of the process that starts them."""
 
 import signal
 import subprocess

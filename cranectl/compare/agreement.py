@@ -54,8 +54,8 @@ class NoLimits:
 PairLimits = Mapping[tuple[str, str], AgreementLimits | NoLimits]
 
 ENCODERS = NoLimits(
-    "beside an effect whose schemes differ an encoder now and then reads one step more on one plant, and a "
-    "loop that is hardly stable makes any size of that"
+    "with an effect that the plants integrate differently, an encoder may read one step more on one plant, "
+    "and a loop that is hardly stable amplifies this to any size"
 )
 SMOOTHED = NoLimits(
     "Coulomb's friction of the joint is a smoothed sign in the analytic plant, which never sticks"
@@ -82,7 +82,7 @@ def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> Agre
     blind = [plant for plant in pair if DRIVES[drive].is_servo and not plant_entry(plant).servos]
     if blind:
         label = plant_entry(blind[0]).label
-        return NoLimits(f"velocity drives of the {label} plant do not feel the load, as those of others do")
+        return NoLimits(f"velocity drives of the {label} plant do not feel the load, unlike those of others")
     known, limits = _closed_loop()["effects"], agreement_limits(drive)
     if scenario.effects.sensing and len(known.keys() & set(scenario.effects.names)) > 1:
         return ENCODERS

@@ -59,7 +59,7 @@ def test_relative_numbers_follow_a_negative_nominal_value() -> None:
 
 @pytest.mark.parametrize("factor", [0.5, 2.0, 3.0])
 @pytest.mark.parametrize(
-    "given",
+    "distribution",
     [
         make("uniform", low=1.0, high=3.5),
         make("uniform", low=0.5, high=2.0, relative=True),

@@ -1,4 +1,4 @@
-"""How far plants may differ; plants that differ because of their steps, or otherwise."""
+"""Test limits of the difference between plants, and plants that differ because of steps or otherwise."""
 
 import json
 from dataclasses import replace
@@ -55,7 +55,7 @@ def test_limits_are_the_same_for_every_scenario_rig_and_pair(override: str, driv
 def test_a_plant_with_drives_that_do_not_feel_the_load_is_not_judged_with_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Beside others, which are; ideal drives are the same everywhere."""
+    """Other plants in the same runs are judged, and so is this one with ideal drives."""
     blind = replace(registry.PLANTS["analytic"], name="blind", label="blind", servos=False)
     monkeypatch.setitem(registry.PLANTS, "blind", blind)
     scenario = load_scenario("slack-rope")
@@ -64,16 +64,16 @@ def test_a_plant_with_drives_that_do_not_feel_the_load_is_not_judged_with_them(
     assert limits[PAIR] == agreement_limits("velocity")
     unknown = limits["blind", "mujoco"]
     assert isinstance(unknown, NoLimits)
-    assert unknown.reason == "velocity drives of the blind plant do not feel the load, as those of others do"
+    assert unknown.reason == "velocity drives of the blind plant do not feel the load, unlike those of others"
     runs = [simulate_run(scenario, plant=plant, drive="velocity", controller="lqr") for plant in PAIR]
-    other = replace(runs[0], plant="blind")
-    for agreement in (judge(other, runs[1], limits=unknown), judge(other, runs[1])):
+    blind_run = replace(runs[0], plant="blind")
+    for agreement in (judge(blind_run, runs[1], limits=unknown), judge(blind_run, runs[1])):
         assert (agreement.passed, agreement.limit_m, agreement.limits) == (None, None, unknown.reason)
     assert judge(*runs).passed
 
 
 def test_logs_of_drives_that_did_not_feel_the_load_are_not_judged() -> None:
-    """The description of the plant, which a log holds, tells which drives it had."""
+    """The description of the plant in the log tells which drives it had."""
     scenario = load_scenario("slack-rope")
     for drive, expected in (("velocity", None), ("ideal", True)):
         runs = [simulate_run(scenario, plant=plant, drive=drive, controller="lqr") for plant in PAIR]
@@ -85,12 +85,12 @@ def test_logs_of_drives_that_did_not_feel_the_load_are_not_judged() -> None:
 
 
 def test_effects_leave_what_their_schemes_do() -> None:
-    """The largest of them, longer on a longer rig; not a limit of its own for what leaves nothing."""
+    """The largest limit of all effects counts, and grows with the rig; some effects need no limit."""
     mixed = load_scenario("ship-to-shore", overrides=["effects.rope={}", "effects.friction={}"])
-    found = pair_limits(mixed, "velocity", RIGHT)
-    assert isinstance(found, AgreementLimits)
-    assert found.load_m == pytest.approx(6e-5 * mixed.rig.rope_range[1] / 1.4)
-    assert found.angle_rad == 1.2e-4
+    limits = pair_limits(mixed, "velocity", RIGHT)
+    assert isinstance(limits, AgreementLimits)
+    assert limits.load_m == pytest.approx(6e-5 * mixed.rig.rope_range[1] / 1.4)
+    assert limits.angle_rad == 1.2e-4
     for effects, why in (("{sensing={}, rope={}}", ENCODERS), ("{friction={}}", SMOOTHED)):
         scenario = load_scenario("fixed-position", overrides=[f"effects={effects}"])
         assert pair_limits(scenario, "force", PAIR) is why
@@ -104,38 +104,38 @@ def pair(scenario: Scenario) -> list[Run]:
 
 @pytest.fixture(scope="module")
 def long() -> list[Run]:
-    """Steps of 20 ms for a load that crosses the rig in 3 s."""
+    """Return runs with steps of 20 ms, of a load that crosses the rig in 3 s."""
     return pair(load_scenario("fast-diagonal", overrides=LONG))
 
 
 def test_half_the_step_brings_them_together(long: list[Run]) -> None:
-    found = judge_steps(long, LIMITS)
-    assert not found.passed
-    assert found.curing_step_s == 0.01
-    assert replace(found, curing_step_s=None) == judge(*long, limits=LIMITS)
+    agreement = judge_steps(long, LIMITS)
+    assert not agreement.passed
+    assert agreement.curing_step_s == 0.01
+    assert replace(agreement, curing_step_s=None) == judge(*long, limits=LIMITS)
 
 
 def test_the_order_says_how_much_shorter(long: list[Run]) -> None:
-    """Limits 50 times as narrow take two halvings, each of which leaves a sixteenth."""
-    found = judge(*long)
-    apart = max(found.max_load_error_m, found.max_angle_error_rad) / 50.0
-    assert judge_steps(long, replace(LIMITS, load_m=apart, angle_rad=apart)).curing_step_s == 0.005
+    """Limits 50 times as narrow need two halvings, each of which divides the error by 16."""
+    agreement = judge(*long)
+    narrow = max(agreement.max_load_error_m, agreement.max_angle_error_rad) / 50.0
+    assert judge_steps(long, replace(LIMITS, load_m=narrow, angle_rad=narrow)).curing_step_s == 0.005
 
 
 def test_other_differences_are_not_cured(long: list[Run]) -> None:
-    """Where a shorter step leaves them apart, where they agree, and where something else is to blame."""
+    """No step is found if a shorter one does not help, if plants agree, or if there is another reason."""
     narrow = replace(LIMITS, load_m=1e-16, angle_rad=1e-16)
     interrupted = [long[0], replace(long[1], status=RunStatus.INTERRUPTED)]
-    others = [replace(run, drive="velocity") for run in long]
+    other_drives = [replace(run, drive="velocity") for run in long]
     assert judge_steps(long, narrow).curing_step_s is None
-    for runs in ([long[0], long[0]], interrupted, others):
+    for runs in ([long[0], long[0]], interrupted, other_drives):
         assert judge_steps(runs, LIMITS).curing_step_s is None
     assert judge_steps(long, NoLimits("nobody knows")).curing_step_s is None
 
 
 def test_steps_stay_on_the_grid_of_nanoseconds() -> None:
-    odd = load_scenario("fast-diagonal", overrides=["control.physics_step=0.000015625"])
-    assert with_finer_steps(odd, 2) is None
+    scenario = load_scenario("fast-diagonal", overrides=["control.physics_step=0.000015625"])
+    assert with_finer_steps(scenario, 2) is None
 
 
 def test_the_verdict_of_a_run_says_so(

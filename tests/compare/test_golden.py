@@ -1,4 +1,4 @@
-"""A run against a golden one: passes what the limits allow, fails what they do not, refuses to judge less."""
+"""Judge a run against a golden one: pass within limits, fail beyond them, and refuse incomplete limits."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -40,7 +40,7 @@ def shifted(run: Run, column: int, amount: float, row: int = 50) -> Run:
 
 
 def tolerances(*limits: Sequence[Any], end_s: float = 0.0) -> Tolerances:
-    """Limits as (pattern, absolute, relative), the last of them optional."""
+    """Return tolerances from tuples (pattern, absolute, relative), where relative is optional."""
     tables = [dict(zip(("signals", "absolute", "relative"), limit, strict=False)) for limit in limits]
     return parse_settings(Tolerances, {"end_s": end_s, "limits": tables}, "limits.toml")
 

@@ -1,4 +1,4 @@
-"""Comparison and judgement: right on good runs, and able to fail. What may go into one log."""
+"""Test comparisons and verdicts, which must be able to fail, and which runs one log can hold."""
 
 from dataclasses import replace
 
@@ -55,7 +55,7 @@ def test_difference_is_found_where_and_as_large_as_it_is(run: Run) -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("column", [6, 8, 10, 11, 12])
 def test_judge_fails_above_the_limit_and_passes_below(run: Run, column: int, sign: float) -> None:
-    """Either sign, each of alpha, beta, load x, y, z: a comparison without abs would let one through."""
+    """Both signs of alpha, beta and load x, y, z fail: a comparison without abs would pass one."""
     assert not judge(run, shifted(run, column, sign * 1.1e-7)).passed
     assert judge(run, shifted(run, column, sign * 0.9e-7)).passed
 
@@ -93,11 +93,11 @@ def test_runs_agree_up_to_the_limits(run: Run) -> None:
 
 
 def test_without_limits_there_is_no_verdict(run: Run) -> None:
-    """However far apart the plants are, and however they ended."""
+    """This holds for any difference and any end of the runs."""
     for other in (shifted(run, 10, 5.0), replace(run, plant="mujoco", status=RunStatus.SLACK_ROPE)):
-        found = judge(run, other, limits=NoLimits("nobody knows"))
-        assert (found.passed, found.limit_m, found.limit_rad) == (None, None, None)
-        assert (found.verdict, found.limits) == ("not judged", "nobody knows")
+        agreement = judge(run, other, limits=NoLimits("nobody knows"))
+        assert (agreement.passed, agreement.limit_m, agreement.limit_rad) == (None, None, None)
+        assert (agreement.verdict, agreement.limits) == ("not judged", "nobody knows")
         assert not judge(run, other).passed
 
 

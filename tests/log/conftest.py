@@ -1,4 +1,4 @@
-"""A log that many tests read, cut, corrupt or send: some chunks, of 0.3 s on both plants."""
+"""Fixture for a log that many tests read, cut, corrupt or send: 0.3 s on both plants, in several chunks."""
 
 from pathlib import Path
 

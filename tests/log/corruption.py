@@ -1,4 +1,4 @@
-"""Corrupted MCAP files: a log taken apart, changed, and put together with all else right, checksums too."""
+"""Corrupt MCAP files: take a log apart, change it, and put it together with valid checksums."""
 
 import json
 import struct
@@ -33,22 +33,22 @@ COMPRESS: dict[str, Callable[[bytes], bytes]] = {
     "lz4": lz4.frame.compress,
     "": bytes,
 }
-Edit = Callable[[McapRecord], Iterable[McapRecord]]  # of a record outside chunks
+Edit = Callable[[McapRecord], Iterable[McapRecord]]  # replaces a record outside chunks
 Change = Callable[["Parts"], None]
 
 
 @dataclass
 class Parts:
-    """What is in a log; chunks are lists of records, or of bytes that pretend to be records."""
+    """The contents of a log; chunks are lists of records, or of bytes instead of records."""
 
     metadata: list[Metadata] = field(default_factory=list)
     attachments: list[Attachment] = field(default_factory=list)
     chunks: list[list[McapRecord | bytes]] = field(default_factory=list)
 
     def definitions(self, kind: type) -> list[McapRecord]:
-        """Schemas or channels, each once."""
-        found = (record for chunk in self.chunks for record in chunk if isinstance(record, kind))
-        return list({record.id: record for record in found}.values())
+        """Return all schemas or channels, each once."""
+        records = (record for chunk in self.chunks for record in chunk if isinstance(record, kind))
+        return list({record.id: record for record in records}.values())
 
     def channel(self, topic: str) -> Channel:
         return next(channel for channel in self.definitions(Channel) if channel.topic == topic)
@@ -60,9 +60,9 @@ class Parts:
         return next(metadata for metadata in self.metadata if metadata.name == name)
 
     def messages(self, topic: str) -> list[Message]:
-        wanted = self.channel(topic).id
+        channel_id = self.channel(topic).id
         return [
-            r for chunk in self.chunks for r in chunk if isinstance(r, Message) and r.channel_id == wanted
+            r for chunk in self.chunks for r in chunk if isinstance(r, Message) and r.channel_id == channel_id
         ]
 
 
@@ -82,7 +82,7 @@ def take_apart(path: Path) -> Parts:
 def put_together(
     parts: Parts, edit: Edit = lambda record: [record], *, compression: str = "zstd", crcs: bool = True
 ) -> bytes:
-    """A file of these parts, without indexes; `edit` may replace, repeat or drop records outside chunks."""
+    """Return a file of these parts, without indexes; `edit` may change records outside chunks."""
     data = bytearray(MAGIC)
 
     def add(record: McapRecord) -> None:
@@ -115,17 +115,17 @@ def written(record: McapRecord | bytes) -> bytes:
 
 
 def places(data: bytes) -> list[tuple[int, int, int]]:
-    """Opcode, start and stop of every record outside chunks."""
-    found, at = [], 8
+    """Return opcode, start and stop of every record outside chunks."""
+    records, at = [], 8
     while at < len(data) - 8:
         opcode, length = struct.unpack_from("<BQ", data, at)
-        found.append((opcode, at, at + 9 + length))
+        records.append((opcode, at, at + 9 + length))
         at += 9 + length
-    return found
+    return records
 
 
 def put_right(data: bytearray) -> bytes:
-    """Data and summary get the checksums of what is in them, as far as the file can still be walked."""
+    """Correct the checksums of data and summary, as far as the records can still be found."""
     size = len(data)
     start = struct.unpack_from("<Q", data, size - 28)[0]
     if 21 < start <= size - 37:
@@ -134,7 +134,7 @@ def put_right(data: bytearray) -> bytes:
     return bytes(data)
 
 
-# What is changed.
+# Changes of a log.
 
 
 def on(kind: type, change: Callable[[Any], list[McapRecord]], *, nth: int = 0) -> Edit:
@@ -177,7 +177,7 @@ def without(name: str) -> Change:
 
 
 def put(name: str, **new: Any) -> Change:
-    """Put values into a table of JSON."""
+    """Set values in a JSON document."""
 
     def apply(parts: Parts) -> None:
         attachment = parts.attachment(name)
@@ -187,7 +187,7 @@ def put(name: str, **new: Any) -> Change:
 
 
 def number(topic: str, nth: int, signal: int, change: Callable[[float], float]) -> Change:
-    """Change one number: each takes a byte of tag and eight of its own."""
+    """Change one number of a row; each number takes one byte for its tag and eight for its value."""
 
     def apply(parts: Parts) -> None:
         message, start = parts.messages(topic)[nth], 9 * signal + 1
@@ -218,5 +218,5 @@ def also(*changes: Change) -> Change:
 
 
 def both(**values: str) -> Change:
-    """Say something of the outcomes of both runs."""
+    """Change the metadata of the outcomes of both runs."""
     return also(*(meta(f"run/{plant}", **values) for plant in ("analytic", "mujoco")))

@@ -1,4 +1,4 @@
-"""A run that contradicts itself is neither written nor read, whatever has been changed in it."""
+"""A run that contradicts itself is neither written nor read, for every kind of change in it."""
 
 import functools
 import json
@@ -31,7 +31,7 @@ MOST = settings(max_examples=200, deadline=None)
 
 @functools.cache
 def completed() -> Run:
-    """26 samples on the grid and one beside it."""
+    """Return a run with 26 regular samples, and a last one between two regular times."""
     scenario = load_scenario(
         "fixed-position", overrides=["duration=0.102", "disturbances=[{joint='beta', start=0, magnitude=1}]"]
     )
@@ -40,7 +40,7 @@ def completed() -> Run:
 
 @functools.cache
 def stopped() -> Run:
-    """The rope reaches no length at all; the run ends a sample after its last."""
+    """Return a run that stops one period after its last sample, because its rope length is not positive."""
     overrides = ["duration=2", "disturbances=[{joint='alpha', start=0.5, magnitude=20.0}]"]
     return simulate_run(load_scenario("fixed-position", overrides=overrides), plant="analytic").every(EVERY)
 
@@ -52,13 +52,13 @@ def refused(run: Run, every: int = EVERY) -> str:
 
 
 def row_removed(run: Run, row: int) -> Run:
-    kept = np.delete(np.arange(len(run.time_ns)), row)
-    return replace(run, time_ns=run.time_ns[kept], table=run.table[kept], reference=run.reference[kept])
+    rows = np.delete(np.arange(len(run.time_ns)), row)
+    return replace(run, time_ns=run.time_ns[rows], table=run.table[rows], reference=run.reference[rows])
 
 
-def changed(values: np.ndarray, place: tuple[int, ...], value: float) -> np.ndarray:
+def changed(values: np.ndarray, index: tuple[int, ...], value: float) -> np.ndarray:
     copy = values.copy()
-    copy[place] = value
+    copy[index] = value
     return copy
 
 
@@ -78,9 +78,9 @@ RUNS = st.sampled_from([completed, stopped])
 
 
 @MOST
-@given(made=RUNS, data=st.data())
-def test_one_time_is_changed(made: Callable[[], Run], data: st.DataObject) -> None:
-    run = made()
+@given(make_run=RUNS, data=st.data())
+def test_one_time_is_changed(make_run: Callable[[], Run], data: st.DataObject) -> None:
+    run = make_run()
     row = data.draw(st.integers(0, len(run.time_ns) - 1))
     low = int(run.time_ns[row - 1]) + 1 if row else -(10**9)
     high = int(run.time_ns[row + 1]) - 1 if row < len(run.time_ns) - 1 else 3 * 10**9
@@ -91,9 +91,9 @@ def test_one_time_is_changed(made: Callable[[], Run], data: st.DataObject) -> No
 
 
 @MOST
-@given(made=RUNS, data=st.data())
-def test_one_sample_is_missing(made: Callable[[], Run], data: st.DataObject) -> None:
-    run = made()
+@given(make_run=RUNS, data=st.data())
+def test_one_sample_is_missing(make_run: Callable[[], Run], data: st.DataObject) -> None:
+    run = make_run()
     refused(row_removed(run, data.draw(st.integers(0, len(run.time_ns) - 1))))
 
 
@@ -111,15 +111,15 @@ def test_one_number_is_not_finite(data: st.DataObject, value: float) -> None:
 @given(data=st.data(), value=st.floats())
 def test_one_desired_value_is_another(data: st.DataObject, value: float) -> None:
     run = completed()
-    place = tuple(data.draw(st.integers(0, size - 1)) for size in run.reference.shape)
-    assume(not abs(value - run.reference[place]) <= 1e-9)
-    refused(replace(run, reference=changed(run.reference, place, value)))
+    index = tuple(data.draw(st.integers(0, size - 1)) for size in run.reference.shape)
+    assume(not abs(value - run.reference[index]) <= 1e-9)
+    refused(replace(run, reference=changed(run.reference, index, value)))
 
 
 @MOST
-@given(made=RUNS, end_ns=st.integers(-(10**9), 10**10) | st.integers(0, 2500).map(lambda ms: ms * 10**6))
-def test_the_end_is_another(made: Callable[[], Run], end_ns: int) -> None:
-    run = made()
+@given(make_run=RUNS, end_ns=st.integers(-(10**9), 10**10) | st.integers(0, 2500).map(lambda ms: ms * 10**6))
+def test_the_end_is_another(make_run: Callable[[], Run], end_ns: int) -> None:
+    run = make_run()
     last_ns = int(run.time_ns[-1])
     assume(end_ns not in ((run.end_ns,) if run.status == RunStatus.COMPLETED else (last_ns, run.end_ns)))
     refused(replace(run, end_ns=end_ns))
@@ -152,9 +152,9 @@ def test_only_the_last_sample_of_a_run_that_stopped_may_hold_what_stopped_it() -
 
 
 def test_segments_of_a_session_begin_where_they_say_and_end_when_they_like() -> None:
-    whole = completed()
-    late = {"time_ns": whole.time_ns + 7_000_000, "end_ns": whole.end_ns + 7_000_000}
-    segment = replace(whole, status=RunStatus.INTERRUPTED, **late)
+    full_run = completed()
+    late = {"time_ns": full_run.time_ns + 7_000_000, "end_ns": full_run.end_ns + 7_000_000}
+    segment = replace(full_run, status=RunStatus.INTERRUPTED, **late)
     sampling = Sampling(segment.scenario, EVERY, 7_000_000)
     check_run(segment, sampling)
     check_run(segment, replace(sampling, from_ns=4_000_000))
@@ -199,7 +199,7 @@ def test_what_contradicts_itself_is_not_written(tmp_path: Path) -> None:
 
 
 def test_a_log_is_thinned_by_control_samples(tmp_path: Path) -> None:
-    """Not by those that it happens to hold, of which it would then tell the wrong rate."""
+    """The option `every` counts control samples of a run, not the samples that a log holds of it."""
     logged = write_log(tmp_path / "a.mcap", [completed()], every=EVERY)
     run = read_log(logged)["analytic"]
     assert write_log(tmp_path / "b.mcap", [run], every=EVERY).read_bytes() == logged.read_bytes()
@@ -236,17 +236,17 @@ NUMBERS = (
 
 
 @MOST
-@given(text=NUMBERS, place=st.sampled_from([("cranectl", "every"), ("run/analytic", "end_ns"),
+@given(text=NUMBERS, entry=st.sampled_from([("cranectl", "every"), ("run/analytic", "end_ns"),
                                             ("run/analytic", "samples"), ("live", "from_ns")]))  # fmt: skip
-def test_numbers_of_a_header_are_whole_and_bounded(text: str, place: tuple[str, str]) -> None:
-    """Each is refused, as it stands or with the run that it speaks of, unless it says what was said."""
-    record, name = place
+def test_numbers_of_a_header_are_whole_and_bounded(text: str, entry: tuple[str, str]) -> None:
+    """Each changed number is refused by itself or with its run, unless it is the original one."""
+    record, name = entry
     try:
-        found = parsed(record, **{name: text})
-        outcome = found.outcome("analytic")
+        parsed_header = parsed(record, **{name: text})
+        outcome = parsed_header.outcome("analytic")
         assert (outcome.end_ns, outcome.status) == (completed().end_ns, RunStatus.COMPLETED)
-        assert max(found.every, outcome.samples, found.begin_ns) < 2**63
-        check_run(completed(), found)
+        assert max(parsed_header.every, outcome.samples, parsed_header.begin_ns) < 2**63
+        check_run(completed(), parsed_header)
         assert outcome.samples == len(completed().time_ns) or name == "samples"
     except (LogError, DamageError):
         assert text != header()[0].get(record, {}).get(name)

@@ -1,4 +1,4 @@
-"""Corrupted files: all is right about each, checksums too, but for one thing."""
+"""Each corrupted file has a single fault, and all of its checksums are right."""
 
 import functools
 import json
@@ -64,7 +64,7 @@ def refuse(data: bytes, directory: Path, text: str, runs: dict[str, Run]) -> Non
 
 @dataclass
 class Private(McapRecord):
-    """A record of a kind that MCAP does not know."""
+    """A record of a kind that MCAP does not define."""
 
     def write(self, stream: RecordBuilder) -> None:
         stream.start_record(0x7F)
@@ -124,11 +124,11 @@ ASIDE = {
 def test_nothing_is_taken_from_indexes(
     log: Path, tmp_path: Path, runs: dict[str, Run], opcode: Opcode
 ) -> None:
-    """What only readers need that jump may be wrong: what is read and said is that of the records."""
+    """Data for readers that jump may be wrong, because everything is read from the records themselves."""
     data, path = bytearray(log.read_bytes()), tmp_path / "small.mcap"
     bodies = [(start + 9 + ASIDE[opcode], stop) for kind, start, stop in places(data) if kind == opcode]
     assert bodies
-    if opcode == Opcode.STATISTICS:  # whose maps must have their length
+    if opcode == Opcode.STATISTICS:  # its maps must keep their length
         bodies = [(start, start + 34) for start, _ in bodies]
     for start, stop in bodies:
         data[start:stop] = b"\xff" * (stop - start)
@@ -139,15 +139,15 @@ def test_nothing_is_taken_from_indexes(
     assert replace(describe_log(path), path="") == replace(describe_log(log), path="")
 
 
-# What it contains.
+# Faults of the contents.
 
 STATE, REFERENCE = "/mujoco/state", "/reference/load"
 
 
 def schema(**values: Any) -> Change:
     def apply(parts: Parts) -> None:
-        wanted = parts.channel(STATE).schema_id
-        vars(next(s for s in parts.definitions(Schema) if s.id == wanted)).update(values)
+        schema_id = parts.channel(STATE).schema_id
+        vars(next(s for s in parts.definitions(Schema) if s.id == schema_id)).update(values)
 
     return apply
 
@@ -156,9 +156,9 @@ def fields(change: Callable[[Any], object]) -> Change:
     """Change the fields of the message type of the state of MuJoCo."""
 
     def apply(parts: Parts) -> None:
-        wanted = parts.channel(STATE).schema_id
+        schema_id = parts.channel(STATE).schema_id
         files = descriptor_pb2.FileDescriptorSet()
-        files.ParseFromString(next(s.data for s in parts.definitions(Schema) if s.id == wanted))
+        files.ParseFromString(next(s.data for s in parts.definitions(Schema) if s.id == schema_id))
         change(files.file[0].message_type[0].field)
         schema(data=files.SerializeToString())(parts)
 
@@ -184,7 +184,7 @@ def defined_again(**values: Any) -> Change:
 
 
 def raised(topic: str) -> Change:
-    """By a metre."""
+    """Raise the load by a metre."""
     return also(*(number(topic, nth, 2, lambda z: z + 1.0) for nth in range(76)))
 
 
@@ -219,7 +219,7 @@ halved = every_message(lambda m: replace(m, log_time=m.log_time // 2))
 
 
 def more_order(parts: Parts) -> None:
-    """A robustifier that does nothing, and its poles."""
+    """Add a robustifier that has no effect, with its poles."""
     poles = json.loads(parts.attachment("design.json").data)["closed_loop_poles"]
     robustifier = {"A": [[-1.0, 0.0], [0.0, -1.0]], "B": [[0.0]] * 2, "C": [[0.0] * 2], "D": [[0.0]]}
     put("design.json", robustifier=robustifier, closed_loop_poles=[*poles, *[[-1.0, 0.0]] * 2])(parts)
@@ -322,10 +322,10 @@ def test_content_that_is_not_what_it_should_be(
     refuse(put_together(parts), tmp_path, reason, runs)
 
 
-# What would take the memory or the time of the machine.
+# Files that could exhaust memory or time.
 
-MEMORY = 200  # [MiB] that any of these may take, measured 150; they hold or claim up to 1 TiB
-SECONDS = 2.0  # of the processor, each; measured 0.1 s
+MEMORY = 200  # [MiB] allowed for each file, measured 150; the files hold or claim up to 1 TiB
+SECONDS = 2.0  # of processor time allowed for each file; measured 0.1 s
 
 READ = """
 import sys, time
@@ -361,14 +361,14 @@ for name in sys.argv[2:]:
 
 @functools.cache
 def zeros(size: int) -> bytes:
-    """So many zeros, compressed without ever having been there."""
+    """Return `size` zeros in compressed form, without ever storing them."""
     compressor = zstandard.ZstdCompressor().compressobj()
     piece = bytes(2**20)
     return b"".join([*(compressor.compress(piece) for _ in range(size // 2**20)), compressor.flush()])
 
 
 def frame(size: int, log_window: int) -> bytes:
-    """A zstd frame that claims `size` and a window of 2^log_window bytes, and holds 100 zeros."""
+    """Return a zstd frame of 100 zeros that claims `size` bytes and a window of 2^log_window bytes."""
     head = b"\x28\xb5\x2f\xfd" + bytes([0xC0, (log_window - 10) << 3]) + size.to_bytes(8, "little")
     return head + ((100 << 3) | 0b011).to_bytes(3, "little") + b"\0"
 
@@ -388,7 +388,7 @@ BOMBS: dict[str, Edit] = {
 
 
 def of_messages(log: Path, length: int) -> bytes:
-    """A chunk of 15 MiB full of messages of one topic, which compress to nothing."""
+    """Return a log with a chunk of 15 MiB full of messages of one topic, which compress very well."""
     parts = take_apart(log)
     message = written(replace(parts.messages("/tf")[0], data=bytes(length)))
     parts.chunks.append([message * (15 * 2**20 // len(message))])
@@ -396,7 +396,7 @@ def of_messages(log: Path, length: int) -> bytes:
 
 
 def hollow(log: Path, path: Path) -> None:
-    """A file with a hole of 128 GiB in its summary."""
+    """Make a sparse file with a summary of 128 GiB."""
     data, end = log.read_bytes(), 37
     with path.open("wb") as stream:
         stream.write(data[:-end])
@@ -405,7 +405,7 @@ def hollow(log: Path, path: Path) -> None:
 
 
 def test_a_length_that_no_memory_has_makes_no_sense() -> None:
-    """A chunk of 2^63 bytes in a record of 45: no index is that large."""
+    """A record of 45 bytes claims a chunk of 2^63 bytes, which no index can address."""
     body = struct.pack("<QQQII", 0, 0, 0, 0, 0) + struct.pack("<Q", 2**63) + b"data!"
     with pytest.raises(DamageError, match="the chunk record at byte 8 makes no sense"):
         parse(Chunk.read, Record(Opcode.CHUNK, 8, 9 + len(body), body))

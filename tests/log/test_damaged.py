@@ -19,7 +19,7 @@ Case = tuple[str, bytes]
 def check(
     cases: Iterator[Case], directory: Path, is_right: Callable[[dict[str, Run]], bool]
 ) -> tuple[int, int]:
-    """(refused, read) of all cases; a case that is neither, or read wrongly, fails the test with its name."""
+    """Return how many cases are refused and read; fail with the name of a case that is read wrongly."""
     refused = taken = 0
     path = directory / "case.mcap"
     for name, data in cases:
@@ -39,7 +39,7 @@ def check(
     return refused, taken
 
 
-# Accidents: the checksums are what they were.
+# Accidental damage, with the original checksums.
 
 
 def flipped(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
@@ -90,16 +90,16 @@ def test_accidents(
     assert taken == 0
 
 
-# Not by accident: lengths and numbers are edited, and every checksum is put right again.
+# Deliberate changes of lengths and numbers, with corrected checksums.
 
 ABSURD = [0, 1, 8, 2**16 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**63, 2**64 - 1]
 
 
 def edited_lengths(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
-    """The length of a record becomes absurd, or a little wrong."""
-    found = places(data)
+    """Yield logs in which the length of one record is absurd or slightly wrong."""
+    records = places(data)
     for _ in range(count):
-        opcode, start, stop = found[rng.integers(len(found))]
+        opcode, start, stop = records[rng.integers(len(records))]
         length = stop - start - 9
         near = [max(length + int(step), 0) for step in rng.integers(-20, 20, size=3)]
         new = [*ABSURD, *near][rng.integers(len(ABSURD) + 3)]
@@ -110,7 +110,7 @@ def edited_lengths(data: bytes, rng: np.random.Generator, count: int) -> Iterato
 
 
 def edited_numbers(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
-    """Any 1 to 8 bytes of what is read, but for the contents of chunks and attachments, become absurd."""
+    """Yield logs in which 1 to 8 bytes outside chunks and attachments become absurd."""
     kinds = [
         Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.DATA_END, Opcode.STATISTICS, Opcode.FOOTER,
     ]  # fmt: skip
@@ -125,7 +125,7 @@ def edited_numbers(data: bytes, rng: np.random.Generator, count: int) -> Iterato
 
 
 def no_checksums(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
-    """A bit anywhere, in a file without checksums but those of chunks and attachments."""
+    """Yield logs with one changed bit anywhere, of which only chunks and attachments have checksums."""
     bare = bytearray(data)
     start = struct.unpack_from("<Q", data, len(data) - 28)[0]
     bare[start - 4 : start] = bare[len(data) - 12 : len(data) - 8] = bytes(4)
@@ -145,7 +145,7 @@ def test_edited_numbers_with_right_checksums_change_no_signal(
     count: int,
     expected: float,
 ) -> None:
-    """What is read may say something else where it says so consistently; signals stay what they were."""
+    """A log may be read with other facts if these are consistent, but never with other signals."""
 
     def signals_are_right(read: dict[str, Run]) -> bool:
         return all(run.table.tobytes() == runs[plant].table.tobytes() for plant, run in read.items())

@@ -1,4 +1,4 @@
-"""MCAP files as other tools write them: our logs are read in any valid form, other files called foreign."""
+"""MCAP files of other tools: our logs are read in any valid form, and other files are called foreign."""
 
 import io
 import json
@@ -88,7 +88,7 @@ def again(
 
 
 def other_topics(writer: Writer) -> None:
-    """A topic in JSON, one in CDR, and one without a schema."""
+    """Add a topic in JSON, one in CDR, and one without a schema."""
     schema = writer.register_schema("Pose", "jsonschema", b'{"type": "object"}')
     pose = writer.register_channel("/pose", "json", schema)
     ros = writer.register_channel("/ros", "cdr", writer.register_schema("a/msg/X", "ros2msg", b"float64 x"))
@@ -136,10 +136,14 @@ def test_a_log_that_another_tool_has_written_again_is_recovered(
     with opened(tmp_path / "saved.mcap") as stream:
         contents, _ = read_rows(tmp_path / "saved.mcap", stream, lambda _: True)
     if "other" in form:
-        told = {channel.topic: channel for channel in contents.channels.values()}
-        assert [told[name].message_encoding for name in ("/pose", "/ros", "/raw")] == ["json", "cdr", "json"]
-        assert contents.schemas[told["/ros"].schema_id].encoding == "ros2msg"
-        assert told["/raw"].schema_id == 0
+        by_topic = {channel.topic: channel for channel in contents.channels.values()}
+        assert [by_topic[name].message_encoding for name in ("/pose", "/ros", "/raw")] == [
+            "json",
+            "cdr",
+            "json",
+        ]
+        assert contents.schemas[by_topic["/ros"].schema_id].encoding == "ros2msg"
+        assert by_topic["/raw"].schema_id == 0
 
 
 def test_a_record_of_another_writers_own_is_passed_over(
@@ -155,14 +159,14 @@ def test_a_record_of_another_writers_own_is_passed_over(
 
 
 def large(writer: Writer, size: int = 17, count: int = 1) -> None:
-    """Messages of `size` MiB."""
+    """Add messages of `size` MiB."""
     channel = writer.register_channel("/image", "json", writer.register_schema("Image", "jsonschema", b"{}"))
     for k in range(count):
         writer.add_message(channel, k, bytes(size * 2**20), k)
 
 
 def notes(writer: Writer) -> None:
-    """What another tool adds, under one name twice."""
+    """Add two attachments and two metadata records with the same name, as another tool may do."""
     for content in (b"x", b"y"):
         writer.add_attachment(0, 0, "notes.txt", "text/plain", content)
         writer.add_metadata("notes", {"a": content.decode()})
@@ -174,22 +178,25 @@ def test_names_that_a_log_has_twice_are_kept(written: Path, short_run: Any, tmp_
     recover_log(path, tmp_path / "saved.mcap")
     with (tmp_path / "saved.mcap").open("rb") as stream:
         reader = make_reader(stream)
-        told = [each.data for each in reader.iter_attachments() if each.name == "notes.txt"]
-        assert told == [b"x", b"y"]
-        assert [each.metadata["a"] for each in reader.iter_metadata() if "notes" in each.name] == ["x", "y"]
+        contents = [record.data for record in reader.iter_attachments() if record.name == "notes.txt"]
+        assert contents == [b"x", b"y"]
+        assert [record.metadata["a"] for record in reader.iter_metadata() if "notes" in record.name] == [
+            "x",
+            "y",
+        ]
 
 
 def merged(written: Path, path: Path) -> Path:
-    """Write a log with what is said of its runs once more, as a merge of two logs has it."""
+    """Write a log with its metadata and attachments twice, as a merge of two logs has them."""
     with written.open("rb") as stream:
         reader = make_reader(stream)
         attachments, metadata = list(reader.iter_attachments()), list(reader.iter_metadata())
 
     def add(writer: Writer) -> None:
-        for each in attachments:
-            writer.add_attachment(0, 0, each.name, each.media_type, each.data)
-        for one in metadata:
-            writer.add_metadata(one.name, one.metadata)
+        for attachment in attachments:
+            writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
+        for record in metadata:
+            writer.add_metadata(record.name, record.metadata)
 
     return again(written, path, add)
 
@@ -228,13 +235,13 @@ UNREAD: dict[str, tuple[Callable[[Path, Path], Path], str]] = {
 def test_what_another_tool_made_of_a_log_is_never_called_damaged(
     written: Path, tmp_path: Path, case: str
 ) -> None:
-    write, found = UNREAD[case]
+    write, reason = UNREAD[case]
     path = write(written, tmp_path / "again.mcap")
     for attempt in (lambda: read_log(path), lambda: recover_log(path, tmp_path / "out.mcap")):
         with pytest.raises(LogError, match="cannot be read") as error:
             attempt()
         assert "damaged" not in str(error.value)
-    with pytest.raises(LogError, match=re.escape(found)):
+    with pytest.raises(LogError, match=re.escape(reason)):
         read_log(path)
 
 
@@ -311,8 +318,8 @@ def test_nothing_is_written_beside_what_is_no_log(
     command: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The root directory has no name, so the default place would be `/.html`."""
-    places: list[Path] = []
+    checked: list[Path] = []
     for module in ("report", "log"):
-        monkeypatch.setattr(f"cranectl.cli.{module}.check_place", lambda path, *_, **__: places.append(path))
+        monkeypatch.setattr(f"cranectl.cli.{module}.check_place", lambda path, *_, **__: checked.append(path))
     assert main([*command, "/"]) == 2
-    assert places == []
+    assert checked == []

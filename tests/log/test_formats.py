@@ -28,7 +28,7 @@ SAMPLES = Path(__file__).parent / "samples"
 
 @dataclass(frozen=True)
 class Sample:
-    """A kept log and what the program that wrote it reads from it."""
+    """A stored log, and the numbers that the program which wrote it reads from it."""
 
     name: str
     end: tuple[RunStatus, int, str]  # status, end [ns], drive
@@ -180,7 +180,7 @@ def test_logs_from_before_they_said_what_sources_made_them(tmp_path: Path) -> No
 
 
 def layout(path: Path) -> tuple[dict[str, tuple[bytes, dict[str, str]]], dict[str, set[str]], set[str]]:
-    """Types and units of our own topics, keys of metadata by record, attachments."""
+    """Return types and units of our topics, keys of metadata by record, and names of attachments."""
     with path.open("rb") as stream:
         reader = make_reader(stream)
         summary = reader.get_summary()
@@ -192,18 +192,22 @@ def layout(path: Path) -> tuple[dict[str, tuple[bytes, dict[str, str]]], dict[st
 
 
 def without_new_values(definition: bytes, known: bytes) -> bytes:
-    """`definition` without the values of enumerations that `known` has not."""
-    new, old = (FileDescriptorSet.FromString(each) for each in (definition, known))
+    """Return `definition` without values of enumerations that `known` does not have."""
+    new, old = (FileDescriptorSet.FromString(definition_bytes) for definition_bytes in (definition, known))
     for message, before in zip(new.file[0].message_type, old.file[0].message_type, strict=True):
-        for enumeration, said in zip(message.enum_type, before.enum_type, strict=True):
-            kept = [value for value in enumeration.value if value.name in {each.name for each in said.value}]
+        for enumeration, known_enumeration in zip(message.enum_type, before.enum_type, strict=True):
+            known_values = [
+                value
+                for value in enumeration.value
+                if value.name in {definition_bytes.name for definition_bytes in known_enumeration.value}
+            ]
             del enumeration.value[:]
-            enumeration.value.extend(kept)
+            enumeration.value.extend(known_values)
     return new.SerializeToString(deterministic=True)
 
 
 def test_what_is_written_is_still_of_the_format_that_it_says(tmp_path: Path) -> None:
-    """Something may be added; what older readers know is there, as they know it."""
+    """A format may get additions, but everything that older readers know must stay the same."""
     path = tmp_path / "a.mcap"
     write_logged(path, list(read_log(PAIR.path).values()), PAIR.every)
     (topics, metadata, attachments), (known, known_metadata, known_attachments) = map(

@@ -1,4 +1,4 @@
-"""What no command could read is refused before the run; what is allowed is read back."""
+"""A run whose log could not be read is refused before it starts; allowed logs can be read."""
 
 from pathlib import Path
 
@@ -51,7 +51,7 @@ def count_up(parameters, measured, reference, memory, command):
 
 
 def counter(*names: str) -> Controller:
-    """A controller that holds the crane and logs numbers of its own."""
+    """Return a controller that holds the crane and logs signals with these names."""
     return Controller(
         name="counter",
         title="counts",
@@ -64,16 +64,16 @@ def counter(*names: str) -> Controller:
 def test_too_many_signals_are_refused_before_the_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    law, log = tmp_path / "law.py", tmp_path / "out" / "run.mcap"
-    law.write_text(SERVO)
-    arguments = ["--controller", f"{law}:Chatty", "--plants", "analytic", *ASKED]
+    file, log = tmp_path / "law.py", tmp_path / "out" / "run.mcap"
+    file.write_text(SERVO)
+    arguments = ["--controller", f"{file}:Chatty", "--plants", "analytic", *ASKED]
     try:
         assert main(["run", "fixed-position", *arguments, "--out", str(log)]) == 2
-        told = capsys.readouterr().err
-        assert "the 1500 signals that chatty logs" in told
-        assert "log fewer signals" in told
+        error = capsys.readouterr().err
+        assert "the 1500 signals that chatty logs" in error
+        assert "log fewer signals" in error
         assert not log.exists()
-        law.write_text(SERVO.replace("range(1500)", "range(1000)"))
+        file.write_text(SERVO.replace("range(1500)", "range(1000)"))
         close_controllers()
         assert main(["run", "fixed-position", *arguments, "--out", str(log)]) in (0, 1)
     finally:
@@ -82,7 +82,7 @@ def test_too_many_signals_are_refused_before_the_run(
 
 
 def test_as_many_signals_as_are_allowed_are_read_back(tmp_path: Path, short: Scenario) -> None:
-    """Beyond the 2047th the tag of a field takes three bytes."""
+    """From field 2048 on, the tag of a field takes three bytes."""
     register_controller(counter(*(f"n{k}" for k in range(2100))))
     try:
         run = simulate_run(short, plant="analytic", controller="counter")

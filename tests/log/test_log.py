@@ -1,4 +1,4 @@
-"""Logs: bit for bit what was written, the same bytes each time, readable by others, honest errors."""
+"""Logs are read bit for bit, have the same bytes each time, and can be read by other programs."""
 
 import json
 import subprocess
@@ -48,8 +48,8 @@ def assert_same(read: Run, written: Run) -> None:
     assert np.array_equal(read.table, written.table)
     assert np.array_equal(read.reference, written.reference)
     assert np.array_equal(read.time_ns, written.time_ns)
-    told = attrgetter("plant", "drive", "status", "end_ns", "model", "scenario")
-    assert told(read) == told(written)
+    header = attrgetter("plant", "drive", "status", "end_ns", "model", "scenario")
+    assert header(read) == header(written)
     assert read.design.to_json() == written.design.to_json()
 
 
@@ -58,7 +58,7 @@ def assert_same(read: Run, written: Run) -> None:
     [(None, slice(0, 2)), (1, slice(0, 2)), (7, slice(0, 2)), (None, slice(0, 1)), (7, slice(1, 2))],
 )
 def test_reads_back_bit_for_bit(tmp_path: Path, short: Scenario, every: int | None, plants: slice) -> None:
-    """States of a robustifier too."""
+    """Signals of a controller with a robustifier are read bit for bit too."""
     runs = pair(short, design=robust_design())
     assert np.abs(runs[1].signal("controller.robustifier_z_4")).max() > 0
     read = read_log(write_log(tmp_path / "a.mcap", runs[plants], every=every))
@@ -118,7 +118,7 @@ def test_distance_and_verdict_are_those_of_the_comparison(log: Path, runs: list[
 
 
 def test_messages_are_what_protobuf_itself_reads(log: Path) -> None:
-    """Independent of our byte layout: the schema in the file and Google's parser, field by field."""
+    """Parse messages with the schema in the file and Google's parser, independently of our byte layout."""
     run = read_log(log)["mujoco"]
     groups = {f"/mujoco/{group.name}": group for group in run.groups}
     counts = dict.fromkeys(groups, 0)
@@ -175,7 +175,7 @@ def test_limits_of_the_drives_are_states_and_lines(tmp_path: Path, short: Scenar
 
 
 def test_status_follows_the_segments_and_the_workspace(tmp_path: Path) -> None:
-    """Line, arc and hold of the settled trajectory; pole placement leaves the rig and comes back."""
+    """The settled trajectory has line, arc and hold; pole placement leaves the workspace and returns."""
     run = closed_loop("settled-trajectory", "pole-placement", "mujoco")
     changes = messages_of(write_log(tmp_path / "a.mcap", [run]), "/mujoco/status")
     phases = {time: change.phase for time, change in changes}
@@ -188,9 +188,9 @@ def test_status_follows_the_segments_and_the_workspace(tmp_path: Path) -> None:
 
 
 def test_segments_that_were_made_have_the_phase_of_what_was_asked_for(tmp_path: Path) -> None:
-    """Planned and fitted ones, one without a past, one driven; of another package only by that."""
+    """Planned, fitted, plain, driven and blended segments have their phases; another package's is ADDED."""
     still = {"degree": 7, "breaks": [0.0, 0.1], "coefficients": [[1.0, 0.77, -0.7]] * 8}
-    made = [{"made_from": {"kind": kind}} for kind in ("move", "waypoints", "samples")]
+    planned = [{"made_from": {"kind": kind}} for kind in ("move", "waypoints", "samples")]
     driven = {
         "kind": "driven", "duration": 0.1, "period": 0.001, "bandwidth": 1e3, "speed": [1.0] * 3,
         "low": [0.0, 0.0, -1.0], "high": [2.0, 1.0, -0.1],
@@ -198,21 +198,21 @@ def test_segments_that_were_made_have_the_phase_of_what_was_asked_for(tmp_path: 
     corner = [{"kind": "line", "to": [1.0 + x, 0.77, -0.7 + z]} for x, z in ((1e-4, 0.0), (1e-4, 1e-4))]
     parts = [{**line, "time_law": "minimum-time"} for line in corner]
     blended = {"kind": "path", "parts": parts, "taken": [3e-5], "duration": 0.1}
-    segments = [*({"kind": "spline", **still, **more} for more in [*made, {}]), driven, blended]
+    segments = [*({"kind": "spline", **still, **more} for more in [*planned, {}]), driven, blended]
     reference = {"start": [1.0, 0.77, -0.7], "segments": segments}
     scenario = Scenario.model_validate({"name": "made", "duration": 0.7, "reference": reference})
     path = write_log(tmp_path / "a.mcap", [simulate_run(scenario, plant="analytic")])
     changes = {time: change.phase for time, change in messages_of(path, "/analytic/status")}
-    wanted = [Phase.MOVE, Phase.WAYPOINTS, Phase.SAMPLES, Phase.SPLINE, Phase.DRIVEN, Phase.PATH]
-    assert [changes[k * 10**8] for k in range(7)] == [*wanted, Phase.HOLD]
+    expected = [Phase.MOVE, Phase.WAYPOINTS, Phase.SAMPLES, Phase.SPLINE, Phase.DRIVEN, Phase.PATH]
+    assert [changes[k * 10**8] for k in range(7)] == [*expected, Phase.HOLD]
     added = SimpleNamespace(kind="helix", duration=1.0)
     moved = scenario.reference.model_copy(update={"segments": (added,)})
     assert phases(scenario.model_copy(update={"reference": moved}))[0] == (0, Phase.ADDED)
 
 
 def test_numbers_of_phases_stay_what_logs_hold() -> None:
-    kept = {"HOLD": 0, "LINE": 1, "ARC": 2, "ADDED": 3}
-    assert kept.items() <= {phase.name: phase.value for phase in Phase}.items()
+    logged = {"HOLD": 0, "LINE": 1, "ARC": 2, "ADDED": 3}
+    assert logged.items() <= {phase.name: phase.value for phase in Phase}.items()
 
 
 def test_log_topic_tells_the_story(log: Path) -> None:
@@ -256,15 +256,15 @@ def test_encoding_keeps_every_double() -> None:
     assert [getattr(parsed, f"s{k}") for k in range(24)] == special * 4
 
 
-# What cannot be read.
+# Files that cannot be read.
 
 
 def test_truncated_and_foreign_files(tmp_path: Path, log: Path) -> None:
-    whole, text = log.read_bytes(), tmp_path / "text.mcap"
+    valid, text = log.read_bytes(), tmp_path / "text.mcap"
     for content, reason in (
         (b"this is no log, but it is long enough to be one", "not an MCAP file"),
         (b"", "empty"),
-        *((whole[:size], "truncated") for size in (4, 100, len(whole) // 3, -1)),
+        *((valid[:size], "truncated") for size in (4, 100, len(valid) // 3, -1)),
     ):
         text.write_bytes(content)
         with pytest.raises(LogError, match=reason):
@@ -281,7 +281,7 @@ def test_truncated_and_foreign_files(tmp_path: Path, log: Path) -> None:
             read_log(path)
 
 
-# What cannot be written.
+# Logs that cannot be written.
 
 
 def test_unwritable_places(tmp_path: Path, runs: list[Run]) -> None:
@@ -297,7 +297,7 @@ def test_unwritable_places(tmp_path: Path, runs: list[Run]) -> None:
 def test_dropped_messages_are_noticed(
     tmp_path: Path, runs: list[Run], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The writer library warns and goes on; a log that lacks messages must not pass as whole."""
+    """The library only warns about a lost message, but such a log must not count as complete."""
     from cranectl.log import writer
 
     send = writer._send_in_order
@@ -333,7 +333,7 @@ print(resident() - before)
 
 
 def test_many_runs_and_logs_in_one_process_take_no_more_memory(tmp_path: Path) -> None:
-    """The library keeps each channel made in its usual way: 250 logs took 15 MiB."""
+    """The library never frees channels made in its usual way, so 250 logs took 15 MiB."""
     command = [sys.executable, "-c", MANY, str(tmp_path / "a.mcap")]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=HANG)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""Overlays: each run bit for bit under its label, however it was logged; honest errors."""
+"""Overlays hold each run bit for bit under its label, with any plant, drive and logging rate."""
 
 import re
 from dataclasses import replace
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
 @pytest.fixture
 def layers(short: Scenario) -> dict[str, Layer]:
-    """Of other controllers, plants, drives, references and rates; one stopped early, one at once."""
+    """Return runs of different controllers, plants, drives, references and rates; two stopped early."""
     early = simulate_run(short, plant="mujoco", controller="lqr", drive="velocity")
     stopped = {"status": RunStatus.SLACK_ROPE}
     other = load_scenario("settled-trajectory", overrides=["duration=20", "disturbances=[]"])

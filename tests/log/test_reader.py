@@ -1,4 +1,4 @@
-"""Reading: bit for bit what mcap's own reader finds, single signals, speed, other writers' files."""
+"""Compare the reader with mcap's own reader, and test single signals, speed, and files of other writers."""
 
 import time
 from collections.abc import Callable
@@ -22,10 +22,10 @@ from tests.log.viewer import decode_rows
 
 
 def by_mcap(path: Path, topic: str) -> tuple[list[int], list[bytes]]:
-    """Times and messages of a topic as mcap's own reader finds them."""
+    """Read times and messages of a topic with mcap's own reader."""
     with path.open("rb") as stream:
-        found = list(make_reader(stream, validate_crcs=True).iter_messages(topic, log_time_order=False))
-    return [message.log_time for _, _, message in found], [message.data for _, _, message in found]
+        messages = list(make_reader(stream, validate_crcs=True).iter_messages(topic, log_time_order=False))
+    return [message.log_time for _, _, message in messages], [message.data for _, _, message in messages]
 
 
 @pytest.mark.parametrize("every", [1, 4])
@@ -80,7 +80,7 @@ def test_a_signal_that_the_log_does_not_have(log: Path, name: str) -> None:
 
 
 def seconds(function: Callable[[], object], times: int) -> float:
-    """Shortest time on the processor; other work on the machine does not count."""
+    """Return the shortest processor time of several calls, so that other work does not count."""
 
     def once() -> float:
         start = time.process_time()
@@ -109,7 +109,7 @@ def test_reading_is_fast(tmp_path: Path) -> None:
     assert seconds(lambda: read_signal(path, SIGNAL), 10) < slow / 12.0
 
 
-# Files of other writers, which say the same in other ways.
+# Files of other writers with the same contents in another form.
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", ""])
@@ -140,9 +140,9 @@ def test_foreign_topics_are_passed_over(log: Path, tmp_path: Path, runs: dict[st
 
 
 def test_a_sample_off_the_grid_has_its_reference(tmp_path: Path, short: Scenario) -> None:
-    """The last sample of the shorter of two runs need not be on the grid of the longer."""
-    long, whole = (simulate_run(short, plant=plant) for plant in ("analytic", "mujoco"))
-    less = cut(whole, 99, status=RunStatus.INTERRUPTED, end_ns=98_000_000)
-    read = read_log(write_log(tmp_path / "a.mcap", [long, less]))["mujoco"]
+    """The last sample of the shorter run may be between two regular samples of the longer one."""
+    long, full = (simulate_run(short, plant=plant) for plant in ("analytic", "mujoco"))
+    shorter = cut(full, 99, status=RunStatus.INTERRUPTED, end_ns=98_000_000)
+    read = read_log(write_log(tmp_path / "a.mcap", [long, shorter]))["mujoco"]
     assert read.reference.shape == (len(read.time_ns), 15)
-    assert read.reference.tobytes() == less.every(4).reference.tobytes()
+    assert read.reference.tobytes() == shorter.every(4).reference.tobytes()

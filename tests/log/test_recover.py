@@ -1,4 +1,4 @@
-"""Logs are never lost: what was written before a kill comes back, and nothing half-written looks whole."""
+"""What was written before a kill can be recovered, and an unfinished log never looks complete."""
 
 import json
 import os
@@ -34,7 +34,7 @@ CHUNK = 6  # opcode
 
 @pytest.fixture(scope="module")
 def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A log of 60 chunks."""
+    """Write a log of 60 chunks."""
     scenario = load_scenario(
         "fixed-position", overrides=["duration=6", "disturbances.0.start=1", "disturbances.1.start=2"]
     )
@@ -44,20 +44,20 @@ def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def part(tmp_path: Path, log: Path) -> Path:
-    """The log cut off within its third chunk."""
+    """Return a copy of the log that is cut off within its third chunk."""
     return cut(log, tmp_path / "a.mcap.4711.part", after_chunks=2)
 
 
 def cut(log: Path, part: Path, *, after_chunks: int, data: bytes = b"") -> Path:
-    """The bytes of `log`, or `data`, to the middle of the next chunk."""
+    """Write the bytes of `log`, or `data`, up to the middle of the chunk `after_chunks`."""
     data = data or log.read_bytes()
-    start, stop = [place[1:] for place in places(data) if place[0] == CHUNK][after_chunks]
+    start, stop = [record[1:] for record in places(data) if record[0] == CHUNK][after_chunks]
     part.write_bytes(data[: (start + stop) // 2])
     return part
 
 
 def assert_beginning(saved: Run, whole: Run) -> None:
-    """`saved` is the first part of `whole`, bit for bit, and honest about it."""
+    """Assert that `saved` is the first part of `whole`, bit for bit, with the right status and end."""
     samples = len(saved.time_ns)
     assert saved.table.tobytes() == whole.table[:samples].tobytes()
     assert saved.reference.tobytes() == whole.reference[:samples].tobytes()
@@ -71,11 +71,11 @@ def assert_beginning(saved: Run, whole: Run) -> None:
         assert saved.end_ns == (saved.time_ns[-1] if samples else 0)
 
 
-# What is saved of a file that was cut off.
+# Recovered contents of a file that was cut off.
 
 
 def test_every_place_to_be_cut_off(log: Path, tmp_path: Path) -> None:
-    """All samples before the last whole chunk's end come back; before the first chunk there is nothing."""
+    """All samples up to the end of the last complete chunk come back; without a chunk there are none."""
     data, whole = log.read_bytes(), read_log(log)
     chunks = [stop for opcode, _, stop in places(data) if opcode == CHUNK]
     at = np.random.default_rng(3).integers(9, len(data), size=40).tolist()
@@ -154,7 +154,7 @@ def test_the_versions_stay_those_that_made_the_runs(log: Path, tmp_path: Path) -
 
 
 def test_nothing_that_is_written_at_the_end_is_needed(log: Path, tmp_path: Path) -> None:
-    """A recorder that appends as it goes does not know yet how a run will end."""
+    """A recorder that writes during the run does not know yet how it will end."""
     parts = take_apart(log)
     parts.metadata = [metadata for metadata in parts.metadata if not metadata.name.startswith("run/")]
     ids = [parts.channel(topic).id for topic in ("/run/info", "/diff/verdict")]
@@ -187,7 +187,7 @@ def test_topics_and_lines_of_others_are_kept(log: Path, tmp_path: Path) -> None:
 
 
 def test_groups_are_cut_to_their_last_common_sample(log: Path, tmp_path: Path) -> None:
-    """The chunk ends in the middle of a sample: of MuJoCo some groups have it, others not."""
+    """The last chunk ends within a sample, which only some groups of the MuJoCo plant have."""
     parts = take_apart(log)
     late = [m for m in parts.chunks[1] if isinstance(m, Message)][-1].log_time - 9_000_000
     ids = [parts.channel(f"/mujoco/{group}").id for group in ("input", "controller")]
@@ -201,7 +201,7 @@ def test_groups_are_cut_to_their_last_common_sample(log: Path, tmp_path: Path) -
 
 def test_damage_in_the_middle_ends_what_is_saved(log: Path, tmp_path: Path) -> None:
     data = bytearray(log.read_bytes())
-    start, stop = [place[1:] for place in places(bytes(data)) if place[0] == CHUNK][1]
+    start, stop = [record[1:] for record in places(bytes(data)) if record[0] == CHUNK][1]
     data[(start + stop) // 2] ^= 1
     damaged = tmp_path / "b.mcap"
     damaged.write_bytes(data)
@@ -230,36 +230,36 @@ def test_what_contradicts_itself_is_not_recovered(log: Path, tmp_path: Path, end
     assert list(tmp_path.iterdir()) == [part]
 
 
-# Where it goes.
+# Path of the recovered log.
 
 
 def test_nothing_is_overwritten_unasked(part: Path) -> None:
-    place = part.with_name("a.mcap")
+    target = part.with_name("a.mcap")
     before = part.read_bytes()
     for precious in (b"precious", MAGIC + b"precious"):
-        place.write_bytes(precious)
+        target.write_bytes(precious)
         with pytest.raises(LogError, match="exists and may be complete") as caught:
             recover_log(part)
         assert "--out" in caught.value.remedy
-        assert place.read_bytes() == precious
-    recover_log(part, place)
-    assert read_log(place)
+        assert target.read_bytes() == precious
+    recover_log(part, target)
+    assert read_log(target)
     assert part.read_bytes() == before, "the source stays"
 
 
 def test_the_source_is_never_overwritten(part: Path) -> None:
-    """Nor where it is called as this process calls its own unfinished files."""
-    for again in ("", "-2"):
-        own = part.rename(part.with_name(f"a.mcap.{os.getpid()}{again}.part"))
-        before = own.read_bytes()
+    """This holds even if the source has the name of an unfinished file of this process."""
+    for suffix in ("", "-2"):
+        source = part.rename(part.with_name(f"a.mcap.{os.getpid()}{suffix}.part"))
+        before = source.read_bytes()
         with pytest.raises(LogError, match="the same command reads it"):
-            recover_log(own, own)
-        recovered = own.with_name("a.mcap")
-        recover_log(own)
+            recover_log(source, source)
+        recovered = source.with_name("a.mcap")
+        recover_log(source)
         assert read_log(recovered)
-        assert own.read_bytes() == before
+        assert source.read_bytes() == before
         recovered.unlink()
-        part = own
+        part = source
 
 
 def test_files_that_hold_nothing(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -297,7 +297,7 @@ def test_the_command(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "interrupted" in capsys.readouterr().out
 
 
-# Kills. Forks of one process write a long log; each is killed at another moment.
+# Kills: children of one process write a long log, and each is killed at another moment.
 
 WRITE = """
 import os, random, signal, sys, time
@@ -358,7 +358,7 @@ for case in sys.argv[2:]:
 
 
 def kill(log: Path, directory: Path, cases: Iterable[str]) -> list[tuple[Path, Path, int]]:
-    """(log, unfinished log, exit status) of a writer for each case `signal:moment`.
+    """Return (log, unfinished log, exit status) of a writer for each case `signal:moment`.
 
     A moment is the number of a message, -1 when the file is whole but has not its name, and below that any
     time after the first chunks.
@@ -368,21 +368,23 @@ def kill(log: Path, directory: Path, cases: Iterable[str]) -> list[tuple[Path, P
     done = subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False, timeout=HANG)
     assert done.returncode == 0, done.stderr
     ends = [line.split() for line in done.stdout.splitlines()]
-    places = [
+    killed = [
         (directory / f"{case}.mcap", child, int(status))
         for case, (child, status) in zip(cases, ends, strict=True)
     ]
-    return [(path, path.with_name(f"{path.name}.{child}.part"), status) for path, child, status in places]
+    return [(path, path.with_name(f"{path.name}.{child}.part"), status) for path, child, status in killed]
 
 
 def test_after_a_kill_at_any_time_there_is_a_log_or_one_to_recover(long_log: Path, tmp_path: Path) -> None:
-    """At most one chunk is missing of what had been sent."""
-    whole = read_log(long_log)
+    """At most one chunk of the messages sent before the kill is lost."""
+    expected = read_log(long_log)
     with long_log.open("rb") as stream:
         messages = make_reader(stream).iter_messages(log_time_order=False)
         sizes = np.array([31 + len(message.data) for _, _, message in messages])
-    sent = sorted([1, len(sizes), *np.random.default_rng(4).integers(1500, len(sizes), size=4).tolist()])
-    moments = [*sent, *range(-1, -6, -1)]
+    message_counts = sorted(
+        [1, len(sizes), *np.random.default_rng(4).integers(1500, len(sizes), size=4).tolist()]
+    )
+    moments = [*message_counts, *range(-1, -6, -1)]
     recovered = 0
     for moment, (path, part, status) in zip(
         moments, kill(long_log, tmp_path, [f"9:{moment}" for moment in moments]), strict=True
@@ -400,16 +402,16 @@ def test_after_a_kill_at_any_time_there_is_a_log_or_one_to_recover(long_log: Pat
             if moment > 0:
                 assert 0 <= sizes[recovery.messages : moment].sum() <= CHUNK_SIZE + sizes.max()
         for plant, run in read_log(path).items():
-            assert_beginning(run, whole[plant])
+            assert_beginning(run, expected[plant])
     assert recovered, "not one was killed while it wrote"
 
 
 def test_a_request_to_end_waits_for_the_log(long_log: Path, tmp_path: Path) -> None:
-    """A run that is finished is not thrown away because Ctrl-C comes while it is written."""
-    whole = write_log(tmp_path / "whole.mcap", list(read_log(long_log).values())).read_bytes()
+    """Ctrl-C during the writing of a log does not discard a finished run."""
+    expected = write_log(tmp_path / "whole.mcap", list(read_log(long_log).values())).read_bytes()
     for path, part, status in kill(long_log, tmp_path, ["2:1", "2:25000", "15:10000"]):
         assert os.waitstatus_to_exitcode(status) == 130
-        assert path.read_bytes() == whole
+        assert path.read_bytes() == expected
         assert not part.exists()
 
 
@@ -431,23 +433,23 @@ for size in sys.argv[2:]:
 
 
 def test_a_disk_that_goes_full_leaves_what_can_be_recovered(log: Path, tmp_path: Path) -> None:
-    """A limit on the size of files stops the writer as a full disk does, at any byte."""
-    whole = write_log(tmp_path.parent / "whole.mcap", list(read_log(log).values()))
-    size = whole.stat().st_size
+    """A limit on the file size stops the writer at any byte, as a full disk would."""
+    full_log = write_log(tmp_path.parent / "whole.mcap", list(read_log(log).values()))
+    size = full_log.stat().st_size
     sizes = [0, 1, 100, 11_000, size // 2, size - 3000, size - 100, size - 30, size - 9, size - 8, size - 1]
     command = [sys.executable, "-c", FULL, str(log), *map(str, [*sizes, size])]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=HANG)
-    said = done.stdout.splitlines()
-    assert len(said) == len(sizes) + 1, done.stderr
-    assert all(line.startswith("cannot write full.mcap") for line in said[:-1])
-    assert said[-1] == "written"
+    lines = done.stdout.splitlines()
+    assert len(lines) == len(sizes) + 1, done.stderr
+    assert all(line.startswith("cannot write full.mcap") for line in lines[:-1])
+    assert lines[-1] == "written"
     assert "Traceback" not in done.stderr
     written = tmp_path / "full.mcap"
-    assert written.read_bytes() == whole.read_bytes()
+    assert written.read_bytes() == full_log.read_bytes()
     written.unlink()
     parts = sorted(tmp_path.iterdir())
-    assert sorted(part.stat().st_size for part in parts) == [place for place in sizes if place > CHUNK_SIZE]
-    expected = read_log(whole)
+    assert sorted(part.stat().st_size for part in parts) == [limit for limit in sizes if limit > CHUNK_SIZE]
+    expected = read_log(full_log)
     for part in parts:
         assert recover_log(part).lost <= 1.3 * CHUNK_SIZE
         for plant, run in read_log(written).items():

@@ -1,4 +1,4 @@
-"""The 3-D scene of a log: things are where the run has them, and every message stands alone."""
+"""Test the 3-D scene of a log: bodies are at the positions of the run, and every message is complete."""
 
 import json
 from collections import defaultdict
@@ -31,14 +31,14 @@ Messages = dict[str, list[tuple[int, Any]]]  # by topic: (time [ns], decoded mes
 
 
 def decode(path: Path) -> Messages:
-    """All messages of a log's scene."""
-    found: Messages = defaultdict(list)
+    """Decode all messages of a log's scene, by topic."""
+    messages: Messages = defaultdict(list)
     with path.open("rb") as stream:
         for schema, channel, message in make_reader(stream).iter_messages():
             if schema is not None and schema.name in ("foxglove.FrameTransforms", "foxglove.SceneUpdate"):
                 content = message_type(schema.name, schema.data).FromString(message.data)
-                found[channel.topic].append((message.log_time, content))
-    return found
+                messages[channel.topic].append((message.log_time, content))
+    return messages
 
 
 def seconds(timestamp: Any) -> float:
@@ -50,7 +50,7 @@ def vector(v: Any) -> np.ndarray:
 
 
 def rotation(q: Any) -> np.ndarray:
-    """Rotation matrix of a quaternion."""
+    """Return the rotation matrix of a quaternion."""
     x, y, z, w = q.x, q.y, q.z, q.w
     return np.array(
         [
@@ -62,7 +62,7 @@ def rotation(q: Any) -> np.ndarray:
 
 
 def placed(tree: Any, frame: str) -> tuple[np.ndarray, np.ndarray]:
-    """(position, rotation) of a frame in the world, by following its parents."""
+    """Return position and rotation of a frame in the world, through all of its parents."""
     transforms = {t.child_frame_id: t for t in tree.transforms}
     position, turn = np.zeros(3), np.eye(3)
     while frame != "world":
@@ -74,12 +74,12 @@ def placed(tree: Any, frame: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def elements(message: Any) -> Iterator[Any]:
-    """Every message inside a message."""
+    """Yield a message and all messages inside it."""
     yield message
     for field, value in message.ListFields():
         if field.message_type is not None:
-            for each in value if field.is_repeated else [value]:
-                yield from elements(each)
+            for item in value if field.is_repeated else [value]:
+                yield from elements(item)
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +116,7 @@ def test_the_tree_is_whole_in_every_message_and_puts_the_load_where_the_plant_ha
 
 
 def test_the_load_turns_about_alpha_first(short: Scenario, tmp_path: Path) -> None:
-    """Beyond the rope's direction: the bodies' own axes are those of the MJCF joints."""
+    """Not only the rope's direction but all axes of the load are those of the MJCF joints."""
     import mujoco
 
     run = simulate_run(short, plant="analytic")
@@ -208,7 +208,7 @@ def test_trails_end_at_the_load_and_fade_with_age(scene: Messages, runs: dict[st
 
 
 def test_arrows_show_what_acts(scene: Messages) -> None:
-    """Of the steps on alpha at 6 s and beta at 12 s, at the load."""
+    """The disturbances of alpha at 6 s and beta at 12 s have arrows at the load."""
     shown = {}
     for time, update in scene["/mujoco/disturbance_arrow"]:
         assert len(update.deletions) == 1, "what was shown goes, so that a message stands alone"
@@ -244,7 +244,7 @@ def test_path_and_workspace(scene: Messages) -> None:
 
 
 def test_nothing_is_invisible(scene: Messages) -> None:
-    """Quaternions have a length, colours an opacity: what is not set is 0 in protobuf."""
+    """Quaternions have the length 1 and colours an opacity; in protobuf a field that is not set is 0."""
     for topic, messages in scene.items():
         for _, message in messages[:: max(1, len(messages) // 10)]:
             for element in elements(message):
@@ -257,12 +257,12 @@ def test_nothing_is_invisible(scene: Messages) -> None:
 
 def test_a_run_that_ends_first_stays_where_it_ended(short: Scenario, tmp_path: Path) -> None:
     long = simulate_run(short, plant="mujoco")
-    whole = simulate_run(short, plant="analytic")
-    less = cut(whole, 201, status=RunStatus.INTERRUPTED, end_ns=int(whole.time_ns[200]))
-    path = write_log(tmp_path / "a.mcap", [less, long], every=1)
+    full = simulate_run(short, plant="analytic")
+    shorter = cut(full, 201, status=RunStatus.INTERRUPTED, end_ns=int(full.time_ns[200]))
+    path = write_log(tmp_path / "a.mcap", [shorter, long], every=1)
     end_ns, last = decode(path)["/tf"][-1]
     assert end_ns == long.end_ns
-    assert placed(last, "analytic/load")[0] == pytest.approx(less.load_position[-1], abs=1e-12)
+    assert placed(last, "analytic/load")[0] == pytest.approx(shorter.load_position[-1], abs=1e-12)
     assert list(read_log(path)) == ["analytic", "mujoco"]
 
 
@@ -271,13 +271,13 @@ def rgb(colour: Any) -> tuple[float, ...]:
 
 
 def plot_colours(layout: str) -> dict[str, set[tuple[float, ...]]]:
-    """Colours of a layout's lines by the first part of their topic."""
-    found = defaultdict(set)
+    """Return the colours of a layout's lines, by the first part of their topic."""
+    by_topic = defaultdict(set)
     for name, panel in json.loads(layout_json(layout))["configById"].items():
         if name.startswith("Plot"):
             for line in panel["paths"]:
-                found[line["value"].split("/")[1]].add(colours.rgb(line["color"]))
-    return found
+                by_topic[line["value"].split("/")[1]].add(colours.rgb(line["color"]))
+    return by_topic
 
 
 def test_trail_and_path_have_the_colours_of_the_plots(scene: Messages) -> None:

@@ -1,4 +1,4 @@
-"""A viewer: a client of the Foxglove WebSocket protocol that keeps what it is sent."""
+"""A viewer for tests: a client of the Foxglove WebSocket protocol that stores all messages."""
 
 import base64
 import functools
@@ -22,7 +22,7 @@ PATIENCE = 3.0  # [s] until topics are subscribed to again
 
 
 class Viewer:
-    """Blocking and in one thread: `until` receives until something is so."""
+    """A client in one thread; `until` receives messages until a condition is true."""
 
     def __init__(self, port: int) -> None:
         self._connection = connect(
@@ -50,21 +50,21 @@ class Viewer:
     def until(self, happened: Callable[[], object]) -> None:
         """Receive until `happened()`."""
         end = time.monotonic() + HANG
-        again = time.monotonic() + PATIENCE
+        next_try = time.monotonic() + PATIENCE
         while not happened():
             assert time.monotonic() < end, "it never happened"
             self._receive(0.2)
-            if time.monotonic() > again:
+            if time.monotonic() > next_try:
                 # A channel may go between its advertisement and our subscription.
-                again = time.monotonic() + PATIENCE
+                next_try = time.monotonic() + PATIENCE
                 for topic in self._wanted & set(self.channels):
                     self._subscribe(topic)
 
     def rest(self, seconds: float) -> None:
         """Receive for some time."""
         end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
-            self._receive(left)
+        while (remaining := end - time.monotonic()) > 0.0:
+            self._receive(remaining)
 
     def until_closed(self) -> None:
         try:
@@ -74,13 +74,13 @@ class Viewer:
             pass
 
     def subscribe(self, *topics: str) -> None:
-        """To topics, also when they are advertised anew; all that there are by default."""
+        """Subscribe to topics, also when they are advertised again; by default to all present ones."""
         for topic in topics or self.channels:
             self._wanted.add(topic)
             self._subscribe(topic)
 
     def set(self, **changes: object) -> None:
-        """Set parameters; returns once all values have come back."""
+        """Set parameters, and wait until all values have come back."""
         self.parameters = {}
         self._send(
             op="setParameters",
@@ -96,7 +96,7 @@ class Viewer:
         return self.parameters
 
     def watch(self, *names: str) -> None:
-        """Be told when parameters change."""
+        """Request a message for each change of parameters."""
         self._send(op="subscribeParameterUpdates", parameterNames=list(names))
 
     def call(self, service: str, request: object = None) -> dict[str, Any]:
@@ -109,12 +109,12 @@ class Viewer:
         return answer
 
     def advertise(self, topic: str, *, encoding: str = "json") -> None:
-        """As a panel that publishes does."""
+        """Advertise a topic, as a panel that publishes does."""
         channel = {"id": 1, "topic": topic, "encoding": encoding, "schemaName": "geometry_msgs/Twist"}
         self._send(op="advertise", channels=[channel])
 
     def publish(self, message: object) -> None:
-        """On the topic that was advertised; bytes as they are."""
+        """Publish on the advertised topic; bytes are sent unchanged."""
         data = message if isinstance(message, bytes) else json.dumps(message).encode()
         self._socket.send(struct.pack("<BI", 1, 1) + data)
 
@@ -123,23 +123,23 @@ class Viewer:
             self._socket.send("nonsense")
 
     def of(self, topic: str) -> list[tuple[int, bytes]]:
-        """Times and messages of a topic."""
+        """Return times and messages of a topic."""
         return [(time_ns, data) for name, time_ns, data in self.messages if name == topic]
 
     def decoded(self, topic: str) -> list[Any]:
-        """The messages of a topic by its own schema."""
+        """Return the messages of a topic, decoded with its own schema."""
         kind = message_type(
             self.channels[topic]["schemaName"], base64.b64decode(self.channels[topic]["schema"])
         )
         return [kind.FromString(data) for _, data in self.of(topic)]
 
     def wait_for(self, topic: str, right: Callable[[Any], object] = lambda _: True) -> Any:
-        """The newest message of `topic`, once it is right."""
+        """Return the newest message of `topic`, as soon as `right` accepts it."""
         self.until(lambda: self.of(topic) and right(self.decoded(topic)[-1]))
         return self.decoded(topic)[-1]
 
     def said(self) -> list[str]:
-        """The lines of `/log`."""
+        """Return the lines of `/log`."""
         return [line.message for line in self.decoded("/log")]
 
     def wait_to_hear(self, text: str) -> None:
@@ -197,7 +197,7 @@ class Viewer:
 
 @functools.cache
 def message_type(name: str, definition: bytes) -> Any:
-    """The class of a protobuf message, from a FileDescriptorSet."""
+    """Return the class of a protobuf message from a FileDescriptorSet."""
     pool = descriptor_pool.DescriptorPool()
     for file in descriptor_pb2.FileDescriptorSet.FromString(definition).file:
         pool.Add(file)
@@ -205,7 +205,7 @@ def message_type(name: str, definition: bytes) -> Any:
 
 
 def messages_of(log: Path, topic: str) -> list[tuple[int, Any]]:
-    """Times [ns] and messages of a topic of a log, decoded by the types inside it."""
+    """Return times [ns] and messages of a topic of a log, decoded with the types in the log."""
     with log.open("rb") as stream:
         return [
             (message.log_time, message_type(schema.name, schema.data).FromString(message.data))
@@ -215,5 +215,5 @@ def messages_of(log: Path, topic: str) -> list[tuple[int, Any]]:
 
 
 def decode_rows(messages: list[bytes], n_signals: int) -> np.ndarray:
-    """The signals in messages of a group (N, signals)."""
+    """Return the signals (N, signals) in the messages of a group."""
     return decode_table(np.frombuffer(b"".join(messages), dtype=np.uint8), n_signals)

@@ -1,4 +1,4 @@
-"""Limits that a scenario asks of its runs: for all plants or for one, judged by metric."""
+"""Test limits of a scenario on its runs, for all plants or for one, judged by metric."""
 
 from dataclasses import replace
 from typing import Any
@@ -32,15 +32,15 @@ def test_a_plants_own_limits_stand_before_those_of_all() -> None:
 
 
 @pytest.mark.parametrize(
-    ("limits", "found"),
+    ("limits", "message"),
     [
         ({"max_swy_rad": 0.1}, r"\[limits\]: unknown key 'max_swy_rad'"),
         ({"mujoco": {"final_load_m": 0.1}}, r"\[limits\.mujoco\]: unknown key 'final_load_m'"),  # has parts
         ({"mujco": {"max_error_m": 0.1}}, "unknown plant 'mujco'"),
     ],
 )
-def test_what_cannot_be_asked_is_refused(limits: dict[str, Any], found: str) -> None:
-    with pytest.raises(InputError, match=found):
+def test_what_cannot_be_asked_is_refused(limits: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         limits_of(asking(**limits), PLANTS)
 
 
@@ -54,12 +54,12 @@ def test_a_limit_is_kept_up_to_its_value_and_a_lower_one_down_to_it() -> None:
     values = {"max_error_m": 0.1, "min_rope_tension_n": 5.0, "settling_time_s": None}
     metrics = RunMetrics("completed", 1.0, values)
 
-    def kept(**limits: float) -> list[bool]:
+    def are_kept(**limits: float) -> list[bool]:
         return [verdict.kept for verdict in judge_limits(metrics, limits)]
 
-    assert kept(max_error_m=0.1, min_rope_tension_n=5.0) == [True, True]
-    assert kept(max_error_m=0.0999, min_rope_tension_n=5.01) == [False, False]
-    assert kept(settling_time_s=1e9) == [False], "what a run lacks it has not kept"
+    assert are_kept(max_error_m=0.1, min_rope_tension_n=5.0) == [True, True]
+    assert are_kept(max_error_m=0.0999, min_rope_tension_n=5.01) == [False, False]
+    assert are_kept(settling_time_s=1e9) == [False], "what a run lacks it has not kept"
     barely = LimitVerdict("max_error_m", 0.1200004, 0.12, kept=False)
     assert barely.fault == "breaks the limit 0.12 of max_error_m: 0.1200004"
     assert judge_limits(None, {"max_error_m": 1.0}) == (LimitVerdict("max_error_m", None, 1.0, kept=False),)

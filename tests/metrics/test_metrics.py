@@ -1,4 +1,4 @@
-"""Metrics: exact on signals of closed form, equal to formulas written anew, the same however a run is fed."""
+"""Metrics are exact for signals of closed form, equal independent formulas, and do not depend on blocks."""
 
 import functools
 import json
@@ -51,7 +51,7 @@ AFTER_REST = {
 
 
 def scenario_of(**changes: object) -> Scenario:
-    """A line of 0.4 m along x in 2 s, then 2 s of rest."""
+    """Return a scenario with a line of 0.4 m along x in 2 s, then 2 s of rest."""
     line = {"kind": "line", "to": [0.9, 0.5, -0.7], "duration": 2.0}
     table = {
         "name": "synthetic", "duration": 4.0, "reference": {"start": [0.5, 0.5, -0.7], "segments": [line]},
@@ -62,7 +62,7 @@ def scenario_of(**changes: object) -> Scenario:
 
 @pytest.fixture
 def synthetic() -> Run:
-    """A run that never was: every signal has a closed form, and with it every metric.
+    """Return an invented run in which every signal, and so every metric, has a closed form.
 
     The load is (0.03, 0.04, 0) behind its reference until that rests; then it swings by 0.02 m along x for
     one second and stays 0.004 m beyond its end point.
@@ -151,7 +151,7 @@ def test_signals_of_closed_form(synthetic: Run) -> None:
 
 
 def test_sway_about_the_lean_is_not_the_lean(synthetic: Run) -> None:
-    """A standing push holds the rope at a lean, about which it swings; of both angles the larger swing."""
+    """A constant disturbance holds the rope at a lean; of both angles the larger swing about it counts."""
     swings = 2.0 * pi * np.arange(SAMPLES - REST) * 1e-3
     synthetic.table[REST:, BETA] = 0.2 + 0.01 * np.cos(swings)
     synthetic.table[REST:, ALPHA] = -0.1 + 0.03 * np.sin(swings)
@@ -167,14 +167,14 @@ def test_only_what_is_beyond_the_end_point_is_overshoot(synthetic: Run) -> None:
 
 
 def column(run: Run, index: int, value: float, rows: slice) -> Run:
-    """`run` with `value` added to a column of its record."""
+    """Return `run` with `value` added to a column of its record."""
     table = run.table.copy()
     table[rows, index] += value
     return replace(run, table=table)
 
 
 def fed(run: Run, ends: list[int]) -> bytes:
-    """The accumulator after blocks that end at `ends`, each in the same reused buffer."""
+    """Return the accumulator after blocks that end at `ends`, all in the same buffer."""
     accumulator, setup = empty_accumulator(), metrics_setup(run.scenario, run.drive)
     width = LIMITED - FLAG_COLUMN
     record, stages = (
@@ -201,7 +201,7 @@ def test_blocks_give_the_same_bits(synthetic: Run) -> None:
 
 @functools.cache
 def moved(plant: str, drive: str) -> Run:
-    """A line with hoisting, disturbed on both axes on the way."""
+    """Simulate a line with hoisting, with disturbances on both axes."""
     scenario = load_scenario(
         "settled-trajectory",
         overrides=[
@@ -218,7 +218,7 @@ DRIVEN = [(plant, drive) for plant in ("analytic", "mujoco") for drive in ("idea
 
 @pytest.mark.parametrize(("plant", "drive"), DRIVEN)
 def test_work_is_the_change_of_energy(plant: str, drive: str) -> None:
-    """Of the drives and the disturbances together; every term of the drives' forces counts here."""
+    """The work of drives and disturbances is the change of energy, which needs every term of the forces."""
     run = moved(plant, drive)
     rig, state, d = run.scenario.rig, run.block("state"), run.block("disturbance")
     inertia = rig.load_mass * state[:, 4] ** 2
@@ -239,7 +239,7 @@ def test_work_is_the_change_of_energy(plant: str, drive: str) -> None:
 
 
 def test_power_of_drives_that_run_steadily(synthetic: Run) -> None:
-    """Forces as vectors: the rope's pull on the trolley, and what the load's disturbance leaves there."""
+    """Return the forces on the trolley as vectors: the rope's pull, and the reaction to a disturbance."""
     alpha, beta, tension, push = 0.3, -0.4, 12.0, np.array([0.7, -1.1])
     length, velocity, samples = 0.8, np.array([0.3, -0.2, 0.1]), 501
     table = synthetic.table[:samples].copy()
@@ -276,11 +276,11 @@ def test_friction_of_the_axes_costs_energy() -> None:
     )
     rough = scenario.model_copy(update={"effects": EffectSettings(friction=friction)})
     run = simulate_run(rough, plant="mujoco", drive="velocity", controller="lqr")
-    found = measured(run)
+    with_friction = measured(run)
     smooth = measured(replace(run, scenario=scenario))
     velocity = np.abs(run.block("state")[:, 1:6:2])
     lost = np.trapezoid(velocity * (2.0, 1.0, 1.0) + velocity**2 * (4.0, 2.0, 2.0), run.time, axis=0)
-    assert np.subtract(found.drive_work_j, smooth.drive_work_j) == pytest.approx(lost, rel=1e-9)
+    assert np.subtract(with_friction.drive_work_j, smooth.drive_work_j) == pytest.approx(lost, rel=1e-9)
     assert metrics_setup(rough, "ideal").coulomb.tolist() == [0.0, 0.0, 0.0], "nothing holds an ideal drive"
 
 
@@ -297,7 +297,7 @@ def test_limits_that_act_are_timed() -> None:
 ARC = {"kind": "arc", "centre": [0.8, 0.5], "angle": -pi, "duration": 3.0}
 LINE = {"kind": "line", "to": [0.7, 0.5, -0.7], "duration": 1.0}
 HOLD = {"kind": "hold", "duration": 0.5}
-# Along x, then as good as still, as a fit of noise is.
+# Along x, then nearly at rest, like a fit of noise.
 TAUGHT = {
     "kind": "spline",
     "degree": 7,
@@ -335,16 +335,16 @@ def test_when_and_how_the_reference_comes_to_rest(
 
 
 def test_without_motion_there_is_no_overshoot(short: Scenario) -> None:
-    found = measured(simulate_run(short, plant="analytic"))
-    assert (found.rest_s, found.overshoot_m) == (0.0, None)
-    assert found.max_rest_error_m == found.max_error_m > 0
+    metrics = measured(simulate_run(short, plant="analytic"))
+    assert (metrics.rest_s, metrics.overshoot_m) == (0.0, None)
+    assert metrics.max_rest_error_m == metrics.max_error_m > 0
 
 
 def test_a_run_that_ends_before_rest_says_nothing_of_it(synthetic: Run) -> None:
     for rows in (1, 1000, REST + 1):  # the last has one sample at rest
-        found = measured(replace(cut(synthetic, rows), status=RunStatus.SLACK_ROPE))
-        assert all(getattr(found, name) is None for name in AFTER_REST)
-        assert found.status == "slack-rope"
+        metrics = measured(replace(cut(synthetic, rows), status=RunStatus.SLACK_ROPE))
+        assert all(getattr(metrics, name) is None for name in AFTER_REST)
+        assert metrics.status == "slack-rope"
     stopped = measured(replace(cut(synthetic, 3500), status=RunStatus.SLACK_ROPE))
     assert stopped.settling_time_s is None
     assert stopped.overshoot_m == measured(synthetic).overshoot_m
@@ -353,10 +353,10 @@ def test_a_run_that_ends_before_rest_says_nothing_of_it(synthetic: Run) -> None:
 
 
 def test_one_sample_is_measured(synthetic: Run) -> None:
-    found = measured(cut(synthetic, 1))
-    assert found.max_error_m == found.rms_error_m == found.final_error_m > 0.0
-    assert found.drive_path_m == found.drive_energy_j == (0.0, 0.0, 0.0)
-    assert found.load_path_m == 0.0
+    metrics = measured(cut(synthetic, 1))
+    assert metrics.max_error_m == metrics.rms_error_m == metrics.final_error_m > 0.0
+    assert metrics.drive_path_m == metrics.drive_energy_j == (0.0, 0.0, 0.0)
+    assert metrics.load_path_m == 0.0
 
 
 def test_a_run_without_samples_has_no_metrics(synthetic: Run) -> None:
@@ -374,7 +374,7 @@ def test_violations_on_the_low_side_count_too(synthetic: Run) -> None:
 
 
 def test_the_table_of_a_run(synthetic: Run) -> None:
-    run, none = (RunSummary.of(each, Path()) for each in (synthetic, cut(synthetic, 0)))
+    run, none = (RunSummary.of(run_or_part, Path()) for run_or_part in (synthetic, cut(synthetic, 0)))
     table = metrics_table({"one": [run, replace(run, plant="twin")], "none": [none]})
     assert table.headings == ("metric", "unit", f"one\n{run.plant}, twin", f"none\n{run.plant}")
     texts = {row[0].text: (row[1].text, row[2].text) for row in table.rows}

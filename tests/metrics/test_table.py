@@ -1,4 +1,4 @@
-"""The one table of metrics: everything derives from it, and what other packages bring joins it."""
+"""Test the table of metrics, which all uses follow from, and metrics of other packages."""
 
 import json
 import pickle
@@ -36,7 +36,7 @@ max_rope_tension_n = 12.0
 
 @pytest.mark.parametrize("metric", METRICS, ids=lambda metric: metric.name)
 def test_a_row_is_consistent(metric: Metric) -> None:
-    """Its name tells its unit, and what is limited or compared is one number that has a better side."""
+    """Names contain units, and a limited or compared metric is a number with a better side."""
     assert UNITS[re.search("_(m_s2|[a-z]+)$", metric.name)[1]] == metric.unit
     if metric.limited or metric.compared:
         assert metric.better
@@ -61,7 +61,7 @@ def test_metrics_of_a_run_are_attributes() -> None:
 
 
 def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
-    """That of the page: one row and a kernel, in a package of its own."""
+    """The example of the docs page works in its own package: one row and a kernel."""
     (code,) = re.findall(r"```python\n(from cranectl.metrics import Metric.*?)```", PAGE, re.DOTALL)
     (entry,) = re.findall(r'cranectl.metrics"\]\n(.*)\n', PAGE)
     install(tmp_path, "crane-metrics", code, f"[cranectl.metrics]\n{entry}".replace('"', ""))
@@ -83,10 +83,10 @@ def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
     assert "rope tension, max" in (tmp_path / "run.html").read_text(encoding="utf-8")
 
     (part,) = (tmp_path / "result" / "parts").iterdir()
-    found = parquet.read_table(part)
-    column = found.schema.field("max_rope_tension_n").metadata
+    rows = parquet.read_table(part)
+    column = rows.schema.field("max_rope_tension_n").metadata
     assert (column[b"unit"], column[b"description"]) == (b"N", b"largest tension of the rope")
-    masses, tensions = found["rig.load_mass"].to_pylist(), found["max_rope_tension_n"].to_pylist()
+    masses, tensions = rows["rig.load_mass"].to_pylist(), rows["max_rope_tension_n"].to_pylist()
     assert tensions == pytest.approx([9.81 * mass for mass in masses], rel=0.01)
     beyond = sum(tension > 12.0 for tension in tensions)
     assert 0 < beyond < 2
@@ -96,7 +96,7 @@ def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("entry", "found"),
+    ("entry", "message"),
     [
         ("no_such_module:METRIC", "cranectl.metrics: No module named 'no_such_module'"),
         ("math:pi", "math:pi of the entry points cranectl.metrics: float is no Metric"),
@@ -105,12 +105,12 @@ def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
         ("tests.metrics.test_table:TWICE", "the name 'max_error_m' is taken"),
     ],
 )
-def test_what_is_no_metric_is_refused(entry: str, found: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_no_metric_is_refused(entry: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
     entries = [EntryPoint("mine", entry, "cranectl.metrics")]
     monkeypatch.setattr("cranectl.support.extensions.entry_points", lambda **_: entries)
     with pytest.raises(InputError) as caught:
         all_metrics.__wrapped__()
-    assert found in caught.value.found
+    assert message in caught.value.found
 
 
 TWICE = METRICS[0]
