@@ -1,1 +1,1 @@
-"""Laws of the literature in validation/benchmark: each has what it claims."""
+"""Controllers of the literature in validation/benchmark have the properties that they claim."""

@@ -1,4 +1,4 @@
-"""Laws that a test opens are closed after it: schemas and lists know all that is open."""
+"""Close controllers after each test, because schemas and lists contain all open ones."""
 
 from collections.abc import Iterator
 

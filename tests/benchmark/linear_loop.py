@@ -1,4 +1,4 @@
-"""A law of a file and a crane near rest as one linear system in discrete time."""
+"""A controller from a file and a crane near rest as one linear system in discrete time."""
 
 from ctypes import POINTER, c_double
 
@@ -14,16 +14,16 @@ PERIOD, GRAVITY = 1e-3, 9.81
 UNLIMITED = RigParameters.model_validate({"effects": {"limits": {"acceleration": (1e9, 1e9, 1e9)}}})
 
 
-def nominal_at(law: Controller, length: float, **given: float) -> Nominal:
-    """The laboratory's crane at rest on a rope of `length` [m], whose drives have no limits."""
+def nominal_at(controller: Controller, length: float, **values: float) -> Nominal:
+    """Return the laboratory crane at rest on a rope of `length` [m], with drives without limits."""
     state, row = np.zeros(10), np.zeros(15)
     state[4], row[2] = length, -length
-    parameters = {each.name: each.default for each in law.parameters} | given
+    parameters = {parameter.name: parameter.default for parameter in controller.parameters} | values
     return Nominal(UNLIMITED, "ideal", PERIOD, row[np.newaxis], state, parameters)
 
 
 def crane_sampled(length: float) -> tuple[Array, Array]:
-    """Phi (10, 10), Gamma (10, 3) of deviations from rest under accelerations held over a period."""
+    """Return Phi (10, 10) and Gamma (10, 3) of deviations from rest, for accelerations held over a period."""
     a, b = np.zeros((10, 10)), np.zeros((10, 3))
     for joint in range(5):
         a[2 * joint, 2 * joint + 1] = 1.0
@@ -34,13 +34,14 @@ def crane_sampled(length: float) -> tuple[Array, Array]:
     return zero_order_hold(a, b, PERIOD)
 
 
-def loop_matrix(law: Controller, length: float, begun: int, states: int, **given: float) -> Array:
-    """Of the deviations of crane (10) and of the law's first `states` numbers of memory, over a sample.
+def loop_matrix(controller: Controller, length: float, begun: int, states: int, **values: float) -> Array:
+    """Return the matrix of deviations over a sample, of the crane (10) and of the controller's memory.
 
-    `begun`: place of the memory that is 1 after the first sample.
+    The memory's first `states` numbers count. `begun` is the index of the number that is 1 after the first
+    sample.
     """
-    nominal = nominal_at(law, length, **given)
-    parameters, start = law.prepare(nominal)
+    nominal = nominal_at(controller, length, **values)
+    parameters, start = controller.prepare(nominal)
     start[begun] = 1.0
     phi, hold = crane_sampled(length)
 
@@ -48,33 +49,33 @@ def loop_matrix(law: Controller, length: float, begun: int, states: int, **given
         memory, command = start.copy(), np.zeros(3)
         memory[:states] += deviation[10:]
         state = nominal.state + deviation[:10]
-        measured = state[::2] if law.measures == "encoders" else state
+        measured = state[::2] if controller.measures == "encoders" else state
         pointer = memory.ctypes.data_as(POINTER(c_double))
-        assert law.step(parameters, measured, nominal.reference[0], pointer, command) == 0
+        assert controller.step(parameters, measured, nominal.reference[0], pointer, command) == 0
         return np.concatenate([phi @ deviation[:10] + hold @ command, memory[:states] - start[:states]])
 
     small = 1e-5
     units = small * np.eye(10 + states)
-    return np.array([(advanced(each) - advanced(-each)) / (2.0 * small) for each in units]).T
+    return np.array([(advanced(unit) - advanced(-unit)) / (2.0 * small) for unit in units]).T
 
 
 def regulated(a: Array, b: Array, gain: Array, period: float) -> Array:
-    """Poles of x' = A x + b u under u = -gain·x, sampled and held; b, gain (n,)."""
+    """Return the poles of x' = A x + b u with u = -gain·x sampled and held; b and gain have (n,)."""
     phi, hold = zero_order_hold(a, b[:, np.newaxis], period)
     poles: Array = np.linalg.eigvals(phi - np.outer(hold, gain))
     return poles
 
 
 def filtered(a: Array, c: Array, gain: Array, period: float) -> Array:
-    """Poles of the error of a filter: x+ = x + gain (y - C x), then x' = A x; c (m, n), gain (n, m)."""
+    """Return the poles of a filter's error: x+ = x + gain (y - C x), then x' = A x; c (m, n), gain (n, m)."""
     phi, _ = zero_order_hold(a, np.zeros((len(a), 1)), period)
     poles: Array = np.linalg.eigvals((np.eye(len(a)) - gain @ c) @ phi)
     return poles
 
 
-def relative_distances(found: Array, wanted: Array) -> Array:
-    """Of poles in discrete time, paired as near as they can be, relative to 1 - pole."""
-    distance = np.abs(found[:, np.newaxis] - wanted)
+def relative_distances(poles: Array, expected: Array) -> Array:
+    """Return the distances of discrete poles from the expected ones, best paired, relative to 1 - pole."""
+    distance = np.abs(poles[:, np.newaxis] - expected)
     rows, columns = linear_sum_assignment(distance)
-    relative: Array = distance[rows, columns] / np.abs(1.0 - wanted[columns])
+    relative: Array = distance[rows, columns] / np.abs(1.0 - expected[columns])
     return relative

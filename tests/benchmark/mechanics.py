@@ -1,4 +1,4 @@
-"""Energies of recorded runs by the matrices of the model, which laws do not use."""
+"""Compute energies of recorded runs with the model's matrices, which the controllers do not use."""
 
 import numpy as np
 
@@ -8,15 +8,15 @@ from tests.conftest import split
 
 
 def energy_above_rest(run: Run, rates: np.ndarray) -> np.ndarray:
-    """Kinetic energy of `rates` (N, 5), potential energy above that of a rope hanging plumb [J], (N,)."""
+    """Return kinetic energy of `rates` (N, 5) plus potential energy above that of a plumb rope [J], (N,)."""
     rig = run.scenario.rig
-    places = run.block("state")[:, 0::2]
-    kinetic = [kinetic_energy(q, v, rig) for q, v in zip(places, rates, strict=True)]
-    return np.array(kinetic) + [potential_energy(q, rig) + rig.weight * q[2] for q in places]
+    positions = run.block("state")[:, 0::2]
+    kinetic = [kinetic_energy(q, v, rig) for q, v in zip(positions, rates, strict=True)]
+    return np.array(kinetic) + [potential_energy(q, rig) + rig.weight * q[2] for q in positions]
 
 
 def rope_directions(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """Direction of the rope and its rate [1/s], each (N, 3)."""
+    """Return the direction of the rope and its rate [1/s], (N, 3) each."""
     pairs = [split(state) for state in run.block("state")]
     n = [load_jacobian(q)[:, 2] for q, _ in pairs]
     turn = [load_jacobian(q)[:, 3:] @ v[3:] / q[2] for q, v in pairs]
@@ -24,6 +24,6 @@ def rope_directions(run: Run) -> tuple[np.ndarray, np.ndarray]:
 
 
 def integral(run: Run, power: np.ndarray) -> np.ndarray:
-    """Of `power` (N,) from the start to each sample [J], (N,)."""
+    """Return the integral [J] of `power` (N,) from the start to each sample, (N,)."""
     steps = 0.5 * np.diff(run.time) * (power[1:] + power[:-1])
     return np.concatenate([[0.0], np.cumsum(steps)])

@@ -1,4 +1,4 @@
-"""`nmpc` built, as its first comment says."""
+"""Build the library of `nmpc`, as its first comment says."""
 
 import subprocess
 from pathlib import Path
@@ -11,7 +11,7 @@ FOLDER = ROOT / "validation" / "benchmark" / "nmpc"
 
 
 def built(folder: Path) -> Path:
-    """The library, in `folder`."""
+    """Build the library in `folder`, and return its path."""
     library = folder / "nmpc.so"
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror", "-shared", "-fPIC"]
     flags += ["-ffp-contract=off", f"-I{HEADER.parent}"]

@@ -1,4 +1,4 @@
-"""`adaptive`: its function falls by what the damper takes, whatever masses it begins with."""
+"""Test `adaptive`: its Lyapunov function falls by the work of the damper, for any initial masses."""
 
 import numpy as np
 import pytest
@@ -15,23 +15,23 @@ WRONG = ["rig.bridge_mass=4.0", "rig.trolley_mass=3.5", "rig.load_mass=0.6", "ri
 
 
 def run_of(scenario: str, *overrides: str, believed: list[str], plant: str, drive: str = "force") -> Run:
-    law = open_controller(LAW)
+    controller = open_controller(LAW)
     real = load_scenario(scenario, overrides=overrides)
     nominal = load_scenario(scenario, overrides=[*overrides, *believed])
-    return simulate_run(real, nominal=nominal, plant=plant, drive=drive, controller=law)
+    return simulate_run(real, nominal=nominal, plant=plant, drive=drive, controller=controller)
 
 
 def reduced_mass(state: np.ndarray, run: Run) -> np.ndarray:
-    """P of the drives with the swing taken out of them, (3, 3)."""
+    """Return the mass matrix (3, 3) of the drives after the swing is eliminated."""
     mass = mass_matrix(state[0::2], run.scenario.rig)
     return mass[:3, :3] - mass[:3, 3:] @ np.linalg.solve(mass[3:, 3:], mass[3:, :3])
 
 
 def lyapunov(run: Run, gamma: np.ndarray) -> np.ndarray:
-    told = run.block("controller")
-    s, masses = told[:, 4:7], told[:, :4]
+    signals = run.block("controller")
+    s, masses = signals[:, 4:7], signals[:, :4]
     moving = [
-        each @ reduced_mass(state, run) @ each for each, state in zip(s, run.block("state"), strict=True)
+        rate @ reduced_mass(state, run) @ rate for rate, state in zip(s, run.block("state"), strict=True)
     ]
     off = masses - axis_masses(run.scenario.rig)[:4]
     return 0.5 * (np.array(moving) + (off**2 / gamma).sum(axis=1))
@@ -44,18 +44,18 @@ def test_its_function_falls_by_what_the_damper_takes_from_any_masses(plant: str,
     often = ["control.period=0.00025", "control.physics_step=0.00025"]
     run = run_of("fast-diagonal", "disturbances=[]", *swung, *often, believed=wrong, plant=plant)
     rig = load_scenario("fast-diagonal", overrides=wrong).rig
-    given, length = run.design.parameters, run.block("state")[0, 4]
+    numbers, length = run.design.parameters, run.block("state")[0, 4]
     believed = np.array(axis_masses(rig)[:4])
-    gamma = given["adaptation"] * believed / (rig.gravity * length)
+    gamma = numbers["adaptation"] * believed / (rig.gravity * length)
     v = lyapunov(run, gamma)
     s = run.block("controller")[:, 4:7]
-    taken = integral(run, s**2 @ rig.driven_masses * given["gain"] * np.sqrt(rig.gravity / length))
+    taken = integral(run, s**2 @ rig.driven_masses * numbers["gain"] * np.sqrt(rig.gravity / length))
     assert np.abs(v + taken - v[0]).max() < 2e-3 * v[0]
     assert np.diff(v).max() < 0.0
     assert run.block("controller")[-1, 3] == pytest.approx(run.scenario.rig.load_mass, rel=1e-3)
 
 
-def test_a_standing_push_leaves_what_the_surface_says() -> None:
+def test_a_constant_disturbance_leaves_what_the_surface_says() -> None:
     run = run_of("fixed-position", "duration=30.0", believed=[], plant="analytic", drive="ideal")
     state = run.block("state")[-1]
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1

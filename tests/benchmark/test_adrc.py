@@ -1,4 +1,4 @@
-"""`adrc`: its observers have their three poles, the load has its four; a standing push leaves nothing."""
+"""Test `adrc`: observers have three poles, the load has four, and a constant disturbance leaves no error."""
 
 from math import exp, sqrt
 
@@ -22,7 +22,7 @@ POLE = 0.7 * sqrt(GRAVITY / LENGTH)  # w_c [1/s]
 def test_the_error_of_an_observer_has_three_equal_poles() -> None:
     bandwidth = 10.0 * POLE
     observer = make_observer(bandwidth, period=PERIOD, gravity=GRAVITY)
-    chain = [1, 6, 11]  # of the second: position, velocity, disturbance
+    chain = [1, 6, 11]  # position, velocity and disturbance of the second joint
 
     def advanced(error: Array) -> Array:
         memory = np.zeros(EXPECTED.size)
@@ -31,7 +31,7 @@ def test_the_error_of_an_observer_has_three_equal_poles() -> None:
         advance(memory, 1, 0.0, PERIOD)
         return memory[chain]
 
-    matrix = np.array([advanced(each) for each in np.eye(3)]).T
+    matrix = np.array([advanced(unit) for unit in np.eye(3)]).T
     np.testing.assert_allclose(np.poly(matrix), np.poly([exp(-bandwidth * PERIOD)] * 3), rtol=1e-12)
 
 
@@ -49,8 +49,8 @@ def test_near_rest_the_load_moves_as_these_poles_say(plant: str) -> None:
     scenario = load_scenario("fixed-position", overrides=[*rest, "controller.adrc.observer=60.0"])
     run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
     wt, error = POLE * run.time, -run.block("error")
-    wanted = offset * (1.0 + wt + wt**2 / 2.0 + wt**3 / 6.0) * np.exp(-wt)
-    np.testing.assert_allclose(error[:, 0], wanted, atol=0.03 * offset)
+    expected = offset * (1.0 + wt + wt**2 / 2.0 + wt**3 / 6.0) * np.exp(-wt)
+    np.testing.assert_allclose(error[:, 0], expected, atol=0.03 * offset)
     np.testing.assert_allclose(error[:, 2], offset * (1.0 + wt) * np.exp(-wt), atol=0.03 * offset)
 
 
@@ -58,8 +58,10 @@ def test_near_rest_the_load_moves_as_these_poles_say(plant: str) -> None:
     ("plant", "drive", "effects"),
     [("analytic", "ideal", []), ("mujoco", "velocity", []), ("mujoco", "velocity", ["effects.sensing={}"])],
 )
-def test_a_standing_push_is_estimated_and_leaves_nothing(plant: str, drive: str, effects: list[str]) -> None:
-    """It leans the rope by b: at rest f_z = g b, and b'' = f_b = 0 since the push holds the pendulum."""
+def test_a_constant_disturbance_is_estimated_and_leaves_nothing(
+    plant: str, drive: str, effects: list[str]
+) -> None:
+    """It leans the rope by b: at rest f_z = g b, and b'' = f_b = 0 because it holds the pendulum."""
     scenario = load_scenario("fixed-position", overrides=effects)
     run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
     late = run.time > 24.0
@@ -68,5 +70,5 @@ def test_a_standing_push_is_estimated_and_leaves_nothing(plant: str, drive: str,
     assert min(abs(state[[6, 8]])) > 0.05
     np.testing.assert_allclose(estimate[:2], GRAVITY * state[[8, 6]], rtol=5e-3)
     np.testing.assert_allclose(estimate[2:], 0.0, atol=5e-3)
-    limit = 1e-4 if effects else 1e-6  # angles are read in steps
+    limit = 1e-4 if effects else 1e-6  # encoders read angles in steps
     assert np.abs(run.block("error")[late, :3].mean(axis=0)).max() < limit

@@ -1,4 +1,4 @@
-"""`barrier-tracking`: its function changes as derived, on paths that hoist too; the bound is kept."""
+"""Test `barrier-tracking`: its Lyapunov function changes as derived, and errors stay within the bound."""
 
 import numpy as np
 import pytest
@@ -11,13 +11,13 @@ from tests.conftest import ROOT
 from validation.benchmark.barrier_tracking import barrier_force
 
 LAW = f"{ROOT / 'validation' / 'benchmark' / 'barrier_tracking.py'}:BARRIER_TRACKING"
-SIGN = np.array([1.0, 1.0, -1.0])  # the rope is as long as the path of the load is deep
+SIGN = np.array([1.0, 1.0, -1.0])  # the desired rope length is minus the desired height of the load
 
 
 def run_of(scenario: str, *overrides: str, plant: str, drive: str) -> Run:
-    law = open_controller(LAW)
-    wanted = load_scenario(scenario, overrides=overrides)
-    return simulate_run(wanted, plant=plant, drive=drive, controller=law)
+    controller = open_controller(LAW)
+    loaded = load_scenario(scenario, overrides=overrides)
+    return simulate_run(loaded, plant=plant, drive=drive, controller=controller)
 
 
 def bound_of(run: Run) -> float:
@@ -25,7 +25,7 @@ def bound_of(run: Run) -> float:
 
 
 def errors(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """Of the drives, and their rates, each (N, 3)."""
+    """Return the errors of the drives and their rates, (N, 3) each."""
     state = run.block("state")
     return (
         state[:, 0:6:2] - SIGN * run.reference[:, 0:3],
@@ -34,22 +34,22 @@ def errors(run: Run) -> tuple[np.ndarray, np.ndarray]:
 
 
 def lyapunov(run: Run) -> np.ndarray:
-    rig, given = run.scenario.rig, run.design.parameters
+    rig, numbers = run.scenario.rig, run.design.parameters
     e, e_rate = errors(run)
-    stiffness = rig.driven_masses * given["frequency"] ** 2 * rig.gravity / run.block("state")[0, 4]
+    stiffness = rig.driven_masses * numbers["frequency"] ** 2 * rig.gravity / run.block("state")[0, 4]
     bound = bound_of(run)
-    barrier = 0.5 * given["barrier"] * bound**2 * e**2 / (bound**2 - e**2)
+    barrier = 0.5 * numbers["barrier"] * bound**2 * e**2 / (bound**2 - e**2)
     rates = np.hstack([e_rate, run.block("state")[:, 7::2]])
     return energy_above_rest(run, rates) + (0.5 * e**2 + barrier) @ stiffness
 
 
 def losses(run: Run) -> np.ndarray:
-    """Power of the dampers [W]."""
-    rig, given, length = run.scenario.rig, run.design.parameters, run.block("state")[0, 4]
+    """Return the power of the dampers [W]."""
+    rig, numbers, length = run.scenario.rig, run.design.parameters, run.block("state")[0, 4]
     rate, pace = errors(run)[1], np.sqrt(rig.gravity / length)
     soft = 0.01 * np.sqrt(rig.gravity * length)
-    viscous = 2.0 * given["damping"] * given["frequency"] * pace * rate**2
-    return (viscous + given["friction"] * rig.gravity * rate * np.tanh(rate / soft)) @ rig.driven_masses
+    viscous = 2.0 * numbers["damping"] * numbers["frequency"] * pace * rate**2
+    return (viscous + numbers["friction"] * rig.gravity * rate * np.tanh(rate / soft)) @ rig.driven_masses
 
 
 def test_the_barriers_force_is_minus_its_derivative() -> None:
@@ -69,38 +69,40 @@ def test_its_function_changes_as_derived_on_a_path_that_hoists(plant: str) -> No
     rig, (n, turn), length = run.scenario.rig, rope_directions(run), run.block("state")[:, 4]
     pay_out, path = -run.reference[:, 5], run.reference[:, 6:8]
     hoisted = pay_out * (rig.gravity * (1.0 + n[:, 2]) - length * (turn**2).sum(axis=1))
-    given = rig.load_mass * (hoisted - length * (turn[:, :2] * path).sum(axis=1))
+    power = rig.load_mass * (hoisted - length * (turn[:, :2] * path).sum(axis=1))
     v = lyapunov(run)
-    assert np.abs(v - v[0] - integral(run, given - losses(run))).max() < 1e-3 * v[0]
-    assert integral(run, np.abs(given))[-1] > 0.1 * v[0], "and the path does give"
+    assert np.abs(v - v[0] - integral(run, power - losses(run))).max() < 1e-3 * v[0]
+    assert integral(run, np.abs(power))[-1] > 0.1 * v[0], "and the path does give"
     assert np.diff(v[run.time > 3.0]).max() < 0.0
     assert np.abs(errors(run)[0]).max() < bound_of(run)
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_what_crosses_the_bound_without_a_barrier_is_held_by_it(plant: str) -> None:
-    """A push of 4 N on a trolley whose spring alone would give way by more than Z."""
+    """Under this disturbance the spring alone would let the trolley move by more than the bound Z."""
     pushed = (
         "disturbances=[{joint='alpha', start=1.0, magnitude=4.0}, {joint='beta', start=1.0, magnitude=4.0}]"
     )
-    given = [f"controller.barrier-tracking.{each}" for each in ("frequency=0.4", "bound=0.1")]
+    settings = [f"controller.barrier-tracking.{setting}" for setting in ("frequency=0.4", "bound=0.1")]
     for barrier in (0.0, 0.3):
         share = f"controller.barrier-tracking.barrier={barrier}"
-        run = run_of("fixed-position", "duration=8.0", pushed, *given, share, plant=plant, drive="velocity")
+        run = run_of(
+            "fixed-position", "duration=8.0", pushed, *settings, share, plant=plant, drive="velocity"
+        )
         most = np.abs(errors(run)[0]).max(axis=0)
         assert (most[1] > bound_of(run)) == (barrier == 0.0)
 
 
-def test_a_standing_push_leaves_what_spring_and_barrier_hold() -> None:
+def test_a_constant_disturbance_leaves_what_spring_and_barrier_hold() -> None:
     run = run_of("fixed-position", "duration=80.0", plant="analytic", drive="ideal")
     late = run.time > 70.0
-    rig, given, n = run.scenario.rig, run.design.parameters, rope_directions(run)[0][late]
+    rig, numbers, n = run.scenario.rig, run.design.parameters, rope_directions(run)[0][late]
     hung = -rig.weight * n[:, 2]
     pull = np.column_stack([hung * n[:, 0], hung * n[:, 1], hung - rig.weight]).mean(axis=0)
     off = errors(run)[0][late].mean(axis=0)
-    stiffness = rig.driven_masses * given["frequency"] ** 2 * rig.gravity / run.block("state")[0, 4]
+    stiffness = rig.driven_masses * numbers["frequency"] ** 2 * rig.gravity / run.block("state")[0, 4]
     barrier = [
-        -barrier_force(given["barrier"] * k, bound_of(run), e) for k, e in zip(stiffness, off, strict=True)
+        -barrier_force(numbers["barrier"] * k, bound_of(run), e) for k, e in zip(stiffness, off, strict=True)
     ]
     np.testing.assert_allclose(stiffness * off + barrier, pull, rtol=1e-2)
     assert np.abs(off[:2]).max() > 0.01

@@ -1,4 +1,4 @@
-"""`cnf`: its Lyapunov function falls, damping rises near the target; it overshoots less than linearly."""
+"""Test `cnf`: its Lyapunov function falls, damping rises near the target, and overshoot shrinks."""
 
 from math import exp, sqrt
 
@@ -21,14 +21,14 @@ LIMIT = 4.0 / GRAVITY  # of the laboratory's drives
 
 
 def point_to_point(*overrides: str, plant: str = "analytic") -> Run:
-    """From rest to a set-point along x, on a rope that keeps its length."""
+    """Simulate a move from rest to a set-point along x, with a rope of constant length."""
     rest = ["duration=15.0", "disturbances=[]", f"initial.load_offset=[{-STEP}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=[*rest, *overrides])
     return simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
 
 
 def axis_states(run: Run) -> Array:
-    """(N, 4) of x, from the set-point; lengths in l, times in sqrt(l/g)."""
+    """Return states (N, 4) of the x axis relative to the set-point, in units of l and sqrt(l/g)."""
     state = run.block("state")
     units = [LENGTH, LENGTH * BEAT, 1.0, BEAT]
     return (state[:, [0, 1, 8, 9]] - [1.0, 0.0, 0.0, 0.0]) / units
@@ -84,8 +84,8 @@ def test_it_overshoots_less_than_its_linear_part_at_the_limit_of_the_drives(plan
     assert overshoots[0] < 0.5 * overshoots[1]
 
 
-def test_a_standing_push_leaves_a_load_that_is_off() -> None:
-    """Where F x + rho B'P x is zero with the rope's lean."""
+def test_a_constant_disturbance_leaves_a_load_that_is_off() -> None:
+    """It stands where F x + rho B'P x is zero with the lean of the rope."""
     run = simulate_run(
         load_scenario("fixed-position"), plant="analytic", drive="ideal", controller=open_controller(LAW)
     )

@@ -1,4 +1,4 @@
-"""`end-effector-pd`: its function falls by what its damper takes; what a standing push leaves."""
+"""Test `end-effector-pd`: its function falls by the damper's work; error of a constant disturbance."""
 
 import numpy as np
 import pytest
@@ -19,11 +19,15 @@ def run_of(*overrides: str, plant: str, drive: str) -> Run:
 
 
 def gains(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(k_p, k_d, k) of x and y as the parameters are described."""
-    rig, given, length = run.scenario.rig, run.design.parameters, run.block("state")[0, 4]
+    """Return k_p, k_d and k of x and y from the descriptions of the parameters."""
+    rig, numbers, length = run.scenario.rig, run.design.parameters, run.block("state")[0, 4]
     moved = rig.driven_masses[:2] + rig.load_mass
-    pace = given["frequency"] * np.sqrt(rig.gravity / length)
-    return pace**2 * moved, 2.0 * given["damping"] * pace * moved, given["lead"] * length * moved[1] / moved
+    pace = numbers["frequency"] * np.sqrt(rig.gravity / length)
+    return (
+        pace**2 * moved,
+        2.0 * numbers["damping"] * pace * moved,
+        numbers["lead"] * length * moved[1] / moved,
+    )
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
@@ -46,7 +50,7 @@ def test_its_function_falls_by_what_the_damper_takes(plant: str) -> None:
     assert np.abs(state[:, [6, 8]]).max() > 0.05, "and the load does swing"
 
 
-def test_a_standing_push_leaves_what_the_lean_says() -> None:
+def test_a_constant_disturbance_leaves_what_the_lean_says() -> None:
     run = run_of("duration=40.0", plant="analytic", drive="ideal")
     stiffness, _, lead = gains(run)
     n, _ = rope_directions(run)

@@ -1,7 +1,7 @@
-"""Both ends of every setting of the benchmark's controllers: a run of finite numbers, or what to do.
+"""At both ends of every setting, the benchmark's controllers give finite numbers or an error with a remedy.
 
-What their gains must be is checked by a test of each controller. Here a short run on the nonlinear crane must
-end with finite numbers, and where a controller says what it is near rest, its poles must be stable.
+The tests of each controller check its gains. Here a short run on the nonlinear crane must end with finite
+numbers. If a controller declares its linear behaviour near rest, its poles must be stable.
 """
 
 import importlib
@@ -16,7 +16,7 @@ from tests.ranges import share_of
 
 SHARE = 16
 FILES = [path for path in sorted((ROOT / "validation" / "benchmark").glob("*.py")) if path.stem != "__init__"]
-LAWS = {  # by name, how it is opened and what it is
+LAWS = {  # by name: the reference that opens the controller, and the controller
     law.name: (f"{path}:{symbol}", law)
     for path in FILES
     for symbol, law in vars(importlib.import_module(f"validation.benchmark.{path.stem}")).items()

@@ -1,4 +1,4 @@
-"""The table that is shipped: whole, of the laws, numbers and cranes that are here."""
+"""The shipped benchmark table is complete, and belongs to the present controllers, numbers and cranes."""
 
 import functools
 import itertools
@@ -28,7 +28,7 @@ from tests.pace import HANG
 BENCHMARK = read_benchmark("literature")
 FOLDER_OF_IT = BENCHMARK.file.parent
 JUDGED = {"tuned": tuple(sets_of(BENCHMARK)), "published": ("nominal", "lab-rig")}
-BUILT = "nmpc"  # outside of Python, and so of the benchmark's file
+BUILT = "nmpc"  # the benchmark's file does not name it, because it must be compiled first
 
 
 @pytest.fixture(scope="module")
@@ -43,14 +43,14 @@ def laws() -> tuple[str, ...]:
 
 def test_every_law_has_met_every_crane(judged: BenchmarkTable, laws: tuple[str, ...]) -> None:
     draws = {name: cranes.draws for name, cranes in sets_of(BENCHMARK).items()}
-    wanted = {}
+    expected = {}
     for division in DIVISIONS:
         for trial in trials_of(BENCHMARK, laws, JUDGED[division], division=division):
             share = BENCHMARK.second_share if trial.plant == BENCHMARK.second_plant else 1.0
-            wanted[trial] = max(1, round(share * draws[trial.crane_set]))
+            expected[trial] = max(1, round(share * draws[trial.crane_set]))
             if trial.law == BENCHMARK.baseline:
-                wanted[trial._replace(law=BUILT)] = wanted[trial]
-    assert {trial: len(runs.status) for trial, runs in judged.trials.items()} == wanted
+                expected[trial._replace(law=BUILT)] = expected[trial]
+    assert {trial: len(runs.status) for trial, runs in judged.trials.items()} == expected
     not_simulated = defaultdict(set)
     for trial, runs in judged.trials.items():
         cranes = tuple(k for k, status in enumerate(runs.status) if status == FAILED)
@@ -64,24 +64,29 @@ def test_it_is_of_the_laws_numbers_and_rules_that_are_here(
 ) -> None:
     rules = rules_of(BENCHMARK)
     assert (judged.about["rules"], judged.about["seed"]) == (rules, BENCHMARK.seed)
-    for law in laws:
-        assert judged.about["laws"][law]["file"] == controller_digests([law]).get(f"law {law}", "")
-        assert judged.about["tuned"][law] == tuned_facts(FOLDER_OF_IT / "tuned", rules, law)
+    for controller in laws:
+        assert judged.about["laws"][controller]["file"] == controller_digests([controller]).get(
+            f"law {controller}", ""
+        )
+        assert judged.about["tuned"][controller] == tuned_facts(FOLDER_OF_IT / "tuned", rules, controller)
     built, numbers = judged.about["tuned"][BUILT], (FOLDER / "tuned" / f"{BUILT}.toml").read_text()
-    for key, (_, found) in built["numbers"].items():
-        assert f'"{key}" = {found:g}\n' in numbers
+    for key, (_, value) in built["numbers"].items():
+        assert f'"{key}" = {value:g}\n' in numbers
 
 
 def test_runs_come_out_as_they_are_shipped(
     judged: BenchmarkTable, laws: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """What changes them asks for a new table. The first crane on both plants: of every law tuned at the
-    harbour, and on one scenario more, so that all sets are there in both divisions."""
+    """Run the first crane on both plants, and compare with the table; a change of runs needs a new table.
+
+    Every controller runs tuned on the harbour scenario, and on one more scenario. Together these cover all
+    sets of cranes in both divisions.
+    """
     trials = trials_of(BENCHMARK, laws, ("nominal",), ("harbour",), division="tuned")
     judged_on = [(d, name) for d in DIVISIONS for name in JUDGED[d] if name in BENCHMARK.sets]
-    others = itertools.cycle(itertools.product(BENCHMARK.scenarios, judged_on))
-    for law, (scenario, (division, name)) in zip(laws, others, strict=False):
-        trials += trials_of(BENCHMARK, (law,), (name,), (scenario,), division=division)
+    combinations = itertools.cycle(itertools.product(BENCHMARK.scenarios, judged_on))
+    for controller, (scenario, (division, name)) in zip(laws, combinations, strict=False):
+        trials += trials_of(BENCHMARK, (controller,), (name,), (scenario,), division=division)
     assert_as_shipped(judged, trials, tmp_path)
 
 
@@ -89,7 +94,7 @@ def test_runs_come_out_as_they_are_shipped(
 def test_runs_of_computed_gains_come_out_as_they_are_shipped(
     judged: BenchmarkTable, laws: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """Laws whose gains come from Riccati equations, linear matrix inequalities or H-infinity synthesis."""
+    """These controllers compute gains by Riccati equations, matrix inequalities or H-infinity synthesis."""
     computed = ("lqr+hinf", "lqr-offset-free", "lqg", "lmi-regions", "multi-objective-hinf")
     assert set(computed) < set(laws)
     trials = trials_of(BENCHMARK, computed, ("nominal",), ("harbour",), division="tuned")
@@ -102,12 +107,14 @@ def assert_as_shipped(judged: BenchmarkTable, trials: Sequence[Trial], directory
     numbers = functools.partial(tuned_settings, FOLDER_OF_IT / "tuned", rules)
     campaign = functools.partial(campaign_of, BENCHMARK, most=1, tuned=numbers)
     with batch_engine(None, patience=HANG) as engine:
-        ran = [each.trial for each in run_trials(list(trials), campaign, directory, engine, workers=2)]
-    found = collected(
+        ran = [
+            finished.trial for finished in run_trials(list(trials), campaign, directory, engine, workers=2)
+        ]
+    table = collected(
         BENCHMARK, rules, directory, begun=ran, tuned=FOLDER_OF_IT / "tuned", advance=lambda _: None
     )
-    assert set(found.trials) == set(trials)
-    for trial, runs in found.trials.items():
+    assert set(table.trials) == set(trials)
+    for trial, runs in table.trials.items():
         shipped = judged.trials[trial]
         assert (runs.failed[0], runs.status[0]) == (shipped.failed[0], shipped.status[0]), trial
         for name, values in runs.metrics.items():
@@ -127,16 +134,16 @@ def test_a_failure_can_be_looked_at_as_the_how_to_says(
     monkeypatch.chdir(tmp_path)
     assert main(run.split()) == 0
     assert main(replay.replace("validation/", f"{ROOT}/validation/").split()) == 0
-    place = re.search(r"failures/(\S+) --run 0", replay)
-    assert place is not None
-    shipped = judged.trials[Trial(*place[1].split("/"))]  # type: ignore[arg-type]
+    folder = re.search(r"failures/(\S+) --run 0", replay)
+    assert folder is not None
+    shipped = judged.trials[Trial(*folder[1].split("/"))]  # type: ignore[arg-type]
     assert shipped.failed[0]
     assert f" {shipped.status[0]}," in " ".join(capsys.readouterr().out.split())
 
 
 def test_our_law_is_undominated_wherever_it_is_judged(judged: BenchmarkTable) -> None:
-    """Where it is not any more, docs/how-to/benchmark.md has to name the law that beats it, and why."""
+    """If this fails, docs/how-to/benchmark.md must name the controller that is better, and why."""
     for division, name in [(d, name) for d in DIVISIONS for name in JUDGED[d] if name in BENCHMARK.sets]:
-        found = Judged(BENCHMARK, judged, division).ranking(name)
-        place = [standing.law for standing in found].index("lqr-offset-free")
-        assert undominated(points_of(found))[place], (division, name)
+        ranking = Judged(BENCHMARK, judged, division).ranking(name)
+        index = [standing.law for standing in ranking].index("lqr-offset-free")
+        assert undominated(points_of(ranking))[index], (division, name)

@@ -1,4 +1,4 @@
-"""Laws with an observer of their own, where drives cannot do what they ask for."""
+"""Controllers with their own observer stay stable when the limits of drives act."""
 
 import pytest
 
@@ -12,11 +12,11 @@ BENCHMARK = ROOT / "validation" / "benchmark"
 
 
 @pytest.mark.parametrize(
-    ("law", "fast"),
+    ("reference", "fast"),
     [("lqg.py:LQG", []), ("adrc.py:ADRC", ["controller.adrc.bandwidth=1.0", "controller.adrc.observer=6.0"])],
 )
-def test_a_hard_push_winds_no_observer_up(law: str, fast: list[str]) -> None:
-    """What drives do not do it would take for a push, and a stronger one the more it asks of them."""
+def test_a_hard_push_winds_no_observer_up(reference: str, fast: list[str]) -> None:
+    """An observer could mistake limited commands for a growing disturbance, and so command ever more."""
     scenario = load_scenario(
         str(BENCHMARK / "scenarios" / "pulse.toml"),
         overrides=[
@@ -25,7 +25,7 @@ def test_a_hard_push_winds_no_observer_up(law: str, fast: list[str]) -> None:
         ],
     )  # fmt: skip
     run = simulate_run(
-        scenario, plant="mujoco", drive="velocity", controller=open_controller(str(BENCHMARK / law))
+        scenario, plant="mujoco", drive="velocity", controller=open_controller(str(BENCHMARK / reference))
     )
     assert run.block("command")[:, 3:5].any(), "limits act"
     assert run.status.label == "completed"

@@ -1,4 +1,4 @@
-"""`lmi-regions`: poles in their region, a norm that is bounded and least; what a standing push leaves."""
+"""Test `lmi-regions`: poles in their region, a bounded and least norm, error of a constant disturbance."""
 
 from math import sqrt
 
@@ -40,7 +40,7 @@ def test_poles_lie_in_the_region_and_the_norm_is_bounded(
 
 @pytest.mark.parametrize("effort", [0.3, 1.0, 3.0])
 def test_without_a_region_the_bound_is_near_the_least_norm_of_state_feedback(effort: float) -> None:
-    """By the Riccati equation of that problem, which has a stabilising solution above the least norm only."""
+    """The Riccati equation of this problem has a stabilising solution only above the least norm."""
 
     def solvable(gamma: float) -> bool:
         both = np.hstack([B, PUSH])
@@ -59,7 +59,7 @@ def test_a_region_that_holds_nothing_is_told() -> None:
     with pytest.raises(InputError, match="without a solution"):
         gains(2.0, 1.5, 0.5, 1.0)
     with pytest.raises(InputError, match="without"):
-        gains(1.0, 1.0, 0.6, 1.0)  # a point
+        gains(1.0, 1.0, 0.6, 1.0)  # the region is a point
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
@@ -77,7 +77,7 @@ def test_near_rest_the_crane_moves_as_its_poles_say(plant: str, length: float) -
         assert length * run.block("state")[k, 8] == pytest.approx(angle, abs=5e-3 * offset)
 
 
-def test_a_standing_push_leaves_what_the_gains_say() -> None:
+def test_a_constant_disturbance_leaves_what_the_gains_say() -> None:
     run = simulate_run(
         load_scenario("fixed-position", overrides=["duration=25.0"]),
         plant="analytic",

@@ -1,4 +1,4 @@
-"""`lqg`: poles are those of regulator and filter, and no standing push leaves the load off its place."""
+"""Test `lqg`: poles are those of regulator and filter, and a constant disturbance leaves no error."""
 
 from dataclasses import replace
 from math import sqrt
@@ -31,7 +31,7 @@ _law = jit(step)
 
 
 def pushed_step(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
-    """The law with drives that accelerate otherwise than they are told, by so much [m/s²]."""
+    """Compute the controller's step, and add a constant acceleration of the drives [m/s²]."""
     status = _law(parameters, measured, reference, memory, command)
     command[0] += 0.3
     command[1] -= 0.2
@@ -41,7 +41,7 @@ def pushed_step(parameters, measured, reference, memory, command):  # type: igno
 
 @pytest.mark.parametrize("length", [0.2, 0.725, 1.4])
 def test_the_poles_of_the_loop_are_those_of_regulator_and_filter(length: float) -> None:
-    beat = PERIOD * sqrt(GRAVITY / length)  # a period, in units of the pendulum's time
+    beat = PERIOD * sqrt(GRAVITY / length)  # control period in units of sqrt(l/g)
     gain, rope_gain = regulator(5.0, 0.7)
     a, c, filter_gain, rope_filter = kalman(5.0, 2.0)
 
@@ -54,18 +54,18 @@ def test_the_poles_of_the_loop_are_those_of_regulator_and_filter(length: float) 
         regulated(np.diag([1.0], 1), drive[:2], rope_gain, beat),
         filtered(np.diag([1.0, 1.0], 1), np.eye(3)[:1], beat * rope_filter[:, np.newaxis], beat),
     ]
-    wanted = np.concatenate([*axis, *axis, *rope])
-    found = np.linalg.eigvals(loop_matrix(LQG, length, MEMORY.begun, MEMORY.flat))
+    expected = np.concatenate([*axis, *axis, *rope])
+    poles = np.linalg.eigvals(loop_matrix(LQG, length, MEMORY.begun, MEMORY.flat))
     # The filter predicts by a method of order 2.
-    assert relative_distances(found, wanted).max() < 1e-4
-    assert np.abs(wanted).max() < 1.0
+    assert relative_distances(poles, expected).max() < 1e-4
+    assert np.abs(expected).max() < 1.0
 
 
 def test_the_ropes_filter_has_poles_of_the_modulus_asked_for() -> None:
-    """q''' = noise: a Butterworth pattern."""
+    """For q''' = noise the poles have a Butterworth pattern."""
     rope = kalman(7.0, 5.0)[3]
-    found = np.linalg.eigvals(np.diag([1.0, 1.0], 1) - np.outer(rope, [1.0, 0.0, 0.0]))
-    np.testing.assert_allclose(np.sort_complex(found), 7.0 * np.exp(2j * np.pi / 6 * np.array([3, 4, 2])))
+    poles = np.linalg.eigvals(np.diag([1.0, 1.0], 1) - np.outer(rope, [1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(np.sort_complex(poles), 7.0 * np.exp(2j * np.pi / 6 * np.array([3, 4, 2])))
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
@@ -87,12 +87,12 @@ def test_near_rest_the_crane_moves_as_this_loop_says(plant: str) -> None:
     ("plant", "drive", "effects"),
     [("analytic", "ideal", []), ("mujoco", "velocity", []), ("mujoco", "velocity", ["effects.sensing={}"])],
 )
-def test_a_standing_push_leaves_nothing(plant: str, drive: str, effects: list[str]) -> None:
+def test_a_constant_disturbance_leaves_nothing(plant: str, drive: str, effects: list[str]) -> None:
     scenario = load_scenario("fixed-position", overrides=effects)
     run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
     late = run.time > 22.0
     assert np.abs(run.block("disturbance")[-1]).min() > 0.1
-    limit = 1e-4 if effects else 1e-6  # angles are read in steps
+    limit = 1e-4 if effects else 1e-6  # encoders read angles in steps
     assert np.abs(run.block("error")[late, :3].mean(axis=0)).max() < limit
     np.testing.assert_allclose(run.block("controller")[late, :2].mean(axis=0), [1.0, 1.0], rtol=1e-2)
 

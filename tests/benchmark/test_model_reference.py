@@ -1,4 +1,4 @@
-"""`model-reference`: the error to the model falls, and stays within its bound; what pushes leave."""
+"""Test `model-reference`: its error to the model falls and stays bounded; errors of disturbances."""
 
 from dataclasses import replace
 from math import sqrt
@@ -28,14 +28,14 @@ _law = jit(step)
 
 
 def pushed_step(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
-    """The law with drives that accelerate along x by 0.3 m/s² more than they are told."""
+    """Compute the controller's step, and add 0.3 m/s² to the acceleration of the bridge."""
     status = _law(parameters, measured, reference, memory, command)
     command[0] += PUSH
     return status
 
 
 def rest_under(drive_push: float, load_push: float) -> Array:
-    """e (4,) where the crane stands; pushes on drive [g] and angle [g/l]."""
+    """Return the error (4,) at rest under constant disturbances of drive [g] and angle [g/l]."""
     _, b, gain, cost = model_and_cost(POLE)
 
     def standing(drive: float) -> tuple[float, Array]:
@@ -62,9 +62,9 @@ def test_undisturbed_the_crane_moves_as_the_model_does(plant: str) -> None:
     run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
     closed, start = model_and_cost(POLE)[0], np.array([offset / LENGTH, 0.0, 0.0, 0.0])
     for k in (0, 300, 1000, 3000):
-        wanted = expm(BEAT * run.time[k] * closed) @ start
-        found = (run.block("state")[k, [0, 1, 8, 9]] - [1.0, 0.0, 0.0, 0.0]) / UNITS
-        np.testing.assert_allclose(found, wanted, atol=5e-3 * start[0])
+        expected = expm(BEAT * run.time[k] * closed) @ start
+        deviation = (run.block("state")[k, [0, 1, 8, 9]] - [1.0, 0.0, 0.0, 0.0]) / UNITS
+        np.testing.assert_allclose(deviation, expected, atol=5e-3 * start[0])
     assert np.abs(run.block("controller")[:, :4] / UNITS).max() < 1e-3 * start[0]
 
 
@@ -88,21 +88,21 @@ def test_a_matched_push_leaves_what_the_equation_says_and_no_more_than_the_bound
     with known(replace(MODEL_REFERENCE, name="pushed", step=pushed_step)) as name:
         run = simulate_run(scenario, plant="analytic", drive="ideal", controller=name)
     error = run.block("controller")[:, :4] / UNITS
-    wanted = rest_under(PUSH / GRAVITY, 0.0)
-    np.testing.assert_allclose(error[-1], wanted, atol=1e-3 * abs(wanted[0]))
+    expected = rest_under(PUSH / GRAVITY, 0.0)
+    np.testing.assert_allclose(error[-1], expected, atol=1e-3 * abs(expected[0]))
     cost = model_and_cost(POLE)[3]
     function = np.einsum("ki,ij,kj->k", error, cost, error)
     assert PUSH / GRAVITY < BOUND
     assert function.max() < 2.0 * BOUND * LAYER * np.linalg.eigvalsh(cost).max()
-    # Without the robust term the feedback alone would be this far off.
-    assert abs(wanted[0]) < 0.5 * PUSH / GRAVITY / POLE**4
+    # Without the robust term the error of the feedback would be twice this limit.
+    assert abs(expected[0]) < 0.5 * PUSH / GRAVITY / POLE**4
 
 
 @pytest.mark.parametrize(("plant", "drive"), [("analytic", "ideal"), ("mujoco", "velocity")])
-def test_a_standing_push_on_the_load_is_not_matched(plant: str, drive: str) -> None:
+def test_a_constant_disturbance_on_the_load_is_not_matched(plant: str, drive: str) -> None:
     scenario = load_scenario("fixed-position")
     run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
     error = run.block("controller")[-1, :4] / UNITS
-    wanted = rest_under(0.0, np.arcsin(LENGTH / GRAVITY))
-    np.testing.assert_allclose(error, wanted, atol=2e-2 * abs(wanted[0]))
-    assert abs(wanted[0] + wanted[2]) > 0.01, "and the load is off"
+    expected = rest_under(0.0, np.arcsin(LENGTH / GRAVITY))
+    np.testing.assert_allclose(error, expected, atol=2e-2 * abs(expected[0]))
+    assert abs(expected[0] + expected[2]) > 0.01, "and the load is off"

@@ -1,4 +1,4 @@
-"""`mppi`: its numbers, its average against the closed form, that runs repeat, what tells it of a push."""
+"""Test `mppi`: random numbers, average against the closed form, repeated runs, and observed disturbances."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def run_of(*overrides: str, plant: str, scenario: str = "fixed-position") -> Run
 
 
 def test_random_numbers_are_those_of_park_and_miller() -> None:
-    """Their check of an implementation: from 1 the 10 000th is 1043618065."""
+    """Park and Miller give this check of an implementation: from 1, number 10 000 is 1043618065."""
     memory = np.array([1.0])
     for _ in range(10_000):
         uniform(memory)
@@ -29,7 +29,7 @@ def test_random_numbers_are_those_of_park_and_miller() -> None:
 
 
 def test_the_average_is_the_one_that_a_quadratic_cost_has() -> None:
-    """Normal weights times normal paths: precision 1/s² + H/T, H the cost's second derivative."""
+    """Normal weights and normal paths give the precision 1/s² + H/T, with H the cost's second derivative."""
     noise, gravity, temperature = 0.1, 9.81, 0.02
     parameters = GIVEN.array(
         period=0.02, gravity=gravity, noise=noise, temperature=temperature, rate=0.3, effort=0.1
@@ -45,19 +45,19 @@ def test_the_average_is_the_one_that_a_quadratic_cost_has() -> None:
     slope = np.array([0.5 * (s(row) - s(-row)) for row in one])
     curve = np.array([[s(a + b) - s(a) - s(b) + zero for a in one] for b in one])
     precision = (noise * gravity) ** -2 * one
-    wanted = np.linalg.solve(precision + curve / temperature, precision @ planned - slope / temperature)
-    found, memory = planned.copy(), np.array([1.0])
-    plan(parameters, lengths, start, push, found, memory, 100_000)
-    assert np.abs(wanted - planned).max() > 0.4, "it is another plan"
-    np.testing.assert_allclose(found, wanted, atol=0.03)
+    expected = np.linalg.solve(precision + curve / temperature, precision @ planned - slope / temperature)
+    average, memory = planned.copy(), np.array([1.0])
+    plan(parameters, lengths, start, push, average, memory, 100_000)
+    assert np.abs(expected - planned).max() > 0.4, "it is another plan"
+    np.testing.assert_allclose(average, expected, atol=0.03)
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_a_push_that_an_observer_tells_of_leaves_little(plant: str) -> None:
-    told, untold = (
+    with_observer, without_observer = (
         run_of(*more, plant=plant) for more in (["effects.sensing.angle_noise=0.0"], ["duration=25.0"])
     )
-    off = [np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (told, untold)]
+    off = [np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (with_observer, without_observer)]
     assert off[0] < 0.005
     assert off[1] > 0.05
 
@@ -65,7 +65,7 @@ def test_a_push_that_an_observer_tells_of_leaves_little(plant: str) -> None:
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_it_brings_the_load_back_and_repeats(plant: str) -> None:
     overrides = ["disturbances=[]", "duration=6.0", "initial.load_offset=[0.1, -0.05, 0.02]"]
-    first, again = (run_of(*overrides, plant=plant) for _ in range(2))
+    first, second = (run_of(*overrides, plant=plant) for _ in range(2))
     late = np.linalg.norm(first.block("error")[first.time > 5.0, :3], axis=1)
     assert late.max() < 0.003
-    np.testing.assert_array_equal(first.table, again.table)
+    np.testing.assert_array_equal(first.table, second.table)

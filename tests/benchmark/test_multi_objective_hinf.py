@@ -1,4 +1,4 @@
-"""`multi-objective-hinf`: four norms that are what the law says, sampled too; what a standing push leaves."""
+"""Test `multi-objective-hinf`: four norms within their bounds, also sampled; error of a disturbance."""
 
 from math import sqrt
 
@@ -19,7 +19,7 @@ OMEGA = np.sort(np.concatenate([np.logspace(-5, 4, 40_001), np.linspace(0.5, 2.0
 
 
 def norms(k: np.ndarray, crane: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """|S|, |S/s|, |K S| and |dx/dd| by a sweep, of the crane x = (v/s + d)/(s² + 1)."""
+    """Return |S|, |S/s|, |K S| and |dx/dd| of the crane x = (v/s + d)/(s² + 1), from a frequency sweep."""
     sensitivity = 1.0 / (1.0 + k * crane)
     loops = (sensitivity, sensitivity / s, k * sensitivity, sensitivity / (s**2 + 1.0))
     return np.array([np.abs(loop).max() for loop in loops])
@@ -29,15 +29,15 @@ def norms(k: np.ndarray, crane: np.ndarray, s: np.ndarray) -> np.ndarray:
 def test_each_norm_keeps_to_its_bound(bounds: tuple[float, float, float]) -> None:
     k, gamma = controller(*bounds)
     s = 1j * OMEGA
-    found = norms(k(s), 1.0 / (s * (s**2 + 1.0)), s) / (gamma * np.array([1.0, *bounds]))
-    assert found.max() <= BACK_OFF
-    assert found.max() > 0.6, "and one Lyapunov function for all gives not too much away"
+    ratios = norms(k(s), 1.0 / (s * (s**2 + 1.0)), s) / (gamma * np.array([1.0, *bounds]))
+    assert ratios.max() <= BACK_OFF
+    assert ratios.max() > 0.6, "and one Lyapunov function for all gives not too much away"
     assert control.feedback(CRANE * k, 1.0).poles().real.max() < 0.0
 
 
 @pytest.mark.parametrize("period", [0.001, 0.01, 0.1])
 def test_of_order_two_and_sampled_it_keeps_to_them_too(period: float) -> None:
-    """`period` in units of sqrt(l/g); the crane as an input held over it finds it."""
+    """The period is in units of sqrt(l/g), and the crane is discretised for an input held over it."""
     k, gamma = controller(*DEFAULT)
     assert k.nstates == ORDER == 2
     sampled = control.sample_system(k, period, "tustin")
@@ -45,14 +45,14 @@ def test_of_order_two_and_sampled_it_keeps_to_them_too(period: float) -> None:
     assert np.abs(control.feedback(crane * sampled, 1.0).poles()).max() < 1.0
     below = OMEGA[period * OMEGA < 0.9 * np.pi]
     z, s = np.exp(1j * period * below), 1j * below
-    found = norms(sampled(z), crane(z), s)
-    assert (found <= (1.0 + period) * BACK_OFF * gamma * np.array([1.0, *DEFAULT])).all()
+    values = norms(sampled(z), crane(z), s)
+    assert (values <= (1.0 + period) * BACK_OFF * gamma * np.array([1.0, *DEFAULT])).all()
 
 
 @pytest.mark.parametrize(("plant", "drive"), [("analytic", "ideal"), ("mujoco", "velocity")])
 @pytest.mark.parametrize("length", [0.4, 1.2])
 def test_near_rest_the_load_moves_as_the_loop_says(plant: str, drive: str, length: float) -> None:
-    """From beside its path, with the lag T of the drives between set-point and velocity."""
+    """The load starts beside its path, and the drives lag between set-point and velocity."""
     offset, w, lag = 1e-4, sqrt(9.81 / length), 0.02
     rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", "reference.segments=[]"]
     overrides = ["duration=4.0", *rest, f"initial.load_offset=[{offset}, 0.0, 0.0]"]
@@ -60,14 +60,14 @@ def test_near_rest_the_load_moves_as_the_loop_says(plant: str, drive: str, lengt
     run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
     lagging = control.ss([[-1.0 / (w * lag)]], [[1.0 / (w * lag)]], [[1.0]], 0.0)
     loop = controller(*DEFAULT)[0] * lagging * CRANE
-    wanted = control.step_response(control.feedback(1.0, loop), w * run.time).outputs
-    found = -run.block("error")[:, 0] / offset
-    assert found[0] == pytest.approx(1.0)
-    np.testing.assert_allclose(found, wanted, atol=0.02)
+    expected = control.step_response(control.feedback(1.0, loop), w * run.time).outputs
+    deviation = -run.block("error")[:, 0] / offset
+    assert deviation[0] == pytest.approx(1.0)
+    np.testing.assert_allclose(deviation, expected, atol=0.02)
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_a_standing_push_leaves_nothing(plant: str) -> None:
+def test_a_constant_disturbance_leaves_nothing(plant: str) -> None:
     scenario = load_scenario("fixed-position")
     run = simulate_run(scenario, plant=plant, drive="velocity", controller=open_controller(LAW))
     assert np.abs(run.block("state")[-1, [6, 8]]).min() > 0.05, "the rope leans both ways"

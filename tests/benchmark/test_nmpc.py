@@ -1,4 +1,4 @@
-"""`nmpc` in C: keeps to its limits, brings the load back; what tells it of a push; on a harbour crane."""
+"""Test `nmpc` in C: it keeps its limits, brings the load back, and works on a harbour crane."""
 
 import numpy as np
 import pytest
@@ -18,22 +18,22 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def run_of(library: str, *overrides: str, plant: str, drive: str = "velocity") -> Run:
-    law = open_controller(library)
-    numbers = [each.replace("nmpc.", "controller.nmpc.") for each in overrides]
+    controller = open_controller(library)
+    numbers = [override.replace("nmpc.", "controller.nmpc.") for override in overrides]
     scenario = load_scenario("fixed-position", overrides=numbers)
-    return simulate_run(scenario, plant=plant, drive=drive, controller=law)
+    return simulate_run(scenario, plant=plant, drive=drive, controller=controller)
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_it_keeps_to_its_limits_and_brings_the_load_back(library: str, plant: str) -> None:
-    """0.5 m are too far for the limits: 0.05 g and 0.1 sqrt(g l)."""
+    """For 0.5 m the limits act: 0.05 g and 0.1 sqrt(g l)."""
     limits = ["nmpc.acceleration=0.05", "nmpc.speed=0.1", "nmpc.effort=1"]
     run = run_of(
         library, *BESIDE, *limits, "initial.load_offset=[0.5, -0.4, 0.0]", plant=plant, drive="ideal"
     )
-    found, speed = np.abs(run.block("input")[:, :2]).max(), np.abs(run.block("state")[:, [1, 3]]).max()
-    assert found == pytest.approx(0.05 * 9.81, rel=1e-9)
-    # The quadratic programs are solved in SPLITS iterations, and that is how well speeds keep to theirs.
+    acceleration, speed = np.abs(run.block("input")[:, :2]).max(), np.abs(run.block("state")[:, [1, 3]]).max()
+    assert acceleration == pytest.approx(0.05 * 9.81, rel=1e-9)
+    # The quadratic programs stop after SPLITS iterations, so speeds keep their limits to 2 % only.
     largest = 0.1 * np.sqrt(9.81 * 0.7)
     assert 0.98 * largest < speed < 1.02 * largest
     assert np.linalg.norm(run.block("error")[run.time > 7.0, :3], axis=1).max() < 1e-3
@@ -41,15 +41,15 @@ def test_it_keeps_to_its_limits_and_brings_the_load_back(library: str, plant: st
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_a_push_that_an_observer_tells_of_leaves_little(library: str, plant: str) -> None:
-    told = run_of(library, "effects.sensing.angle_noise=0.0", plant=plant)
-    untold = run_of(library, plant=plant)
-    off = [np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (told, untold)]
+    with_observer = run_of(library, "effects.sensing.angle_noise=0.0", plant=plant)
+    without_observer = run_of(library, plant=plant)
+    off = [np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (with_observer, without_observer)]
     assert off[0] < 0.004
     assert off[1] > 0.02
 
 
 def test_a_harbour_crane_arrives(library: str) -> None:
-    """Its numbers are ratios to g and l, and its horizon goes with the control period."""
+    """Its numbers are relative to g and l, and its horizon is proportional to the control period."""
     names = ("limits", "rope", "body", "friction", "sensing", "delay", "wind")
     effects = [f"effects.{name}={{}}" for name in names]
     harbour = load_scenario(FOLDER.parent / "scenarios" / "harbour.toml", overrides=effects)
@@ -58,9 +58,9 @@ def test_a_harbour_crane_arrives(library: str) -> None:
 
 
 def test_it_declares_to_read_gravity_alone(library: str) -> None:
-    """And it gets no other number of the rig: see `test_a_library_gets_what_it_declares_to_read`."""
-    told = information(open_controller(library))
-    assert (told["rig"], told["preview"]) == (["gravity"], 1000)
+    """It gets no other number of the rig: see `test_a_library_gets_what_it_declares_to_read`."""
+    facts = information(open_controller(library))
+    assert (facts["rig"], facts["preview"]) == (["gravity"], 1000)
 
 
 def test_what_tuning_may_change_stays_between_its_bounds(library: str) -> None:

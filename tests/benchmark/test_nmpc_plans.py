@@ -1,4 +1,4 @@
-"""`nmpc` against CasADi: its model is what CasADi writes today, its plans are those that IPOPT finds."""
+"""Compare `nmpc` with CasADi: its model is what CasADi writes now, and its plans are those of IPOPT."""
 
 import ctypes
 from pathlib import Path
@@ -17,7 +17,9 @@ PUSH = np.array([0.3, -0.4])
 
 def test_the_model_is_what_casadi_writes(tmp_path: Path) -> None:
     write(tmp_path)
-    (first, *now), (_, *then) = ((place / "model.c").read_text().splitlines() for place in (tmp_path, FOLDER))
+    (first, *now), (_, *then) = (
+        (folder / "model.c").read_text().splitlines() for folder in (tmp_path, FOLDER)
+    )
     assert "CasADi" in first, "which tells its version, and that alone may differ"
     assert now == then
 
@@ -25,7 +27,7 @@ def test_the_model_is_what_casadi_writes(tmp_path: Path) -> None:
 def improved(
     library: Path, limits: np.ndarray, state: np.ndarray, path: np.ndarray, times: int
 ) -> np.ndarray:
-    """Inputs (N, 3) after so many iterations from none; `path` (N, 6), position and velocity at each step."""
+    """Return inputs (N, 3) after `times` iterations from zero; `path` (N, 6) has position and velocity."""
     improve = ctypes.CDLL(str(library)).nmpc_improve
     improve.restype, improve.argtypes = None, [np.ctypeslib.ndpointer(flags="C")] * 4
     rows, plan = np.zeros((EVERY * N + 1, 15)), np.zeros((N, 9))
@@ -36,7 +38,7 @@ def improved(
 
 
 def found_by_ipopt(limits: np.ndarray, state: np.ndarray, path: np.ndarray) -> np.ndarray:
-    """The same problem with states as unknowns too, its own derivatives, an interior-point method."""
+    """Solve the same problem with states as unknowns too, other derivatives and an interior-point method."""
     slope, load = functions()
     opti, length = casadi.Opti(), state[4]
     x, u = opti.variable(10, N + 1), opti.variable(3, N)
@@ -63,16 +65,16 @@ def found_by_ipopt(limits: np.ndarray, state: np.ndarray, path: np.ndarray) -> n
 def test_plans_are_those_that_ipopt_finds(
     tmp_path: Path, limits: tuple[float, float], binding: tuple[int, ...]
 ) -> None:
-    """Hoisting and moving from a swinging start; the law does one iteration a plan, here there are many."""
+    """The start swings and the path hoists; the controller does one iteration per plan, this test many."""
     state = np.array([0.3, 0.1, 0.4, -0.05, 0.9, 0.0, 0.1, -0.3, -0.15, 0.2])
     share = np.linspace(1.0 / N, 1.0, N)[:, None]
     path = np.hstack([[0.3, 0.4, -0.9] + share * [0.3, 0.1, 0.2], np.tile([0.3, 0.1, 0.2], (N, 1))])
-    wanted = found_by_ipopt(np.array(limits), state, path)
-    found = improved(built(tmp_path), np.array(limits), state, path, 20)
-    np.testing.assert_allclose(found, wanted, atol=2e-4)
-    speeds = state[1:6:2] + PERIOD * np.cumsum(wanted, axis=0)
+    expected = found_by_ipopt(np.array(limits), state, path)
+    plans = improved(built(tmp_path), np.array(limits), state, path, 20)
+    np.testing.assert_allclose(plans, expected, atol=2e-4)
+    speeds = state[1:6:2] + PERIOD * np.cumsum(expected, axis=0)
     reached = (
-        np.abs(wanted).max() / (limits[0] * GRAVITY),
+        np.abs(expected).max() / (limits[0] * GRAVITY),
         np.abs(speeds).max() / (limits[1] * np.sqrt(GRAVITY * 0.9)),
     )
     assert [k for k in (0, 1) if reached[k] > 0.999] == list(binding)

@@ -1,4 +1,4 @@
-"""`partial-linearisation`: drives are linear whatever the swing, with the masses believed; poles; a push."""
+"""Test `partial-linearisation`: drives are linear for any swing if masses are right; poles; disturbance."""
 
 from math import sqrt
 
@@ -25,10 +25,10 @@ def run_of(*overrides: str, plant: str, drive: str, believed: str = "") -> Run:
 
 
 def missed(run: Run) -> float:
-    """Largest difference between the drives' accelerations and those asked for, relative to these."""
-    rates, asked = run.block("state")[:, [1, 3, 5]], run.block("controller")[:, :3]
-    middle = 0.5 * (asked[1:] + asked[:-1])
-    return float(np.abs(np.diff(rates, axis=0) / PERIOD - middle).max() / np.abs(asked).max())
+    """Return the largest relative difference between the drives' accelerations and the requested ones."""
+    rates, requested = run.block("state")[:, [1, 3, 5]], run.block("controller")[:, :3]
+    middle = 0.5 * (requested[1:] + requested[:-1])
+    return float(np.abs(np.diff(rates, axis=0) / PERIOD - middle).max() / np.abs(requested).max())
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
@@ -41,13 +41,13 @@ def test_the_drives_are_linear_whatever_the_swing_if_masses_are_believed_rightly
 
 @pytest.mark.parametrize("length", [0.2, 0.7, 1.4])
 def test_the_loop_has_the_polynomial_of_the_page(length: float) -> None:
-    """l b'' = -g b - v, e'' = v: by determinant, from the three numbers."""
+    """The determinant of l b'' = -g b - v and e'' = v follows from the three numbers."""
     pole = sqrt(GRAVITY / length)
     drive = [1.0, 2.0 * POSITION * pole, (POSITION * pole) ** 2]
     swing = SHARE * length * np.array([2.0 * SWING * pole, (SWING * pole) ** 2 - pole**2])
-    found = np.polymul([length, 0.0, GRAVITY], drive) + np.append(np.append(0.0, swing), [0.0, 0.0])
+    determinant = np.polymul([length, 0.0, GRAVITY], drive) + np.append(np.append(0.0, swing), [0.0, 0.0])
     scale = pole ** np.arange(5)
-    np.testing.assert_allclose(found / length, polynomial(POSITION, SWING, SHARE) * scale, rtol=1e-12)
+    np.testing.assert_allclose(determinant / length, polynomial(POSITION, SWING, SHARE) * scale, rtol=1e-12)
 
 
 def test_what_is_refused_is_what_is_unstable() -> None:
@@ -56,13 +56,13 @@ def test_what_is_refused_is_what_is_unstable() -> None:
         for swing in (0.5, 1.0, 2.0):
             for share in (0.1, 0.5, 1.5):
                 stable = np.roots(polynomial(position, swing, share)).real.max() < 0.0
-                given = nominal_at(LINEARISATION, 0.7, position=position, swing=swing, share=share)
+                nominal = nominal_at(LINEARISATION, 0.7, position=position, swing=swing, share=share)
                 if stable:
-                    prepare(given)
+                    prepare(nominal)
                     continue
                 refused += 1
                 with pytest.raises(InputError, match="of partial-linearisation"):
-                    prepare(given)
+                    prepare(nominal)
     assert 5 < refused < 30
 
 
@@ -72,18 +72,18 @@ def test_near_rest_the_drive_moves_as_the_polynomial_says(plant: str) -> None:
     run = run_of(*STILL, f"initial.load_offset=[{offset}, 0.0, 0.0]", plant=plant, drive="force")
     pole = sqrt(GRAVITY / length)
     roots = np.roots(polynomial(POSITION, SWING, SHARE))
-    # e and three derivatives at the start, times in sqrt(l/g): e'' = -a² e, b'' = a² e/l.
+    # e and its first three derivatives at the start, with times in sqrt(l/g): e'' = -a² e, b'' = a² e/l.
     square = POSITION**2
     jerk = 2.0 * POSITION * square + 2.0 * SHARE * SWING * square
     weights = np.linalg.solve(np.vander(roots, 4, increasing=True).T, [1.0, 0.0, -square, jerk])
-    wanted = (np.exp(np.outer(pole * run.time, roots)) @ weights).real
-    np.testing.assert_allclose(run.block("state")[:, 0] - 1.0, offset * wanted, atol=0.01 * offset)
+    expected = (np.exp(np.outer(pole * run.time, roots)) @ weights).real
+    np.testing.assert_allclose(run.block("state")[:, 0] - 1.0, offset * expected, atol=0.01 * offset)
 
 
 @pytest.mark.parametrize(("plant", "drive"), [("analytic", "ideal"), ("mujoco", "velocity")])
-def test_a_standing_push_leaves_what_its_lean_says(plant: str, drive: str) -> None:
+def test_a_constant_disturbance_leaves_what_its_lean_says(plant: str, drive: str) -> None:
     state = run_of(plant=plant, drive=drive).block("state")[-1]
     for joint, angle, start in ((0, 8, 1.0), (2, 6, 0.77)):
         assert abs(state[angle]) > 0.05
-        wanted = SHARE * (SWING**2 - 1.0) * state[4] * state[angle] / POSITION**2
-        assert state[joint] - start == pytest.approx(wanted, rel=1e-3)
+        expected = SHARE * (SWING**2 - 1.0) * state[4] * state[angle] / POSITION**2
+        assert state[joint] - start == pytest.approx(expected, rel=1e-3)

@@ -1,4 +1,4 @@
-"""`quasi-pid`: the bound of its force, its function's rate, and what a standing push leaves."""
+"""Test `quasi-pid`: bound of its force, rate of its Lyapunov function, error of a constant disturbance."""
 
 import numpy as np
 import pytest
@@ -13,13 +13,13 @@ LAW = f"{ROOT / 'validation' / 'benchmark' / 'quasi_pid.py'}:QUASI_PID"
 ACROSS = "reference.segments=[{kind='line', to=[1.6, 1.2, -0.7], duration=2.0}]"
 WHERE, LENGTH, GRAVITY = [0, 2], 0.7, 9.81
 PACE = np.sqrt(GRAVITY / LENGTH)
-WEIGHT = GRAVITY * np.array([9.5, 3.5])  # of bridge, trolley and load; of trolley and load
+WEIGHT = GRAVITY * np.array([9.5, 3.5])  # [N] of bridge, trolley and load, and of trolley and load
 
 
 def run_of(*overrides: str, plant: str, drive: str) -> Run:
-    law = open_controller(LAW)
+    controller = open_controller(LAW)
     scenario = load_scenario("fixed-position", overrides=["workspace.on_exit='record'", *overrides])
-    return simulate_run(scenario, plant=plant, drive=drive, controller=law)
+    return simulate_run(scenario, plant=plant, drive=drive, controller=controller)
 
 
 @pytest.mark.parametrize("integral_gain", [0.0, 0.01])
@@ -29,15 +29,17 @@ def test_its_function_changes_as_derived_and_falls_without_the_integral(
 ) -> None:
     chosen = f"controller.quasi-pid.integral={integral_gain}"
     run = run_of("disturbances=[]", ACROSS, chosen, plant=plant, drive="force")
-    given, state, summed = run.design.parameters, run.block("state"), run.block("controller")[:, :2]
+    numbers, state, summed = run.design.parameters, run.block("state"), run.block("controller")[:, :2]
     error, rate = (state[:, WHERE] - [1.6, 1.2]) / LENGTH, state[:, [1, 3]] / (PACE * LENGTH)
-    cross = given["cross"]
-    summed = np.vstack([[0.0, 0.0], summed[:-1]])  # the step leaves that of the next sample
-    held = cross * (cross * error + summed)
-    potential = given["spring"] * np.log(np.cosh(error)) + integral_gain / cross**2 * np.log(np.cosh(held))
+    cross = numbers["cross"]
+    summed = np.vstack([[0.0, 0.0], summed[:-1]])  # a step logs the sum for the next sample
+    integral_term = cross * (cross * error + summed)
+    potential = numbers["spring"] * np.log(np.cosh(error)) + integral_gain / cross**2 * np.log(
+        np.cosh(integral_term)
+    )
     v = energy_above_rest(run, state[:, 1::2]) + LENGTH * potential @ WEIGHT
-    damper = given["damper"] + given["swing"] * np.tanh(state[:, [9, 7]] / PACE) ** 2
-    power = damper * rate * np.tanh(rate) - integral_gain / cross * np.tanh(held) * np.tanh(error)
+    damper = numbers["damper"] + numbers["swing"] * np.tanh(state[:, [9, 7]] / PACE) ** 2
+    power = damper * rate * np.tanh(rate) - integral_gain / cross * np.tanh(integral_term) * np.tanh(error)
     taken = integral(run, PACE * LENGTH * power @ WEIGHT)
     assert np.abs(v + taken - v[0]).max() < 5e-3 * v[0]
     assert np.abs(state[:, [6, 8]]).max() > 0.1, "and the load does swing"
@@ -49,15 +51,15 @@ def test_its_force_keeps_its_bound_however_far_the_target() -> None:
     far = "reference.segments=[{kind='line', to=[100.0, -50.0, -0.7], duration=20.0}]"
     ranges = ["rig.bridge_range=[-2000.0, 2000.0]", "rig.trolley_range=[-2000.0, 2000.0]"]
     run = run_of("duration=20.0", "disturbances=[]", far, *ranges, plant="analytic", drive="force")
-    given = run.design.parameters
-    bound = sum(given[name] for name in ("spring", "damper", "swing", "integral")) * WEIGHT
+    numbers = run.design.parameters
+    bound = sum(numbers[name] for name in ("spring", "damper", "swing", "integral")) * WEIGHT
     force = np.abs(run.block("command")[:, :2])
     assert (force < bound).all()
     assert (force.max(axis=0) > 0.1 * WEIGHT).all()
 
 
-def test_a_standing_push_is_held_without_an_error_of_the_drive() -> None:
-    """The lean pulls with 0.7 N, and k_i is 5.6 and 2.1 N."""
+def test_a_constant_disturbance_is_held_without_an_error_of_the_drive() -> None:
+    """The leaning rope pulls with 0.7 N, and the integral can hold 5.6 and 2.1 N."""
     run = run_of("duration=200.0", "controller.quasi-pid.integral=0.06", plant="analytic", drive="ideal")
     state = run.block("state")
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1

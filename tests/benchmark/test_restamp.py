@@ -1,4 +1,4 @@
-"""The judged table gets new digests only if its rows come out as they are kept."""
+"""The judged table gets new digests only if its repeated rows equal the stored ones."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +15,7 @@ ROWS = 2
 
 @pytest.fixture
 def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BenchmarkTable:
-    """The shipped table of two controllers, and the places of a copy."""
+    """Return the shipped table, restricted to two controllers, and redirect `restamp` to a copy."""
     table = read_table(restamp.TABLE)
     laws = ["lqr", "lqr-integral"]
     monkeypatch.setattr(restamp, "measured_controllers", lambda *_args, **_settings: laws)
@@ -59,7 +59,7 @@ def test_a_run_that_ends_otherwise_differs(table: BenchmarkTable) -> None:
     runs = next(iter(table.trials.values()))
     one = runs.first(1)
     assert restamp.differences(one, runs, 0) == []
-    other = replace(one, failed=~one.failed, status=("slack-rope",))
-    assert len(restamp.differences(other, runs, 0)) == 2
+    stopped = replace(one, failed=~one.failed, status=("slack-rope",))
+    assert len(restamp.differences(stopped, runs, 0)) == 2
     nothing = {name: np.full(1, np.nan) for name in one.metrics}
     assert restamp.differences(replace(one, metrics=nothing), runs, 0)

@@ -1,4 +1,4 @@
-"""Linear matrix inequalities against what is known in closed form."""
+"""Compare solutions of linear matrix inequalities with closed forms."""
 
 import numpy as np
 import pytest
@@ -12,15 +12,15 @@ pytestmark = pytest.mark.processor
 
 @pytest.mark.parametrize("rows", [1, 2, 5])
 def test_the_largest_eigenvalue(rows: int) -> None:
-    """Least t for which M - t <= 0; beside it another inequality, which is loose."""
+    """It is the least t for which M - t <= 0; a second inequality does not act."""
     matrix = np.random.default_rng(rows).standard_normal((rows, rows))
     matrix = matrix + matrix.T
-    (found,) = minimise(lambda t: t[0, 0], lambda t: [matrix - t[0, 0] * np.eye(rows), t - 100.0], (1, 1))
-    assert found[0, 0] == pytest.approx(np.linalg.eigvalsh(matrix)[-1], rel=1e-7)
+    (least,) = minimise(lambda t: t[0, 0], lambda t: [matrix - t[0, 0] * np.eye(rows), t - 100.0], (1, 1))
+    assert least[0, 0] == pytest.approx(np.linalg.eigvalsh(matrix)[-1], rel=1e-7)
 
 
 def test_a_matrix_of_each_shape() -> None:
-    """Symmetric X >= M with least trace is M where M is above zero; Y is held at a matrix by its norm."""
+    """The symmetric X >= M with least trace is M; Y equals its target because the norm is minimised."""
     target = np.arange(6.0).reshape(2, 3)
     matrix = np.array([[2.0, -0.5, 0.3], [-0.5, 1.0, 0.2], [0.3, 0.2, 3.0]])
 
@@ -41,7 +41,7 @@ def test_what_has_no_solution_is_told() -> None:
 
 
 def test_the_centre_between_two_matrices() -> None:
-    """The product det(X) det(M - X) is largest at X = M/2; that of (y - a)(b - y) in the middle."""
+    """The product det(X) det(M - X) is largest at X = M/2, and (y - a)(b - y) is largest in the middle."""
     matrix = np.array([[2.0, -0.5, 0.3], [-0.5, 1.0, 0.2], [0.3, 0.2, 3.0]])
     x, y = analytic_centre(lambda x, y: [-x, x - matrix, y - 7.0, 3.0 - y], 3, (1, 1))
     np.testing.assert_allclose(x, 0.5 * matrix, rtol=1e-13)
@@ -50,6 +50,6 @@ def test_the_centre_between_two_matrices() -> None:
 
 @pytest.mark.parametrize("inequalities", [lambda x: [-x], lambda x: [x - 1.0, 1.0 - x]])
 def test_a_set_without_a_centre_is_refused(inequalities: Inequalities) -> None:
-    """A half line has none, nor has a point."""
+    """Neither a half line nor a point has a centre."""
     with pytest.raises(InputError, match="without"):
         analytic_centre(inequalities, (1, 1))

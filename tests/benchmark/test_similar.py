@@ -1,4 +1,4 @@
-"""Defaults go to cranes of other sizes by Froude's similarity: every law then commands the same there."""
+"""Defaults scale to cranes of other sizes by Froude's similarity, so every controller commands the same."""
 
 import ctypes
 from ctypes import POINTER, c_double
@@ -21,12 +21,12 @@ SMALL = RigParameters()
 LARGE = RigParameters(
     **completed_rig({"rope_range": [0.05 * LENGTH, 1.4 * LENGTH], "load_mass": MASS, "rated_load": MASS})
 )
-SAMPLES, PREVIEWED = 60, 4  # of laws that see ahead fewer: each plans
+SAMPLES, PREVIEWED = 60, 4  # fewer for controllers with preview, which plan at every sample
 Step = ctypes.CFUNCTYPE(ctypes.c_int64, *[POINTER(c_double)] * 5)
 
 
 def path(samples: int, *, moves: bool) -> Array:
-    """(samples, 15) of a load that circles and is hoisted, or that is somewhere."""
+    """Return the reference (samples, 15) of a load that circles while hoisted, or that stands still."""
     centre, radius, rate = np.array([0.8, 0.7, -0.8]), np.array([0.3, 0.2, 0.15]), 2.0
     phase = rate * PERIOD * np.arange(samples)[:, np.newaxis] + np.arange(3)
     rows = [radius * rate**k * np.sin(phase + 0.5 * k * np.pi) for k in range(5)]
@@ -35,39 +35,45 @@ def path(samples: int, *, moves: bool) -> Array:
 
 
 def states(samples: int, deviation: float) -> Array:
-    """(samples, 12) of what a law is told, about a crane that leans a little."""
+    """Return measurements (samples, 12) about a crane whose rope leans a little."""
     about = np.array([0.8, 0, 0.7, 0, 0.8, 0, 0.1, 0, -0.1, 0, 0, 0])
     spread = np.array([0.03, 0.1, 0.03, 0.1, 0.02, 0.1, 0.05, 0.2, 0.05, 0.2, 0.2, 0.2])
     return about + deviation * spread * np.random.default_rng(5).standard_normal((samples, 12))
 
 
-def commands(law: Controller, rig: RigParameters, length: float, mass: float) -> Array:
-    """(samples, 3) of `law` on `rig`, on which all is so many times as large, in units of the small one."""
+def commands(controller: Controller, rig: RigParameters, length: float, mass: float) -> Array:
+    """Return commands (samples, 3) on a `rig` of another size, scaled to units of the small rig."""
     time = np.sqrt(length)
     of_state = np.array([*[length, length / time] * 3, *[1.0, 1.0 / time] * 2, *[1.0 / time**2] * 2])
     of_path = np.repeat([length / time**k for k in range(5)], 3)
-    samples = PREVIEWED if law.preview else SAMPLES
-    reference = path(samples + law.preview, moves=law.follows == "path") * of_path
-    told = states(samples, 1.0 if law.measures == "state" else 0.02) * of_state
-    given = {each.name: each.sized(each.default, length) for each in law.parameters}
-    period = PERIOD * law.every * time
-    prepared = law.prepare(Nominal(rig, "velocity", period, reference[:samples], told[0, :10], given))
-    parameters, memory = (np.array(each, dtype=np.float64) for each in prepared)
-    step, found = Step(address_of(law.step)), np.zeros((samples, 3))
+    samples = PREVIEWED if controller.preview else SAMPLES
+    reference = path(samples + controller.preview, moves=controller.follows == "path") * of_path
+    measurements = states(samples, 1.0 if controller.measures == "state" else 0.02) * of_state
+    values = {number.name: number.sized(number.default, length) for number in controller.parameters}
+    period = PERIOD * controller.every * time
+    prepared = controller.prepare(
+        Nominal(rig, "velocity", period, reference[:samples], measurements[0, :10], values)
+    )
+    parameters, memory = (np.array(array, dtype=np.float64) for array in prepared)
+    step, result = Step(address_of(controller.step)), np.zeros((samples, 3))
     for k in range(samples):
-        measured = told[k] if law.measures == "state" else np.ascontiguousarray(told[k, :10:2])
-        arguments = (parameters, measured, reference[k:], memory, found[k])
-        assert step(*(each.ctypes.data_as(POINTER(c_double)) for each in arguments)) == 0
+        measured = (
+            measurements[k]
+            if controller.measures == "state"
+            else np.ascontiguousarray(measurements[k, :10:2])
+        )
+        arguments = (parameters, measured, reference[k:], memory, result[k])
+        assert step(*(array.ctypes.data_as(POINTER(c_double)) for array in arguments)) == 0
     units = {"acceleration": length / time**2, "velocity": length / time, "force": mass * length / time**2}
-    return found / units[law.command]
+    return result / units[controller.command]
 
 
 @pytest.mark.parametrize("reference", LAWS)
 def test_a_law_does_the_same_on_a_similar_crane(reference: str) -> None:
     (name,) = measured_controllers(read_benchmark("literature"), [reference])
-    law = load_controller(name)
-    small, large = commands(law, SMALL, 1.0, 1.0), commands(law, LARGE, LENGTH, MASS)
+    controller = load_controller(name)
+    small, large = commands(controller, SMALL, 1.0, 1.0), commands(controller, LARGE, LENGTH, MASS)
     size = np.abs(small).max(axis=0)
     assert (size > 0.0).all()
-    # Defaults on the larger one are rounded to three digits, which is half a percent at most.
+    # Defaults on the large crane are rounded to three digits, which is at most half a percent.
     assert (np.abs(large - small).max(axis=0) < 5e-3 * size).all()

@@ -1,4 +1,4 @@
-"""`super-twisting`: poles on its surface, which is reached in finite time; what a standing push leaves."""
+"""Test `super-twisting`: poles on its surface, finite time to reach it, error of a constant disturbance."""
 
 from dataclasses import replace
 from math import sqrt
@@ -32,11 +32,11 @@ def run_of(scenario: str, *overrides: str, plant: str = "analytic", drive: str =
 
 @pytest.mark.parametrize("length", [0.05, 0.7, 1.4, 40.0])
 def test_on_its_surface_all_three_poles_are_one(length: float) -> None:
-    """e'' = -lambda e' + kappa b' for l b'' = -g b - e'': the loop when s stays zero."""
+    """While s is zero, the loop is e'' = -lambda e' + kappa b' with l b'' = -g b - e''."""
     g, pole = 9.81, sqrt(9.81 / (3.0 * length))
     forgets, sways = slopes(length, g)
-    found = np.polyadd(np.polymul([length, 0.0, g], [1.0, forgets]), [sways, 0.0, 0.0])
-    np.testing.assert_allclose(found / length, np.poly([-pole] * 3), rtol=1e-12)
+    polynomial = np.polyadd(np.polymul([length, 0.0, g], [1.0, forgets]), [sways, 0.0, 0.0])
+    np.testing.assert_allclose(polynomial / length, np.poly([-pole] * 3), rtol=1e-12)
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
@@ -44,15 +44,15 @@ def test_the_surface_is_reached_in_finite_time_and_kept(plant: str) -> None:
     run = run_of("fixed-position", *POINT, "initial.load_offset=[0.05, -0.03, 0.02]", plant=plant)
     surface = np.abs(run.block("controller")[:, :3])
     assert surface[0].min() > 0.02
-    # Sampled every T = 1 ms the root's step, k_1 |s|^(1/2) T, passes zero below |s| = k_1² T².
+    # With samples every T = 1 ms, the step k_1 |s|^(1/2) T overshoots zero below |s| = k_1² T².
     assert surface[run.time > 0.5].max() < (1.5e-3) ** 2
-    # On it the deviations fall by (1 + pt + (pt)²/2) e^-pt, the slowest that three poles at -p allow.
+    # On it deviations decay as (1 + pt + (pt)²/2) e^-pt, the slowest decay with three poles at -p.
     late = np.linalg.norm(run.block("error")[:, :3], axis=1)[run.time >= 6.0]
     assert late.max() < 1e-4
 
 
 def pushed_step(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
-    """The law with drives that accelerate along x by PUSH more than they are told."""
+    """Compute the controller's step, and add PUSH to the acceleration of the bridge."""
     status = _law(parameters, measured, reference, memory, command)
     command[0] += PUSH
     return status
@@ -60,7 +60,7 @@ def pushed_step(parameters, measured, reference, memory, command):  # type: igno
 
 @pytest.mark.parametrize("twist_gain", [1.1, 1e-6])
 def test_only_its_integral_reaches_the_surface_against_a_push_on_the_drives(twist_gain: float) -> None:
-    """-k_1 |s|^(1/2) by itself stands where it holds the push, at (PUSH/k_1)²."""
+    """Without the integral, -k_1 |s|^(1/2) balances the disturbance at s = (PUSH/k_1)²."""
     number = f"controller.pushed.twist_gain={twist_gain}"
     scenario = load_scenario("fixed-position", overrides=[*POINT, number])
     with known(replace(SUPER_TWISTING, name="pushed", step=pushed_step)) as name:
@@ -72,7 +72,7 @@ def test_only_its_integral_reaches_the_surface_against_a_push_on_the_drives(twis
         assert surface[-1] == pytest.approx((PUSH / 1.5) ** 2, rel=1e-3)
 
 
-def test_a_standing_push_leaves_what_the_surface_says() -> None:
+def test_a_constant_disturbance_leaves_what_the_surface_says() -> None:
     run = run_of("fixed-position", "duration=20.0")
     state = run.block("state")[-1]
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1

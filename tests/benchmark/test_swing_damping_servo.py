@@ -1,4 +1,4 @@
-"""`swing-damping-servo`: four equal poles at every length, on plants that know nothing of its model."""
+"""Test `swing-damping-servo`: four equal poles at every length, on plants that do not use its model."""
 
 from math import comb, exp
 
@@ -20,28 +20,28 @@ def test_all_four_poles_are_one(length: float) -> None:
     g = 9.81
     k_p, k_d, k_b, k_w = gains(length, g, POLE)
     servo = np.polymul([length, 0.0, g], [1.0, k_d, k_p])
-    found = np.polyadd(servo, [k_w, k_b, 0.0, 0.0])
-    np.testing.assert_allclose(found / length, np.poly([-POLE] * 4), rtol=1e-12)
+    polynomial = np.polyadd(servo, [k_w, k_b, 0.0, 0.0])
+    np.testing.assert_allclose(polynomial / length, np.poly([-POLE] * 4), rtol=1e-12)
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 @pytest.mark.parametrize("length", [0.4, 0.725, 1.2])
 def test_near_rest_the_drive_moves_as_these_poles_say(plant: str, length: float) -> None:
-    """e from e_0 at rest with a plumb rope: l e'''' = ..., by the polynomial (r + p)⁴ and its start."""
+    """The error e starts at e_0 at rest with a plumb rope, and follows from the polynomial (r + p)⁴."""
     offset, g = 1e-4, 9.81
     rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", "reference.segments=[]"]
     overrides = ["duration=4.0", *rest, f"initial.load_offset=[{offset}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=overrides)
     run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
     k_p, k_d, k_b, k_w = gains(length, g, POLE)
-    # e and its derivatives at 0 from the equations themselves; e(t) = (c0 + c1 t + c2 t² + c3 t³) e^-pt.
+    # e and its derivatives at 0 follow from the equations; e(t) = (c0 + c1 t + c2 t² + c3 t³) e^-pt.
     e = [offset, 0.0, -k_p * offset]
-    tilt = k_p * offset / length  # b'' where the drive begins to pull
+    tilt = k_p * offset / length  # b'' at the start
     e.append(-k_d * e[2] + k_w * tilt)
     shifted = [sum(comb(n, k) * POLE ** (n - k) * e[k] for k in range(n + 1)) for n in range(4)]
     c = [shifted[0], shifted[1], shifted[2] / 2.0, shifted[3] / 6.0]
     for k in (200, 700, 1500, 3000):
         t = run.time[k]
-        wanted = (c[0] + t * (c[1] + t * (c[2] + t * c[3]))) * exp(-POLE * t)
-        assert run.block("state")[k, 0] - 1.0 == pytest.approx(wanted, abs=5e-3 * offset)
+        expected = (c[0] + t * (c[1] + t * (c[2] + t * c[3]))) * exp(-POLE * t)
+        assert run.block("state")[k, 0] - 1.0 == pytest.approx(expected, abs=5e-3 * offset)
     assert k_b != 0.0

@@ -1,4 +1,4 @@
-"""Laws of the benchmark are tuned as they are, by the rules as they are."""
+"""The tuned numbers of the benchmark belong to the present controllers and rules."""
 
 import hashlib
 import subprocess
@@ -31,55 +31,58 @@ def laws_of(benchmark: Benchmark) -> tuple[str, ...]:
 
 
 def test_its_rules_are_those_by_which_all_its_laws_were_tuned(benchmark: Benchmark) -> None:
-    """A change of rules, metrics or a law's file asks for new numbers."""
+    """A change of rules, metrics or a controller's file needs new numbers."""
     laws, rules = laws_of(benchmark), rules_of(benchmark)
-    for law in laws:
-        tuned_settings(TUNED, rules, law, 1.0)
+    for controller in laws:
+        tuned_settings(TUNED, rules, controller, 1.0)
     assert {path.stem for path in TUNED.glob("*.toml")} == set(laws)
 
 
 def test_every_law_had_the_same_budget_and_every_point_is_there(benchmark: Benchmark) -> None:
-    searched = {law: [each.key for each in variables_of(law)] for law in laws_of(benchmark)}
+    searched = {
+        controller: [variable.key for variable in variables_of(controller)]
+        for controller in laws_of(benchmark)
+    }
     built = FOLDER / "tuned"
     searched["nmpc"] = list(read_toml(built / "nmpc.toml")["parameters"])
-    for law, keys in searched.items():
-        place = (built if law == "nmpc" else TUNED) / law
-        told, points = (
-            read_toml(place.with_suffix(".toml")),
-            parquet.read_table(place.with_suffix(".parquet")),
+    for controller, keys in searched.items():
+        stem = (built if controller == "nmpc" else TUNED) / controller
+        table, points = (
+            read_toml(stem.with_suffix(".toml")),
+            parquet.read_table(stem.with_suffix(".parquet")),
         )
         cost = points["cost"].to_pylist()
-        runs = told["runs"] // len(cost)
+        runs = table["runs"] // len(cost)
         candidates = benchmark.tuning.runs // runs if keys else 1
-        assert len(cost) == candidates, law
-        asked = (benchmark.tuning.seed, benchmark.tuning.runs, rules_of(benchmark))
-        assert (told["seed"], told["budget_runs"], told["rules"]) == asked
+        assert len(cost) == candidates, controller
+        expected = (benchmark.tuning.seed, benchmark.tuning.runs, rules_of(benchmark))
+        assert (table["seed"], table["budget_runs"], table["rules"]) == expected
         best = {"untuned": cost[0], "half": min(cost[: max(1, candidates // 2)]), "full": min(cost)}
-        assert told["cost"] == best
-        found = points.slice(cost.index(best["full"]), 1).to_pylist()[0]
-        assert told["parameters"] == {key: float(f"{found[key]:.4g}") for key in keys}
+        assert table["cost"] == best
+        best_point = points.slice(cost.index(best["full"]), 1).to_pylist()[0]
+        assert table["parameters"] == {key: float(f"{best_point[key]:.4g}") for key in keys}
 
 
 def test_our_law_and_its_numbers_are_those_of_the_commit_that_drew_the_cranes(benchmark: Benchmark) -> None:
-    """Whoever changes what they compute draws other cranes, and has all laws judged on these.
+    """A change of what they compute needs a new draw of cranes, on which all controllers are judged again.
 
     Only names have changed since that commit. `make restamp` showed it: rows of the judged table, run again,
     are equal to the bit.
     """
-    law, numbers = (
+    file, numbers = (
         "cranectl/controllers/lqr_offset_free.py",
         "validation/benchmark/tuned/lqr-offset-free.toml",
     )
-    code, parameters = (ROOT / law).read_bytes(), read_toml(ROOT / numbers)["parameters"]
+    code, parameters = (ROOT / file).read_bytes(), read_toml(ROOT / numbers)["parameters"]
     assert hashlib.sha256(syntax_of(code)).hexdigest().startswith("e575a43703eea441")
     assert list(parameters.values()) == [9.88, 4.0, 1.993, 2.462]
     assert benchmark.seed == int(DRAWN_BY, 16)
-    if of_commit(law):
+    if of_commit(file):
         assert parse_toml(of_commit(numbers).decode(), numbers)["parameters"] == parameters
         assert str(benchmark.seed).encode() not in of_commit("validation/benchmark/literature.toml")
 
 
 def of_commit(name: str) -> bytes:
-    """The file at the commit that drew the cranes; empty where there is no history."""
+    """Return the file at the commit that drew the cranes; empty without history."""
     shown = subprocess.run(["git", "show", f"{DRAWN_BY}:{name}"], cwd=ROOT, capture_output=True, check=False)
     return shown.stdout

@@ -1,4 +1,4 @@
-"""`two-degree-of-freedom`: robust by its norm, follows its model; what a standing push leaves."""
+"""Test `two-degree-of-freedom`: norm, tracking of its model, error of a constant disturbance."""
 
 from math import sqrt
 
@@ -19,16 +19,16 @@ OMEGA = np.logspace(-3, 4, 20_001)
 
 
 def swept() -> tuple[np.ndarray, ...]:
-    """The shaped plant, K_1, K_2 of what SB10AD found and the model over frequencies."""
+    """Return the shaped plant, K_1 and K_2 from SB10AD, and the model, over all frequencies."""
     s = 1j * OMEGA
     k = controller(GAIN, SPEED, RHO)[1].controller(s)
     return GAIN / (s * (s**2 + 1.0)), k[0, 0], k[0, 1], (SPEED / (s + SPEED)) ** 3
 
 
 def test_the_norm_is_what_was_asked_for() -> None:
-    """From (r, phi) to (u, x, rho (x - rho T_ref r)) by a sweep; |M|² = 1/(1 + |G|²) normalises."""
+    """The sweep is from (r, phi) to (u, x, rho (x - rho T_ref r)), normalised by |M|² = 1/(1 + |G|²)."""
     g, k_1, k_2, model = swept()
-    found = controller(GAIN, SPEED, RHO)[1]
+    synthesis = controller(GAIN, SPEED, RHO)[1]
     sensitivity, m = 1.0 / (1.0 - g * k_2), 1.0 / np.sqrt(1.0 + np.abs(g) ** 2)
     followed = g * sensitivity * k_1 * RHO
     matrix = np.array(
@@ -39,14 +39,14 @@ def test_the_norm_is_what_was_asked_for() -> None:
         ]
     )
     norm = np.linalg.svd(matrix.transpose(2, 0, 1), compute_uv=False)[:, 0].max()
-    assert norm == pytest.approx(found.gamma, rel=1e-3)
-    assert found.gamma_min <= found.gamma <= BACK_OFF * found.gamma_min * (1.0 + 1e-4)
-    # 1/norm is a margin against what is added to the coprime factors; 0.25 is the book's rule.
+    assert norm == pytest.approx(synthesis.gamma, rel=1e-3)
+    assert synthesis.gamma_min <= synthesis.gamma <= BACK_OFF * synthesis.gamma_min * (1.0 + 1e-4)
+    # 1/norm is the margin against errors of the coprime factors; the book requires 0.25.
     assert 1.0 / norm > 0.25
 
 
 def closed(speed: float, rho: float, lag: float = 0.0) -> control.StateSpace:
-    """From r to x, in units of sqrt(l/g) and l, with drives that lag."""
+    """Return the loop from r to x with lagging drives, in units of sqrt(l/g) and l."""
     k, _ = controller(GAIN, speed, rho)
     driven = control.ss([[-1.0 / lag]], [[1.0 / lag]], [[1.0]], 0.0) * CRANE if lag else CRANE
     return control.feedback(driven, -k[0, 1]) * k[0, 0]
@@ -55,39 +55,39 @@ def closed(speed: float, rho: float, lag: float = 0.0) -> control.StateSpace:
 @pytest.mark.parametrize("speed", [0.5, 0.7, 1.0])
 def test_the_more_is_paid_for_it_the_closer_it_follows_its_model(speed: float) -> None:
     time = np.linspace(0.0, 20.0, 2001)
-    asked = control.step_response(model(speed), time).outputs
+    desired = control.step_response(model(speed), time).outputs
     off = []
     for rho in (0.3, 1.0, 3.0):
         loop = closed(speed, rho)
         assert loop.poles().real.max() < -0.05
         assert loop.dcgain() == pytest.approx(1.0, abs=1e-9)
-        off.append(np.abs(control.step_response(loop, time).outputs - asked).max())
+        off.append(np.abs(control.step_response(loop, time).outputs - desired).max())
     assert off[0] > off[1] > off[2]
     assert off[1] < 0.2
 
 
-# Servos of the engine give way to the pull of the load: of 20 mm by up to 0.1 mm.
+# The engine's servos give way to the pull of the load by up to 0.1 mm of 20 mm.
 @pytest.mark.parametrize(
     ("plant", "drive", "within"), [("analytic", "ideal", 2e-5), ("mujoco", "velocity", 1.2e-4)]
 )
 @pytest.mark.parametrize("length", [0.4, 1.2])
 def test_the_load_moves_as_the_loop_says(plant: str, drive: str, within: float, length: float) -> None:
-    """On a short path, asked for T_ref⁻¹ of it; with the lag of the drives between set-point and velocity."""
+    """The request is T_ref⁻¹ of a short path, and the drives lag between set-point and velocity."""
     w, lag = sqrt(9.81 / length), 0.02
     path = f"reference.segments=[{{kind='line', to=[1.02, 0.77, {-length}], duration=2.0}}]"
     overrides = ["duration=6.0", "disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", path]
     scenario = load_scenario("fixed-position", overrides=overrides)
     run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
     pole, rows = w * SPEED, run.reference[:, 0::3] - [1.0, 0.0, 0.0, 0.0, 0.0]
-    asked = rows[:, :4] @ [1.0, 3.0 / pole, 3.0 / pole**2, 1.0 / pole**3]
-    wanted = control.forced_response(closed(SPEED, RHO, w * lag), w * run.time, asked).outputs
-    found = rows[:, 0] - run.block("error")[:, 0]
-    assert np.abs(found - rows[:, 0]).max() > 5e-4, "which is not the path itself"
-    np.testing.assert_allclose(found, wanted, atol=within)
+    requested = rows[:, :4] @ [1.0, 3.0 / pole, 3.0 / pole**2, 1.0 / pole**3]
+    expected = control.forced_response(closed(SPEED, RHO, w * lag), w * run.time, requested).outputs
+    load = rows[:, 0] - run.block("error")[:, 0]
+    assert np.abs(load - rows[:, 0]).max() > 5e-4, "which is not the path itself"
+    np.testing.assert_allclose(load, expected, atol=within)
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_a_standing_push_leaves_nothing(plant: str) -> None:
+def test_a_constant_disturbance_leaves_nothing(plant: str) -> None:
     scenario = load_scenario("fixed-position")
     run = simulate_run(scenario, plant=plant, drive="velocity", controller=open_controller(LAW))
     assert np.abs(run.block("state")[-1, [6, 8]]).min() > 0.05, "the rope leans both ways"
