@@ -93,11 +93,11 @@ def run_batches_on(
         )
     manifest = manifest_of(campaign)
     _check_installed(client, manifest["versions"])
-    sent = packed(manifest, OPEN.share(campaign.settings.controllers).files)
+    packed_manifest = packed(manifest, OPEN.share(campaign.settings.controllers).files)
     # The key of a batch depends on campaign and software only, so Dask runs it once for several callers.
     digest = hashlib.sha256(json.dumps(manifest).encode()).hexdigest()[:16]
     keys = [f"cranectl-{digest}-{'-'.join(map(str, batch))}" for batch in batches]
-    futures = client.map(run_remotely, batches, manifest=sent, key=keys, retries=TRIES - 1)
+    futures = client.map(run_remotely, batches, manifest=packed_manifest, key=keys, retries=TRIES - 1)
     by_key = dict(zip(keys, batches, strict=True))
     completed = as_completed(futures, loop=client.loop)
     while not completed.is_empty():
@@ -232,9 +232,9 @@ def packed(manifest: Table, files: Sequence[ControllerFile]) -> bytes:
     return zlib.compress(pickle.dumps((json.dumps(manifest), tuple(files))))
 
 
-def unpacked(sent: bytes) -> tuple[Table, SharedControllers]:
+def unpacked(packed_manifest: bytes) -> tuple[Table, SharedControllers]:
     """Return the manifest and the controllers in `sent`, the result of `packed`."""
-    manifest, files = pickle.loads(zlib.decompress(sent))
+    manifest, files = pickle.loads(zlib.decompress(packed_manifest))
     return json.loads(manifest), SharedControllers(files)
 
 
@@ -271,11 +271,11 @@ def _check_software(versions: Mapping[str, str], wanted: Mapping[str, str], host
 
 
 @functools.lru_cache(maxsize=2)
-def _prepared(sent: bytes) -> Prepared:
+def _prepared(packed_manifest: bytes) -> Prepared:
     """Prepare a campaign once in each process; raise InputError if the manifest names other software."""
     from distributed import get_worker
 
-    manifest, files = unpacked(sent)
+    manifest, files = unpacked(packed_manifest)
     open_again(files)
     here = software_of(manifest["campaign"]["plants"], manifest["campaign"]["controllers"])
     _check_software(here, manifest["versions"], f"worker {get_worker().address}")

@@ -1,8 +1,8 @@
-"""Load a campaign and find its mistakes before the first run.
+"""Load a campaign and find its mistakes before the first run, except values that are wrong only together.
 
-A parameter that cannot change any run is a mistake: the chosen plant or drives may ignore it, or another
-number that is zero may switch it off. A parameter that only happens not to matter in some runs is none, such
-as a limit that is not reached. `plants.capabilities` refuses effects that a plant lacks.
+A parameter that has no effect on a plant of the campaign is refused too: the plant or its drives may ignore
+it, or another number that is zero may switch it off. A parameter that matters only in some runs is allowed,
+such as a limit that is not always reached. `plants.capabilities` refuses effects that a plant lacks.
 """
 
 import itertools
@@ -29,14 +29,14 @@ from cranectl.scenario import Scenario
 from cranectl.simulate.idle_settings import why_idle_on_plant
 from cranectl.support.errors import InputError
 
-CHECKED_SAMPLES = 2**17  # samples checked at a time, which limits memory
+SAMPLES_PER_CHECK = 2**17  # samples checked at a time, which limits memory
 BANDWIDTH = "effects.sensing.observer_bandwidth"
 
 
-def _check_effect(
+def _check_not_idle(
     settings: CampaignSettings, parameters: Sequence[UncertainParameter], nominal: Scenario
 ) -> None:
-    """Raise InputError for a parameter that cannot change the outcome of any run."""
+    """Raise InputError for a parameter that changes nothing on one of the campaign's plants."""
     zero = {name: value == 0 for name, value in numbers_of(nominal).items()}
     zero |= {parameter.name: parameter.ends == (0.0, 0.0) for parameter in parameters}
     for parameter, plant in itertools.product(parameters, settings.plants):
@@ -63,13 +63,13 @@ def load_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
 
 def make_campaign(settings: CampaignSettings) -> Campaign:
     """Make and check the campaign of `settings`."""
-    campaign = stated_campaign(settings)
+    campaign = unchecked_campaign(settings)
     check_values(campaign)
     return campaign
 
 
-def stated_campaign(settings: CampaignSettings) -> Campaign:
-    """Make the campaign of `settings` without the slow checks of `check_values`."""
+def unchecked_campaign(settings: CampaignSettings) -> Campaign:
+    """Make the campaign of `settings` with all checks but those of `check_values`, which take longest."""
     for name in settings.controllers:
         checked_controller(name)
     nominal = _nominal_scenario(settings)
@@ -80,8 +80,8 @@ def stated_campaign(settings: CampaignSettings) -> Campaign:
             allowed=f"correlations with {', '.join(INDEPENDENT)}",
             remedy="leave the correlations out or take another sampling",
         )
-    _check_effect(settings, parameters, nominal)
-    campaign = Campaign(settings, nominal, parameters, _runs(settings, parameters))
+    _check_not_idle(settings, parameters, nominal)
+    campaign = Campaign(settings, nominal, parameters, _number_of_samples(settings, parameters))
     if settings.correlation:
         gaussian_copula(campaign)
     return campaign
@@ -102,10 +102,10 @@ def _nominal_scenario(settings: CampaignSettings) -> Scenario:
     return load_scenario(settings.scenario, rig=settings.rig, overrides=[*settings.set, *added])
 
 
-def _runs(settings: CampaignSettings, parameters: Sequence[UncertainParameter]) -> int:
-    """Return the number of samples; raise InputError if it contradicts the sampling."""
+def _number_of_samples(settings: CampaignSettings, parameters: Sequence[UncertainParameter]) -> int:
+    """Return the number of samples; raise InputError if it does not suit the sampling or is too large."""
     if settings.sampling == "saltelli":
-        return _saltelli_runs(settings.runs or 0, sum(p.distribution.varies for p in parameters))
+        return _checked_saltelli_runs(settings.runs or 0, sum(p.distribution.varies for p in parameters))
     if settings.sampling not in COUNTED:
         return settings.runs or 0
     if settings.sampling == "grid":
@@ -134,7 +134,7 @@ def _runs(settings: CampaignSettings, parameters: Sequence[UncertainParameter]) 
     return runs
 
 
-def _saltelli_runs(runs: int, varied: int) -> int:
+def _checked_saltelli_runs(runs: int, varied: int) -> int:
     if not varied:
         raise InputError(
             "saltelli sampling needs parameters that vary, but all are fixed",
@@ -154,9 +154,9 @@ def _saltelli_runs(runs: int, varied: int) -> int:
 
 
 def check_values(campaign: Campaign) -> None:
-    """Raise InputError if the scenario or a plant refuses a value of one parameter, all others nominal.
+    """Raise InputError if the scenario or a plant refuses an extreme value of one parameter.
 
-    This check takes longer than all others.
+    All other parameters have their nominal values. This check takes longer than all others.
     """
     middle = np.array([0.5])
     nominal = [
@@ -164,7 +164,7 @@ def check_values(campaign: Campaign) -> None:
     ]
     sampled = _sampled_ends(campaign)
     for column, parameter in enumerate(campaign.parameters):
-        for value in (*_outermost(parameter), *sampled.get(column, ())):
+        for value in (*_values_to_test(parameter), *sampled.get(column, ())):
             values = [*nominal[:column], value, *nominal[column + 1 :]]
             source = f"uncertain.{parameter.name} reaches {value:g}"
             scenario = sampled_scenario(campaign, values, source)
@@ -172,8 +172,8 @@ def check_values(campaign: Campaign) -> None:
                 check_scenario(scenario, plant=plant, drive=campaign.settings.drive)
 
 
-def _outermost(parameter: UncertainParameter) -> list[float]:
-    """Return all values of a distribution with few values, else the ends that are finite."""
+def _values_to_test(parameter: UncertainParameter) -> list[float]:
+    """Return the values to test: all of a distribution with few values, else the ends that are finite."""
     distribution = parameter.distribution
     points = [u for u, end in zip((0.0, 1.0), distribution.ends(1.0), strict=True) if math.isfinite(end)]
     at = distribution.grid() if isinstance(distribution, FewValues) else np.array(points)
@@ -187,7 +187,7 @@ def _sampled_ends(campaign: Campaign) -> dict[int, tuple[float, float]]:
     if not columns:
         return {}
     low, high = np.full(len(columns), math.inf), np.full(len(columns), -math.inf)
-    for first in range(0, campaign.runs, CHECKED_SAMPLES):
-        values = sample_values(campaign, first, min(first + CHECKED_SAMPLES, campaign.runs))[:, columns]
+    for first in range(0, campaign.runs, SAMPLES_PER_CHECK):
+        values = sample_values(campaign, first, min(first + SAMPLES_PER_CHECK, campaign.runs))[:, columns]
         low, high = np.minimum(low, values.min(axis=0)), np.maximum(high, values.max(axis=0))
     return {k: (float(low[j]), float(high[j])) for j, k in enumerate(columns)}

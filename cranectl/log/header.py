@@ -1,8 +1,8 @@
 """Write and read the header of a log: scenario, design, plants and outcomes of its runs.
 
 Rule of the format number (docs/reference/logs.md): it rises with each change that would make an older reader
-misread or refuse a log. It does not rise if older readers just skip what is new. Every format ever written
-stays readable.
+misread or refuse a log. Additions that older readers ignore do not raise it. Every format since 2 stays
+readable.
 """
 
 import json
@@ -67,9 +67,11 @@ class LogHeader(Sampling):
         return self.outcomes[plant]
 
     @property
-    def reference(self) -> str:
+    def reference_topic(self) -> str:
         """Topic of the reference that the runs follow."""
-        return topics.plant_topic(self.label, topics.TARGET) if self.label else topics.REFERENCE_LOAD
+        return (
+            topics.plant_topic(self.label, topics.OVERLAY_REFERENCE) if self.label else topics.REFERENCE_LOAD
+        )
 
     def groups_of(self, plant: str) -> dict[str, SignalGroup]:
         """Return the recorded groups of signals of one plant, by topic."""
@@ -79,16 +81,17 @@ class LogHeader(Sampling):
     def groups(self) -> dict[str, SignalGroup]:
         """Return the recorded groups of signals of all plants and the reference, by topic."""
         groups = {topic: group for plant in self.plants for topic, group in self.groups_of(plant).items()}
-        return {**groups, self.reference: REFERENCE}
+        return {**groups, self.reference_topic: REFERENCE}
 
 
 def parse_header(
     path: str, metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]
 ) -> LogHeader:
-    """Parse the header of the log at `path`.
+    """Make the header from a log's metadata and attachments; `path` is for messages only.
 
-    Raises LogError for a log of another program or of another format, and DamageError if the header
-    contradicts itself or lacks a part.
+    Plants that are not installed are added to the registry. Raises LogError for an overlay, a log of another
+    program or format, and missing metadata. Raises DamageError if the header contradicts itself, and
+    UnsupportedError if an attachment is missing.
     """
     if OVERLAY in metadata:
         raise LogError(
@@ -124,7 +127,8 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     """Return the header in metadata and attachments of format 2.
 
     Raises DamageError if it contradicts itself. Raises InputError, KeyError, TypeError, ValueError,
-    IndexError, OverflowError or RecursionError if it is not such a header.
+    IndexError, OverflowError or RecursionError if it is not such a header; `parse_header` turns all of these
+    into a LogError.
     """
     declared = metadata["cranectl"]
     stated = parse_settings(Scenario, _json(attachments, "scenario.json"), "scenario.json")
@@ -134,7 +138,7 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
         raise ValueError(f"it has a plant twice: {declared['plants']}")
     for plant in plants:
         if plant not in PLANTS:
-            PLANTS.remember(_described(plant, metadata.get(f"plant/{plant}", {})))
+            PLANTS.remember(_unknown_plant(plant, metadata.get(f"plant/{plant}", {})))
     design = _design(_json(attachments, "design.json"))
     if (declared["scenario"], declared["controller"]) != (scenario.name, design.name):
         raise ValueError(f"it names {declared['scenario']} and {declared['controller']}, but attaches others")
@@ -154,7 +158,7 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     return header
 
 
-def _described(plant: str, declared: Mapping[str, str]) -> PlantEntry:
+def _unknown_plant(plant: str, declared: Mapping[str, str]) -> PlantEntry:
     """Return the entry of a plant that is not installed, from its log; older logs have only its name."""
     return PlantEntry(
         name=plant,
@@ -192,7 +196,10 @@ def _json(attachments: Mapping[str, bytes], name: str) -> dict[str, Any]:
 
 
 def _design(data: dict[str, Any]) -> ControllerDesign:
-    """Return the design in `data`; raise TypeError or ValueError if numbers are missing or NaN."""
+    """Return the design in `data`; raise TypeError or ValueError if numbers are missing, NaN or changed.
+
+    Writing the design again must give the same numbers.
+    """
     design = ControllerDesign.from_json(data)
     if design.axis_design is None:
         return design
@@ -207,13 +214,13 @@ def _design(data: dict[str, Any]) -> ControllerDesign:
 
 
 def outcome_metadata(outcome: Outcome) -> dict[str, str]:
-    """Return the metadata `run/PLANT`: how a run ended."""
+    """Return how a run ended, as the metadata record `run/PLANT`."""
     status, end_ns, samples = outcome.status.label, str(outcome.end_ns), str(outcome.samples)
     return {"status": status, "end_ns": end_ns, "samples": samples}
 
 
 def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
-    """Return the metadata records of a log of these runs."""
+    """Return the metadata records of a log of these runs, which has every n-th control sample."""
     first = runs[0]
     records = {
         "cranectl": {

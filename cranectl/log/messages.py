@@ -62,7 +62,9 @@ def signals(
 ) -> Stream:
     """Return the stream of a signal group; `values` (N, signals) belong to `time_ns` (N,)."""
     kind, rows = topics.group_schema(group), topics.EncodedRows(values)
-    return Stream(topic, f"{topics.PACKAGE}.{group.schema}", kind, time_ns, rows, topics.units(group))
+    return Stream(
+        topic, f"{topics.PACKAGE}.{group.schema}", kind, time_ns, rows, topics.channel_metadata(group)
+    )
 
 
 def differences(runs: Sequence[Run], plants: Sequence[str]) -> list[Stream]:

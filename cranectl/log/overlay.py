@@ -181,7 +181,9 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
     for run in runs:
         yield status(run.plant, status_changes(run))
         yield from recorded(run)
-        yield signals(topics.plant_topic(run.plant, topics.TARGET), REFERENCE, run.time_ns, run.reference)
+        yield signals(
+            topics.plant_topic(run.plant, topics.OVERLAY_REFERENCE), REFERENCE, run.time_ns, run.reference
+        )
     for before, run in pairwise(runs):
         for kind, other in ((topics.DISTANCE.name, runs[0]), (STEP, before)):
             if np.intersect1d(run.time_ns, other.time_ns).size:

@@ -246,7 +246,7 @@ def assemble_run(header: LogHeader, plant: str, blocks: Mapping[str, TopicSample
         model=header.models[plant],
         time_ns=time_ns,
         table=np.hstack([block.values for block in own.values()]),
-        reference=_at(blocks[header.reference], time_ns),
+        reference=_at(blocks[header.reference_topic], time_ns),
         status=outcome.status,
         end_ns=outcome.end_ns,
     )

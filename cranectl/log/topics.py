@@ -81,7 +81,9 @@ LOG = "/log"
 TRANSFORMS = "/tf"
 REFERENCE_PATH = "/reference/path"
 WORKSPACE = "/rig/workspace"
-TARGET = "reference"  # topic of the reference of one run of an overlay; runs of other logs share theirs
+OVERLAY_REFERENCE = (
+    "reference"  # topic of the reference of one run of an overlay; runs of other logs share theirs
+)
 ROPE, ARROW = "rope", "disturbance_arrow"  # drawings of a plant, beside its `model` and `trail`
 FORMER_NAMES = ("cable", "push")  # names of these two before 0.3
 
@@ -92,7 +94,7 @@ DIFFERENCE_GROUPS = (
 )
 
 DIFFERENCES = "/diff/"
-VERDICT = "verdict"
+VERDICT = "verdict"  # topic of the agreement of two plants in words, below DIFFERENCES
 DISTANCE = SignalGroup(
     "distance",
     "Distance",
@@ -110,13 +112,16 @@ def plant_topic(plant: str, group: str) -> str:
 
 
 def difference_topic(group: str, plant: str = "") -> str:
-    """Return the topic of the difference from the reference plant; `plant` names it if there are several."""
+    """Return the topic of a difference from the reference plant.
+
+    `plant` is given if a log compares several plants with the reference plant.
+    """
     return f"{DIFFERENCES}{plant}/{group}" if plant else f"{DIFFERENCES}{group}"
 
 
 @functools.cache
-def units(group: SignalGroup) -> dict[str, str]:
-    """Return the metadata of a group's channel: symbol, unit and description of each field."""
+def channel_metadata(group: SignalGroup) -> dict[str, str]:
+    """Return the metadata of a group's channel: symbol, unit and description of each field in one text."""
     return {s.name: f"{s.symbol} [{s.unit}] {s.description}" for s in group.signals}
 
 
@@ -146,9 +151,9 @@ def group_schema(group: SignalGroup) -> bytes:
 
 
 class EncodedRows(Sequence[bytes]):
-    """Protobuf messages of the rows of an array (N, signals), encoded when they are read.
+    """Protobuf messages of the rows of an array (N, signals), encoded only when they are read.
 
-    All messages at once would take more memory than the run.
+    All messages at once would take more memory than the run. An index must be a single integer.
     """
 
     def __init__(self, values: NDArray[np.float64]) -> None:
@@ -178,7 +183,7 @@ def _encoded(values: NDArray[np.float64]) -> list[bytes]:
 
 @functools.cache
 def record_schema(name: str, fields: tuple[tuple[str, type], ...]) -> bytes:
-    """Return the FileDescriptorSet of a message of strings, bools and named enumerations."""
+    """Return the FileDescriptorSet of a message whose fields are strings, bools and IntEnum classes."""
     message = descriptor_pb2.DescriptorProto(name=name)
     for number, (field_name, kind) in enumerate(fields, start=1):
         added = message.field.add(name=field_name, number=number, label=Field.LABEL_OPTIONAL)

@@ -88,8 +88,8 @@ def write_logged(path: Path, runs: Sequence[Run], every: int, limits: PairLimits
             remedy="simulate the scenario again",
         ) from None
     with np.errstate(invalid="ignore"):  # the last sample of a stopped run may not be finite
-        sent = streams(runs, limits)
-    write_container(path, file_metadata(runs, every), file_attachments(runs), sent)
+        to_send = streams(runs, limits)
+    write_container(path, file_metadata(runs, every), file_attachments(runs), to_send)
 
 
 def write_container(

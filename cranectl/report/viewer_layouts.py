@@ -172,7 +172,7 @@ def _overlay(labels: Sequence[str]) -> Layout:
             allowed="the runs of a log that cranectl log overlay or cranectl ladder wrote",
             remedy="name such a log with --log",
         )
-    target = topics.plant_topic(labels[0], topics.TARGET)
+    target = topics.plant_topic(labels[0], topics.OVERLAY_REFERENCE)
     others = _of_labels(labels, topics.DISTANCE.name, DISTANCE.name)
     far = without_legend(plot(f"distance from {labels[0]}", others)) if others else events()
     shown = [topics.plant_topic(label, kind) for label in labels for kind in ("model", topics.ROPE, "trail")]

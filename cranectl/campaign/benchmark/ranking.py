@@ -70,7 +70,7 @@ class Judged(NamedTuple):
         shared = self.shared_scenarios(crane_set)
         durations = [float(self.table.about["durations"][scenario]) for scenario in shared]
         standings = []
-        for controller in self.laws:
+        for controller in self.controllers:
             own_runs = (self.runs(crane_set, name, controller) for name in shared)
             runs = [of_scenario for of_scenario in own_runs if of_scenario is not None]
             if shared and len(runs) == len(shared):
@@ -85,7 +85,7 @@ class Judged(NamedTuple):
         return [controller for controller in run if controller not in ranked]
 
     @property
-    def laws(self) -> list[str]:
+    def controllers(self) -> list[str]:
         """Names of all controllers that have been run, in any division."""
         return list(dict.fromkeys(trial.law for trial in self.table.trials))
 
@@ -94,7 +94,7 @@ class Judged(NamedTuple):
         """All controllers, in the order of the ranking on the set with the widest spread that has runs."""
         widest = sorted(self.benchmark.sets, key=lambda name: -self.benchmark.sets[name].spread)
         standings = next(filter(None, map(self.ranking, widest)), [])
-        return list(dict.fromkeys([*(standing.law for standing in standings), *self.laws]))
+        return list(dict.fromkeys([*(standing.law for standing in standings), *self.controllers]))
 
 
 def _standing(controller: str, runs: Sequence[Runs], durations: Sequence[float]) -> Standing:

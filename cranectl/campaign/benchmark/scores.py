@@ -1,7 +1,7 @@
-"""Compute the scores of a benchmark from arrays that have one element for each crane.
+"""Compute the scores of a benchmark; arrays (n,) have a value for each crane.
 
-A failed run counts as worse than every other run. A run that never settles counts as settling after its end.
-So a controller gains nothing by failing on difficult cranes.
+A failed run counts as worse than every other run, and a run that does not settle as longer than every run
+that does. So a controller gains nothing by failing on difficult cranes.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,7 @@ class PairedDifference(NamedTuple):
     median: float
     low: float  # ends of the bootstrap interval of the median
     high: float
-    effect: float  # share of cranes with a larger value, minus the share with a smaller one
+    larger_less_smaller: float  # share of cranes with a larger value, minus the share with a smaller one
 
 
 def paired_difference(values: Array, baseline: Array, seed: int) -> PairedDifference:
@@ -58,7 +58,10 @@ def unsettled_share(settling: Array, failed: Mask, horizon: float) -> float:
 
 
 def median_with_failures(values: Array, failed: Mask) -> float:
-    """Return the median with inf for each failed run; NaN if no run has a value."""
+    """Return the median, where failed runs count as inf and missing values of other runs are left out.
+
+    It is NaN if nothing is left.
+    """
     counted = np.where(failed, np.inf, values)
     return float(np.nanmedian(counted)) if not np.isnan(counted).all() else float("nan")
 
@@ -69,9 +72,10 @@ def settled_share(settling: Array, failed: Mask) -> float:
 
 
 def settling_quantile(settling: Array, failed: Mask, at: float) -> float:
-    """Return a quantile of the settling times [s], with inf for each run that does not settle or fails.
+    """Return the quantile `at` (above 0, up to 1) of the settling times [s].
 
-    All runs are censored at the same time, so this is the quantile of the Kaplan-Meier estimator.
+    Runs that fail or do not settle count as inf. All runs are censored at the same time, so this is the
+    quantile of the Kaplan-Meier estimator.
     """
     times = np.sort(np.where(failed | np.isnan(settling), np.inf, settling))
     return float(times[min(int(np.ceil(at * times.size)) - 1, times.size - 1)])
@@ -90,16 +94,16 @@ def performance_ratios(costs: Array) -> Array:
     return ratios
 
 
-def profile(ratios: Array, at: Array) -> Array:
+def performance_profile(ratios: Array, at: Array) -> Array:
     """Return the share (controllers, k) of problems that a controller solves within the ratios `at` (k,)."""
     shares: Array = (ratios[:, :, np.newaxis] <= at).mean(axis=1)
     return shares
 
 
 def dominates(points: Array) -> Mask:
-    """Return a matrix (n, n) for (n, d) points: True if point i is nowhere worse than j and somewhere better.
+    """Return a matrix (n, n) for (n, d) points, where lower is better.
 
-    Lower is better.
+    Element [i, j] is True if point i is nowhere worse than point j and somewhere better.
     """
     no_worse = (points[:, np.newaxis] <= points[np.newaxis]).all(axis=2)
     better = (points[:, np.newaxis] < points[np.newaxis]).any(axis=2)
@@ -111,17 +115,18 @@ def undominated(points: Array) -> Mask:
     return np.asarray(~dominates(points).any(axis=0))
 
 
-def radius(spreads: Array, shares: Array) -> float:
+def robustness_radius(factors: Array, failure_shares: Array) -> float:
     """Return the factor on all spreads at which the share of failures passes ACCEPTED_FAILURES.
 
-    `spreads` (k,) are the factors in increasing order, and `shares` (k,) the failures. The share is
-    interpolated linearly. The radius is 0 if the first share is already above, and inf if none is.
+    The share is interpolated linearly between the increasing `factors` (k,). The radius is 0 if the first
+    share is already above, and inf if none is.
     """
-    above = np.flatnonzero(shares > ACCEPTED_FAILURES)
+    above = np.flatnonzero(failure_shares > ACCEPTED_FAILURES)
     if not above.size:
         return float("inf")
     k = int(above[0])
     if k == 0:
         return 0.0
-    fraction = (ACCEPTED_FAILURES - shares[k - 1]) / (shares[k] - shares[k - 1])
-    return float(spreads[k - 1] + fraction * (spreads[k] - spreads[k - 1]))
+    low, high = failure_shares[k - 1], failure_shares[k]
+    fraction = (ACCEPTED_FAILURES - low) / (high - low)
+    return float(factors[k - 1] + fraction * (factors[k] - factors[k - 1]))

@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple
 import cranectl.metrics
 from cranectl.campaign.benchmark.settings import RADIUS, SINGLE, Benchmark, CraneSet, MeasuredScenario
 from cranectl.campaign.definition import Campaign
-from cranectl.campaign.load import stated_campaign
+from cranectl.campaign.load import unchecked_campaign
 from cranectl.campaign.settings import parse_campaign
 from cranectl.controllers.registry import checked_controller, load_controller
 from cranectl.metrics.limits import limits_of
@@ -76,13 +76,13 @@ def single_sets(benchmark: Benchmark) -> dict[str, CraneSet]:
 
 def trials_of(
     benchmark: Benchmark,
-    laws: Sequence[str],
+    controllers: Sequence[str],
     sets: Sequence[str] = (),
     scenarios: Sequence[str] = (),
     *,
     division: Division = "published",
 ) -> list[Trial]:
-    """Return all trials of the controllers `laws`, restricted to `sets` and `scenarios` if any are named.
+    """Return all trials of these controllers, restricted to `sets` and `scenarios` if any are named.
 
     They are ordered by set, scenario and plant, so that trials with common data follow each other.
     """
@@ -95,7 +95,9 @@ def trials_of(
     return [
         Trial(division, plant, name, scenario, controller)
         for name in sets or known
-        for (scenario, measured), plant, controller in product(benchmark.scenarios.items(), plants, laws)
+        for (scenario, measured), plant, controller in product(
+            benchmark.scenarios.items(), plants, controllers
+        )
         if scenario in (known[name].scenarios or benchmark.scenarios)
         and scenario in (scenarios or benchmark.scenarios)
         and (plant == benchmark.plant or name in benchmark.sets)
@@ -113,7 +115,7 @@ def campaign_of(
     """Return the campaign of `trial` with at most `most` cranes.
 
     `tuned(name, length)` returns the settings of a tuned controller, on a crane `length` times as large as
-    the laboratory rig. Raises InputError as `stated_campaign`; values are not yet checked.
+    the laboratory rig. Raises InputError as `unchecked_campaign`.
     """
     cranes = sets_of(benchmark)[trial.crane_set]
     draws = cranes.draws if most is None else min(most, cranes.draws)
@@ -172,7 +174,7 @@ def trial_campaign(
 ) -> Campaign:
     """Make a campaign of one controller on a scenario of the benchmark, with `numbers` as key=value.
 
-    All controllers get the same cranes. Raises InputError as `stated_campaign`.
+    All controllers get the same cranes. Raises InputError as `unchecked_campaign`.
     """
     measured = benchmark.scenarios[scenario]
     file = scenario_source(benchmark, scenario)
@@ -188,7 +190,7 @@ def trial_campaign(
         "limits": limits_of(read_scenario(file), [plant])[plant],
         **settings,
     }
-    return stated_campaign(parse_campaign(table, benchmark.name))
+    return unchecked_campaign(parse_campaign(table, benchmark.name))
 
 
 def scenario_source(benchmark: Benchmark, scenario: str) -> str:

@@ -31,7 +31,7 @@ def radius_section(judged: Judged) -> Iterator[Section]:
         there = [_failed_share(run, of) for run, of in zip(runs, cranes, strict=True) if run is not None]
         if len(there) == len(ladder):
             shares = np.array(there)
-            radii.append((scores.radius(spreads, shares), controller, shares))
+            radii.append((scores.robustness_radius(spreads, shares), controller, shares))
     if not radii:
         return
     rows = tuple(

@@ -201,7 +201,7 @@ def _difference(own: Array, theirs: Array, *, form: str) -> tuple[str, str, str]
     if difference.cranes < scores.MIN_INTERVAL_VALUES:
         return NOTHING
     low, high = (format(bound, form) for bound in (difference.low, difference.high))
-    return f"{difference.median:{form}}", f"{low} to {high}", f"{difference.effect:+.2f}"
+    return f"{difference.median:{form}}", f"{low} to {high}", f"{difference.larger_less_smaller:+.2f}"
 
 
 def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
@@ -211,7 +211,7 @@ def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
     alone.
     """
     at = np.geomspace(1.0, MOST_RATIO, 200)
-    shares = scores.profile(ratios, at)
+    shares = scores.performance_profile(ratios, at)
     figure, axes = canvas(1.2 * WIDTH, 3.6)
     best = np.argsort(-shares.mean(axis=1), kind="stable")
     for k in best[NAMED_PROFILES:]:

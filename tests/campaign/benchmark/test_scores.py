@@ -19,7 +19,7 @@ def test_paired_differences_are_over_the_cranes_that_both_master() -> None:
     assert difference.median == pytest.approx(-0.5)
     assert difference.low == pytest.approx(-0.5)
     assert difference.high == pytest.approx(0.1)
-    assert difference.effect == pytest.approx(-1.0 / 3.0)
+    assert difference.larger_less_smaller == pytest.approx(-1.0 / 3.0)
     assert scores.paired_difference(own, baseline, seed=1) == difference
     assert scores.paired_difference(np.full(5, NAN), baseline, seed=1).cranes == 0
 
@@ -45,7 +45,7 @@ def test_profiles_have_failures_at_infinity() -> None:
     costs = np.array([[1.0, 4.0, NAN, NAN], [2.0, 2.0, 3.0, NAN]])
     ratios = scores.performance_ratios(costs)
     np.testing.assert_array_equal(ratios, [[1.0, 2.0, np.inf, np.inf], [2.0, 1.0, 1.0, np.inf]])
-    shares = scores.profile(ratios, np.array([1.0, 2.0, 1e9]))
+    shares = scores.performance_profile(ratios, np.array([1.0, 2.0, 1e9]))
     np.testing.assert_array_equal(shares, [[0.25, 0.5, 0.5], [0.5, 0.75, 0.75]])
 
 
@@ -57,6 +57,6 @@ def test_the_front_keeps_what_no_other_is_better_than() -> None:
 
 def test_the_radius_lies_where_a_twentieth_fails() -> None:
     spreads = np.array([1.0, 2.0, 4.0])
-    assert scores.radius(spreads, np.array([0.0, 0.0, 0.2])) == pytest.approx(2.5)
-    assert scores.radius(spreads, np.array([0.1, 0.0, 0.2])) == 0.0
-    assert scores.radius(spreads, np.array([0.0, 0.05, 0.05])) == math.inf
+    assert scores.robustness_radius(spreads, np.array([0.0, 0.0, 0.2])) == pytest.approx(2.5)
+    assert scores.robustness_radius(spreads, np.array([0.1, 0.0, 0.2])) == 0.0
+    assert scores.robustness_radius(spreads, np.array([0.0, 0.05, 0.05])) == math.inf
