@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 import cranectl
-from cranectl.log.topics import FORMER
+from cranectl.log.topics import FORMER_NAMES
 from cranectl.plants.registry import plant_entry
 from cranectl.support.colours import VIEWER
 from viewer import panels, pictures
@@ -110,7 +110,7 @@ def test_every_topic_draws_something(studio: Studio, logs: dict[str, Path], scen
     crane(studio, name)
     studio.open_settings(name)
     topics = [topic for topic in panel["topics"] if not topic.startswith(("/analytic/", "/elastic/"))]
-    topics = [topic for topic in topics if topic.rpartition("/")[2] not in FORMER]  # of old logs only
+    topics = [topic for topic in topics if topic.rpartition("/")[2] not in FORMER_NAMES]  # of old logs only
     assert len(topics) == 6
     for topic in sorted(topics, key="/mujoco/model".__ne__):  # what it covers can be seen to go after it
         before = studio.picture(name)

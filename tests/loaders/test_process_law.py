@@ -269,7 +269,7 @@ def test_an_estimate_of_time_waits_for_as_long_as_a_run_takes(monkeypatch: pytes
         given.append(patience)
         return Worker(prepared)
 
-    monkeypatch.setattr("cranectl.campaign.workers.made_worker", noted)
+    monkeypatch.setattr("cranectl.campaign.workers.make_worker", noted)
     made = campaign({"rig.load_mass": fixed(0.8)}, plants=["analytic"], runs=1, set=SHORT)
     assert 0.0 < estimated_seconds(made, workers=1) < math.inf
     assert given == [math.inf]

@@ -100,7 +100,7 @@ def restamp(rows: int, controllers: Sequence[str]) -> int:
         for trial, sample in sampled_rows(table, laws, rows):
             found = differences(run_again(trial, sample, rules, numbers), table.trials[trial], sample)
             count, changed = count + 1, changed + bool(found)
-            print(f"{trial.place} row {sample}: {'; '.join(found) or 'equal'}", flush=True)
+            print(f"{trial.folder} row {sample}: {'; '.join(found) or 'equal'}", flush=True)
         if changed:
             print(f"{changed} of {count} rows differ: nothing is stamped; judge again what changed")
             return 1
