@@ -35,7 +35,7 @@ class UncertainParameter:
     name: str  # dotted, such as "rig.load_mass"
     distribution: Distribution
     nominal: float  # what the controller assumes
-    whole: bool  # whether the scenario takes whole numbers only
+    is_whole: bool  # whether the scenario takes whole numbers only
     multiple: float  # values are rounded to multiples of this; 0 means no rounding
 
     @property
@@ -123,7 +123,7 @@ def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = 
     """
     table = mapped(campaign.nominal.model_dump())
     for parameter, value in zip(campaign.parameters, values, strict=True):
-        assign(table, parameter.name, int(value) if parameter.whole else float(value), source)
+        assign(table, parameter.name, int(value) if parameter.is_whole else float(value), source)
     return with_files(parse_settings(Scenario, table, source), held_files(campaign.nominal))
 
 
@@ -197,8 +197,8 @@ def _parameter(
             allowed="parameters that have a number as nominal value",
             remedy="choose a number of the scenario",
         )
-    whole = isinstance(nominal, int)
-    if whole and not distribution.whole:
+    is_whole = isinstance(nominal, int)
+    if is_whole and not distribution.is_whole:
         raise InputError(
             f"uncertain.{name}: its distribution may give fractions, but the scenario takes whole numbers",
             allowed="distribution choice, fixed or integers, with whole numbers",
@@ -226,7 +226,7 @@ def _parameter(
             allowed=f"multiples of control.period = {multiple:g} s",
             remedy="widen the range or take 'distribution = \"choice\"'",
         )
-    return UncertainParameter(name, distribution, float(nominal), whole, multiple)
+    return UncertainParameter(name, distribution, float(nominal), is_whole, multiple)
 
 
 def _unknown(name: str, values: dict[str, Any]) -> InputError:

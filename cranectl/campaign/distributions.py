@@ -37,7 +37,7 @@ class Distribution(Settings, ABC):
         return True
 
     @property
-    def whole(self) -> bool:
+    def is_whole(self) -> bool:
         """Whether all its values are whole numbers."""
         return False
 
@@ -204,7 +204,7 @@ class FewValues(Distribution):
         return len(self.shares) > 1
 
     @property
-    def whole(self) -> bool:
+    def is_whole(self) -> bool:
         return not self.relative and all(value.is_integer() for value in self.shares)
 
     @property
@@ -303,7 +303,7 @@ class Integers(Range):
         return self
 
     @property
-    def whole(self) -> bool:
+    def is_whole(self) -> bool:
         return True
 
     def _inverse(self, u: Array, _mean: float) -> Array:

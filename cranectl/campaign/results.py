@@ -248,10 +248,10 @@ def _check_empty(directory: Path) -> None:
     own = (PARTS, LOCK_FILE)
     paths = [path for path in directory.iterdir() if path.name not in own]
     paths += (directory / PARTS).glob("*")
-    others = sorted(path.name for path in paths if not path.name.startswith(f"{MANIFEST_FILE}."))
-    if others:
+    other_files = sorted(path.name for path in paths if not path.name.startswith(f"{MANIFEST_FILE}."))
+    if other_files:
         raise InputError(
-            f"{directory} holds other files: {', '.join(others[:SHOWN_PARTS])}",
+            f"{directory} holds other files: {', '.join(other_files[:SHOWN_PARTS])}",
             allowed="a new or an empty directory, or one with a result",
             remedy=ELSEWHERE,
         )

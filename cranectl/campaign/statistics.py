@@ -148,6 +148,6 @@ def equal_bins(values: Array, most: int) -> Bins:
     if levels.size <= most:
         cuts = np.searchsorted(sorted_values, levels[1:])
     else:
-        wanted = np.arange(1, count) * order.size // count
-        cuts = np.unique(np.searchsorted(sorted_values, sorted_values[wanted]))
+        ideal_cuts = np.arange(1, count) * order.size // count
+        cuts = np.unique(np.searchsorted(sorted_values, sorted_values[ideal_cuts]))
     return [part for part in np.split(order, cuts) if part.size]

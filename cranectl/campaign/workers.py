@@ -75,11 +75,11 @@ def run_batches(
     one sample becomes its row.
     """
     prepared = Prepared(campaign, tuple(dict.fromkeys(batch.controller for batch in batches)))
-    left, of_thread = threading.Event(), threading.local()
+    is_left, of_thread = threading.Event(), threading.local()
     started: list[Worker | ChildWorker] = []
 
     def must_stop() -> bool:
-        return left.is_set() or stop()
+        return is_left.is_set() or stop()
 
     def run(batch: Batch) -> tuple[Batch, list[Row]]:
         if must_stop():
@@ -96,7 +96,7 @@ def run_batches(
             for future in as_completed([pool.submit(run, batch) for batch in batches]):
                 yield future.result()
         finally:
-            left.set()
+            is_left.set()
             pool.shutdown(cancel_futures=True)
             for worker in started:
                 worker.close()

@@ -29,7 +29,8 @@ def test_a_sample_is_what_set_would_have_made_and_changes_nothing_else() -> None
     before = mixed.nominal.model_dump()
     values = sample_values(mixed, 7, 8)[0]
     assignments = [
-        f"{p.name}={int(v) if p.whole else float(v)!r}" for p, v in zip(mixed.parameters, values, strict=True)
+        f"{p.name}={int(v) if p.is_whole else float(v)!r}"
+        for p, v in zip(mixed.parameters, values, strict=True)
     ]
     effects = ["effects.sensing={}", "effects.delay={}", "effects.friction={}"]
     effects += ["effects.friction.coulomb=[2, 1, 1]", "initial.load_offset=[0, 0, 0]"]

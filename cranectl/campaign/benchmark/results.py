@@ -54,16 +54,16 @@ def run_trials(
     The results are below `directory`. When the caller leaves the loop, finished batches stay there. Raises
     InputError as `open_store` and campaigns do, except for a controller that refuses the crane.
     """
-    left = threading.Event()
+    is_left = threading.Event()
 
     def write_missing(campaign: Campaign, store: Store) -> None:
         if store.missing:
-            with closing(engine(campaign, store.missing, stop=left.is_set)) as finished:
+            with closing(engine(campaign, store.missing, stop=is_left.is_set)) as finished:
                 for batch, rows in finished:
                     store.write(batch, rows)
 
     def run(trial: Trial) -> FinishedTrial:
-        if left.is_set():
+        if is_left.is_set():
             raise StoppedError
         campaign = campaign_for(trial)
         result_directory = directory / trial.folder
@@ -89,7 +89,7 @@ def run_trials(
             for future in as_completed([pool.submit(run, trial) for trial in trials]):
                 yield future.result()
         finally:
-            left.set()
+            is_left.set()
             pool.shutdown(cancel_futures=True)
 
 

@@ -250,13 +250,13 @@ def _strategy(variables: Sequence[Variable], seed: int) -> Any:
 @contextmanager
 def _evaluator(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Callable[..., list[Point]]]:
     """Yield a function that runs candidates in threads, which end with the `with` block."""
-    left = threading.Event()
+    is_left = threading.Event()
 
     def costs(scenario: str, values: Sequence[float], may_refuse: bool) -> tuple[list[float], int]:
-        if left.is_set():
+        if is_left.is_set():
             raise StoppedError
         try:
-            rows = cranes.rows(scenario, values, children, left.is_set)
+            rows = cranes.rows(scenario, values, children, is_left.is_set)
         except MachineError:  # it says nothing about the numbers
             raise
         except (InputError, ValueError, ArithmeticError):  # the controller refuses them, or its design fails
@@ -283,5 +283,5 @@ def _evaluator(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Call
         try:
             yield evaluate
         finally:
-            left.set()
+            is_left.set()
             pool.shutdown(cancel_futures=True)
