@@ -165,7 +165,7 @@ def assess(scenario: Scenario, controller: str, points: Sequence[OperatingPoint]
 
 
 def visited_points(scenario: Scenario) -> list[OperatingPoint]:
-    """Corners of what the scenario visits: rope lengths, hoisting speeds, constant disturbances."""
+    """Return the corners of what a scenario visits: rope lengths, hoisting speeds, disturbances."""
     plan = plan_scenario(scenario)
     length, rate = plan.reference_state[:, ROPE], plan.reference_state[:, ROPE_RATE]
     lengths = sorted({round(float(value), 3) for value in (length.min(), length.max())})

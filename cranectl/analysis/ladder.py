@@ -55,7 +55,7 @@ class LevelResult:
     alone_metrics: RunMetrics | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data, the run by its status only."""
+        """Return plain data, the run by its status only."""
         return {
             "level": self.level.name,
             "plant": self.level.plant,

@@ -1,4 +1,4 @@
-"""The fidelity levels, from the ideal of theory to the rig, and scenarios with other effects."""
+"""The fidelity levels, from theory to the real rig, and how to give a scenario other effects."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from cranectl.scenario.similarity import check_size
 
 @dataclass(frozen=True)
 class Level:
-    """One effect more than the level before."""
+    """A level of fidelity: what it adds to the one before, and its plant and drives."""
 
     name: str
     adds: str
@@ -34,7 +34,7 @@ BASE = "servos"  # what an effect alone is added to
 
 
 def assumed_effects(scenario: Scenario) -> EffectNumbers:
-    """Return the scenario's settings of each effect, else its rig's, with delays of whole periods."""
+    """Return the numbers of every effect: the scenario's, else the rig's with a delay of whole periods."""
     effects, numbers = scenario.effects, scenario.rig.effects
     if not effects.delay:
         periods = -(-nanoseconds(numbers.delay.seconds) // scenario.period_ns)
@@ -57,5 +57,5 @@ def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
 
 
 def with_effects(scenario: Scenario, names: Iterable[str]) -> Scenario:
-    """Return `scenario` with exactly the effects of these names, as assumed for it."""
+    """Return `scenario` with exactly the effects of these names, with the numbers of `assumed_effects`."""
     return replace_effects(scenario, assumed_effects(scenario).only(*names))

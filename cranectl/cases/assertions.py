@@ -55,7 +55,7 @@ class CaseRuns(dict[str, Run]):
         self.case = case
 
     def __repr__(self) -> str:
-        """Short: pytest shows it with every failure."""
+        """Return a short text: pytest shows it with every failure."""
         return f"{self.case.scenario.name}, {self.case.controller}, {self.case.drive} drives"
 
     def write(self, path: Path) -> Path:
@@ -209,7 +209,7 @@ def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None
 
 
 def _given(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> AgreementLimits:
-    """Limits of any pair; runs that stop do so at most the lag of the slowest drive apart."""
+    """Return the stated limits for every pair; stops may differ by the lag of the slowest drive."""
     return AgreementLimits(
         load_m=inf if load_m is None else load_m,
         angle_rad=inf if angle_rad is None else angle_rad,
@@ -251,7 +251,7 @@ class Regression(NamedTuple):
         return all(verdict.passed for verdict in self.verdicts)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return plain data."""
         return {
             "passed": self.passed,
             "differing_fields": self.differing_fields,

@@ -79,7 +79,7 @@ class RunSummary:
         return cls(*names, run.status, run.end_s, log, metrics, limits, beyond)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return plain data."""
         return {
             **vars(self),
             "status": self.status.label,

@@ -67,7 +67,7 @@ class Pairwise:
     plants: tuple[PlantAlone, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data; what is not a number is null."""
+        """Return plain data; what is not a number is null."""
         plants = [asdict(plant) for plant in self.plants]
         for plant in plants:
             plant["order"] = plant["order"] if isfinite(plant["order"]) else None

@@ -161,7 +161,7 @@ class Validation:
         return Verdict(case.source, case.controller, case.drive, case.plants, kind, faults, log, overrun)
 
     def to_json(self, *, passed: bool) -> dict[str, Any]:
-        """Plain data."""
+        """Return plain data."""
         return {
             "passed": passed,
             "runs": [run.to_json() for run in self.runs],
@@ -218,7 +218,7 @@ def _faults(result: CaseResult) -> Iterator[str]:
 
 
 def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:
-    """JUnit XML: a test case for each, its class the scenario. The same verdicts are the same text."""
+    """Return JUnit XML, a test case for each case, its class the scenario; equal verdicts, equal text."""
     count = {kind: sum(verdict.kind == kind for verdict in verdicts) for kind in ("failed", "error")}
     totals = {"tests": str(len(verdicts)), "failures": str(count["failed"]), "errors": str(count["error"])}
     root = ElementTree.Element("testsuites", totals)

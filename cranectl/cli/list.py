@@ -106,7 +106,7 @@ def json_schema(document: str) -> dict[str, Any]:
 
 
 def _nested(distribution: dict[str, Any]) -> dict[str, Any]:
-    """Tables in tables, as a scenario has them, in which a table with a distribution is an end."""
+    """Return tables in tables, as a scenario has them, where a table with a distribution is a leaf."""
     below = {
         "if": {"type": "object", "required": ["distribution"]},
         "then": distribution,

@@ -115,7 +115,7 @@ class Screen(Console):
 
 
 def _with_group(columns: Sequence[Column], k: int) -> Column:
-    """Column `k`; an empty first line of its heading becomes that of the column it is grouped with."""
+    """Return column `k`; an empty first line of its heading becomes that of the column it is grouped with."""
     column = columns[k]
     first, *rest = str(column.header).split("\n")
     if first or not rest:
@@ -125,7 +125,7 @@ def _with_group(columns: Sequence[Column], k: int) -> Column:
 
 
 def styled(text: str, style: str) -> Text:
-    """Text from outside in a style of ours."""
+    """Return text from outside in one of our styles."""
     return Text(printable(text), style=style)
 
 

@@ -38,7 +38,7 @@ class ChildSession:
         drive: Drive = "ideal",
         patience: float = BLOCK_TIMEOUT,
     ) -> None:
-        """Ready at time zero; raises InputError as `simulate_run` does. `patience`: for an answer [s]."""
+        """Prepare the session at time zero; raise InputError as `simulate_run` does."""
         self.scenario, self.design, self.drive = scenario, design, drive
         self.plan = plan_scenario(scenario)
         self.origin_ns, self.now_ns, self.moving = 0, 0, True

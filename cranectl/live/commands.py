@@ -199,7 +199,7 @@ class Controls:
             self._say(text)
 
     def _set_law(self, changes: Mapping[str, object]) -> None:
-        """Another controller, other numbers of it, or both."""
+        """Change the controller, its numbers, or both."""
         controller, design = self._values["controller"], self._design
         if changes.get("controller", controller) != controller:
             controller = str(changes["controller"])

@@ -152,7 +152,7 @@ def checked_origin(text: str) -> str:
 
 
 def _may_ask(origin: str, origins: Collection[str]) -> bool:
-    """Pages of other machines have an origin of http or https, or hide it; applications have others."""
+    """Return True unless the origin is a web page of another machine, which is http or https or hidden."""
     if origin in FOXGLOVE or origin in origins:
         return True
     scheme = origin.partition(":")[0].lower()

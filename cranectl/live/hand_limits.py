@@ -114,7 +114,7 @@ def _quotient(a: Bounds, zeta: Bounds, lift: float) -> Bounds:
 
 @functools.lru_cache(maxsize=64)
 def _norm(order: int, mu: float) -> float:
-    """L1 norm of the derivative of k + mu k'' of this order, for omega = 1: the way that the one below goes.
+    """Return the L1 norm of the derivative of k + mu k'' of this order, for omega = 1.
 
     All of them are polynomials times e^-t from t = 0 on, where they may jump.
     """

@@ -124,7 +124,7 @@ class Increments:
         return self._samples([shown.newest for shown in waiting if shown.newest is not None])
 
     def _samples(self, runs: Sequence[Run]) -> list[Stream]:
-        """Signals, differences, and what is desired: once, though the plants' samples may come apart."""
+        """Return signals, differences and the reference; it is sent once, though samples may differ."""
         if not runs:
             return []
         reference, *recorded = samples(runs)
@@ -182,7 +182,7 @@ class Increments:
         return streams
 
     def _statuses(self, run: Run, origin_ns: int) -> NDArray[np.int64]:
-        """Inside the workspace, number of the reference's segment, Disturbed, Saturated: shape (N, 4)."""
+        """Return inside the workspace, segment of the reference, Disturbed and Saturated, shape (N, 4)."""
         inside = workspace_excess(run).max(axis=1) <= 0.0
         starts = [start for start, _ in self._phases]
         segment = np.searchsorted(starts, run.time_ns - origin_ns, side="right") - 1
@@ -194,7 +194,7 @@ class Increments:
         return StatusChange(time_ns, status, bool(inside), phase, Disturbed(acting), Saturated(limited))
 
     def _scene(self, logged: Sequence[Run], origin_ns: int) -> list[Stream]:
-        """Poses, ropes and trails."""
+        """Return poses, ropes and trails."""
         leader = max(logged, key=lambda run: len(run.time_ns))
         moving = {run.plant: run for run in logged}
         drawn = [moving.get(plant, shown.newest) for plant, shown in self._shown.items()]

@@ -37,7 +37,7 @@ class Pace:
         self._due = self._clock()
 
     def wait(self, seconds: float) -> tuple[float, float]:
-        """After a block that should have taken `seconds`: (time to wait, time given up as lost), one is 0."""
+        """Return (time to wait, time lost) after a block that should take `seconds`; one of them is 0."""
         self._due += seconds
         late = self._clock() - self._due
         if late > MAX_LAG:

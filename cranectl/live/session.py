@@ -60,7 +60,7 @@ class Session:
         drive: Drive = "ideal",
         origin_ns: int = 0,
     ) -> None:
-        """Ready at the time `origin_ns`; raises InputError as `simulate_run` does."""
+        """Prepare the session at the time `origin_ns`; raise InputError as `simulate_run` does."""
         self.scenario, self.design, self.drive = scenario, design, drive
         self.plan = plan_scenario(scenario)
         self.origin_ns = origin_ns  # time of the last start

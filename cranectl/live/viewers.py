@@ -87,7 +87,7 @@ class Listener(ServerListener):
         return as_parameters(self._controls.values())
 
     def subscribed(self) -> set[str]:
-        """Topics that have new subscribers since the last call."""
+        """Return the topics that have new subscribers since the last call."""
         return set(taken(self._subscribed))
 
     def services(self) -> list[Service]:

@@ -58,7 +58,7 @@ class Neighbours(MetaPathFinder):
 
     @contextlib.contextmanager
     def running(self) -> Iterator[None]:
-        """While the file is run, what it takes from its folder is noted, and it may take more.
+        """Note what the file takes from its folder while it runs, and let it take more.
 
         If that fails, its modules are gone.
         """

@@ -63,7 +63,7 @@ class RunMetrics:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return plain data."""
         recorded = [m.name for m in all_metrics() if m.recorded and m.name not in OUTSIDE]
         return {
             "status": self.status,

@@ -167,7 +167,7 @@ def constraints(moved: Motion, limits: Limits) -> list[Constraint]:
 
 
 def excesses(moved: Motion, limits: Limits) -> dict[str, Array]:
-    """Over each limit at each point (N,), in parts of it; below zero: what is left. Of floats."""
+    """Return the excess over each limit at each point (N,), as a share of it; negative is slack."""
     by_name = {
         constraint.name: np.maximum(
             constraint.series[0] - constraint.high, constraint.low - constraint.series[0]

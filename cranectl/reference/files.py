@@ -42,7 +42,7 @@ class RecordedMotion:
 
 
 def digest(content: bytes) -> str:
-    """SHA-256."""
+    """Return the SHA-256 of the file."""
     return hashlib.sha256(content).hexdigest()
 
 

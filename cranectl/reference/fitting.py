@@ -124,7 +124,7 @@ class Recorded:
         return DesignMatrix.of(self.time, _breaks(self.time[-1], spans))
 
     def left_out(self, spans: int) -> Array:
-        """Mean square of the distance [m²] of each fold from the spline near all the others (FOLDS,)."""
+        """Return the mean square distance [m²] of each fold from the spline near all the others, (FOLDS,)."""
         design = self._design(spans)
         grams = design.banded(self._fold, FOLDS)
         sides = design.times(self._fold, FOLDS, self.points)
@@ -204,7 +204,7 @@ class Fit:
         return float(np.sqrt((self.residual**2).sum(axis=1).mean()))
 
     def snap(self, time: Array) -> tuple[float, float]:
-        """Peak of z'''' over `time`, and half its band of 95 % where that is widest [m/s⁴]."""
+        """Return the peak of z'''' over `time`, and half its band of 95 % where that is widest [m/s⁴]."""
         own = self.curve.derivative(4)(time)
         away = np.abs([curve.derivative(4)(time) - own for curve in self.drawn])
         return float(np.abs(own).max()), float(np.quantile(away, BAND, axis=0).max())

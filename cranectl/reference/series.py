@@ -66,7 +66,7 @@ def square_root(number: Number) -> Number:
 
 
 def turned(angle: Series) -> tuple[Series, Series]:
-    """Cosine and sine, by their rates: c' = -s a', s' = c a'."""
+    """Return cosine and sine as series, by their rates: c' = -s a', s' = c a'."""
     first = angle[0]
     if isinstance(first, float | np.ndarray):
         cosine, sine = [np.cos(first)], [np.sin(first)]

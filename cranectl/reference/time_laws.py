@@ -52,7 +52,7 @@ def derivatives(curve: BPoly | BSpline, orders: int = 5) -> tuple[BPoly | BSplin
 
 
 def time_law(law: Law, tau: Array, orders: int = 5) -> Array:
-    """S and its first derivatives with respect to tau, shape (orders, len(tau)); orders up to 6."""
+    """Return s and its first derivatives with respect to tau, shape (orders, len(tau)); orders up to 6."""
     curves = _polynomials(law)
     return np.array([curve(tau) for curve in (*curves, curves[4].derivative())[:orders]])
 

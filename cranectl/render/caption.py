@@ -24,7 +24,7 @@ Sign = Callable[[Pen, float, float, float], None]
 
 @lru_cache
 def font(size: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """Matplotlib brings the font, so pictures look the same everywhere."""
+    """Return the font that Matplotlib brings, so that pictures look the same everywhere."""
     return ImageFont.truetype(_FONTS / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"), size)
 
 

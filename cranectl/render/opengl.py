@@ -34,7 +34,7 @@ def check_engine() -> None:
 
 @contextlib.contextmanager
 def drawing(model: Any, width: int, height: int) -> Iterator[Any]:
-    """MuJoCo's drawing context of a model, current until the end; raises InputError without OpenGL."""
+    """Yield MuJoCo's drawing context of a model, current until the end; raise InputError without OpenGL."""
     import mujoco
 
     backend, failures = _chosen()

@@ -233,7 +233,7 @@ def _model(rig: RigParameters, width: int, height: int) -> Any:
 
 
 def _light(spec: Any, reach: float) -> None:
-    """Even light, and a wide floor and a sky so pale that lines and letters stand out."""
+    """Set even light, a wide floor and a pale sky, on which lines and letters stand out."""
     for name, direction, diffuse in (("key", (0.25, 0.35, -1.0), 0.55), ("fill", (-0.6, 0.5, -0.4), 0.25)):
         light = spec.light(name)
         light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL

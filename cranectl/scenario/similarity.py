@@ -80,12 +80,12 @@ def _scales() -> dict[str, Scaled]:
 
 
 def length_scale(longest: float) -> float:
-    """L of a rig with so long a rope [m]."""
+    """Return the length L [m] of a rig with so long a rope."""
     return longest / RigParameters().rope_range[1]
 
 
 def size_of(rig: RigParameters) -> float:
-    """L of `rig` as designs are scaled to it: 1 for a crane of the laboratory rig's rated load."""
+    """Return L of `rig` as designs are scaled to it: 1 for a crane of the laboratory rig's rated load."""
     return 1.0 if rig.rated_load == RigParameters().rated_load else length_scale(rig.rope_range[1])
 
 

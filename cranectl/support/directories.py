@@ -55,7 +55,7 @@ def is_own(status: os.stat_result) -> bool:
 
 
 def _candidates() -> list[Path]:
-    """Directories that hold nothing but compiled code; a relative path would follow the working directory."""
+    """Return directories that hold only compiled code; a relative path would follow the working directory."""
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
         user = f"-{os.geteuid()}" if hasattr(os, "geteuid") else ""  # others may have chosen the same
         return [Path(chosen).absolute() / f"cranectl{user}"]

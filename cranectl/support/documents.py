@@ -215,7 +215,7 @@ def mapped(node: Any, change: Callable[[Any], Any] = lambda value: value) -> Any
 def leaves(
     node: Any, path: str = "", *, is_leaf: Callable[[Any], bool] = is_plain
 ) -> Iterator[tuple[str, Any]]:
-    """Path and value of every leaf below `node`, which lies at `path`; what is no leaf is table or list."""
+    """Yield path and value of every leaf below `node` at `path`; others are tables or lists."""
     for key, value in node.items() if isinstance(node, Mapping) else enumerate(node):
         name = f"{path}.{key}" if path else str(key)
         if is_leaf(value):
@@ -225,7 +225,7 @@ def leaves(
 
 
 def differences(a: Any, b: Any, path: str = "", *, absent: Any) -> Iterator[tuple[str, Any, Any]]:
-    """Path and both values where two tables differ, down to what is not a table in both."""
+    """Yield path and both values where two tables differ, down to what is not a table in both."""
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         for key in dict.fromkeys([*a, *b]):
             name = f"{path}.{key}" if path else key

@@ -111,7 +111,7 @@ def heed_interrupts(act: Callable[[], None]) -> Mapping[signal.Signals, Any]:
 
 @contextlib.contextmanager
 def interrupts_wait() -> Iterator[None]:
-    """Signals that come during the block take effect at its end; for blocks of less than a second.
+    """Delay signals that come during the block to its end; for blocks of less than a second.
 
     Python delivers signals to the main thread only, so other threads need nothing.
     """

@@ -160,13 +160,13 @@ def _compiled(function: F, callees: Iterable[Any] = (), **options: Any) -> F:
 
 
 def _digest_of(*functions: Any) -> str:
-    """Digest of all that `functions` are compiled from."""
+    """Return a digest of all that `functions` are compiled from."""
     return sources_digest(*(Path(inspect.getfile(inspect.unwrap(function))) for function in functions))
 
 
 @functools.cache
 def _say_that_it_compiles() -> None:
-    """Once, to somebody who waits at a terminal; workers leave it to the progress of their parent."""
+    """Say once, at a terminal, that code is compiled; workers leave it to the progress of their parent."""
     if sys.stderr.isatty() and multiprocessing.parent_process() is None:
         print(
             f"cranectl: compiling for some ten seconds; compiled code is kept in {cache_directory()}",
@@ -262,7 +262,7 @@ class _DamageError(Exception):
 
 
 def sources_digest(*paths: Path) -> str:
-    """Digest of source files and of all files of the package that they import, directly or not."""
+    """Return a digest of source files and of all files of the package that they import, directly or not."""
     waiting, seen = list(paths), set(paths)
     while waiting:
         new = _imported(waiting.pop()) - seen
@@ -276,7 +276,7 @@ def sources_digest(*paths: Path) -> str:
 
 @functools.cache
 def _imported(path: Path) -> frozenset[Path]:
-    """Files of the package that the imports in a source file name."""
+    """Return the files of the package that the imports in a source file name."""
     files: set[Path | None] = set()
     for match in _IMPORT.finditer(_source(path)):
         module = _PACKAGE.joinpath(*match[1].split("."))

@@ -30,13 +30,13 @@ FINGERPRINT_DIGITS = 16  # of a fingerprint, hexadecimal
 
 
 def provenance() -> dict[str, str]:
-    """Versions and fingerprints, by name, of this program; some 10 ms the first time in a process."""
+    """Return versions and fingerprints of this program by name; some 10 ms the first time in a process."""
     return {**_installed(), **fingerprints(), **_extensions()}
 
 
 @functools.cache
 def fingerprints() -> dict[str, str]:
-    """Digests of the package's sources, of the models and of the scenarios, campaigns and limits."""
+    """Return digests of the package's sources, of the models and of the scenarios, campaigns and limits."""
     package = Path(__file__).parents[1]
     sources = (path for path in package.rglob("*.py") if "_data" not in path.parts[len(package.parts) :])
     models, data = resources.MODEL_FILE.parent, resources.TOLERANCE_FILE.parent
@@ -51,14 +51,14 @@ def fingerprints() -> dict[str, str]:
 
 @functools.cache
 def _extensions() -> dict[str, str]:
-    """Versions of the packages that add metrics or plants, and digests of their sources."""
+    """Return versions of the packages that add metrics or plants, and digests of their sources."""
     entries = [entry for group in GROUPS for entry in importlib.metadata.entry_points(group=group)]
     versions = {entry.dist.name: entry.dist.version for entry in entries if entry.dist}
     return versions | source_digests(entry.module for entry in entries)
 
 
 def source_digests(modules: Iterable[str]) -> dict[str, str]:
-    """Digests of all files of the packages that have `modules`, `sources of crane_plants`; not of our own."""
+    """Return digests of all files of foreign packages with `modules`: `sources of crane_plants`."""
     packages = {module.partition(".")[0] for module in modules} - {"cranectl"}
     return {f"sources of {package}": _package_digest(package) for package in sorted(packages)}
 
@@ -87,7 +87,7 @@ def _files_in(folder: Path) -> list[Path]:
 
 @functools.cache
 def _module_digest(path: Path) -> str:
-    """Digest of a module without a package, and of what it imports from its folder, directly or not."""
+    """Return a digest of a module without a package, and of what it imports from its folder."""
     folder, waiting, seen = path.parent, [path], {path}
     while waiting and folder.name not in INSTALLED:  # where neighbours are packages of their own
         for name in _imported(waiting.pop()) - {"cranectl"}:
@@ -110,7 +110,7 @@ def _imported(path: Path) -> set[str]:
 
 
 def fingerprint(root: Path, paths: Iterable[Path]) -> str:
-    """Digest of files and of their names below `root`; line endings, which Git may change, do not count."""
+    """Return a digest of files and their names below `root`; line endings do not count."""
     digest = hashlib.sha256()
     for name, path in sorted((path.relative_to(root).as_posix(), path) for path in paths):
         content = path.read_bytes().replace(b"\r\n", b"\n")

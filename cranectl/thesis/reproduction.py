@@ -147,7 +147,7 @@ class Reproduction:
         return [*gains, *unexplained, *self.unnoticed]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return plain data."""
         tables = {
             name: [_row_json(controller, numbers) for controller, numbers in table.rows.items()]
             for name, table in self.tables.items()

@@ -121,7 +121,7 @@ def loop_alone(controller: str) -> Callable[[], object]:
 
 
 def campaign_against_engine(repeats: int) -> list[Figure]:
-    """Closed-loop campaigns, in parts and whole, on one thread and on two."""
+    """Measure closed-loop campaigns, in parts and whole, on one thread and on two."""
     found = []
     filed, lean = ([Bare(filed=each), Bare(filed=each)] for each in (True, False))
     for controller in HEAVY:
@@ -181,7 +181,7 @@ def plants_and_threads(repeats: int) -> list[Figure]:
 
 
 def many_runs(_repeats: int) -> list[Figure]:
-    """Ten and a hundred thousand runs, cut to a few samples each, by the command as anyone starts it."""
+    """Time ten and a hundred thousand runs, cut to a few samples each, by the command as anyone starts it."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "many.toml").write_text(MANY, encoding="utf-8")
@@ -200,7 +200,7 @@ def many_runs(_repeats: int) -> list[Figure]:
 
 
 def peak_memory(arguments: list[str], folder: str) -> tuple[float, float]:
-    """Largest resident memory [MB] of a command of cranectl, and its time [s]."""
+    """Return the largest resident memory [MB] of a command of cranectl, and its time [s]."""
     program = (
         "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, capture_output=True);"
         "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"

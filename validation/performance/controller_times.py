@@ -127,7 +127,7 @@ def controller_times(repeats: int) -> list[LawTime]:
 
 
 def section(times: Iterable[LawTime]) -> str:
-    """Markdown."""
+    """Return the section of the page as Markdown."""
     lines = [
         "| law | a sample [µs] | spread | / `lqr-integral` | a step every [ms] | a step [µs] |",
         "|---|---|---|---|---|---|",

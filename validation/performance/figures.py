@@ -28,7 +28,7 @@ class Figure:
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """Wall-clock time of a call [s]."""
+    """Return the wall-clock time of a call [s]."""
     start = time.perf_counter()
     work()
     return time.perf_counter() - start

@@ -56,7 +56,7 @@ class Task:
         self.drives = drive_addresses(self.model)
 
     def start(self, cranes: int) -> tuple[Array, Array, Memory]:
-        """Positions (n, 5) and rates (n, 5) in the model's order, and the controllers' states."""
+        """Return positions (n, 5) and rates (n, 5) in the model's order, and the controllers' states."""
         state, reference = self.plan.initial_state, self.plan.reference[0]
         qpos, qvel = np.zeros(5), np.zeros(5)
         qpos[self.positions], qvel[self.rates] = state[0::2], state[1::2]

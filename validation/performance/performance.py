@@ -125,7 +125,7 @@ def _write_prebuilt(path: Path, prebuilt: list) -> None:
 
 
 def commands(repeats: int) -> list[Figure]:
-    """Whole processes, caches warm."""
+    """Time whole processes with warm caches."""
     limits = {"--help": 0.5, "run fixed-position": 3.0}
     lines = ["--help", "list", "run --help", "validate --help", "design lqr+hinf", "run fixed-position"]
     found = []

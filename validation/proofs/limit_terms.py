@@ -36,7 +36,7 @@ _NO_NUMBERS = (
 
 
 def is_number(node: ast.expr) -> bool:
-    """Or numbers."""
+    """Return True for a number, and for a tuple or list of numbers."""
     text = ast.unparse(node)
     return not text.startswith(_NOT_A_TERM) and text not in _NO_NUMBERS
 

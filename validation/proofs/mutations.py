@@ -139,7 +139,7 @@ class Verdict:
 
 
 def terms(tree: ast.AST) -> Iterator[ast.expr]:
-    """Operands of sums, and whole right-hand sides, outside of indices."""
+    """Return operands of sums, and whole right-hand sides, outside of indices."""
     for node in ast.walk(tree):
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
             yield node.left
@@ -307,7 +307,7 @@ def install(mutant: Mutant) -> None:
 
 
 def keep_no_plans() -> None:
-    """Neither use those that sound code made nor leave a mutant's to it: their keys are of files."""
+    """Use no plans that sound code made, and leave none of a mutant to it: their keys are of files."""
     plan: Any = importlib.import_module("cranectl.planning.plan")
     plan.kept = lambda _kind, _key, compute: compute()
 
@@ -411,7 +411,7 @@ def merged(found: Results, before: Results) -> Results:
 
 
 def _short(killer: str) -> str:
-    """File and test without folder and parameters."""
+    """Return file and test without folder and parameters."""
     return killer.split("/")[-1].split("[")[0].removesuffix(".py")
 
 

@@ -43,7 +43,7 @@ def commit() -> str:
 
 
 def random_cases(seed: str, plants: Sequence[str], effects: Sequence[str] = EFFECTS) -> Iterator[Case]:
-    """Cases without end, on those of `plants` that can show them."""
+    """Yield cases without end, on those of `plants` that can show them."""
     k = 0
     while True:
         random = np.random.default_rng([int(seed, 16), k])

@@ -32,7 +32,7 @@ ROUNDING = 1e-9
 
 
 def random_drives(seed: str, crane: str = "") -> Iterator[Scenario]:
-    """Scenarios without end, each a minute by hand and the rest that follows."""
+    """Yield scenarios without end, each a minute of steering by hand and the rest that follows."""
     k = 0
     while True:
         random = np.random.default_rng([int(seed, 16), k])
@@ -41,7 +41,7 @@ def random_drives(seed: str, crane: str = "") -> Iterator[Scenario]:
 
 
 def random_drive(random: np.random.Generator, crane: str, name: str) -> Scenario:
-    """Wishes of all sizes and reversals at full speed, for moments and for seconds; points to go to."""
+    """Draw velocity commands of all sizes, reversals at full speed, and points to go to."""
     bare = [
         "disturbances=[]",
         "reference.segments=[]",

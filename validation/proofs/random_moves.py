@@ -46,7 +46,7 @@ class Result(NamedTuple):
 
 
 def random_moves(seed: int) -> Iterator[Scenario]:
-    """Scenarios without end, each of one move."""
+    """Yield scenarios without end, each of one move."""
     bare = ["disturbances=[]", "reference.segments=[]", "duration=60.0"]
     base = load_scenario("fixed-position", overrides=bare)
     limits = limits_of(base)
@@ -67,7 +67,7 @@ def random_moves(seed: int) -> Iterator[Scenario]:
 
 
 def _obstacle(random: np.random.Generator, points: list[Array], radius: float) -> Obstacle:
-    """Near the straight line, from the floor, with the points outside."""
+    """Draw an obstacle near the straight line, from the floor up, that leaves the points outside."""
     while True:
         middle = points[0] + random.uniform(0.2, 0.8) * (points[-1] - points[0])
         half = random.uniform(0.05, 0.25, 3)
@@ -125,7 +125,7 @@ def excesses(plan: Scenario, samples: int = SAMPLES) -> dict[str, float]:
 
 
 def jets(plan: Scenario, samples: int) -> list[list[Array]]:
-    """Series of the load at equal distances of time, of each segment."""
+    """Return series of the load at equal distances of time, of each segment."""
     tables, here = [], np.array(plan.reference.start)
     for segment in plan.reference.segments:
         when = np.linspace(0.0, seconds(segment), samples)

@@ -110,7 +110,7 @@ def ratios(old: Path, new: Path, plant: str, drive: str, pairs: int) -> np.ndarr
 
 
 def main() -> int:
-    """Compare; returns the exit code."""
+    """Compare both trees and return the exit code."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

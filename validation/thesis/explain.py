@@ -64,7 +64,7 @@ class Loop(NamedTuple):
 
 @jit
 def coriolis(terms, state, rate_y):
-    """Numerators of (2.12) without gravity and the drive's own axis."""
+    """Return the numerators of (2.12) without gravity and the drive's own axis."""
     length, length_rate, a_dot, b, b_dot = state[4], state[5], state[7], state[8], state[9]
     alpha = 2.0 * length * a_dot * b_dot * sin(b) * terms[0] - 2.0 * length_rate * a_dot * cos(b) * terms[1]
     alpha -= 2.0 * length * a_dot * terms[5]
@@ -75,7 +75,7 @@ def coriolis(terms, state, rate_y):
 
 @jit
 def derivative(loop, t, x, dx, out):
-    """Rates of plant (10), zeta, zeta' and three robustifiers; `out`: accelerations (3), load (3)."""
+    """Compute rates of plant (10), zeta, zeta' and three robustifiers; `out`: accelerations (3), load (3)."""
     order = loop.a.shape[0]
     place = (t + 1e-10) / TABLE_STEP
     row = int(place)
@@ -150,7 +150,7 @@ def start(loop):
 
 @jit
 def fixed_step(loop, end, step):
-    """Classical Runge-Kutta; rows of time, accelerations, load at every step."""
+    """Integrate by the classical Runge-Kutta method; return time, accelerations, load by step."""
     x, rows = start(loop), np.zeros((round(end / step) + 1, 7))
     k_1, k_2, k_3, k_4 = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
     scratch = np.zeros(6)
@@ -178,7 +178,7 @@ ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 5
 
 @jit
 def ode45(loop, end, tolerance):
-    """Simulink's ode45 as by default: automatic absolute tolerance, longest step end / 50, a row a step."""
+    """Integrate as Simulink's ode45 does by default: automatic absolute tolerance, longest step end / 50."""
     x, rows = start(loop), np.zeros((100_000, 7))
     k, scratch = np.zeros((7, len(x))), np.zeros(6)
     largest, t, step, count = np.abs(x), 0.0, end / 50.0, 1
@@ -247,13 +247,13 @@ class Hypothesis:
 
 
 def terms(**wrong: float) -> tuple[float, ...]:
-    """RIGHT_TERMS with some factors replaced."""
+    """Return RIGHT_TERMS with some factors replaced."""
     names = ("ab", "hoist_a", "hoist_b", "centripetal", "cross", "printed_a", "printed_b")
     return tuple(wrong.get(name, right) for name, right in zip(names, RIGHT_TERMS, strict=True))
 
 
 def scaled(order: int, factor: float, axes: tuple[int, ...] = (0, 1, 2)) -> Callable[[Array], Array]:
-    """Alters one derivative of the reference."""
+    """Return the reference with one derivative scaled."""
 
     def alter(rows: Array) -> Array:
         altered = rows.copy()
@@ -289,7 +289,7 @@ def chords(period: float) -> Callable[[Array], Array]:
 
 
 def path(end_x: float, radius: float, half_turns: int) -> tuple[str, ...]:
-    """Another reading of the settled trajectory; the centre lies `radius` before the line's end in x."""
+    """Return another reading of the settled trajectory: the centre is `radius` before the line's end."""
     line = f"{{kind='line', to=[{end_x}, 0.77, -0.7], duration=10.0, time_law='degree-5'}}"
     arc = (
         f"{{kind='arc', centre=[{end_x - radius}, 0.77], angle={half_turns * np.pi}, duration=10.0, "
@@ -388,7 +388,7 @@ def printed_gammas() -> dict[str, float]:
 
 
 def simulate(hypothesis: Hypothesis, scenario: Scenario, controller: str) -> Array:
-    """Rows of time, accelerations, load."""
+    """Simulate and return rows of time, accelerations, load."""
     h = hypothesis
     settings = scenario.design
     if controller.endswith("+hinf"):
@@ -428,7 +428,7 @@ def simulate(hypothesis: Hypothesis, scenario: Scenario, controller: str) -> Arr
 
 
 def read_tables(hypothesis: Hypothesis) -> dict[str, Array]:
-    """Tables 5.1 to 5.4 under a hypothesis, as the thesis reads them: signed extremes."""
+    """Return Tables 5.1 to 5.4 under a hypothesis, as the thesis reads them: signed extremes."""
     shape = printed()
     tables = {name: np.zeros_like(table) for name, table in shape.items()}
     for name, peaks, place in (("fixed-position", "5.1", "5.2"), ("settled-trajectory", "5.3", "5.4")):
@@ -467,7 +467,7 @@ PARTS = {"line": (1.0, 5.9), "arc": (13.0, 16.0), "rest": (23.0, 25.0)}  # [s]
 
 
 def noise(controller: str, *, modal: bool) -> dict[str, Array]:
-    """Largest error of ode45 in the accelerations [m/s²] by part of the settled trajectory, (3,) each."""
+    """Return the largest error of ode45 in accelerations [m/s²] by part of the trajectory, (3,) each."""
     scenario = load_scenario("settled-trajectory")
     exact = simulate(Hypothesis("exact"), scenario, controller)
     rows = simulate(Hypothesis("ode45", tolerance=1e-3, modal=modal), scenario, controller)

@@ -52,7 +52,7 @@ def cost(law: str, controller: str, plant: str, drive: str) -> Cost:
 
 
 def predicted_error(feedback: str) -> float:
-    """Peak error of plain feedback along the quintic [m], without running anything."""
+    """Predict the peak error of plain feedback along the quintic [m], without a run."""
     settings = scenario("degree-5").reference
     ends = np.cumsum([0.0, *(segment.duration for segment in settings.segments)])
     instants = np.array([ends - 1e-6, ends + 1e-6]).clip(min=0.0)

@@ -64,13 +64,13 @@ def readings() -> list[Reading]:
 
 
 def printed() -> dict[str, np.ndarray]:
-    """Bridge and trolley columns of Table 5.3 by controller."""
+    """Return the bridge and trolley columns of Table 5.3 by controller."""
     tables = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))
     return {name: np.array(row[:2]) for name, row in tables["tables"]["5.3"]["rows"].items()}
 
 
 def deviations(reading: Reading) -> np.ndarray | None:
-    """Relative deviations from Table 5.3, shape (controllers, 2); None for an impossible reading."""
+    """Return relative deviations from Table 5.3, shape (controllers, 2); None for an impossible reading."""
     try:
         scenario = load_scenario("settled-trajectory", overrides=reading.overrides())
         plan = plan_scenario(scenario)

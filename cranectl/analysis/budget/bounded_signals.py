@@ -48,7 +48,7 @@ def linear_estimator(observer: Observer) -> Estimator:
 
 
 def observed_error(observer: Observer, encoders: Encoders, states: Array, commands: Array) -> Array:
-    """Measured minus true joints (N, 10) along true `states` (N, 10) under `commands` (N - 1, 3) [m/s²]."""
+    """Return measured minus true joints (N, 10) along `states` (N, 10), `commands` (N - 1, 3) [m/s²]."""
     error = np.zeros_like(states)
     observe_along(
         observer, encoders, np.ascontiguousarray(states), commands, initial_estimate(states[0]), error
@@ -58,7 +58,7 @@ def observed_error(observer: Observer, encoders: Encoders, states: Array, comman
 
 @jit_called
 def observe_along(observer, encoders, states, commands, estimate, error):
-    """See `observed_error`; `estimate` is the observer's memory."""
+    """Run the observer along a motion for `observed_error`; `estimate` is its memory."""
     for k in range(len(states)):
         for joint in range(JOINTS):
             reading = read_encoder(encoders, k, joint, states[k, 2 * joint])
@@ -70,7 +70,7 @@ def observe_along(observer, encoders, states, commands, estimate, error):
 
 
 def load_variance(loop: TrajectoryLoop, estimator: Estimator, deviations: Array) -> Array:
-    """Variance of the load position (N, 3) [m²] under white noise of standard `deviations` (5,)."""
+    """Return the variance of the load's position (N, 3) [m²] under white noise, `deviations` (5,)."""
     variance = np.zeros((loop.samples, 3))
     propagate_variance(loop.matrices, estimator, np.square(deviations), variance)
     return variance
@@ -78,7 +78,7 @@ def load_variance(loop: TrajectoryLoop, estimator: Estimator, deviations: Array)
 
 @jit_called
 def loop_matrix(loop, k, matrix):
-    """X and the commands under way, the youngest first, at sample k + 1 by those at k, into `matrix`.
+    """Write into `matrix` how state and delayed commands at sample k + 1 follow from those at k.
 
     `matrix` is (n + 3 times the delay) square.
     """
@@ -121,7 +121,7 @@ def joined_matrices(loop, estimator, k, matrix, noise):
 
 @jit_called
 def propagate_variance(loop, estimator, noise_variance, variance):
-    """Variance of the load under noise; from rest, the estimator included."""
+    """Compute the variance of the load under noise, from rest, the estimator included."""
     p, total = loop.moving.shape[0], loop.outputs.shape[2] + STATES * JOINTS
     covariance, matrix, noise = np.zeros((total, total)), np.zeros((total, total)), np.zeros((total, JOINTS))
     for k in range(len(variance)):
@@ -135,14 +135,14 @@ def propagate_variance(loop, estimator, noise_variance, variance):
 
 @jit_called
 def flushed(matrix):
-    """Forget what has decayed to nothing: processors are slow with the smallest of numbers."""
+    """Set numbers that have decayed to almost nothing to zero: processors are slow with the smallest ones."""
     return np.where(np.abs(matrix) < TINY, 0.0, matrix)
 
 
 def worst_case(
     loop: TrajectoryLoop, amplitudes: Array, times: int, *, estimator: Estimator | None = None
 ) -> Array:
-    """Largest load error (times, 3) [m] under any five signals within `amplitudes` (N - 1, 5), by axis.
+    """Return the largest load error (times, 3) [m] for any five signals in `amplitudes` (N - 1, 5).
 
     The signals are errors of the measured positions, through `estimator`, or without one those at the ports
     of friction. The L1 norm of the time-varying impulse response, at `times` instants spread over the run, by
@@ -182,7 +182,7 @@ def sweep_back(loop, estimator, amplitudes, instants, worst):
 
 
 def worst_friction(loop: TrajectoryLoop, friction: FrictionPort, about: Deviation) -> float:
-    """Largest load error [m] under any course of friction, at rates like those of the motion `about`.
+    """Return the largest load error [m] for any friction, at rates like those of the motion `about`.
 
     Friction at rest is any force up to Coulomb's, and a moving axis has it against its motion: a signal
     within known limits, however it sticks and slips.

@@ -59,7 +59,7 @@ def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = Non
 
 
 def _ramp_response(run: Run, period: float) -> Array:
-    """Robustifier states (m,) of one axis after a period of an error that grows by 1 m/s."""
+    """Return the robustifier's states (m,) of one axis after a period of an error that grows by 1 m/s."""
     r = only_flat(run.design).robustifier
     augmented = np.zeros((r.order + 2, r.order + 2))
     augmented[:-2, :-2], augmented[:-2, -2], augmented[-2, -1] = r.a, r.b, 1.0
@@ -69,7 +69,7 @@ def _ramp_response(run: Run, period: float) -> Array:
 
 
 def _rate(signal: Array, period: float, jumps: NDArray[np.intp]) -> Array:
-    """Slope over each sample, (N - 1, m); where the signal jumps at its end, that of the sample before."""
+    """Return the slope over each sample, (N - 1, m); at a jump, that of the sample before."""
     slope: Array = np.diff(signal, axis=0) / period
     for k in jumps:
         if 2 <= k <= len(slope):
@@ -78,7 +78,7 @@ def _rate(signal: Array, period: float, jumps: NDArray[np.intp]) -> Array:
 
 
 def _rise(signal: Array, period: float, jumps: NDArray[np.intp]) -> Array:
-    """Mean over each sample less the value at its start, (N - 1, m), of a parabola through three samples."""
+    """Return the mean over each sample minus its start, (N - 1, m), by parabolas through three samples."""
     slope = _rate(signal, period, jumps)
     curvature = np.zeros_like(slope)
     curvature[:-1] = np.diff(slope, axis=0)
@@ -96,7 +96,7 @@ def _jumps(run: Run) -> NDArray[np.intp]:
 
 
 def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
-    """RK4 less the nominal run's exact steps; and the rope's pull, by which it moves even ideal drives."""
+    """Return RK4 minus the nominal run's exact steps, and the rope's pull, which moves even ideal drives."""
     ports = no_errors(loop)
     states, inputs, disturbances = (
         np.ascontiguousarray(run.block(name)) for name in ("state", "input", "disturbance")
@@ -141,7 +141,7 @@ def delayed(loop: TrajectoryLoop, commands: Array) -> Ports:
 
 
 def limited_commands(run: Run, loop: TrajectoryLoop, limits: DriveLimits, predicted: Deviation) -> Ports:
-    """Set-points and forces cut off along a predicted trajectory, less free ones."""
+    """Return limited minus free set-points and forces along a predicted trajectory."""
     rig, ports, period = run.scenario.rig, no_errors(loop), loop.period
     u = run.block("input")[:-1, :3]
     start = run.block("state")[0, 1:6:2]
@@ -172,7 +172,7 @@ def cut_off(limits, wanted, start, cut):
 
 
 def friction_of(run: Run, friction: Friction) -> FrictionPort:
-    """Friction as a shift of the set-points of servos and an angular acceleration of the joint."""
+    """Return friction as a shift of the servos' set-points and an angular acceleration of the joint."""
     rig, states = run.scenario.rig, run.block("state")
     inertia = rig.load_mass * states[:-1, ROPE] ** 2
     worth = np.empty((len(inertia), 5))

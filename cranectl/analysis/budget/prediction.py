@@ -208,7 +208,7 @@ def _predict_hold(nominal: LinearisedRun) -> Prediction:
 def _bound_friction(
     nominal: LinearisedRun, effects: tuple[str, ...], below: _Path, higher: _Path, other: float
 ) -> float:
-    """Largest deviation by any course of friction within its limits.
+    """Bound the deviation under any course of friction within its limits.
 
     What higher orders and the observer add to the motion `higher` is scaled to that of the worst case.
     """
@@ -238,7 +238,7 @@ def noisy(sensing: Sensing) -> Sensing:
 
 
 def measured_error(nominal: LinearisedRun, encoders: Encoders, on: Deviation) -> Array:
-    """Measured minus true joints (N, 10) with `encoders` and the observer on the motion `on`."""
+    """Return measured minus true joints (N, 10) with `encoders` and the observer on the motion `on`."""
     run = nominal.run
     states = run.block("state") + on.state[:, :10]
     commands = run.block("input")[:-1, :3] + on.commanded
@@ -254,7 +254,7 @@ def _observer(nominal: LinearisedRun) -> Observer:
 
 
 def predict_noise(nominal: LinearisedRun) -> Prediction:
-    """White noise through estimator and loop; its largest is that of the loop's independent values."""
+    """Predict the load's noise from estimator and loop; its largest is that of independent values."""
     run, loop, sensing = nominal.run, nominal.driven(), nominal.effects.sensing
     deviations = np.array([*sensing.position_noise, sensing.angle_noise, sensing.angle_noise])
     variance = load_variance(loop, linear_estimator(_observer(nominal)), deviations)

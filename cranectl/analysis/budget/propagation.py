@@ -54,7 +54,7 @@ class Deviation(NamedTuple):
 
 
 def no_errors(loop: TrajectoryLoop) -> Ports:
-    """Ports at which nothing happens."""
+    """Return ports at which nothing happens."""
     rows = max(loop.samples - 1, 0)
     three = (rows, 3)
     return Ports(

@@ -83,9 +83,9 @@ class NominalLoop:
         return PointVerdict(
             point=point,
             margin=self.margin.margin,
-            margin_frequency=self.margin.angle / self.period,
+            margin_frequency=self.margin.frequency / self.period,
             gap=gap.gap,
-            frequency=gap.angle / self.period,
+            frequency=gap.frequency / self.period,
             grade=grade,
             left=left,
             closed_loop_radius=closed_loop_radius(inner, self.opening.axis.robustifier),
@@ -176,7 +176,7 @@ class Certificate:
         return all(verdict.certified for verdict in self.points)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data, SI units and rad/s."""
+        """Return the result as plain data, in SI units and rad/s."""
         return {
             "controller": self.controller,
             "drive": self.drive,

@@ -35,7 +35,7 @@ class LargestValues:
     lag_stable: float | None
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data; the lowest bandwidth of the servos [rad/s] is 1/lag."""
+        """Return the result as plain data; the lowest bandwidth of the servos [rad/s] is 1/lag."""
         fields = asdict(self)
         return {**fields.pop("point"), **fields}
 

@@ -57,7 +57,7 @@ NOT_LINEAR = [full_name for name, kind in EFFECTS.items() for full_name in _name
 
 
 def present(effects: EffectSettings, names: Sequence[str]) -> list[str]:
-    """Those of `names`, LINEAR or NOT_LINEAR, that `effects` have and that act: air at rest does too."""
+    """Return those of `names` that `effects` have and that act; air at rest does too."""
 
     def value(name: str) -> Any:
         effect, _, setting = name.partition(".")

@@ -207,7 +207,7 @@ class Opening:
         return Graph(symbol, poles)
 
     def controller(self, z: Complex) -> Complex:
-        """K with u = K y at points `z`: (k, m, outputs)."""
+        """Return K with u = K y at points `z`: (k, m, outputs)."""
         r, eye = self.axis.robustifier.response(z), np.eye(self.axis.axes)
         if self.weight is not None:
             shaped: Complex = -r[:, :, :1] * self.weight.denominator(z) / self.weight.proportional * eye
@@ -240,7 +240,7 @@ def choose_opening(controller: str, axis: AxisDesign, settings: DesignSettings, 
 
 
 def best_scales(axis: AxisDesign) -> Array:
-    """Scales (4,) of what is measured on an axis for which b(G, K) at "v" or "u" is largest.
+    """Return scales (4,) of an axis's measurements for which b(G, K) at "v" or "u" is largest.
 
     They are 0 for what the controller makes no use of.
     """

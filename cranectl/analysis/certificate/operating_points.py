@@ -82,7 +82,7 @@ def signals_at(joints: Array, gravity: float) -> HeldState:
 
 
 def tilt_angles(point: OperatingPoint, gravity: float) -> tuple[float, float]:
-    """Alpha and beta [rad] at rest under the disturbance; of the two solutions the one that hangs.
+    """Return alpha and beta [rad] at rest under the disturbance: of the two solutions the one that hangs.
 
     Of a crane without effects. Raises InputError where no angle can hold against the disturbance.
     """

@@ -41,7 +41,7 @@ MIN_DIVISOR = 1e-300
 
 
 def structured_values(matrices: Complex) -> tuple[Array, Array]:
-    """Upper bounds (k,) of mu, matrices (k, m, m) with m > 1, and the scalings (k, m) that give them.
+    """Return upper bounds (k,) of mu of matrices (k, m, m), m > 1, and the scalings (k, m) that give them.
 
     The bound is the norm of D M D^-1 itself, so that it holds however well the scalings were found.
     """
@@ -67,7 +67,7 @@ def structured_values(matrices: Complex) -> tuple[Array, Array]:
 
 
 def _norm_and_slope(matrices: Complex, centre: Array) -> tuple[Array, Array]:
-    """Norm of D M D^-1 (k,), log D = `centre` (k, m), and its slope over all of them but the first."""
+    """Return the norm (k,) of D M D^-1, log D = `centre` (k, m), and its slope over all but the first."""
     scale = np.exp(centre)
     u, s, vh = np.linalg.svd(scale[:, :, None] * matrices / scale[:, None, :])
     slope = s[:, :1] * (np.abs(u[:, :, 0]) ** 2 - np.abs(vh[:, 0, :]) ** 2)
@@ -108,7 +108,7 @@ class GridBounds(NamedTuple):
 
 
 def first_gap(system: SampledSystem, bounds: GridBounds, level: Callable[[Array], Array]) -> float | None:
-    """None if the structured singular value is proven below `level` at every frequency, else where it is not.
+    """Return None if mu is proven below `level` at every frequency, else the first gap.
 
     `level`: of angles (k,), positive and nowhere increasing; `system`: stable.
     """
@@ -135,7 +135,7 @@ def first_gap(system: SampledSystem, bounds: GridBounds, level: Callable[[Array]
 
 
 def below_until(continuous: SampledSystem, scaling: Array, level: float, start: float, end: float) -> float:
-    """Up to which angle, at most `end`, the norm of D T D^-1 is below `level` from `start` on.
+    """Return the angle, at most `end`, up to which the norm of D T D^-1 is below `level` from `start` on.
 
     `continuous` is what `bilinear` gives; `start` where it is not below there.
     """
@@ -163,7 +163,7 @@ def bilinear(system: SampledSystem) -> SampledSystem:
 
 
 def _crossings(continuous: SampledSystem, level: float) -> Array | None:
-    """Angles below pi at which a singular value equals `level`, ascending; None if one does at pi."""
+    """Return the angles below pi, ascending, where a singular value is `level`; None if one is at pi."""
     a, b, c, d = continuous
     left = level**2 * np.eye(d.shape[1]) - d.T @ d
     if np.abs(np.linalg.eigvalsh(left)).min() < 1e-12 * level**2:
@@ -235,7 +235,7 @@ class DriveMargins:
 
 
 def drive_margins(inner: InnerLoop, robustifier: SampledSystem, period: float) -> DriveMargins:
-    """Margins at the drives of a loop; all zero for an unstable one.
+    """Return a loop's margins at the drives; all are zero for an unstable one.
 
     Found on a grid that follows the loop's poles and proven between its points.
     """
@@ -262,7 +262,7 @@ def drive_margins(inner: InnerLoop, robustifier: SampledSystem, period: float) -
 
 
 def bounded(system: SampledSystem, angles: Array) -> GridBounds:
-    """Upper bounds of mu for independent complex factors of each channel, at `angles` (k,)."""
+    """Return upper bounds of mu for independent complex factors of each channel, at `angles` (k,)."""
     response = system.response(np.exp(1j * angles))
     values, scalings = structured_values(response)
     return GridBounds(angles, response, scalings, values)

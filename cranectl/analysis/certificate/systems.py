@@ -25,7 +25,7 @@ class SampledSystem(NamedTuple):
     d: Array  # (p, m)
 
     def response(self, z: Complex) -> Complex:
-        """C (z I - A)^-1 B + D at the points `z` (k,): shape (k, p, m)."""
+        """Return C (z I - A)^-1 B + D at the points `z` (k,), shape (k, p, m)."""
         n = len(self.a)
         if n == 0:
             return np.broadcast_to(self.d.astype(complex), (len(z), *self.d.shape))
@@ -34,7 +34,7 @@ class SampledSystem(NamedTuple):
         return np.asarray(self.c @ states + self.d, dtype=complex)
 
     def poles(self) -> Complex:
-        """Eigenvalues of A."""
+        """Return the eigenvalues of A."""
         poles: Complex = np.linalg.eigvals(self.a).astype(complex)
         return poles
 
@@ -77,7 +77,7 @@ def with_delay(system: SampledSystem, rows: slice, columns: slice, samples: int)
 
 
 def differences(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
-    """Jacobian of `function` by central differences: (outputs, inputs)."""
+    """Return the Jacobian of `function` by central differences, (outputs, inputs)."""
     columns = []
     for k, step in enumerate(steps):
         offset = np.zeros(len(at))
@@ -114,7 +114,7 @@ class Peak(NamedTuple):
 
 
 def starting_grid(poles: Complex) -> Array:
-    """Angles from 0 to pi: both ends, a logarithmic grid, and each pole's angle with its neighbourhood."""
+    """Return angles from 0 to pi: both ends, a logarithmic grid, and neighbours of each pole's angle."""
     logarithmic = np.geomspace(GRID_START, np.pi, int(GRID_PER_DECADE * np.log10(np.pi / GRID_START)))
     modulus, angle = np.abs(poles), np.abs(np.angle(poles))
     sharp = (modulus > 0.5) & (modulus < 2.0)
@@ -167,7 +167,7 @@ def _merged(angles: Array, samples: GridSamples, more: Array, new: GridSamples) 
 
 
 def _distinct(grid: Array) -> Array:
-    """Sorted, without points that differ by rounding only."""
+    """Return the points sorted, without those that differ by rounding only."""
     grid = np.unique(grid)
     new = np.diff(grid) > 1e-12 * np.maximum(grid[1:], GRID_START)
     distinct: Array = grid[np.concatenate([[True], new])]

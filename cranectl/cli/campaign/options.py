@@ -13,7 +13,7 @@ from cranectl.cli.laws import controllers_option, opened, trust_option
 
 
 def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
-    """CAMPAIGN and the options that replace fields of its file; the command gets the campaign so changed."""
+    """Add CAMPAIGN and the options that replace fields of its file; the command gets the changed campaign."""
 
     @click.argument("campaign", shell_complete=complete_campaigns)
     @click.option("--runs", type=int, metavar="N", help="Number of samples.")

@@ -52,7 +52,7 @@ def benchmark_page(
 
 
 def judged_divisions(benchmark: Benchmark, table: BenchmarkTable) -> list[Judged]:
-    """Those that are there."""
+    """Return those of the divisions that the table has."""
     there = {trial.division for trial in table.trials}
     return [Judged(benchmark, table, division) for division in DIVISIONS if division in there]
 
@@ -236,7 +236,7 @@ def _failures(divisions: list[Judged], result: Path | None) -> Iterator[Section]
 
 
 def _first_failure(judged: Judged, controller: str, crane_set: str, result: Path | None) -> tuple[str, ...]:
-    """Scenario, crane, how the run ended, the command that shows it; empty where none failed."""
+    """Return scenario, crane, status and replay command of the first failure; empty if none failed."""
     for scenario in judged.benchmark.scenarios:
         trial = judged.trial(crane_set, scenario, controller)
         runs = judged.table.trials.get(trial)

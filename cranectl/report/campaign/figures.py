@@ -202,7 +202,7 @@ def failure_rates(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: S
 
 
 def sobol_bars(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure:
-    """First-order and total indices of the largest error with intervals, a panel for each controller."""
+    """Draw first-order and total indices of the largest error with intervals, a panel for each controller."""
     figure, panels = _rows_figure(len(parts), len(parameters))
     rows = np.arange(len(parameters))
     for axes, part in zip(panels, parts, strict=True):

@@ -12,7 +12,7 @@ from cranectl.analysis.advice import Advice
 from cranectl.analysis.budget.error_budget import Budget
 from cranectl.analysis.certificate.certify import Certificate, NominalLoop
 from cranectl.analysis.certificate.loop import InnerLoop
-from cranectl.analysis.certificate.nu_gap import complement, distance, orthonormal, sines
+from cranectl.analysis.certificate.nu_gap import complement, distance, orthonormal, smallest_sine
 from cranectl.analysis.ladder import LevelResult, load_difference
 from cranectl.analysis.levels import BASE
 from cranectl.report.page import Figure, Page, Section
@@ -167,6 +167,6 @@ def _draw_frequency(
     run = orthonormal(nominal_loop.opening.graph(worst).response(z))
     model = orthonormal(nominal_loop.graph.response(z))
     axes.semilogx(omega, distance(run, model), color=colours[SERIES[0]], label="distance to the design model")
-    margin = sines(complement(nominal_loop.opening.controller(z)), model)
+    margin = smallest_sine(complement(nominal_loop.opening.controller(z)), model)
     axes.semilogx(omega, margin, color=colours["limit"], label="margin of the loop")
     axes.set(xlabel="angular frequency [rad/s]", ylabel="sine of the angle")

@@ -35,7 +35,7 @@ def plain(expression: Any) -> Any:
 
 
 def derive() -> dict[str, Any]:
-    """Everything that follows from the kinematics and the two energies."""
+    """Derive all that follows from the kinematics and the two energies."""
     x_c, y_c, length, alpha, beta = q
     # Kinematics from the joints themselves: rotate the hanging rope by beta about -y, then by alpha about x.
     about_x = sp.rot_axis1(-alpha)
@@ -93,7 +93,7 @@ def check_identities(equations: dict[str, Any]) -> None:
 
 
 def check_code(equations: dict[str, Any], *, samples: int = 200, seed: int = 1) -> float:
-    """Largest relative difference between `cranectl.model.dynamics` and the derivation at random states."""
+    """Return the largest relative difference of `cranectl.model.dynamics` from the derivation."""
     rng = np.random.default_rng(seed)
     evaluate = {
         name: sp.lambdify([Q, QD, QDD, MASSES], expression, "numpy", cse=True)

@@ -50,7 +50,7 @@ def load_acceleration() -> sp.Matrix:
 
 
 def decoupling_without_extension() -> sp.Matrix:
-    """d(z'')/du, the matrix M(x) of (3.12) for [2 2 2]."""
+    """Return d(z'')/du, the matrix M(x) of (3.12) for [2 2 2]."""
     return load_acceleration().jacobian(U).applyfunc(sp.simplify)
 
 
@@ -60,7 +60,7 @@ def slopes() -> sp.Matrix:
 
 
 def decoupling_with_extension() -> sp.Matrix:
-    """d(z'''')/d(u_x, u_y, v_3) of the extended system, states x, zeta, zeta'."""
+    """Return d(z'''')/d(u_x, u_y, v_3) of the extended system, states x, zeta, zeta'."""
     angles, rates = sp.Matrix([ALPHA, BETA]), sp.Matrix([ALPHA_DOT, BETA_DOT])
     p = slopes()
     jacobian = p.jacobian(angles)

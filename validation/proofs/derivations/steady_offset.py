@@ -33,7 +33,7 @@ from cranectl.design import design_controller
 
 
 def tilt(d_alpha: float, d_beta: float, h: float, gravity: float) -> tuple[float, float]:
-    """Cardan angles at rest under constant disturbances [rad]."""
+    """Return the cardan angles at rest under constant disturbances [rad]."""
     alpha = 0.5 * asin(2.0 * d_alpha * h / gravity)
     beta = 0.5 * asin(2.0 * d_beta * h / (gravity * cos(alpha) ** 2))
     return alpha, beta

@@ -93,7 +93,7 @@ def area(d: Drawing, *corners: Point, fill: str = BLOCK_FILL, lw: float = LINE) 
 
 
 def label(d: Drawing, at: Point, text: str, align: Align = "center", size: float = TEXT) -> None:
-    """Text, vertically centred at `at`; `_x` or `_{xyz}` is a subscript, a line break starts a new line."""
+    """Draw text, vertically centred at `at`; `_x` or `_{xyz}` is a subscript."""
     lines = text.split("\n")
     step = LINE_HEIGHT * size / PX_PER_UNIT
     for i, line in enumerate(lines):
@@ -135,7 +135,7 @@ def _number(value: float) -> str:
 
 
 def _clean_style(style: str) -> str:
-    """Solid lines without schemdraw's invalid dash pattern, shorter dashes, one spelling of the colour."""
+    """Draw solid lines without an invalid dash pattern, shorter dashes, one spelling of the colour."""
     return (
         style.replace("stroke-dasharray:-;", "")
         .replace("stroke-dasharray:7.4,3.2", "stroke-dasharray:5,4")

@@ -26,7 +26,7 @@ ALPHA, BETA = math.radians(24.0), math.radians(28.0)
 
 
 def project(p: Vector) -> Point:
-    """Oblique projection: x to the right, z up, y into the picture."""
+    """Return an oblique projection: x to the right, z up, y into the picture."""
     x, y, z = p
     return (x + 0.5 * y, z + 0.4 * y)
 

@@ -121,7 +121,7 @@ def draw_final_controller(d: Drawing) -> None:
 def _in_a_row(
     d: Drawing, start: Point, names: tuple[str, str, str], end: float, arrow: str | None = "->"
 ) -> None:
-    """Three blocks at fixed places between `start` and x = `end`, in the direction of the signal."""
+    """Draw three blocks at fixed places between `start` and x = `end`, in the direction of the signal."""
     y = start[1]
     centres = (3.0, 5.7, 8.4) if end > start[0] else (8.4, 5.7, 3.0)
     side_in, side_out = ("W", "E") if end > start[0] else ("E", "W")

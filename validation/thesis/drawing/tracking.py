@@ -97,7 +97,7 @@ def _error_feedback(d: Drawing) -> Point:
 
 
 def _integrator_chain(d: Drawing, start: Point) -> None:
-    """Four integrators after `start`; their outputs go back to the error's sum."""
+    """Draw four integrators after `start`; their outputs go back to the error's sum."""
     x = start[0] + 1.0
     at = start
     bus = -1.9

@@ -47,7 +47,7 @@ def beyond(value: float, tolerance: float) -> float:
 
 
 def random_states(count: int) -> np.ndarray:
-    """Regular states, shape (count, 10), in the order of the thesis's (3.21)."""
+    """Draw regular states, shape (count, 10), in the order of the thesis's (3.21)."""
     states = np.random.default_rng(0).uniform(-0.8, 0.8, (count, 10))
     states[:, 4] = 0.5 + 0.4 * states[:, 4]  # the rope's length, never 1 m, which would hide units
     return states
@@ -59,7 +59,7 @@ def split(state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def over_states(check: Callable[[np.ndarray], tuple[float, float]]) -> tuple[float, float]:
-    """Smallest error of the printed form, largest of the right one, over random states."""
+    """Return the smallest error of the printed form and the largest of the right one, over random states."""
     errors = np.array([check(state) for state in random_states(50)])
     return float(errors[:, 0].min()), float(errors[:, 1].max())
 
@@ -82,5 +82,5 @@ def manipulator(state: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def shaped_plant(feedback: str) -> control.StateSpace:
-    """G W_e of section 5.2.1 for one axis."""
+    """Return G W_e of section 5.2.1 for one axis."""
     return inner_loop(design_controller(feedback).gain) * error_weight(LoopShapingSettings())
