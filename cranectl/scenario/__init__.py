@@ -1,4 +1,4 @@
-"""What is asked: scenario, rig, effects, and how they are read from TOML."""
+"""Scenarios, rigs and effects, and how they are read from TOML files."""
 
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.disturbances import NANOSECONDS, nanoseconds

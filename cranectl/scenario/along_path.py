@@ -1,4 +1,4 @@
-"""Segments whose path is given: lines, arcs, and those joined by blends; how fast is given, or planned."""
+"""Segments with a given path: lines, arcs, and both joined by blends. Their timing is given or planned."""
 
 from typing import Annotated, Literal, Self
 
@@ -25,7 +25,7 @@ MOST_COEFFICIENTS = 20_000
 
 
 class SplineLaw(Settings):
-    """How far along its path a motion was planned to be: a B-spline of degree 7 on uniform knots, C⁶."""
+    """A planned time law: the share s of the path over time, a B-spline of degree 7 on uniform knots, C⁶."""
 
     coefficients: Annotated[
         Many[Annotated[float, Field(ge=0.0, le=1.0)]], Field(min_length=8, max_length=MOST_COEFFICIENTS)
@@ -35,17 +35,17 @@ class SplineLaw(Settings):
 MINIMUM_TIME: Literal["minimum-time"] = "minimum-time"
 TimeLaw = Annotated[Text[Literal["degree-9", "degree-5", "minimum-time"]] | Other[SplineLaw], TEXT_OR_OTHER]
 TIME_LAW = "degree-9: C⁴; degree-5: C²; minimum-time: planned, C⁴, without a duration"
-DURATION = "[s], or shortest: the least within the limits"
+DURATION = "[s], or shortest: the shortest within the limits"
 
 
 class Plannable(Settings):
-    """A segment that may be planned, and then carries what its plan was proven to keep."""
+    """A segment that can be planned. It then has a claim: what was proven of its plan."""
 
-    _claim: str = PrivateAttr("")  # in words; of what was planned, so in no table
+    _claim: str = PrivateAttr("")  # a sentence; private, since no table of a scenario has it
 
     @property
     def claim(self) -> str:
-        """What was found and proven when the segment was planned, a line; else empty."""
+        """One line about what was found and proven when the segment was planned, or an empty text."""
         return self._claim
 
     def claiming(self, claim: str) -> Self:
@@ -56,7 +56,7 @@ class Plannable(Settings):
 
 
 class AlongPath(Plannable):
-    """A segment whose path is given; how fast it is gone along is, or is planned."""
+    """A segment with a given path. Its duration and time law are given or planned."""
 
     duration: Timed | None = Field(None, description=DURATION)
     time_law: TimeLaw = Field("degree-9", description=TIME_LAW)
@@ -72,7 +72,7 @@ class AlongPath(Plannable):
         if self.time_law == "degree-5" and self.duration == "shortest":
             raise RuleError(
                 "time_law = 'degree-5' with duration = 'shortest'",
-                allowed="a law whose accelerations do not jump, which no drive's can",
+                allowed="a time law without jumps of acceleration, which no drive can follow",
                 remedy="leave time_law out, or give the duration in seconds",
             )
         if self.time_law != MINIMUM_TIME and self.duration is None:
@@ -85,11 +85,13 @@ class AlongPath(Plannable):
 
 
 Blend = Annotated[float, Field(ge=0.0, le=1e3)]
-BLEND = "how far the corner at the end may be passed by [m], without a stop; 0: the load stops there"
+BLEND = (
+    "largest distance [m] at which the load passes the corner at its end, without a stop; 0: it stops there"
+)
 
 
 class Blendable(AlongPath):
-    """A segment that may go over into the next without a stop."""
+    """A segment that may pass into the next one without a stop."""
 
     blend: Blend = Field(0.0, description=BLEND)
 
@@ -98,21 +100,21 @@ class Blendable(AlongPath):
         if self.blend and self.time_law != MINIMUM_TIME:
             raise RuleError(
                 f"blend = {self.blend:g} without time_law = 'minimum-time'",
-                allowed="a corner that is passed: what stops at its end has none to blend",
+                allowed="a blend only with time_law = 'minimum-time', since other motions stop at their ends",
                 remedy="leave blend out, or leave the time to the plan: time_law = 'minimum-time'",
             )
         return self
 
 
 class Line(Blendable):
-    """Straight line from where the last segment ended."""
+    """A straight line from the end of the last segment."""
 
     kind: Literal["line"]
     to: Point3 = Field(description="end point (x, y, z) [m]")
 
 
 class Arc(Blendable):
-    """Horizontal circular arc from where the last segment ended."""
+    """A horizontal circular arc from the end of the last segment."""
 
     kind: Literal["arc"]
     centre: Point2 = Field(description="centre (x, y) [m]")
@@ -122,14 +124,14 @@ class Arc(Blendable):
 
 
 class BlendedPath(AlongPath):
-    """Lines and arcs joined by blends, as they were planned: one path, one time law."""
+    """Planned lines and arcs that blends join to one path with one time law."""
 
     kind: Literal["path"]
     parts: Annotated[Many[Annotated[Line | Arc, Field(discriminator="kind")]], Field(min_length=2)] = Field(
-        description="as asked for"
+        description="as the scenario had them"
     )
     taken: Many[Annotated[float, Field(gt=0.0)]] = Field(
-        description="what the blend of each corner takes of both its neighbours [m]"
+        description="length that the blend of each corner replaces of both its neighbours [m]"
     )
 
     @model_validator(mode="after")
@@ -137,7 +139,7 @@ class BlendedPath(AlongPath):
         if len(self.taken) != len(self.parts) - 1:
             raise RuleError(
                 f"{len(self.taken)} numbers in taken",
-                allowed=f"{len(self.parts)} parts have a corner less",
+                allowed=f"{len(self.parts) - 1} numbers, since {len(self.parts)} parts have one corner less",
                 remedy="give one for each corner",
             )
         return self
@@ -149,7 +151,7 @@ Along = Line | Arc | BlendedPath
 def check_moves(segment: Line | Arc, start: Array, where: str) -> None:
     """Raise InputError for a segment of no length."""
     if isinstance(segment, Line):
-        what = "a line to where the load already is" if np.array_equal(start, segment.to) else ""
+        what = "a line that ends where it starts" if np.array_equal(start, segment.to) else ""
     else:
         still = segment.angle == 0.0 or np.array_equal(start[:2], segment.centre)
         what = "an arc of no angle or no radius" if still else ""

@@ -1,4 +1,4 @@
-"""What the designs of the flat family are given."""
+"""The settings in `[design]`, from which controllers of the flat family are designed."""
 
 from collections import Counter
 from typing import Annotated, Any
@@ -15,13 +15,13 @@ from pydantic_core import PydanticCustomError
 
 from cranectl.scenario.settings import RATE, Scaled, Settings
 
-# Of chains z⁗ = v: frequencies scale by 1/√L, so gains by powers of it.
+# Frequencies scale by 1/√L, so gains of z⁗ = v scale by powers of it.
 Weight = Annotated[float, Field(ge=1e-9, le=1e9)]
 SLOWEST, FASTEST = 1e-3, 1e3  # [1/s], of poles
 
 
 def _pole(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
-    """Return a number as it is; parse a complex one, which TOML lacks, from its Python text."""
+    """Return a real pole unchanged; parse a complex one from text such as "-3+1j", since TOML has none."""
     if not isinstance(value, str):
         return check(value)
     try:
@@ -52,7 +52,7 @@ Pole = Annotated[
 
 
 class HinfSettings(Settings):
-    """S/KS mixed sensitivity: W_s = (s/M + w) / (s + w A) on the error, a constant on v-bar."""
+    """Settings of S/KS mixed sensitivity: W_s = (s/M + w) / (s + w A) on the error, a constant on v-bar."""
 
     peak: Annotated[float, Field(gt=1.0, le=1e3)] = Field(
         5.0, description="M, upper bound of |S| at high frequencies"
@@ -75,7 +75,7 @@ class HinfSettings(Settings):
 
 
 class LoopShapingSettings(Settings):
-    """Glover-McFarlane with the weight W_e = P + I/s on the error."""
+    """Settings of Glover-McFarlane loop shaping, with the weight W_e = P + I/s on the error."""
 
     proportional: Annotated[float, Field(ge=1e-6, le=1e6), Scaled(-2.0)] = Field(
         17.88, description="P [1/s⁴]"
@@ -87,7 +87,7 @@ class LoopShapingSettings(Settings):
 
 
 class DesignSettings(Settings):
-    """Data of the feedback designs (thesis 5.2.1); each axis gets the same."""
+    """Settings of the feedback designs (thesis 5.2.1), the same for all axes."""
 
     poles: Annotated[tuple[Pole, Pole, Pole, Pole], Field(strict=False), RATE] = Field(
         (-2.5, -2.5, -2.5, -2.5),

@@ -1,4 +1,4 @@
-"""What disturbs the load: the thesis's accelerations of a cardan angle, and forces."""
+"""Disturbances of the load: the thesis's accelerations of a cardan angle, and forces."""
 
 from typing import Annotated, Literal
 
@@ -13,7 +13,7 @@ Newtons = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
 class Disturbance(Settings):
-    """From `start` on, a constant acceleration added to one cardan angle, or a constant force on the load."""
+    """A constant acceleration of a cardan angle, or a constant force on the load, from `start` to `end`."""
 
     joint: Literal["alpha", "beta"] | None = Field(None, description="the angle that is accelerated")
     start: Annotated[float, Field(ge=0.0, le=MAX_DURATION)] = Field(description="[s]")
@@ -47,7 +47,7 @@ class Disturbance(Settings):
 
     @property
     def in_short(self) -> str:
-        """Size and times: 1 rad/s² on alpha from 6 to 7 s."""
+        """Size and times in short, such as "1 rad/s² on alpha from 6 to 7 s"."""
         return f"{self._size} from {self.start:g}{'' if self.end is None else f' to {self.end:g}'} s"
 
     @property
@@ -58,16 +58,16 @@ class Disturbance(Settings):
 
     @property
     def acceleration(self) -> tuple[float, float]:
-        """Added to alpha'', beta'' [rad/s²]."""
+        """The accelerations that are added to alpha'' and beta'' [rad/s²]."""
         size = self.magnitude or 0.0
         return (size, 0.0) if self.joint == "alpha" else (0.0, size)
 
     def acts(self, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return at which of the times [ns] the disturbance acts."""
-        begun: NDArray[np.bool_] = time_ns >= nanoseconds(self.start)
-        return begun if self.end is None else begun & (time_ns < nanoseconds(self.end))
+        """Return for each time [ns] whether the disturbance acts."""
+        is_after_start: NDArray[np.bool_] = time_ns >= nanoseconds(self.start)
+        return is_after_start if self.end is None else is_after_start & (time_ns < nanoseconds(self.end))
 
 
 def nanoseconds(seconds: float) -> int:
-    """Return a time as it is counted in records and logs."""
+    """Return a time [s] in whole nanoseconds, the unit of records and logs."""
     return round(seconds * NANOSECONDS)

@@ -1,8 +1,8 @@
-"""What a rig is drawn as, and how large: the laboratory frame, a bridge crane or a ship-to-shore crane.
+"""How a rig is drawn, and how large: as laboratory frame, bridge crane or ship-to-shore crane.
 
-The laboratory frame is that of `models/crane.xml`, stretched to other ranges. What stands at the ends of the
-ranges stands where they are. How thick parts are, how far from an end, how long an arrow is, all this has one
-scale, 1 for the laboratory. Drawings only: no plant knows of it.
+The laboratory frame is that of `models/crane.xml`, stretched to other ranges. Parts at the ends of the ranges
+move with these. Thicknesses, distances from an end and lengths of arrows have one common scale, 1 for the
+laboratory. All this is for drawings only and changes no plant.
 """
 
 from typing import Literal, NamedTuple
@@ -13,13 +13,13 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 
 LABORATORY = RigParameters()
-FILED_RADIUS = 0.05  # [m] of the filed ball of 1 kg: 1910 kg/m³, a loaded container rather than steel
-RADIUS_LIMITS = (0.6, 2.0)  # of the filed one in scale: a light load is seen, a heavy one hides nothing
+FILED_RADIUS = 0.05  # [m] of the model file's ball of 1 kg: 1910 kg/m³, like a loaded container
+RADIUS_LIMITS = (0.6, 2.0)  # over the scaled FILED_RADIUS: a light load is visible, a heavy one hides nothing
 FILED_TRAIL = 4.0  # [s], two swings of the laboratory's rope
-FILED_BOX = ((-0.125, -0.145, -1.4), (2.125, 1.685, 0.225))  # [m], corners of all that is filed of the rig
+FILED_BOX = ((-0.125, -0.145, -1.4), (2.125, 1.685, 0.225))  # [m], corners of the rig in the model file
 LARGEST_FRAME = 3.0  # scale up to which a rig is drawn as the laboratory frame
 LEAST_PORTAL_LIFT = 15.0  # [m] of a ship-to-shore crane
-LEAST_PORTAL_SHARE = 0.5  # of its lift over the travel of its trolley; halls are wider than high
+LEAST_PORTAL_SHARE = 0.5  # lift over the travel of the trolley; halls are wider than high
 
 CraneKind = Literal["laboratory frame", "bridge crane", "ship-to-shore crane"]
 
@@ -43,18 +43,18 @@ def _extents(rig: RigParameters) -> Array:
 def drawn_scale(rig: RigParameters) -> float:
     """Return how many times thicker than the laboratory's the rig's parts are drawn.
 
-    The middle one of the three extents: neither a track of 200 m nor a deep shaft alone makes parts thick.
+    It is the median of the three extents, so that a long track or a deep shaft alone makes no part thick.
     """
     return float(np.median(_extents(rig)))
 
 
 def drawn_reach(rig: RigParameters) -> float:
-    """Return how many times farther than the laboratory's its floor and surroundings reach."""
+    """Return how many times larger than the laboratory's the floor and the surroundings are drawn."""
     return float(_extents(rig).max())
 
 
 def crane_kind(rig: RigParameters) -> CraneKind:
-    """Return what a rig is drawn as, by its size and proportions.
+    """Return the kind of crane that a rig is drawn as, by its size and proportions.
 
     A rig of at most three times the laboratory's size is a frame. A larger one is a ship-to-shore crane if
     it lifts loads by 15 m or more, and by half the travel of its trolley or more. Else it is a bridge crane.
@@ -67,7 +67,7 @@ def crane_kind(rig: RigParameters) -> CraneKind:
 
 
 class Portal(NamedTuple):
-    """Where the parts of a ship-to-shore crane stand [m]: z from the trolley's height, x from its middle."""
+    """Positions of the parts of a ship-to-shore crane [m]; z from the trolley's height, x from its middle."""
 
     half_width: float  # of the legs along x
     landside: float  # y of the legs
@@ -92,7 +92,7 @@ def drawn_portal(rig: RigParameters) -> Portal:
 
 
 def drawn_load_radius(rig: RigParameters) -> float:
-    """Return the radius of the drawn load [m]: that of `look`, or one from the mass of the load."""
+    """Return the radius of the drawn load [m]: that in `look`, or else one that fits its mass."""
     if rig.look.load_radius is not None:
         return rig.look.load_radius
     low, high = (drawn_scale(rig) * FILED_RADIUS * limit for limit in RADIUS_LIMITS)
@@ -100,14 +100,14 @@ def drawn_load_radius(rig: RigParameters) -> float:
 
 
 def drawn_trail(rig: RigParameters) -> float:
-    """Return for how long a trail shows the path of the load [s]: as many swings for any rope."""
+    """Return how long a trail shows the path of the load [s]: the same number of swings on any rope."""
     return float(FILED_TRAIL * np.sqrt(drawn_scale(rig)))
 
 
 def drawn_place(filed: Array, rig: RigParameters) -> Array:
-    """Return where a point (x, y, z) of the model file that stands on the floor is drawn [m].
+    """Return where a point (x, y, z) of the model file's frame is drawn for another rig [m].
 
-    In scale as far from an end of each range as filed, from the end that is nearer.
+    Along each axis it keeps its distance, times the scale, from the nearer end of the range.
     """
     old, new = drawn_ends(LABORATORY), drawn_ends(rig)
     nearer = np.arange(3), np.abs(old - filed[:, None]).argmin(axis=1)
@@ -116,7 +116,7 @@ def drawn_place(filed: Array, rig: RigParameters) -> Array:
 
 
 def drawn_box(rig: RigParameters) -> Array:
-    """Return the corners of all that is drawn of the rig [m], the lowest and the highest, shape (2, 3)."""
+    """Return the lowest and the highest corner of the drawn rig [m], shape (2, 3)."""
     if crane_kind(rig) == "ship-to-shore crane":
         portal, (start, end) = drawn_portal(rig), rig.bridge_range
         beside = portal.half_width + 0.05 * drawn_scale(rig)
@@ -126,10 +126,10 @@ def drawn_box(rig: RigParameters) -> Array:
 
 
 def drawn_eye(filed: Array, axes: Array, tangents: Array, rig: RigParameters) -> tuple[Array, float]:
-    """Return the place of a camera for another rig [m], and its relative distance from the middle.
+    """Return the position of a camera for another rig [m], and its distance over that of the laboratory.
 
-    Its picture is as full as the laboratory's. `axes` (3, 3) are the directions to its right, up and
-    backwards as rows, `tangents` (2,) of half its angles of view.
+    The rig fills its picture as the laboratory does. The rows of `axes` (3, 3) are the directions to the
+    camera's right, up and backwards. `tangents` (2,) are those of half its angles of view.
     """
     old, new = (_fitted_eye(drawn_box(drawn), axes, tangents) for drawn in (LABORATORY, rig))
     distances = [
@@ -140,9 +140,9 @@ def drawn_eye(filed: Array, axes: Array, tangents: Array, rig: RigParameters) ->
 
 
 def _fitted_eye(box: Array, axes: Array, tangents: Array) -> Array:
-    """Return where a camera sees the whole box and nothing more [m], shape (3,).
+    """Return where the box just fills a camera's picture [m], shape (3,).
 
-    A corner p is between its sides if ±u·(p - eye) ≤ t w·(eye - p), u to the right or up, w backwards.
+    A corner p is in the picture if ±u·(p - eye) ≤ t w·(eye - p), with u to the right or up and w backwards.
     """
     across_up, back = np.split(axes @ np.array(np.meshgrid(*box.T)).reshape(3, -1), [2])
     depth = np.outer(tangents, back)

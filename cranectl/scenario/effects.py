@@ -1,11 +1,11 @@
-"""The effects that a run can add, a table each under [effects] in a scenario; an absent table is no effect.
+"""The effects that a run can have, each with a table under [effects]; without the table it is off.
 
-The class of an effect is all that the package knows of it outside the plants. A new effect is a class here,
-with a field of `EffectNumbers` and of `EffectSettings`, and in each plant that shows it a part.
+The class of an effect has all that the package knows of it outside the plants. A new effect needs a class
+here, a field in `EffectNumbers` and `EffectSettings`, and a part in each plant that shows it.
 
 The thesis gives none of these numbers. Every default is an assumption about a small laboratory rig, with its
-reason in the description; an empty table takes them all. A rig in a file of its own has numbers of its own,
-under `[effects]` there or scaled (`scenario.similarity`), which an empty table then takes.
+reason in the description. An empty table takes all defaults. A rig file has other defaults, either from its
+own `[effects]` or scaled to its size (`scenario.similarity`).
 """
 
 from collections.abc import Mapping
@@ -16,55 +16,55 @@ from pydantic import Field
 from cranectl.scenario.settings import FORCE, LENGTH, MASS, RATE, SPEED, TIME, Pair, Scaled, Settings, Triple
 
 Size = Annotated[float, Field(ge=0.0, le=1e6)]
-# Numbers that are scaled to a crane's size: wide enough for each size that `scenario.similarity` allows.
+# Ranges of numbers that are scaled to a crane: wide enough for each size that `scenario.similarity` allows.
 Resistance = Annotated[float, Field(ge=0.0, le=1e9)]
 Limit = Annotated[float, Field(ge=1e-6, le=1e9)]
 Seconds = Annotated[float, Field(ge=0.0, le=10.0)]
 Seed = Annotated[int, Field(ge=0, lt=2**32)]
-NO_LIMIT = 1e9  # the largest value of a Limit: as good as none
+NO_LIMIT = 1e9  # the largest value of a Limit, which limits nothing
 DAMPING_MOMENT = Scaled(1.5, 1.0)
-WHOLE = ("",)  # in place of the names of settings: the effect itself
+WHOLE = ("",)  # stands for the whole effect in place of the names of settings
 
 
 class Part(NamedTuple):
     """A setting that a plant may lack although it shows the rest of its effect."""
 
-    none: float  # its value, or each of its values, where nothing acts
-    tried: float  # to which a plant must react
-    on_axes: bool = False  # a force on the driven axes
+    none: float  # value, for each axis, at which the setting has no effect
+    tried: float  # value to which a plant must react in a test
+    on_axes: bool = False  # whether it is a force on the driven axes
 
     def acts(self, value: Any) -> bool:
-        """Return True if a value of the setting is not that of nothing."""
+        """Return True if a value of the setting has an effect."""
         return any(number != self.none for number in (value if isinstance(value, tuple) else (value,)))
 
 
 def spread(number: float, like: Any) -> Any:
-    """Return a number, or as many of it as a setting `like` has."""
+    """Return `number`, or a tuple of it as long as `like` if that is a tuple."""
     return (number,) * len(like) if isinstance(like, tuple) else number
 
 
 class Effect(Settings):
-    """Numbers of one effect, and what follows from it."""
+    """Numbers of an effect, and its properties."""
 
-    adds: ClassVar[str] = ""  # what its level of the ladder adds; without it the ladder has no such level
-    is_staged: ClassVar[bool] = False  # lies between plant and controller
-    is_structural: ClassVar[bool] = False  # changes the equations of motion smoothly
-    linear: ClassVar[tuple[str, ...]] = ()  # settings that the certificate knows; WHOLE for the effect itself
-    nonlinear: ClassVar[tuple[str, ...]] = ()  # settings that it leaves out
-    factors: ClassVar[Mapping[str, tuple[str, ...]]] = {}  # by setting: what it acts only beside, not at zero
-    set_points: ClassVar[Mapping[str, float]] = {}  # settings of set-points, and the value without effect
-    parts: ClassVar[Mapping[str, Part]] = {}  # by setting; without them a plant shows the effect or lacks it
+    adds: ClassVar[str] = ""  # what its level of the ladder adds; empty if the ladder has no such level
+    is_staged: ClassVar[bool] = False  # whether it acts between plant and controller
+    is_structural: ClassVar[bool] = False  # whether it changes the equations of motion smoothly
+    linear: ClassVar[tuple[str, ...]] = ()  # settings that the certificate includes; WHOLE for all
+    nonlinear: ClassVar[tuple[str, ...]] = ()  # settings that the certificate leaves out; WHOLE for all
+    factors: ClassVar[Mapping[str, tuple[str, ...]]] = {}  # by setting: others without which it has no effect
+    set_points: ClassVar[Mapping[str, float]] = {}  # settings of set-points, and their value without effect
+    parts: ClassVar[Mapping[str, Part]] = {}  # by setting; if empty, a plant shows or lacks the whole effect
 
     @property
     def linear_part(self) -> Self | None:
-        """What of it makes a plant another linear plant."""
+        """The effect with only those settings that keep a plant linear, or None if there are none."""
         if self.is_staged or not self.linear:
             return None
         return self.model_copy(update={name: spread(0.0, getattr(self, name)) for name in self.nonlinear})
 
 
 class DriveLimits(Effect):
-    """What the drives of bridge, trolley and winch can do at most; commands beyond are cut off."""
+    """Limits of the drives of bridge, trolley and winch, to which commands are cut off."""
 
     adds = "limits of velocity, acceleration and force"
     is_staged = True
@@ -113,7 +113,7 @@ class Sensing(Effect):
 
 
 class Delay(Effect):
-    """Between measurement and drive: computing and transport, a whole number of control periods."""
+    """Delay between measurement and drive, for computing and transport: whole control periods."""
 
     adds = "computing and transport"
     is_staged = True
@@ -150,9 +150,9 @@ class Friction(Effect):
 
 
 class Rope(Effect):
-    """A rope that has mass, gives, and can go slack."""
+    """An elastic rope that has mass and can go slack."""
 
-    adds = "a rope that has mass, gives and goes slack"
+    adds = "an elastic rope that has mass and can go slack"
     is_structural = True
     linear = WHOLE
 
@@ -171,7 +171,7 @@ class Rope(Effect):
 
 
 class Body(Effect):
-    """A load that is no point: a rigid body that swings by itself under its hook."""
+    """A load that is a rigid body instead of a point, and swings under its hook."""
 
     adds = "a load that swings under its hook"
     is_structural = True
@@ -193,7 +193,7 @@ class Body(Effect):
 
 
 class Wind(Effect):
-    """Air that moves: drag on the load, mean wind and gusts of first order (Dryden-like)."""
+    """Wind: drag on the load, mean wind and gusts of first order (Dryden-like)."""
 
     adds = "drag and gusts"
     is_structural = True
@@ -225,9 +225,9 @@ class Wind(Effect):
 
 
 class Frame(Effect):
-    """A frame that gives way under its bridge: a damped spring along x and along y."""
+    """An elastic frame under the bridge: a damped spring along x and along y."""
 
-    adds = "a frame that gives way"
+    adds = "an elastic frame"
     is_structural = True
     linear = WHOLE
 
@@ -241,22 +241,22 @@ class Frame(Effect):
 
 
 class Installation(Effect):
-    """What is not set up as the controller believes; all as believed by default."""
+    """Differences between the rig as installed and as the controller assumes it; none by default."""
 
-    # No level of the ladder, since no rig is known to have it: campaigns vary it.
+    # The ladder has no level for it, since it has no usual values. Campaigns vary it.
     is_staged = True
     nonlinear = WHOLE
     set_points: ClassVar[Mapping[str, float]] = {"dead_zone": 0.0}
     parts: ClassVar[Mapping[str, Part]] = {"tilt": Part(0.0, 0.02)}
 
     drive_gain: Triple[Annotated[float, Field(gt=0.0, le=10.0)]] = Field(
-        (1.0, 1.0, 1.0), description="what bridge, trolley, winch make of a command of 1"
+        (1.0, 1.0, 1.0), description="executed over given command of bridge, trolley, winch"
     )
     dead_zone: Annotated[Triple[Size], SPEED] = Field(
         (0.0, 0.0, 0.0), description="bridge, trolley, winch stand still for set-points below this [m/s]"
     )
     rope_offset: Annotated[float, Field(ge=-1.0, le=1.0)] = Field(
-        0.0, description="what the encoder reads more than the rope is long [m]"
+        0.0, description="encoder reading minus true length of the rope [m]"
     )
     tilt: Pair[Annotated[float, Field(ge=-0.5, le=0.5)]] = Field(
         (0.0, 0.0), description="slope of the rails, rising towards +x and +y [rad]"
@@ -264,7 +264,7 @@ class Installation(Effect):
 
 
 class EffectNumbers(Settings):
-    """The numbers that each effect has on a crane when a run adds it."""
+    """The numbers of all effects on a crane, for runs that switch them on."""
 
     limits: DriveLimits = DriveLimits()
     sensing: Sensing = Sensing()
@@ -282,7 +282,7 @@ class EffectNumbers(Settings):
 
 
 class EffectSettings(Settings):
-    """All effects of a run; none by default."""
+    """The effects that a run has; none by default."""
 
     limits: DriveLimits | None = None
     sensing: Sensing | None = None
@@ -296,12 +296,12 @@ class EffectSettings(Settings):
 
     @property
     def staged(self) -> bool:
-        """Whether anything lies between plant and tracker, or between tracker and plant."""
+        """Whether an effect acts between plant and controller, in either direction."""
         return any(EFFECTS[name].is_staged for name in self.names)
 
     @property
     def linear_part(self) -> "EffectSettings":
-        """What of them makes a plant another linear plant."""
+        """The effects with only those settings that keep a plant linear."""
         return EffectSettings(**{name: getattr(self, name).linear_part for name in self.names})
 
     @property
@@ -313,7 +313,7 @@ class EffectSettings(Settings):
 EFFECTS: dict[str, type[Effect]] = {
     k: type(model_field.default) for k, model_field in EffectNumbers.model_fields.items()
 }
-# What of them plants show: some as a whole, of some the parts.
+# Effects that a plant shows or lacks as a whole, and parts of the other effects.
 WHOLE_EFFECTS = [
     name for name, kind in EFFECTS.items() if not kind.is_staged and (kind.is_structural or not kind.parts)
 ]

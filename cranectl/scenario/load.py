@@ -1,6 +1,6 @@
-"""Scenarios and rigs from files: which file a name means, what comes on top of what.
+"""Read scenarios and rigs from files: find the file of a name, and merge tables in order of precedence.
 
-And what travels with a scenario but in no table of it: files of its segments, claims of its plan.
+Also handle what belongs to a scenario but is in no table of it: files of its segments, claims of its plan.
 """
 
 import json
@@ -22,19 +22,19 @@ from cranectl.support.errors import InputError
 from cranectl.support.files import replacing
 
 OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
-# And what effects would be on the rig: those that a run has say it themselves.
-NOT_TOLD: dict[str, Any] = {**dict.fromkeys(OWN, True), "rig": {"effects"}}
+# The rig's numbers of effects are not reported either: the effects of the run have them.
+NOT_REPORTED: dict[str, Any] = {**dict.fromkeys(OWN, True), "rig": {"effects"}}
 
 FOLDER = "reference"
-PLAN = f"{FOLDER}/plan.json"  # by the index of a planned segment what it was proven to keep
+PLAN = f"{FOLDER}/plan.json"  # claims of planned segments, by index
 DIGEST_DIGITS = 12  # of a SHA-256
 
 
 def changed_from_default(scenario: Scenario) -> dict[str, Any]:
-    """Return by dotted name what differs from the default, without keys that every scenario has."""
+    """Return settings that differ from their defaults, by dotted name; skip keys of every scenario."""
     default = Scenario(name="default", duration=1.0, reference=ReferenceSettings(start=(0.0, 0.0, 0.0)))
     usual, requested = (
-        settings.model_dump(mode="json", exclude=NOT_TOLD) for settings in (default, scenario)
+        settings.model_dump(mode="json", exclude=NOT_REPORTED) for settings in (default, scenario)
     )
     changed = {name: new for name, _, new in differences(usual, requested, absent=None)}
     return dict(leaves(changed, is_leaf=lambda value: not isinstance(value, dict)))
@@ -61,9 +61,9 @@ def read_scenario(
 ) -> Scenario:
     """Load a scenario by name or from a TOML file.
 
-    Rig parameters: defaults, then the scenario's `[rig]`, or the rig that it names, then those of `rig`, a
-    file or the name of one that comes with cranectl, then `overrides` (`"rig.load_mass=2.5"`). Raises
-    InputError for anything wrong, naming all wrong fields.
+    Parameters of the rig come from several sources, and later ones replace earlier ones: the defaults, the
+    scenario's `[rig]` or the rig that it names, the file or shipped name `rig`, and `overrides` such as
+    `"rig.load_mass=2.5"`. Raises an InputError that names all wrong fields.
     """
     path = scenario_file(name_or_path)
     table = read_toml(path)
@@ -73,7 +73,7 @@ def read_scenario(
 
 
 def rig_place(name_or_path: str, directory: Path) -> Path:
-    """Return the rig that a file in `directory` names, in the form that `load_rig` takes."""
+    """Return the rig that a file in `directory` names, as an argument for `load_rig`."""
     return directory / name_or_path if resources.is_path(name_or_path) else Path(name_or_path)
 
 
@@ -88,9 +88,9 @@ def rig_names() -> list[str]:
 
 
 def rig_table(name_or_path: str | Path) -> Table:
-    """Return all parameters of a rig by its name or path; raise InputError.
+    """Return all parameters of a rig by its name or path; raise InputError for an invalid file.
 
-    What neither its file nor one that it extends says is scaled from the laboratory rig.
+    Parameters that neither its file nor a file that it extends has are scaled from the laboratory rig.
     """
     *above, (_, whole) = _rig_files(name_or_path)
     if "load_mass" in whole:
@@ -101,7 +101,10 @@ def rig_table(name_or_path: str | Path) -> Table:
 
 
 def _rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
-    """Yield what the file of a rig says, and those that it extends, by a path from the place of each."""
+    """Yield path and table of the file of a rig, then of each file that it extends.
+
+    The path of an extended file is relative to the file that names it.
+    """
     below, directory, seen = str(name_or_path), Path(), set[Path]()
     while below is not None:
         path = resources.toml_file("rig", str(rig_place(below, directory)), resources.RIG_DIRECTORY)
@@ -123,10 +126,10 @@ def _rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
 def given_settings(
     name_or_path: str | Path | None, rig: str | Path | None, overrides: Sequence[str]
 ) -> dict[str, Any]:
-    """Return by dotted name what the user says of a scenario, in its file, in its rig's and by overrides.
+    """Return by dotted name the settings that the user gives: in the scenario, the rig and the overrides.
 
-    The arguments are those of `read_scenario`, or for `default_scenario` without a name. What comes with
-    cranectl does not count.
+    The arguments are those of `read_scenario`, or of `default_scenario` if there is no name. Settings in
+    files that come with cranectl do not count.
     """
     table: Table = {}
     shipped = True
@@ -143,23 +146,23 @@ def given_settings(
     if "controller" in table:
         table = {**table, "controller": controller_table(table["controller"])}
     stated = {
-        name for name, _ in _said(table) if not shipped or (rig is not None and name.startswith("rig."))
+        name for name, _ in _settings(table) if not shipped or (rig is not None and name.startswith("rig."))
     }
     assigned = [assignment.partition("=")[0].strip() for assignment in overrides]
     return {
         name: value
-        for name, value in _said(override(table, overrides))
+        for name, value in _settings(override(table, overrides))
         if name in stated or any(f"{name}.".startswith(f"{key}.") for key in assigned)
     }
 
 
-def _said(table: Table) -> Iterator[tuple[str, Any]]:
+def _settings(table: Table) -> Iterator[tuple[str, Any]]:
     """Yield the values of a table by dotted names, and its empty tables."""
     return leaves(table, is_leaf=lambda value: is_plain(value) or not value)
 
 
 def idle_effects(scenario: Scenario, stated: Iterable[str]) -> tuple[str, ...]:
-    """Return the effects that `scenario` does not have, but its rig has numbers of among `stated`."""
+    """Return the effects that `scenario` does not have although `stated` sets numbers of the rig for them."""
     named = {name.split(".")[2] for name in stated if name.startswith("rig.effects.")}
     return tuple(
         name
@@ -183,9 +186,8 @@ def _scenario(table: Table, source: str, rig: str | Path | None, overrides: Sequ
     if "controller" in table:
         table = {**table, "controller": controller_table(table["controller"])}
     table = override(table, overrides)
-    if (
-        rig is None and isinstance(table.get("rig"), dict) and "rated_load" in table["rig"]
-    ):  # another crane, as in a file
+    # A table [rig] with a rated load describes another crane, as a rig file does.
+    if rig is None and isinstance(table.get("rig"), dict) and "rated_load" in table["rig"]:
         parse_settings(RigParameters, table["rig"], f"{source}: rig")
         table = completed_scenario(table, completed_rig(table["rig"]))
     scenario = parse_settings(Scenario, _with_numbers(table), source)
@@ -194,7 +196,7 @@ def _scenario(table: Table, source: str, rig: str | Path | None, overrides: Sequ
 
 
 def _with_numbers(table: Table) -> Table:
-    """Return the table of a scenario whose effects take missing numbers from its rig."""
+    """Return the table of a scenario with numbers that its effects lack taken from its rig."""
     rig, effects = table.get("rig"), table.get("effects")
     numbers = rig.get("effects") if isinstance(rig, dict) else None
     if not isinstance(numbers, dict) or not isinstance(effects, dict):
@@ -208,7 +210,7 @@ def _with_numbers(table: Table) -> Table:
 
 
 def held_files(scenario: Scenario) -> dict[str, bytes]:
-    """Return the files that a log attaches, by names that are unique."""
+    """Return the contents of the files that a log of the scenario attaches, by unique names."""
     segments = enumerate(scenario.reference.segments)
     claims = {
         str(k): segment.claim for k, segment in segments if isinstance(segment, Plannable) and segment.claim
@@ -219,9 +221,9 @@ def held_files(scenario: Scenario) -> dict[str, bytes]:
 
 
 def with_files(scenario: Scenario, files: Mapping[str, bytes]) -> Scenario:
-    """Return the scenario, read from a table, with those of `files` that `held_files` had of it.
+    """Return a scenario that was read from a table with its `files`, as `held_files` returned them.
 
-    Raises InputError for claims that are no JSON.
+    Raises InputError for claims that are not JSON.
     """
     if not files:
         return scenario
@@ -239,7 +241,7 @@ def with_files(scenario: Scenario, files: Mapping[str, bytes]) -> Scenario:
 
 
 def put_files(directory: Path, scenario: Scenario) -> None:
-    """Write them into `directory`, beside a table of the scenario; raises OSError."""
+    """Write the files of `held_files` into `directory`, beside the table of the scenario; raise OSError."""
     for name, content in held_files(scenario).items():
         (directory / FOLDER).mkdir(exist_ok=True)
         with replacing(directory / FOLDER / Path(name).name) as part:
@@ -247,7 +249,7 @@ def put_files(directory: Path, scenario: Scenario) -> None:
 
 
 def files_in(directory: Path) -> dict[str, bytes]:
-    """Return what `put_files` has written, for `with_files`; unreadable files are left out."""
+    """Return the files that `put_files` has written, for `with_files`; leave out unreadable ones."""
     contents = {}
     for path in _files(directory):
         with suppress(OSError):
@@ -256,10 +258,10 @@ def files_in(directory: Path) -> dict[str, bytes]:
 
 
 def remove_files(directory: Path) -> None:
-    """Remove what `put_files` has written."""
+    """Remove the files that `put_files` has written."""
     for path in _files(directory):
         path.unlink()
-    with suppress(OSError):  # it is not there, or holds something else
+    with suppress(OSError):  # the folder does not exist, or has other files
         (directory / FOLDER).rmdir()
 
 

@@ -1,6 +1,6 @@
-"""Within which limits a reference is planned, `[planning]`, and what stands in its way, `[[obstacles]]`.
+"""The limits within which a reference is planned, `[planning]`, and its obstacles, `[[obstacles]]`.
 
-What the drives can do is in `[effects.limits]`, or, without such an effect, in the rig's numbers of it.
+The limits of the drives are in `[effects.limits]` or, without that effect, in the rig's numbers for it.
 """
 
 from typing import Annotated, Any
@@ -21,8 +21,8 @@ class PlanningSettings(Settings):
 
     share: Share | None = Field(
         None,
-        description="of the limits of drives, lean and tension that the plan may use, the rest is for "
-        "feedback; by default 0.95, with sensing, delay or friction 0.88: measured",
+        description="of the limits of drives, lean and tension that the plan may use; the rest is left for "
+        "feedback; by default 0.95, or 0.88 with sensing, delay or friction, as measured",
     )
     lean: Annotated[float, Field(ge=1e-6, lt=1.5)] = Field(
         0.35, description="of the rope from the vertical [rad]; assumed: 20 degrees"
@@ -60,7 +60,7 @@ class PlanningSettings(Settings):
         if not low < 1.0 < high:
             raise RuleError(
                 f"planning.tension = {[low, high]}",
-                allowed="a load at rest pulls with 1, its weight, which must lie between",
+                allowed="limits below and above 1, the tension of a load at rest",
                 remedy="give a number below 1 and one above it, for example [0.2, 2.0]",
             )
         for axis, (low, high) in zip("xyz", self.load_box or (), strict=False):
@@ -74,7 +74,7 @@ class PlanningSettings(Settings):
 
 
 class Obstacle(Settings):
-    """A box that stands on the floor or in the way: load and rope keep clear of it."""
+    """A box that load and rope must not touch, on the floor or above it."""
 
     name: Annotated[str, Field(min_length=1, max_length=60)] = Field(description="for messages")
     low: Point3 = Field(description="its corner with the lowest x, y, z [m]")
@@ -86,6 +86,6 @@ class Obstacle(Settings):
             raise RuleError(
                 f"obstacle '{self.name}': low = {list(self.low)}, high = {list(self.high)}",
                 allowed=f"obstacle '{self.name}': low must be below high in x, y and z",
-                remedy="exchange the values of the axes that it has no size along",
+                remedy="exchange the values of the axes along which low is not below high",
             )
         return self

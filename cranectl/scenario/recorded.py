@@ -1,4 +1,4 @@
-"""Recorded motions: what a hand asked for in a live session, or columns of a file, and their units."""
+"""Recorded motions: commands of a live session, or columns of a file with their units."""
 
 from typing import Annotated, Literal
 
@@ -20,7 +20,7 @@ from cranectl.scenario.settings import (
 
 MOST_SAMPLES = 6_000_000  # of 120 bytes: ten minutes at 0.1 ms
 MOST_CHANGES = 20_000  # so that the file of a scenario is not too large
-SETTLING_TIME = 40.0  # over the bandwidth [s]: then less than 1e-13 of a wish is left in four lags
+SETTLING_TIME = 40.0  # times 1/bandwidth; after it the four lags keep less than 1e-13 of a command
 Speed = Annotated[float, Field(ge=1e-6, le=1e4)]
 Time = Annotated[float, Field(ge=0.0, le=MAX_DURATION)]
 Change = Annotated[tuple[Time, float, float, float], Field(strict=False)]
@@ -33,7 +33,7 @@ Offset = Annotated[Other[Point3] | Text[Literal["to-start"]], TEXT_OR_OTHER]
 
 
 class Driven(Settings):
-    """A motion that was driven by hand in a live session: what was asked for, and of which filter."""
+    """A motion that was driven by hand in a live session: its commands, and the filter that smoothed them."""
 
     kind: Literal["driven"]
     duration: Duration = Field(description="[s], to where the load was at rest again")
@@ -49,7 +49,7 @@ class Driven(Settings):
 
     @property
     def changes(self) -> list[tuple[int, tuple[float, ...]]]:
-        """From which sample on what was asked: 1 for a goal or 0 for a wish, and its x, y, z."""
+        """The first sample of each command, and (1 for a goal or 0 for a wish, x, y, z)."""
         return sorted(
             (round(time / self.period), (goal, x, y, z))
             for goal, requests in ((0.0, self.wishes), (1.0, self.goals))
@@ -126,7 +126,7 @@ class Columns(Settings):
 
 
 class Units(Settings):
-    """In what a file's numbers are."""
+    """The units of a file's numbers."""
 
     time: Literal["s", "ms", "us", "ns"] | None = Field(None, description="of times")
     length: Literal["m", "cm", "mm"] | None = Field(None, description="of x, y, z")
@@ -137,9 +137,7 @@ class FromFile(Settings):
     """A motion of the load in a file: CSV, Parquet, or a log of cranectl."""
 
     columns: Columns = Columns()
-    units: Units = Field(
-        Units(), description="must be given where the file does not say them itself, as logs do"
-    )
+    units: Units = Field(Units(), description="needed unless the file has them itself, as logs do")
     topic: Name = Field(
         "reference/load", description="of a log: reference/load, or the load of a plant, as mujoco/load"
     )
@@ -163,7 +161,7 @@ class FromFile(Settings):
 
 
 class Source(Settings):
-    """The file that a motion was made from."""
+    """The file from which a motion was made."""
 
     file: str = Field(description="its name")
     sha256: str = Field(description="of its bytes")
@@ -171,7 +169,7 @@ class Source(Settings):
 
 
 class FitNumbers(Settings):
-    """How near a spline is to samples, and how sure it is."""
+    """How well a spline fits samples, and how uncertain it is."""
 
     spans: int = Field(description="of the spline")
     samples: int = Field(description="in the file")

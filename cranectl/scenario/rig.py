@@ -1,4 +1,4 @@
-"""The rig: geometry, masses, drives. The one documented place for what the thesis does not give.
+"""The rig: geometry, masses, drives, with reasons for all values that the thesis does not give.
 
 The thesis (section 5.2.2) gives the outer dimensions only. Every other value is an assumption with
 its reason in the field's description; all can be overridden in a scenario or by a rig file.
@@ -17,13 +17,13 @@ from cranectl.scenario.settings import LENGTH, MASS, TIME, Pair, Position, RuleE
 Positive = Annotated[float, Field(gt=0.0)]
 # Bounds far beyond any crane: within them nothing over- or underflows.
 Load = Annotated[float, Field(ge=1e-3, le=1e6), MASS]
-Mass = Annotated[float, Field(ge=1e-6, le=1e8), MASS]  # of parts: what is scaled to any load is within
+Mass = Annotated[float, Field(ge=1e-6, le=1e8), MASS]  # of parts, wide enough for any scaled crane
 Lag = Annotated[float, Field(ge=1e-6, le=100.0), TIME]
 Range = Annotated[Pair[Position], LENGTH]
 
 
 class Look(Settings):
-    """How a rig is drawn; no plant knows of it."""
+    """How a rig is drawn; it changes no plant."""
 
     frame: bool = Field(True, description="posts and beams under the rails; without them none hides the load")
     load_radius: Annotated[float, Field(ge=1e-3, le=100.0)] | None = Field(
@@ -104,7 +104,7 @@ class RigParameters(Settings):
 
     @property
     def driven_masses(self) -> NDArray[np.float64]:
-        """What each drive must move with the load hanging still [kg], shape (3,)."""
+        """The mass that each drive moves while the load hangs at rest [kg], shape (3,)."""
         return np.array(
             [self.bridge_mass + self.trolley_mass, self.trolley_mass, self.winch_mass + self.load_mass]
         )
@@ -116,9 +116,9 @@ class RigParameters(Settings):
 
     @property
     def weight(self) -> float:
-        """Weight of the load, which the winch drive holds [N]."""
+        """Weight of the load [N]."""
         return self.load_mass * self.gravity
 
     def hanging_mass(self, effects: EffectSettings) -> float:
-        """Return the mass of the load and of the hook that `effects` give it [kg]."""
+        """Return the mass of the load with the hook that `effects` may add [kg]."""
         return self.load_mass + (effects.body.hook_mass if effects.body else 0.0)

@@ -1,4 +1,4 @@
-"""Scenario files: what is run. Checked here for form; for meaning where all parts are known."""
+"""Scenario files: what is run. Their form is checked here, their meaning where all parts are known."""
 
 import math
 from typing import Annotated, Any, Literal
@@ -14,7 +14,7 @@ from cranectl.scenario.segments import Segment, is_planned, seconds
 from cranectl.scenario.settings import LENGTH, Duration, Many, Point3, RuleError, Settings
 
 STILL = Wind(gust=0.0, drag_area=0.0)
-MOST_PARTS = 1_000_000  # that are tried to divide a period
+MOST_PARTS = 1_000_000  # divisors of a period that are tried
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
 
 
@@ -31,12 +31,12 @@ class ReferenceSettings(Settings):
 
     @property
     def planned(self) -> bool:
-        """Whether all segments say at what time the load is where; else `cranectl.reference` plans it."""
+        """Whether the timing of all segments is known; if not, `cranectl.reference` plans it."""
         return all(map(is_planned, self.segments))
 
 
 class InitialSettings(Settings):
-    """How far from its reference, and otherwise moving with it, the crane starts."""
+    """Offsets of the initial state from the reference; the crane moves with the reference otherwise."""
 
     load_offset: Point3 = Field((0.0, 0.0, 0.0), description="of the load (x, y, z) [m]")
     alpha_offset: Angle = Field(0.0, description="of alpha, under the offset trolley [rad]")
@@ -44,7 +44,7 @@ class InitialSettings(Settings):
 
 
 class ControlSettings(Settings):
-    """Sampling."""
+    """Sampling of the control loop."""
 
     period: Duration = Field(0.001, description="control period, input held [s]")
     physics_step: Duration = Field(0.001, description="step of all plants [s]; divides the period")
@@ -54,7 +54,7 @@ class ControlSettings(Settings):
 
 
 class ControllerSettings(Settings):
-    """The controller run by default, and in a table for each law, by its name, its parameters."""
+    """The default controller, and a table of parameters for each controller, by name."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, dict[str, float | str]] = Field(init=False)
@@ -63,7 +63,7 @@ class ControllerSettings(Settings):
 
     @property
     def parameters(self) -> dict[str, dict[str, float | str]]:
-        """By law; what is not there has its default."""
+        """Parameters by controller; those that are absent have their defaults."""
         return self.__pydantic_extra__
 
     @model_serializer
@@ -77,7 +77,7 @@ def controller_table(value: object) -> object:
 
 
 class WorkspaceSettings(Settings):
-    """What happens when bridge, trolley or rope leave their range."""
+    """What a run does if bridge, trolley or rope leave their range."""
 
     on_exit: Literal["stop", "record"] = Field(
         "stop", description="stop: end the run there; record: run on and report the violation"
@@ -85,7 +85,7 @@ class WorkspaceSettings(Settings):
 
 
 class LogSettings(Settings):
-    """What goes into a log."""
+    """The samples that a log has."""
 
     every: Annotated[int, Field(ge=1, le=1_000_000_000)] = Field(
         4, description="log every n-th control sample"
@@ -93,7 +93,7 @@ class LogSettings(Settings):
 
 
 class MetricSettings(Settings):
-    """What metrics of a run are measured by."""
+    """Settings of the metrics of a run."""
 
     settling_tolerance: Annotated[float, Field(gt=0.0, le=1e3), LENGTH] = Field(
         0.005, description="error of the load below which it counts as settled [m]; a laboratory crane's"
@@ -104,19 +104,19 @@ Bound = Annotated[float, Field(ge=0.0)]
 
 
 class LimitSettings(Settings):
-    """Limits on metrics of its runs: names as in `[limits]` of a campaign, or tables for single plants."""
+    """Limits on the metrics of runs, named as in `[limits]` of a campaign, or in tables for single plants."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Bound | dict[str, Bound]] = Field(init=False)
 
     @property
     def stated(self) -> dict[str, Bound | dict[str, Bound]]:
-        """As written; `metrics.limits` knows which there can be."""
+        """The limits as written in the scenario; `metrics.limits` checks their names."""
         return self.__pydantic_extra__
 
 
 class Scenario(Settings):
-    """One thing to run: reference, disturbances, rig and settings."""
+    """A run: reference, disturbances, rig and settings."""
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")] = Field(
         description="lower case letters, digits and hyphens"
@@ -190,17 +190,17 @@ class Scenario(Settings):
 
     @property
     def drive_limits(self) -> DriveLimits:
-        """What the drives can do: `effects.limits`, or without that effect the rig's own numbers of it."""
+        """The limits of the drives: `effects.limits`, or else the rig's numbers for that effect."""
         return self.effects.limits or self.rig.effects.limits
 
     @property
     def drive_limits_key(self) -> str:
-        """Return the table that `drive_limits` are in."""
+        """The name of the table that has `drive_limits`."""
         return "effects.limits" if self.effects.limits else "rig.effects.limits"
 
     @property
     def limited_rig(self) -> RigParameters:
-        """The rig with the limits of its drives that hold: what controllers and viewers are told."""
+        """The rig with `drive_limits` among its numbers, for controllers and viewers."""
         numbers, limits = self.rig.effects, self.drive_limits
         if limits == numbers.limits:
             return self.rig
@@ -208,14 +208,14 @@ class Scenario(Settings):
 
     @property
     def effects_on_plant(self) -> EffectSettings:
-        """What a plant is made for: where forces act on the load, which come with the wind, it has air."""
+        """The effects for which a plant is made; forces on the load need the effect `wind`, in still air."""
         if not self.forced or self.effects.wind:
             return self.effects
         return self.effects.model_copy(update={"wind": STILL})
 
     @property
     def disturbed_by(self) -> str:
-        """All disturbances in short."""
+        """All disturbances in one line."""
         return "; ".join(step.in_short for step in self.disturbances) or "none"
 
     @property
@@ -230,7 +230,7 @@ class Scenario(Settings):
 
     @property
     def delay_samples(self) -> int:
-        """Control periods between a command given and arriving."""
+        """Control periods between a command and its arrival at the drives."""
         delay = self.effects.delay
         return round(delay.seconds * NANOSECONDS / self.period_ns) if delay else 0
 

@@ -1,6 +1,6 @@
-"""Segments of a reference: what a scenario says of each; `reference/trajectory.py` has what follows.
+"""Settings of the segments of a reference; `reference/trajectory.py` makes trajectories of them.
 
-Another package adds a kind by an entry point of the group `cranectl.segments` that is a `SegmentKind`.
+Another package adds a kind of segment by a `SegmentKind` as entry point of the group `cranectl.segments`.
 """
 
 import functools
@@ -38,20 +38,20 @@ from cranectl.scenario.settings import MAX_DURATION, Duration, Many, Point3, Rul
 from cranectl.support import extensions
 from cranectl.support.extensions import with_extensions
 
-MAX_SPLINE_POINTS = 2000  # of a spline through all of them
-MOST_SPANS = 1000  # of a spline near samples
-OF_FILE = ("columns", "units", "topic", "signs")  # what way points that are given have not
+MAX_SPLINE_POINTS = 2000  # way points of a spline through all of them
+MOST_SPANS = 1000  # of a spline that is fitted to samples
+OF_FILE = ("columns", "units", "topic", "signs")  # settings that only a file with way points needs
 
 
 class Hold(Settings):
-    """Stay where the last segment ended."""
+    """A rest at the end of the last segment."""
 
     kind: Literal["hold"]
     duration: Duration = Field(description="[s]")
 
 
 class Move(Settings):
-    """To a point in minimum time, by whatever path the limits allow: `[planning]`, `[[obstacles]]`."""
+    """A motion to a point in minimum time, on any path that `[planning]` and `[[obstacles]]` allow."""
 
     kind: Literal["move"]
     to: Point3 = Field(description="end point (x, y, z) [m]")
@@ -80,10 +80,10 @@ Speed = Annotated[float, Field(ge=0.0, le=1e3)]
 
 
 class WayPoints(FromFile):
-    """Through given points, the first where the last segment ended, by splines of degree 9.
+    """A motion through given points, by splines of degree 9; the first is the end of the last segment.
 
     A repeated point is a rest from its first to its last time. Between rests there is one spline.
-    In minimum time: by one of degree 7 that need not rest at its ends, along which the motion is planned.
+    In minimum time, the motion is planned along a spline of degree 7 that need not rest at its ends.
     """
 
     kind: Literal["waypoints"]
@@ -112,14 +112,14 @@ class WayPoints(FromFile):
         if (self.file is None) == (self.points is None):
             raise RuleError(
                 f"a segment with {'neither a file nor' if self.file is None else 'a file and'} points",
-                allowed="one of the two",
+                allowed="either file or points",
                 remedy="give one of the two",
             )
         default = FromFile()
         of_file = [name for name in OF_FILE if getattr(self, name) != getattr(default, name)]
         if self.points is not None and of_file and self.columns.speed is None:
             problem = f"{', '.join(of_file)} with points"
-            raise RuleError(problem, allowed="points alone, which are in no file", remedy="leave them out")
+            raise RuleError(problem, allowed="these settings only with a file", remedy="leave them out")
         timed = [self.times is not None, self.speed is not None, self.columns.speed is not None]
         needed = self.points is not None and self.time_law is None
         if sum(timed) > 1 or (needed and not any(timed[:2])):
@@ -133,19 +133,19 @@ class WayPoints(FromFile):
 
 
 class Samples(FromFile):
-    """A recorded motion, as a hand led the load: a spline of degree 7 near it, at rest at both ends."""
+    """A recorded motion: a spline of degree 7 is fitted to its samples, at rest at both ends."""
 
     kind: Literal["samples"]
     file: str = Field(description="with the samples, by its path from the scenario's file")
     spans: Annotated[int, Field(ge=4, le=MOST_SPANS)] | None = Field(
-        None, description="of the spline; by default as many as foretell best the samples that are left out"
+        None, description="of the spline; by default as many as predict left-out samples best"
     )
 
 
 class Spline(Plannable):
-    """A motion that is there already: a B-spline over time with simple knots, at rest at both ends.
+    """A planned motion: a B-spline over time with simple knots, at rest at both ends.
 
-    With a time law: a path, of degree 7 or more, that rests nowhere.
+    With a time law it is a path instead, of degree 7 or more, on which the load rests nowhere.
     """
 
     kind: Literal["spline"]
@@ -158,10 +158,10 @@ class Spline(Plannable):
     )
     time_law: TimeLaw | None = Field(None, description=f"of a path, as for lines; {TIME_LAW}")
     lasts: Duration | None = Field(None, description="with a time law that is not to be planned [s]")
-    made_from: dict[str, Any] = Field({}, description="the segment that was asked for")
+    made_from: dict[str, Any] = Field({}, description="the segment that the scenario had in its place")
     source: Source | None = Field(None, description="its file, if it is from one")
-    fit: FitNumbers | None = Field(None, description="what came of it, if it is near samples")
-    _held: bytes = PrivateAttr(b"")  # what it was made from, as the log attaches it: too large for a table
+    fit: FitNumbers | None = Field(None, description="quality of the fit, if it is fitted to samples")
+    _held: bytes = PrivateAttr(b"")  # content of `source` for the log, too large for a table
 
     @model_validator(mode="after")
     def _is_a_spline(self) -> "Spline":
@@ -176,18 +176,18 @@ class Spline(Plannable):
             raise RuleError(
                 f"{len(self.coefficients)} coefficients of degree {self.degree}",
                 allowed=f"{len(steps) + self.degree} for {len(steps)} spans",
-                remedy="give so many",
+                remedy="give that many coefficients, or change breaks or degree",
             )
         if (self.lasts is None) != (self.time_law in (None, MINIMUM_TIME)):
             raise RuleError(
                 f"a spline with {'a time law' if self.lasts is None else 'lasts'} alone",
-                allowed="a spline lasts so long by a time law other than minimum-time",
+                allowed="lasts together with a time law other than minimum-time, or neither",
                 remedy="give both or none",
             )
         if self.time_law is not None and self.degree < 7:
             raise RuleError(
                 f"a spline of degree {self.degree} with a time law",
-                allowed="one whose fifth derivative does not jump, which no drive's acceleration can",
+                allowed="degree 7 or 9, since with a time law degree 5 makes accelerations jump",
                 remedy="take degree 7 or 9",
             )
         ends = self.coefficients[:2], self.coefficients[-2:]
@@ -201,7 +201,7 @@ class Spline(Plannable):
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration of the motion [s]."""
         return self.lasts or self.breaks[-1]
 
     def __hash__(self) -> int:
@@ -209,11 +209,11 @@ class Spline(Plannable):
 
     @property
     def held(self) -> bytes:
-        """What a log attaches of `source`."""
+        """The content of `source` that a log attaches."""
         return self._held
 
     def holding(self, content: bytes) -> "Spline":
-        """Return a copy that holds `content`."""
+        """Return a copy with `content` as the content of `source`."""
         spline = self.model_copy()
         spline._held = content
         return spline
@@ -223,8 +223,8 @@ class Spline(Plannable):
 class SegmentKind:
     """A kind of segment that another package brings."""
 
-    name: str  # of `kind`
-    settings: type[Settings]  # with `kind` and `duration` [s] among its fields
+    name: str  # value of `kind`
+    settings: type[Settings]  # class with fields `kind` and `duration` [s]
     path: Callable[[Any, Any], Any]  # (settings, start (3,) [m]) → `cranectl.reference.Path`
 
 
@@ -259,13 +259,13 @@ class AddedSegment(Settings):
             _ = self.settings
         except ValidationError as error:
             wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg'].lower()}" for e in error.errors())
-            problem, remedy = f"a segment of kind '{self.kind}': {wrong}", "see what the package says of it"
-            raise RuleError(problem, allowed="what its package takes", remedy=remedy) from None
+            problem, remedy = f"a segment of kind '{self.kind}': {wrong}", "see the package's documentation"
+            raise RuleError(problem, allowed="settings that its package allows", remedy=remedy) from None
         return self
 
     @property
     def settings(self) -> Settings:
-        """What its kind makes of it."""
+        """The settings of the segment, checked by the class of its kind."""
         return added_kinds()[self.kind].settings.model_validate(self.model_dump())
 
 
@@ -290,7 +290,7 @@ Segment = Annotated[
 
 
 def is_planned(segment: Segment) -> bool:
-    """Return True if a segment states at what time the load is where."""
+    """Return True if the timing of a segment is known."""
     return (
         isinstance(getattr(segment, "duration", None), float)
         and getattr(segment, "time_law", "") != MINIMUM_TIME
@@ -305,7 +305,7 @@ def seconds(segment: Segment) -> float:
 
 
 def as_asked(segment: Segment) -> list[dict[str, Any]]:
-    """Return the tables, without defaults, with which a scenario requested a segment."""
+    """Return the tables, without defaults, that a scenario had before the segment was planned."""
     if isinstance(segment, BlendedPath):
         return [requested for part in segment.parts for requested in as_asked(part)]
     if isinstance(segment, Spline) and segment.made_from:

@@ -1,4 +1,4 @@
-"""Strict settings: TOML in, frozen pydantic models out, every mistake told at once and in full."""
+"""Strict settings: parse TOML tables into frozen pydantic models, and report all mistakes at once."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,13 +22,13 @@ T = TypeVar("T")
 Pair = Annotated[tuple[T, T], Field(strict=False)]  # lists, in TOML
 Triple = Annotated[tuple[T, T, T], Field(strict=False)]
 Many = Annotated[tuple[T, ...], Field(strict=False)]
-# A text, or something else. Tags of no letters, so that errors name the field and no more.
+# A text or something else. The tags have no letters, so that errors contain only the name of the field.
 Text = Annotated[T, Tag("")]
 Other = Annotated[T, Tag(" ")]
 TEXT_OR_OTHER = Discriminator(lambda value: "" if isinstance(value, str) else " ")
 
 MAX_DURATION = 600.0  # [s]; `simulate.memory` counts what a run holds in memory
-MIN_DURATION = 1e-6  # [s]; the shortest control period: joints of segments are met within a nanosecond
+MIN_DURATION = 1e-6  # [s]; the shortest control period, since ends of segments are exact to a nanosecond
 Duration = Annotated[float, Field(ge=MIN_DURATION, le=MAX_DURATION)]
 Position = Annotated[float, Field(ge=-1e4, le=1e4)]
 Point2 = Pair[Position]
@@ -37,9 +37,9 @@ Point3 = Triple[Position]
 
 @dataclass(frozen=True)
 class Scaled:
-    """How a number grows with a crane: by these powers of its length and of its mass.
+    """How a number scales with the size of a crane: powers of its length and of its mass.
 
-    It annotates a field. A list has one for all its numbers, or one for each of them.
+    It is an annotation of a field. A list has one annotation for all its numbers, or one for each.
     """
 
     length: float = 0.0
@@ -51,7 +51,7 @@ FORCE = MASS  # since gravity stays
 
 
 def scales_of(model: type[BaseModel], prefix: str = "") -> dict[str, Scaled]:
-    """Return how the numbers of `model` scale, by dotted name; what stays is left out."""
+    """Return how the numbers of `model` scale, by dotted name; constant ones are left out."""
     result: dict[str, Scaled] = {}
     for name, field in model.model_fields.items():
         key = f"{prefix}{name}"
@@ -64,22 +64,22 @@ def scales_of(model: type[BaseModel], prefix: str = "") -> dict[str, Scaled]:
 
 
 class RuleError(ValueError):
-    """A rule across fields is broken; `parse_settings` tells it with the wrong fields."""
+    """A rule across several fields is violated; `parse_settings` turns it into an InputError."""
 
     def __init__(self, found: str, *, allowed: str, remedy: str) -> None:
-        """Take what an `InputError` takes."""
+        """Store the three parts of an InputError."""
         super().__init__(f"{found}; allowed: {allowed}")
         self.found, self.allowed, self.remedy = found, allowed, remedy
 
 
-MAX_PROBLEMS = 10  # told in one message
+MAX_PROBLEMS = 10  # in one message
 _COMPLEX = re.compile(r"(?<=[\[, ])[-+.\de]+[ij](?=[\], ])")  # a complex number in a list
 
 S = TypeVar("S", bound=Settings)
 
 
 def parse_settings(model: type[S], table: Mapping[str, Any], source: str) -> S:
-    """Check `table` against `model`; raises InputError that names every wrong field of `source`."""
+    """Return `table` as settings of class `model`; an InputError names every wrong field of `source`."""
     try:
         return model.model_validate(dict(table))
     except ValidationError as error:
@@ -95,7 +95,7 @@ def parse_settings(model: type[S], table: Mapping[str, Any], source: str) -> S:
 def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
     """Return a copy of `table` with `key.sub=value` assignments applied.
 
-    Values are TOML, where complex numbers in lists need no quotes, else strings.
+    Values are parsed as TOML, except that complex numbers in lists need no quotes. Others are strings.
     """
     result: Table = mapped(table)
     for assignment in assignments:
@@ -135,7 +135,7 @@ def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, s
     if details["type"] == "value_error" and isinstance(rule := details["ctx"]["error"], RuleError):
         return rule.found, rule.allowed, rule.remedy
     message, remedy = details["msg"], str(details.get("ctx", {}).get("remedy", ""))
-    if details["type"] == "tuple_type":  # of Python
+    if details["type"] == "tuple_type":  # pydantic speaks of a Python tuple
         message = "Input should be a list"
         remedy = (
             "put texts in it in quotes, numbers without" if str(value).startswith("[") else "write a list"

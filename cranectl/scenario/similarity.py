@@ -1,8 +1,8 @@
-"""What a crane of another size has where nothing is said: the laboratory rig's numbers, scaled.
+"""Scale the laboratory rig's numbers to a crane of another size, as defaults where its file gives none.
 
-Froude's similarity, which keeps gravity: with lengths by a factor L and masses by M, times go by √L, speeds
-by √L, accelerations stay, forces go by M. L is that of the longest rope, M that of the rated load. A
-pendulum on the larger crane then moves as on the smaller one, slower by √L, and so do the thesis's designs.
+Froude's similarity keeps gravity. With a factor L on lengths and M on masses, times and speeds scale by √L,
+accelerations stay, and forces scale by M. L is the ratio of the longest ropes, M that of the rated loads. The
+load on the larger crane then moves as on the smaller one, slower by √L, and so do the thesis's designs.
 """
 
 import functools
@@ -16,9 +16,9 @@ from cranectl.scenario.settings import Scaled, Settings, scales_of
 from cranectl.support.documents import Table, assign, leaves, mapped, merged
 from cranectl.support.errors import InputError
 
-LONGEST_ROPES = (0.05, 1000.0)  # [m] to which anything is scaled: all that follows is within its bounds
-OVERLOAD = 10.0  # load over rated load beyond which a rig's numbers are taken for those of another one
-MOST_STRAIN = 0.5  # of a rope under the weight of its load; of steel 0.002, of nylon 0.1
+LONGEST_ROPES = (0.05, 1000.0)  # [m] range of longest ropes for which all scaled numbers are within bounds
+OVERLOAD = 10.0  # largest load over rated load for which the rig's numbers are accepted
+MOST_STRAIN = 0.5  # of a rope under the weight of its load; steel has 0.002, nylon 0.1
 SCALED_TABLES: dict[str, type[Settings]] = {
     "design": DesignSettings,
     "metrics": MetricSettings,
@@ -27,9 +27,9 @@ SCALED_TABLES: dict[str, type[Settings]] = {
 
 
 def completed_rig(stated: Table) -> Table:
-    """Return all parameters of a rig: those in `stated`, the others scaled to it.
+    """Return all parameters of a rig: those in `stated`, and the others scaled to its size.
 
-    Raises InputError for a rope to which they cannot be scaled.
+    Raises InputError for a longest rope to which they cannot be scaled.
     """
     shortest, longest = LONGEST_ROPES
     rope = stated.get("rope_range", RigParameters().rope_range)[1]
@@ -72,7 +72,7 @@ def scale_of(name: str) -> Scaled:
 
 @functools.cache
 def _scales() -> dict[str, Scaled]:
-    """Return what the annotations say: ratios, angles, seeds, electronics, gravity and air have none."""
+    """Return the annotated scales by name; ratios, angles, seeds, electronics, gravity and air have none."""
     scales = scales_of(RigParameters)
     for table, settings in SCALED_TABLES.items():
         scales |= scales_of(settings, f"{table}.")
@@ -80,12 +80,12 @@ def _scales() -> dict[str, Scaled]:
 
 
 def length_scale(longest: float) -> float:
-    """Return the length L [m] of a rig with so long a rope."""
+    """Return L of a rig whose longest rope is `longest` [m]."""
     return longest / RigParameters().rope_range[1]
 
 
 def size_of(rig: RigParameters) -> float:
-    """Return L of `rig` as designs are scaled to it: 1 for a crane of the laboratory rig's rated load."""
+    """Return L of `rig` for the scaling of designs; it is 1 for the laboratory rig's rated load."""
     return 1.0 if rig.rated_load == RigParameters().rated_load else length_scale(rig.rope_range[1])
 
 
@@ -95,19 +95,19 @@ def rounded(value: float) -> float:
 
 
 def check_size(rig: RigParameters, effects: EffectSettings) -> None:
-    """Raise InputError where a rig or effects on it have numbers of a crane of another size."""
+    """Raise InputError if a rig or its effects have numbers that belong to a crane of another size."""
     if rig.load_mass > OVERLOAD * rig.rated_load:
         raise InputError(
             f"rig.load_mass = {rig.load_mass:g} kg on a crane for rig.rated_load = {rig.rated_load:g} kg",
-            allowed=f"loads up to {OVERLOAD:g} times the rated one: the rig's other numbers are of its size",
-            remedy="give rig.rated_load, and what is not said of the rig is scaled to it",
+            allowed=f"loads up to {OVERLOAD:g} times the rated one, to which the rig's other numbers belong",
+            remedy="set rig.rated_load; numbers of the rig that are not given are scaled to it",
         )
     weight = rig.hanging_mass(effects) * rig.gravity
     hooked = rig.hanging_mass(effects) > rig.load_mass
     what, verb = ("the load and hook", "weigh") if hooked else ("the load", "weighs")
     if effects.limits and effects.limits.force[2] <= weight:
         raise InputError(
-            f"effects.limits.force lets the winch pull {effects.limits.force[2]:g} N, and {what} {verb} "
+            f"effects.limits.force lets the winch pull {effects.limits.force[2]:g} N, but {what} {verb} "
             f"{weight:g} N",
             allowed=f"a winch that pulls more than {weight:g} N",
             remedy="correct effects.limits.force, or give rig.rated_load, to which it is scaled",

@@ -193,7 +193,7 @@ CASES = [
     ),
     Case(
         PLANNING,
-        "exchange the values of the axes that it has no size along",
+        "exchange the values of the axes along which low is not below high",
         ["obstacles=[{name='box', low=[1.2, 1.0, -1.4], high=[1.0, 1.2, -1.2]}]"],
         ["obstacles=[{name='box', low=[1.0, 1.0, -1.4], high=[1.2, 1.2, -1.2]}]"],
     ),
@@ -227,7 +227,12 @@ CASES = [
         [spline(5, FLAT, BREAKS.replace("0.5", "0.0"))],
         [spline(5, FLAT, BREAKS)],
     ),
-    Case(SEGMENTS, "give so many", [spline(5, FLAT[1:], BREAKS)], [spline(5, FLAT, BREAKS)]),
+    Case(
+        SEGMENTS,
+        "give that many coefficients, or change breaks or degree",
+        [spline(5, FLAT[1:], BREAKS)],
+        [spline(5, FLAT, BREAKS)],
+    ),
     Case(
         SEGMENTS,
         "give both or none",

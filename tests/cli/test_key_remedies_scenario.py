@@ -71,7 +71,7 @@ CASES = [
     ),
     Case(
         SIZE,
-        "give rig.rated_load, and what is not said of the rig is scaled to it",
+        "set rig.rated_load; numbers of the rig that are not given are scaled to it",
         ["rig.load_mass=50.0"],
         ["rig.load_mass=50.0", "rig.rated_load=50.0"],
     ),

@@ -68,7 +68,7 @@ RESTS = [MOVES[0], *MOVES[:7]]
     [
         ({"coefficients": RESTS}, "it rests there; allowed: a path that rests nowhere"),
         ({"coefficients": RESTS[::-1]}, "it rests there; allowed: a path that rests nowhere"),
-        ({"coefficients": MOVES[:6], "degree": 5}, "one whose fifth derivative does not jump"),
+        ({"coefficients": MOVES[:6], "degree": 5}, "degree 7 or 9, since with a time law"),
         ({"coefficients": MOVES, "lasts": 3.0}, "a spline with lasts alone"),
         ({"coefficients": MOVES, "time_law": "degree-9"}, "a spline with a time law alone"),
         ({"coefficients": RESTS, "time_law": None, "lasts": 3.0}, "a spline with lasts alone"),
