@@ -151,9 +151,9 @@ def slip(_parameters, measured, _reference, _memory, command):  # type: ignore[n
 
 
 def test_a_step_that_cannot_be_compiled_is_told_with_its_line() -> None:
-    with pytest.raises(InputError, match=r"cannot be compiled: .*'stifness' is not defined") as told:
+    with pytest.raises(InputError, match=r"cannot be compiled: .*'stifness' is not defined") as caught:
         run_of(replace(FOLLOWING, step=slip), path())
-    assert f"{Path(__file__).name}:{slip.__code__.co_firstlineno + 1}" in told.value.remedy
+    assert f"{Path(__file__).name}:{slip.__code__.co_firstlineno + 1}" in caught.value.remedy
 
 
 def mix(_parameters, measured, _reference, _memory, command):  # type: ignore[no-untyped-def]
@@ -162,9 +162,9 @@ def mix(_parameters, measured, _reference, _memory, command):  # type: ignore[no
 
 
 def test_what_numba_announces_of_a_step_is_told_to_its_end() -> None:
-    with pytest.raises(InputError, match=r"found for signature: dot\(float64") as told:
+    with pytest.raises(InputError, match=r"found for signature: dot\(float64") as caught:
         run_of(replace(FOLLOWING, step=mix), path())
-    assert f"{Path(__file__).name}:{mix.__code__.co_firstlineno + 1}" in told.value.remedy
+    assert f"{Path(__file__).name}:{mix.__code__.co_firstlineno + 1}" in caught.value.remedy
 
 
 @pytest.mark.parametrize(
@@ -201,8 +201,8 @@ def test_while_the_rope_is_slack_the_law_waits() -> None:
     run = simulate_run(falling, plant="mujoco", drive="velocity", controller="lqr-integral")
     slack = np.flatnonzero(run.tension[:-1] <= 0.0)[:-1] + 1
     assert len(slack), "it goes slack"
-    held = run.block("controller")
-    assert np.array_equal(held[slack], held[slack - 1])
+    states = run.block("controller")
+    assert np.array_equal(states[slack], states[slack - 1])
     assert run.block("error")[slack] == pytest.approx(
         run.reference[slack, :6] - run.block("flat_output")[slack]
     )

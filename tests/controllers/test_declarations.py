@@ -24,8 +24,8 @@ def controller(**declared: Any) -> Controller:
     )
 
 
-def logged(place: Any, name: Any = "x") -> tuple[Logged, ...]:
-    return (Logged(place, Signal(name, name, "", "")),)
+def logged(index: Any, name: Any = "x") -> tuple[Logged, ...]:
+    return (Logged(index, Signal(name, name, "", "")),)
 
 
 @pytest.mark.parametrize(
@@ -47,8 +47,8 @@ def logged(place: Any, name: Any = "x") -> tuple[Logged, ...]:
         ({"reads": "path"}, "own.reads = 'p'", "gravity"),
         ({"logged": logged(0, 5)}, "a signal named 5", "letters"),
         *(
-            ({"logged": logged(place)}, "the place of 'x'", "0 to 999999")
-            for place in (-1, -(2**63), 2**70, 0.5)
+            ({"logged": logged(index)}, "the place of 'x'", "0 to 999999")
+            for index in (-1, -(2**63), 2**70, 0.5)
         ),
     ],
 )
@@ -101,14 +101,14 @@ def test_a_linearise_that_fails_or_returns_no_linear_law_is_told() -> None:
 
 
 def test_what_prepare_says_itself_is_left_as_it_is() -> None:
-    said = InputError("the load is too heavy", remedy="take a lighter one")
+    refusal = InputError("the load is too heavy", remedy="take a lighter one")
 
     def refusing(_: Any) -> Any:
-        raise said
+        raise refusal
 
     with pytest.raises(InputError) as raised:
         prepared(controller(prepare=refusing), None)  # type: ignore[arg-type]
-    assert raised.value is said
+    assert raised.value is refusal
 
 
 def test_whole_numbers_of_numpy_and_lists_will_do() -> None:

@@ -17,7 +17,7 @@ from tests.conftest import ROOT
 
 NUMBERS = {"velocity": [0.5, 0.4, 0.3], "acceleration": [0.2, 0.15, 6.0]}
 OF_RUN = [f"effects.limits.{name}={value}" for name, value in NUMBERS.items()]
-OF_RIG = [*(f"rig.{each}" for each in OF_RUN), "effects.limits={}"]
+OF_RIG = [*(f"rig.{setting}" for setting in OF_RUN), "effects.limits={}"]
 LAWS = [
     "lqr-offset-free",
     *(
@@ -33,11 +33,11 @@ def scenario(settings: list[str]) -> Scenario:
 
 def parameters(law: str, settings: list[str]) -> np.ndarray:
     name = law if law == "lqr-offset-free" else open_controller(law)
-    asked = scenario(settings)
-    design = controller_design(name, asked)
+    chosen_scenario = scenario(settings)
+    design = controller_design(name, chosen_scenario)
     controller = controller_of(design)
-    known = nominal_crane(asked, design, controller, "velocity", plan_reference(asked))
-    return controller.prepare(known)[0]
+    nominal = nominal_crane(chosen_scenario, design, controller, "velocity", plan_reference(chosen_scenario))
+    return controller.prepare(nominal)[0]
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.rpartition("/")[2])

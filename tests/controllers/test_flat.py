@@ -186,7 +186,7 @@ class Stepped:
         """One sample; returns the status."""
         step = FLAT_CONTROLLERS["lqr"].step
         arrays = (self.parameters, np.append(state, [0.0, 0.0]), reference, self.memory, self.command)
-        return step(*(each.ctypes.data_as(DOUBLES) for each in arrays))
+        return step(*(array.ctypes.data_as(DOUBLES) for array in arrays))
 
     @property
     def row(self) -> np.ndarray:

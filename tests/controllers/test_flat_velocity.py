@@ -72,12 +72,12 @@ def test_a_wrong_lag_or_a_delay_is_a_wrong_gain(believed: float, delay: float) -
     real = hanging(f"initial.load_offset=[{offset}, 0.0, 0.0]", f"effects.delay.seconds={delay}")
     lags = [f"rig.{drive}_time_constant={lag * believed}" for drive in ("bridge", "trolley", "winch")]
     assert real.rig.time_constants == pytest.approx([lag] * 3)
-    (law,) = linearised_controller(real, controller_design(NAME, real), [LENGTH])
+    (linear,) = linearised_controller(real, controller_design(NAME, real), [LENGTH])
     run = simulate_run(real, nominal=hanging(*lags), plant="analytic", drive="velocity", controller=NAME)
     moved = run.block("state")[:, [0, 8]] - [1.0, 0.0]
 
     def misfit(gain: float) -> float:
-        closed = law.a - gain * law.b @ law.gain[np.newaxis]
+        closed = linear.a - gain * linear.b @ linear.gain[np.newaxis]
         expected = [(expm(closed * run.time[k]) @ [offset, 0.0, 0.0, 0.0])[[0, 2]] for k in SAMPLES]
         return float(np.abs(moved[SAMPLES] - expected).max() / offset)
 

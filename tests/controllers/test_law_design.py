@@ -94,8 +94,8 @@ def test_feedback_is_gain_times_deviation_between_two_lengths(joint: int, angle:
     deviation = np.append((measured[:10] - desired)[[joint, joint + 1, angle, angle + 1]], 0.3)
     for row, share in ((0, 0.0), (0, 0.25), (1, 1.0)):
         gain = (1.0 - share) * gains[row] + share * gains[row + 1]
-        given = feedback(parameters, measured, desired, 0.3, joint, angle, row, share)
-        assert given == pytest.approx(gain @ deviation, rel=1e-12)
+        computed = feedback(parameters, measured, desired, 0.3, joint, angle, row, share)
+        assert computed == pytest.approx(gain @ deviation, rel=1e-12)
 
 
 FLAT = make_tracker(design_controller("pole-placement"), period=0.001, gravity=9.81)
@@ -121,8 +121,8 @@ def test_set_points_of_measured_velocity_bring_about_what_the_tracker_asks() -> 
     for state in random_states(20):
         row = np.zeros(BASE_WIDTH)
         control_step(FLAT, state, reference, begun(reference), row)
-        found = accelerations(np.append(state, [0.0, 0.0]), reference)
-        assert found == pytest.approx(row[INPUT_COLUMN : INPUT_COLUMN + 3], rel=1e-10, abs=1e-10)
+        computed = accelerations(np.append(state, [0.0, 0.0]), reference)
+        assert computed == pytest.approx(row[INPUT_COLUMN : INPUT_COLUMN + 3], rel=1e-10, abs=1e-10)
 
 
 def test_a_tracker_that_asks_for_a_slack_rope_says_so() -> None:
@@ -136,8 +136,8 @@ def test_the_linear_gain_of_the_flat_law_is_its_derivative_at_rest(joint: int, a
     rest, reference, small = np.zeros(12), np.zeros(15), 1e-5
     rest[ROPE], reference[2] = LENGTH, -LENGTH
     gain = linear_gain(FLAT.gain, LENGTH, 9.81)
-    for k, place in enumerate((joint, joint + 1, angle, angle + 1)):
-        step = small * np.eye(12)[place]
+    for k, index in enumerate((joint, joint + 1, angle, angle + 1)):
+        step = small * np.eye(12)[index]
         change = accelerations(rest + step, reference) - accelerations(rest - step, reference)
         assert gain[k] == pytest.approx(-change[joint // 2] / (2.0 * small), rel=1e-7)
 
@@ -145,10 +145,10 @@ def test_the_linear_gain_of_the_flat_law_is_its_derivative_at_rest(joint: int, a
 @pytest.mark.parametrize("drive", ["ideal", "velocity"])
 def test_leads_make_the_velocity_of_a_drive_rise_by_what_is_asked(drive: Drive) -> None:
     """Of velocity drives held over a long period; what other drives are given is divided by the lag."""
-    rig, period, velocity, asked = default_scenario().rig, 0.01, 0.4, 0.7
+    rig, period, velocity, acceleration = default_scenario().rig, 0.01, 0.4, 0.7
     nominal = Nominal(rig, drive, period, np.zeros((1, 15)), np.zeros(10), {})
     for lag, lead in zip(rig.time_constants, lead_times(nominal), strict=True):
-        set_point = velocity + lead * asked
+        set_point = velocity + lead * acceleration
         held = expm(period * np.array([[-1.0, 1.0], [0.0, 0.0]]) / lag) @ [velocity, set_point]
         rise = held[0] - velocity if drive == "velocity" else (set_point - velocity) / lag * period
-        assert rise == pytest.approx(period * asked, rel=1e-12)
+        assert rise == pytest.approx(period * acceleration, rel=1e-12)

@@ -23,13 +23,13 @@ def hanging(*overrides: str) -> Scenario:
 def test_near_rest_it_moves_as_its_linearisation_says() -> None:
     offset = 1e-4
     scenario = hanging(f"initial.load_offset=[{offset}, 0.0, 0.0]")
-    (law,) = [
-        law
-        for law in linearised_controller(scenario, controller_design("lqr-integral", scenario))
-        if law.rope_length == LENGTH
+    (linear,) = [
+        linear
+        for linear in linearised_controller(scenario, controller_design("lqr-integral", scenario))
+        if linear.rope_length == LENGTH
     ]
     run = simulate_run(scenario, plant="mujoco", controller="lqr-integral")
-    closed = law.a - law.b @ law.gain[np.newaxis]
+    closed = linear.a - linear.b @ linear.gain[np.newaxis]
     assert np.linalg.eigvals(closed).real.max() < -1.0
     start = np.array([offset, 0.0, 0.0, 0.0, 0.0])
     for k in (200, 500, 1500):

@@ -36,8 +36,8 @@ SENSED = ["effects.sensing={}", "effects.delay.seconds=0.004"]
 
 def polynomial_error(found: Array, wanted: Array) -> float:
     """Largest relative one of characteristic polynomials; equal poles by themselves are ill-conditioned."""
-    asked, there = np.poly(wanted).real, np.poly(found).real
-    return float(np.abs(there / asked - 1.0).max())
+    wanted_polynomial, polynomial = np.poly(wanted).real, np.poly(found).real
+    return float(np.abs(polynomial / wanted_polynomial - 1.0).max())
 
 
 @pytest.mark.parametrize("length", [0.2, 0.8, 1.4])
@@ -133,11 +133,11 @@ def test_it_is_certified_with_delay_observer_and_structure(
     if numbers == "tuned":
         found = read_toml(ROOT / "validation" / "benchmark" / "tuned" / f"{LAW}.toml")["parameters"]
         effects += [f"{key}={value}" for key, value in found.items()]
-    options = [f"--rope-length={length}" for length in lengths] + [f"--set={each}" for each in effects]
+    options = [f"--rope-length={length}" for length in lengths] + [f"--set={effect}" for effect in effects]
     assert main(["certify", LAW, "--delay", "0.008", *options]) == code
-    told = capsys.readouterr().out
-    assert f"of {len(lengths)} points certified" in told
-    assert "truly unstable (u): 0" in told
+    output = capsys.readouterr().out
+    assert f"of {len(lengths)} points certified" in output
+    assert "truly unstable (u): 0" in output
 
 
 @pytest.mark.parametrize("effects", [[], SENSED])

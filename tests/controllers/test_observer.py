@@ -26,13 +26,13 @@ def observer() -> Observer:
 def follow(observer: Observer, positions: np.ndarray, accelerations: np.ndarray) -> np.ndarray:
     """Estimates (N, 15) after each measurement of the five joints (N, 5)."""
     memory = initial_estimate(np.column_stack([positions[0], np.zeros(5)]).ravel())
-    found = np.empty((len(positions), EXPECTED.size))
+    estimates = np.empty((len(positions), EXPECTED.size))
     for k, row in enumerate(positions):
         for joint in range(5):
             correct(observer, joint, row[joint], memory)
-        found[k] = memory
+        estimates[k] = memory
         predict(observer, accelerations[k], memory)
-    return found
+    return estimates
 
 
 def bridge(positions: np.ndarray) -> np.ndarray:
@@ -70,23 +70,23 @@ def test_constant_acceleration_is_found_without_error(observer: Observer) -> Non
     time = PERIOD * np.arange(1500)
     commanded, unknown = 0.7, -1.3
     positions = bridge(0.5 * (commanded + unknown) * time**2)
-    found = follow(observer, positions, np.tile([commanded, 0.0, 0.0], (len(time), 1)))
-    assert_allclose(found[-1, EXPECTED.velocity], (commanded + unknown) * time[-1], atol=1e-9)
-    assert_allclose(found[-1, EXPECTED.disturbance], unknown, atol=1e-7)
-    assert_allclose(found[-1, [1, 2, 3]], [0.0, 0.7, 0.0], atol=1e-12)
+    estimates = follow(observer, positions, np.tile([commanded, 0.0, 0.0], (len(time), 1)))
+    assert_allclose(estimates[-1, EXPECTED.velocity], (commanded + unknown) * time[-1], atol=1e-9)
+    assert_allclose(estimates[-1, EXPECTED.disturbance], unknown, atol=1e-7)
+    assert_allclose(estimates[-1, [1, 2, 3]], [0.0, 0.7, 0.0], atol=1e-12)
 
 
 def test_a_step_of_the_disturbance_stays_within_its_bounds(observer: Observer) -> None:
     """And comes near them: a bound that is never approached says nothing."""
     time, step = PERIOD * np.arange(600), 2.0
     positions = bridge(0.5 * step * time**2)
-    found = follow(observer, positions, np.zeros((len(time), 3)))
-    velocity = np.abs(found[:, EXPECTED.velocity] - step * time).max()
-    position = np.abs(found[:, EXPECTED.position] - positions[:, 0]).max()
+    estimates = follow(observer, positions, np.zeros((len(time), 3)))
+    velocity = np.abs(estimates[:, EXPECTED.velocity] - step * time).max()
+    position = np.abs(estimates[:, EXPECTED.position] - positions[:, 0]).max()
     assert 0.9 < velocity / (0.84 * step / BANDWIDTH) <= 1.0
     assert 0.8 < position / (0.27 * step / BANDWIDTH**2) <= 1.0
     late = time > 12.0 / BANDWIDTH
-    assert np.abs(found[late, EXPECTED.velocity] - step * time[late]).max() < 0.05 * step / BANDWIDTH
+    assert np.abs(estimates[late, EXPECTED.velocity] - step * time[late]).max() < 0.05 * step / BANDWIDTH
 
 
 def test_noise_reaches_the_velocity_with_the_variance_of_theory(observer: Observer) -> None:
@@ -95,11 +95,11 @@ def test_noise_reaches_the_velocity_with_the_variance_of_theory(observer: Observ
 
     deviation = 1e-4
     noise = np.random.default_rng(1).normal(scale=deviation, size=40_000)
-    found = follow(observer, bridge(noise), np.zeros((len(noise), 3)))[2000:]
+    estimates = follow(observer, bridge(noise), np.zeros((len(noise), 3)))[2000:]
     gain = np.array([observer.position_gain, observer.velocity_gain, observer.disturbance_gain])
     variance = solve_discrete_lyapunov(error_dynamics(observer), deviation**2 * np.outer(gain, gain))
     measured = [
-        found[:, place].std() for place in (EXPECTED.position, EXPECTED.velocity, EXPECTED.disturbance)
+        estimates[:, column].std() for column in (EXPECTED.position, EXPECTED.velocity, EXPECTED.disturbance)
     ]
     assert_allclose(measured, np.sqrt(np.diag(variance)), rtol=0.1)
 
@@ -110,10 +110,10 @@ def test_a_free_pendulum_is_followed_by_its_equations(observer: Observer) -> Non
     frequency = np.sqrt(GRAVITY / length) * (1.0 - amplitude**2 / 16.0)
     rows = bridge(np.zeros_like(time))
     rows[:, 3] = amplitude * np.cos(frequency * time)
-    found = follow(observer, rows, np.zeros((len(time), 3)))[500:]
+    estimates = follow(observer, rows, np.zeros((len(time), 3)))[500:]
     rate = -amplitude * frequency * np.sin(frequency * time[500:])
-    assert np.abs(found[:, EXPECTED.velocity + 3] - rate).max() < 1e-3 * amplitude * frequency
-    assert np.abs(found[:, EXPECTED.disturbance + 3]).max() < 2e-3 * amplitude * frequency**2
+    assert np.abs(estimates[:, EXPECTED.velocity + 3] - rate).max() < 1e-3 * amplitude * frequency
+    assert np.abs(estimates[:, EXPECTED.disturbance + 3]).max() < 2e-3 * amplitude * frequency**2
 
 
 def test_what_moves_the_trolley_is_not_taken_for_a_disturbance_of_the_angles(observer: Observer) -> None:

@@ -27,11 +27,11 @@ class WatchedRig:
         self._rig, self.read = rig, read
 
     def __getattr__(self, name: str) -> Any:
-        found = getattr(self._rig, name)
-        if isinstance(found, EffectNumbers):
-            return WatchedRig(found, self.read)
+        item = getattr(self._rig, name)
+        if isinstance(item, EffectNumbers):
+            return WatchedRig(item, self.read)
         self.read.add(name)
-        return found
+        return item
 
 
 class WatchedPath:

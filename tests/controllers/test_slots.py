@@ -22,12 +22,12 @@ def gained(parameters, axis):  # type: ignore[no-untyped-def]
 
 def step(parameters, _measured, _reference, memory, command):  # type: ignore[no-untyped-def]
     """Write to each slot, and stop when it has begun."""
-    held = carray(memory, (MEMORY.size + 2,))
-    if held[MEMORY.begun] != 0.0:
+    numbers = carray(memory, (MEMORY.size + 2,))
+    if numbers[MEMORY.begun] != 0.0:
         return RunStatus.SLACK_ROPE
-    held[MEMORY.begun] = 1.0
-    held[MEMORY.error : MEMORY.begun][2] = gained(parameters, 1)
-    held[MEMORY.ring + 1] = 7.0
+    numbers[MEMORY.begun] = 1.0
+    numbers[MEMORY.error : MEMORY.begun][2] = gained(parameters, 1)
+    numbers[MEMORY.ring + 1] = 7.0
     command[0] = parameters[GIVEN.limit]
     return RunStatus.RUNNING
 
@@ -47,8 +47,8 @@ def test_arrays_have_numbers_by_slot_and_zeros_elsewhere() -> None:
     np.testing.assert_array_equal(MEMORY.array(), np.zeros(4))
     np.testing.assert_array_equal(GIVEN.array(limit=(2, 3)), [0.0, 2.0, 3.0])
     assert GIVEN.array(limit=(2, 3)).dtype == float
-    found = MEMORY.array(begun=1, ring=np.array([[5.0, 6.0], [7.0, 8.0]]))
-    np.testing.assert_array_equal(found, [0, 0, 0, 1, 5, 6, 7, 8])
+    numbers = MEMORY.array(begun=1, ring=np.array([[5.0, 6.0], [7.0, 8.0]]))
+    np.testing.assert_array_equal(numbers, [0, 0, 0, 1, 5, 6, 7, 8])
 
 
 def test_compiled_code_reads_and_writes_by_name() -> None:
@@ -64,12 +64,12 @@ def test_signals_are_logged_from_the_start_of_their_slot() -> None:
     begun = Signal("begun", "b", "", "")
     error = per_axis("error", "e", "m", "of the drive", "xl")
     assert error[1] == Signal("error_l", "e_l", "m", "of the drive, l")
-    found = MEMORY.logged(begun=[begun], error=error)
-    assert found == (Logged(3, begun), Logged(0, error[0]), Logged(1, error[1]))
+    numbers = MEMORY.logged(begun=[begun], error=error)
+    assert numbers == (Logged(3, begun), Logged(0, error[0]), Logged(1, error[1]))
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         (lambda: Slots(size=1), "named 'size'"),
         (lambda: Slots(_a=1), "named '_a'"),
@@ -80,8 +80,8 @@ def test_signals_are_logged_from_the_start_of_their_slot() -> None:
         (lambda: MEMORY.array(error=1.0), "1 numbers for the slot 'error', which has 3"),
     ],
 )
-def test_mistakes_are_told(wrong: Any, said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_mistakes_are_told(wrong: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         wrong()
     with pytest.raises(AttributeError, match="no slot 'eror', there are error, begun, ring"):
         _ = MEMORY.eror

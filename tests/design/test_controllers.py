@@ -41,8 +41,8 @@ def test_pole_placement_achieves_conjugate_pairs() -> None:
     assert parse_settings(DesignSettings, settings.model_dump(mode="json"), "again") == settings
     design = design_controller("pole-placement", settings)
     assert design.gain == pytest.approx([160.0, 176.0, 74.0, 14.0])
-    found = [*design.closed_loop_poles.real, *np.abs(design.closed_loop_poles.imag)]
-    assert found == pytest.approx([-4.0, -4.0, -3.0, -3.0, 0.0, 0.0, 1.0, 1.0], abs=1e-5)
+    parts = [*design.closed_loop_poles.real, *np.abs(design.closed_loop_poles.imag)]
+    assert parts == pytest.approx([-4.0, -4.0, -3.0, -3.0, 0.0, 0.0, 1.0, 1.0], abs=1e-5)
 
 
 def test_lqr_gain_is_the_minimum_of_its_cost() -> None:

@@ -55,22 +55,22 @@ Case = tuple[str, str, dict]
 
 
 def of_ends() -> list[Case]:
-    found = []
+    all_cases = []
     for key, value in ends(DesignSettings):
         for whole in (key, (*key[:-1], 3)) if isinstance(key[-1], int) else (key,):
             changed = put(DEFAULTS, whole, value)[whole[0]]
             for name in CONTROLLERS:
                 if any(whole[0] in USED[part] for part in name.split("+")):
                     label = f"{name}: {'.'.join(map(str, whole))}={value!r}"
-                    found.append((label, name, {whole[0]: changed}))
+                    all_cases.append((label, name, {whole[0]: changed}))
     for end in (-1e-3, -1e3):
-        found += [(f"{name}: poles={end}", name, {"poles": [end] * 4}) for name in CONTROLLERS[:3]]
-    return list({case[0]: case for case in found}.values())
+        all_cases += [(f"{name}: poles={end}", name, {"poles": [end] * 4}) for name in CONTROLLERS[:3]]
+    return list({case[0]: case for case in all_cases}.values())
 
 
 def of_samples() -> list[Case]:
     """Many numbers changed together, a third of them to an end."""
-    rng, found = np.random.default_rng(2), []
+    rng, all_cases = np.random.default_rng(2), []
 
     def number(low: float, high: float) -> float:
         if rng.random() < 0.3:
@@ -93,8 +93,8 @@ def of_samples() -> list[Case]:
             },
         }
         kept = {key for part in name.split("+") for key in USED[part]}
-        found.append((f"sample {k}: {name}", name, {key: whole[key] for key in whole if key in kept}))
-    return found
+        all_cases.append((f"sample {k}: {name}", name, {key: whole[key] for key in whole if key in kept}))
+    return all_cases
 
 
 ENDS = of_ends()
@@ -109,8 +109,8 @@ def test_a_design_holds_what_it_says_or_says_what_to_do(
 ) -> None:
     _, name, table = case
     changes = [f"design.{key}={inline(value)}" for key, value in table.items()]
-    asked = [word for change in changes for word in ("--set", change)]
-    code = main(["design", name, "--scenario", "fixed-position", *asked, "--json", "-"])
+    options = [word for change in changes for word in ("--set", change)]
+    code = main(["design", name, "--scenario", "fixed-position", *options, "--json", "-"])
     printed = capsys.readouterr()
     if code == 2:
         assert tells_what_to_do(printed.err), printed.err
@@ -143,7 +143,7 @@ def check_gain(design: Design, settings: DesignSettings) -> None:
             wanted = [
                 a - pole * b for a, b in zip([*wanted, Fraction(0)], [Fraction(0), *wanted], strict=True)
             ]
-        assert design.gain[::-1] == pytest.approx([float(each) for each in wanted[1:]], rel=1e-9, abs=0.0)
+        assert design.gain[::-1] == pytest.approx([float(gain) for gain in wanted[1:]], rel=1e-9, abs=0.0)
         return
     relative = np.array(settings.state_weights) / settings.input_weight
     assert spectral_residual(design.gain, relative) < 1e-6

@@ -69,9 +69,9 @@ def test_the_smallest_gamma_at_small_control_weights(control_weight: float, smal
     """The values come from a Riccati equation in 60 digits; the limit for no weight is 1/M = 0.2."""
     gain = design_controller("lqr").gain
     settings = HinfSettings(control_weight=control_weight)
-    k, _, found, achieved = hinf_robustifier(gain, settings)
-    assert found == pytest.approx(smallest, rel=1e-5)
-    assert found <= achieved <= settings.back_off * found * (1 + 1e-4)
+    k, _, gamma_min, achieved = hinf_robustifier(gain, settings)
+    assert gamma_min == pytest.approx(smallest, rel=1e-5)
+    assert gamma_min <= achieved <= settings.back_off * gamma_min * (1 + 1e-4)
     s = 1j * OMEGA
     sensitivity = 1.0 / (1.0 + inner_loop(gain)(s) * k(s))
     weight = (s / settings.peak + settings.bandwidth) / (s + settings.bandwidth * settings.offset)

@@ -22,10 +22,10 @@ def test_relative_degree_without_and_with_extension() -> None:
     Which is singular where the rope is slack.
     """
     module = derivation("relative_degree")
-    found = module["verify"]()
-    at = dict.fromkeys(found["matrix"].free_symbols, 0.3)
-    assert np.linalg.matrix_rank(np.array(found["matrix"].subs(at), dtype=float), tol=1e-12) == 1
-    assert found["determinant"].subs(module["ZETA"], -module["GRAVITY"]) == 0
+    matrices = module["verify"]()
+    at = dict.fromkeys(matrices["matrix"].free_symbols, 0.3)
+    assert np.linalg.matrix_rank(np.array(matrices["matrix"].subs(at), dtype=float), tol=1e-12) == 1
+    assert matrices["determinant"].subs(module["ZETA"], -module["GRAVITY"]) == 0
 
 
 @pytest.mark.parametrize("controller", ["pole-placement", "lqr", "pole-placement+hinf", "lqr+hinf"])
@@ -39,13 +39,13 @@ def test_steady_offset_under_constant_disturbances(plant: str, controller: str) 
     run = simulate_run(scenario, plant=plant, controller=controller)
     module = derivation("steady_offset")
     design = design_controller(controller)
-    found = module["steady_state"](
+    offsets = module["steady_state"](
         design.gain, (1.0, 0.77, -0.7), 0.8, -0.5, robustifier_gain=design.robustifier.static_gain
     )
-    expected = [found["load_x"], found["load_y"], found["load_z"]]
+    expected = [offsets["load_x"], offsets["load_y"], offsets["load_z"]]
     assert run.load_position[-1] == pytest.approx(expected, abs=1e-6)
-    assert run.angles[-1] == pytest.approx([found["alpha"], found["beta"]], abs=1e-6)
-    assert run.signal("controller.zeta")[-1] == pytest.approx(found["zeta"], abs=1e-6)
-    assert module["residual"](found, 0.8, -0.5) < 1e-9
+    assert run.angles[-1] == pytest.approx([offsets["alpha"], offsets["beta"]], abs=1e-6)
+    assert run.signal("controller.zeta")[-1] == pytest.approx(offsets["zeta"], abs=1e-6)
+    assert module["residual"](offsets, 0.8, -0.5) < 1e-9
     offset = abs(run.load_position[-1] - [1.0, 0.77, -0.7]).max()
     assert offset > (0.004 if "hinf" in controller else 0.05), "there is an offset to explain"

@@ -14,7 +14,7 @@ STEP = 1e-6
 
 
 def test_derivation_from_the_lagrangian_equals_the_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And notices a wrong sign."""
+    """The derivation also notices a wrong sign."""
     derivation = runpy.run_path(str(ROOT / "validation" / "proofs" / "derivations" / "lagrange.py"))
     equations = derivation["derive"]()
     derivation["check_identities"](equations)

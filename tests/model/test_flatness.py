@@ -75,8 +75,8 @@ def test_round_trip_state_to_flat_output_and_back() -> None:
         flat[12:] = v
         flatness.state_and_input(flat, G, back, inputs)
         assert back == pytest.approx(state, abs=1e-9)
-        law = flatness.linearising_input(state, zeta, zeta_dot, *v, G)
-        assert inputs == pytest.approx(np.array(law), abs=1e-9)
+        accelerations = flatness.linearising_input(state, zeta, zeta_dot, *v, G)
+        assert inputs == pytest.approx(np.array(accelerations), abs=1e-9)
 
 
 def test_round_trip_flat_output_to_state_and_back() -> None:

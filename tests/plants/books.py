@@ -1,4 +1,4 @@
-"""Books of a crane: what its drives, the wind and gravity put in is stored, or lost, or momentum.
+"""Balances of a crane: the work of drives, wind and gravity is stored or lost, and forces change momentum.
 
 Of any plant: from where everything is and how fast, and from the tension that the plant tells.
 """
@@ -18,7 +18,7 @@ from cranectl.support.arrays import Array
 
 
 class Books(NamedTuple):
-    """N samples of what is stored, and of what goes in less what is lost.
+    """N samples of stored energy and momentum, and of the power and force that change them.
 
     Of ideal drives nobody tells the forces: their energy, and momentum but with a frame, are no book.
     """
@@ -32,7 +32,7 @@ class Books(NamedTuple):
 
 
 def whole_state(plant: Plant) -> Array:
-    """(22,), see `plants.elastic.crane`, of any plant."""
+    """Return the state (22,) of any plant, in the order of `plants.elastic.crane`."""
     state = np.zeros(STATES)
     plant.measure(state[:10])
     if plant.name == "elastic":
@@ -69,7 +69,7 @@ def _add_hidden(engine: MujocoPlant, state: Array) -> None:
 
 
 def hook_spin(states: Array) -> Array:
-    """Of states (N, 22): angular velocity of the rope's end (N, 3)."""
+    """Return the angular velocity (N, 3) of the rope's end at states (N, 22)."""
     sa, ca = np.sin(states[:, 6]), np.cos(states[:, 6])
     return np.column_stack([states[:, 7], -states[:, 9] * ca, -states[:, 9] * sa])
 
@@ -83,7 +83,7 @@ def books(
     commands: Array,
     air: Array,
 ) -> Books:
-    """Of states (N, 22), loads (N, 7) as told, commands (N, 3), in air as it is (6,); see `Plant`."""
+    """Return the balances of states (N, 22), measured loads (N, 7) and commands (N, 3), in wind (6,)."""
     rope, body, frame, friction = effects.rope, effects.body, effects.frame, effects.friction
     gravity, mass = np.array(gravity_in_rig(rig.gravity, effects)), rig.load_mass
     offset = body.hook_offset if body else 0.0
@@ -130,7 +130,7 @@ def books(
         sa, ca = np.sin(states[:, 6]), np.cos(states[:, 6])
         torque = torque + np.column_stack([back[:, 0], -ca * back[:, 1] - sa * back[:, 2]])
 
-    # The rope, a thin rod from its end up to the winch; it is paid out as heavy and as strained as it is.
+    # The rope is a thin rod from its end up to the winch. What is paid out has the rope's mass and strain.
     if rope:
         strain, rate = states[:, STRETCH], states[:, STRETCH_RATE]
         stored = 0.5 * rope.stiffness / paid_out * strain**2 * (strain > 0.0)
@@ -149,7 +149,7 @@ def books(
         power += rope.mass * paid_rate * (0.5 * _dot(upper, upper) - (pivot + at_pivot * n) @ gravity)
         force = force + rope.mass * paid_rate[:, None] * upper
 
-    # What turns the joint pushes the end of a rope without mass aside.
+    # A torque on the joint pushes the end of a massless rope aside.
     by_alpha = np.column_stack([0.0 * n[:, 0], -n[:, 2], n[:, 1]])
     by_beta = np.cross(np.column_stack([flat, -np.cos(states[:, 6]), -np.sin(states[:, 6])]), n)
     aside = (
@@ -164,11 +164,13 @@ def books(
     bridge_at = np.column_stack([axes[:, 0] + rails[:, 0], rails[:, 1]])
     trolley_at = axes[:, :2] + rails
     energy -= (rig.bridge_mass * bridge_at + rig.trolley_mass * trolley_at) @ gravity[:2]
-    held = [0.0, 0.0, rig.hanging_mass(effects) * rig.gravity]
-    given = commands if drive == "force" else rig.velocity_gains * (commands - rates) - held
+    holding = [0.0, 0.0, rig.hanging_mass(effects) * rig.gravity]
+    drive_forces = commands if drive == "force" else rig.velocity_gains * (commands - rates) - holding
     if friction:
-        given = given - np.array(friction.viscous) * rates - np.array(friction.coulomb) * np.sign(rates)
-    power += _dot(given, rates)
+        drive_forces = (
+            drive_forces - np.array(friction.viscous) * rates - np.array(friction.coulomb) * np.sign(rates)
+        )
+    power += _dot(drive_forces, rates)
     everything = momentum[:, :2] + rig.bridge_mass * bridge + rig.trolley_mass * trolley
     outside = (
         push[:, :2] + rig.trolley_mass * gravity[:2] + rig.bridge_mass * gravity[:2] * [1.0, bool(frame)]
@@ -184,11 +186,11 @@ def books(
         everything = everything + frame.mass * rail_rates
         outside = outside + spring + damper
     else:
-        outside = outside + given[:, :2]
+        outside = outside + drive_forces[:, :2]
     momenta, forces = np.hstack([momentum, everything]), np.hstack([force + aside, outside])
     return Books(energy, power, momenta, forces, position, speed)
 
 
 def _dot(a: Array, b: Array) -> Array:
-    found: Array = np.einsum("ij,ij->i", a, b)
-    return found
+    product: Array = np.einsum("ij,ij->i", a, b)
+    return product

@@ -63,8 +63,8 @@ def copied(plant: MujocoPlant) -> mujoco.MjData:
 
 def energies(plant: MujocoPlant, samples: int, periods: int) -> np.ndarray:
     """Energy now and after every `periods`, left to itself: shape (samples + 1,)."""
-    found = [energy(plant)]
+    values = [energy(plant)]
     for _ in range(samples):
         simulate(plant, periods)
-        found.append(energy(plant))
-    return np.array(found)
+        values.append(energy(plant))
+    return np.array(values)

@@ -1,4 +1,4 @@
-"""The product: plants that know nothing of each other agree.
+"""Independent plants agree: the main claim of the project.
 
 Levels 0, 1 and 2 of docs/explanation/model.md.
 """
@@ -117,7 +117,7 @@ def test_level_1_open_loop(seed: int) -> None:
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("name", ALL_SCENARIOS)
 def test_level_2_all_plants_in_closed_loop(name: str, drive: Drive) -> None:
-    """As `cranectl validate --drive all --pairwise`, by tighter limits than its."""
+    """The runs are those of `cranectl validate --drive all --pairwise`, with tighter limits."""
     scenario = load_scenario(name)
     for controller in (*ALL_CONTROLLERS, "pid"):
         case = make_case(scenario, controller=controller, drive=drive, keep="none", pairwise=True)
@@ -128,13 +128,13 @@ def test_level_2_all_plants_in_closed_loop(name: str, drive: Drive) -> None:
         )  # which loses large cranes, on all plants alike
         ((status, end),) = {(run.status, run.end_s) for run in result.runs}
         assert status != RunStatus.COMPLETED or end == scenario.duration
-        for found in result.pairs:
-            agreement = found.agreement
+        for pair in result.pairs:
+            agreement = pair.agreement
             assert (agreement.limit_m, agreement.limit_rad) == (1e-7, 1e-7)
             assert agreement.max_load_error_m < 1e-8, controller
             assert agreement.max_angle_error_rad < 1e-8, controller
-            assert found.max_tension_error_n < 1e-5 * scenario.rig.weight, controller
-        pairs = {(found.agreement.plant, found.agreement.reference) for found in result.pairs}
+            assert pair.max_tension_error_n < 1e-5 * scenario.rig.weight, controller
+        pairs = {(pair.agreement.plant, pair.agreement.reference) for pair in result.pairs}
         assert pairs == {*itertools.combinations(PLANTS, 2)}
 
 
@@ -156,7 +156,7 @@ def pair(scenario: str, controller: str, overrides: list[str]) -> list[Run]:
     ids=" ".join,
 )
 def test_level_2_holds_for_any_rig_and_sampling(overrides: list[str]) -> None:
-    """Neither a feather nor ten tons on ideal drives may show, nor what else these have to move."""
+    """With ideal drives neither very light nor very heavy loads, nor other masses, make a difference."""
     assert judge(*pair("fast-diagonal", "lqr", ["duration=5.0", *overrides])).passed
 
 
@@ -165,7 +165,7 @@ HARD = {"fixed-position": 2, "settled-trajectory": 2, "fast-diagonal": 1, "near-
 
 @pytest.mark.parametrize("scenario", HARD)
 def test_level_2_holds_as_well_under_hard_pushes(scenario: str) -> None:
-    """3 rad/s² where the scenario has its disturbances; held over a step they would show, with 4e-7 m."""
+    """The disturbances are 3 rad/s²; if they were constant over a step, plants would differ by 4e-7 m."""
     overrides = [f"disturbances.{k}.magnitude={3.0 * (-1) ** k}" for k in range(HARD[scenario])]
     analytic, engine = pair(scenario, "lqr+hinf", overrides)
     assert np.abs(engine.block("disturbance")).max() == 3.0

@@ -1,4 +1,4 @@
-"""Energy and momentum of every crane add up, effect by effect."""
+"""Energy and momentum of every plant are balanced, effect by effect."""
 
 from typing import NamedTuple
 
@@ -33,14 +33,14 @@ NUMBERS = EffectNumbers(
 )
 START = np.array([0.0, 0.1, 0.0, -0.2, 0.8, 0.05, 0.3, 0.4, -0.25, -0.3])
 WIND = np.array([1.5, -0.9, 0.3, 0.2, -0.1, 0.3])
-PARTS = 6  # samples of a period, whose command holds until the next
+PARTS = 6  # samples of a period, over which the command is constant
 WEIGHTS = np.linalg.solve(
     np.vander(np.arange(PARTS) / PARTS, increasing=True).T, 1.0 / np.arange(1, PARTS + 1)
 )
 
 
 class Manner(NamedTuple):
-    """Of moving about: how long, with which periods [s], in how many steps from sample to sample."""
+    """How a crane is moved: for how long, with which periods [s], and with how many steps in a sample."""
 
     seconds: float = 0.5
     period: float = 1e-3
@@ -77,15 +77,15 @@ def command_at(time: float, state: np.ndarray, drive: Drive) -> np.ndarray:
     command = np.array([0.2, 0.15, 0.1]) * np.cos(np.array([1.0, 1.3, 0.7]) * time)
     if drive != "force":
         return command
-    held = np.array([0.0, 0.0, RIG.weight + 50.0 * (state[4] - START[4])])
-    return command * RIG.driven_masses - held - 10.0 * state[1:6:2]
+    holding = np.array([0.0, 0.0, RIG.weight + 50.0 * (state[4] - START[4])])
+    return command * RIG.driven_masses - holding - 10.0 * state[1:6:2]
 
 
 def misses(name: str, effects: EffectSettings, drive: Drive, manner: Manner = DEFAULT) -> np.ndarray:
-    """The largest miss of each book that can be kept: of energy over m g l, of momenta over m sqrt(g l).
+    """Return the largest error of each balance: energy over m g l, momenta over m sqrt(g l).
 
-    Nobody tells the forces of ideal drives, nor of drives that are blind to the load; nor what holds a heavy
-    rope aside. Of Coulomb's friction that sticks only the loss is known, which is none.
+    Some balances cannot be checked. The forces of ideal drives, and of drives that do not feel the load, are
+    not known, nor is the force that holds a heavy rope aside. Friction that sticks loses no energy.
     """
     kept = kept_books(name, effects, drive, manner)
     driven = drive == "force" or (drive == "velocity" and plant_entry(name).servos)
@@ -93,11 +93,11 @@ def misses(name: str, effects: EffectSettings, drive: Drive, manner: Manner = DE
     has_friction = effects.friction and any(effects.friction.coulomb)
     pulled = [hanging] * 3 + [bool(driven or effects.frame)] * 2
     stored = np.column_stack([kept.energy, kept.momentum])[:, [driven, *pulled]]
-    given = np.column_stack([kept.power, kept.force])[:, [driven, *pulled]]
-    within = given.reshape(-1, PARTS, given.shape[1])
+    inputs = np.column_stack([kept.power, kept.force])[:, [driven, *pulled]]
+    within = inputs.reshape(-1, PARTS, inputs.shape[1])
     work = np.cumsum(manner.period * np.tensordot(WEIGHTS, within, (0, 1)), axis=0)[:-1]
     unit = RIG.load_mass * np.sqrt(RIG.gravity * START[4])
-    units = np.array([RIG.weight * START[4] if driven else unit, *[unit] * (given.shape[1] - 1)])
+    units = np.array([RIG.weight * START[4] if driven else unit, *[unit] * (inputs.shape[1] - 1)])
     assert (np.abs(work).max(axis=0) > 1e-3 * units).all(), "something must have been done"
     missing = np.abs(stored[PARTS::PARTS] - stored[0] - work).max(axis=0) / units
     return missing[:1] if has_friction else missing
@@ -120,7 +120,7 @@ EFFECTS = {
 HOOK = EffectSettings(body=NUMBERS.body.model_copy(update={"hook_mass": 0.5}))
 EFFECTS["hook"] = HOOK
 EFFECTS["all with hook"] = EFFECTS["all"].model_copy(update={"body": HOOK.body})
-EXACT = {  # where what is missing is the order of the scheme at most, which is 4 and more
+EXACT = {  # effects with which the error is at most that of an integrator of order 4
     "analytic": ("none", "installation", "joint rubs", "wind"),
     "elastic": ("none", "body", "rope", "heavy rope", "all", "hook", "all with hook"),
     "mujoco": ("none", "installation", "friction", "frame", "wind", "rope", "heavy rope", "hook"),
@@ -147,5 +147,5 @@ def test_the_engines_hook_weighs_next_to_nothing() -> None:
 @pytest.mark.parametrize("drive", ["velocity", "force"])
 @pytest.mark.parametrize("name", ["elastic", "mujoco"])
 def test_friction_takes_what_it_rubs_away(name: str, drive: Drive) -> None:
-    """Joints stick and let go between the samples of a period."""
+    """Joints stick and slip between the samples of a period."""
     assert misses(name, EFFECTS["all rubs"], drive, Manner(seconds=2.0)).max() < 1e-7

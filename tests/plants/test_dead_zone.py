@@ -26,9 +26,9 @@ def run_with(zone: tuple[float, ...], plant: str, controller: str, *more: str) -
 def assert_agrees(plant: str, controller: str) -> None:
     first, second = run_with(ZONE, plant, controller), run_with(ZONE, "mujoco", controller)
     assert (first.status, first.end_ns) == (second.status, second.end_ns)
-    found = compare_runs(first, second)
-    assert found.max_load_error_m < 1e-7
-    assert found.max_angle_error_rad < 1e-7
+    comparison = compare_runs(first, second)
+    assert comparison.max_load_error_m < 1e-7
+    assert comparison.max_angle_error_rad < 1e-7
     without = run_with((0.0,) * 3, plant, controller)
     assert np.abs(first.load_position - without.load_position).max() > 1e-3
 
@@ -41,16 +41,16 @@ def test_plants_agree(plant: str, controller: str) -> None:
 
 def test_the_servo_gets_nothing_or_the_whole_set_point_times_its_gain() -> None:
     run = run_with(ZONE, "elastic", "lqr", "effects.installation.drive_gain=[1.1, 0.9, 1.0]")
-    asked, given = run.block("input")[:, 3:6], run.block("command")[:, :3]
-    below = np.abs(asked) < ZONE
+    set_points, command = run.block("input")[:, 3:6], run.block("command")[:, :3]
+    below = np.abs(set_points) < ZONE
     assert 0.05 < below.mean() < 0.95
-    assert given == pytest.approx(np.where(below, 0.0, asked * [1.1, 0.9, 1.0]), abs=1e-15)
-    assert not given[below].any()
+    assert command == pytest.approx(np.where(below, 0.0, set_points * [1.1, 0.9, 1.0]), abs=1e-15)
+    assert not command[below].any()
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_below_it_nothing_moves(plant: str) -> None:
-    """And the integral of the set-points goes on, or no drive would ever leave its zone."""
+    """The integral of the set-points goes on, else no drive would ever leave its dead zone."""
     run = run_with((1e6,) * 3, plant, "lqr", "disturbances=[]")
     state = run.block("state")
     assert state == pytest.approx(np.tile(state[0], (len(state), 1)), abs=1e-9)

@@ -68,8 +68,8 @@ class Hookless(ElasticPlant):
         super().__init__(rig, effects=effects.model_copy(update={"body": body}), **options)
 
 
-for each in (Calm, Becalmed, Built, Upside, Frictionless, Hookless):
-    each.kernels = None  # stepped from Python, as plants of other packages may be
+for plant_class in (Calm, Becalmed, Built, Upside, Frictionless, Hookless):
+    plant_class.kernels = None  # stepped from Python, as plants of other packages may be
 
 
 @pytest.fixture

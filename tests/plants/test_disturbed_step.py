@@ -1,4 +1,4 @@
-"""Steps under a disturbance: the engine's own scheme, with the force of each stage; and no other model's."""
+"""Steps under a disturbance: the engine's own scheme with forces of each stage, for one model only."""
 
 import itertools
 
@@ -22,7 +22,7 @@ PUSH = np.array([3.0, -3.0])
 
 
 def course(drive: Drive, effects: EffectSettings, *, in_stages: bool) -> np.ndarray:
-    """All that a step leaves behind, under forces on the drives that each step holds; 50 steps."""
+    """Return all that 50 steps leave in the data, with drive forces that are constant over each step."""
     step = 1e-4 if effects.rope else 1e-3
     plant = MujocoPlant(RIG, drive=drive, step=step, substeps=1, effects=effects)
     plant.reset(START)
@@ -91,7 +91,7 @@ def test_nothing_of_a_disturbance_is_left_when_it_ends(effects: EffectSettings) 
 
 
 def test_other_models_of_the_process_are_untouched() -> None:
-    """No callback of the engine is set, and a model of somebody else moves as before."""
+    """No callback of the engine is set, and another model in the process moves as before."""
     xml = "<mujoco><worldbody><body><joint/><geom size='0.1' pos='0 1 0'/></body></worldbody></mujoco>"
     model = mujoco.MjModel.from_xml_string(xml)
 
@@ -110,10 +110,10 @@ def test_turn_rate_is_that_of_rotations() -> None:
     """exp(turn) carried on by a spin about the body's axes for a short while is exp(turn + rate · while)."""
 
     def quaternion(turn: np.ndarray) -> np.ndarray:
-        found = np.zeros(4)
+        result = np.zeros(4)
         angle = float(np.linalg.norm(turn))
-        mujoco.mju_axisAngle2Quat(found, turn / angle, angle)
-        return found
+        mujoco.mju_axisAngle2Quat(result, turn / angle, angle)
+        return result
 
     turn, spin, short = np.array([0.02, -0.01, 0.03]), np.array([0.7, -1.1, 0.4]), 1e-6
     carried = quaternion(turn)

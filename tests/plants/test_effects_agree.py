@@ -1,4 +1,4 @@
-"""Effects that both plants have: the two say the same of them, and it is not nothing."""
+"""Effects that both plants show: the plants agree, and each effect changes the run."""
 
 import numpy as np
 import pytest
@@ -32,15 +32,15 @@ def run(plant: str, *overrides: str) -> Run:
     ids=["wind", "viscous joint", "forces", "forces and gusts"],
 )
 def test_both_plants_say_the_same(overrides: list[str], apart: float) -> None:
-    """Up to a part of the effect."""
+    """They differ by a small part of the effect only."""
     analytic, mujoco = (run(plant, *overrides) for plant in ("analytic", "mujoco"))
     plain = run("analytic")
-    found = compare_runs(analytic, mujoco)
+    comparison = compare_runs(analytic, mujoco)
     effect = compare_runs(plain, analytic).max_load_error_m
     assert effect > 1e-3
     assert mujoco.status == analytic.status == plain.status
-    assert found.max_load_error_m < apart * effect
-    tension = next(row for row in found.signals if row.signal == "load.rope_tension")
+    assert comparison.max_load_error_m < apart * effect
+    tension = next(row for row in comparison.signals if row.signal == "load.rope_tension")
     assert tension.max_abs < 2e-3
 
 

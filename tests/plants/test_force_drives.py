@@ -44,9 +44,11 @@ def test_plants_accelerate_alike_under_forces_and_a_disturbance() -> None:
         engine.data.ctrl[engine.rig.drives] = command
         push_load(engine.rig, disturbance)
         mujoco.mj_forward(engine.model, engine.data)
-        given = drive_accelerations(analytic.rig.drives, analytic.rig, state, command, disturbance, STILL)
-        derivative(analytic.rig, state, given, disturbance, STILL, rate)
-        observe_load(analytic.rig, state, given, STILL, load)
+        accelerations = drive_accelerations(
+            analytic.rig.drives, analytic.rig, state, command, disturbance, STILL
+        )
+        derivative(analytic.rig, state, accelerations, disturbance, STILL, rate)
+        observe_load(analytic.rig, state, accelerations, STILL, load)
         scale = np.abs(rate).max()
         assert np.abs(engine.data.qacc[rates] - rate[1::2]).max() < 1e-10 * scale
         tension = engine.data.sensordata[engine.rig.load_sensors[6]]
@@ -75,14 +77,14 @@ def test_drives_feel_air_joint_and_slope_as_generalised_forces() -> None:
         along_rails = np.diag(mass - RIG.load_mass * jacobian.T @ jacobian)[:2] * gravity[:2]
         force = np.array([*(command[:2] + along_rails), command[2], *torque]) + jacobian.T @ on_load
         expected = np.linalg.solve(mass, force - dynamics.coriolis_matrix(q, qd, RIG) @ qd)
-        given = drive_accelerations(plant.rig.drives, plant.rig, state, command, disturbance, wind)
-        derivative(plant.rig, state, given, disturbance, wind, rate)
+        accelerations = drive_accelerations(plant.rig.drives, plant.rig, state, command, disturbance, wind)
+        derivative(plant.rig, state, accelerations, disturbance, wind, rate)
         assert rate[1::2] == pytest.approx(expected, rel=1e-10, abs=1e-10)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_forces_of_the_nominal_rig_bring_about_what_the_law_commands(plant: str) -> None:
-    """Without disturbances force drives do what ideal drives do, but for a force held over a period."""
+    """Without disturbances force drives move as ideal drives, except that forces are constant in a period."""
     largest = []
     for period in (0.001, 0.0005):
         scenario = load_scenario(
@@ -111,7 +113,7 @@ def test_what_the_nominal_rig_does_not_know_shows() -> None:
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_forces_are_recorded_as_the_drives_get_them(plant: str) -> None:
-    """And are those of the equations of motion at the recorded state."""
+    """The recorded forces are those of the equations of motion at the recorded state."""
     run = simulate_run(
         load_scenario("fast-diagonal", overrides=["duration=3.0", "disturbances=[]"]), plant=plant,
         drive="force", controller="lqr",
@@ -145,7 +147,9 @@ def test_a_log_of_force_drives_comes_back(tmp_path) -> None:
 # Effects
 
 
-def held(*, friction: Friction | None = None, limits: DriveLimits | None = None, force: float) -> np.ndarray:
+def state_after(
+    *, friction: Friction | None = None, limits: DriveLimits | None = None, force: float
+) -> np.ndarray:
     """State of the engine's crane 0.2 s after its bridge was given `force` [N]."""
     effects = EffectSettings(friction=friction, limits=limits)
     check_effects(effects, plant="mujoco", drive="force")
@@ -159,16 +163,16 @@ def held(*, friction: Friction | None = None, limits: DriveLimits | None = None,
 
 def test_friction_of_the_axes_holds_against_a_force() -> None:
     friction = Friction(coulomb=(3.0, 0.0, 0.0), viscous=(0.0,) * 3, pivot_coulomb=0.0, pivot_viscous=0.0)
-    assert abs(held(friction=friction, force=2.9)[1]) < 1e-4
-    assert held(friction=friction, force=4.0)[1] > 0.01
-    assert held(force=2.9)[1] > 0.03
+    assert abs(state_after(friction=friction, force=2.9)[1]) < 1e-4
+    assert state_after(friction=friction, force=4.0)[1] > 0.01
+    assert state_after(force=2.9)[1] > 0.03
 
 
 def test_limits_cut_the_force_off() -> None:
     no_limit = (NO_LIMIT,) * 3
     limits = DriveLimits(velocity=no_limit, acceleration=no_limit, force=(2.0, 2.0, 40.0))
-    assert np.array_equal(held(limits=limits, force=50.0), held(limits=limits, force=2.0))
-    assert held(limits=limits, force=50.0) == pytest.approx(held(force=2.0), abs=1e-12)
+    assert np.array_equal(state_after(limits=limits, force=50.0), state_after(limits=limits, force=2.0))
+    assert state_after(limits=limits, force=50.0) == pytest.approx(state_after(force=2.0), abs=1e-12)
 
 
 def test_while_the_rope_is_slack_forces_brake_the_drives_alone() -> None:

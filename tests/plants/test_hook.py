@@ -39,20 +39,20 @@ def make(name: str, drive: Drive, rig: RigParameters = RIG, **effects: Any) -> P
     )
 
 
-def moved(plant: Plant, start: np.ndarray, command: tuple[float, ...], periods: int) -> np.ndarray:
-    """Return joints and what the plant tells of the load at the start of each period, (periods, 17)."""
-    found = np.zeros((periods, 17))
+def simulate_periods(plant: Plant, start: np.ndarray, command: tuple[float, ...], periods: int) -> np.ndarray:
+    """Return joints and load at the start of each period, shape (periods, 17)."""
+    samples = np.zeros((periods, 17))
     plant.reset(start)
-    for row in found:
+    for row in samples:
         plant.measure(row[:10])
         plant.advance(np.array(command), np.zeros(2), STILL, row[10:])
-    return found
+    return samples
 
 
 def assert_holds(name: str, drive: Drive) -> None:
-    found = moved(make(name, drive, body=HOOK), HANGING, HELD[drive], 200)
-    assert found[:, :10] == pytest.approx(np.tile(HANGING, (200, 1)), abs=1e-12)
-    assert found[:, 16] == pytest.approx(1.4 * RIG.gravity, rel=1e-12)
+    samples = simulate_periods(make(name, drive, body=HOOK), HANGING, HELD[drive], 200)
+    assert samples[:, :10] == pytest.approx(np.tile(HANGING, (200, 1)), abs=1e-12)
+    assert samples[:, 16] == pytest.approx(1.4 * RIG.gravity, rel=1e-12)
 
 
 @pytest.mark.parametrize("drive", DRIVES)
@@ -65,9 +65,9 @@ def test_the_rope_bears_load_and_hook_and_the_winch_holds_them(name: str, drive:
 def test_a_rope_that_gives_bears_and_damps_both(name: str) -> None:
     rope, hanging = Rope(stiffness=500.0, mass=0.0, damping_ratio=0.1), HANGING[4] - HOOK.hook_offset
     plant = make(name, "velocity", body=HOOK, rope=rope)
-    found = moved(plant, HANGING, HELD["velocity"], 100)
-    assert found[:, 16] == pytest.approx(1.4 * RIG.gravity, rel=1e-9)
-    stretch = -found[0, 12] - HANGING[4]
+    samples = simulate_periods(plant, HANGING, HELD["velocity"], 100)
+    assert samples[:, 16] == pytest.approx(1.4 * RIG.gravity, rel=1e-9)
+    stretch = -samples[0, 12] - HANGING[4]
     assert stretch == pytest.approx(1.4 * RIG.gravity * hanging / rope.stiffness, rel=1e-9)
     views = plant.crane if isinstance(plant, ElasticPlant) else plant.handle.rope
     assert views.viscosity[0] == pytest.approx(2.0 * 0.1 * np.sqrt(rope.stiffness * 1.4 * hanging), rel=1e-12)
@@ -81,11 +81,11 @@ def assert_swings_in_two_modes(name: str, axis: int) -> None:
     squares, modes = eigh(np.diag([both * RIG.gravity * rope, m * RIG.gravity * d]), mass)
     aside, time = 1e-5, 1e-3 * np.arange(2000)
     angles = (modes * (modes.T @ mass @ [aside, aside])) @ np.cos(np.sqrt(squares)[:, None] * time)
-    found = moved(
+    samples = simulate_periods(
         make(name, "ideal", body=HOOK), HANGING + aside * np.eye(10)[6 + 2 * axis], (0.0,) * 3, 2000
     )
-    assert np.abs(found[:, 6 + 2 * axis] - angles[0]).max() < 1e-6 * aside
-    at = found[:, 11 - axis] - HANGING[2 - 2 * axis]
+    assert np.abs(samples[:, 6 + 2 * axis] - angles[0]).max() < 1e-6 * aside
+    at = samples[:, 11 - axis] - HANGING[2 - 2 * axis]
     assert np.abs(at - [rope, d] @ angles).max() < 1e-6 * aside
     assert np.abs(angles[0] - angles[1]).max() > 0.2 * aside, "both modes must move"
 
@@ -99,16 +99,16 @@ def test_it_swings_as_a_double_pendulum(name: str, axis: int) -> None:
 @pytest.mark.parametrize("drive", ["ideal", "force"])
 def test_a_hook_at_the_centre_of_mass_is_load(drive: Drive) -> None:
     """Without offset the two are one point, and the disturbance besides acts on the load alone."""
-    point = moved(
+    point = simulate_periods(
         make("elastic", drive, RIG.model_copy(update={"load_mass": 1.4})), SWINGING, HELD[drive], 500
     )
     body = HOOK.model_copy(update={"hook_offset": 0.0})
-    found = moved(make("elastic", drive, body=body), SWINGING, HELD[drive], 500)
-    assert found == pytest.approx(point, rel=1e-10, abs=1e-10)
+    samples = simulate_periods(make("elastic", drive, body=body), SWINGING, HELD[drive], 500)
+    assert samples == pytest.approx(point, rel=1e-10, abs=1e-10)
 
 
 def assert_agree(a: str, b: str, share: float, drive: Drive, name: str, controller: str, *more: str) -> None:
-    """To 1e-7 m and rad, where the hook is no matter of rounding."""
+    """Check agreement to 1e-7 m and rad, and that the hook makes more than a rounding difference."""
     hooked = f"effects.body={{hook_mass={share * RIG.load_mass}}}"
     scenario, bare = (load_scenario(name, overrides=[each, *more]) for each in (hooked, "effects.body={}"))
     first, second, other = (
@@ -116,9 +116,9 @@ def assert_agree(a: str, b: str, share: float, drive: Drive, name: str, controll
         for each, plant in ((scenario, a), (scenario, b), (bare, "elastic"))
     )
     assert (first.status, first.end_ns) == (second.status, second.end_ns)
-    found = compare_runs(first, second)
-    assert found.max_load_error_m < 1e-7
-    assert found.max_angle_error_rad < 1e-7
+    comparison = compare_runs(first, second)
+    assert comparison.max_load_error_m < 1e-7
+    assert comparison.max_angle_error_rad < 1e-7
     together = min(len(first.tension), len(other.tension))
     assert np.abs(first.tension[:together] - other.tension[:together]).max() > 0.5 * share * RIG.weight
 

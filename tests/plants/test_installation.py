@@ -1,4 +1,4 @@
-"""A rig not set up as believed: slope of the rails, zero of the rope's encoder, gains of the drives."""
+"""A rig with errors of installation: slope of rails, offset of the rope's encoder, gains of drives."""
 
 import numpy as np
 import pytest
@@ -42,9 +42,9 @@ def test_plants_agree_on_a_slope(drive: str) -> None:
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_a_wrong_zero_of_the_rope_leaves_the_load_that_much_off(plant: str) -> None:
-    """The tracker brings the rope it reads to the length it wants: the load hangs 1 cm too high."""
-    found = run_with("{rope_offset=0.01}", plant, "ideal", "duration=12.0")
-    apart = found.load_position[-1] - found.reference[-1, :3]
+    """The tracker controls the length that the encoder reads, so the load hangs 1 cm too high."""
+    run = run_with("{rope_offset=0.01}", plant, "ideal", "duration=12.0")
+    apart = run.load_position[-1] - run.reference[-1, :3]
     assert apart == pytest.approx([0.0, 0.0, 0.01], abs=1e-4)
     sensed = run_with("{rope_offset=0.01}", plant, "ideal", "duration=12.0", "effects.sensing={}")
     assert sensed.block("load")[-1, 2] - sensed.reference[-1, 2] == pytest.approx(0.01, abs=3e-4)
@@ -58,13 +58,13 @@ def test_a_drive_does_its_gain_times_what_it_is_told(plant: str, drive: str) -> 
     )
     run = simulate_run(scenario, plant=plant, drive=drive, controller="lqr")
     first = 0 if drive == "ideal" else 3
-    told = run.block("input")[:, first : first + 3]
+    commanded = run.block("input")[:, first : first + 3]
     if drive == "force":
         masses = axis_masses(scenario.rig)
         rows = zip(run.block("measurement"), run.block("input"), strict=True)
-        told = np.array([drive_forces(masses, state, *command[:3]) for state, command in rows])
-    assert np.abs(told).max() > 0.1
-    assert run.block("command")[:, :3] == pytest.approx(told * [1.1, 0.9, 1.05], rel=1e-12)
+        commanded = np.array([drive_forces(masses, state, *command[:3]) for state, command in rows])
+    assert np.abs(commanded).max() > 0.1
+    assert run.block("command")[:, :3] == pytest.approx(commanded * [1.1, 0.9, 1.05], rel=1e-12)
     if drive == "ideal":
         rates = run.block("state")[:, 1:6:2]
         assert np.diff(rates, axis=0) == pytest.approx(1e-3 * run.block("command")[:-1, :3], abs=1e-9)

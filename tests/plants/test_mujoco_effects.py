@@ -144,11 +144,11 @@ def test_the_frame_rings_with_its_frequency_and_damping(axis: int) -> None:
     """x(t) = x0 e^(-d w t) (cos w' t + d w / w' sin w' t), with w' = w sqrt(1 - d²); next to no load."""
     frame = Frame(frequency=(5.0, 8.0), damping_ratio=0.03, mass=15.0)
     plant = make(EffectSettings(frame=frame), rig=LIGHT)
-    place = plant.model.joint(("frame_x", "frame_y")[axis]).qposadr[0]
-    plant.data.qpos[place] = 1e-3
+    index = plant.model.joint(("frame_x", "frame_y")[axis]).qposadr[0]
+    plant.data.qpos[index] = 1e-3
     record = []
     for _ in range(1000):
-        record.append(float(plant.data.qpos[place]))
+        record.append(float(plant.data.qpos[index]))
         simulate(plant, 1)
     omega, ratio, t = 2 * np.pi * frame.frequency[axis], frame.damping_ratio, np.arange(1000) * 1e-3
     damped = omega * np.sqrt(1 - ratio**2)

@@ -58,12 +58,12 @@ def test_the_load_bounces_with_the_frequency_and_damping_ratio_of_the_settings()
     """On ideal drives: e(t) of a damped oscillator with w² = E A / (m l), exact while taut."""
     stiffness, ratio = 2e4, 0.05
     plant = make(rope(stiffness=stiffness, damping_ratio=ratio))
-    place = plant.rig.distance[0]
-    still = float(plant.data.qpos[place])
-    plant.data.qpos[place] += 1e-4
+    index = plant.rig.distance[0]
+    still = float(plant.data.qpos[index])
+    plant.data.qpos[index] += 1e-4
     record = []
     for _ in range(300):
-        record.append(float(plant.data.qpos[place]) - still)
+        record.append(float(plant.data.qpos[index]) - still)
         simulate(plant, 1)
     omega, t = np.sqrt(stiffness / LENGTH / RIG.load_mass), np.arange(300) * 1e-3
     damped = omega * np.sqrt(1 - ratio**2)
@@ -214,8 +214,8 @@ def test_a_slack_rope_catches_the_load_as_the_equations_say(ratio: float) -> Non
 def test_the_jerk_of_an_undamped_rope_is_that_of_its_energy() -> None:
     """A load that meets the end of its rope with v: peak tension m g + sqrt((m g)² + K m v²)."""
     plant = make(rope(damping_ratio=0.0), step=1e-4)
-    place, rate = plant.rig.distance
-    plant.data.qpos[place], plant.data.qvel[rate] = LENGTH - 1e-12, 0.5
+    index, rate = plant.rig.distance
+    plant.data.qpos[index], plant.data.qvel[rate] = LENGTH - 1e-12, 0.5
     _, loads = simulate(plant, 300)
     peak = RIG.weight + np.sqrt(RIG.weight**2 + 5e4 / LENGTH * RIG.load_mass * 0.5**2)
     assert loads[:, 6].max() == pytest.approx(peak, rel=1e-4)
@@ -225,8 +225,8 @@ def test_the_jerk_of_an_undamped_rope_is_that_of_its_energy() -> None:
 def test_a_damped_rope_throws_the_load_back_with_less(ratio: float) -> None:
     """Restitution of a damper that cannot push (Schwager, Pöschel, Granular Matter 9, 2007), next to no g."""
     plant = make(rope(damping_ratio=ratio), rig=RigParameters(gravity=0.1), step=1e-4)
-    place, rate = plant.rig.distance
-    plant.data.qpos[place], plant.data.qvel[rate] = LENGTH, 2.0
+    index, rate = plant.rig.distance
+    plant.data.qpos[index], plant.data.qvel[rate] = LENGTH, 2.0
     simulate(plant, 400)
     w = np.sqrt(1 - ratio**2)
     phase = np.pi - np.arctan2(2 * ratio * w, 1 - 2 * ratio**2)

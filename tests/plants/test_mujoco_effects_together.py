@@ -1,4 +1,4 @@
-"""All physical effects at once, what is refused, and both ways of stepping."""
+"""All physical effects together, what is refused, and that both ways of stepping give the same bits."""
 
 import itertools
 
@@ -43,7 +43,7 @@ def names_of(effects: EffectSettings) -> str:
 
 
 def bearing(effects: EffectSettings, drive: str, command: tuple[float, float, float]) -> np.ndarray:
-    """`command`, of force drives with the weight of load and rope besides, which servos bear themselves."""
+    """Return `command`, for force drives plus the weight of load and rope, which servos hold themselves."""
     if drive != "force":
         return np.array(command)
     rope = effects.rope.mass * HANGING[4] if effects.rope else 0.0
@@ -109,13 +109,13 @@ def test_compiled_steps_and_steps_through_the_binding_are_the_same(drive: str) -
 )
 def test_extreme_settings_run_or_are_refused(effects: EffectSettings, load_mass: float) -> None:
     for drive in DRIVES:
-        found = ""
+        message = ""
         try:
             plant = make(effects, drive=drive, rig=RigParameters(load_mass=load_mass), start=SWINGING)
             states, loads = simulate(plant, 20)
         except InputError as error:
-            found = error.found
-        assert "too fast for steps" in found or (np.isfinite(states).all() and np.isfinite(loads).all())
+            message = error.found
+        assert "too fast for steps" in message or (np.isfinite(states).all() and np.isfinite(loads).all())
 
 
 def test_a_reset_undoes_everything() -> None:
@@ -193,7 +193,7 @@ def test_ideal_drives_refuse_forces(effects: EffectSettings, plant: str) -> None
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("force", [(NO_LIMIT,) * 3, (60.0, 40.0, 30.0)])
 def test_ideal_drives_refuse_limits(force: tuple[float, float, float], plant: str) -> None:
-    """They take accelerations: a limit of velocity has nothing to act on."""
+    """They take accelerations, so a limit of velocity has no effect."""
     with pytest.raises(InputError, match="with ideal drives") as caught:
         check_effects(EffectSettings(limits=DriveLimits(force=force)), plant=plant, drive="ideal")
     assert "--drive velocity" in caught.value.remedy
@@ -243,7 +243,7 @@ def test_too_fast_a_motion_is_refused_and_the_step_named_is_short_enough(effects
 
 
 def test_beyond_its_limit_the_integrator_really_is_unstable() -> None:
-    """A frame of a rate half again above the limit: without the check it would run away."""
+    """Without the check, a frame with a rate 1.5 times the limit is unstable."""
     frequency = 1.5 * MAX_RATE_STEP / 1e-3 / (2 * np.pi)
     frame = Frame(frequency=(frequency, frequency), damping_ratio=0.0)
     plant = MujocoPlant(
@@ -251,10 +251,10 @@ def test_beyond_its_limit_the_integrator_really_is_unstable() -> None:
         effects=EffectSettings(frame=frame),
     )  # fmt: skip
     plant._restart(HANGING)
-    place = plant.model.joint("frame_x").qposadr[0]
-    plant.data.qpos[place] = 1e-6
+    index = plant.model.joint("frame_x").qposadr[0]
+    plant.data.qpos[index] = 1e-6
     simulate(plant, 60)
-    assert not abs(plant.data.qpos[place]) < 1e-3
+    assert not abs(plant.data.qpos[index]) < 1e-3
 
 
 def test_a_rope_shorter_than_the_way_from_hook_to_load_is_refused() -> None:

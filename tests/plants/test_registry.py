@@ -1,4 +1,4 @@
-"""The set of plants: what is known of each without loading it."""
+"""The list of plants: what is known of each without importing it."""
 
 import json
 from dataclasses import replace
@@ -42,18 +42,18 @@ def test_a_plant_whose_package_is_not_installed_is_refused_with_what_installs_it
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main([*command.split(), "--plants", "drake,mujoco"]) == 2
-    said = capsys.readouterr().err
-    assert "found:   the Drake plant without pydrake, which is not installed" in said
-    assert "remedy:  pip install 'cranectl[drake]'" in said
+    message = capsys.readouterr().err
+    assert "found:   the Drake plant without pydrake, which is not installed" in message
+    assert "remedy:  pip install 'cranectl[drake]'" in message
 
 
 @pytest.mark.usefixtures("without_extras", "in_empty_directory")
 def test_all_plants_are_those_that_can_be_run(capsys: pytest.CaptureFixture[str]) -> None:
     short = ["--set", "duration=0.1", "--set", "disturbances=[]", "--json", "-"]
     assert main(["run", "fixed-position", "--plants", "all", *short]) == 0
-    told = capsys.readouterr()
-    assert "without drake: pip install 'cranectl[drake]'" in told.err
-    assert "drake" not in {run["plant"] for run in json.loads(told.out)["runs"]}
+    output = capsys.readouterr()
+    assert "without drake: pip install 'cranectl[drake]'" in output.err
+    assert "drake" not in {run["plant"] for run in json.loads(output.out)["runs"]}
 
 
 def test_a_plant_without_batches_runs_no_campaign(capsys: pytest.CaptureFixture[str]) -> None:

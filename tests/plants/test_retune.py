@@ -15,7 +15,7 @@ from cranectl.support import resources
 
 
 def raw(model: mujoco.MjModel) -> bytes:
-    """All of a compiled model."""
+    """Return all bytes of a compiled model."""
     buffer = np.zeros(mujoco.mj_sizeModel(model), dtype=np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return buffer.tobytes()
@@ -43,7 +43,7 @@ OTHER_RIG = RigParameters(
 
 
 def changes() -> Iterator[tuple[RigParameters, EffectSettings]]:
-    """Every parameter of rig and effects changed by itself, then all of them."""
+    """Yield rig and effects with each parameter changed alone, then with all changed."""
     for name in set(RigParameters.model_fields) - {
         "rated_load",
         "effects",
@@ -90,7 +90,7 @@ def test_it_is_so_for_each_effect_alone_and_none(name: str, drive: Drive) -> Non
 
 
 def test_every_number_of_the_effects_in_the_model_was_changed() -> None:
-    """An effect or a number that is added must come into OTHER."""
+    """A new effect or number must be added to OTHER."""
     assert set(EffectSettings.model_fields) - set(OTHER) == {"sensing", "delay", "wind"}
     for effect, numbers in OTHER.items():
         left = set(type(getattr(ALL_EFFECTS, effect)).model_fields) - set(numbers)

@@ -1,4 +1,4 @@
-"""A plant from outside the package, known by its entry only, goes wherever the others go."""
+"""A plant of another package, known by its entry only, can be used wherever the others can."""
 
 import importlib
 import json
@@ -91,15 +91,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="module")
 def log(folder: Path) -> Path:
-    """Of all three plants; exit code 1, since one of them has another gravity."""
+    """Return a log of all three plants; the exit code is 1, since one of them has another gravity."""
     assert main([*RUN, "--out", "three.mcap", "--json", "run.json"]) == 1
     return folder / "three.mcap"
 
 
 def by_plant(path: str | Path) -> dict[str, bool]:
-    found = json.loads(Path(path).read_text())["agreements"]
-    assert {each["reference"] for each in found} == {"mujoco"}
-    return {each["plant"]: each["passed"] for each in found}
+    agreements = json.loads(Path(path).read_text())["agreements"]
+    assert {agreement["reference"] for agreement in agreements} == {"mujoco"}
+    return {agreement["plant"]: agreement["passed"] for agreement in agreements}
 
 
 def test_each_is_judged_against_the_reference(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -121,10 +121,10 @@ def test_a_log_tells_the_differences_by_plant(log: Path) -> None:
     assert list(runs) == ["analytic", "elastic", "mujoco", "heavy"]
     assert runs["heavy"].model == "the analytic plant with 1 % more gravity"
     for plant, apart in (("analytic", 1e-7), ("heavy", 1.0)):
-        _, told = cranectl.read_signal(log, f"diff/{plant}/load.load_x")
+        _, difference = cranectl.read_signal(log, f"diff/{plant}/load.load_x")
         true = runs["mujoco"].load_position[:, 0] - runs[plant].load_position[:, 0]
-        np.testing.assert_array_equal(told, true)
-        assert 0.0 < np.abs(told).max() < apart
+        np.testing.assert_array_equal(difference, true)
+        assert 0.0 < np.abs(difference).max() < apart
     _, heavy = cranectl.read_signal(log, "diff/heavy/distance.load_distance")
     assert heavy.max() > 1e-5
     with pytest.raises(cranectl.InputError, match="unknown signal"):
@@ -153,8 +153,8 @@ def test_pictures_and_pages_show_all(log: Path) -> None:
 def test_some_plants_are_chosen_the_last_is_the_reference_without_mujoco(folder: Path) -> None:
     assert folder == Path.cwd()
     assert main([*RUN, "--plants", "heavy,analytic", "--out", "two.mcap", "--json", "two.json"]) == 1
-    (found,) = json.loads(Path("two.json").read_text())["agreements"]
-    assert (found["plant"], found["reference"]) == ("analytic", "heavy")
+    (agreement,) = json.loads(Path("two.json").read_text())["agreements"]
+    assert (agreement["plant"], agreement["reference"]) == ("analytic", "heavy")
     assert list(cranectl.read_log("two.mcap")) == ["analytic", "heavy"]
 
 
@@ -196,10 +196,10 @@ def test_an_unknown_plant_is_answered_with_the_known_ones(
 
 
 def test_its_log_is_read_where_its_package_is_not_installed(log: Path, tmp_path: Path) -> None:
-    """With label and colour; only running it needs the package."""
+    """It is shown with label and colour; only running it needs the package."""
     shutil.copy(log, tmp_path / "three.mcap")
     (tmp_path / "cut.mcap").write_bytes(log.read_bytes()[: log.stat().st_size * 2 // 3])
-    told = run_all_beside(
+    output = run_all_beside(
         tmp_path,
         "info three.mcap",
         "report three.mcap --out three.html",
@@ -218,10 +218,10 @@ def test_its_log_is_read_where_its_package_is_not_installed(log: Path, tmp_path:
             "log layout single a.json --log three.mcap --plants hevy": 2,
         },
     )
-    assert "heavy        completed at 3 s" in told
-    assert "lqr, heavy" in told
-    assert told.count("unknown plant 'hevy'") == 2
-    assert "unknown plant 'heavy'" in told
+    assert "heavy        completed at 3 s" in output
+    assert "lqr, heavy" in output
+    assert output.count("unknown plant 'hevy'") == 2
+    assert "unknown plant 'heavy'" in output
     page = (tmp_path / "three.html").read_text()
     assert ">tons of bricks<" in page
     assert "three, heavy: mujoco minus heavy" in page
@@ -237,7 +237,7 @@ def test_its_log_is_read_where_its_package_is_not_installed(log: Path, tmp_path:
 
 
 def test_a_plant_known_from_a_log_only_cannot_be_run() -> None:
-    """What is known is not blamed, and a name that a log of old has without a label is enough."""
+    """The error does not call its name unknown, also if an older log has no label for it."""
     PLANTS.remember(PlantEntry("absent", "absent", "series-4", "", batch=0))
     try:
         assert "absent" not in list(PLANTS)

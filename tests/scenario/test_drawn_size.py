@@ -1,4 +1,4 @@
-"""The size that a rig is drawn in: the laboratory's as filed, others as well seen."""
+"""The size in which a rig is drawn: the laboratory as in the model file, others equally well visible."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ TANGENTS = np.array([0.48, 0.36])
 
 
 def similar(times: float) -> RigParameters:
-    """The laboratory's rig, so many times as large."""
+    """Return the laboratory's rig, `times` as large."""
     ranges = {name: tuple(times * np.array(getattr(LABORATORY, name))) for name in RANGES}
     return RigParameters(**ranges, load_mass=times**3 * LABORATORY.load_mass)
 
@@ -81,7 +81,7 @@ def test_a_load_is_seen_and_hides_nothing_whatever_its_mass() -> None:
 @pytest.mark.parametrize("axes", [LEAN, SIDE], ids=["overview", "side"])
 @pytest.mark.parametrize("rig", RIGS, ids=["laboratory", "harbour", "track", "shaft", "table"])
 def test_every_rig_is_whole_in_a_picture_and_fills_it(rig: RigParameters, axes: np.ndarray) -> None:
-    """As full as it was of the laboratory's, to a fifth: rigs differ in shape."""
+    """The picture is as full as the laboratory's, to a fifth, since rigs differ in shape."""
 
     def fullness(rig: RigParameters, eye: np.ndarray) -> float:
         corners = np.array(np.meshgrid(*drawn_box(rig).T)).reshape(3, -1)
@@ -138,9 +138,9 @@ def test_every_part_is_within_the_box_that_cameras_show(rig: RigParameters) -> N
         moved = np.zeros((2, 3))
         moved[:, 0] = travel[0] if solid.body in ("bridge", "trolley") else 0.0
         moved[:, 1] = travel[1] if solid.body == "trolley" else 0.0
-        place, half = np.array(solid.position) + moved, 0.5 * is_box * np.array(solid.size)
-        assert (place - half > low - least).all(), solid.name
-        assert (place + half < high + least).all(), solid.name
+        centre, half = np.array(solid.position) + moved, 0.5 * is_box * np.array(solid.size)
+        assert (centre - half > low - least).all(), solid.name
+        assert (centre + half < high + least).all(), solid.name
 
 
 @pytest.mark.parametrize("rig", [HARBOUR, crane(30.0, 45.0, 37.0)], ids=["narrow", "harbour-crane"])
@@ -155,10 +155,10 @@ def test_a_container_passes_between_the_legs_of_its_portal(rig: RigParameters) -
 
 
 def test_a_rig_says_how_it_is_drawn() -> None:
-    """Rails alone, so that no post hides the load; a ball of its own size."""
+    """`look` can leave out posts, so that none hides the load, and set the radius of the ball."""
     for rig in (LABORATORY, HARBOUR, TRACK):
         look = rig.model_copy(update={"look": Look(frame=False, load_radius=0.3)})
-        whole, shown = ({solid.name: solid for solid in rig_solids(each)} for each in (rig, look))
+        whole, shown = ({solid.name: solid for solid in rig_solids(drawn_rig)} for drawn_rig in (rig, look))
         assert {name for name in whole if name not in shown and not name.startswith("load")} == {
             name for name in whole if name.startswith(("post", "near_post", "top_beam", "foot_beam"))
         }

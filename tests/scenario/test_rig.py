@@ -1,4 +1,4 @@
-"""The parameter object and the model file say the same."""
+"""The parameters of the rig and the model file have the same numbers."""
 
 import mujoco
 import numpy as np

@@ -52,7 +52,7 @@ def test_a_scenario_may_be_a_file(tmp_path: Path) -> None:
 
 
 def test_rig_parameters_override_in_order(tmp_path: Path) -> None:
-    """Defaults, scenario, or in its place a rig file, which is a whole crane; then --set."""
+    """The order is: defaults, the scenario or instead a rig file, which is a whole crane, then --set."""
     scenario = tmp_path / "mine.toml"
     scenario.write_text(
         'name = "mine"\nduration = 2\nreference.start = [1, 0.7, -0.5]\n'
@@ -61,8 +61,14 @@ def test_rig_parameters_override_in_order(tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text("load_mass = 5.0\ntrolley_mass = 6.0\n")
     for file, expected in ((None, (7.0, 3.0, 4.0, 0.4, 1.0)), (rig, (7.0, 6.0, 30.0, 2.0, 5.0))):
-        found = load_scenario(scenario, rig=file, overrides=["rig.load_mass=7"]).rig
-        masses = found.load_mass, found.trolley_mass, found.bridge_mass, found.winch_mass, found.rated_load
+        parameters = load_scenario(scenario, rig=file, overrides=["rig.load_mass=7"]).rig
+        masses = (
+            parameters.load_mass,
+            parameters.trolley_mass,
+            parameters.bridge_mass,
+            parameters.winch_mass,
+            parameters.rated_load,
+        )
         assert masses == expected
 
 
@@ -74,7 +80,7 @@ def test_an_error_in_a_rig_file_names_the_file(tmp_path: Path) -> None:
 
 
 def test_a_scenario_names_the_file_of_its_rig(tmp_path: Path) -> None:
-    """By a path relative to its own, and that file another one."""
+    """The path is relative to the scenario's file, and the rig file may extend another one."""
     (tmp_path / "rigs").mkdir()
     (tmp_path / "rigs" / "base.toml").write_text("load_mass = 5.0\nbridge_mass = 20.0\n")
     (tmp_path / "rigs" / "heavy.toml").write_text('extends = "base.toml"\nload_mass = 9.0\n')

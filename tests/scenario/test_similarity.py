@@ -1,4 +1,4 @@
-"""Cranes of other sizes: what is not said of them is the laboratory's, scaled so that they move alike."""
+"""Cranes of other sizes: missing numbers are the laboratory's, scaled so that cranes move alike."""
 
 from pathlib import Path
 
@@ -76,7 +76,7 @@ def test_the_rig_of_the_laboratory_is_the_default() -> None:
 
 @pytest.mark.parametrize("name", ["bridge-crane", "harbour-crane"])
 def test_shipped_cranes_hold_their_load_with_what_they_have(name: str) -> None:
-    """All effects, with their own numbers: a winch that lifts, a rope that a rigger would accept."""
+    """With all effects and its own numbers the winch lifts the load, and the rope is strong enough."""
     rig = load_rig(name)
     assert 1.3 * rig.weight < rig.effects.limits.force[2] < 4.0 * rig.weight
     assert rig.weight / rig.effects.rope.stiffness < 0.005
@@ -106,10 +106,10 @@ def test_a_rig_that_says_its_rated_load_is_scaled_wherever_it_is_said() -> None:
 
 
 def test_effects_take_the_numbers_of_their_rig() -> None:
-    """What the scenario says of them goes before."""
-    said = ["effects.rope={damping_ratio=0.3}", "effects.frame={}"]
+    """Numbers in the scenario replace those of the rig."""
+    stated = ["effects.rope={damping_ratio=0.3}", "effects.frame={}"]
     effects = load_scenario("fixed-position", rig="harbour-crane", overrides=[
-        "reference.start=[10.0,10.0,-20.0]", *said]).effects  # fmt: skip
+        "reference.start=[10.0,10.0,-20.0]", *stated]).effects  # fmt: skip
     assert effects.rope is not None
     assert (effects.rope.stiffness, effects.rope.damping_ratio) == (1.5e8, 0.3)
     assert effects.frame == load_rig("harbour-crane").effects.frame
@@ -135,10 +135,10 @@ def test_no_size_is_refused_for_a_number_that_nobody_gave(
 @pytest.mark.parametrize("longest", [0.049, 1001.0])
 def test_a_rope_to_which_nothing_can_be_scaled_is_named(tmp_path: Path, longest: float) -> None:
     (tmp_path / "crane.toml").write_text(f"rope_range = [0.01, {longest}]\n")
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as caught:
         load_rig(tmp_path / "crane.toml")
-    assert told.value.found == f"rig.rope_range ends at {longest:g} m"
-    assert "0.05 to 1000 m" in told.value.allowed
+    assert caught.value.found == f"rig.rope_range ends at {longest:g} m"
+    assert "0.05 to 1000 m" in caught.value.allowed
     (tmp_path / "crane.toml").write_text(f"rope_range = [0.01, {np.clip(longest, 0.05, 1000.0)}]\n")
     assert load_rig(tmp_path / "crane.toml")
 

@@ -1,4 +1,4 @@
-"""Set-points lead by what the drives lag, and what the drives are asked for while the rope is slack."""
+"""Set-points lead by the lag of the drives, and drives brake while the rope is slack."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_drives_brake_to_rest() -> None:
 
 
 def test_velocities_that_a_law_commands_are_the_set_points() -> None:
-    """The acceleration beside them is that of the drives' lag, and braking begins at them."""
+    """The recorded acceleration is that of the drives' lag, and braking begins at the set-points."""
     scenario = default_scenario(overrides=["rig.trolley_time_constant=0.05"])
     actuation, command = make_actuation(scenario, START), np.array([0.3, -0.2, 0.1, 0.0, 0.0, 0.0])
     take_set_points(actuation, START, command)

@@ -1,4 +1,4 @@
-"""A run whose law is in a child process."""
+"""A run whose controller is in a child process."""
 
 import os
 import signal
@@ -51,9 +51,9 @@ def test_an_interrupt_ends_a_run_with_a_law_in_order(tmp_path: Path) -> None:
     out, error = process.communicate(timeout=HANG)
     assert process.returncode == 130, error
     assert "interrupted" in out
-    (found,) = read_log(tmp_path / "run.mcap").values()
-    assert found.status.label == "interrupted"
-    assert len(found.time_ns) == 251  # of the first block every fourth, and the last
+    (recorded,) = read_log(tmp_path / "run.mcap").values()
+    assert recorded.status.label == "interrupted"
+    assert len(recorded.time_ns) == 251  # of the first block every fourth, and the last
 
 
 def tell_path(connection: Connection) -> None:
@@ -63,7 +63,7 @@ def tell_path(connection: Connection) -> None:
 def test_a_module_of_the_working_directory_is_not_run_in_a_new_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It finds what this process finds, and a script that it starts finds the modules beside it."""
+    """It finds the same modules as this process; a script that it starts finds the modules beside itself."""
     sprung = set_traps(tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
@@ -81,10 +81,10 @@ def test_what_a_controller_raises_cannot_act_on_a_terminal(capfd: pytest.Capture
 
     list(blocks_in_child(advance, 1, "law\x07", 60.0))
     report_failure("law\x07", ValueError("a\x1b[2Jb\nc"))
-    said = capfd.readouterr().err
-    assert said.count("ValueError: a\\x1b[2Jb\\nc") == 2
-    assert said.isascii()
-    assert all(line.isprintable() for line in said.splitlines())
+    message = capfd.readouterr().err
+    assert message.count("ValueError: a\\x1b[2Jb\\nc") == 2
+    assert message.isascii()
+    assert all(line.isprintable() for line in message.splitlines())
 
 
 def test_the_command_line_waits_as_long_as_the_library() -> None:

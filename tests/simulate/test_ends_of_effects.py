@@ -1,4 +1,4 @@
-"""Both ends of every number of the effects: plants that know nothing of each other agree, or say what to do.
+"""Try both ends of the range of each number of the effects: plants agree, or refuse with a remedy.
 
 The cases come from the schema, so that a key that is added is tried too. `make test` takes a share of them,
 the same each time; RANGE_CASES=all takes all.
@@ -24,24 +24,28 @@ MOVED = ["duration=0.2", "disturbances=[{force=[0.5, -0.3, 0.2], start=0.05}]"]
 
 
 def cases() -> list[tuple[str, str, dict[str, Any]]]:
-    found = []
+    all_cases = []
     for effect, field in EffectNumbers.model_fields.items():
         model: Any = field.annotation
         table = model().model_dump(mode="json")
         for key, value in ends(model):
             for whole in {key, (*key[:-1], 2)} if isinstance(key[-1], int) else {key}:
                 try:
-                    found.append((f"{effect}.{'.'.join(map(str, whole))}={value!r}", effect,
+                    all_cases.append((f"{effect}.{'.'.join(map(str, whole))}={value!r}", effect,
                                   put(table, whole, value)))  # fmt: skip
                 except (LookupError, TypeError):
                     continue
-    return sorted({name: (name, *rest) for name, *rest in found}.values(), key=lambda case: case[0])
+    return sorted({name: (name, *rest) for name, *rest in all_cases}.values(), key=lambda case: case[0])
 
 
 CASES = cases()
 ALL = os.environ.get("RANGE_CASES") == "all"
 CHOSEN = sorted(np.random.default_rng(1).permutation(len(CASES))[: len(CASES) if ALL else SHARE])
-FOUND = ("friction.viscous.0=1", "body.swing_damping=1", "frame.frequency.0=1")  # remedies that were refused
+REFUSED_REMEDIES = (
+    "friction.viscous.0=1",
+    "body.swing_damping=1",
+    "frame.frequency.0=1",
+)  # cases whose remedies were once refused
 
 
 def run_or_error(plant: str, effect: str, table: dict[str, Any]) -> Run | InputError:
@@ -56,7 +60,7 @@ def run_or_error(plant: str, effect: str, table: dict[str, Any]) -> Run | InputE
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     "case",
-    [case for k, case in enumerate(CASES) if k in CHOSEN or case[0].startswith(FOUND)],
+    [case for k, case in enumerate(CASES) if k in CHOSEN or case[0].startswith(REFUSED_REMEDIES)],
     ids=lambda case: case[0],
 )
 def test_plants_agree_or_both_say_what_to_do(case: tuple[str, str, dict[str, Any]]) -> None:

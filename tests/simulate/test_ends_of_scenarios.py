@@ -32,7 +32,7 @@ BASE: dict[str, Any] = load_scenario(
         "limits.rms_error_m=0.05", "limits.min_rope_tension_n=0.1",
     ],
 ).model_dump(mode="json", exclude_none=True)  # fmt: skip
-# By the beginning of a key: the tests that try both of its ends, or why none does.
+# By the start of a key: the tests that try both ends of its range, or why no test does.
 ELSEWHERE = {
     "planning": "tests/reference/test_ends_of_ranges.py",
     "reference.segments": "tests/reference/test_ends_of_ranges.py",
@@ -43,7 +43,7 @@ ELSEWHERE = {
     "design": "tests/design/test_ends_of_ranges.py",
     "controller": "tests/controllers/test_ends_of_ranges.py",
 }
-# What a number goes with, so that steps are few and fit into it.
+# Other settings that go with a number, so that there are few steps and they divide it.
 WITH: dict[tuple[str, float], dict[str, float]] = {
     ("duration", 600.0): {"control.period": 0.02, "control.physics_step": 0.02},
     ("duration", 1e-6): {"control.period": 1e-6, "control.physics_step": 1e-6},
@@ -58,17 +58,17 @@ def name_of(key: Key) -> str:
 
 
 def where_else(name: str) -> str | None:
-    fitting = [place for place in ELSEWHERE if f"{name}.".startswith(f"{place}.")]
+    fitting = [key_start for key_start in ELSEWHERE if f"{name}.".startswith(f"{key_start}.")]
     return ELSEWHERE[max(fitting, key=len)] if fitting else None
 
 
 def label(name: str) -> str:
-    """Return a name without the places in lists."""
+    """Return a name without the indices of lists."""
     return ".".join(part for part in name.split(".") if not part.isdecimal())
 
 
 def cases() -> list[tuple[str, dict[str, Any]]]:
-    found = {}
+    cases_by_name = {}
     limits = [(("limits", "rms_error_m"), value) for value in (0.0, sys.float_info.max)]  # no bound above
     for key, value in (*ends(Scenario), *limits):
         name = name_of(key)
@@ -83,8 +83,8 @@ def cases() -> list[tuple[str, dict[str, Any]]]:
                 table = put(table, tuple(other.split(".")), number)
             if name in ("duration", "control.period", "control.physics_step"):
                 table["disturbances"] = []
-            found[f"{name_of(whole)}={value!r}"] = table
-    return list(found.items())
+            cases_by_name[f"{name_of(whole)}={value!r}"] = table
+    return list(cases_by_name.items())
 
 
 CASES = cases()
@@ -123,10 +123,12 @@ def test_every_number_of_a_scenario_is_tried_or_has_a_reason() -> None:
     tried = {label(name.rpartition("=")[0]) for name, _ in CASES}
     numbers = {name_of(key) for key, _ in ends(Scenario)}
     assert {name for name in numbers if label(name) not in tried and where_else(name) is None} == set()
-    assert {place for place in ELSEWHERE if not any(f"{n}.".startswith(f"{place}.") for n in numbers)} == {
+    assert {
+        key_start for key_start in ELSEWHERE if not any(f"{n}.".startswith(f"{key_start}.") for n in numbers)
+    } == {
         "controller"  # whose parameters the schema does not know
     }
-    files = [ROOT / each.partition(",")[0] for each in ELSEWHERE.values() if each.startswith("tests/")]
+    files = [ROOT / reason.partition(",")[0] for reason in ELSEWHERE.values() if reason.startswith("tests/")]
     assert all(file.is_file() for file in files)
     assert {"duration", "control.period", "metrics.settling_tolerance", "log.every"} <= tried
     assert {"disturbances.start", "disturbances.force", "obstacles.low", "limits.rms_error_m"} <= tried

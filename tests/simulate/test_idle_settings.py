@@ -1,7 +1,7 @@
-"""Every setting of a scenario changes a run or its plan, or is refused, or is said to change nothing.
+"""Every setting of a scenario changes a run or its plan, is refused, or is reported as having no effect.
 
-The settings come from the models, so that one that is added is tried too. `make test` tries each on a share
-of the plants, drives and controllers, the same each time; RANGE_CASES=all tries all.
+The settings come from the models, so that new ones are tried too. `make test` tries each setting on a fixed
+share of the plants, drives and controllers; RANGE_CASES=all tries all.
 """
 
 import functools
@@ -46,7 +46,7 @@ SHORT = [
 CONTROLLERS = controller_names()
 KINDS = [(plant, drive) for plant in PLANTS for drive in DRIVES]
 ALL = os.environ.get("RANGE_CASES") == "all"
-EACH = 2  # combinations of plant and drive on which `make test` tries a setting
+MAX_KINDS = 2  # combinations of plant and drive on which `make test` tries a setting
 LABELS = {
     "name": "of the run, for people and files",
     "title": "for people",
@@ -58,8 +58,8 @@ LABELS = {
     "reference.continuity": "what a reference is refused for; tests/reference/test_trajectory.py has it",
 }
 ELSEWHERE = {"limits": "a table of metrics by name, of which one is tried"}
-# Where a setting matters only then.
-WHEN = {
+# Overrides without which a setting has no effect.
+CONDITIONS = {
     "workspace.on_exit": ["rig.bridge_range=[0.0,0.72]", "reference.segments=[]"],
     "rig.effects.rope.on_slack": ["disturbances=[{force=[0.0,0.0,12.0],start=0.1}]"],
     "effects.rope.on_slack": ["effects.rope={}", "disturbances=[{force=[0.0,0.0,12.0],start=0.1}]"],
@@ -69,7 +69,7 @@ WHEN = {
     ],
     "obstacles.0.low.2": ['obstacles=[{name="box",low=[1.0,0.8,-0.4],high=[1.2,1.0,-0.2]}]'],
 }  # fmt: skip
-OTHER: dict[str, Any] = {
+OTHER_VALUES: dict[str, Any] = {
     "workspace.on_exit": "stop",
     "effects.rope.on_slack": "recover",
     "rig.effects.rope.on_slack": "recover",
@@ -91,9 +91,9 @@ def overrides_of(plant: str, drive: str) -> list[str]:
     return [*(line for line in shown_by(plant, drive) if not line.startswith(own)), *SHORT]
 
 
-def outcome(asked: list[str], plant: str, drive: str, controller: str) -> tuple[Scenario, Any]:
-    """What a run shows but for the echo of its settings, and set-points that no drive of the run takes."""
-    scenario = load_scenario(SCENARIO, overrides=asked)
+def outcome(overrides: list[str], plant: str, drive: str, controller: str) -> tuple[Scenario, Any]:
+    """Return the scenario and the results of a run, without its settings and unused set-points."""
+    scenario = load_scenario(SCENARIO, overrides=overrides)
     run = simulate_run(scenario, plant=plant, drive=drive, controller=controller)
     metrics = run_metrics(run)
     assert metrics is not None
@@ -103,31 +103,33 @@ def outcome(asked: list[str], plant: str, drive: str, controller: str) -> tuple[
 
 
 @functools.cache
-def usual(asked: tuple[str, ...], plant: str, drive: str, controller: str) -> tuple[Scenario, Any]:
-    return outcome(list(asked), plant, drive, controller)
+def usual_outcome(
+    overrides: tuple[str, ...], plant: str, drive: str, controller: str
+) -> tuple[Scenario, Any]:
+    return outcome(list(overrides), plant, drive, controller)
 
 
 def parameters() -> dict[str, Any]:
-    """Another value of each parameter of each law that has a table of its own."""
-    found: dict[str, Any] = {}
-    for law in WHERE:
-        for each in load_controller(law).parameters:
-            others = [choice for choice in each.choices if choice != each.default]
-            number = 1.1 * each.default if isinstance(each.default, float) else 0.0
-            found[f"controller.{law}.{each.name}"] = others[0] if others else number or 0.1
-    return found
+    """Return another value of each parameter of each controller that has its own table."""
+    values: dict[str, Any] = {}
+    for controller in WHERE:
+        for parameter in load_controller(controller).parameters:
+            others = [choice for choice in parameter.choices if choice != parameter.default]
+            number = 1.1 * parameter.default if isinstance(parameter.default, float) else 0.0
+            values[f"controller.{controller}.{parameter.name}"] = others[0] if others else number or 0.1
+    return values
 
 
 def other(name: str, value: Any) -> Any:
-    if name in OTHER:
-        return OTHER[name]
+    if name in OTHER_VALUES:
+        return OTHER_VALUES[name]
     if isinstance(value, bool):
         return not value
     return None if value is None or isinstance(value, str) else other_value(name, value)
 
 
 def settings_of(plant: str, drive: str) -> dict[str, Any]:
-    """Another value of each setting that runs on the plant can have."""
+    """Return another value of each setting that runs on the plant can have."""
     scenario = load_scenario(SCENARIO, overrides=overrides_of(plant, drive))
     assumed = scenario.model_dump(mode="json", exclude={"reference", "planning", "controller"})
     values = {name: other(name, value) for name, value in leaves(assumed)}
@@ -135,14 +137,14 @@ def settings_of(plant: str, drive: str) -> dict[str, Any]:
 
 
 def cases(plant: str, drive: str) -> Iterator[tuple[str, Any, str]]:
-    """Settings with another value, and a controller: all, or a share of them."""
+    """Yield settings with another value and a controller: all, or a share of them."""
     for index, (name, value) in enumerate(settings_of(plant, drive).items()):
         rng = np.random.default_rng(index)
-        chosen = rng.permutation(len(KINDS))[:EACH]
+        chosen = rng.permutation(len(KINDS))[:MAX_KINDS]
         own = name.split(".")[1] if name.startswith("controller.") else ""
         controllers = [str(rng.choice(CONTROLLERS)), *([own] if own else [])]
-        if ALL or KINDS.index((plant, drive)) in chosen or name in WHEN:
-            for controller in ["lqr"] if name in WHEN else CONTROLLERS if ALL else controllers:
+        if ALL or KINDS.index((plant, drive)) in chosen or name in CONDITIONS:
+            for controller in ["lqr"] if name in CONDITIONS else CONTROLLERS if ALL else controllers:
                 yield name, value, controller
 
 
@@ -152,15 +154,15 @@ def test_a_setting_changes_a_run_or_is_refused_or_reported(plant: str, drive: st
     for name, value, controller in cases(plant, drive):
         if label(name) in LABELS:
             continue
-        asked = [*overrides_of(plant, drive), *WHEN.get(name, ())]
+        overrides = [*overrides_of(plant, drive), *CONDITIONS.get(name, ())]
         try:
-            _, before = usual(tuple(asked), plant, drive, controller)
-            asked.append(f"{name}={json.dumps(value)}")
-            scenario, after = outcome(asked, plant, drive, controller)
+            _, before = usual_outcome(tuple(overrides), plant, drive, controller)
+            overrides.append(f"{name}={json.dumps(value)}")
+            scenario, after = outcome(overrides, plant, drive, controller)
         except InputError as error:
             assert error.allowed or error.remedy  # noqa: PT017
             continue
-        read = read_scenario(SCENARIO, overrides=asked)
+        read = read_scenario(SCENARIO, overrides=overrides)
         assumed: Any = idle_settings(scenario, read, [name], [RunKind(plant, drive, controller)])  # type: ignore[arg-type]
         assumed = assumed or idle_effects(scenario, [name])
         if bool(assumed) == (after != before):
@@ -175,7 +177,7 @@ def label(name: str) -> str:
 
 
 def schema_names(node: dict[str, Any], definitions: dict[str, Any], name: str = "") -> Iterator[str]:
-    """The settings of a model by their names, lists and choices seen through."""
+    """Yield the names of all settings in a schema, also inside of lists and unions."""
     while "$ref" in node:
         node = definitions[node["$ref"].rpartition("/")[2]]
     below = [*node.get("anyOf", ()), *node.get("oneOf", ()), *node.get("prefixItems", ())]
@@ -190,7 +192,7 @@ def schema_names(node: dict[str, Any], definitions: dict[str, Any], name: str = 
 
 
 def test_every_setting_of_the_models_is_tried() -> None:
-    """Segments and what plans them have tests of their own, below and where they are planned."""
+    """Segments and the settings of their planning have tests elsewhere."""
     schema = Scenario.model_json_schema()
     known = {label(name) for plant, drive in KINDS for name in settings_of(plant, drive)}
     missing = {
@@ -228,9 +230,9 @@ def test_how_often_a_log_is_written_to_is_a_setting(tmp_path: Path) -> None:
 )
 def test_what_acts_only_beside_another_number_is_reported(name: str, value: float, zeros: list[str]) -> None:
     controller = "pid" if "pid" in name else "lqr+hinf"
-    asked = ["effects.wind={}", "effects.sensing={}", *SHORT, *zeros]
-    _, before = outcome(asked, "analytic", "ideal", controller)
-    scenario, after = outcome([*asked, f"{name}={value}"], "analytic", "ideal", controller)
+    overrides = ["effects.wind={}", "effects.sensing={}", *SHORT, *zeros]
+    _, before = outcome(overrides, "analytic", "ideal", controller)
+    scenario, after = outcome([*overrides, f"{name}={value}"], "analytic", "ideal", controller)
     assert after == before
     assert idle_settings(scenario, scenario, [name], [RunKind("analytic", "ideal", controller)])
 

@@ -1,4 +1,4 @@
-"""Runs: compiled against Python loop bit for bit, determinism, every way a run can stop."""
+"""Runs: the compiled and the Python loop give the same bits, and every reason for which a run stops."""
 
 import subprocess
 import sys
@@ -33,7 +33,7 @@ def same(a: Run, b: Run) -> bool:
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("controller", ["lqr", "pole-placement+hinf", "lqr+loop-shaping"])
 def test_compiled_and_python_loop_give_the_same_bits(controller: str, plant: str, drive: str) -> None:
-    """Over a line and an arc, past both disturbances, with two physics steps a period."""
+    """The run has a line and an arc, both disturbances, and two physics steps in a period."""
     overrides = [
         "duration=2.0", "control.physics_step=0.0005", "disturbances.0.start=0.5",
         "disturbances.1.start=1.0", "reference.segments.0.duration=1.5",
@@ -134,7 +134,7 @@ def test_run_stops_at_a_singularity(
 
 
 def test_plants_stop_together_for_the_same_reason() -> None:
-    """Not at the very same instant perhaps, but within a few samples and with one status."""
+    """They stop within a few samples of each other and with the same status."""
     for overrides in ([kick("alpha", 20.0)], [kick("beta", 3.0), *NARROW]):
         a, b = (stop(plant, *overrides) for plant in PAIR)
         assert a.status == b.status
@@ -152,7 +152,7 @@ def test_plants_stop_together_for_the_same_reason() -> None:
     ],
 )
 def test_the_rope_tension_of_the_plant_is_judged(tension: float, status: RunStatus) -> None:
-    """Whatever the tracker believes of its zeta, the plant's own tension decides."""
+    """The tension of the plant decides, not the zeta of the tracker."""
     row = np.zeros(signals.BASE_WIDTH)
     row[signals.TENSION_COLUMN] = tension
     none = np.zeros((0, 2))
@@ -168,7 +168,7 @@ def test_the_rope_tension_of_the_plant_is_judged(tension: float, status: RunStat
 def test_run_stops_when_a_state_is_no_number(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, plant: str
 ) -> None:
-    """A plant that breaks half-way: everything before is kept."""
+    """If a plant breaks in the middle of a run, all samples before that remain."""
     monkeypatch.chdir(tmp_path)  # the engine writes a log of its warnings
     crane = make_plant(plant, load_scenario("fixed-position"), "ideal")
     advance, calls = crane.advance, iter(range(10**6))
@@ -188,7 +188,7 @@ def test_run_stops_when_a_state_is_no_number(
 
 
 def test_run_stops_when_the_engine_warns(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Both loops look at the engine's own counter."""
+    """Both loops read the engine's counter of warnings."""
     monkeypatch.chdir(tmp_path)
     for compiled in (True, False):
         crane = make_plant("mujoco", load_scenario("fixed-position"), "ideal")

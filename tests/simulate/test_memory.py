@@ -1,4 +1,4 @@
-"""What a run will hold is counted before it begins: never too little, never much too much."""
+"""The memory of a run is estimated before it begins: never too little, never much too much."""
 
 import tracemalloc
 from collections.abc import Callable
@@ -19,11 +19,11 @@ from cranectl.support.errors import InputError
 
 FINE = ("control.period=1e-6", "control.physics_step=1e-6")
 ENDLESS = (*FINE, "duration=600", "disturbances=[]")
-OVERHEAD = 8e6  # [bytes] of all but arrays
+OVERHEAD = 8e6  # [bytes] of everything except arrays
 
 
-def scenario(*asked: str, duration: float = 15.0) -> Scenario:
-    return load_scenario("fixed-position", overrides=[f"duration={duration}", "disturbances=[]", *asked])
+def scenario(*overrides: str, duration: float = 15.0) -> Scenario:
+    return load_scenario("fixed-position", overrides=[f"duration={duration}", "disturbances=[]", *overrides])
 
 
 def peak(work: Callable[[], object]) -> int:
@@ -37,16 +37,16 @@ def peak(work: Callable[[], object]) -> int:
 
 @pytest.fixture
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """What is counted, in the order in which it is asked for."""
-    found: list[float] = []
+    """Return the list to which each call of `check_held` adds the bytes that it checks."""
+    needs: list[float] = []
     check = memory.check_held
 
-    def noted(scenario: Scenario, held: float, what: str, **given: object) -> None:
-        found.append(held)
-        check(scenario, held, what, **given)  # type: ignore[arg-type]
+    def noting_check(scenario: Scenario, needed: float, what: str, **options: object) -> None:
+        needs.append(needed)
+        check(scenario, needed, what, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(memory, "check_held", noted)
-    return found
+    monkeypatch.setattr(memory, "check_held", noting_check)
+    return needs
 
 
 CASES = [
@@ -58,26 +58,26 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("controller", "plants", "drive", "asked"), CASES)
+@pytest.mark.parametrize(("controller", "plants", "drive", "overrides"), CASES)
 def test_a_case_takes_what_is_counted(
-    controller: str, plants: tuple[str, ...], drive: str, asked: tuple[str, ...], tmp_path: Path,
+    controller: str, plants: tuple[str, ...], drive: str, overrides: tuple[str, ...], tmp_path: Path,
     counted: list[float],
 ) -> None:  # fmt: skip
     case = make_case(
-        scenario(*asked), controller=controller, drive=drive, plants=plants, log=tmp_path / "a.mcap"
+        scenario(*overrides), controller=controller, drive=drive, plants=plants, log=tmp_path / "a.mcap"
     )  # type: ignore[arg-type]
-    run_case(make_case(scenario(*asked, duration=0.1), controller=controller, drive=drive, plants=plants,
+    run_case(make_case(scenario(*overrides, duration=0.1), controller=controller, drive=drive, plants=plants,
                        log=tmp_path / "b.mcap"))  # type: ignore[arg-type]  # fmt: skip
     counted.clear()
-    found = peak(lambda: run_case(case))
-    assert 0.6 * max(counted) < found < max(counted) + OVERHEAD
+    used = peak(lambda: run_case(case))
+    assert 0.6 * max(counted) < used < max(counted) + OVERHEAD
 
 
 def test_a_ladder_takes_what_is_counted(counted: list[float]) -> None:
-    asked = scenario(duration=4.0)
-    list(evaluate_levels(asked, "lqr", top="engine"))
+    long_scenario = scenario(duration=4.0)
+    list(evaluate_levels(long_scenario, "lqr", top="engine"))
     counted.clear()
-    assert peak(lambda: list(evaluate_levels(asked, "lqr", top="engine"))) < max(counted) + OVERHEAD
+    assert peak(lambda: list(evaluate_levels(long_scenario, "lqr", top="engine"))) < max(counted) + OVERHEAD
 
 
 @pytest.mark.usefixtures("in_empty_directory")
@@ -95,13 +95,13 @@ def test_a_ladder_takes_what_is_counted(counted: list[float]) -> None:
 def test_what_cannot_be_held_is_refused_before_it_is_made(
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    sets = [part for each in ENDLESS for part in ("--set", each)]
+    sets = [part for setting in ENDLESS for part in ("--set", setting)]
     codes: list[int] = []
     assert peak(lambda: codes.append(main([*command.split(), *sets]))) < 1e8
     assert codes == [2]
-    assumed = capsys.readouterr().err
-    assert "would take" in assumed
-    assert "control.period" in assumed.partition("remedy:")[2]
+    message = capsys.readouterr().err
+    assert "would take" in message
+    assert "control.period" in message.partition("remedy:")[2]
     assert not list(Path().rglob("*.mcap"))
 
 
@@ -113,11 +113,11 @@ def test_its_remedies_hold() -> None:
 
 
 def test_ten_minutes_at_a_millisecond_are_held() -> None:
-    asked = scenario(duration=600.0)
-    design = controller_design("lqr", asked)
-    memory.check_runs(asked, design, "ideal", 2, logged=True)
+    long_scenario = scenario(duration=600.0)
+    design = controller_design("lqr", long_scenario)
+    memory.check_runs(long_scenario, design, "ideal", 2, logged=True)
     with pytest.raises(InputError, match="fewer plants"):
-        memory.check_runs(asked, design, "ideal", 9, logged=True)
+        memory.check_runs(long_scenario, design, "ideal", 9, logged=True)
 
 
 def test_the_control_periods_of_a_campaign_are_counted_together(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What a scenario means on its rig: refused before anything runs."""
+"""Scenarios that their rig cannot run are refused before anything runs."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_every_scenario_can_be_planned(name: str) -> None:
 
 
 def test_a_start_off_the_reference() -> None:
-    """The offsets move the load and swing it; the rest is as on the reference."""
+    """The offsets move and swing the load; all other states are those of the reference."""
     offsets = "initial={load_offset=[0.1,-0.2,0.3], alpha_offset=0.1, beta_offset=-0.2}"
     loaded = load_scenario("fixed-position", overrides=[offsets])
     state = plan_scenario(loaded).initial_state
@@ -82,7 +82,7 @@ def test_reference_that_needs_a_slack_rope_is_refused() -> None:
 
 
 def test_reference_beyond_the_drives_speed_is_refused_where_they_have_limits() -> None:
-    """Of the bridge, which goes ahead of the load."""
+    """The bridge exceeds the speed, since it moves ahead of the load."""
     fast = ([0.2, 0.77, -0.7], 1.5)
     plan_scenario(scenario(*fast))
     error = refused(*fast, "effects.limits={}")

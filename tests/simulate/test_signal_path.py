@@ -1,4 +1,4 @@
-"""Encoders, observer, limits and transport as a run meets them."""
+"""Encoders, observer, limits and delay in runs."""
 
 import numpy as np
 import pytest
@@ -56,10 +56,10 @@ def test_the_python_loop_gives_the_same_bits(plant: str) -> None:
 
 def test_commands_arrive_late_by_the_delay() -> None:
     delayed = run("effects.delay.seconds=0.007")
-    given, arrived = delayed.block("input")[:, 3:], delayed.block("command")[:, :3]
-    assert_array_equal(arrived[7:], given[:-7])
+    sent, arrived = delayed.block("input")[:, 3:], delayed.block("command")[:, :3]
+    assert_array_equal(arrived[7:], sent[:-7])
     assert_array_equal(arrived[:7], np.zeros((7, 3)))
-    assert given[:-7].any()
+    assert sent[:-7].any()
 
 
 def test_delay_ends_what_feedback_can_stabilise() -> None:
@@ -82,23 +82,23 @@ def test_set_points_keep_the_limits_of_the_drives() -> None:
         f"effects.limits.velocity={allowed.tolist()}",
         f"effects.limits.acceleration={slope.tolist()}",
     ]
-    held = run(*limits)
-    command, cut = held.block("command")[:, :3], held.block("command")[:, 3:]
+    limited_run = run(*limits)
+    command, cut = limited_run.block("command")[:, :3], limited_run.block("command")[:, 3:]
     assert (np.abs(command).max(axis=0) <= allowed).all()
     assert (np.abs(np.diff(command, axis=0)).max(axis=0) <= 1e-3 * slope * (1 + 1e-9)).all()
-    wanted = held.block("input")[:, 3:]
+    wanted = limited_run.block("input")[:, 3:]
     assert_array_equal(cut, (command != wanted).astype(float))
     assert cut[:, :2].any(axis=0).all()
 
 
 def test_a_set_point_that_was_cut_off_does_not_run_away() -> None:
-    """Once the limit no longer acts, command and wish are one again."""
-    held = run(
+    """When the limit no longer acts, the limited and the wanted command are equal again."""
+    limited_run = run(
         NO_FORCE_LIMIT, "effects.limits.velocity=[0.01,0.01,0.6]", "duration=3.0", "disturbances.0.end=0.2",
         "disturbances.1.end=0.3",
     )  # fmt: skip
-    wanted, command = held.block("input")[-1, 3:], held.block("command")[-1, :3]
-    assert held.block("command")[:, 3:].any()
+    wanted, command = limited_run.block("input")[-1, 3:], limited_run.block("command")[-1, :3]
+    assert limited_run.block("command")[:, 3:].any()
     assert_array_equal(wanted, command)
 
 
@@ -129,7 +129,7 @@ def test_encoders_say_whole_steps() -> None:
         "effects.sensing.angle_noise=0.0",
         "effects.sensing.observer_bandwidth=1000.0",
     )
-    # So fast an observer repeats its encoder but for exp(-1)³ of what it expected.
+    # Such a fast observer repeats its encoder, except for exp(-1)³ of its prediction.
     error = np.abs(coarse.block("measurement")[:, 0:10:2] - coarse.block("state")[:, 0:10:2]).max(axis=0)
     assert (error < 1.0e-3).all()
     assert (error > 0.2e-3).all()
@@ -144,15 +144,15 @@ def test_the_observer_sees_the_disturbances_of_the_thesis() -> None:
 
 
 def test_the_observer_takes_no_limit_for_a_push() -> None:
-    """Drives that may not do what a law asks for move as their set-points say, and it expects them to."""
-    held = run(
+    """Limited drives follow their limited set-points, and the observer assumes that they do."""
+    limited_run = run(
         NO_FORCE_LIMIT, "disturbances=[]", "initial.load_offset=[0.3,-0.3,0.0]", "duration=2.0",
         "effects.limits.acceleration=[0.3,0.3,6.0]", "effects.sensing.angle_noise=0.0",
     )  # fmt: skip
-    assert held.block("command")[:, 3:5].mean() > 0.2
-    error = held.block("measurement")[:, 1:4:2] - held.block("state")[:, 1:4:2]
+    assert limited_run.block("command")[:, 3:5].mean() > 0.2
+    error = limited_run.block("measurement")[:, 1:4:2] - limited_run.block("state")[:, 1:4:2]
     assert np.abs(error).max() < 0.006, "it was 0.023 m/s where the observer was told what the law asked for"
-    assert np.abs(held.block("measurement")[:, 10:]).max() < 0.5, "1.4 rad/s²"
+    assert np.abs(limited_run.block("measurement")[:, 10:]).max() < 0.5, "1.4 rad/s²"
 
 
 def test_noise_has_its_seed() -> None:
@@ -165,14 +165,14 @@ def test_finer_sensing_and_a_faster_observer_approach_perfect_state() -> None:
     perfect = run(drive="ideal").load_position
     errors = []
     for scale in (1.0, 0.1):
-        found = run(
+        sensed_run = run(
             f"effects.sensing.position_resolution={[1e-4 * scale] * 3}",
             f"effects.sensing.angle_resolution={4e-4 * scale}",
             f"effects.sensing.angle_noise={1e-4 * scale}",
             f"effects.sensing.observer_bandwidth={60.0 / scale**0.5}",
             drive="ideal",
         )
-        errors.append(np.linalg.norm(found.load_position - perfect, axis=1).max())
+        errors.append(np.linalg.norm(sensed_run.load_position - perfect, axis=1).max())
     assert errors[1] < 0.3 * errors[0]
     assert errors[0] < 2e-3
 

@@ -44,7 +44,7 @@ STATES_EACH = 5
 
 
 def random_state(random: np.random.Generator, effects: EffectSettings) -> Array:
-    """All that moves, but for the body, moves."""
+    """Return a random state in which every coordinate moves, except the body's."""
     state = np.zeros(STATES)
     state[:10:2] = random.uniform([0.2, 0.2, 0.4, -1.0, -1.0], [1.8, 1.3, 1.2, 1.0, 1.0])
     state[1:10:2] = random.uniform(-1.0, 1.0, 5)
@@ -55,8 +55,8 @@ def random_state(random: np.random.Generator, effects: EffectSettings) -> Array:
     return state
 
 
-def place(engine: MujocoPlant, state: Array, random: np.random.Generator) -> None:
-    """The engine at `state`, a body turned and turning anyhow; writes where that is into `state`."""
+def set_random_state(engine: MujocoPlant, state: Array, random: np.random.Generator) -> None:
+    """Set the engine to `state`, with a random attitude and spin of the body; write these into `state`."""
     data, rig = engine.data, engine.rig
     mujoco.mj_resetData(engine.model, data)
     data.qpos[rig.joints], data.qvel[rig.rates] = state[:10:2], state[1:10:2]
@@ -77,31 +77,33 @@ def place(engine: MujocoPlant, state: Array, random: np.random.Generator) -> Non
 
 
 def engine_rates(engine: MujocoPlant, state: Array, command: Array, disturbance: Array, wind: Array) -> Array:
-    """Rates of change (22,) of the rates in `state`, at the changing states, by the engine."""
+    """Return the engine's accelerations (22,), at the indices of the rates in `state`."""
     data, rig = engine.data, engine.rig
     data.ctrl[rig.drives] = command
     evaluate(rig, disturbance, wind, True)
-    found = np.zeros(STATES)
-    found[1:10:2] = data.qacc[rig.rates]
+    accelerations = np.zeros(STATES)
+    accelerations[1:10:2] = data.qacc[rig.rates]
     if rig.rope.active:
-        found[STRETCH_RATE] = data.qacc[rig.distance[1]] - found[5]
+        accelerations[STRETCH_RATE] = data.qacc[rig.distance[1]] - accelerations[5]
     for k, name in enumerate(("frame_x", "frame_y") if engine.effects.frame else ()):
-        found[RAILS + 1 + 2 * k] = data.qacc[engine.model.joint(name).dofadr[0]]
+        accelerations[RAILS + 1 + 2 * k] = data.qacc[engine.model.joint(name).dofadr[0]]
     if engine.effects.body:
         first = engine.model.joint("swing").dofadr[0]
         rotation, turn = data.body("load").xmat.reshape(3, 3), data.qvel[first : first + 3]
         ca, sa, spin = np.cos(state[6]), np.sin(state[6]), state[SPIN : SPIN + 3]
-        found[SPIN] = found[7]
-        found[SPIN + 1] = -found[9] * ca + state[9] * state[7] * sa
-        found[SPIN + 2] = -found[9] * sa - state[9] * state[7] * ca
-        found[SPIN : SPIN + 3] += rotation @ data.qacc[first : first + 3] + np.cross(spin, rotation @ turn)
-    return found
+        accelerations[SPIN] = accelerations[7]
+        accelerations[SPIN + 1] = -accelerations[9] * ca + state[9] * state[7] * sa
+        accelerations[SPIN + 2] = -accelerations[9] * sa - state[9] * state[7] * ca
+        accelerations[SPIN : SPIN + 3] += rotation @ data.qacc[first : first + 3] + np.cross(
+            spin, rotation @ turn
+        )
+    return accelerations
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("effects", CASES, ids=lambda each: "+".join(each.names))
+@pytest.mark.parametrize("effects", CASES, ids=lambda effects: "+".join(effects.names))
 def test_accelerations_and_tension_are_the_engines(effects: EffectSettings, drive: Drive) -> None:
-    """To rounding, but for a billionth of the load that the engine's winch and bare hook weigh."""
+    """They agree to rounding, except for the billionth of the load that the engine's winch and hook weigh."""
     exact = 1e-7 if effects.rope or effects.body == NO_HOOK else 1e-10
     if drive == "ideal":
         effects = effects.model_copy(update={"limits": None})
@@ -111,7 +113,7 @@ def test_accelerations_and_tension_are_the_engines(effects: EffectSettings, driv
     changing = elastic.crane.changing
     for _ in range(STATES_EACH):
         state = random_state(random, effects)
-        place(engine, state, random)
+        set_random_state(engine, state, random)
         elastic.reset(state[:10])
         if effects.rope:
             set_damping(engine.rig.rope, effects.rope, RIG.hanging_mass(effects), state[4])

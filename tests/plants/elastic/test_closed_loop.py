@@ -29,7 +29,7 @@ def both(scenario: Scenario, drive: str) -> tuple[Run, Run]:
 @pytest.mark.parametrize("effect", EFFECTS)
 @pytest.mark.parametrize("scenario", ["fast-diagonal", "near-slack", "ship-to-shore"])
 def test_effects_leave_what_the_engines_schemes_do(scenario: str, effect: str, drive: str) -> None:
-    """Within the limits for each, which are not idle; with a frame and in wind as without."""
+    """Differences are within the limit of each effect, and not far below it, also with frame and wind."""
     assert load_scenario(scenario).effects == NO_EFFECTS
     elastic, engine = both(with_effects(scenario, effect), drive)
     agreement = judge(elastic, engine)
@@ -50,7 +50,7 @@ def test_half_the_step_leaves_what_the_order_of_the_engines_scheme_says(effect: 
 
 
 def test_a_rope_starts_taut_on_a_winch_that_sticks() -> None:
-    """Swung out and lowered, so that tension and held weight are apart by less than the winch's friction."""
+    """The swing makes tension and holding force differ by less than the winch's friction."""
     scenario = with_effects("fast-diagonal", "rope", "friction")
     swung = scenario.model_copy(
         update={"initial": scenario.initial.model_copy(update={"alpha_offset": 0.2, "beta_offset": -0.1})}

@@ -30,12 +30,12 @@ CASES = [
 
 
 def chosen(*names: str) -> EffectSettings:
-    """Effects of the laboratory, on rails that slope."""
+    """Return effects with the laboratory's numbers, on rails that slope."""
     return NUMBERS.model_copy(update={"installation": TILTED}).only(*names)
 
 
 def command(drive: Drive, k: int) -> Array:
-    """Of the sample `k`: speeds that swing, the accelerations or forces that go with them."""
+    """Return the command of sample `k`: oscillating speeds, or the accelerations or forces for them."""
     phase = FREQUENCY * 1e-3 * k + np.array([0.0, 0.3, 0.0])
     if drive == "velocity":
         return AMPLITUDE * np.sin(phase)
@@ -44,7 +44,7 @@ def command(drive: Drive, k: int) -> Array:
 
 
 def apart(a: Plant, b: Plant, disturbance: tuple[float, float], air: Array) -> tuple[float, float]:
-    """Largest difference of angles and load over a motion, and the shortest way of a joint."""
+    """Return the largest difference of angles and load over a motion, and the least travel of a joint."""
     loads, joints = np.zeros((2, 7)), np.zeros((2, 10))
     difference, way = 0.0, 0.0
     for plant in (a, b):
@@ -100,7 +100,7 @@ def test_it_moves_as_the_engine_does(
     ],
 )  # fmt: skip
 def test_another_crane_moves_otherwise(effect: str, changed: dict[str, object]) -> None:
-    """The limits above would notice a change of any constant by some per cent."""
+    """A change of any constant by some per cent exceeds the limits above."""
     effects = chosen(effect)
     other = effects.model_copy(update={effect: getattr(effects, effect).model_copy(update=changed)})
     limit = {"wind": LATE, "body": HOOK, "rope": ROPE, "friction": FIRST}.get(effect, EXACT)

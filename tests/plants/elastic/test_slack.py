@@ -19,7 +19,7 @@ EFFECTS = {
 
 
 def thrown(name: str, effects: EffectSettings, drive: Drive, substeps: int) -> np.ndarray:
-    """Loads (N, 7) of 1.2 s on a winch that pays out faster than they fall, and then stops."""
+    """Return the load (N, 7) over 1.2 s while the winch pays out faster than it falls, and then stops."""
     plant = plant_entry(name).load()(
         RIG, drive=drive, step=PERIOD / substeps, substeps=substeps, effects=effects
     )
@@ -37,7 +37,7 @@ def thrown(name: str, effects: EffectSettings, drive: Drive, substeps: int) -> n
 @pytest.mark.parametrize("drive", ["ideal", "velocity"])
 @pytest.mark.parametrize("rope", EFFECTS)
 def test_slack_flight_and_impacts(rope: str, drive: Drive) -> None:
-    """What differs falls with the step; an impact multiplies it."""
+    """The difference decreases with the step; an impact multiplies it."""
     for substeps, room, flights in ((1, 8e-4, 2), (4, 2e-5, None)):
         elastic, engine = (thrown(name, EFFECTS[rope], drive, substeps) for name in ("elastic", "mujoco"))
         turns = [np.flatnonzero(np.diff((loads[:, 6] <= 0.0).astype(int))) for loads in (elastic, engine)]

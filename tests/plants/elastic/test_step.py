@@ -98,16 +98,16 @@ def test_it_vibrates_as_fast_as_the_engine_does(names: tuple[str, ...], drive: D
 def test_what_holds_a_joint_is_what_would_have_to_push_it(names: tuple[str, ...]) -> None:
     """Drives and torques that add the holding forces leave joints without friction at rest, on slopes too."""
     slopes = NUMBERS.installation.model_copy(update={"tilt": (0.05, -0.08)})
-    held = NUMBERS.only(*names).model_copy(
+    with_friction = NUMBERS.only(*names).model_copy(
         update={
             "friction": NUMBERS.friction.model_copy(update={"coulomb": (1e3,) * 3, "pivot_coulomb": 1e3}),
             "installation": slopes,
         }
     )
-    loose = held.model_copy(update={"friction": None})
+    loose = with_friction.model_copy(update={"friction": None})
     still = np.array([1.0, 0.0, 0.7, 0.0, 0.8, 0.0, 0.4, 0.0, -0.5, 0.0])
     rates, command, disturbance = [], np.array([2.0, -3.0, -7.0]), np.array([0.5, -0.4])
-    for effects in (held, loose):
+    for effects in (with_friction, loose):
         plant = ElasticPlant(RIG, drive="force", step=1e-3, substeps=1, effects=effects)
         plant.reset(still)
         if effects.frame:
@@ -116,7 +116,7 @@ def test_what_holds_a_joint_is_what_would_have_to_push_it(names: tuple[str, ...]
             plant.state[STRETCH] = 3e-4
         stick_or_slip(plant.crane, plant.state, command, disturbance, AIR, plant.work)
         rates.append(plant.work.rates[0].copy())
-        if effects is held:
+        if effects is with_friction:
             assert plant.work.stuck.all()
             assert np.abs(plant.work.holding).min() > 1e-3
             reach = plant.state[4] - plant.crane.offset + plant.state[STRETCH]
