@@ -216,7 +216,7 @@ PLANTS = Plants(
         "series-1",
         "cranectl.plants.analytic:AnalyticPlant",
         batch=64,
-        lacks={"rope": _RIGID, "body": _RIGID, "frame": _RIGID, "force": "whose axes know no such forces"},
+        lacks={"rope": _RIGID, "body": _RIGID, "frame": _RIGID, "force": "whose axes have no forces"},
     ),
     _own("elastic", "elastic", "series-3", "cranectl.plants.elastic.plant:ElasticPlant", batch=32),
     _own("mujoco", "MuJoCo", "series-2", "cranectl.plants.mujoco.plant:MujocoPlant", batch=16),
@@ -228,7 +228,7 @@ PLANTS = Plants(
         batch=0,
         lacks={
             "rope": "which has a rigid rope without mass",
-            "limits.force": "whose drives give any force",
+            "limits.force": "whose drives have no limit of force",
             "friction.coulomb": _SLIDES,
             "friction.pivot_coulomb": _SLIDES,
         },

@@ -39,17 +39,17 @@ class Driven(Settings):
     duration: Duration = Field(description="[s], to where the load was at rest again")
     period: Duration = Field(description="of the samples [s], on which changes lie")
     bandwidth: Speed = Field(description="of each of the four lags [rad/s]")
-    speed: Triple[Speed] = Field(description="of the largest wish along x, y, z [m/s]")
+    speed: Triple[Speed] = Field(description="largest velocity command along x, y, z [m/s]")
     low: Point3 = Field(description="corner of the box in which the stopping point was kept [m]")
     high: Point3 = Field(description="the opposite corner [m]")
-    wishes: Changes = Field((), description="from a time on [s] a velocity (x, y, z) [m/s]")
+    wishes: Changes = Field((), description="velocity commands: time [s] from which it holds, x, y, z [m/s]")
     goals: Changes = Field(
-        (), description="from a time on [s], until the next wish, to a point (x, y, z) [m]"
+        (), description="goals: time [s] from which it holds until the next command, x, y, z [m]"
     )
 
     @property
     def changes(self) -> list[tuple[int, tuple[float, ...]]]:
-        """The first sample of each command, and (1 for a goal or 0 for a wish, x, y, z)."""
+        """The first sample of each command, and (1 for a goal or 0 for a velocity, x, y, z)."""
         return sorted(
             (round(time / self.period), (goal, x, y, z))
             for goal, requests in ((0.0, self.wishes), (1.0, self.goals))

@@ -61,7 +61,7 @@ class Move(Settings):
     plane: bool = Field(False, description="stay in the vertical plane through start and end")
     constant_rope: bool = Field(False, description="keep the length of the rope; start and end must have one")
     duration: Literal["shortest"] | None = Field(
-        None, description="shortest: straight, with a stop at each point of via, by the law of degree 9"
+        None, description="shortest: straight, with a stop at each point of via, by the time law of degree 9"
     )
 
     @model_validator(mode="after")
@@ -151,13 +151,13 @@ class Spline(Plannable):
     kind: Literal["spline"]
     degree: Literal[5, 7, 9]
     breaks: Annotated[Many[float], Field(min_length=2)] = Field(
-        description="knots, each once, from 0 to the duration [s], or with a time law to any end"
+        description="knots, each once, from 0 to the duration [s], or with a time law to any number"
     )
     coefficients: Annotated[Many[Point3], Field(min_length=6, max_length=MOST_COEFFICIENTS)] = Field(
         description="(x, y, z) [m]; without a time law the first and the last five are equal"
     )
     time_law: TimeLaw | None = Field(None, description=f"of a path, as for lines; {TIME_LAW}")
-    lasts: Duration | None = Field(None, description="with a time law that is not to be planned [s]")
+    lasts: Duration | None = Field(None, description="duration [s] with a time law that is not planned")
     made_from: dict[str, Any] = Field({}, description="the segment that the scenario had in its place")
     source: Source | None = Field(None, description="its file, if it is from one")
     fit: FitNumbers | None = Field(None, description="quality of the fit, if it is fitted to samples")

@@ -140,7 +140,7 @@ def _why_idle(
             return f"{name} is given"
     if table == "limits":
         plant = name.split(".")[1]
-        return f"nothing runs on the {plant} plant" if plant in PLANTS and plant != use.plant else None
+        return f"no run is on the {plant} plant" if plant in PLANTS and plant != use.plant else None
     planned = not requested.reference.planned
     if name == "control.lag_compensation":
         return None if planned else _why_no_lead(use, design)
@@ -156,7 +156,7 @@ def _why_idle(
 
 def _why_idle_in_design(name: str, scenario: Scenario, design: ControllerDesign) -> str | None:
     if design.axis_design is None:
-        return f"{design.name} has parameters of its own, in [controller.{design.name}]"
+        return f"{design.name} has its own parameters, in [controller.{design.name}]"
     parts = design.name.split("+")
     if not any(fnmatchcase(name, DESIGNED[part]) for part in parts if part in DESIGNED):
         return f"{design.name} is designed without it"
@@ -178,7 +178,7 @@ def _why_idle_in_plan(name: str, requested: Scenario) -> str | None:
     if not solved and not any(getattr(segment, "duration", None) == SHORTEST for segment in unplanned):
         return "no segment of the reference is planned"
     if name == "planning.refinement" and not solved:
-        return "only motions in minimum time are solved for, and the reference has none"
+        return "it acts on motions in minimum time only, and the reference has none"
     if name == "planning.clearance" and requested.planning.load_box is not None:
         return "planning.load_box says where the load may be"
     return None

@@ -32,7 +32,7 @@ SAID = [
     ("benchmark run small.toml --controller lqr-integral --set-of-cranes nominal",
      "short: log.every changes nothing here: the command does not read it"),
     ("tune lqr-integral --benchmark small.toml --runs 4",
-     "short: design.input_weight changes nothing here: lqr-integral has parameters of its own"),
+     "short: design.input_weight changes nothing here: lqr-integral has its own parameters"),
     (f"campaign show load-and-lag --plants analytic --controller lqr {SHORT} --set design.hinf.peak=3.0",
      "design.hinf.peak changes nothing here: lqr is designed without it"),
     (f"live fixed-position --plants analytic --port 0 {SHORT} --set rig.effects.delay.seconds=0.02",
