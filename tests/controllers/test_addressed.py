@@ -34,7 +34,7 @@ def given(run: Run) -> np.ndarray:
     return run.block("controller")
 
 
-def test_a_law_is_given_state_reference_and_preview() -> None:
+def test_a_controller_receives_state_reference_and_preview() -> None:
     run = run_of(noting(), path())
     seen, n = given(run), len(run.time_ns)
     assert np.array_equal(seen[:, :10], run.block("state"))
@@ -60,7 +60,7 @@ def test_through_a_signal_path_it_is_given_what_is_measured() -> None:
     assert given(run)[-1, 10:12].any(), "estimates of disturbances"
 
 
-def test_a_law_of_encoders_is_given_five_readings() -> None:
+def test_a_controller_that_measures_encoders_receives_five_readings() -> None:
     run = run_of(noting(measures="encoders"), path(*SENSED))
     readings = given(run)[:, :12]
     assert readings[:, 3:5] / 0.001 == pytest.approx(np.round(readings[:, 3:5] / 0.001), abs=1e-9)
@@ -70,7 +70,7 @@ def test_a_law_of_encoders_is_given_five_readings() -> None:
     assert np.array_equal(given(plain)[:, :5], plain.block("state")[:, ::2])
 
 
-def test_a_law_of_set_points_is_given_the_end_of_the_segment() -> None:
+def test_a_controller_that_follows_set_points_receives_the_end_of_the_segment() -> None:
     scenario = path()
     run = run_of(noting(follows="set-point"), scenario)
     rows = given(run)[:, 12:27]
@@ -83,7 +83,7 @@ def test_a_law_of_set_points_is_given_the_end_of_the_segment() -> None:
     assert np.array_equal(rows[-1, :3], last)
 
 
-def test_a_slower_law_is_called_now_and_then_and_its_command_held() -> None:
+def test_a_slower_controller_steps_less_often_and_its_command_is_held() -> None:
     run = run_of(noting(every=5), path())
     steps = given(run)[:, 57]
     assert np.array_equal(steps, np.arange(len(steps)) // 5 + 1)
@@ -139,7 +139,7 @@ def test_forces_arrive_at_force_drives_and_other_drives_get_what_they_bring_abou
         (giving_up(0, np.inf), RunStatus.CONTROLLER_FAILED),
     ],
 )
-def test_a_law_that_fails_ends_the_run(controller: object, status: RunStatus) -> None:
+def test_a_controller_that_fails_ends_the_run(controller: object, status: RunStatus) -> None:
     run = run_of(controller, path())
     assert (run.status, len(run.time_ns)) == (status, 10)
     assert np.isfinite(run.table).all()
@@ -150,7 +150,7 @@ def slip(_parameters, measured, _reference, _memory, command):  # type: ignore[n
     return 0
 
 
-def test_a_step_that_cannot_be_compiled_is_told_with_its_line() -> None:
+def test_a_step_that_cannot_be_compiled_is_refused_with_its_line() -> None:
     with pytest.raises(InputError, match=r"cannot be compiled: .*'stifness' is not defined") as caught:
         run_of(replace(FOLLOWING, step=slip), path())
     assert f"{Path(__file__).name}:{slip.__code__.co_firstlineno + 1}" in caught.value.remedy
@@ -161,7 +161,7 @@ def mix(_parameters, measured, _reference, _memory, command):  # type: ignore[no
     return 0
 
 
-def test_what_numba_announces_of_a_step_is_told_to_its_end() -> None:
+def test_the_whole_reason_of_numba_is_in_the_error() -> None:
     with pytest.raises(InputError, match=r"found for signature: dot\(float64") as caught:
         run_of(replace(FOLLOWING, step=mix), path())
     assert f"{Path(__file__).name}:{mix.__code__.co_firstlineno + 1}" in caught.value.remedy
@@ -196,7 +196,7 @@ def test_one_loop_serves_every_controller_and_plant() -> None:
     assert len(loop.signatures) == len(kinds)  # type: ignore[attr-defined]
 
 
-def test_while_the_rope_is_slack_the_law_waits() -> None:
+def test_while_the_rope_is_slack_the_controller_waits() -> None:
     falling = load_scenario("slack-rope", overrides=["effects.rope.on_slack=recover"])
     run = simulate_run(falling, plant="mujoco", drive="velocity", controller="lqr-integral")
     slack = np.flatnonzero(run.tension[:-1] <= 0.0)[:-1] + 1

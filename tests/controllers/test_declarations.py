@@ -84,7 +84,7 @@ def leaving(_: Any) -> Any:
         (lambda _: (np.zeros(1), np.zeros(10**15)), "MemoryError"),
     ],
 )
-def test_a_prepare_that_fails_or_returns_no_pair_is_told(prepare: Any, found: str) -> None:
+def test_a_prepare_that_fails_or_returns_no_pair_is_refused(prepare: Any, found: str) -> None:
     with pytest.raises(InputError) as raised:
         prepared(controller(prepare=prepare), None)  # type: ignore[arg-type]
     assert found in raised.value.found
@@ -93,14 +93,14 @@ def test_a_prepare_that_fails_or_returns_no_pair_is_told(prepare: Any, found: st
     assert raised.value.remedy
 
 
-def test_a_linearise_that_fails_or_returns_no_linear_law_is_told() -> None:
+def test_a_linearise_that_fails_or_returns_no_linear_controller_is_refused() -> None:
     for linearise, found in ((lambda *_: None, "returns None"), (lambda _: None, "takes 1 positional")):
         law = controller(linearise=linearise)
         with pytest.raises(InputError, match=f"linearise of own .*{found}"):
             linearised(law, None, 0.7)  # type: ignore[arg-type]
 
 
-def test_what_prepare_says_itself_is_left_as_it_is() -> None:
+def test_an_input_error_of_prepare_is_not_changed() -> None:
     refusal = InputError("the load is too heavy", remedy="take a lighter one")
 
     def refusing(_: Any) -> Any:

@@ -41,7 +41,7 @@ def parameters(law: str, settings: list[str]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.rpartition("/")[2])
-def test_a_controller_is_told_the_limits_that_hold(law: str) -> None:
+def test_a_controller_receives_the_limits_of_the_run(law: str) -> None:
     stated = parameters(law, OF_RUN)
     assert np.isin(NUMBERS["acceleration"][:2], stated).all()
     assert np.array_equal(stated, parameters(law, OF_RIG))

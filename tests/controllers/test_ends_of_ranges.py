@@ -63,7 +63,7 @@ def test_gains_of_lqr_offset_free_are_optimal_at_every_level(case: Case) -> None
 
 
 @pytest.mark.parametrize("case", of("flat-velocity"), ids=lambda case: case[0])
-def test_poles_of_flat_velocity_are_as_asked(case: Case) -> None:
+def test_poles_of_flat_velocity_are_the_requested_ones(case: Case) -> None:
     nominal = nominal_at(FLAT_VELOCITY, LENGTH, **{case[2]: float(case[3])})
     wanted = np.poly([nominal.parameters[name] for name in POLES])
     assert tracker_of(nominal).gain == pytest.approx(wanted[:0:-1], rel=1e-9, abs=0.0)

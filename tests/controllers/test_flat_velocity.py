@@ -113,6 +113,6 @@ def test_servos_that_feel_the_load_are_given_away_on_every_plant_alike() -> None
         ),
     ],
 )
-def test_what_cannot_be_is_refused(overrides: list[str], found: str) -> None:
+def test_settings_that_cannot_be_met_are_refused(overrides: list[str], found: str) -> None:
     with pytest.raises(InputError, match=found):
         simulate_run(hanging(*overrides), plant="analytic", controller=NAME)

@@ -71,6 +71,6 @@ def test_lasting_disturbances_leave_no_error(plant: str) -> None:
         ),
     ],
 )
-def test_what_cannot_be_is_refused(overrides: list[str], found: str) -> None:
+def test_settings_that_cannot_be_met_are_refused(overrides: list[str], found: str) -> None:
     with pytest.raises(InputError, match=found):
         simulate_run(hanging(*overrides), plant="analytic", controller=LQR_INTEGRAL.name)

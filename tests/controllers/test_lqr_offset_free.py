@@ -34,9 +34,9 @@ LAW = LQR_OFFSET_FREE.name
 SENSED = ["effects.sensing={}", "effects.delay.seconds=0.004"]
 
 
-def polynomial_error(found: Array, wanted: Array) -> float:
+def polynomial_error(roots: Array, wanted: Array) -> float:
     """Largest relative one of characteristic polynomials; equal poles by themselves are ill-conditioned."""
-    wanted_polynomial, polynomial = np.poly(wanted).real, np.poly(found).real
+    wanted_polynomial, polynomial = np.poly(wanted).real, np.poly(roots).real
     return float(np.abs(polynomial / wanted_polynomial - 1.0).max())
 
 
@@ -45,26 +45,26 @@ def test_the_poles_of_the_loop_are_those_of_regulator_observer_and_rope(length: 
     nominal = nominal_at(LQR_OFFSET_FREE, length)
     observer_pole, rope_pole = frequencies(nominal)
     regulated = np.linalg.eigvals(A - B @ levels(nominal)[-1:, :STATES]) * np.sqrt(GRAVITY / length)
-    found = (
+    poles = (
         np.log(np.linalg.eigvals(loop_matrix(LQR_OFFSET_FREE, length, MEMORY.begun, MEMORY.leaning))) / PERIOD
     )
     wanted = np.array([*regulated, *regulated, *[-observer_pole] * 6, *[-rope_pole] * 2])
-    assert polynomial_error(found, wanted) < 0.04  # of what the period does to them
-    assert found.real.max() < -1.0
+    assert polynomial_error(poles, wanted) < 0.04  # of what the period does to them
+    assert poles.real.max() < -1.0
 
 
-def test_its_linearisation_says_so_too() -> None:
+def test_its_linearisation_has_the_same_poles() -> None:
     scenario = load_scenario("fixed-position")
-    for law in linearised_controller(scenario, controller_design(LAW, scenario)):
-        nominal = nominal_at(LQR_OFFSET_FREE, law.rope_length)
-        scale = np.sqrt(GRAVITY / law.rope_length)
+    for linear in linearised_controller(scenario, controller_design(LAW, scenario)):
+        nominal = nominal_at(LQR_OFFSET_FREE, linear.rope_length)
+        scale = np.sqrt(GRAVITY / linear.rope_length)
         regulated = np.linalg.eigvals(A - B @ levels(nominal)[-1:, :STATES]) * scale
         wanted = np.array([*regulated, *[-frequencies(nominal)[0]] * 3])
-        found = np.linalg.eigvals(law.a - law.b @ law.gain[np.newaxis])
-        assert polynomial_error(found, wanted) < 0.02
+        poles = np.linalg.eigvals(linear.a - linear.b @ linear.gain[np.newaxis])
+        assert polynomial_error(poles, wanted) < 0.02
 
 
-def test_what_it_asks_for_stays_within_the_limit_on_the_whole_ellipsoid() -> None:
+def test_its_command_stays_within_the_limit_on_the_whole_ellipsoid() -> None:
     """Levels are nested; u_max is met on the boundary; K x changes without steps; P never grows."""
     nominal = nominal_at(LQR_OFFSET_FREE, 0.8)
     parameters, table = prepare(nominal)[0], levels(nominal)
@@ -131,8 +131,8 @@ def test_it_is_certified_with_delay_observer_and_structure(
 ) -> None:
     effects = [f"effects.{name}={{}}" for name in ("sensing", "rope", "body", "frame")]
     if numbers == "tuned":
-        found = read_toml(ROOT / "validation" / "benchmark" / "tuned" / f"{LAW}.toml")["parameters"]
-        effects += [f"{key}={value}" for key, value in found.items()]
+        tuned = read_toml(ROOT / "validation" / "benchmark" / "tuned" / f"{LAW}.toml")["parameters"]
+        effects += [f"{key}={value}" for key, value in tuned.items()]
     options = [f"--rope-length={length}" for length in lengths] + [f"--set={effect}" for effect in effects]
     assert main(["certify", LAW, "--delay", "0.008", *options]) == code
     output = capsys.readouterr().out
@@ -154,14 +154,14 @@ def test_within_the_limits_of_weak_drives_nothing_winds_up(effects: list[str]) -
     run = simulate_run(
         load_scenario("fixed-position", overrides=weak), plant="mujoco", drive="velocity", controller=LAW
     )
-    asked = np.abs(run.block("input")[:, 0])
-    assert 0.1 < asked.max() < 0.3
+    acceleration = np.abs(run.block("input")[:, 0])
+    assert 0.1 < acceleration.max() < 0.3
     assert np.abs(run.block("controller")).max() < 0.05  # nothing pushes, nor does it seem so
     assert np.linalg.norm(run.block("error")[-1, :3]) < 1e-3
 
 
 @pytest.mark.parametrize(("law", "least", "most"), [(LAW, 0.0, 1e-3), ("lqr-integral", 0.1, 0.3)])
-def test_what_a_saturated_drive_cannot_do_is_no_push_to_it(law: str, least: float, most: float) -> None:
+def test_it_takes_no_saturation_of_a_drive_for_a_disturbance(law: str, least: float, most: float) -> None:
     """A tenth of the usual speed, the load 0.3 m off: drives saturate, an integral of errors winds up."""
     slow = [
         "rig.effects.limits.velocity=[0.1, 0.1, 0.6]",

@@ -80,7 +80,7 @@ def test_signals_are_logged_from_the_start_of_their_slot() -> None:
         (lambda: MEMORY.array(error=1.0), "1 numbers for the slot 'error', which has 3"),
     ],
 )
-def test_mistakes_are_told(wrong: Any, message: str) -> None:
+def test_mistakes_are_refused_with_a_message(wrong: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         wrong()
     with pytest.raises(AttributeError, match="no slot 'eror', there are error, begun, ring"):

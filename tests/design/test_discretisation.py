@@ -36,7 +36,7 @@ def test_modal_form_is_the_same_system_in_blocks(seed: int) -> None:
     assert modal.A.dtype == float
 
 
-def test_modes_are_driven_as_strongly_as_they_are_seen() -> None:
+def test_inputs_and_outputs_of_a_mode_have_equal_norms() -> None:
     r = design_controller("pole-placement+hinf").robustifier
     for rows in (slice(0, 2), slice(2, 3), slice(3, 4), slice(4, 5)):
         assert np.linalg.norm(r.b[rows]) == pytest.approx(np.linalg.norm(r.c[rows]))

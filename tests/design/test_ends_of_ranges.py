@@ -104,7 +104,7 @@ ENDS = of_ends()
 @pytest.mark.parametrize(
     "case", [*FOUND, *share_of(ENDS, SHARE), *of_samples()], ids=lambda case: case[0].replace("/", " ")
 )
-def test_a_design_holds_what_it_says_or_says_what_to_do(
+def test_a_design_has_the_properties_that_it_reports_or_is_refused(
     case: Case, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _, name, table = case

@@ -165,14 +165,14 @@ def test_weights_with_unstable_poles_are_refused() -> None:
         mixed_sensitivity(plant, lag(1.0, 1.0), lag(1.0, -3.0))
 
 
-def test_infeasible_gamma_says_why() -> None:
+def test_an_infeasible_gamma_is_refused_with_the_reason() -> None:
     plant = inner_loop(np.array(GAINS["lqr"]))
     with pytest.raises(InputError, match="no S/KS controller for gamma = ") as caught:
         mixed_sensitivity(plant, lag(5.0, 0.1), NOTHING, back_off=0.5)
     assert "back_off" in caught.value.remedy
 
 
-def test_vanishing_control_weight_says_why() -> None:
+def test_a_vanishing_control_weight_is_refused_with_the_reason() -> None:
     plant = inner_loop(np.array(GAINS["lqr"]))
     with pytest.raises(InputError, match="control weight that vanishes"):
         mixed_sensitivity(plant, lag(5.0, 0.1), control.ss([], [], [], [[0.0]]))

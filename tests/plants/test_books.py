@@ -129,13 +129,13 @@ EXACT = {  # effects with which the error is at most that of an integrator of or
 
 @pytest.mark.parametrize(("name", "shown"), [(name, shown) for name in EXACT for shown in EXACT[name]])
 @pytest.mark.parametrize("drive", DRIVES)
-def test_nothing_is_missing(name: str, shown: str, drive: Drive) -> None:
+def test_energy_and_momentum_are_balanced(name: str, shown: str, drive: Drive) -> None:
     assert misses(name, EFFECTS[shown], drive).max() < (1e-9 if name == "mujoco" else 1e-10)
 
 
 @pytest.mark.parametrize("drive", ["velocity", "force"])
 @pytest.mark.parametrize("name", PLANTS)
-def test_nothing_is_missing_after_20_seconds(name: str, drive: Drive) -> None:
+def test_energy_and_momentum_are_balanced_after_20_seconds(name: str, drive: Drive) -> None:
     period = 2e-3 if drive == "velocity" else 4e-3
     assert misses(name, EFFECTS["none"], drive, Manner(seconds=20.0, period=period)).max() < 1e-9
 
@@ -146,6 +146,6 @@ def test_the_engines_hook_weighs_next_to_nothing() -> None:
 
 @pytest.mark.parametrize("drive", ["velocity", "force"])
 @pytest.mark.parametrize("name", ["elastic", "mujoco"])
-def test_friction_takes_what_it_rubs_away(name: str, drive: Drive) -> None:
+def test_energy_is_balanced_with_friction(name: str, drive: Drive) -> None:
     """Joints stick and slip between the samples of a period."""
     assert misses(name, EFFECTS["all rubs"], drive, Manner(seconds=2.0)).max() < 1e-7

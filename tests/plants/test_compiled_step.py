@@ -60,7 +60,7 @@ def test_a_period_calls_no_other_kernel() -> None:
     assert re.findall(r"call [^@]*@(\w*cranectl\w+)", period) == []
 
 
-def test_references_are_seen_where_they_are_counted() -> None:
+def test_reference_counting_is_detected() -> None:
     def chosen(rig, first):
         array = rig[0]
         if first > 0.0:

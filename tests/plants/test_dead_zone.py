@@ -49,7 +49,7 @@ def test_the_servo_gets_nothing_or_the_whole_set_point_times_its_gain() -> None:
 
 
 @pytest.mark.parametrize("plant", PLANTS)
-def test_below_it_nothing_moves(plant: str) -> None:
+def test_below_the_dead_zone_nothing_moves(plant: str) -> None:
     """The integral of the set-points goes on, else no drive would ever leave its dead zone."""
     run = run_with((1e6,) * 3, plant, "lqr", "disturbances=[]")
     state = run.block("state")

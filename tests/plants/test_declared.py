@@ -100,7 +100,7 @@ IGNORED = {
 
 
 @pytest.mark.parametrize("kind", IGNORED)
-def test_what_a_plant_accepts_and_ignores_is_found_at_its_first_use(registered: Any, kind: type) -> None:
+def test_a_plant_that_ignores_a_setting_is_refused_at_its_first_run(registered: Any, kind: type) -> None:
     named, drive = IGNORED[kind]
     name = registered(kind).name
     with pytest.raises(InputError) as error:

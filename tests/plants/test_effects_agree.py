@@ -31,7 +31,7 @@ def run(plant: str, *overrides: str) -> Run:
     [(BREEZE, 1e-8), (GREASE, 1e-4), (FORCES, 1e-9), ([*FORCES, "effects.wind={}"], 1e-8)],
     ids=["wind", "viscous joint", "forces", "forces and gusts"],
 )
-def test_both_plants_say_the_same(overrides: list[str], apart: float) -> None:
+def test_both_plants_agree(overrides: list[str], apart: float) -> None:
     """They differ by a small part of the effect only."""
     analytic, mujoco = (run(plant, *overrides) for plant in ("analytic", "mujoco"))
     plain = run("analytic")

@@ -83,7 +83,7 @@ def test_drives_feel_air_joint_and_slope_as_generalised_forces() -> None:
 
 
 @pytest.mark.parametrize("plant", PLANTS)
-def test_forces_of_the_nominal_rig_bring_about_what_the_law_commands(plant: str) -> None:
+def test_forces_for_the_nominal_rig_cause_the_commanded_accelerations(plant: str) -> None:
     """Without disturbances force drives move as ideal drives, except that forces are constant in a period."""
     largest = []
     for period in (0.001, 0.0005):
@@ -99,7 +99,7 @@ def test_forces_of_the_nominal_rig_bring_about_what_the_law_commands(plant: str)
     assert largest[0] / largest[1] > 1.8
 
 
-def test_what_the_nominal_rig_does_not_know_shows() -> None:
+def test_effects_that_the_nominal_rig_lacks_make_a_difference() -> None:
     scenario = load_scenario("fast-diagonal", overrides=["duration=4.0", "disturbances=[]"])
     heavier = load_scenario(
         "fast-diagonal", overrides=["duration=4.0", "disturbances=[]", "rig.load_mass=1.01"]

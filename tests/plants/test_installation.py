@@ -52,7 +52,7 @@ def test_a_wrong_zero_of_the_rope_leaves_the_load_that_much_off(plant: str) -> N
 
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("drive", DRIVES)
-def test_a_drive_does_its_gain_times_what_it_is_told(plant: str, drive: str) -> None:
+def test_a_drive_executes_its_gain_times_the_command(plant: str, drive: str) -> None:
     scenario = load_scenario(
         "fast-diagonal", overrides=["duration=5.0", "effects.installation={drive_gain=[1.1, 0.9, 1.05]}"]
     )
@@ -71,7 +71,7 @@ def test_a_drive_does_its_gain_times_what_it_is_told(plant: str, drive: str) -> 
 
 
 @pytest.mark.parametrize("plant", PLANTS)
-def test_as_believed_it_changes_nothing(plant: str) -> None:
+def test_an_installation_without_errors_changes_nothing(plant: str) -> None:
     scenario = load_scenario("fast-diagonal", overrides=["duration=5.0"])
     believed = load_scenario("fast-diagonal", overrides=["duration=5.0", "effects.installation={}"])
     plain, same = (simulate_run(s, plant=plant, controller="lqr") for s in (scenario, believed))

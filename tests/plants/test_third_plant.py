@@ -116,7 +116,7 @@ def test_each_is_judged_against_the_reference(log: Path, capsys: pytest.CaptureF
         assert json.loads(Path(name).read_text())["agreement"]["plant"] == "heavy", "the least good"
 
 
-def test_a_log_tells_the_differences_by_plant(log: Path) -> None:
+def test_a_log_has_the_differences_of_each_plant(log: Path) -> None:
     runs = cranectl.read_log(log)
     assert list(runs) == ["analytic", "elastic", "mujoco", "heavy"]
     assert runs["heavy"].model == "the analytic plant with 1 % more gravity"
@@ -195,7 +195,7 @@ def test_an_unknown_plant_is_answered_with_the_known_ones(
         assert ", heavy\nremedy:  did you mean 'heavy'?" in capsys.readouterr().err
 
 
-def test_its_log_is_read_where_its_package_is_not_installed(log: Path, tmp_path: Path) -> None:
+def test_its_log_can_be_read_without_its_package(log: Path, tmp_path: Path) -> None:
     """It is shown with label and colour; only running it needs the package."""
     shutil.copy(log, tmp_path / "three.mcap")
     (tmp_path / "cut.mcap").write_bytes(log.read_bytes()[: log.stat().st_size * 2 // 3])

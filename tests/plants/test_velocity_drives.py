@@ -30,7 +30,7 @@ def undisturbed(scenario: str, plant: str, *overrides: str, controller: str = "l
         ["control.lag_compensation=false"],
     ],
 )
-def test_they_agree_whatever_the_rig(overrides: list[str]) -> None:
+def test_they_agree_on_any_rig(overrides: list[str]) -> None:
     scenario = load_scenario("fixed-position", overrides=["duration=16.0", *overrides])
     runs = [simulate_run(scenario, plant=plant, drive="velocity", controller="lqr") for plant in PAIR]
     assert judge(*runs).passed

@@ -71,7 +71,7 @@ def test_parts_stand_as_far_from_the_ends_of_the_ranges_as_filed() -> None:
         assert drawn_place(np.array(filed), HARBOUR) == pytest.approx(expected)
 
 
-def test_a_load_is_seen_and_hides_nothing_whatever_its_mass() -> None:
+def test_a_load_of_any_mass_is_visible_and_hides_nothing() -> None:
     assert drawn_load_radius(HARBOUR) == pytest.approx(0.05 * 20000.0 ** (1.0 / 3.0))
     radii = [drawn_load_radius(HARBOUR.model_copy(update={"load_mass": mass})) for mass in (1e-3, 2e4, 1e6)]
     assert radii == sorted(radii)
@@ -154,7 +154,7 @@ def test_a_container_passes_between_the_legs_of_its_portal(rig: RigParameters) -
     assert min(solids[f"girder_{k}"].position[2] for k in (0, 1)) > 0.0, "above the rope's upper end"
 
 
-def test_a_rig_says_how_it_is_drawn() -> None:
+def test_a_rig_has_settings_of_its_drawing() -> None:
     """`look` can leave out posts, so that none hides the load, and set the radius of the ball."""
     for rig in (LABORATORY, HARBOUR, TRACK):
         look = rig.model_copy(update={"look": Look(frame=False, load_radius=0.3)})

@@ -69,7 +69,7 @@ def error(*overrides: str, scenario: str = BASE) -> InputError:
         ("name='Upper Case'", "Upper Case", "pattern"),
     ],
 )
-def test_wrong_value_is_found_and_the_allowed_named(assignment: str, found: str, allowed: str) -> None:
+def test_a_wrong_value_is_refused_with_the_allowed_ones(assignment: str, found: str, allowed: str) -> None:
     caught = error(assignment)
     assert found in caught.found
     assert allowed in caught.allowed

@@ -100,7 +100,7 @@ def test_numbers_of_another_size_are_refused(overrides: list[str], found: str) -
     assert "rated_load" in caught.value.remedy
 
 
-def test_a_rig_that_says_its_rated_load_is_scaled_wherever_it_is_said() -> None:
+def test_a_rig_with_a_rated_load_is_scaled_in_a_scenario_too() -> None:
     rig = load_scenario("fixed-position", overrides=["rig.load_mass=2000", "rig.rated_load=2000"]).rig
     assert (rig.bridge_mass, rig.effects.limits.force[2], rig.bridge_time_constant) == (12000.0, 6e4, 0.02)
 

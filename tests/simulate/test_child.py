@@ -20,7 +20,7 @@ from tests.pace import HANG
 from tests.traps import set_traps
 
 
-def test_an_interrupt_ends_a_run_with_a_law_in_order(tmp_path: Path) -> None:
+def test_an_interrupt_ends_a_run_with_a_controller_in_a_child_in_order(tmp_path: Path) -> None:
     (tmp_path / "law.py").write_text(
         "import time\n"
         "def slow(parameters, measured, reference, memory, command):\n"

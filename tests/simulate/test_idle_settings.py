@@ -228,7 +228,7 @@ def test_how_often_a_log_is_written_to_is_a_setting(tmp_path: Path) -> None:
         ("limits.mujoco.max_error_m", 1e-6, []),
     ],
 )
-def test_what_acts_only_beside_another_number_is_reported(name: str, value: float, zeros: list[str]) -> None:
+def test_a_setting_that_needs_another_number_is_reported(name: str, value: float, zeros: list[str]) -> None:
     controller = "pid" if "pid" in name else "lqr+hinf"
     overrides = ["effects.wind={}", "effects.sensing={}", *SHORT, *zeros]
     _, before = outcome(overrides, "analytic", "ideal", controller)

@@ -59,7 +59,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("controller", "plants", "drive", "overrides"), CASES)
-def test_a_case_takes_what_is_counted(
+def test_a_case_needs_the_estimated_memory(
     controller: str, plants: tuple[str, ...], drive: str, overrides: tuple[str, ...], tmp_path: Path,
     counted: list[float],
 ) -> None:  # fmt: skip
@@ -73,7 +73,7 @@ def test_a_case_takes_what_is_counted(
     assert 0.6 * max(counted) < used < max(counted) + OVERHEAD
 
 
-def test_a_ladder_takes_what_is_counted(counted: list[float]) -> None:
+def test_a_ladder_needs_at_most_the_estimated_memory(counted: list[float]) -> None:
     long_scenario = scenario(duration=4.0)
     list(evaluate_levels(long_scenario, "lqr", top="engine"))
     counted.clear()
@@ -92,7 +92,7 @@ def test_a_ladder_takes_what_is_counted(counted: list[float]) -> None:
         "live fixed-position --port 0",
     ],
 )
-def test_what_cannot_be_held_is_refused_before_it_is_made(
+def test_a_run_that_needs_too_much_memory_is_refused_before_it_starts(
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     sets = [part for setting in ENDLESS for part in ("--set", setting)]
@@ -105,14 +105,14 @@ def test_what_cannot_be_held_is_refused_before_it_is_made(
     assert not list(Path().rglob("*.mcap"))
 
 
-def test_its_remedies_hold() -> None:
+def test_the_remedy_for_too_much_memory_works() -> None:
     with pytest.raises(InputError, match="would take") as caught:
         simulate_run(scenario(*ENDLESS), controller="lqr")
     period = caught.value.remedy.split()[3].rstrip(",")
     memory.check_planned(scenario(*ENDLESS[1:], f"control.period={period}"))
 
 
-def test_ten_minutes_at_a_millisecond_are_held() -> None:
+def test_ten_minutes_at_a_millisecond_fit_into_memory() -> None:
     long_scenario = scenario(duration=600.0)
     design = controller_design("lqr", long_scenario)
     memory.check_runs(long_scenario, design, "ideal", 2, logged=True)
