@@ -1,4 +1,4 @@
-"""Small laws for tests: compiled steps of the signature that every controller has."""
+"""Small controllers for tests, with compiled steps."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ GIVEN = 12 + 3 * 15 + 1  # measured, three rows of the reference, steps so far
 
 
 def note_all(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
-    """Remember everything that is given; accelerate as the parameters say."""
+    """Copy all arguments into the memory; command the accelerations in the parameters."""
     for i in range(12):
         memory[i] = measured[i]
     for i in range(45):
@@ -27,7 +27,7 @@ def note_all(parameters, measured, reference, memory, command):  # type: ignore[
 
 
 def give_up(parameters, _measured, _reference, memory, command):  # type: ignore[no-untyped-def]
-    """Go on for ten steps, then return a number, or command none."""
+    """Go on for ten steps, then return a status or command NaN."""
     memory[0] += 1.0
     for i in range(3):
         command[i] = 0.0
@@ -38,7 +38,7 @@ def give_up(parameters, _measured, _reference, memory, command):  # type: ignore
 
 
 def follow_blindly(parameters, _measured, reference, _memory, command):  # type: ignore[no-untyped-def]
-    """Command the velocities of the path, whatever is measured."""
+    """Command the velocities of the path, without any feedback."""
     for i in range(3):
         command[i] = parameters[i] * reference[3 + i]
     return 0
@@ -49,7 +49,7 @@ def _numbers(nominal: Nominal) -> tuple[np.ndarray, np.ndarray]:
 
 
 def noting(**declared: object) -> Controller:
-    """A law that logs all that it is given."""
+    """Return a controller that logs all arguments of its step."""
     return Controller(
         name="noting",
         title="for tests",
@@ -63,7 +63,7 @@ def noting(**declared: object) -> Controller:
 
 
 def giving_up(code: float, acceleration: float = 0.0) -> Controller:
-    """A law that cannot go on at its eleventh step."""
+    """Return a controller that fails at its eleventh step."""
     numbers = np.array([code, acceleration]), np.zeros(1)
     return Controller(name="giving-up", title="for tests", step=give_up, prepare=lambda _: numbers)
 
@@ -81,7 +81,7 @@ PUSHING = replace(FOLLOWING, name="pushing", command="force")
 
 @contextmanager
 def known(controller: Controller) -> Iterator[str]:
-    """Register a controller for a while."""
+    """Register a controller within a `with` block."""
     register_controller(controller)
     try:
         yield controller.name

@@ -1,4 +1,4 @@
-"""Laws that the loop calls by address: what they are given, and what becomes of what they command."""
+"""Controllers that the loop calls by address: the arguments of their steps, and what their commands cause."""
 
 from dataclasses import replace
 from itertools import product
@@ -30,13 +30,13 @@ def run_of(controller: object, scenario: Scenario, **how: object) -> Run:
         return simulate_run(scenario, controller=name, plant="analytic", **how)  # type: ignore[arg-type]
 
 
-def given(run: Run) -> np.ndarray:
+def received(run: Run) -> np.ndarray:
     return run.block("controller")
 
 
 def test_a_controller_receives_state_reference_and_preview() -> None:
     run = run_of(noting(), path())
-    seen, n = given(run), len(run.time_ns)
+    seen, n = received(run), len(run.time_ns)
     assert np.array_equal(seen[:, :10], run.block("state"))
     assert not seen[:, 10:12].any(), "nothing estimates disturbances"
     for row in range(3):
@@ -56,24 +56,24 @@ def test_load_and_error_are_recorded_of_any_law() -> None:
 
 def test_through_a_signal_path_it_is_given_what_is_measured() -> None:
     run = run_of(noting(), path(*SENSED))
-    assert np.array_equal(given(run)[:, :12], run.block("measurement"))
-    assert given(run)[-1, 10:12].any(), "estimates of disturbances"
+    assert np.array_equal(received(run)[:, :12], run.block("measurement"))
+    assert received(run)[-1, 10:12].any(), "estimates of disturbances"
 
 
 def test_a_controller_that_measures_encoders_receives_five_readings() -> None:
     run = run_of(noting(measures="encoders"), path(*SENSED))
-    readings = given(run)[:, :12]
+    readings = received(run)[:, :12]
     assert readings[:, 3:5] / 0.001 == pytest.approx(np.round(readings[:, 3:5] / 0.001), abs=1e-9)
     assert readings[:, :5] == pytest.approx(run.block("state")[:, ::2], abs=1e-3)
     assert not readings[:, 5:].any()
     plain = run_of(noting(measures="encoders"), path())
-    assert np.array_equal(given(plain)[:, :5], plain.block("state")[:, ::2])
+    assert np.array_equal(received(plain)[:, :5], plain.block("state")[:, ::2])
 
 
 def test_a_controller_that_follows_set_points_receives_the_end_of_the_segment() -> None:
     scenario = path()
     run = run_of(noting(follows="set-point"), scenario)
-    rows = given(run)[:, 12:27]
+    rows = received(run)[:, 12:27]
     assert not rows[:, 3:].any()
     ends = np.unique(rows[:, :3], axis=0)
     moving = [segment for segment in scenario.reference.segments if segment.kind == "line"]
@@ -85,9 +85,9 @@ def test_a_controller_that_follows_set_points_receives_the_end_of_the_segment() 
 
 def test_a_slower_controller_steps_less_often_and_its_command_is_held() -> None:
     run = run_of(noting(every=5), path())
-    steps = given(run)[:, 57]
+    steps = received(run)[:, 57]
     assert np.array_equal(steps, np.arange(len(steps)) // 5 + 1)
-    assert np.array_equal(given(run)[:, 0], np.repeat(run.block("state")[::5, 0], 5)[: len(steps)])
+    assert np.array_equal(received(run)[:, 0], np.repeat(run.block("state")[::5, 0], 5)[: len(steps)])
 
 
 def test_velocities_become_what_the_drives_make_of_them() -> None:
@@ -111,7 +111,7 @@ def test_velocities_become_what_the_drives_make_of_them() -> None:
 
 
 def test_forces_arrive_at_force_drives_and_other_drives_get_what_they_bring_about() -> None:
-    """The load sinks: nothing bears it but the inertia of the winch."""
+    """The load sinks, since only the inertia of the winch holds it."""
     distances = []
     for period in (0.001, 0.0005):
         scenario = path(f"control.period={period}", f"control.physics_step={period}")
@@ -121,7 +121,7 @@ def test_forces_arrive_at_force_drives_and_other_drives_get_what_they_bring_abou
         assert force.block("command")[:, :3] == pytest.approx(forces, rel=1e-12, abs=1e-12)
         for run in (ideal, force):
             rows = zip(run.block("state"), run.reference[:, 3:6] * (1.0, 1.0, -1.0), strict=True)
-            expected = np.array([forced_accelerations(masses, state, *given) for state, given in rows])
+            expected = np.array([forced_accelerations(masses, state, *received) for state, received in rows])
             assert run.block("input")[:, :3] == pytest.approx(expected, rel=1e-12, abs=1e-12)
         n = min(len(ideal.time_ns), len(force.time_ns), round(0.3 / period))
         distances.append(np.abs(ideal.load_position[:n] - force.load_position[:n]).max())
@@ -182,7 +182,7 @@ def test_plain_and_compiled_loop_give_the_same_bits(controller: str, scenario: S
 
 
 def test_one_loop_serves_every_controller_and_plant() -> None:
-    """No controller and no plant makes the loop compile again.
+    """The loop is compiled once for all controllers and plants.
 
     A signal path does, and so do the forces that the loop makes for drives.
     """

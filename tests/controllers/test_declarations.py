@@ -1,4 +1,4 @@
-"""What a controller declares and prepares is checked before the run; a mistake in it is told as one."""
+"""Declarations and results of `prepare` are checked before the run, and mistakes in them are refused."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""The limits of drives that hold: one answer for planning, controllers and viewers."""
+"""Planning, controllers and viewers use the same limits of the drives."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Both ends of every setting of the package's controllers: a stable loop and finite numbers, or what to do.
+"""Both ends of every setting of the package's controllers: a stable loop and finite numbers, or a remedy.
 
 The oracles are independent of what they judge:
 

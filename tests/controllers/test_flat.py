@@ -58,7 +58,7 @@ def step(
 
 
 def test_control_law_is_the_sum_it_should_be() -> None:
-    """v = z_d'''' + K e, error sign z_d - z, then the linearising law; (3.47)."""
+    """v = z_d'''' + K e with e = z_d - z, then the linearising control law; (3.47)."""
     rng = np.random.default_rng(2)
     design = design_controller("pole-placement")
     for state in random_states(100):
@@ -103,7 +103,7 @@ def test_on_its_reference_the_tracker_commands_the_feed_forward() -> None:
 
 
 def test_robustifier_is_the_sampled_system_it_stands_for() -> None:
-    """Against scipy's zero-order hold of the whole matrix, axis by axis."""
+    """It equals SciPy's zero-order hold of the whole matrix, axis by axis."""
     design = robust_design()
     tracker, r = tracker_of(design), design.robustifier
     n = r.order

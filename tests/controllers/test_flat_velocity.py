@@ -1,4 +1,4 @@
-"""The flat law with the measured velocity in the set-points of velocity drives."""
+"""The flat tracker with the measured velocity in the set-points of velocity drives."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ SAMPLES = [100, 500, 1000, 1900]
 
 
 def hanging(*overrides: str) -> Scenario:
-    """The load hangs at rest, and is so light that no drive feels it: then the law is exact."""
+    """Return a scenario of a load at rest, so light that no drive feels it; the controller is then exact."""
     heavy = [f"rig.{axis}_mass=1e6" for axis in ("bridge", "trolley", "winch")]
     overrides = ("rig.load_mass=0.001", *heavy, *overrides)
     rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-LENGTH}]", "reference.segments=[]"]
@@ -30,7 +30,7 @@ def hanging(*overrides: str) -> Scenario:
 
 
 def thrown(period: float) -> Run:
-    """Drives move, the rope swings, the load is off: nothing is small, and nothing at rest."""
+    """Return a run from an arbitrary state, with moving drives and a swinging load off its path."""
     scenario = hanging(f"control.period={period}", f"control.physics_step={period}")
     plan = plan_scenario(scenario)
     off = np.array([0.05, 0.1, -0.04, -0.08, 0.03, 0.06, 0.2, -0.3, -0.15, 0.4])
@@ -87,7 +87,7 @@ def test_a_wrong_lag_or_a_delay_is_a_wrong_gain(believed: float, delay: float) -
 
 
 def test_servos_that_feel_the_load_are_given_away_on_every_plant_alike() -> None:
-    """As docs/explanation/controllers.md tells."""
+    """The numbers are those in docs/explanation/controllers.md."""
     scenario = load_scenario("fast-diagonal", overrides=["disturbances=[]"])
 
     def run(plant: str, controller: str) -> Run:

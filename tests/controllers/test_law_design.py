@@ -1,4 +1,4 @@
-"""What laws are made of, apart from the loops that run them."""
+"""Parts of controllers, without the loops that run them."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ PERIOD = 1.7  # [s]
 
 
 def vibration(shaper: str, frequency: float) -> float:
-    """What impulses leave of a swing, to that of one impulse (Singer and Seering 1990, (7), undamped)."""
+    """Return the residual swing of impulses over that of one impulse (Singer and Seering 1990, (7))."""
     amplitudes, times = impulses(shaper, PERIOD)
     return float(abs(sum(a * np.exp(1j * frequency * t) for a, t in zip(amplitudes, times, strict=True))))
 
@@ -47,7 +47,7 @@ def test_shapers_are_what_their_papers_say(shaper: str) -> None:
 
 
 def test_the_model_is_the_plant_linearised() -> None:
-    """By central differences of the equations of motion about rest."""
+    """The model equals central differences of the equations of motion about rest."""
 
     def rates(x: np.ndarray, u: float) -> np.ndarray:
         _, beta_ddot = angular_accelerations(LENGTH, 0.0, 0.0, 0.0, x[2], x[3], u, 0.0, 9.81)
@@ -103,14 +103,14 @@ LEAD = np.array([0.02, 0.03, 0.05])
 
 
 def begun(reference: np.ndarray) -> np.ndarray:
-    """Memory of the tracker at the start on `reference`."""
+    """Return the memory of the tracker at the start of `reference`."""
     memory = np.zeros(MEMORY.robustifier)
     begin(reference, memory)
     return memory
 
 
 def accelerations(measured: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """(w - x') / T of the drives, under the flat law."""
+    """Return (w - x') / T of the drives, with the set-points of the flat tracker."""
     command, row = np.zeros(3), np.zeros(BASE_WIDTH)
     set_points(FLAT, LEAD, measured, reference, begun(reference), row, command)
     return (command - measured[1:6:2]) / LEAD
@@ -144,7 +144,7 @@ def test_the_linear_gain_of_the_flat_law_is_its_derivative_at_rest(joint: int, a
 
 @pytest.mark.parametrize("drive", ["ideal", "velocity"])
 def test_leads_make_the_velocity_of_a_drive_rise_by_what_is_asked(drive: Drive) -> None:
-    """Of velocity drives held over a long period; what other drives are given is divided by the lag."""
+    """Velocity drives hold the set-point over a long period; for others it is divided by the lag."""
     rig, period, velocity, acceleration = default_scenario().rig, 0.01, 0.4, 0.7
     nominal = Nominal(rig, drive, period, np.zeros((1, 15)), np.zeros(10), {})
     for lag, lead in zip(rig.time_constants, lead_times(nominal), strict=True):

@@ -35,7 +35,7 @@ SENSED = ["effects.sensing={}", "effects.delay.seconds=0.004"]
 
 
 def polynomial_error(roots: Array, wanted: Array) -> float:
-    """Largest relative one of characteristic polynomials; equal poles by themselves are ill-conditioned."""
+    """Return the largest relative error of the characteristic polynomial; equal poles are ill-conditioned."""
     wanted_polynomial, polynomial = np.poly(wanted).real, np.poly(roots).real
     return float(np.abs(polynomial / wanted_polynomial - 1.0).max())
 
@@ -142,7 +142,7 @@ def test_it_is_certified_with_delay_observer_and_structure(
 
 @pytest.mark.parametrize("effects", [[], SENSED])
 def test_within_the_limits_of_weak_drives_nothing_winds_up(effects: list[str]) -> None:
-    """A thirteenth of the usual acceleration, the load off by nearly half of the rope."""
+    """Limits are a thirteenth of the usual acceleration, and the load starts half a rope length off."""
     weak = [
         "rig.effects.limits.acceleration=[0.3, 0.3, 6.0]",
         "effects.limits={}",
@@ -162,7 +162,7 @@ def test_within_the_limits_of_weak_drives_nothing_winds_up(effects: list[str]) -
 
 @pytest.mark.parametrize(("law", "least", "most"), [(LAW, 0.0, 1e-3), ("lqr-integral", 0.1, 0.3)])
 def test_it_takes_no_saturation_of_a_drive_for_a_disturbance(law: str, least: float, most: float) -> None:
-    """A tenth of the usual speed, the load 0.3 m off: drives saturate, an integral of errors winds up."""
+    """At a tenth of the usual speed, with the load 0.3 m off, drives saturate and integrals wind up."""
     slow = [
         "rig.effects.limits.velocity=[0.1, 0.1, 0.6]",
         "effects.limits={}",

@@ -24,7 +24,7 @@ def observer() -> Observer:
 
 
 def follow(observer: Observer, positions: np.ndarray, accelerations: np.ndarray) -> np.ndarray:
-    """Estimates (N, 15) after each measurement of the five joints (N, 5)."""
+    """Return the estimates (N, 15) after each measurement of the five joints (N, 5)."""
     memory = initial_estimate(np.column_stack([positions[0], np.zeros(5)]).ravel())
     estimates = np.empty((len(positions), EXPECTED.size))
     for k, row in enumerate(positions):
@@ -36,14 +36,14 @@ def follow(observer: Observer, positions: np.ndarray, accelerations: np.ndarray)
 
 
 def bridge(positions: np.ndarray) -> np.ndarray:
-    """Positions of all joints of a crane of which only the bridge moves; alpha and beta are 0."""
+    """Return positions of all joints of a crane if only the bridge moves; alpha and beta are 0."""
     rows = np.tile([0.0, 0.0, 0.7, 0.0, 0.0], (len(positions), 1))
     rows[:, 0] = positions
     return rows
 
 
 def error_dynamics(observer: Observer) -> np.ndarray:
-    """One step of (position, velocity, disturbance) error of one joint."""
+    """Return the matrix of one step of the error (position, velocity, disturbance) of a joint."""
     model = np.array([[1.0, PERIOD, 0.5 * PERIOD**2], [0.0, 1.0, PERIOD], [0.0, 0.0, 1.0]])
     gain = np.array([observer.position_gain, observer.velocity_gain, observer.disturbance_gain])
     # The disturbance gain is on d itself; the model adds T d to the velocity in each step.
@@ -66,7 +66,7 @@ def test_a_measurement_corrects_its_own_joint_by_the_gains(observer: Observer) -
 
 
 def test_constant_acceleration_is_found_without_error(observer: Observer) -> None:
-    """Commanded or not: what is not commanded is the disturbance."""
+    """The acceleration that is not commanded is the estimated disturbance."""
     time = PERIOD * np.arange(1500)
     commanded, unknown = 0.7, -1.3
     positions = bridge(0.5 * (commanded + unknown) * time**2)
@@ -77,7 +77,7 @@ def test_constant_acceleration_is_found_without_error(observer: Observer) -> Non
 
 
 def test_a_step_of_the_disturbance_stays_within_its_bounds(observer: Observer) -> None:
-    """And comes near them: a bound that is never approached says nothing."""
+    """The error also comes near the bounds, else they would prove nothing."""
     time, step = PERIOD * np.arange(600), 2.0
     positions = bridge(0.5 * step * time**2)
     estimates = follow(observer, positions, np.zeros((len(time), 3)))
@@ -90,7 +90,7 @@ def test_a_step_of_the_disturbance_stays_within_its_bounds(observer: Observer) -
 
 
 def test_noise_reaches_the_velocity_with_the_variance_of_theory(observer: Observer) -> None:
-    """From the discrete Lyapunov equation of the error, against a long record."""
+    """The discrete Lyapunov equation of the error predicts the noise of a long record."""
     from scipy.linalg import solve_discrete_lyapunov
 
     deviation = 1e-4
@@ -105,7 +105,7 @@ def test_noise_reaches_the_velocity_with_the_variance_of_theory(observer: Observ
 
 
 def test_a_free_pendulum_is_followed_by_its_equations(observer: Observer) -> None:
-    """Alpha's acceleration comes from the model: nothing is left over for the disturbance."""
+    """The acceleration of alpha comes from the model, so that no disturbance remains."""
     time, length, amplitude = PERIOD * np.arange(3000), 0.7, 0.05
     frequency = np.sqrt(GRAVITY / length) * (1.0 - amplitude**2 / 16.0)
     rows = bridge(np.zeros_like(time))
@@ -117,7 +117,7 @@ def test_a_free_pendulum_is_followed_by_its_equations(observer: Observer) -> Non
 
 
 def test_what_moves_the_trolley_is_not_taken_for_a_disturbance_of_the_angles(observer: Observer) -> None:
-    """Commanded and unknown accelerations of all drives, both angles swinging, the rope running."""
+    """All drives have commanded and unknown accelerations, both angles swing, and the rope moves."""
     commanded, unknown = np.array([4.0, -3.0, 0.5]), np.array([2.0, 2.5, 1.0])
     plant = AnalyticPlant(RigParameters(), drive="ideal", step=PERIOD, substeps=1)
     state = np.array([0.3, 0.0, 1.2, 0.0, 0.6, 0.2, 0.25, 1.5, -0.2, -1.0])

@@ -10,7 +10,7 @@ from cranectl.simulate import simulate_run
 
 
 def point_to_point(shaper: str, rope: float = 0.7) -> tuple[float, float]:
-    """(largest swing after arrival [rad], final error [m]) of 1 m in 4 s at a constant rope."""
+    """Return largest swing after arrival [rad] and final error [m], of 1 m in 4 s with a constant rope."""
     scenario = load_scenario(
         "fixed-position",
         overrides=[
@@ -47,7 +47,7 @@ def test_shapers_bear_as_wrong_a_frequency_as_published(shaper: str, published: 
 
 
 def test_it_needs_the_encoders_of_the_drives_only() -> None:
-    """With the angles' encoders as coarse as can be, not a bit of what it commands changes."""
+    """With the coarsest encoders of the angles its commands stay the same to the bit."""
     fine, coarse = (
         simulate_run(
             load_scenario("fast-diagonal", overrides=[f"effects.sensing.angle_resolution={step}"]),

@@ -1,4 +1,4 @@
-"""Every controller that comes along reads of the nominal crane what it declares, no more and no less."""
+"""Every shipped controller reads exactly those fields of the nominal crane that it declares."""
 
 import importlib
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ from tests.conftest import ROOT
 
 
 class WatchedRig:
-    """A rig that notes which of its fields are read; of its effects which, such as limits."""
+    """A rig that records which of its fields and effects are read."""
 
     def __init__(self, rig: RigParameters | EffectNumbers, read: set[str]) -> None:
         self._rig, self.read = rig, read
@@ -35,7 +35,7 @@ class WatchedRig:
 
 
 class WatchedPath:
-    """A path that notes whether more of it is read than its first row."""
+    """A path that records whether more than its first row is read."""
 
     def __init__(self, path: Array, read: set[str]) -> None:
         self._path, self.read = path, read
@@ -51,7 +51,7 @@ class WatchedPath:
 
 
 def shipped() -> Iterator[Controller]:
-    """Yield all controllers of the package and of the benchmark, but those in C."""
+    """Yield all controllers of the package and of the benchmark, except those in C."""
     yield from map(load_controller, (*FLAT_FAMILY, *WHERE))
     for file in sorted((ROOT / "validation" / "benchmark").glob("*.py")):
         module = importlib.import_module(f"validation.benchmark.{file.stem}")

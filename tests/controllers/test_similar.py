@@ -1,4 +1,4 @@
-"""Defaults of laws on a crane of another size: the same motion, slower by the root of the length."""
+"""Defaults of controllers on a crane of another size: the same motion, slower by the root of the length."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def test_defaults_go_by_their_powers_and_what_is_given_stays() -> None:
 
 @pytest.mark.parametrize("controller", ["pid", "lqr-integral", "lqr-offset-free", "flat-velocity"])
 def test_a_similar_crane_moves_as_the_small_one_does(controller: str) -> None:
-    """Twenty-five times as large, five times as slow: every position is 25 times the small one's."""
+    """A crane 25 times as large moves five times as slowly, and every position is 25 times as large."""
     large = load_scenario(
         "fast-diagonal",
         overrides=[

@@ -1,4 +1,4 @@
-"""Named slots give offsets, first numbers and logged signals, in compiled code as in Python."""
+"""Named slots give offsets, initial numbers and logged signals, in compiled code and in Python."""
 
 from typing import Any
 

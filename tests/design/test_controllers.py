@@ -1,4 +1,4 @@
-"""State feedback: the thesis's gains, achieved poles, margins checked another way."""
+"""State feedback: the thesis's gains, achieved poles, and margins from independent computations."""
 
 import json
 from dataclasses import replace
@@ -34,7 +34,7 @@ def test_pole_placement_achieves_distinct_poles() -> None:
 
 
 def test_pole_placement_achieves_conjugate_pairs() -> None:
-    """(s² + 6 s + 10)(s + 4)²; written otherwise and read back they are the same settings."""
+    """The polynomial is (s² + 6 s + 10)(s + 4)²; other spellings of its poles give the same settings."""
     table = {"poles": ["-3.0+1j", -4, "-3-1j", "-4"]}
     settings = parse_settings(DesignSettings, table, "design")
     assert settings.poles == ("-3+1j", -4.0, "-3-1j", -4.0)
@@ -46,7 +46,7 @@ def test_pole_placement_achieves_conjugate_pairs() -> None:
 
 
 def test_lqr_gain_is_the_minimum_of_its_cost() -> None:
-    """The cost of any other gain, from a Lyapunov equation, is larger."""
+    """Any other gain has a larger cost, computed from a Lyapunov equation."""
     settings = DesignSettings(state_weights=(50.0, 2.0, 3.0, 1.0), input_weight=0.4)
     gain = design_controller("lqr", settings).gain
 
@@ -60,7 +60,7 @@ def test_lqr_gain_is_the_minimum_of_its_cost() -> None:
 
 
 def loop_response(design: Design, omega: np.ndarray) -> np.ndarray:
-    """The loop cut at v at the frequencies `omega`, from gain and robustifier alone."""
+    """Return the response of the loop cut at v at the frequencies `omega`, from gain and robustifier."""
     s = 1j * omega
     r = design.robustifier
     n = r.order
@@ -93,7 +93,7 @@ def test_margins_by_an_independent_frequency_sweep(name: str) -> None:
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_closed_loop_poles_are_the_zeros_of_one_plus_the_loop(name: str) -> None:
-    """Counted by the argument principle as well: all are in the left half plane, none is missing."""
+    """All poles are in the left half plane, and the argument principle counts the same number."""
     design = design_controller(name)
     poles = design.closed_loop_poles
     assert len(poles) == 4 + design.robustifier.order
@@ -143,7 +143,7 @@ def test_designs_without_robustifier_have_no_gamma() -> None:
 
 
 def test_loop_shaping_integrates_and_mixed_sensitivity_does_not() -> None:
-    """Why one removes the steady error and the other leaves a small one."""
+    """One removes the steady error, and the other leaves a small one."""
     for feedback in ("pole-placement", "lqr"):
         shaped = np.linalg.eigvals(design_controller(f"{feedback}+loop-shaping").robustifier.a)
         mixed = np.linalg.eigvals(design_controller(f"{feedback}+hinf").robustifier.a)
@@ -191,7 +191,7 @@ def test_record_survives_json(name: str) -> None:
 
 
 def test_a_design_is_made_of_its_fields_in_their_order() -> None:
-    """As programs have made it since 0.2.0."""
+    """The form is that of all programs since 0.2.0."""
     kept = design_controller("lqr+hinf")
     fields = (kept.name, kept.gain, kept.closed_loop_poles, kept.margins, kept.robustifier)
     made = Design(*fields, kept.gamma, kept.gamma_achieved, kept.stability_margin)
@@ -205,7 +205,7 @@ def test_unknown_controller_lists_the_known() -> None:
 
 
 def test_static_gain_and_fastest_mode_of_a_robustifier() -> None:
-    """Against a sum of first-order terms: 2/(s + 1) + 30/(s + 10) + 1 at rest, and with an integrator."""
+    """The system is 2/(s + 1) + 30/(s + 10) + 1, then another one with an integrator."""
     lags = Robustifier(np.diag([-1.0, -10.0]), np.array([1.0, 3.0]), np.array([2.0, 10.0]), 1.0)
     assert lags.static_gain == pytest.approx(2.0 + 3.0 + 1.0)
     assert lags.fastest_mode == pytest.approx((-10.0, 3.0))
@@ -224,7 +224,7 @@ def test_a_norm_below_the_smallest_is_never_printed() -> None:
 def test_the_modal_form_of_a_robustifier_is_computed_at_most_once(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its condition is judged in `linear_systems.real_modal_form` only."""
+    """Only `linear_systems.real_modal_form` checks the condition of a robustifier."""
     judged = []
     monkeypatch.setattr(np.linalg, "cond", lambda vectors: judged.append(len(vectors)) or 1.0)
     settings = DesignSettings(input_weight=0.93)  # which no other test designs with

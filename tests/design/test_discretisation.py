@@ -1,4 +1,4 @@
-"""Modal form and sampling: the same system, exactly, however stiff."""
+"""Modal form and sampling represent the same system exactly, also a stiff one."""
 
 import control
 import numpy as np

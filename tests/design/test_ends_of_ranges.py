@@ -1,4 +1,4 @@
-"""Both ends of every number of `design`: a design that holds what it says, or what to do.
+"""Both ends of every number of `design`: a design has the properties that it reports, or is refused.
 
 The oracles are independent of what they judge:
 
@@ -69,7 +69,7 @@ def of_ends() -> list[Case]:
 
 
 def of_samples() -> list[Case]:
-    """Many numbers changed together, a third of them to an end."""
+    """Return cases in which many numbers change together, a third of them to an end of their range."""
     rng, all_cases = np.random.default_rng(2), []
 
     def number(low: float, high: float) -> float:
@@ -153,7 +153,7 @@ def check_gain(design: Design, settings: DesignSettings) -> None:
 
 
 def check_norm(design: Design, settings: DesignSettings) -> None:
-    """Of [W_s S; W_ks K S], or of the normalised coprime factors of the shaped loop."""
+    """Return the norm of [W_s S; W_ks K S], or of the normalised coprime factors of the shaped loop."""
     hinf, shaping = settings.hinf, settings.loop_shaping
 
     def stacked(omega: np.ndarray) -> np.ndarray:
@@ -183,7 +183,7 @@ def check_norm(design: Design, settings: DesignSettings) -> None:
 
 @pytest.mark.parametrize("pole", [1e-6, 1e-3, 1e9])
 def test_a_bandwidth_is_found_at_any_speed(pole: float) -> None:
-    """Of a loop k / s, T = k / (s + k) is 3 dB below 1 at k."""
+    """For a loop k / s, T = k / (s + k) is 3 dB below 1 at k."""
     loop = control.ss([[0.0]], [[pole]], [[1.0]], 0.0)
     assert loop_margins(loop).bandwidth == pytest.approx(pole * np.sqrt(10.0**0.3 - 1.0), rel=1e-6)
 

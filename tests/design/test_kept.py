@@ -1,4 +1,4 @@
-"""Designs kept between processes: bit for bit what is computed, and never what is not."""
+"""Designs stored between processes have the same bits as computed ones, and are never outdated."""
 
 import subprocess
 import sys
@@ -79,7 +79,7 @@ def test_settings_that_nothing_can_meet_are_kept_nowhere(tmp_path: Path) -> None
 
 
 def test_a_run_loads_no_library_of_control_theory(tmp_path: Path) -> None:
-    """It would be half of the time of a short command."""
+    """Importing them would take half of the time of a short command."""
     script = (
         "import sys\n"
         "from cranectl.cli.main import main\n"

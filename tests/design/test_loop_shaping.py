@@ -16,7 +16,7 @@ OMEGA = np.concatenate([[0.0], np.logspace(-4, 5, 4001)])
 
 
 def random_plant(seed: int) -> control.StateSpace:
-    """Any size up to 6 states, 3 inputs, 3 outputs; half of them unstable, most with feed-through."""
+    """Return a random plant of up to 6 states, 3 inputs, 3 outputs; half are unstable."""
     rng = np.random.default_rng(seed)
     n, m, p = rng.integers(1, 7), rng.integers(1, 4), rng.integers(1, 4)
     a = rng.normal(size=(n, n))
@@ -33,7 +33,7 @@ def slicot(plant: control.StateSpace, factor: float) -> control.StateSpace:
 
 
 def closed_loop_response(plant: control.StateSpace, k: control.StateSpace) -> np.ndarray:
-    """Largest singular value of [I; K] (I - G K)^-1 [I G] at each frequency, from G and K alone."""
+    """Return the largest singular value of [I; K] (I - G K)^-1 [I G] at each frequency, from G and K."""
     g, c = (np.moveaxis(system(1j * OMEGA, squeeze=False), -1, 0) for system in (plant, k))
     identity = np.broadcast_to(np.eye(g.shape[1]), (len(OMEGA), g.shape[1], g.shape[1]))
     inverse = np.linalg.inv(identity - g @ c)
@@ -43,7 +43,7 @@ def closed_loop_response(plant: control.StateSpace, k: control.StateSpace) -> np
 
 
 def closed_loop_poles(plant: control.StateSpace, k: control.StateSpace) -> np.ndarray:
-    """Poles of the positive feedback of `k` around `plant`, with python-control."""
+    """Return the poles of `plant` with `k` in positive feedback, by python-control."""
     return np.asarray(control.feedback(plant, k, sign=1).poles())
 
 
@@ -93,7 +93,7 @@ def test_known_margin_of_an_integrator() -> None:
     ("gain", "gamma"), [((39.0625, 62.5, 37.5, 10.0), 2.448797), ((100, 86.716, 37.548, 9.225), 1.76001)]
 )
 def test_robustifier_is_the_weight_times_the_controller(gain: tuple[float, ...], gamma: float) -> None:
-    """Rebuilt from the inner loop and the robustifier as a whole; v-bar = R e, e = -z."""
+    """The loop is built again from the inner loop and the robustifier: v-bar = R e, e = -z."""
     settings = LoopShapingSettings()
     robustifier, _, gamma_min, achieved = loop_shaping_robustifier(np.array(gain), settings)
     assert gamma_min == pytest.approx(gamma, abs=1e-5)
@@ -126,7 +126,7 @@ def test_unstable_modes_out_of_reach_are_named() -> None:
     ("damping", "found"), [(1e-15, "ill-conditioned"), (1e-13, "reaches gamma inf instead")]
 )
 def test_ill_conditioned_riccati_equation_is_explained(damping: float, found: str) -> None:
-    """A mode almost out of reach, almost on the imaginary axis: the solver or the check after it refuses."""
+    """The solver or its check refuses a nearly uncontrollable mode near the imaginary axis."""
     plant = control.ss([[0.0, 1.0], [-1.0, -damping]], [[0.0], [1e-12]], [[1e-12, 0.0]], 0.0)
     with pytest.raises(InputError) as caught:
         glover_mcfarlane(plant)

@@ -1,4 +1,4 @@
-"""S/KS synthesis: the thesis's norms, the loop rebuilt by python-control, weights that cannot be met."""
+"""S/KS synthesis: the thesis's norms, loops built by python-control, and weights that no controller meets."""
 
 import control
 import numpy as np
@@ -49,7 +49,7 @@ def test_the_optimal_controller_has_a_stiff_pole_and_backing_off_tames_it() -> N
 
 @pytest.mark.parametrize(("name", "gamma"), [("pole-placement", 0.3678), ("lqr", 0.3602)])
 def test_designed_for_a_given_gamma(name: str, gamma: float) -> None:
-    """The printed norms; the same as backing off by their ratio to the smallest."""
+    """A design for the printed norm equals one with back_off = that norm over the smallest."""
     gain = np.array(GAINS[name])
     k, _, smallest, achieved = hinf_robustifier(gain, HinfSettings(gamma=gamma))
     assert smallest < achieved <= gamma * (1.0 + 1e-6)
@@ -113,7 +113,7 @@ def test_a_gamma_that_rounding_makes_uncertain_is_refused() -> None:
 
 
 def test_several_inputs_and_outputs() -> None:
-    """Two coupled unstable lags, dynamic weights; the norm is that of the loop closed by python-control."""
+    """Two coupled unstable lags have dynamic weights, and python-control closes the loop for the norm."""
     plant = control.ss([[0.5, 1.0], [0.0, -2.0]], np.eye(2), [[1.0, 0.3], [0.0, 1.0]], np.zeros((2, 2)))
     w_s = control.append(lag(5.0, 0.1), lag(3.0, 0.2))
     w_ks = control.append(NOTHING, NOTHING)

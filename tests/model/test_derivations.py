@@ -1,4 +1,4 @@
-"""Derivations that stand beside the code: relative degree, steady offsets."""
+"""The derivations in validation/proofs: relative degree and steady offsets."""
 
 import runpy
 from typing import Any
@@ -31,7 +31,7 @@ def test_relative_degree_without_and_with_extension() -> None:
 @pytest.mark.parametrize("controller", ["pole-placement", "lqr", "pole-placement+hinf", "lqr+hinf"])
 @pytest.mark.parametrize("plant", PLANTS)
 def test_steady_offset_under_constant_disturbances(plant: str, controller: str) -> None:
-    """The closed form against both plants, at rest, to a micrometre; S/KS leaves 3 % of the plain offset."""
+    """The closed form agrees with both plants to a micrometre; S/KS leaves 3 % of the plain offset."""
     steps = (
         "disturbances=[{joint='alpha', start=0.0, magnitude=0.8}, {joint='beta', start=0.0, magnitude=-0.5}]"
     )

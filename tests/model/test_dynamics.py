@@ -1,4 +1,4 @@
-"""The equations of motion: derived, and with the properties that mechanics demands."""
+"""The equations of motion equal their derivation, and have the properties of a mechanical system."""
 
 import runpy
 

@@ -1,4 +1,4 @@
-"""The flat map and the linearising law, against integration at tight tolerance."""
+"""The flat map and the linearising control law agree with accurate integration."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def state_derivative(state: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", C4_REFERENCES)
 def test_feed_forward_reproduces_every_c4_reference(name: str) -> None:
-    """Open loop through the dynamics at 1e-12: any residue is a bug in the map."""
+    """The open loop is integrated to 1e-12, so that any difference is an error of the map."""
     trajectory = build_trajectory(ReferenceSettings.model_validate(C4_REFERENCES[name]))
 
     def feed_forward(time: float) -> tuple[np.ndarray, np.ndarray]:
@@ -123,7 +123,7 @@ def test_under_the_law_the_fourth_derivative_equals_v() -> None:
 
 
 def test_law_realises_the_rope_force_that_zeta_stands_for() -> None:
-    """a_r = -(zeta + g) / (cos a cos b), (3.42), with the inputs of the law put into (3.27)."""
+    """a_r = -(zeta + g) / (cos a cos b), (3.42), follows from the control law's inputs in (3.27)."""
     rng = np.random.default_rng(8)
     for state in random_states(500):
         zeta, zeta_dot, v = rng.normal(), rng.normal(), 5.0 * rng.normal(size=3)
