@@ -44,12 +44,13 @@ if TYPE_CHECKING:
 def advise_command(
     request: ScenarioRequest, controllers: tuple[str, ...], report: Path | None, screen: Screen
 ) -> int:
-    """Say which controller to take for SCENARIO, what to improve first.
+    """Recommend a controller for SCENARIO, and what to improve first.
 
-    Guaranteed: the certificate (see `cranectl certify`) holds with its required margin at every operating
-    point that the scenario visits. Survived: it does not, but the run completed. Cost: distance of the load
-    from where the continuous-time ideal of the same controller has it. Limits, sensing and delay are the
-    scenario's, or the defaults. Exit code 1 if no controller is guaranteed, 3 if none survives.
+    "Guaranteed" means that the certificate (see `cranectl certify`) holds with its required margin at
+    every operating point that the scenario visits. "Survived" means that it does not, but the run
+    completed. "Cost" is the distance of the load from its place under the same controller in continuous
+    time. Limits, sensing and delay are the scenario's, or the defaults. Exit code 1 if no controller is
+    guaranteed, 3 if none survives.
 
     \b
     cranectl advise settled-trajectory

@@ -109,8 +109,9 @@ def run_benchmark(
 ) -> int:
     """Run what is missing of BENCHMARK, by default `literature`.
 
-    Each controller on each scenario, set of cranes and plant is a result of its own below the directory:
-    after a kill or Ctrl-C the same command goes on. Crane k is the same for every controller.
+    Each combination of controller, scenario, set of cranes and plant has its own result below the
+    directory. After a kill or Ctrl-C the same command continues. Crane k is the same for every
+    controller.
 
     \b
     cranectl benchmark run --controller my_law.py:LAW --controller lqr-integral --draws 20
@@ -200,11 +201,11 @@ def report_benchmark(
     trust: bool,
     screen: Screen,
 ) -> None:
-    """Say how the controllers of RESULT stand, here and on an HTML page.
+    """Rank the controllers of RESULT, here and on an HTML page.
 
-    RESULT is a directory that `benchmark run` has written, whose pieces that are not whole are left out, or a
-    table that --table has written; literature.parquet is in cranectl's repository. Laws as published and
-    tuned ones are kept apart.
+    RESULT is a directory that `benchmark run` has written, or a table that --table has written;
+    literature.parquet is in cranectl's repository. Unfinished trials of a directory are left out.
+    Published and tuned controllers are ranked apart.
 
     \b
     cranectl benchmark report logs/benchmark-literature
@@ -286,8 +287,8 @@ def _table_place(path: Path) -> Path:
 
 HELP = """Measure controllers on the same cranes, by rules that favour none.
 
-A benchmark is a TOML file: controllers, scenarios, sets of cranes, plants. Each controller on each of them
-is a campaign.
+A benchmark is a TOML file: controllers, scenarios, sets of cranes, plants. Each controller runs a
+campaign for each combination of the others.
 """
 
 benchmark_command = CommandGroup("benchmark", [run_benchmark, report_benchmark], help=HELP)

@@ -33,7 +33,7 @@ def budget_command(request: ScenarioRequest, controller: str | None, top: str, s
     frame         that gives way
     friction      of axes and joint
 
-    An effect that the scenario has settings for is taken with those, else with the defaults. Exit code 1 if
+    An effect has the scenario's settings, or else the defaults. Exit code 1 if
     a measurement exceeds its bound.
 
     \b

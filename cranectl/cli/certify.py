@@ -81,13 +81,13 @@ def certify_command(
     plot: Path | None,
     screen: Screen,
 ) -> int:
-    """Say at which operating points CONTROLLER is certainly stable.
+    """Prove at which operating points CONTROLLER is stable.
 
-    The plant as it is run, with the linear part of the scenario's effects, rope, body and frame included, is
-    compared with the design model by the nu-gap, point by point. A gap below the margin b(G, K) guarantees
-    that the linear loop frozen at that point is stable. Exit code 1 if a point is refused; refused does not
-    mean unstable. Of a controller that is not of the flat family its linearisation is judged, if it declares
-    one: both horizontal axes, with a load that hangs at rest.
+    At each point the nu-gap compares the plant as it is run with the design model. The plant includes
+    the linear part of the scenario's effects, rope, body and frame among them. A gap below the margin
+    b(G, K) guarantees that the linear loop frozen at that point is stable. Exit code 1 if a point is
+    refused; refused does not mean unstable. A controller outside the flat family is judged by its
+    linearisation, if it declares one: both horizontal axes, with a load that hangs at rest.
 
     \b
     cranectl certify lqr-integral --delay 0.01

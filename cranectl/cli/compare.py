@@ -43,12 +43,12 @@ def compare_command(
 ) -> int:
     """Compare the plants of one LOG, or the same plants of two LOGs.
 
-    The plants of one LOG are judged as by the run that wrote it, exit code 1 if they do not agree, break a
-    limit of their scenario, or did not end as it expects. Runs of an overlay are compared with the first one.
-    The difference is second minus first, but NEW minus GOLDEN with --tolerances, which judges every plant
-    that both have; of two directories the logs of the same relative path. docs/explanation/validation.md says
-    what a file of tolerances holds. Logs made by other sources or versions are compared all the same, and
-    what differs is named.
+    The plants of one LOG are judged as by the run that wrote it. Exit code 1 if they do not agree, break
+    a limit of their scenario, or did not end as it expects. Runs of an overlay are compared with the
+    first one. The difference is second minus first. With --tolerances it is NEW minus GOLDEN, and every
+    plant that both have is judged; two directories are compared log by log.
+    docs/explanation/validation.md describes files of tolerances. Logs made by other sources or versions
+    are compared too, and what differs is named.
 
     \b
     cranectl compare logs/fixed-position/lqr-ideal.mcap

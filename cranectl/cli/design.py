@@ -35,9 +35,9 @@ OF_LAWS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_constant", "r
 def design_command(
     names: tuple[str, ...], request: ScenarioRequest, plot: Path | None, screen: Screen
 ) -> None:
-    """Design the controller NAME, or several, and say what it achieves.
+    """Design one or several controllers and show what they achieve.
 
-    Several are told in one table, and drawn on top of each other on one sheet.
+    Several controllers share one table, and one sheet of overlaid plots.
 
     \b
     cranectl design pole-placement

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 @predict_option
 @json_option
 def info_command(log: Path, screen: Screen) -> None:
-    """Say what LOG holds, what made it, and whether it is whole.
+    """Show what LOG contains, what made it, and whether it is complete.
 
-    Scenario, design, parameters, versions, topics, verdict. Every message and checksum is read; a damaged
-    file is refused with the reason.
+    Shows scenario, design, parameters, versions, topics and verdict. Every message and checksum is read.
+    A damaged file is refused with the reason.
 
     \b
     cranectl info logs/fixed-position/lqr-ideal.mcap

@@ -57,7 +57,7 @@ def ladder_command(
     \b
     LEVELS
 
-    An effect that the scenario has settings for, in a table under [effects], is added with those.
+    An effect with settings in the scenario, in a table under [effects], is added with those.
 
     \b
     cranectl ladder settled-trajectory

@@ -37,9 +37,9 @@ schema_option = click.option(
 def list_command(screen: Screen) -> None:
     """List scenarios, rigs, controllers, plants and drives.
 
-    With --schema the keys of a kind of file. With `#:schema scenario.json` in the first line of a TOML file,
-    editors that know TOML complete its keys, show what they mean and mark what is wrong. Metrics, plants and
-    controllers of installed packages are in it.
+    --schema prints the keys of a kind of file, those of installed packages included. With `#:schema
+    scenario.json` in the first line of a TOML file, editors complete its keys, explain them and mark
+    mistakes.
 
     \b
     cranectl list

@@ -51,8 +51,8 @@ def live_command(
 ) -> int:
     """Run SCENARIO in real time, to be watched and steered.
 
-    In Foxglove, until Ctrl-C. Its parameters and services there: pause, speed, controller, gains; a
-    disturbance pulse, reset. Once its reference has ended the load is driven by hand.
+    Foxglove shows the session until Ctrl-C. There you can pause it, change speed, controller and gains,
+    apply a disturbance pulse, and reset it. Once the reference has ended you steer the load by hand.
 
     \b
     cranectl live settled-trajectory

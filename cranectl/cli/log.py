@@ -32,10 +32,10 @@ from cranectl.support.files import JSON, MCAP, check_place, write_text, writing
 def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], out: Path | None) -> None:
     """Write the signals of LOG as a table for pandas, MATLAB or Excel.
 
-    One row a logged sample. Columns: time [s], PLANT.GROUP.SIGNAL (mujoco.state.alpha) and reference.SIGNAL
-    (reference.load_x), of an overlay LABEL.GROUP.SIGNAL and LABEL.reference.SIGNAL; empty, in MATLAB NaN,
-    where a run has no sample. All in SI units and radians; parquet and mat hold each signal's unit. The
-    values are the log's to the last bit.
+    There is one row for each logged sample. Columns are time [s], PLANT.GROUP.SIGNAL
+    (mujoco.state.alpha) and reference.SIGNAL (reference.load_x); in an overlay LABEL.GROUP.SIGNAL and
+    LABEL.reference.SIGNAL. A cell is empty, in MATLAB NaN, where a run has no sample. Units are SI and
+    radians; parquet and mat contain the unit of each signal. Values equal the log's to the last bit.
 
     \b
     cranectl log export logs/fixed-position/lqr-ideal.mcap
@@ -74,8 +74,8 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
 
     \b
     single        one run: crane, load, error, angles, inputs, tension
-    comparison    several plants: the crane and its ghosts, the same signals, what parts them
-    controller    what the controller thought
+    comparison    several plants: the crane and its ghosts, the same signals, what separates them
+    controller    what the controller computes and records
     live          a live session, and what steers it
     overlay       the runs of `cranectl log overlay` on top of each other
     ladder        all levels of `cranectl ladder` on top of each other
@@ -119,11 +119,11 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
 def overlay_logs(
     logs: tuple[Path, ...], out: Path | None, labels: tuple[str, ...], plants: tuple[str, ...], screen: Screen
 ) -> None:
-    """Lay the runs of several LOGs on top of each other, in one log.
+    """Put the runs of several LOGs into one log.
 
-    Of several controllers, drives, rigs or settings. The first is the crane, the others are its ghosts;
-    topics have the label of their run in front, as /lqr/load. `info`, `compare`, `report`, `render` and
-    `log export` read such a log too.
+    Runs may differ in controller, drives, rig or settings. The first one is the solid crane, the others
+    are ghosts. Topics begin with the label of their run, such as /lqr/load. `info`, `compare`,
+    `report`, `render` and `log export` read such a log too.
 
     \b
     cranectl log overlay logs/fixed-position/lqr-ideal.mcap logs/fixed-position/pole-placement-ideal.mcap
@@ -161,10 +161,10 @@ def overlay_logs(
 @command.output_option("--out", MCAP, "Log file. Default: the place the log should have had, if it is free")
 @command.json_option
 def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
-    """Save what is whole in FILE, a log that was cut off.
+    """Save the readable part of FILE, a log that was cut off.
 
-    Its process was killed, or its disk full. At most the last chunk of 64 KiB is missing.
-    FILE itself stays as it is.
+    A log is cut off when its process is killed or the disk is full. At most the last chunk of 64 KiB is
+    missing. FILE itself is not changed.
 
     \b
     cranectl log recover logs/fixed-position/lqr-ideal.mcap.4711.part

@@ -31,8 +31,8 @@ TRACEBACK = "--traceback"  # anywhere on the command line
 
 HELP = """Validate crane controllers against independent physics.
 
-Any controller, first of all a flatness-based tracker, and plants that know nothing of each other: two
-derivations of our own and models in the engines MuJoCo and Drake. Every run is an MCAP log that opens in
+A controller, for example a flatness-based tracker, runs on several models of the same crane that share
+no equation: two derivations of our own, MuJoCo and Drake. Every run is an MCAP log that opens in
 Foxglove.
 
 \b
@@ -43,7 +43,7 @@ Exit codes:
 # Name of each command, which is that of its module too, and the first line of its help.
 COMMANDS = {
     "Run": {
-        "new": "Write a small working example of a file, and its test.",
+        "new": "Write a small working example of a file, with its test.",
         "plan": "Plan the motions of SCENARIO and show them, without a run.",
         "run": "Run SCENARIO, a name or a TOML file, and compare the plants.",
         "live": "Run SCENARIO in real time, to be watched and steered.",
@@ -52,7 +52,7 @@ COMMANDS = {
     },
     "Look": {
         "list": "List scenarios, rigs, controllers, plants and drives.",
-        "info": "Say what LOG holds, what made it, and whether it is whole.",
+        "info": "Show what LOG contains, what made it, and whether it is complete.",
         "compare": "Compare the plants of one LOG, or the same plants of two LOGs.",
         "report": "Write runs, or the thesis, as one page of figures and tables.",
         "render": "Draw LOG as a video, or one moment of it as a picture.",
@@ -61,14 +61,14 @@ COMMANDS = {
     "Judge": {
         "validate": "Run scenarios on all plants and judge their agreement.",
         "benchmark": "Measure controllers on the same cranes, by rules that favour none.",
-        "certify": "Say at which operating points CONTROLLER is certainly stable.",
-        "advise": "Say which controller to take for SCENARIO, what to improve first.",
+        "certify": "Prove at which operating points CONTROLLER is stable.",
+        "advise": "Recommend a controller for SCENARIO, and what to improve first.",
     },
     "Explain": {
-        "design": "Design the controller NAME, or several, and say what it achieves.",
+        "design": "Design one or several controllers and show what they achieve.",
         "ladder": "Measure what each effect of the real rig costs, one by one.",
         "budget": "Predict what each effect does to the load, run it and compare.",
-        "thesis": "Run chapter 5 of the thesis again, its numbers beside ours.",
+        "thesis": "Run chapter 5 of the thesis again and compare its numbers.",
     },
 }
 NAMES = [name for summaries in COMMANDS.values() for name in summaries]

@@ -28,10 +28,10 @@ ENDINGS = {
     "--in", "directory", metavar="DIR", type=PATH, default=Path(), help="Where to write. Default: here."
 )
 def new_command(kind: str, name: str, directory: Path) -> None:
-    """Write a small working example of a file, and its test.
+    """Write a small working example of a file, with its test.
 
-    NAME is of lower case letters, digits and hyphens. Files that exist are never replaced. The test runs
-    with pytest. Beside a controller in C lies the header of its interface, cranectl.h.
+    NAME has lower case letters, digits and hyphens. Existing files are never replaced. The test runs
+    with pytest. A controller in C comes with the header of its interface, cranectl.h.
 
     \b
     cranectl new scenario first-move

@@ -36,7 +36,8 @@ UNREAD = (
 def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, screen: Screen) -> int:
     """Plan the motions of SCENARIO and show them, without a run.
 
-    How long they last, which limits act and when, what is proven. Exit code 1 if a limit is not proven.
+    Shows how long each motion lasts, which limits act when, and what is proven. Exit code 1 if a limit
+    is not proven.
 
     \b
     cranectl plan fast-diagonal-shortest

@@ -44,8 +44,9 @@ def render_command(
 ) -> int:
     """Draw LOG as a video, or one moment of it as a picture.
 
-    Needs no screen. Of a log of several plants, MuJoCo's crane is solid and the others are ghosts around it.
-    Of several LOGs, or an overlay, the first run is solid, the others are ghosts, by label. The rope is
+    Needs no screen. In a log of several plants, MuJoCo's crane is solid and the others are ghosts around
+    it. With several LOGs, or an overlay, the first run is solid and the others are ghosts with labels.
+    The rope is
     orange-red while it pulls with less than 15 % of the load's weight.
 
     \b

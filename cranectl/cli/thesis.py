@@ -14,11 +14,11 @@ from cranectl.support.files import HTML
 @output_option("--report", HTML, "Also write tables and all figures of the thesis as one HTML page.")
 @json_option
 def thesis_command(report: Path | None, screen: Screen) -> int:
-    """Run chapter 5 of the thesis again, its numbers beside ours.
+    """Run chapter 5 of the thesis again and compare its numbers.
 
-    Every run of the chapter goes through the analytic plant, and through MuJoCo with ideal and with velocity
-    drives. Exit code 1 if a number is outside its tolerance. Printed values, tolerances and their reasons are
-    in validation/thesis/.
+    Every run of the chapter is simulated on the analytic plant, and on MuJoCo with ideal and with
+    velocity drives. Exit code 1 if a number is outside its tolerance. Printed values, tolerances and
+    their reasons are in validation/thesis/.
 
     \b
     cranectl thesis

@@ -59,9 +59,9 @@ def tune_command(
 ) -> None:
     """Find the numbers of CONTROLLER, by name or file.
 
-    What may change, and within which bounds, the controller declares. All candidates drive the same uncertain
-    cranes, which the benchmark never judges on. With the extra `tune`; the result is the same for any number
-    of workers. Controllers can be named as the benchmark names them.
+    The controller declares which parameters may change, and their bounds. All candidates drive the same
+    uncertain cranes, on which the benchmark never judges. Needs the extra `tune`. The result is the same
+    for any number of workers. Controllers can be named as the benchmark names them.
 
     \b
     cranectl tune lqr-integral

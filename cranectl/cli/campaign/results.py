@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.option("--unfinished", is_flag=True, help="Take what there is of a result that was cut short.")
 @json_option
 def report_campaign(result: Path, out: Path | None, unfinished: bool, screen: Screen) -> None:
-    """Say how the runs of RESULT went, here and on an HTML page.
+    """Summarise the runs of RESULT, here and on an HTML page.
 
     RESULT is a directory that `campaign run` has written. The page shows failures, distributions, controllers
     and plants side by side on the same samples, what decides how a run goes, and how to replay its worst.
@@ -107,9 +107,8 @@ def replay_campaign(
 ) -> int:
     """Run some of RESULT's runs again and log each in full.
 
-    Every figure must be the same as in the result, to the last bit; exit code 1 if one is not. Where other
-    sources or versions made the run than are installed, they are named.
-    A result that was cut short can be replayed as far as it goes.
+    Every number must equal the result's to the last bit; exit code 1 if one does not. Sources or
+    versions that differ from the installed ones are named. An unfinished result can be replayed too.
 
     \b
     cranectl campaign replay logs/campaign-lab-rig

@@ -76,10 +76,10 @@ def run_campaign(
     patience: float,
     screen: Screen,
 ) -> int:
-    """Run CAMPAIGN, a name or a TOML file; keep what every run did.
+    """Run CAMPAIGN, a name or a TOML file, and store all results.
 
-    The result is written as it grows: after a kill or Ctrl-C, the same command with --resume runs only what
-    is missing. A run that fails is a result; it counts as failed if it stops early or breaks one of the
+    Results are written as they come. After a kill or Ctrl-C, the same command with --resume runs only
+    what is missing. A run that fails is a result; it counts as failed if it stops early or breaks one of the
     campaign's [limits].
 
     \b
