@@ -19,7 +19,9 @@ WITHOUT_CODE = {"errata.md", "thesis.md", "reliability.md"}  # results
 WITHOUT_CODE |= {
     "commands.md",
     "exit-codes.md",
+    "glossary.md",
     "index.md",
+    "limits.md",
     "settings.md",
     "signals.md",
     "standings.md",
