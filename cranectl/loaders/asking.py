@@ -1,7 +1,8 @@
-"""Ask foreign code what it declares, in a process of its own: whatever the code does ends that process only.
+"""Ask foreign code in a separate process what it declares, so that a crash ends only that process.
 
-The process runs this file too: `python asking.py PROGRAM BINARY` reads the question as a line of JSON, and
-writes as one what `answer` of the file PROGRAM returns. To start fast, both import nothing of the package.
+The process runs this file: `python asking.py PROGRAM BINARY` reads the question as one line of JSON. It
+calls `answer` of the file PROGRAM and writes the result as JSON. To start fast, it imports nothing of the
+package.
 """
 
 import json
@@ -36,7 +37,7 @@ def ask(program: str, binary: Path, question: dict[str, Any]) -> dict[str, Any]:
 def main() -> None:
     """Answer the question on standard input."""
     answering = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what the foreign code prints is no answer
+    os.dup2(2, 1)  # what the foreign code prints must not mix with the answer
     _, program, binary = sys.argv
     question = json.loads(sys.stdin.readline())
     try:

@@ -1,7 +1,7 @@
-"""Steps that stay in the interpreter: the compiled loop calls them by address all the same.
+"""Let the compiled loop call a step that runs in the Python interpreter.
 
-What a callback raises would be printed and its result be garbage. So it is caught here, told once, and the
-step says that it failed.
+ctypes would only print an exception of a callback, and the callback's result would be garbage. So exceptions
+are caught and reported here, and the step returns that it failed.
 """
 
 import ctypes
@@ -15,7 +15,7 @@ from cranectl.support.compiled_step import FAILED, report_failure
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 _STEP = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)
-_KEPT: list[object] = []  # what has an address must not be collected
+_KEPT: list[object] = []  # callbacks are called by address, so they must not be collected
 
 
 def called_back(step: Callable[..., int], name: str, sizes: Sizes) -> int:

@@ -1,7 +1,7 @@
-"""Run code of somebody else in this process, without letting it end or change the process silently.
+"""Run foreign code in this process, without letting it end or change the process silently.
 
 Foreign code may change the floating point environment: how this thread rounds, and what it does with tiny
-numbers. It may do so when it is loaded or in any call. All numbers that come after would be others.
+numbers. It may do so when it is loaded or in any call. All later results would then differ.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ from typing import Any
 from llvmlite import binding, ir
 
 _BYTES = 64  # of a fenv_t; no machine's is larger than 32
-_KEPT: list[object] = []  # what has an address must not be collected
+_KEPT: list[object] = []  # compiled code is called by address, so it must not be collected
 _lock = threading.Lock()
 _inside: list[int] = []  # the threads that run foreign code, one entry for each block
 _before: list[Any] = []  # standard output, `os._exit`, the process and `sys.path` before the first block

@@ -1,4 +1,4 @@
-"""Results of long computations, kept on disk beside compiled code from one process to the next."""
+"""Keep results of long computations on disk, so that later processes need not compute them again."""
 
 import contextlib
 import hashlib
@@ -11,15 +11,15 @@ from cranectl.support.directories import cache_directory
 from cranectl.support.files import write_text
 from cranectl.support.provenance import provenance
 
-KERNELS = ("OPENBLAS_CORETYPE", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")  # they choose the code that runs
+KERNELS = ("OPENBLAS_CORETYPE", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")  # they choose the machine code
 
 
 def kept(kind: str, key: Any, compute: Callable[[], str]) -> str:
-    """Return the text that `compute` gives for `key`, which is JSON, and keep it in the directory `kind`.
+    """Return the stored text for `key`, or the text that `compute` returns, and store that for later.
 
-    Software belongs to the key, and so do the kernels that the environment chooses: computed with others, it
-    is another result. What is kept is used bit for bit, or, if a bit of it has changed, computed again.
-    Raises what `compute` raises, and keeps nothing then.
+    `key` must be convertible to JSON; `kind` names a directory of the cache. Other versions of the software
+    or other kernels may give another result, so both are part of the key. A damaged file is computed again.
+    If `compute` raises an exception, it is passed on and nothing is stored.
     """
     kernels = [os.environ.get(name) for name in KERNELS]
     whole = json.dumps([key, provenance(), kernels], sort_keys=True)
