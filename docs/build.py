@@ -30,6 +30,7 @@ JUDGED = "validation/benchmark/literature.parquet"
 BENCHMARK = "proofs/literature.html"
 RENAMED = {
     "README.md": "index.md",
+    "docs/index.md": "pages.md",
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changes.md",
     "examples/harbour-crane/README.md": "how-to/harbour-crane.md",
@@ -134,7 +135,7 @@ def stage(source: Path) -> None:
         (source / name).write_text(f"# {title}\n\n{moved}{toctree(pages_of(moved))}", encoding="utf-8")
         menu.append(name)
     with (source / "index.md").open("a", encoding="utf-8") as file:
-        file.write(toctree([*menu, "contributing.md", "changes.md"]))
+        file.write(toctree([*menu, "contributing.md", "changes.md", "pages.md"]))
 
 
 def build(directory: Path, gallery: bool = True) -> None:

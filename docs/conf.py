@@ -18,6 +18,7 @@ html_extra_path = ["extra"]  # pages that are whole already
 suppress_warnings = ["myst.strikethrough"]
 
 highlight_language = "text"
+smartquotes = False  # it makes one dash of the two of an option
 
 # Markdown
 myst_heading_anchors = 4  # links to headings, as forges make them

@@ -116,7 +116,7 @@ def validate_command(
     drives = several.get(drive) or (checked_drive(drive),)
     chosen = plants or default_plants()
     sources = dict.fromkeys(_sources(scenarios) or scenario_names())
-    loaded, unloaded = _loaded(request, tuple(sources), chosen)
+    loaded, unloaded = _loaded(request, tuple(sources), chosen, () if controllers else names)
     cases = [
         make_case(
             scenario,
@@ -222,9 +222,12 @@ def _is_rig_or_campaign(file: Path) -> bool:
 
 
 def _loaded(
-    request: command.ScenarioRequest, names: Sequence[str], plants: Sequence[str]
+    request: command.ScenarioRequest, names: Sequence[str], plants: Sequence[str], usual: Sequence[str]
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
-    """Return the scenarios by their requested names, and why others cannot be loaded."""
+    """Return the scenarios by their requested names, and why others cannot be loaded.
+
+    If there are `usual` controllers, a scenario with another controller is refused: it would not run.
+    """
     from cranectl.cases.case import Failure
     from cranectl.metrics.limits import limits_of
 
@@ -233,10 +236,21 @@ def _loaded(
         try:
             scenario = request._replace(source=name).load()
             limits_of(scenario, plants)
+            _check_controller(scenario, usual)
             loaded[name] = scenario
         except Exception as error:
             unloaded[name] = Failure.of(error)
     return loaded, unloaded
+
+
+def _check_controller(scenario: "Scenario", usual: Sequence[str]) -> None:
+    name = scenario.controller.name
+    if usual and name not in usual:
+        raise InputError(
+            f"{scenario.name}: its controller is '{name}', which runs only if --controller names it",
+            allowed=f"without --controller: scenarios with one of {', '.join(usual)}",
+            remedy=f"add --controller {name}",
+        )
 
 
 def _tell(validation: "Validation", code: int, out: Path, screen: Screen, *, details: bool) -> None:
@@ -264,6 +278,8 @@ def _tell(validation: "Validation", code: int, out: Path, screen: Screen, *, det
         logs_text = "logs" if logs == len(finished) else f"{logs} of {len(finished)} logs"
         screen.print(f"{len(runs)} runs, {logs_text} in {out}" if logs else f"{len(runs)} runs, no log kept")
         aside = [f"({unjudged} of {len(agreements)} pairs not judged)"] if unjudged else []
+        if len(validation.plants) == 1:
+            aside.append(f"(agreement not judged: {validation.plants[0]} is the only plant)")
         screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED, *aside)
     _tell_failures(validation)
 

@@ -194,15 +194,21 @@ def controller_design(name: str, scenario: Scenario) -> ControllerDesign:
 
 def flat_design(name: str, scenario: Scenario) -> Design:
     """Return the design `name` of the flat family; raise InputError for any other controller."""
+    if is_reference(name):
+        raise _no_linear_design(name)
     return only_flat(controller_design(name, scenario))
 
 
 def only_flat(design: ControllerDesign) -> Design:
     """Return the linear design of one axis that `design` has; raise InputError if it has none."""
     if design.axis_design is None:
-        raise InputError(
-            f"'{design.name}' has no linear design of one axis of the load, on which this judgement rests",
-            allowed=f"the flat family: {', '.join(FLAT_FAMILY)}",
-            remedy="judge it by simulation: cranectl ladder, cranectl campaign",
-        )
+        raise _no_linear_design(design.name)
     return design.axis_design
+
+
+def _no_linear_design(name: str) -> InputError:
+    return InputError(
+        f"'{name}' has no linear design of one axis of the load, on which this judgement rests",
+        allowed=f"the flat family: {', '.join(FLAT_FAMILY)}",
+        remedy="judge it by simulation: cranectl ladder, cranectl campaign",
+    )

@@ -26,3 +26,4 @@ axes[1].set_xlabel("time [s]")
 # %%
 # The disturbances push the load aside for good. Without robustification it stays there. H∞ brings
 # it back.
+plt.show()

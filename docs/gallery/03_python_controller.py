@@ -42,3 +42,4 @@ for sway in [0.0, 0.5, 1.0]:
     axis.plot(run.time, angle, label=f"sway = {sway:g} m/s")
 axis.set(xlabel="time [s]", ylabel="rope off the vertical [°]")
 axis.legend()
+plt.show()

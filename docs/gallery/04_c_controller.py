@@ -31,3 +31,4 @@ for controller in [name, "pid", "lqr"]:
     axis.plot(run.time, 1000.0 * error, label=controller)
 axis.set(xlabel="time [s]", ylabel="load off its path [mm]")
 axis.legend()
+plt.show()

@@ -44,3 +44,4 @@ for path in sorted(Path().glob("live*.mcap"), key=lambda path: len(path.name)):
     axis.plot(run.time, 1000.0 * error, label=run.design.name)
 axis.set(xlabel="time [s]", ylabel="load off its place [mm]")
 axis.legend()
+plt.show()

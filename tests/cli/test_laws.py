@@ -81,6 +81,15 @@ def test_what_needs_a_linear_design_says_why_not(
     assert f"'{name}' has no linear design of one axis of the load" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("command", ["advise fixed-position --controller mine.so", "budget mine.toml"])
+def test_a_file_is_not_asked_for_a_linear_design(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither command has an option --trust, which would not help."""
+    reference = "reference = { start = [1.0, 0.77, -0.7] }"
+    Path("mine.toml").write_text(f'name = "mine"\nduration = 1.0\ncontroller = "mine.so"\n{reference}\n')
+    assert main(command.split()) == 2
+    assert "'mine.so' has no linear design of one axis of the load" in capsys.readouterr().err
+
+
 def test_both_in_a_campaign_on_threads() -> None:
     Path("small.toml").write_text(SCENARIO)
     Path("many.toml").write_text(CAMPAIGN)

@@ -227,7 +227,21 @@ def test_the_screen_has_a_line_for_each_scenario(capsys: pytest.CaptureFixture[s
     assert main([*command, "--details"]) == 0
     assert capsys.readouterr().out.count("lqr+hinf, elastic") == 2
     assert main([*command, "--plants", "analytic"]) == 0
-    assert "differences" not in capsys.readouterr().out, "of a single plant"
+    out = capsys.readouterr().out
+    assert "differences" not in out, "of a single plant"
+    assert out.rstrip().endswith("validation passed (agreement not judged: analytic is the only plant)")
+
+
+def test_a_scenario_s_own_controller_is_run_or_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """A green result of six other controllers would say nothing of it."""
+    Path("mine.toml").write_text(GOOD.replace("good", "mine") + 'controller = "pid"\n')
+    command = ["validate", "mine.toml", "--drive", "ideal", "--plants", "analytic,elastic"]
+    assert main(command) == 2
+    captured = capsys.readouterr()
+    assert "its controller is 'pid', which runs only if --controller names it" in captured.err
+    assert "remedy:  add --controller pid" in captured.err
+    assert not Path("logs").exists()
+    assert main([*command, "--controller", "pid"]) == 0
 
 
 def test_plants_that_disagree_have_a_line_each(monkeypatch: pytest.MonkeyPatch) -> None:

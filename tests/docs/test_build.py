@@ -53,11 +53,11 @@ def test_every_page_is_in_the_list_of_all_pages() -> None:
 def test_links_hold_at_their_new_place(source: Path) -> None:
     """Sphinx checks links to pages; a link to another file needs its copy."""
     text = (
-        "[a](../../validation/benchmark/literature.toml) [b](../index.md#x) [c](https://example.org/d.md)\n"
+        "[a](../../validation/benchmark/literature.toml) [b](../start.md#x) [c](https://example.org/d.md)\n"
     )
     moved = build.move_links(text, ROOT / "docs" / "how-to" / "a.md", "how-to/a.md", source)
     copied = "../files/validation/benchmark/literature.toml"
-    assert moved == f"[a]({copied}) [b](../index.md#x) [c](https://example.org/d.md)\n"
+    assert moved == f"[a]({copied}) [b](../start.md#x) [c](https://example.org/d.md)\n"
     original = ROOT / "validation" / "benchmark" / "literature.toml"
     assert (source / "how-to" / copied).read_bytes() == original.read_bytes()
 

@@ -211,7 +211,7 @@ def test_report_of_logs(capsys: pytest.CaptureFixture[str]) -> None:
     assert (one.tags["svg"], one.tags["img"]) == (len(FAMILIES) + 1, 1)
     for text in (
         "the load is farthest from its reference.",
-        "PASSThe plants agree: their loads differ by less than 1 nm (allowed: 100 nm).",
+        "PLANTS AGREEThe plants agree: their loads differ by less than 1 nm (allowed: 100 nm).",
         "Hold the load in the middle of the rig",
         "pole-placement with ideal drives, on analytic, mujoco",
         "mujoco minus analytic",
@@ -353,6 +353,7 @@ def test_the_first_screen_says_the_verdict_and_why(runs: dict[str, Run]) -> None
     badge, reason = said(good, (kept,), run)
     assert badge == "PASS"
     assert reason.endswith("(allowed: 100 nm), and the limit is kept.")
+    assert said(good, (), run)[0] == "PLANTS AGREE"
     far = replace(good, max_load_error_m=2e-3, passed=False)
     assert said(far, (), run) == (
         "FAIL", "Analytic and mujoco disagree: their loads differ by 2.00 mm (allowed: 100 nm).",

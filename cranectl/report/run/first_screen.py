@@ -21,6 +21,7 @@ Summaries = Mapping[str, Sequence[RunSummary]]  # by label of the log
 Agreements = Mapping[str, Sequence[Agreement]]  # by label of the log
 
 BADGES = {True: Cell("PASS", "good"), False: Cell("FAIL", "bad"), None: VERDICTS[None]}
+AGREEMENT_ONLY = Cell("PLANTS AGREE", "good")  # where no limits are set, nobody judges the controller
 SMALLEST_MM = 1e-3  # [mm] of an error that is shown
 
 
@@ -29,16 +30,18 @@ def first_screen_of(
 ) -> FirstScreen:
     """Return the first screen; `worst` holds by log the time and the picture of its worst moment."""
     passed, reason = verdict_on(logs, summaries, agreements)
+    compared = any(agreement.passed for of_log in agreements.values() for agreement in of_log)
+    badge = AGREEMENT_ONLY if passed and compared and not _worst_by_limit(summaries) else BADGES[passed]
     facts = {label: _facts(log, summaries[label], agreements[label]) for label, log in logs.items()}
     figures = tuple(_worst_moment(label, logs, *moment) for label, moment in worst.items())
     if len(logs) == 1:
         (numbers,) = facts.values()
-        return FirstScreen(BADGES[passed], reason, numbers, (what_was_run(logs),), figures)
+        return FirstScreen(badge, reason, numbers, (what_was_run(logs),), figures)
     values = [{fact.name: Cell(fact.value, fact.mark) for fact in of_log} for of_log in facts.values()]
     names = dict.fromkeys(name for of_log in values for name in of_log)
     rows = tuple(cells(name, *(of_log.get(name, "–") for of_log in values)) for name in names)
     tables = Table("", ("", *logs), rows), what_differs(logs)
-    return FirstScreen(BADGES[passed], reason, (), tuple(filter(None, tables)), figures)
+    return FirstScreen(badge, reason, (), tuple(filter(None, tables)), figures)
 
 
 def _worst_moment(label: str, logs: Logs, time: float, picture: Image) -> Figure:
@@ -223,6 +226,8 @@ def _drive_use(run: Run, metrics: RunMetrics) -> Fact:
     use = drive_uses(run)[0]
     what = "speed" if use.unit == "m/s" else "acceleration"
     remark = f"{use.axis}: {what} {use.commanded:.2g} of {use.limit:.2g} {use.unit}"
+    if run.scenario.effects.limits is None:
+        remark += ", which this run does not limit"
     if metrics.saturated_s:
         remark += f"; at a limit for {metrics.saturated_s:.2g} s"
     return Fact("Drive use", f"{100.0 * use.share:.0f} %", remark, "bad" if use.share > 1.0 else "")
