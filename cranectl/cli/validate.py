@@ -81,10 +81,11 @@ def validate_command(
 ) -> int:
     """Run scenarios on all plants and judge their agreement.
 
-    Runs the six controllers of the flat family, or those that --controller names, with ideal and velocity
-    drives. The limits of agreement and their reasons are in validation/tolerances.toml; they hold for every
-    scenario and rig. A scenario's own [limits] are judged too. A scenario that cannot be run is a failed case with its reason; the others run. The
-    screen shows the largest differences of each scenario, and what failed.
+    Runs the six controllers of the flat family, or those that --controller names, with ideal and
+    velocity drives. The limits of agreement and their reasons are in validation/tolerances.toml; they
+    hold for every scenario and rig. A scenario's own [limits] are judged too. A scenario that cannot be
+    run is a failed case with its reason; the others run. The screen shows the largest differences of
+    each scenario, and what failed.
 
     SCENARIO is a name, a file, or a directory with scenarios, also in directories below it.
 

@@ -314,11 +314,11 @@ class Block(NamedTuple):
 
 
 def stream_run(
-    run: PreparedRun, plan: Plan, record: Array, process: Callable[[Block], None]
+    run: PreparedRun, plan: Plan, record: Array, handle: Callable[[Block], None]
 ) -> tuple[int, RunStatus]:
     """Run `plan` in blocks of `len(record)` samples; return when it ended [ns], and how.
 
-    `process` is called with each block. The record of the signal path must have as many rows as `record`. The
+    `handle` is called with each block. The record of the signal path must have as many rows as `record`. The
     samples equal those of a run in one piece.
     """
     total, size = len(plan.time_ns), len(record)
@@ -330,7 +330,7 @@ def stream_run(
         )
         rows, end, code = run.advance(inputs, run.path, record, run.memory, 0, len(reference))
         path = record if run.path is None else run.path.record
-        process(Block(plan.time_ns[first : first + rows], record[:rows], reference[:rows], path[:rows]))
+        handle(Block(plan.time_ns[first : first + rows], record[:rows], reference[:rows], path[:rows]))
         if code != RunStatus.RUNNING:
             return int(plan.time_ns[first + end]), RunStatus(code)
     return int(plan.time_ns[-1]), RunStatus.COMPLETED

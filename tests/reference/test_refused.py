@@ -47,8 +47,8 @@ def move(to: str = "[1.6, 1.0, -0.6]", more: str = "") -> str:
         ([move(), "planning.share=1.0"], "planning.share = 1.0", "less than 1"),
         ([move(), "planning.lean=-0.1"], "planning.lean = -0.1", "greater than or equal to 0.000001"),
         ([move(), "planning.lean=nan"], "nan", "finite"),
-        ([move(), "planning.tension=[1.0, 2.0]"], "planning.tension = [", "a load at rest pulls with 1"),
-        ([move(), "planning.tension=[0.2, 0.9]"], "planning.tension = [", "a load at rest pulls with 1"),
+        ([move(), "planning.tension=[1.0, 2.0]"], "planning.tension = [", "the tension of a load at rest"),
+        ([move(), "planning.tension=[0.2, 0.9]"], "planning.tension = [", "the tension of a load at rest"),
         ([move(), "planning.solver='snopt'"], "unknown key 'planning.solver'", "share, lean"),
         (
             [move(), "obstacles=[{name='flat', low=[1,1,-1], high=[1,2,-0.5]}]"],
@@ -64,7 +64,7 @@ def move(to: str = "[1.6, 1.0, -0.6]", more: str = "") -> str:
         (
             ["reference.segments=[{kind='line', to=[1,1,-1], duration='shortest', time_law='degree-5'}]"],
             "time_law = 'degree-5' with duration = 'shortest'",
-            "no drive's can",
+            "no drive can follow",
         ),
         (
             [
