@@ -32,7 +32,7 @@ _LOGGER = logging.getLogger(__name__)
 
 
 class Guard(socketserver.ThreadingTCPServer):
-    """Listens instead of a server and hands on to it whoever may connect."""
+    """Listens in place of a server and forwards only permitted connections to it."""
 
     daemon_threads = True
     block_on_close = False
@@ -42,7 +42,7 @@ class Guard(socketserver.ThreadingTCPServer):
     def __init__(
         self, address: tuple[str, int], server: tuple[str, int], origins: Collection[str] = ()
     ) -> None:
-        """Listen at `address`; raise OSError or OverflowError if it cannot be had."""
+        """Listen at `address`; raise OSError or OverflowError if that is impossible."""
         self.host, self.server, self.origins = address[0], server, origins
         self.places = threading.BoundedSemaphore(VIEWERS)
         (self.address_family, *_), *_ = socket.getaddrinfo(*address, type=socket.SOCK_STREAM)
@@ -51,7 +51,7 @@ class Guard(socketserver.ThreadingTCPServer):
         threading.Thread(target=self.serve_forever, args=[0.05], daemon=True).start()
 
     def stop(self) -> None:
-        """Let nobody in any more."""
+        """Stop accepting connections."""
         self.shutdown()
         self.server_close()
 
@@ -94,7 +94,7 @@ class _Visitor(socketserver.BaseRequestHandler):
         self.request.sendall(head.encode())
 
     def _connect(self, server: socket.socket, head: bytes) -> None:
-        """Pass on what both sides say until one of them ends."""
+        """Forward data in both directions until one side closes the connection."""
         stalled = struct.pack("ll", STALLED, 0) if os.name == "posix" else struct.pack("L", 1000 * STALLED)
         for end in (self.request, server):
             end.settimeout(None)

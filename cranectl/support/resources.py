@@ -1,4 +1,4 @@
-"""Where the model, scenarios, campaigns and tolerances lie: in the wheel, or in the checkout beside it."""
+"""Find the model, scenarios, campaigns and tolerances, in the wheel or in the checkout beside it."""
 
 from pathlib import Path
 

@@ -9,9 +9,9 @@ import re
 from typing import Any
 
 PREFIXES = {6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}  # by power of ten
-FORCES = ("N", "Nm", "J", "W")  # of which thousands are told as k; a path of 1200 m is not 1.2 km
+FORCES = ("N", "Nm", "J", "W")  # thousands of these are shown as k; a path of 1200 m is not 1.2 km
 PROCESSOR_ROUNDING = 1e-9  # m, rad, N, ...: differences between runs that are smaller depend on the processor
-PLAIN = ("°", "1", "%", "", "kg")  # which take no prefix
+PLAIN = ("°", "1", "%", "", "kg")  # units without a prefix
 PREFIXED = re.compile(r"[cdhkMmµun](m|s|g|N|rad|A|V|W|J|Pa|Hz)\b")  # nor do those that have one, as mm
 
 
@@ -21,7 +21,7 @@ def scaled(unit: str, largest: float) -> tuple[float, str]:
     if unit in PLAIN or PREFIXED.match(unit) or not 0.0 < size < math.inf:
         return 1.0, unit
     highest = max(PREFIXES) if unit in FORCES else 0
-    rounded = float(f"{size:.2e}")  # 0.9999 mm is told as 1 mm
+    rounded = float(f"{size:.2e}")  # 0.9999 mm is shown as 1 mm
     power = min(max(3 * math.floor(math.log10(rounded) / 3), min(PREFIXES)), highest)
     return 10.0**-power, PREFIXES[power] + unit
 
