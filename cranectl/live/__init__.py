@@ -1,1 +1,1 @@
-"""A session that one watches and steers while it runs: commands, server, recording."""
+"""Run a session that a user watches and steers live: commands, server and recording."""

@@ -1,4 +1,4 @@
-"""A session with a controller from outside, in its own process, which may end or hang without harm."""
+"""Run a live session with an external controller in a child process, so that a crash does no harm."""
 
 import sys
 from collections.abc import Iterable
@@ -24,9 +24,10 @@ from cranectl.support.errors import InputError, report_to_parent
 
 
 class ChildSession:
-    """Forwards what `Session` offers to one in a process of its own.
+    """Forwards the calls of `Session` to a session in a child process.
 
-    Once that has ended all plants have failed and nothing was driven, until `reset` starts another one.
+    After the child process has ended, every plant counts as failed and `driven` returns None. The next
+    `reset` starts a new child process.
     """
 
     def __init__(
@@ -53,7 +54,7 @@ class ChildSession:
             )
 
     def prepare(self) -> None:
-        self._ask("prepare", patience=inf)  # which compiles what is left
+        self._ask("prepare", patience=inf)  # this compiles all remaining code
 
     def advance(self, samples: int) -> list[Run]:
         self._runs = self._ask("advance", samples) or self._failed()
@@ -81,7 +82,10 @@ class ChildSession:
             self._ask("reset")
 
     def _ask(self, what: str, *arguments: Any, patience: float = 0.0) -> Any:
-        """Return what the session in the process answers, None without one; raises InputError as it does."""
+        """Return the answer of the session in the child process, or None if there is no child process.
+
+        Raises the InputError that the session raises.
+        """
         if self._child is None:
             return None
         try:
@@ -106,10 +110,12 @@ class ChildSession:
         ]
 
     def _start(self) -> list[Run]:
-        """Return runs without rows; nothing where the process has ended."""
+        """Start the child process and return runs without rows, or an empty list if the process has ended."""
         made = (self.scenario, self.design, self._names, self.drive, self.origin_ns)
         self._child = spawn_child(_work, OPEN.share(), made)
-        return self._ask("advance", 0, patience=inf) or []  # it imports and may compile, which nothing bounds
+        return (
+            self._ask("advance", 0, patience=inf) or []
+        )  # the start imports and may compile, so it has no time limit
 
 
 def _work(connection: Connection, shared: SharedControllers, made: tuple[Any, ...]) -> None:

@@ -1,7 +1,7 @@
-"""What a person who watches a session may change, and what is refused.
+"""Turn the changes that a user makes to a live session into commands, and refuse invalid changes.
 
-Called from the threads of a server; whoever advances the session takes the commands between two blocks. What
-needs thought, a new design, is computed and checked here, so that the run need not wait for it.
+The threads of the server call this module. The loop that advances the session takes the commands between two
+blocks. A new controller design is computed and checked here, so that the run need not wait for it.
 """
 
 import contextlib
@@ -30,16 +30,16 @@ T = TypeVar("T")
 
 SPEEDS = (0.05, 20.0)  # times real time
 MAX_PULSE = 50.0  # [rad/s²]
-PULSE = 2.0, 0.2  # [rad/s²] and [s] of the laboratory's, scaled to other cranes
+PULSE = 2.0, 0.2  # [rad/s²] and [s] for the laboratory crane; scaled for other cranes
 GAINS = ("k0", "k1", "k2", "k3")
 LAW = ("controller", *GAINS)
 MAX_GAIN = 1e9
-MAX_CHANGES = 100  # in one request: each that is refused takes its time and a line
+MAX_CHANGES = 100  # in one request, because each refusal takes time and a line in the log
 
 
 @dataclass(frozen=True)
 class Say:
-    """A line for everyone who watches."""
+    """A line of text for all viewers."""
 
     message: str
     warning: bool = False
@@ -47,14 +47,14 @@ class Say:
 
 @dataclass(frozen=True)
 class Use:
-    """Another controller, known to be stable."""
+    """A change to another controller, whose stability has been checked."""
 
     design: ControllerDesign
 
 
 @dataclass(frozen=True)
 class Pulse:
-    """Angular accelerations of alpha and beta [rad/s²] for so long."""
+    """A disturbance: angular accelerations of alpha and beta [rad/s²] for a number of seconds."""
 
     acceleration: tuple[float, float]
     seconds: float
@@ -62,14 +62,14 @@ class Pulse:
 
 @dataclass(frozen=True)
 class Reset:
-    """Start again."""
+    """A new start of the scenario."""
 
 
 Command = Say | Use | Pulse | HandRequest | Reset
 
 
 class Controls:
-    """The parameters of a session by name, and the commands that follow from changing them."""
+    """The parameters of a session by name, and the commands that result from changes to them."""
 
     def __init__(
         self, scenario: Scenario, design: ControllerDesign, *, drive: str = "ideal", speed: float = 1.0
@@ -100,7 +100,7 @@ class Controls:
 
     @property
     def speed(self) -> float:
-        """Simulated over real time."""
+        """Ratio of simulated time to real time."""
         return float(self._values["speed"])
 
     def values(self) -> dict[str, Value]:
@@ -114,9 +114,10 @@ class Controls:
         return [*commands, *wishes]
 
     def set(self, changes: Mapping[str, object]) -> None:
-        """Change parameters by name. A wrong value is refused with a line in the log and changes nothing.
+        """Change parameters by name. A wrong value changes nothing and puts a line into the log.
 
-        A controller and its numbers that come together are one change: they need not be stable one by one.
+        The controller and its numbers that arrive in one request count as one change. Only the result must be
+        stable.
         """
         if len(changes) > MAX_CHANGES:
             text = f"{len(changes)} parameters at once refused; allowed: {MAX_CHANGES}"
@@ -143,14 +144,14 @@ class Controls:
         self._commands.put(Reset())
 
     def refuse(self, what: str, allowed: str) -> None:
-        """Say that `what` a client sends is of no use."""
+        """Report that a message `what` from a client is not used."""
         self._say(
             refused(what, InputError("nobody listens", allowed=allowed, remedy="send one of these")),
             warning=True,
         )
 
     def drive_by_hand(self, message: bytes) -> None:
-        """Drive as the Twist in a message says, until the next one comes or none has for too long."""
+        """Drive at the velocity in a Twist message, until another one arrives or messages stop."""
         self._steer(self._wishes.hear, message)
 
     def go(self, message: bytes) -> None:
@@ -159,7 +160,7 @@ class Controls:
 
     @functools.cached_property
     def hand_limits(self) -> HandLimits:
-        """Of driving by hand; raises InputError where there is no room for it."""
+        """Limits of driving by hand; raises InputError if the rig leaves no room for it."""
         return hand_limits(self._scenario)
 
     def _steer(self, hear: Callable[[bytes, HandLimits], None], message: bytes) -> None:
@@ -226,7 +227,7 @@ class Controls:
 
 
 def taken(queue: "SimpleQueue[T]") -> Iterator[T]:
-    """Yield what is in a queue now."""
+    """Yield the items that are in a queue now, and remove them."""
     with contextlib.suppress(Empty):
         while True:
             yield queue.get_nowait()

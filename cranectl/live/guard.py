@@ -1,8 +1,11 @@
-"""Who may come in from the network: the server's library takes anyone, also a web page that a user visits.
+"""Decide which network clients may connect to the live server.
 
-A browser says with Origin which page wants to connect, and with Host by which name it came here. So pages of
-other machines are turned away unless they are allowed, and so are names that were made to lead here. Programs
-say nothing of the kind and pass. The library's own port is known to nobody: see `hidden_host`.
+The server's library accepts every client, even a web page that a user happens to visit. This guard stands
+before it. A browser names the page that wants to connect in the header Origin. It names the host that it
+called in the header Host. The guard refuses web pages of other machines unless they are allowed. While it
+listens on this machine only, it also refuses foreign host names that lead here. Programs other than browsers
+usually send no Origin, so they pass. The library itself listens at an address that is hard to guess: see
+`hidden_host`.
 """
 
 import contextlib
@@ -23,9 +26,9 @@ from cranectl.support.errors import InputError, printable
 
 FOXGLOVE = frozenset({"https://app.foxglove.dev", "https://studio.foxglove.dev"})
 MAX_HEAD_BYTES = 16 * 1024  # [bytes] of a request; browsers send one or two
-REQUEST_TIMEOUT = 10.0  # [s] to send it, or to go
-STALLED = 60  # [s] in which a viewer takes nothing of what it is sent: then it is gone, or asleep
-VIEWERS = 64  # at once: each holds two threads and two sockets
+REQUEST_TIMEOUT = 10.0  # [s] to send a request, or to close the connection
+STALLED = 60  # [s] after which a viewer that accepts no data is disconnected
+VIEWERS = 64  # connected at once; each needs two threads and two sockets
 RECEIVE_BUFFER = 64 * 1024  # [bytes]
 
 _LOGGER = logging.getLogger(__name__)
@@ -37,7 +40,7 @@ class Guard(socketserver.ThreadingTCPServer):
     daemon_threads = True
     block_on_close = False
     request_queue_size = 64
-    allow_reuse_address = os.name == "posix"  # elsewhere that takes ports from other programs
+    allow_reuse_address = os.name == "posix"  # on Windows, reuse would take ports from other programs
 
     def __init__(
         self, address: tuple[str, int], server: tuple[str, int], origins: Collection[str] = ()
@@ -152,7 +155,11 @@ def checked_origin(text: str) -> str:
 
 
 def _may_ask(origin: str, origins: Collection[str]) -> bool:
-    """Return True unless the origin is a web page of another machine, which is http or https or hidden."""
+    """Return True if a client with this Origin may connect.
+
+    Allowed are Foxglove, the listed origins, pages of this machine, and schemes other than http and https.
+    The origin `null`, with which a browser hides the page, is refused.
+    """
     if origin in FOXGLOVE or origin in origins:
         return True
     scheme = origin.partition(":")[0].lower()
@@ -173,7 +180,7 @@ def _is_loopback(host: str) -> bool:
 
 
 def hidden_host() -> str:
-    """Return an address of this machine that no web page can guess: one of 16 million, where they exist."""
+    """Return a loopback address that web pages can hardly guess: one of 16 million, else 127.0.0.1."""
     host = f"127.{secrets.randbelow(254) + 1}.{secrets.randbelow(256)}.{secrets.randbelow(254) + 1}"
     with contextlib.suppress(OSError), socket.socket() as probe:
         probe.bind((host, 0))
@@ -185,7 +192,7 @@ LOGGERS = ("foxglove.websocket", "cranectl.live.guard")
 
 
 class _Counter(logging.Handler):
-    """Clients can send nonsense as fast as the network carries it."""
+    """Reports the first warning and counts the rest, because clients can send wrong messages very fast."""
 
     def __init__(self, report: Callable[[str], None]) -> None:
         super().__init__(logging.WARNING)
@@ -200,7 +207,7 @@ class _Counter(logging.Handler):
 
 @contextlib.contextmanager
 def complaints(report: Callable[[str], None]) -> Iterator[None]:
-    """Report the first complaint of the server during the block, and at its end how many there were."""
+    """Report the first warning of the server during the block, and at the end the number of all warnings."""
     counter = _Counter(report)
     for name in LOGGERS:
         logging.getLogger(name).addHandler(counter)

@@ -1,4 +1,4 @@
-"""Driving by hand: what messages ask for, the reference that follows, and the scenario that repeats it."""
+"""Drive the load by hand: check messages, build the reference, and write a scenario that repeats it."""
 
 import math
 import threading
@@ -23,8 +23,8 @@ from cranectl.support.arrays import Array
 from cranectl.support.documents import parse_json
 from cranectl.support.errors import InputError, printable
 
-LOST = 0.3  # [s] without a message after which a wish counts as zero
-COMMAND_DIGITS = 5  # of numbers that are kept: a stick has no more, and there are many of them
+LOST = 0.3  # [s] without a message after which the requested velocity becomes zero
+COMMAND_DIGITS = 5  # recorded digits of requests, as many as a joystick resolves
 
 
 class HandRequest(NamedTuple):
@@ -40,7 +40,7 @@ RELEASED = HandRequest(False, 0.0, 0.0, 0.0)
 
 
 class Hand:
-    """Takes over where the scenario's reference is at rest for good, and keeps what it is asked."""
+    """Builds and records the reference from requests, once the scenario's own reference stays at rest."""
 
     def __init__(self, scenario: Scenario, sample: int) -> None:
         """Take over at `sample` since the start; raise InputError where that is not possible."""
@@ -58,12 +58,14 @@ class Hand:
                 remedy="choose a scenario that ends there, or reduce planning.clearance",
             )
         self._rest = math.ceil(SETTLING_TIME / self.limits.bandwidth / self._period)
-        # From here on a run could not tell how the load comes to rest.
+        # After this sample, a run would be too short for the load to come to rest.
         self._end = round(MAX_DURATION / self._period) - self._rest
         if sample >= self._end:
             raise _too_late()
         self._state, self._asked = at_rest(self._start), RELEASED
-        self.table = np.empty((self._end + self._rest + 1, 15))  # by sample since the start, as far as driven
+        self.table = np.empty(
+            (self._end + self._rest + 1, 15)
+        )  # by sample since the start, filled up to the newest sample
         self._changes: dict[int, HandRequest] = {}  # by sample since the hand took over
 
     def ask(self, sample: int, request: HandRequest) -> None:
@@ -84,7 +86,7 @@ class Hand:
         return rows
 
     def scenario(self, samples: int, controller: str, pulses: Iterable[Disturbance] = ()) -> Scenario:
-        """Return the scenario of the motion up to `samples`, under `pulses`, then released."""
+        """Return the scenario that repeats the motion up to `samples`, with `pulses`, then at rest."""
         last = min(samples, self._end) - self._first
         wishes, goals = (
             [
@@ -125,7 +127,7 @@ class Hand:
 
 
 def check_can_be_driven(design: ControllerDesign) -> None:
-    """Raise InputError for a controller that must know beforehand where the load will be."""
+    """Raise InputError for a controller that must know the reference in advance."""
     controller = controller_of(design)
     if controller.preview or controller.follows != "path":
         raise InputError(
@@ -136,7 +138,7 @@ def check_can_be_driven(design: ControllerDesign) -> None:
 
 
 def _at_rest_by(reference: ReferenceSettings, time: float) -> ReferenceSettings:
-    """Return the reference until `time` [s]; raise InputError if it is not at rest for good by then."""
+    """Return the reference up to `time` [s]; raise InputError if the load still moves after that time."""
     segments = list(reference.segments)
     while segments and isinstance(segments[-1], Hold):
         segments.pop()
@@ -165,16 +167,16 @@ def _too_late() -> InputError:
 
 
 class Wishes:
-    """The newest wish. Its methods may be called from any thread."""
+    """The newest request for driving by hand. Its methods may be called from any thread."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock, self._heard = clock, 0.0  # when the newest wish came
+        self._clock, self._heard = clock, 0.0  # time of the newest velocity
         self._newest = RELEASED
         self._taken: HandRequest | None = RELEASED
         self._lock = threading.Lock()
 
     def hear(self, message: bytes, limits: HandLimits) -> None:
-        """Take a Twist whose `linear` is a velocity command; raise InputError if it exceeds the limits."""
+        """Store the velocity `linear` of a Twist message; raise InputError if it exceeds the limits."""
         said = parse_json(message, "the message")
         linear = said.get("linear") if isinstance(said, dict) else None
         command = HandRequest(False, *_checked_vector("linear.", linear, -limits.speed, limits.speed))
@@ -182,13 +184,13 @@ class Wishes:
             self._newest, self._heard = command, self._clock()
 
     def hear_point(self, message: bytes, limits: HandLimits) -> None:
-        """Take a point {x, y, z} to move to; raise InputError if it is outside the limits."""
+        """Store a point {x, y, z} to drive to; raise InputError if it is outside the limits."""
         point = _checked_vector("", parse_json(message, "the request"), limits.low, limits.high)
         with self._lock:
             self._newest, self._taken = HandRequest(True, *point), None
 
     def taken(self) -> list[HandRequest]:
-        """Return the newest command if it is new since the last call."""
+        """Return the newest request in a list, or an empty list if it has not changed since the last call."""
         with self._lock:
             if not self._newest.is_point and self._clock() - self._heard > LOST:
                 self._newest = RELEASED

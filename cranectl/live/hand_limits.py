@@ -1,15 +1,16 @@
-"""How fast a hand may drive a crane: bounds on what any wishes can make of bridge, trolley and rope.
+"""Compute how fast a crane may be driven by hand, from bounds on the motion of bridge, trolley and rope.
 
-Wishes |w| <= v pass four lags (`driven`): z' = k * w, with k(t) = omega (omega t)³/3! e^(-omega t). So
-|z^(n+1)| <= v |k^(n)|_1, which wishes attain. Bridge and trolley are where the rope leads, along x
+The bounds hold for all requests. Requested velocities |w| <= v pass four first-order lags (`driven`): z' = k
+* w, with k(t) = omega (omega t)³/3! e^(-omega t). So |z^(n+1)| <= v |k^(n)|_1, and some requests reach this
+bound. Bridge and trolley are where the rope leads, along x:
 
     x_c = z + lambda z''        lambda = h / (g + zeta)        h = -z_3, zeta = z_3''
 
-of which z + lambda z'' is, lambda held, the wish's integral behind k + mu k'' in units of 1/omega, where
-mu = omega² lambda. That is nowhere negative if mu <= 2, and its integral is 1: then x_c too is a mean of
-where stop has been, and stays in the same box. Its derivatives are bounded by the norms of those of
-k + mu k'', which are convex in mu and so largest at an end of its range, and by what lambda, which moves as
-the rope does, adds.
+For constant lambda, z + lambda z'' is the integral of the request filtered by k + mu k'', in units of
+1/omega, where mu = omega² lambda. This kernel is nowhere negative if mu <= 2, and its integral is 1. Then x_c
+is a mean of past stopping points and stays in the same box. The derivatives of x_c are bounded by the norms
+of the derivatives of k + mu k''. These norms are convex in mu, so they are largest at an end of its range.
+The variation of lambda, which moves as the rope does, adds further terms.
 """
 
 import functools
@@ -34,8 +35,8 @@ Bounds = list[float]  # on a quantity and its derivatives, in the order of the d
 def hand_limits(scenario: Scenario) -> HandLimits:
     """Find the fastest filter that keeps all limits for any velocity command.
 
-    The limits: those of planned motions, but of forces and obstacles. Raises InputError for a rig without
-    room in between.
+    The limits are those of planned motions, without those on forces and obstacles. Raises InputError for a
+    rig that leaves no room between its limits.
     """
     limits, gap = limits_of(scenario), scenario.planning.clearance * np.array([1.0, -1.0])
     x, y, rope = limits.axes + gap
@@ -72,7 +73,7 @@ def _keeps(bound: "Bound", limits: Limits) -> bool:
 
 
 class Bound:
-    """What no wishes up to `speed` (3,) [m/s] exceed, on a rope that hangs down by `drop` [m] at most."""
+    """Bounds for all requests up to `speed` (3,) [m/s], on a rope that hangs down by at most `drop` [m]."""
 
     def __init__(self, bandwidth: float, speed: Array, drop: float, gravity: float) -> None:
         # Of z on each axis, from its first derivative on.
@@ -116,7 +117,7 @@ def _quotient(a: Bounds, zeta: Bounds, lift: float) -> Bounds:
 def _norm(order: int, mu: float) -> float:
     """Return the L1 norm of the derivative of k + mu k'' of this order, for omega = 1.
 
-    All of them are polynomials times e^-t from t = 0 on, where they may jump.
+    All of these functions are polynomials times e^-t for t >= 0, and they may jump at t = 0.
     """
     if order == 0:
         return 1.0  # mu <= NO_OVERSHOOT

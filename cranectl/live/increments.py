@@ -1,7 +1,7 @@
-"""The increments of a live session as messages: those that a log of the whole run would have.
+"""Convert the increments of a live session to the messages that a log of the whole run would have.
 
-Missing is the verdict over the whole run, `/diff/verdict`. What a log shows once at its start is shown again
-for each start and each recording.
+Only the verdict over the whole run, `/diff/verdict`, is missing. Messages that a log has once at its start
+are sent again for each start and each recording.
 """
 
 from collections.abc import Sequence
@@ -37,13 +37,13 @@ from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.provenance import provenance
 
-# Before anything is shown, so that whatever comes is a change.
+# The value before anything is sent, so that the first value counts as a change.
 NO_STATUS, NO_DISTURBANCE = np.full((1, 4), -1), np.full((1, 5), np.nan)
 
 
 @dataclass
 class _Shown:
-    """What has been shown of one plant since its start."""
+    """The newest values of one plant that have been sent since its start."""
 
     trail: Array = field(default_factory=lambda: np.zeros((0, 3)))
     conditions: Conditions = field(default_factory=Conditions)
@@ -55,7 +55,7 @@ class _Shown:
 
 
 class Increments:
-    """Makes the messages of consecutive increments of runs of one scenario."""
+    """Makes the messages of consecutive increments of the runs of one scenario."""
 
     def __init__(self, scenario: Scenario, plan: Plan, plants: Sequence[str]) -> None:
         self._scenario, self._plan, self._period = scenario, plan, scenario.period_ns
@@ -79,7 +79,7 @@ class Increments:
         self._phases = [*before, (time_ns, Phase.DRIVEN)]
 
     def static_scene(self, runs: Sequence[Run], now_ns: int) -> list[Stream]:
-        """Return all that a recording needs before its first increment: the run's settings and scene."""
+        """Return the messages that a recording needs before its first increment: settings and scene."""
         for shown in self._shown.values():
             shown.status, shown.disturbance = NO_STATUS, NO_DISTURBANCE  # to be sent again
         whole = replace(
@@ -117,14 +117,14 @@ class Increments:
         return streams + self._samples(logged) + self._scene(logged, origin_ns)
 
     def last(self) -> list[Stream]:
-        """Return the newest sample of each plant that has not been sent: a log ends with it."""
+        """Return the newest sample of each plant that has not been sent; a log ends with it."""
         waiting = [shown for shown in self._shown.values() if shown.waiting]
         for shown in waiting:
             shown.waiting = False
         return self._samples([shown.newest for shown in waiting if shown.newest is not None])
 
     def _samples(self, runs: Sequence[Run]) -> list[Stream]:
-        """Return signals, differences and the reference; it is sent once, though samples may differ."""
+        """Return signals, differences and the reference; each value of the reference is sent once."""
         if not runs:
             return []
         reference, *recorded = samples(runs)
@@ -162,7 +162,7 @@ class Increments:
         return events
 
     def _changes(self, run: Run, origin_ns: int) -> list[Stream]:
-        """Return the messages about status and disturbances of a run, where they change."""
+        """Return the messages about status and disturbances of a run, at the samples where they change."""
         shown = self._shown[run.plant]
         statuses, disturbance = self._statuses(run, origin_ns), _disturbances(run)
         times = run.time_ns.tolist()

@@ -1,7 +1,7 @@
 """Record a live session in segments: a log for each start and each controller, `FILE`, `FILE.segment2`, ….
 
-A log has one design and one start. So a session that changes either goes on in another file; times go on
-through all of them, and a viewer that opens them together shows the session as one.
+A log has one controller design and one start. When a session changes either, it goes on in a new file. The
+times continue through all files, so a viewer that opens them together shows one session.
 """
 
 import contextlib
@@ -45,11 +45,11 @@ DRIVEN = "driven.toml"  # the scenario that repeats what was driven by hand
 
 @contextlib.contextmanager
 def own_place(path: Path, *, numbered: bool = False) -> Iterator[Path]:
-    """Keep a place for the block; gives its first file, which does not exist yet.
+    """Reserve a place for recordings during the block; yield its first file, which does not exist yet.
 
-    Where there is a recording or another session records, LogError, or, if `numbered`, the first of `FILE-2`,
-    `FILE-3`, … that is free. Raises LogError if nothing can be written there. The operating system lets go of
-    a place when its process ends, however that happens.
+    If the place has a recording or another session uses it, raises LogError. If `numbered`, it tries
+    `FILE-2`, `FILE-3`, … until one is free instead. Raises LogError if nothing can be written there. The
+    operating system releases a place when its process ends, in whatever way.
     """
     with writing(path, remedy=REMEDY, error=LogError):
         check_replaceable(path)
@@ -74,7 +74,7 @@ def next_file(path: Path) -> Path:
 
 
 def _obstacle(path: Path, lock: FileLock) -> str:
-    """Return why a session cannot record at `path`; empty if it can, which then holds the lock."""
+    """Return why a session cannot record at `path`, or an empty text if it can; it then holds the lock."""
     try:
         lock.acquire(blocking=False)
     except Timeout:
@@ -89,7 +89,7 @@ def _obstacle(path: Path, lock: FileLock) -> str:
 
 
 def _let_go(lock: FileLock) -> None:
-    # Removed while it is held: who opens it until it is released finds out that it is gone.
+    # Remove the file before releasing the lock: a process that opens it in between notices that it is gone.
     with contextlib.suppress(OSError):
         Path(lock.lock_file).unlink(missing_ok=True)
     lock.release()
@@ -100,7 +100,7 @@ class _DiscardedError(Exception):
 
 
 class Recorder:
-    """Writes what a publisher sends into files that are renamed once closed and checked."""
+    """Writes the messages of a publisher to files, and renames each file after closing and checking it."""
 
     def __init__(self, path: Path, context: foxglove.Context, publisher: Publisher) -> None:
         """Prepare to record at `path`, where `own_place` says that this session may write."""
@@ -113,9 +113,9 @@ class Recorder:
         self._before: Counter[str] = Counter()
 
     def begin(self, runs: Sequence[Run], from_ns: int, reason: str) -> None:
-        """Open the next file for what is sent from now on; of `runs` only what they are counts.
+        """Open the next file for all messages from now on; of `runs` only the settings count.
 
-        `from_ns` and `reason` say when and why it begins. Raises LogError, and InputError as
+        `from_ns` and `reason` say when and why the segment begins. Raises LogError, and InputError as
         `check_recordable` does.
         """
         check_recordable(runs[0].scenario, runs[0].design, runs[0].drive)
@@ -133,10 +133,11 @@ class Recorder:
         self._before = self._publisher.sent.copy()
 
     def finish(self, runs: Sequence[Run], completed: bool, driven: Scenario | None = None) -> None:
-        """Close the file, which then says how `runs` ended; one of a single sample or none is not kept.
+        """Close the file and record in it how `runs` ended; a file without motion is discarded.
 
-        `completed`: whether runs that have not stopped had reached the end of the scenario. `driven`: the
-        scenario that repeats what was driven, which goes into the file and beside it. Raises LogError.
+        `completed` says whether the runs that have not stopped had reached the end of the scenario. `driven`
+        is the scenario that repeats the driving by hand. It is stored in the file and beside it. Raises
+        LogError.
         """
         if self._file is None:
             return

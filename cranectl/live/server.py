@@ -1,6 +1,7 @@
 """Serve a session to viewers in real time, let them steer it, and record it.
 
-Nothing is latched by the server: a viewer that subscribes is sent again what it would otherwise have missed.
+The server repeats nothing by itself. So a new subscriber is sent again the messages that it would have
+missed.
 """
 
 import threading
@@ -26,7 +27,7 @@ MAX_LAG = 0.5  # [s] that a run may fall behind and still catch up
 
 
 class Pace:
-    """Says how long to wait after each block. Waits add up to the simulated time, whatever each one took."""
+    """Computes the waiting time after each block, so that the run keeps to real time."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock

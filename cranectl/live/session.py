@@ -1,8 +1,8 @@
-"""A run without an end: plants side by side, block by block, under a controller that may change in between.
+"""Simulate plants side by side without a fixed end, in blocks, with a controller that may change in between.
 
-Left alone it gives the numbers of `simulate_run`, bit for bit, and driven by hand those of the scenario that
-`driven` then is. At the end of the scenario its last reference point and its last disturbances are held. Time
-never goes back, also not with a new start.
+Without intervention a session gives exactly the numbers of `simulate_run`. Driven by hand, it gives the
+numbers of the scenario that `driven` returns. After the end of the scenario, it holds the last reference
+point and the last disturbances. Time never goes back, not even at a new start.
 """
 
 from collections.abc import Iterable
@@ -32,7 +32,7 @@ from cranectl.support.arrays import Array
 
 @dataclass
 class _PlantState:
-    """One plant under its own copy of the controller's memory."""
+    """One plant with its own copy of the controller's memory."""
 
     plant: Plant
     run: PreparedRun
@@ -41,7 +41,7 @@ class _PlantState:
 
 
 def _kept_memory(before: ControllerDesign, after: ControllerDesign, memory: Array) -> int:
-    """Return how much of the memory another controller of the flat family takes over."""
+    """Return how many memory numbers the next controller takes over; zero outside the flat family."""
     old, new = before.axis_design, after.axis_design
     if old is None or new is None:
         return 0
@@ -49,7 +49,7 @@ def _kept_memory(before: ControllerDesign, after: ControllerDesign, memory: Arra
 
 
 class Session:
-    """Plants that start together and are advanced together; one that stops waits for the next start."""
+    """Plants that start together and advance together; a plant that stops waits for the next start."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class Session:
         self._hand: Hand | None = None  # that drives
         self._law = prepare_controller(scenario, design, drive, self.plan)
         period = scenario.period_ns / NANOSECONDS
-        samples = round(MAX_DURATION / period) + 1  # as in the longest run: noise and gusts go on
+        samples = round(MAX_DURATION / period) + 1  # enough noise and gusts for the longest run
         still = scenario.effects.wind is None
         self._air = air_velocity(scenario.effects.wind, 1 if still else samples, period)
         sensing = scenario.effects.sensing
@@ -89,7 +89,7 @@ class Session:
         return any(not state.status.stopped for state in self._states)
 
     def prepare(self) -> None:
-        """Compile now what has not been compiled on this machine, rather than in the first block."""
+        """Compile all code that is not compiled yet on this machine, so that the first block need not."""
         self.advance(1)
         self._samples = 0
         self._start()
@@ -109,11 +109,11 @@ class Session:
         return runs
 
     def use(self, design: ControllerDesign) -> None:
-        """Go on with another controller; raises InputError if its sampling makes it unstable.
+        """Continue with another controller; raises InputError if its sampling makes it unstable.
 
-        The set-points carry over. From one of the flat family to another the dynamic extension does as well,
-        and so do the states of a robustifier that stays; any other controller begins at the reference as it
-        is now.
+        The set-points carry over. Between two controllers of the flat family, the dynamic extension carries
+        over too. So do the states of the robustifier, if both use the same one. Any other controller begins
+        at the present reference.
         """
         compiled = prepare_controller(self.scenario, design, self.drive, self.plan)
         if self._hand:
@@ -140,9 +140,9 @@ class Session:
         self._pulses += self._pulsed[-2:]
 
     def steer(self, request: HandRequest) -> None:
-        """Drive the load by hand from the next sample on: its stopping point, with a velocity or to a point.
+        """Drive the load by hand from the next sample on, with a velocity or to a point.
 
-        Raises InputError where a hand may not take over.
+        Raises InputError if driving by hand is not possible.
         """
         if self._hand is None and request != RELEASED:
             check_can_be_driven(self.design)
@@ -160,7 +160,7 @@ class Session:
         return self._hand.scenario(self._samples, self.design.name, self._pulsed) if self._hand else None
 
     def reset(self) -> None:
-        """Start the scenario again from its initial state, at the time that it is now."""
+        """Start the scenario again from its initial state; the session's time goes on."""
         self.origin_ns, self._samples, self._hand = self.now_ns, 0, None
         self._pulses, self._pulsed = [], []
         self._start()
@@ -174,7 +174,7 @@ class Session:
             self._states.append(_PlantState(plant, run, self.origin_ns))
 
     def _hand_over(self, state: _PlantState) -> None:
-        """Have a controller that reads its own reference read what is driven."""
+        """Give the reference of driving by hand to a controller that reads its own reference."""
         if self._hand:
             compiled = state.run.inputs.controller._replace(
                 reference=self._hand.table, samples=len(self._hand.table)

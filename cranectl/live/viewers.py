@@ -1,4 +1,4 @@
-"""Where viewers connect, server, parameters, services; and what sends to them, and to the recording."""
+"""Connect viewers: the server, its parameters and services, and the channels to viewers and recording."""
 
 import json
 from collections import Counter
@@ -35,7 +35,7 @@ BACKLOG = 8192  # messages a slow viewer may fall behind before it loses some: a
 
 @dataclass(frozen=True)
 class Address:
-    """Where to listen, port 0 is any free one; and which web pages may connect besides Foxglove's own."""
+    """Where the server listens, with port 0 for any free port, and which further web pages may connect."""
 
     host: str = "127.0.0.1"
     port: int = 8765
@@ -43,7 +43,7 @@ class Address:
 
 
 class Listener(ServerListener):
-    """Hears what viewers ask for; called from the server's threads."""
+    """Receives the requests of viewers; the server's threads call its methods."""
 
     def __init__(self, controls: Controls) -> None:
         self._controls = controls
@@ -163,7 +163,7 @@ def _json_schema(name: str, properties: Mapping[str, object]) -> MessageSchema:
 
 
 class Publisher:
-    """One channel a topic; callers send in the order of time."""
+    """Sends messages on one channel for each topic; callers send in the order of time."""
 
     def __init__(self, context: foxglove.Context) -> None:
         self.sent: Counter[str] = Counter()  # messages by topic
@@ -184,9 +184,10 @@ class Publisher:
             self._log(streams[k].topic, message, time_ns)
 
     def resend(self, topics: Iterable[str]) -> None:
-        """Send the newest messages of topics again, for viewers that came after them.
+        """Send the newest messages of some topics again, for viewers that subscribed after them.
 
-        Not those of signals and text: they are what happened at their time, not how things are.
+        Signals and text are not repeated: they belong to their own time and do not describe the present
+        state.
         """
         for topic in sorted(self._latest.keys() & set(topics)):
             self._log(topic, self._latest[topic], self.time_ns)
@@ -201,6 +202,6 @@ class Publisher:
         if channel is not None and channel.schema_name() == stream.schema_name:
             return
         if channel is not None:
-            # Another robustifier, another message type. Viewers refuse a second channel of the same topic.
+            # Another robustifier has another message type. Viewers refuse a second channel of the same topic.
             channel.close()
         self._channels[stream.topic] = open_channel(self._context, stream)
