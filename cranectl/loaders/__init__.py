@@ -1,1 +1,1 @@
-"""Loaders of controllers from outside the package: Python, C, FMUs, other processes."""
+"""Load controllers from outside the package: Python files, C libraries, FMUs and other processes."""

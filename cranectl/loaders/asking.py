@@ -1,8 +1,7 @@
 """Ask foreign code in a separate process what it declares, so that a crash ends only that process.
 
-The process runs this file: `python asking.py PROGRAM BINARY` reads the question as one line of JSON. It
-calls `answer` of the file PROGRAM and writes the result as JSON. To start fast, it imports nothing of the
-package.
+The process runs this file: `python asking.py PROGRAM BINARY` reads the question as one line of JSON. It calls
+`answer` of the file PROGRAM and writes the result as JSON. To start fast, it imports nothing of the package.
 """
 
 import json

@@ -1,7 +1,7 @@
-"""Load libraries with the interface of `cranectl.h`, from C or whatever makes such functions.
+"""Load controllers from shared libraries with the interface of `cranectl.h`, in C or other languages.
 
-This process never loads one: a process of its own tells what it declares and prepares it, and the child in
-which a run goes calls its step by address.
+This process never loads a library itself. A separate process reads the declaration and prepares the
+controller. The child process of a run then calls the step of the library by its address.
 """
 
 import ctypes
@@ -24,7 +24,7 @@ DECLARED = ("name", "title", "command", "follows", "measures", "every", "preview
 
 
 def open_library(file: ControllerFile) -> tuple[Controller, ControllerFile]:
-    """Return the controller of a library; raise InputError where it does not keep to what it declares."""
+    """Return the controller of a library; raise InputError if it does not do what it declares."""
     declared = _ask(file, None, None)
 
     def prepare(nominal: Nominal) -> tuple[Array, Array]:
@@ -49,7 +49,7 @@ def open_library(file: ControllerFile) -> tuple[Controller, ControllerFile]:
 
 
 def _plain(nominal: Nominal, reads: list[str] | None) -> dict[str, Any]:
-    """Return the nominal crane for `cranectl_prepare`, with NaN for what it does not declare to read."""
+    """Return the nominal crane for `cranectl_prepare`, with NaN in fields that `reads` leaves out."""
     known = {name: np.asarray(getattr(nominal.rig, name)) for name in library.OF_RIG}
     for name in known.keys() - (known if reads is None else reads):
         known[name] = known[name] * np.nan
@@ -62,7 +62,7 @@ def _plain(nominal: Nominal, reads: list[str] | None) -> dict[str, Any]:
 
 
 def _ask(file: ControllerFile, values: list[float] | None, nominal: dict[str, Any] | None) -> dict[str, Any]:
-    """Return what the library says, in a process of its own; raise InputError with what is wrong with it."""
+    """Return the library's declaration, read in a separate process; raise InputError for errors."""
     try:
         return ask(library.__file__, copy_of(file), {"values": values, "nominal": nominal})
     except ValueError as error:

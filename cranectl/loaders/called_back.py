@@ -1,7 +1,7 @@
-"""Let the compiled loop call a step that runs in the Python interpreter.
+"""Let the compiled loop call a controller step that runs in the Python interpreter.
 
-ctypes would only print an exception of a callback, and the callback's result would be garbage. So exceptions
-are caught and reported here, and the step returns that it failed.
+If a callback raises an exception, ctypes only prints it and returns an arbitrary number. So this module
+catches and reports each exception, and the step returns a failure code.
 """
 
 import ctypes
@@ -28,7 +28,7 @@ def called_back(step: Callable[..., int], name: str, sizes: Sizes) -> int:
         if view is None:
             view = np.ctypeslib.as_array(ctypes.cast(address, _DOUBLES), (lengths[k],))
             view.flags.writeable = k > 2
-            if k != 2:  # the rows of the reference are many
+            if k != 2:  # not for the reference, which has a new address at each sample
                 known[address, k] = view
         return view
 
@@ -37,10 +37,10 @@ def called_back(step: Callable[..., int], name: str, sizes: Sizes) -> int:
             returned = step(*(array(address, k) for k, address in enumerate(addresses)))
             if not isinstance(returned, int | np.integer | np.bool_):
                 raise TypeError(f"the step returns {returned!r}, which is no whole number")
-            if abs(int(returned)) >= 2**63:  # its lowest 64 bits would count
+            if abs(int(returned)) >= 2**63:  # C would keep only the lowest 64 bits
                 raise OverflowError(f"the step returns {returned}")
             return int(returned)
-        except BaseException as error:  # whatever goes on from here would be ignored
+        except BaseException as error:  # ctypes would ignore any exception that passes on
             report_failure(name, error)
             return FAILED
 

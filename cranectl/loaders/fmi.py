@@ -1,6 +1,6 @@
-"""The C functions of an FMU for co-simulation, FMI 2.0 and 3.0, by way of `ctypes` alone.
+"""Call the C functions of an FMU for co-simulation, FMI 2.0 or 3.0, with `ctypes` alone.
 
-`asking` runs this file in a process of its own, so it imports nothing of the package.
+`asking` runs this file in a separate process, so it imports nothing of the package.
 """
 
 import ctypes
@@ -13,12 +13,16 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-Plain = dict[str, Any]  # data that JSON knows: fmi, name, token, resources, references, values
-Functions = dict[str, Any]  # by their names without fmi2 and fmi3, a set and a get as Set and Get
+Plain = dict[str, Any]  # data for JSON: fmi, name, token, resources, references, values
+Functions = dict[str, Any]  # by name without fmi2 or fmi3; SetReal and SetFloat64 are Set, likewise Get
 
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 ERROR, FATAL = 3, 4
-_RESULTS = {"Instantiate": c_void_p, "InstantiateCoSimulation": c_void_p, "FreeInstance": None}  # or a status
+_RESULTS = {
+    "Instantiate": c_void_p,
+    "InstantiateCoSimulation": c_void_p,
+    "FreeInstance": None,
+}  # all others return a status
 _ARGUMENTS: dict[int, dict[str, list[Any]]] = {
     2: {
         "Instantiate": [c_char_p, c_int, c_char_p, c_char_p, c_void_p, c_int, c_int],
@@ -43,7 +47,7 @@ _ARGUMENTS: dict[int, dict[str, list[Any]]] = {
 
 
 def functions(path: str, fmi: int) -> Functions:
-    """Return those of a binary; raise OSError or ValueError where there are none."""
+    """Return the FMI functions of a binary; raise OSError or ValueError if one is missing."""
     binary, known = ctypes.CDLL(path), {}
     for name, arguments in _ARGUMENTS[fmi].items():
         try:
@@ -58,7 +62,7 @@ def functions(path: str, fmi: int) -> Functions:
 def initialised(known: Functions, model: Plain, values: Iterable[float]) -> int:
     """Return a new instance in initialisation mode at time 0, with `values` of the parameters.
 
-    Raises ValueError that tells which function fails.
+    Raises ValueError that names the function that fails.
     """
     fmi, name, token = model["fmi"], model["name"].encode(), model["token"].encode()
     resources = Path(model["resources"])
@@ -92,13 +96,13 @@ def _check(fmi: int, name: str, status: int) -> None:
 
 
 def failure(fmi: int, name: str, status: int) -> str:
-    """Return a text of which function returned what, and of the FMU's own message."""
+    """Return a text that says which function returned which status, with the FMU's own message."""
     exact = name + {2: "Real", 3: "Float64"}[fmi] if name in ("Set", "Get") else name
     outcome = f"fmi{fmi}{STATUS[status]}" if 0 <= status < len(STATUS) else f"{status}, which is no status"
     return f"fmi{fmi}{exact} returns {outcome}{_because()}"
 
 
-_said: deque[str] = deque(maxlen=1)  # by an FMU, of errors
+_said: deque[str] = deque(maxlen=1)  # the newest error message of an FMU
 
 
 def _because() -> str:
@@ -107,7 +111,7 @@ def _because() -> str:
 
 @cache
 def say(text: str) -> None:
-    """Write a line to standard error; a forked process may not wait for the lock of sys.stderr."""
+    """Write a line to standard error, directly: a forked process must not wait for the lock of sys.stderr."""
     os.write(2, f"cranectl: {text}\n".encode())
 
 
@@ -127,7 +131,7 @@ def _logger(fmi: int) -> Any:
 
 @cache
 def _callbacks() -> ctypes.Array[c_void_p]:
-    """Return a fmi2CallbackFunctions: logger, allocate, free, finished, environment."""
+    """Return a fmi2CallbackFunctions structure: logger, allocate, free, finished, environment."""
     libc = ctypes.CDLL("msvcrt" if sys.platform == "win32" else None)
     return (c_void_p * 5)(address(_logger(2)), address(libc.calloc), address(libc.free), None, None)
 
@@ -138,7 +142,7 @@ def address(function: Any) -> int:
 
 
 def answer(binary: str, model: Plain) -> Plain:
-    """Try `model` with an instance; raise OSError or ValueError where that fails."""
+    """Make and free an instance of `model` as a test; raise OSError or ValueError if that fails."""
     known = functions(binary, model["fmi"])
     known["FreeInstance"](initialised(known, model, model["values"]))
     return {}

@@ -1,7 +1,8 @@
-"""Load FMUs: co-simulation of FMI 2.0 and 3.0, with a binary for this machine.
+"""Load FMUs for co-simulation, FMI 2.0 and 3.0, that have a binary for this machine.
 
-FMPy unpacks one and reads its description; its functions are called by address. This process never loads its
-binary: a program of its own tries it, and the child in which a run goes makes an instance for the run.
+FMPy unpacks the FMU and reads its description. The functions of the FMU are called by address. This process
+never loads the binary to inspect it: a separate program tests it first. The child process of a run makes an
+instance for that run.
 """
 
 import ctypes
@@ -33,14 +34,14 @@ _TELL = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * 3, ctypes.c_double)
 
 
 class Fmu:
-    """One that is unpacked, and in the process of a run its binary and instances."""
+    """An unpacked FMU and, in the process of a run, its binary and instances."""
 
     def __init__(self, file: ControllerFile) -> None:
-        """Read the FMU; raise InputError if it is none, or not for co-simulation on this machine."""
+        """Read the FMU; raise InputError if it is not an FMU for co-simulation on this machine."""
         fmpy = _library()
         folder = _unpacked(file, fmpy)
         try:
-            # Tools in use write what the schema forbids; what is used here is checked here.
+            # Common tools write files that the schema forbids, so only the parts used here are checked.
             description = fmpy.read_model_description(str(folder), validate=False)
         except Exception as error:  # of many classes
             raise wrong(file, f"its description cannot be read: {' '.join(str(error).split())}") from None
@@ -72,13 +73,14 @@ class Fmu:
         exchanged = (self.variables.input_references, self.variables.output_references)
         self._references = [np.array(references, dtype=np.uint32) for references in exchanged]
         self._tell = _TELL(self._failed)
-        self._made = False  # an instance, in this process
-        self._lost: set[int] = set()  # after what is fatal nothing may be called
+        self._made = False  # whether this process has made an instance
+        self._lost: set[int] = set()  # instances with a fatal error, whose functions must not be called
 
     def check_period(self, period: float) -> None:
-        """Raise InputError unless `period` [s] is one or more of its own steps, where it tells them.
+        """Raise InputError unless `period` [s] is a whole number of the FMU's steps, if it declares a step.
 
-        The step that it prefers counts where it takes no others, and the table beside it says nothing.
+        The FMU's preferred step counts only if it cannot vary its step and the TOML file beside it has no
+        `every`.
         """
         table, experiment = self.variables.table, self.description.defaultExperiment
         own = self.kind.fixedInternalStepSize
@@ -123,11 +125,11 @@ class Fmu:
 
     @cached_property
     def _functions(self) -> fmi.Functions:
-        """Load its binary into this process; raise OSError or ValueError where that cannot be."""
+        """Functions of the binary, loaded into this process; raises OSError or ValueError if that fails."""
         return fmi.functions(str(self.binary), self.fmi)
 
     def _begin(self, parameters: Array) -> None:
-        """Make an instance for as long as there are these parameters; raise OSError or ValueError."""
+        """Make an instance that lives as long as the array `parameters`; raise OSError or ValueError."""
         if self._made and self.kind.canBeInstantiatedOnlyOncePerProcess:
             raise ValueError(
                 "it can be instantiated only once in a process, of which run and validate take one for each "
@@ -146,7 +148,7 @@ class Fmu:
         weakref.finalize(parameters, self._free, instance).atexit = False
 
     def _failed(self, instance: int, function: int, status: int, time: float) -> int:
-        """Report a failure, called back from the step."""
+        """Report a failure; the compiled step calls this function."""
         if status >= fmi.FATAL:
             self._lost.add(instance)
         failure = fmi.failure(self.fmi, fmu_step.FUNCTIONS[function], status)
@@ -160,7 +162,7 @@ class Fmu:
 
 
 def open_fmu(file: ControllerFile) -> tuple[Controller, ControllerFile]:
-    """Return the controller of an FMU; raise InputError where it is none, or cannot be initialised."""
+    """Return the controller of an FMU; raise InputError if it is no FMU or cannot be initialised."""
     fmu = Fmu(file)
     try:
         ask(fmi.__file__, fmu.binary, fmu.model())
@@ -207,7 +209,7 @@ EXPORT = "export it again; other tools than cranectl say whether it is whole"
 
 
 def wrong(file: ControllerFile, what: str, remedy: str = EXPORT) -> InputError:
-    """Return the error for a file that is no FMU to run."""
+    """Return the error for a file that cannot be run as an FMU."""
     return InputError(
         f"{file.reference}: {what}",
         allowed="an FMU for co-simulation, FMI 2.0 or 3.0, with a binary for this machine",
@@ -216,7 +218,7 @@ def wrong(file: ControllerFile, what: str, remedy: str = EXPORT) -> InputError:
 
 
 def _number(file: ControllerFile, what: str, text: Any) -> float:
-    """Return a number of the description; 0.0 where it has none."""
+    """Return a number of the description, or 0.0 if it has none; raise InputError for other text."""
     try:
         return float(text or 0.0)
     except ValueError:

@@ -1,7 +1,7 @@
-"""The step of every FMU: its C functions, called by the addresses that the parameters hold.
+"""Take a control step of an FMU by calling its C functions at the addresses among the parameters.
 
-Addresses have 48 bits and fit into doubles. Inputs are set, the FMU does a step of the controller's period,
-outputs are read. FMI 3's functions differ by arguments only.
+Addresses have 48 bits and fit into doubles. The step sets the inputs, lets the FMU advance by one period of
+the controller, and reads the outputs. The functions of FMI 3 differ only in their arguments.
 """
 
 from typing import Any, cast
@@ -68,7 +68,7 @@ def _exchange(parameters, function, references, count, values):
 
 @jit
 def _do_step(parameters, memory):
-    """Do the step; return the status."""
+    """Advance the FMU by one period; return the status."""
     c, instance = np.int64(parameters[GIVEN.step]), np.int64(parameters[GIVEN.instance])
     period, final = parameters[GIVEN.period], np.int32(1)
     time = memory[MEMORY.steps] * period
@@ -78,13 +78,13 @@ def _do_step(parameters, memory):
     event, terminate = _place(memory, MEMORY.event), _place(memory, MEMORY.terminate)
     reported = (event, terminate, _place(memory, MEMORY.early), _place(memory, MEMORY.last))
     status = _call(c, (instance, time, period, final, *reported))
-    # Its byte is the lowest of the double.
+    # The FMU writes a one-byte flag, the lowest byte of the double.
     return np.int32(DISCARD) if status < DISCARD and memory[MEMORY.terminate] != 0.0 else status
 
 
 @jit
 def _failed(parameters, memory, function, status):
-    """Have a failure reported; return the code of a step that failed."""
+    """Report the failure; return the code of a failed step."""
     time = memory[MEMORY.steps] * parameters[GIVEN.period]
     instance = np.int64(parameters[GIVEN.instance])
     _call(np.int64(parameters[GIVEN.tell]), (instance, np.int64(function), np.int64(status), time))
@@ -92,7 +92,7 @@ def _failed(parameters, memory, function, status):
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one step, as every controller does; the FMU's state is its own."""
+    """Take one control step; the FMU keeps its own state."""
     if parameters[GIVEN.instance] == 0.0:
         return FAILED
     inputs, outputs = np.int64(parameters[GIVEN.inputs]), np.int64(parameters[GIVEN.outputs])
@@ -104,7 +104,7 @@ def step(parameters, measured, reference, memory, command):
     status = _exchange(parameters, GIVEN.set, GIVEN.in_references, inputs, _place(memory, first))
     if not 0 <= status < DISCARD:
         return _failed(parameters, memory, GIVEN.set, status)
-    if memory[MEMORY.steps] == 0.0:  # initialised with what is measured first
+    if memory[MEMORY.steps] == 0.0:  # initialisation ends with the first measured values
         status = _call(np.int64(parameters[GIVEN.exit]), (np.int64(parameters[GIVEN.instance]),))
         if not 0 <= status < DISCARD:
             return _failed(parameters, memory, GIVEN.exit, status)

@@ -1,4 +1,4 @@
-"""Units of what an FMU exchanges: what one unit of a variable is in SI, by the FMU's own definition."""
+"""Convert the units of FMU variables to SI, by the FMU's own definitions of units."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -12,17 +12,17 @@ from cranectl.support.errors import InputError
 DIMENSIONS = {"m": (0, 1, 0), "rad": (0, 0, 0), "N": (1, 1, -2)}
 DIMENSIONS |= {f"m/s{n}": (0, 1, -k) for k, n in enumerate(("", "²", "³", "⁴"), 1)}
 DIMENSIONS |= {"rad/s": (0, 0, -1), "rad/s²": (0, 0, -2)}
-OTHERS = ("A", "K", "mol", "cd")  # which no signal has
+OTHERS = ("A", "K", "mol", "cd")  # no signal has a unit with these
 _POWERS = str.maketrans("²³⁴", "234")
 
 
 class Conversion(NamedTuple):
-    """What the units of an FMU's exchanged variables are worth."""
+    """The units that an FMU and the table beside it define for exchanged variables."""
 
     file: ControllerFile
-    source: str  # the table beside the file
-    definitions: Mapping[str, Any]  # of FMPy, by the names of units
-    stated: Mapping[str, float]  # by that table, by the names of variables
+    source: str  # the TOML file beside the FMU
+    definitions: Mapping[str, Any]  # unit definitions of FMPy, by name of the unit
+    stated: Mapping[str, float]  # units from that table, by name of the variable
 
     def factor(self, variable: Any, unit: str, signal: str) -> float:
         """Return how many `unit` of `signal` one unit of the FMU's variable is.
@@ -30,11 +30,16 @@ class Conversion(NamedTuple):
         Parameters
         ----------
         variable : Any
-            Of FMPy.
+            Variable of the FMU, as FMPy describes it.
         unit : str
-            Of our signal.
+            Unit of the signal.
         signal : str
-            Its name.
+            Name of the signal.
+
+        Returns
+        -------
+        float
+            Factor from the variable's unit to `unit`.
 
         Raises
         ------
@@ -83,6 +88,6 @@ class Conversion(NamedTuple):
 
 
 def _plain(unit: str) -> str:
-    """Return a unit as people and tools write it in different ways: m/s², m/s2, m/s^2, m/s**2, m.s-2."""
+    """Return a unit in one spelling: people and tools write m/s², m/s2, m/s^2, m/s**2 or m.s-2."""
     text = re.sub(r"\s|\^|\*\*|[()]", "", unit.translate(_POWERS))
     return re.sub(r"[.·*]s-(\d)", lambda power: f"/s{power[1].removeprefix('1')}", text)

@@ -1,4 +1,4 @@
-"""Which variable of an FMU is what: by its name, or by a table in TOML beside it."""
+"""Map the variables of an FMU to signals and commands, by name or by a TOML table beside the FMU."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ UNITS = {f"{group}.{signal.name}": signal.unit for group, signals in (
     ("encoders", STATE), ("state", STATE), ("measurement", MEASUREMENT), ("reference", REFERENCE)
 ) for signal in signals.signals}  # fmt: skip
 LARGEST_REFERENCE = 2**32 - 1
-HOLD = "held"  # in place of an output, of an axis that nothing commands
+HOLD = "held"  # marks an axis that no output commands
 OUR_NAMES = re.compile(r"(encoders|state|measurement|reference)\b")
 REAL = ("Real", "Float64")
 
@@ -50,7 +50,7 @@ class FmuTable(Settings):
 
 
 class Variables(NamedTuple):
-    """Those that the step exchanges, by value reference, and those that are set before."""
+    """The variables that the step exchanges, by value reference, and those that are set before."""
 
     table: FmuTable
     measures: Literal["state", "encoders"]
@@ -150,7 +150,7 @@ def variables_of(file: ControllerFile, description: Any) -> Variables:
 
 
 def _held(table: FmuTable, outputs: Sequence[Any], source: str) -> list[str]:
-    """Return the commands that the table holds; raises InputError where it cannot."""
+    """Return the outputs that the table maps to a held axis; raise InputError if an axis cannot be held."""
     names = [name for name, meant in table.outputs.items() if meant == HOLD]
     for name in names:
         if name not in COMMANDS:
@@ -175,9 +175,9 @@ def _held(table: FmuTable, outputs: Sequence[Any], source: str) -> list[str]:
 
 
 def _keeps_its_start(variable: Any, table: FmuTable) -> bool:
-    """Return True for an input that has a start value and that neither its name nor the table connects.
+    """Return True for an input that has a start value and is connected neither by name nor by the table.
 
-    A name that looks like one of our signals is meant to be one.
+    A variable whose name resembles one of our signals counts as connected.
     """
     return (
         variable.name not in table.inputs

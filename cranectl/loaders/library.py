@@ -1,6 +1,6 @@
-"""Read, check and prepare the controller in a shared library, by way of `ctypes` alone.
+"""Read, check and prepare the controller in a shared library, with `ctypes` alone.
 
-`asking` runs this file in a process of its own, so it imports nothing of the package.
+`asking` runs this file in a separate process, so it imports nothing of the package.
 """
 
 import ctypes
@@ -9,9 +9,9 @@ import random
 from ctypes import POINTER, Structure, c_char_p, c_double, c_int32, c_int64, c_uint32, cast
 from typing import Any
 
-TRIAL_STEPS = 500  # of two memories in turn, to see whether anything is kept elsewhere
+TRIAL_STEPS = 500  # steps with two memories in turn, to detect state kept elsewhere
 Doubles = POINTER(c_double)
-Plain = dict[str, Any]  # data that JSON knows
+Plain = dict[str, Any]  # data that JSON can represent
 
 
 class CParameter(Structure):
@@ -41,7 +41,7 @@ CHOICES = {
     "follows": ("path", "set-point"),
     "measures": ("state", "encoders"),
 }
-HIGHEST = dict.fromkeys(("preview", "memory", "numbers", "every"), 10**6)  # of what is declared
+HIGHEST = dict.fromkeys(("preview", "memory", "numbers", "every"), 10**6)  # limits of declared numbers
 HIGHEST |= {"parameter_count": 10**4, "signal_count": 10**4}
 HIGHEST |= {name: len(choices) - 1 for name, choices in CHOICES.items()}
 
@@ -99,7 +99,7 @@ def step_of(library: ctypes.CDLL) -> Any:
 
 
 def declaration(library: ctypes.CDLL) -> Plain:
-    """Return what the library declares, as plain data; raise ValueError for what cannot be."""
+    """Return the declaration of the library as plain data; raise ValueError for invalid values."""
     tell = symbol(library, "cranectl_controller")
     tell.restype = POINTER(CDeclaration)
     step_of(library)
@@ -135,7 +135,7 @@ def declaration(library: ctypes.CDLL) -> Plain:
 
 
 def read_fields(library: ctypes.CDLL, declared: Any) -> list[str] | None:
-    """Return the fields of the rig that it declares to read, None where it does not say."""
+    """Return the rig fields that the library declares to read, or None if it does not say."""
     if not hasattr(library, "cranectl_prepare"):
         return []
     raw = getattr(declared, "reads", None)
@@ -147,7 +147,7 @@ def read_fields(library: ctypes.CDLL, declared: Any) -> list[str] | None:
 
 
 def parameter(declared: Any) -> Plain:
-    """Return a parameter as `Parameter` takes it; raise ValueError for a search that is none."""
+    """Return a parameter in the form of `Parameter`; raise ValueError for an invalid search range."""
     low, high = getattr(declared, "search", (0.0, 0.0))
     search = None if low == high == 0.0 else (low, high)
     if search and not 0.0 < low < high < math.inf:
@@ -171,7 +171,7 @@ def text(raw: bytes | None) -> str:
 
 
 def prepare(library: ctypes.CDLL, declared: Plain, values: list[float], nominal: Plain | None) -> Plain:
-    """Return parameters and memory at the start; `nominal`: fields of `CNominal` by name."""
+    """Return parameters and memory at the start; `nominal` has the fields of `CNominal` by name."""
     parameters = (c_double * max(declared["numbers"], 1))(*values)
     memory = (c_double * max(declared["memory"], 1))()
     if nominal is not None and hasattr(library, "cranectl_prepare"):
@@ -184,7 +184,7 @@ def prepare(library: ctypes.CDLL, declared: Plain, values: list[float], nominal:
 
 
 def check(library: ctypes.CDLL, declared: Plain, start: Plain) -> None:
-    """Raise ValueError where a step writes what it must not, or remembers anything outside of its memory."""
+    """Raise ValueError if a step writes to its inputs, or keeps state outside its memory."""
     step, width = step_of(library), 15 * (1 + declared["preview"])
     dice, near = random.Random(1), (0.9, 0.1, 0.7, 0.1, 0.8, *[0.1] * 5, 0.0, 0.0)
     rows = [[value * dice.uniform(0.8, 1.2) for value in near] for _ in range(TRIAL_STEPS)]
@@ -216,9 +216,9 @@ def check(library: ctypes.CDLL, declared: Plain, start: Plain) -> None:
 
 
 def answer(path: str, question: Plain) -> Plain:
-    """Return what the library declares, and with `values` of the parameters what it starts with.
+    """Return the declaration of the library and, if the question has parameter values, the start of a run.
 
-    Raises OSError or ValueError with what is wrong with it.
+    Raises OSError or ValueError that says what is wrong with the library.
     """
     library = ctypes.CDLL(path)
     declared = declaration(library)

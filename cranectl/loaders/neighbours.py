@@ -1,10 +1,10 @@
-"""The modules and data beside a controller in Python: each controller has its own, whatever their names.
+"""Import the modules and read the data beside a Python controller, separately for each controller.
 
-A file with a controller imports what lies beside it as any script does. Two controllers may have helper
-modules of one name, so these modules are no entries of `sys.modules` under that name: each controller has a
-package of its own, which holds its file and the modules that it imports. What is read from the folder
-while the file is run, modules and data, is part of the controller: it counts in its digest, and worker
-processes get it. Later nothing more is imported from there, because it would count in no digest.
+A controller's file imports modules from its folder, as any script does. Two controllers may have helper
+modules of the same name. So each controller has a package of its own, which holds its file and its modules,
+and `sys.modules` lists them under that package. All modules and data that the file reads from its folder
+while it runs are part of the controller. They count in its digest, and worker processes receive them. Later
+imports from the folder are refused, because they would count in no digest.
 """
 
 import builtins
@@ -33,13 +33,13 @@ from typing import Any
 from cranectl.support.provenance import INSTALLED
 
 PREFIX = "_law_"
-OUR_PACKAGE = "cranectl"  # there is one of it, wherever a controller lies
+OUR_PACKAGE = "cranectl"  # never imported from a controller's folder
 _COUNT = itertools.count(1)
 _READING = threading.local()  # .law: whose file is run in this thread
 
 
 class Neighbours(MetaPathFinder):
-    """What one controller imports and reads from its folder; finds the modules of its package."""
+    """The files that one controller reads from its folder, and the finder of its modules."""
 
     def __init__(self, path: Path) -> None:
         """Make the finder of modules for the controller whose file is `path`."""
@@ -58,9 +58,9 @@ class Neighbours(MetaPathFinder):
 
     @contextlib.contextmanager
     def running(self) -> Iterator[None]:
-        """Note what the file takes from its folder while it runs, and let it take more.
+        """Record the files that the controller reads while its file runs, and allow imports during that time.
 
-        If that fails, its modules are gone.
+        If the block fails, its modules are removed.
         """
         self._before, self._running = sys.path[:], True
         try:
@@ -76,7 +76,7 @@ class Neighbours(MetaPathFinder):
             sys.path[:] = self._before
 
     def taken(self, path: Path) -> list[str]:
-        """Return the files that it has taken as seen from its folder, without its own file at `path`."""
+        """Return the recorded files relative to the controller's folder, without its own file at `path`."""
         files = [file for file in self._opened if self._counts(file) and file != _located(path)]
         return [Path(os.path.relpath(file, self.folder)).as_posix() for file in files]
 
@@ -85,9 +85,9 @@ class Neighbours(MetaPathFinder):
         self._opened.add(_located(Path(path)))
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, _target: Any = None) -> ModuleSpec | None:
-        """Return the spec of a module of its package, None for any other.
+        """Return the spec of a module of this controller's package, or None for any other module.
 
-        Raises ModuleNotFoundError unless its file is being run.
+        Raises ModuleNotFoundError unless the controller's file is running.
         """
         package, _, name = fullname.partition(".")
         if package != self.package or not name:
@@ -112,14 +112,14 @@ class Neighbours(MetaPathFinder):
         return None
 
     def _folders(self) -> list[str]:
-        """Return the controller's folder, and those that it has added to `sys.path` itself."""
+        """Return the controller's folder and the folders that it has added to `sys.path`."""
         added = (
             [folder for folder in sys.path if folder and folder not in self._before] if self._running else []
         )
         return [str(self.folder), *(added or self._added)]
 
     def _counts(self, file: Path) -> bool:
-        """Return True for a file in one of its folders that is part of it."""
+        """Return True for a file in one of the controller's folders that is part of the controller."""
         if not file.is_file() or "__pycache__" in file.parts:
             return False
         return any(file.is_relative_to(Path(folder).resolve()) for folder in self._folders())
@@ -127,7 +127,7 @@ class Neighbours(MetaPathFinder):
     def _import(
         self, name: str, names: Any = None, local: Any = None, wanted: Any = (), level: int = 0
     ) -> Any:
-        """Import as the statement does, first from the folder."""
+        """Import as the `import` statement does, but search the controller's folder first."""
         top = name.partition(".")[0]
         if level or not self._is_beside(top):
             with self._noting(self if level else None):
@@ -149,8 +149,8 @@ class Neighbours(MetaPathFinder):
         return self._beside[top]
 
     def _note_package(self, top: str) -> None:
-        """Note all sources of an installed package that the controller is part of, or lies beside."""
-        if self.folder.name in INSTALLED:  # where neighbours are packages of their own
+        """Record all sources of an imported package that contains the controller or lies beside it."""
+        if self.folder.name in INSTALLED:  # other packages lie there too
             return
         module = sys.modules.get(top)
         for folder in map(Path, getattr(module, "__path__", ()) if top != OUR_PACKAGE else ()):
@@ -168,14 +168,17 @@ class Neighbours(MetaPathFinder):
 
 
 def _located(path: Path) -> Path:
-    """Return the place of a file, which may be a link to another one."""
+    """Return the path with its folder resolved; a link to a file stays a link."""
     return path.parent.resolve() / path.name
 
 
 def _is_elsewhere(name: str, beside: ModuleSpec) -> bool:
-    """Return True if a module elsewhere is meant: beside is but a folder, or the same installed package."""
+    """Return True if the import means a module elsewhere.
+
+    That is so if only a plain folder lies beside the controller, or if both are one installed package.
+    """
     try:
-        other = importlib.util.find_spec(name)  # as if there were no controller
+        other = importlib.util.find_spec(name)  # the ordinary search, without the controller's folder
     except ValueError:  # a module without a spec
         other = sys.modules[name].__spec__
     if other is None or other.origin is None:
@@ -189,7 +192,7 @@ def _installed() -> Mapping[str, Sequence[str]]:
 
 
 class _Loader(SourceFileLoader):
-    """Load a source as it is: compiled code is kept beside it by time and size, not by content."""
+    """Load a module from its source, because cached bytecode is compared by time and size, not by content."""
 
     def get_code(self, fullname: str) -> CodeType:
         path = self.get_filename(fullname)
@@ -207,7 +210,7 @@ def _listen() -> None:
 
 
 def _hear(event: str, arguments: tuple[Any, ...]) -> None:
-    """Note which files the controller's code opens to read, modules' own and data."""
+    """Record which files the controller's code opens to read, both modules and data."""
     if event != "open" or (owner := getattr(_READING, "law", None)) is None:
         return
     path, mode, flags = arguments

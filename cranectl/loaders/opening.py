@@ -1,7 +1,7 @@
-"""What is named on the command line becomes a controller of this process: `law.py:NAME`, `law.so`, `law.fmu`.
+"""Open the controllers that are named on the command line: `law.py:NAME`, `law.so`, `law.fmu`.
 
-Code runs only because somebody named it there; never because a log or a scenario does. Worker processes get
-the files by content, so that all run the same.
+Foreign code runs only because a user named it there, never because a log or a scenario names it. Worker
+processes receive the content of the files, so that all run the same code.
 """
 
 import contextlib
@@ -22,8 +22,8 @@ from cranectl.support.extensions import loaded
 from cranectl.support.files import open_input, replacing
 from cranectl.support.provenance import syntax_of
 
-MAX_BESIDE = 64 * 2**20  # [bytes] of all files that a law takes along
-LOADERS = {  # by ending; each returns a controller, and its file with all that it takes along
+MAX_BESIDE = 64 * 2**20  # [bytes] of all files that a controller uses
+LOADERS = {  # by file ending; each returns a controller, and its file with all files that it uses
     ".py": "cranectl.loaders.python_law:open_python",
     ".so": "cranectl.loaders.c_law:open_library",
     ".dylib": "cranectl.loaders.c_law:open_library",
@@ -34,11 +34,11 @@ LOADERS = {  # by ending; each returns a controller, and its file with all that 
 
 
 class ControllerFile(NamedTuple):
-    """Hold a file with a controller and the files that it uses, as they were read, for other processes."""
+    """Hold the content of a controller's file and of the files it uses, to share with other processes."""
 
     reference: str
     path: Path
-    symbol: str  # what of the file; may be empty
+    symbol: str  # name of the controller in the file; may be empty
     content: bytes
     table: bytes = b""  # of an FMU: the TOML file beside it
     place: str = ""  # absolute path where it was read
@@ -56,7 +56,7 @@ class ControllerFile(NamedTuple):
 
     @property
     def code_digest(self) -> str:
-        """The digest of the file without comments and docstrings of Python source, hexadecimal."""
+        """The same digest without comments and docstrings of Python source, hexadecimal."""
         beside = tuple((name, _code(name, content)) for name, content in self.beside)
         return self._replace(content=_code(self.path.name, self.content), beside=beside).digest
 
@@ -66,13 +66,13 @@ class ControllerFile(NamedTuple):
         return Path(self.place).parent
 
     def is_of(self, other: "ControllerFile") -> bool:
-        """Return True for the same thing at the same place, whatever its content."""
+        """Return True if both name the same controller at the same place, whatever the content."""
         return (self.place, self.symbol) == (other.place, other.symbol)
 
     def with_beside(self, folder: Path, names: Iterable[str]) -> "ControllerFile":
-        """Return the file with what else it is made of, files as seen from `folder`.
+        """Return the file together with the files `names`, relative to `folder`, that it also uses.
 
-        Raises OSError, and InputError where that is too much to take.
+        Raises OSError, and InputError if these files are too large.
         """
         contents = {name: _part(folder, name) for name in names}
         size = sum(map(len, contents.values()))
@@ -85,7 +85,7 @@ class ControllerFile(NamedTuple):
         return self._replace(beside=tuple(sorted(contents.items())))
 
     def read_again(self) -> "ControllerFile":
-        """Return the file with what now lies at the places of all its parts; an absent part is empty."""
+        """Return the file with the present content of all its parts; a missing part is empty."""
         contents = [(name, self._read(name)) for name, _ in self.beside]
         return self._replace(content=self._read(Path(self.place).name), beside=tuple(contents))
 
@@ -100,7 +100,7 @@ def _code(name: str, content: bytes) -> bytes:
 
 
 def _part(folder: Path, name: str) -> bytes:
-    """Return the content of a file, or the SHA-256 of one that stays where it is; raise OSError."""
+    """Return the content of a file, or the SHA-256 of a file with an absolute path; raise OSError."""
     if not Path(name).is_absolute():
         return (folder / name).read_bytes()
     with Path(name).open("rb") as file:
@@ -108,14 +108,14 @@ def _part(folder: Path, name: str) -> bytes:
 
 
 def directory_of(file: ControllerFile) -> Path:
-    """Return a directory of its own for copies of the file and of what it is made of."""
+    """Return the directory for copies of this controller's files."""
     path = OPEN.folder / file.digest[:16]
     path.mkdir(exist_ok=True)
     return path
 
 
 def copy_of(file: ControllerFile) -> Path:
-    """Return the path of a copy of the content as it was read, whatever happens to the file later."""
+    """Return the path of a copy with the content as it was read, even if the file changes later."""
     path = directory_of(file) / file.path.name
     if not path.exists():
         _put(path, file.content)
@@ -123,7 +123,7 @@ def copy_of(file: ControllerFile) -> Path:
 
 
 def whole_copy_of(file: ControllerFile) -> Path:
-    """Return where the file is with all that it takes along: its place, or a copy where that differs."""
+    """Return the file's own path, or that of a complete copy if any of its files has changed."""
     if file.read_again() == file:
         return Path(file.place)
     above = max((name.split("/").count("..") for name, _ in file.beside), default=0)
@@ -137,14 +137,14 @@ def whole_copy_of(file: ControllerFile) -> Path:
 
 
 def _put(path: Path, content: bytes) -> None:
-    """Write a file that may be run; other processes may write the same one."""
+    """Write an executable file; other processes may write the same file at the same time."""
     with replacing(path) as part:
         part.write_bytes(content)
         part.chmod(0o700)
 
 
 def slug(name: str) -> str:
-    """Return the name of a controller from that of a function, class or model: `SlowLaw` is slow-law."""
+    """Return a controller name made from a function, class or model name: `SlowLaw` becomes slow-law."""
     parted = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name)
     return re.sub(r"[^a-z0-9]+", "-", parted.lower()).strip("-")
 
@@ -199,7 +199,7 @@ def open_controller(reference: str) -> str:
 
 
 def file_from(name: str, folder: Path) -> str:
-    """Return the file of the opened controller `name` as seen from `folder`, with what of it."""
+    """Return how to name the opened controller `name` from `folder`: its path, with its symbol if any."""
     file: ControllerFile = OPEN.files[name]
     if file.reference.startswith(UDP):
         return file.reference
@@ -210,7 +210,7 @@ def file_from(name: str, folder: Path) -> str:
 def open_again(shared: SharedControllers) -> None:
     """Register in a worker process the controllers that its parent shares.
 
-    Raises InputError where a file here is made of other parts than there.
+    Raises InputError if a controller uses other files here than in the parent.
     """
     OPEN.take_folder(shared.folder)
     for file in shared.files:
@@ -227,7 +227,7 @@ def open_again(shared: SharedControllers) -> None:
 
 
 def _register(file: ControllerFile) -> str:
-    """Register what somebody has named; returns the name of the controller."""
+    """Register the controller that the user has named; return its name."""
     for name, known in OPEN.files.items():
         if known.is_of(file):
             now = known.read_again()._replace(content=file.content, table=file.table)
@@ -263,7 +263,7 @@ def _opened(file: ControllerFile) -> tuple[Controller, ControllerFile]:
 
 
 def _keep(controller: Controller, file: ControllerFile) -> None:
-    """Make the controller known, in place of an earlier version of it."""
+    """Register the controller and remove an earlier version of it."""
     earlier = [name for name, known in OPEN.files.items() if name == controller.name or known.is_of(file)]
     for name in earlier:
         del OPEN.files[name], OPEN.registered[name]
@@ -274,7 +274,7 @@ def _keep(controller: Controller, file: ControllerFile) -> None:
 
 
 def close_controllers() -> None:
-    """Forget all, for tests."""
+    """Forget all opened controllers; tests use this."""
     for name in OPEN.files:
         OPEN.registered.pop(name, None)
     OPEN.files.clear()

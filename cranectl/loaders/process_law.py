@@ -1,10 +1,11 @@
-"""Load controllers in another process: at a UDP address, or a program that is started for each run.
+"""Run controllers in another process: at a UDP address, or in a program that is started for each run.
 
-Numbers are little-endian. The controller is sent the number of the sample as an unsigned integer of 32 bits,
-0 at the start of each run, then what is measured and the row of the reference as float64; it answers with the
-same number, three commands and what it wants logged. Datagrams hold one sample each; a program has them on
-its standard input and output. In lock step the run waits for each answer. Free running it waits no longer
-than the deadline: then the last command is held, and the missed one counted.
+All numbers are little-endian. At each sample the controller receives three items: the number of the sample as
+an unsigned integer of 32 bits, the measured values, and the row of the reference as float64. The sample
+number is 0 at the start of each run. The controller answers with the same number, three commands and its
+logged values. Each datagram holds one sample; a program uses its standard input and output. In lock step the
+run waits for each answer. In free running it waits only until the deadline. If no answer comes, it holds the
+last command and counts a missed sample.
 """
 
 import os
@@ -39,8 +40,8 @@ from cranectl.support.documents import parse_toml
 from cranectl.support.errors import InputError, starting
 from cranectl.support.extensions import check_name
 
-ANSWER_TIMEOUT = 600.0  # [s] for an answer in lock step, where no patience of the run is shorter
-START_TIMEOUT = 3600.0  # [s] for the first one of a run: a program may import and compile
+ANSWER_TIMEOUT = 600.0  # [s] for an answer in lock step, if the run has no shorter time limit
+START_TIMEOUT = 3600.0  # [s] for the first answer of a run: a program may import and compile
 UNKNOWN = -1  # process, whose time to wait for a processor counts
 MAX_DEADLINE = 5.0  # [s] for an answer when running free
 NUMBERS = {"state": 12, "encoders": 5}
@@ -79,7 +80,7 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     if not file.reference.startswith(UDP):
         table = parse_toml(file.content.decode("utf-8", "replace"), str(file.path))
     settings = parse_settings(ProcessSettings, table, file.reference)
-    if not file.beside:  # which a worker has already
+    if not file.beside:  # a worker process already has these files
         file = _with_named(settings, file)
     check_name("controller", settings.name)
     connect = _connector(settings, file)
@@ -105,7 +106,7 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
 
 
 def _with_named(settings: ProcessSettings, file: ControllerFile) -> ControllerFile:
-    """Return the file with those that `program` and `files` name; raise InputError for absent ones."""
+    """Return the file with the files that `program` and `files` name; raise InputError for missing files."""
     folder = file.folder
     named = {word for word in settings.program if _is_file(folder / word)}
     for pattern in settings.files:
@@ -128,7 +129,7 @@ def _with_named(settings: ProcessSettings, file: ControllerFile) -> ControllerFi
 
 
 def _is_file(path: Path) -> bool:
-    """Return True for a file; a word of a program may be no name of one, such as a long `-c CODE`."""
+    """Return True for a file; a word of a command may be no valid file name, such as a long `-c CODE`."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -144,7 +145,7 @@ def _step(settings: ProcessSettings, connect: "Callable[[], _Program | _Datagram
     def step(_: Array, measured: Array, reference: Array, memory: Array, command: Array) -> int:
         nonlocal connection
         sequence = int(memory[MEMORY.sequence])
-        if sequence == 0:  # of a run
+        if sequence == 0:  # the first sample of a run
             if connection is not None:
                 connection.close()
             connection = connect()
@@ -169,7 +170,7 @@ def _step(settings: ProcessSettings, connect: "Callable[[], _Program | _Datagram
 
 
 def _answer(connection: "_Program | _Datagrams", answer: struct.Struct, sequence: int, seconds: float) -> Any:
-    """Return the numbers of the next answer, or nothing if none comes, or one to an earlier sample."""
+    """Return the numbers of the next answer, or None if no answer to this sample comes in time."""
     frame = connection.receive(answer.size, seconds)
     if frame is None:
         return None
@@ -180,7 +181,7 @@ def _answer(connection: "_Program | _Datagrams", answer: struct.Struct, sequence
 
 
 def _connector(settings: ProcessSettings, file: ControllerFile) -> "Callable[[], _Program | _Datagrams]":
-    """Return what connects to the controller for one run; raise InputError where that cannot be."""
+    """Return a function that connects to the controller for one run; raise InputError if it cannot."""
     if bool(settings.address) == bool(settings.program):
         raise InputError(
             f"{file.reference}: needs an address or a program",
@@ -202,7 +203,7 @@ def _connector(settings: ProcessSettings, file: ControllerFile) -> "Callable[[],
 
 
 def _check_program(first: str, file: ControllerFile) -> None:
-    """Raise InputError for a program that is absent, or another one on this machine where it is installed."""
+    """Raise InputError if the program is missing, or differs from the one where the controller was opened."""
     if not _is_file(file.folder / first) and first not in dict(file.beside) and shutil.which(first) is None:
         raise InputError(
             f"{file.reference}: there is no program '{first}'",
@@ -220,7 +221,7 @@ def _check_program(first: str, file: ControllerFile) -> None:
 
 
 class _Datagrams:
-    """A connection to an address, for one run."""
+    """A UDP connection to an address, for one run."""
 
     process = UNKNOWN
 
@@ -231,7 +232,7 @@ class _Datagrams:
         self.send, self.close = self._socket.send, self._socket.close
 
     def receive(self, size: int, seconds: float) -> bytes | None:
-        """Return a frame, or nothing within that time."""
+        """Return a datagram, or None if none comes within that time."""
         self._socket.settimeout(seconds)
         try:
             return self._socket.recv(size + 1)
@@ -240,23 +241,23 @@ class _Datagrams:
 
 
 class _Pipe:
-    """The bytes that come through a pipe."""
+    """Reads the bytes that come through a pipe."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
 
     def read(self, seconds: float) -> bytes | None:
-        """Return what has come within that time: None for nothing, no bytes at the end of the pipe."""
+        """Return the bytes that come within that time, None for none, or b"" at the end of the pipe."""
         if not select.select([self._descriptor], [], [], seconds)[0]:
             return None
         return os.read(self._descriptor, PIPE_BYTES)
 
     def close(self) -> None:
-        """Stop reading a pipe that nobody writes any more."""
+        """Do nothing: only a pipe that is read in a thread needs an end."""
 
 
 class _PipeInThread(_Pipe):
-    """The same, read in a thread, where a process can wait for sockets only, as on Windows."""
+    """Reads a pipe in a thread, for systems such as Windows that can only wait for sockets."""
 
     def __init__(self, descriptor: int) -> None:
         super().__init__(descriptor)
@@ -280,7 +281,7 @@ class _PipeInThread(_Pipe):
 
 
 class _Program:
-    """A program in the folder where the files are that belong to it, for one run; raises OSError."""
+    """A program for one run, started in the folder that holds its files; raises OSError."""
 
     def __init__(self, program: tuple[str, ...], file: ControllerFile) -> None:
         folder = whole_copy_of(file).parent
@@ -299,10 +300,10 @@ class _Program:
         assert self._process.stdout is not None
         self.send = self._process.stdin.write
         self._pipe = (_Pipe if CAN_WAIT_FOR_PIPES else _PipeInThread)(self._process.stdout.fileno())
-        self._begun = b""  # of a frame
+        self._begun = b""  # bytes of an incomplete frame
 
     def receive(self, size: int, seconds: float) -> bytes | None:
-        """Return a frame, or nothing within that time; raise ConnectionError where there will be none."""
+        """Return a frame, or None if none comes in time; raise ConnectionError if the program ended."""
         deadline = monotonic() + seconds
         while len(self._begun) < size:
             part = self._pipe.read(max(deadline - monotonic(), 0.0))

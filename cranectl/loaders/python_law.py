@@ -1,7 +1,8 @@
 """Load controllers in Python: a function, a class or a `Controller` of a file.
 
-What Numba compiles costs as much as a controller of ours. What it does not is called back from the compiled
-loop, which holds the interpreter's lock and takes microseconds: it is told once, and why.
+A step that Numba can compile runs as fast as a built-in controller. The compiled loop calls any other step
+through the Python interpreter. That holds the interpreter's lock and takes microseconds. A warning says so
+once, with the reason.
 """
 
 import inspect
@@ -44,9 +45,9 @@ DECLARED = ("command", "follows", "measures", "every", "preview", "reads")
 
 
 def open_python(file: ControllerFile) -> tuple[Controller, ControllerFile]:
-    """Return the controller `file.symbol` of a file, and the file with what it takes along.
+    """Return the controller `file.symbol` of a file, and the file with all files that it uses.
 
-    Raises InputError where there is none, or it is no controller.
+    Raises InputError if there is no such name, or if it is no controller.
     """
     module, opened = _load(file)
     if not file.symbol:
@@ -71,12 +72,12 @@ def open_python(file: ControllerFile) -> tuple[Controller, ControllerFile]:
 
 
 def _load(file: ControllerFile) -> tuple[ModuleType, ControllerFile]:
-    """Return the module, run; of a worker on another machine from a copy."""
+    """Run the file and return its module; a worker on another machine runs a copy."""
     path = whole_copy_of(file)
     beside = Neighbours(path)
     module = ModuleType(f"{beside.package}.{path.stem}")
     module.__file__ = str(path)
-    module.__package__ = ""  # as of any script
+    module.__package__ = ""  # as for any script
     module.__dict__["__builtins__"] = beside.names
     sys.modules[module.__name__] = module
     linecache.checkcache(str(path))
@@ -84,7 +85,7 @@ def _load(file: ControllerFile) -> tuple[ModuleType, ControllerFile]:
         with contained(), beside.running(), reported_when_slow(f"{file.reference} has been loading"):
             exec(compile(file.content, str(path), "exec"), module.__dict__)
         return module, file.with_beside(beside.folder, beside.taken(path))
-    except (InputError, KeyboardInterrupt):  # of what it declares
+    except (InputError, KeyboardInterrupt):  # about a wrong declaration
         raise
     except BaseException as error:
         raise InputError(
@@ -130,11 +131,11 @@ def _checked(step: Any, file: ControllerFile) -> Any:
 
 
 def _declared(source: Any, step: Any, file: ControllerFile) -> Controller:
-    """Return the controller of a class or function, by attributes called as those of a `Controller`.
+    """Return the controller of a class or function, whose attributes are named as those of a `Controller`.
 
-    Besides, `parameters` may be {name: number} and `logged` {name: place of the memory}; `memory` is its
-    `Slots`, how many zeros, or where it starts. Without a `prepare` the step gets the parameters' numbers in
-    their order.
+    There are short forms. `parameters` may be {name: number}, and `logged` may be {name: place of the
+    memory}. `memory` may be its `Slots`, its size, or its start values. Without `prepare`, the step gets the
+    values of the parameters in their order.
     """
     name = getattr(source, "name", slug(file.symbol))
     parameters = getattr(source, "parameters", {})
@@ -163,7 +164,7 @@ def _declared(source: Any, step: Any, file: ControllerFile) -> Controller:
 
 
 def _number(owner: Any, key: Any, value: Any) -> float:
-    """Return the default of a parameter; raise InputError where it is no number."""
+    """Return the default of a parameter; raise InputError if it is not a number."""
     try:
         return float(value)
     except (TypeError, ValueError, OverflowError):
@@ -175,7 +176,7 @@ def _number(owner: Any, key: Any, value: Any) -> float:
 
 
 def _memory(owner: Any, start: Any) -> Array:
-    """Return the memory at the start of a run; raise InputError where `start` says none."""
+    """Return the memory at the start of a run; raise InputError if `start` does not describe one."""
     if isinstance(start, Slots):
         return start.array()
     if is_whole(start, 0, MAX_MEMORY):
@@ -194,13 +195,13 @@ def _memory(owner: Any, start: Any) -> Array:
 
 
 def _callable(controller: Controller, file: ControllerFile) -> Controller:
-    """Return the controller, called back from Python if Numba cannot compile its step, with a warning."""
+    """Return the controller; if Numba cannot compile its step, warn and let Python run it."""
     try:
         with reported_when_slow(f"Numba has been compiling the step of {file.reference}"):
             address_of(controller.step)
     except Exception as error:  # of many classes, some of no family
         said, where = why_not_compiled(controller.step, error)
-        if multiprocessing.parent_process() is None:  # workers would say it once more
+        if multiprocessing.parent_process() is None:  # workers would repeat the warning
             print(
                 f"cranectl: {file.reference} is called back from the compiled loop, some microseconds a "
                 f"sample: Numba cannot compile it: {where}: {said}",
