@@ -113,7 +113,9 @@ def stage(source: Path) -> None:
     """Write all that Sphinx reads into an empty folder."""
     shutil.rmtree(source, ignore_errors=True)
     shutil.copytree(
-        DOCS, source, ignore=shutil.ignore_patterns("*.md", "__pycache__", "build.py", "reference_pages.py")
+        DOCS,
+        source,
+        ignore=shutil.ignore_patterns("*.md", "__pycache__", "build.py", "figures.py", "reference_pages.py"),
     )
     write_data_pages(source)
     index = DOCS / "index.md"

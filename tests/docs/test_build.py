@@ -5,11 +5,13 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 
 import cranectl
 from cranectl.campaign.benchmark.settings import read_benchmark
-from docs import build
+from docs import build, figures
 from tests.conftest import ROOT
 from validation.performance import page as performance
 from validation.proofs import mutation_results as mutations
@@ -86,6 +88,18 @@ def test_an_example_is_short_and_uses_what_is_public(script: Path) -> None:
 def test_there_are_ten_examples() -> None:
     names = sorted(path.name for path in (ROOT / "docs" / "gallery").glob("*.py"))
     assert [name[:3] for name in names] == [f"{number:02}_" for number in range(1, 11)]
+
+
+def test_figures_are_those_that_the_script_draws(tmp_path: Path) -> None:
+    """After a change of the script or of the physics: python docs/figures.py."""
+    figures.main(tmp_path)
+    for name in figures.FIGURES:
+        new, old = (
+            np.asarray(Image.open(folder / f"{name}.png").convert("L"), dtype=float)
+            for folder in (tmp_path, figures.PICTURES)
+        )
+        assert new.shape == old.shape
+        assert np.abs(new - old).mean() < 1.0, name
 
 
 def test_the_data_of_performance_are_read_as_they_are_written(tmp_path: Path) -> None:

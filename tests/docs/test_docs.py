@@ -19,6 +19,7 @@ WITHOUT_CODE = {"errata.md", "thesis.md", "reliability.md"}  # results
 WITHOUT_CODE |= {
     "commands.md",
     "exit-codes.md",
+    "flatness.md",
     "glossary.md",
     "index.md",
     "limits.md",
