@@ -17,6 +17,7 @@ def slow(parameters, measured, reference, memory, command):
 MORE = {
     "longer.toml": 'name = "short"\nduration = 0.4\n' + SHORT.partition("\n")[2],
     "other.toml": MANY.replace("runs = 1", "runs = 2"),
+    "pid.toml": f'name = "pid"\ncontroller = "pid"\n{SHORT}',
     "slow.py": SLOW,
     "file": "of another kind",
     "full/notes.txt": "of another kind",
@@ -62,6 +63,8 @@ CASES = [
          "report one.mcap two.mcap mujoco.mcap offset.mcap coarse.mcap --out page.html",
          ("report one.mcap two.mcap --out page.html",
           "ladder short.toml --controller lqr --top sampled --report page.html")),
+    Case("cli/validate.py", "add --controller {}", "validate pid.toml --plants analytic --drive ideal",
+         ("validate pid.toml --plants analytic --drive ideal --controller pid",)),
     Case("compare/golden.py", "run again with the golden log's --every",
          "compare coarse.mcap one.mcap --tolerances exact",
          (f"{RUN} analytic --every 4 --out coarse.mcap", "compare coarse.mcap one.mcap --tolerances exact")),
