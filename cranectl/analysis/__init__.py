@@ -1,1 +1,1 @@
-"""What sets a rig apart from its design model: measured, predicted, certified."""
+"""Measure, predict and certify the effect of the differences between a rig and its design model."""

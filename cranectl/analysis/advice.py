@@ -1,8 +1,8 @@
-"""Which controller to take for given drives and sensors, and what of them to improve first.
+"""Recommend a controller for given drives and sensors, and the hardware to improve first.
 
-A controller is guaranteed if the certificate holds at every operating point that the scenario visits: the
-linear loop frozen there is stable. It has survived if its run completed. Costs are measured: the distance of
-the load from where the continuous-time ideal has it.
+A controller is guaranteed if the certificate holds at every operating point that the scenario visits. It
+holds if the linear loop at that fixed point is stable. A controller has survived if its run completed. The
+cost is measured: the distance of the load from its position in the continuous-time ideal.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,7 +27,7 @@ from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.documents import merged
 
-IMPROVEMENTS = 5  # that are tried
+IMPROVEMENTS = 5  # number of improvements that are tried
 # The effects that drives and sensors have.
 GIVEN = [name for name, kind in EFFECTS.items() if kind.is_staged and kind.adds]
 STILL = 0.02  # [m/s], below which the rope counts as still
@@ -36,7 +36,7 @@ Progress = Callable[[float], None]  # called with one for each controller and im
 
 @dataclass(frozen=True)
 class Assessment:
-    """One controller on the rig as it is."""
+    """The results of one controller on the present rig."""
 
     controller: str
     certificate: Certificate
@@ -56,12 +56,12 @@ class Assessment:
 
     @property
     def least_margin(self) -> float:
-        """What is left of the margin at the point where that is least; positive if it is guaranteed."""
+        """Smallest remaining stability margin over all points; positive if the controller is guaranteed."""
         return self._tightest.left
 
     @property
     def judged_by(self) -> str:
-        """How the certificate judges that point: by the gap alone, or frequency by frequency."""
+        """How the certificate judges that point: by the gap alone, frequency by frequency, or refused."""
         return {"gap": "gap", "by frequency": "frequency", "refused": "refused"}[self._tightest.grade]
 
     @property
@@ -70,7 +70,7 @@ class Assessment:
 
     @property
     def grade(self) -> str:
-        """What to call it."""
+        """Grade of the controller: failed, survived or guaranteed."""
         if not self.survived:
             return "failed"
         return "guaranteed" if self.guaranteed else "survived"
@@ -91,12 +91,12 @@ class Assessment:
 
 @dataclass(frozen=True)
 class Improvement:
-    """A rig that is better in one respect, under the recommended controller."""
+    """A rig with one improved property, under the recommended controller."""
 
     name: str
     change: str
     assessment: Assessment
-    gain: float  # part of the RMS cost that it takes away; negative if it adds to it
+    gain: float  # fraction by which it reduces the RMS cost; negative if it increases the cost
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -109,7 +109,7 @@ class Improvement:
 
 @dataclass(frozen=True)
 class Advice:
-    """All controllers on one rig, the best first, and what would help the best one most."""
+    """All controllers on one rig, the best first, and the improvements, the most useful first."""
 
     scenario: Scenario
     points: tuple[OperatingPoint, ...]
@@ -118,7 +118,7 @@ class Advice:
 
     @property
     def best(self) -> Assessment | None:
-        """The recommendation; None if no controller survives."""
+        """The recommended controller; None if no controller survives."""
         return self.assessments[0] if self.assessments[0].survived else None
 
     def to_json(self) -> dict[str, Any]:
@@ -135,7 +135,7 @@ class Advice:
 def advise(
     scenario: Scenario, controllers: Sequence[str] = CONTROLLERS, *, progress: Progress | None = None
 ) -> Advice:
-    """Assess the controllers with velocity drives and the effects GIVEN, the scenario's or the defaults."""
+    """Assess the controllers with velocity drives and the effects GIVEN, as set or by default."""
     rig = with_effects(scenario, [*GIVEN, *(n for n in scenario.effects.names if n not in GIVEN)])
     points = tuple(visited_points(rig))
     assessments = []
@@ -165,7 +165,7 @@ def assess(scenario: Scenario, controller: str, points: Sequence[OperatingPoint]
 
 
 def visited_points(scenario: Scenario) -> list[OperatingPoint]:
-    """Return the corners of what a scenario visits: rope lengths, hoisting speeds, disturbances."""
+    """Return the extreme operating points of a scenario: rope lengths, hoisting speeds, disturbances."""
     plan = plan_scenario(scenario)
     length, rate = plan.reference_state[:, ROPE], plan.reference_state[:, ROPE_RATE]
     lengths = sorted({round(float(value), 3) for value in (length.min(), length.max())})
@@ -173,7 +173,7 @@ def visited_points(scenario: Scenario) -> list[OperatingPoint]:
     speeds = {round(float(value), 3) for value in (rate.min(), rate.max()) if abs(value) > STILL}
     edges = np.flatnonzero(np.any(np.diff(plan.disturbance, axis=0), axis=1)) + 1
     rows = plan.disturbance[[0, *edges]]
-    # The others pass too fast to be held against by gravity on the longest rope.
+    # Gravity cannot hold a steady tilt against stronger disturbances on the longest rope.
     limit = 0.7 * scenario.rig.gravity / lengths[-1]
     tilts = {(float(alpha), float(beta)) for alpha, beta in rows if float(np.hypot(alpha, beta)) < limit}
     return grid_of(
@@ -185,7 +185,7 @@ def visited_points(scenario: Scenario) -> list[OperatingPoint]:
 
 
 def improved(scenario: Scenario) -> list[tuple[str, str, Scenario]]:
-    """Return (name, change, scenario) for each hardware figure made twice as good."""
+    """Return (name, change, scenario) for each hardware property made twice as good."""
     effects, rig, control = scenario.effects, scenario.rig, scenario.control
     assert effects.sensing is not None
     assert effects.delay is not None
@@ -244,6 +244,6 @@ def _saved(before: Assessment, after: Assessment) -> float:
 
 
 def _list(values: Sequence[float] | np.ndarray) -> str:
-    """Return `20`, or `20, 20, 30` where the values differ."""
+    """Return one number such as `20`, or all of them, `20, 20, 30`, if they differ."""
     texts = [f"{value:g}" for value in values]
     return texts[0] if all(a == b for a, b in pairwise(texts)) else ", ".join(texts)

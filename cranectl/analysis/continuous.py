@@ -1,8 +1,8 @@
-"""The continuous-time ideal: plant and tracker as one differential equation, nothing sampled, nothing held.
+"""Simulate the continuous-time ideal: plant and tracker as one differential equation, without sampling.
 
-It is the first of the fidelity levels. State: joints (10), zeta, zeta', then
-the robustifier states of the axes x, y, z. Fixed DOP853 steps that end at every sample, reference joint and
-disturbance edge, so that no step straddles a jump; with steps of 1 ms the error is that of rounding.
+It is the first of the fidelity levels. The state has the joints (10), zeta, zeta', and the robustifier states
+of the axes x, y, z. DOP853 takes fixed steps that end at every sample, reference joint and disturbance edge,
+so that no step contains a jump. With steps of 1 ms the error is that of rounding.
 """
 
 from math import ceil
@@ -60,7 +60,7 @@ SAMPLED_STEPS = 2000  # steps whose reference is sampled at once
 
 
 class ContinuousLoop(NamedTuple):
-    """What the differential equation needs besides reference and disturbance."""
+    """The parameters of the differential equation besides reference and disturbance."""
 
     gain: Array  # (4,)
     a: Array  # (n, n) robustifier of one axis
@@ -72,9 +72,9 @@ class ContinuousLoop(NamedTuple):
 
 @jit_called
 def closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outputs):
-    """State derivative into `rate`; also flat output (15,) and `outputs` = (u, v, v-bar), three each.
+    """Write the state derivative into `rate`, the flat output (15,) into `flat`, and `outputs` (9,).
 
-    `reference` (15,), `disturbance` (2,) [rad/s²].
+    `outputs` are u, v and v-bar, three numbers each. `reference` is (15,), `disturbance` (2,) [rad/s²].
     """
     zeta, zeta_dot = state[EXTENSION], state[EXTENSION + 1]
     flat_output(state, zeta, zeta_dot, loop.gravity, flat)
@@ -116,7 +116,7 @@ def closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outp
 
 @jit_called
 def record_rows(loop, rig, states, reference, disturbance, wind, record):
-    """Write `record` at the sampled `states`; returns (complete rows, COMPLETED or why it ends there)."""
+    """Write `record` at the sampled `states`; return the number of complete rows and the final status."""
     rate, flat, outputs = np.zeros(states.shape[1]), np.zeros(15), np.zeros(9)
     n, width = loop.b.shape[0], (record.shape[1] - CONTROLLER_COLUMN - 2) // 3
     for k in range(len(states)):
@@ -179,10 +179,9 @@ def advance_steps(loop, rig, state, steps, reference, disturbance, wind, row_of,
 def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: float = MAX_STEP) -> Run:
     """Simulate `scenario` on the analytic plant with the continuous-time tracker.
 
-    The states are recorded at the control samples.
-
-    Ideal drives, none of the scenario's effects; set-point columns hold the velocities themselves. Stops as
-    `simulate_run` does where the controller or the rope ends, but not at the workspace's limits.
+    The states are recorded at the control samples. Drives are ideal, and none of the scenario's effects act.
+    The set-point columns hold the velocities themselves. The run stops, as `simulate_run` does, where the
+    control law is undefined or the rope goes slack. It does not stop at the limits of the workspace.
     """
     r = design.robustifier
     fastest = abs(r.fastest_mode[0]) if r.order else 0.0

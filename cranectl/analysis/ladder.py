@@ -1,4 +1,4 @@
-"""The fidelity ladder: from the ideal of theory to the rig, one effect a level."""
+"""Run the fidelity ladder: from the theoretical ideal to the rig, with one more effect at each level."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
@@ -24,19 +24,19 @@ Progress = Callable[[float], None]  # called with simulated seconds
 
 MEAN_ROUNDING = 1e-12  # relative, of a mean of squares
 
-MORE_RUNS = 4  # that a ladder's memory comes to besides one for each level: what they are made of
+MORE_RUNS = 4  # runs that a ladder holds in memory besides one for each level
 
 
 @dataclass(frozen=True)
 class Size:
-    """Of a deviation of the load position over a run: Euclidean norm over the axes [m]."""
+    """The size of a deviation of the load position over a run: Euclidean norm over the axes [m]."""
 
     rms: float
     max: float
     final: float
 
     def __post_init__(self) -> None:
-        """Raise InconsistentError for a largest value that is not the largest; squares may overflow."""
+        """Raise InconsistentError if the maximum is smaller than another value; squares may overflow."""
         for name, value in (("the RMS deviation", self.rms), ("the final deviation", self.final)):
             if isfinite(value):
                 check_ascending((name, value), ("the largest deviation", self.max), rounding=MEAN_ROUNDING)
@@ -44,18 +44,22 @@ class Size:
 
 @dataclass(frozen=True)
 class LevelResult:
-    """What one level did. Deviations are None for a run without a sample, `alone` where nothing is alone."""
+    """The results of one level.
+
+    Deviations are None for a run without samples. The fields `alone` are None for levels before the first
+    effect.
+    """
 
     level: Level
     run: Run
     metrics: RunMetrics | None
-    cumulative: Size | None  # from the level before
-    alone: Size | None = None  # from BASE, with this effect only
+    cumulative: Size | None  # deviation from the previous level
+    alone: Size | None = None  # deviation from BASE with this effect only
     alone_status: str | None = None  # how that run ended
     alone_metrics: RunMetrics | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data, the run by its status only."""
+        """Return plain data, with only the status of the run."""
         return {
             "level": self.level.name,
             "plant": self.level.plant,
@@ -78,8 +82,8 @@ def evaluate_levels(
 ) -> Iterator[LevelResult]:
     """Run the levels up to `top`, one after the other.
 
-    An effect that the scenario has settings for is added with those, else with the defaults. Raises
-    InputError for an unknown level, and before any run for what a level cannot have.
+    An effect takes the settings of the scenario if it has them, else the defaults. Raises InputError for an
+    unknown level. Before any run, it also raises InputError for settings that a level does not allow.
     """
     if top not in NAMES:
         raise unknown_name("fidelity level", top, NAMES)
@@ -106,7 +110,7 @@ def evaluate_levels(
         run = simulated(level, whole.get(level.name) or with_effects(scenario, []))
         result = LevelResult(level, run, run_metrics(run), deviation(run, before) if before else None)
         if base is not None:
-            # The first effect is alone already.
+            # The first effect level has no other effect, so its run serves twice.
             single = run if level.name == added[0] else simulated(level, alone[level.name])
             result = replace(
                 result,
@@ -119,10 +123,10 @@ def evaluate_levels(
 
 
 def check_steps(scenario: Scenario, variants: Iterable[Scenario]) -> None:
-    """Raise InputError where the physics step is too long for `variants`, which have other effects only.
+    """Raise InputError if the physics step is too long for one of `variants`, which differ only in effects.
 
-    It names a step that will do for all of them. Also where a limit of theirs is below what the reference
-    asks.
+    The error names a step that is short enough for all of them. It also raises InputError if the reference
+    exceeds a limit of a variant.
     """
     shortest, errors = plan_scenario(scenario).shortest_rope, []
     for variant in variants:
@@ -146,19 +150,19 @@ def size_of(load: Array) -> Size:
     """Return the size of deviations (N, 3); zero if there are none."""
     if not len(load):
         return Size(0.0, 0.0, 0.0)
-    with np.errstate(over="ignore"):  # of predictions that run away
+    with np.errstate(over="ignore"):  # diverging predictions may overflow
         norm = np.linalg.norm(load, axis=1)
     return Size(float(np.sqrt(np.mean(norm**2))), float(norm.max()), float(norm[-1]))
 
 
 def load_difference(run: Run, before: Run) -> Array:
-    """Load of `run` less that of `before`, over the samples that both have, (n, 3) [m]."""
+    """Return the load position of `run` minus that of `before`, at their common samples, (n, 3) [m]."""
     common = min(len(run.time_ns), len(before.time_ns))
     difference: Array = run.load_position[:common] - before.load_position[:common]
     return difference
 
 
 def deviation(run: Run, before: Run) -> Size | None:
-    """Return the deviation of the load of `run` from that of `before`; None without common samples."""
+    """Return the deviation of the load in `run` from that in `before`; None without common samples."""
     difference = load_difference(run, before)
     return size_of(difference) if len(difference) else None

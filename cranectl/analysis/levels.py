@@ -1,4 +1,4 @@
-"""The fidelity levels, from theory to the real rig, and how to give a scenario other effects."""
+"""Define the fidelity levels, from theory to the real rig, and give a scenario other effects."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from cranectl.scenario.similarity import check_size
 
 @dataclass(frozen=True)
 class Level:
-    """A level of fidelity: what it adds to the one before, and its plant and drives."""
+    """A level of fidelity: its addition to the level before, its plant and its drives."""
 
     name: str
     adds: str
-    plant: str = "mujoco"  # the engine for its physics, whatever else is registered
+    plant: str = "mujoco"  # the plant that simulates its physics
     drive: Drive = "velocity"
 
 
@@ -30,11 +30,11 @@ LEVELS = (
 )
 NAMES = tuple(level.name for level in LEVELS)
 EFFECT_LEVELS = tuple(name for name, kind in EFFECTS.items() if kind.adds)
-BASE = "servos"  # what an effect alone is added to
+BASE = "servos"  # the level to which a single effect is added
 
 
 def assumed_effects(scenario: Scenario) -> EffectNumbers:
-    """Return the numbers of every effect: the scenario's, else the rig's with a delay of whole periods."""
+    """Return the settings of every effect: the scenario's, else the rig's with a delay of whole periods."""
     effects, numbers = scenario.effects, scenario.rig.effects
     if not effects.delay:
         periods = -(-nanoseconds(numbers.delay.seconds) // scenario.period_ns)
@@ -57,5 +57,5 @@ def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
 
 
 def with_effects(scenario: Scenario, names: Iterable[str]) -> Scenario:
-    """Return `scenario` with exactly the effects of these names, with the numbers of `assumed_effects`."""
+    """Return `scenario` with exactly the effects of these names, with the settings of `assumed_effects`."""
     return replace_effects(scenario, assumed_effects(scenario).only(*names))

@@ -1,1 +1,1 @@
-"""What any program needs and no crane: errors, files, text, compiled code, interrupts."""
+"""Provide general tools that know nothing of cranes: errors, files, text, compiled code, interrupts."""

@@ -1,4 +1,4 @@
-"""The type of almost every array: float64, or what says which; shapes stand where the arrays do."""
+"""Define the type of almost every array, float64; docstrings and comments state the shapes."""
 
 import numpy as np
 from numpy.typing import NDArray

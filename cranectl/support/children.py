@@ -1,7 +1,8 @@
-"""Processes that work for this one: start them, talk with them, notice their death and end them.
+"""Start child processes, exchange messages with them, notice when they end, and end them.
 
-A child is forked, or a new Python process. It leaves signals to its parent, ends with it, and leads a group
-of processes, so that what it starts ends with it. A program of somebody else only answers one question.
+A child is a forked process or a new Python process. It ignores the signals that stop a command, because its
+parent handles them. It ends when its parent ends. It leads a group of processes, so that all processes that
+it starts end with it. A foreign program only answers one question: see `answer_of_program`.
 """
 
 import contextlib
@@ -34,18 +35,18 @@ from cranectl.support.errors import (
 )
 from cranectl.support.interrupts import SIGNALS, in_background
 
-LONGEST_WAIT = 3600.0  # [s] at once
-ASK_INTERVAL = 0.1  # [s] between two looks at what else may end a wait
-EXIT_INTERVAL = 0.01  # [s] between two looks whether a forked child has ended
+LONGEST_WAIT = 3600.0  # [s] the longest single wait
+ASK_INTERVAL = 0.1  # [s] between two checks for other reasons to end a wait
+EXIT_INTERVAL = 0.01  # [s] between two checks whether a forked child has ended
 SAFE_PATH = "PYTHONSAFEPATH"  # any text keeps the working directory out of the search path
-MARK = "cranectl"  # the text that says that it was set here, and not by the user
+MARK = "cranectl"  # the value that marks it as set here, and not by the user
 T = TypeVar("T")
 _lock = threading.Lock()
 _blocks = 0  # of `safe_path` that are open, in any thread
 
 
 class Timeout:
-    """A limit of the time that a process takes. Time in which it waits for a processor does not count."""
+    """A time limit for a process. Time in which the process waits for a processor does not count."""
 
     def __init__(self, pid: int, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
         """Start now; `seconds` may be infinite."""
@@ -67,7 +68,7 @@ class Timeout:
 
 
 def processor_wait(pid: int) -> float:
-    """Return how long [s] a process has been ready and had no processor; zero where nothing tells."""
+    """Return how long [s] a process was ready but had no processor; zero if the system does not report it."""
     try:
         fields = Path(f"/proc/{pid or os.getpid()}/schedstat").read_text("ascii").split()
         return 1e-9 * int(fields[1])
@@ -81,7 +82,7 @@ def describe_exit(code: int) -> str:
 
 
 class ChildError(Exception):
-    """A child has ended before it answered, or has not answered in time and was ended."""
+    """A child process ended before it answered, or was ended because it did not answer in time."""
 
     def __init__(self, exit_code: int | None, timeout: float) -> None:
         """Describe how a child ended; `exit_code` is None if it did not answer within `timeout` [s]."""
@@ -93,13 +94,13 @@ class ChildError(Exception):
 
 
 class Child:
-    """A process that works for this one, and this end of the pipe between them."""
+    """A child process and this process's end of the pipe between them."""
 
     def __init__(self, pid: int, connection: Connection, process: BaseProcess | None = None) -> None:
         """Hold a child process; `process` is None if it was forked here."""
         self.pid, self.connection, self._process = pid, connection, process
         self._exit_code: int | None = None
-        self._is_starting = False  # a program, which no timeout bounds
+        self._is_starting = False  # whether a program is starting, which has no time limit
 
     def send(self, message: Any) -> None:
         """Send a message; raise ChildError if the process has ended."""
@@ -111,8 +112,8 @@ class Child:
     def receive(self, timeout: float, look: Callable[[], None] | None = None) -> Any:
         """Return the next message of the process.
 
-        `timeout`: [s], without the time in which a program starts. `look` is called every `ASK_INTERVAL`.
-        Raises ChildError if there will be no message, and an InputError that is received.
+        `timeout` is in seconds and excludes the time in which a program starts. `look` is called about every
+        `ASK_INTERVAL`. Raises ChildError if no message comes, and raises an InputError that the child sends.
         """
 
         def is_there(seconds: float) -> bool:
@@ -138,26 +139,26 @@ class Child:
             self._is_starting = not self._is_starting
 
     def end(self) -> None:
-        """End the process, whatever it does, and what it has started."""
+        """Kill the process and all processes that it has started."""
         if self.connection.closed:
             return
         with contextlib.suppress(ProcessLookupError, PermissionError, AttributeError):
             os.killpg(self.pid, signal.SIGKILL)
         if self._process is not None:
-            self._process.kill()  # if it does not lead its group yet
+            self._process.kill()  # it may not lead its group yet
         while not self._has_ended(LONGEST_WAIT):
             pass
         self.connection.close()
 
     def _lost(self, timeout: float) -> ChildError:
-        """Return how the process ended, which has closed its pipe; end it if it goes on."""
+        """Return how a process ended that has closed its pipe; kill it if it still runs."""
         Timeout(self.pid, timeout).wait_for(self._has_ended)
-        code = self._exit_code  # which a kill from here would change
+        code = self._exit_code  # read before `end`, which would change it
         self.end()
         return ChildError(code, timeout)
 
     def _has_ended(self, seconds: float) -> bool:
-        """Wait for the end of the process for some seconds."""
+        """Wait for some seconds for the process to end; return True once it has ended."""
         if self._process is not None:
             self._process.join(seconds)
             self._exit_code = self._process.exitcode
@@ -172,10 +173,11 @@ class Child:
 
 @contextlib.contextmanager
 def safe_path() -> Iterator[None]:
-    """Keep the working directory out of the search path of the processes that the block starts.
+    """Keep the working directory out of the import path of the processes that the block starts.
 
-    `python -c`, by which `multiprocessing` starts them, puts it first: a `struct.py` there would run in place
-    of the module of that name. They call `forget_safe_path`, so that a script that they start finds its own.
+    `multiprocessing` starts them with `python -c`, which puts the working directory first. A file `struct.py`
+    there would replace the standard module. The processes call `forget_safe_path`, so that scripts that they
+    start can import from their own folder.
     """
     global _blocks
     with _lock:
@@ -207,8 +209,8 @@ def spawn_child(
 ) -> Child:
     """Start a Python process that calls `work` with its end of the pipe and `inputs`.
 
-    `context`: how it starts, by default anew. `daemon`: it ends with this process, and `multiprocessing` lets
-    it start none of its own.
+    `context` says how the process starts, by default as a new Python process. A `daemon` ends with this
+    process, and `multiprocessing` does not let it start processes of its own.
     """
     context = context or multiprocessing.get_context("spawn")
     here, there = context.Pipe()
@@ -220,16 +222,16 @@ def spawn_child(
 
 
 def _serve(work: Callable[..., None], connection: Connection, *inputs: Any) -> None:
-    """Do the work of a process that is not forked from its parent."""
+    """Run `work` in a process that was started by `multiprocessing`."""
     parent = multiprocessing.parent_process()
     assert parent is not None
-    forget_safe_path()  # so that it starts scripts as its parent does
+    forget_safe_path()  # so that it starts scripts as its parent would
     _follow_parent(lambda: wait([parent.sentinel]))
     work(connection, *inputs)
 
 
 def _follow_parent(wait_for_end: Callable[[], object]) -> None:
-    """Leave signals to the parent, which `wait_for_end` waits for, end with it, and lead a group."""
+    """Ignore signals, lead a process group, and end when `wait_for_end` returns."""
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)
     for number in SIGNALS:
@@ -243,15 +245,15 @@ def _follow_parent(wait_for_end: Callable[[], object]) -> None:
 
 
 def requests(connection: Connection) -> Iterator[Any]:
-    """Yield what the parent sends, until it sends None or closes its end."""
+    """Yield the messages of the parent until it sends None or closes its end."""
     with contextlib.suppress(EOFError):
         yield from iter(connection.recv, None)
 
 
 def fork_child(work: Callable[[Connection], None]) -> Child:
-    """Fork a process that calls `work` with its end of the pipe; whatever goes wrong there only ends it."""
+    """Fork a process that calls `work` with its end of the pipe; any error there only ends that process."""
     here, there = multiprocessing.Pipe(duplex=False)
-    with warnings.catch_warnings():  # of threads, none of which the child needs
+    with warnings.catch_warnings():  # Python warns of other threads; the child needs none
         warnings.simplefilter("ignore", DeprecationWarning)
         pid = os.fork()
     if pid == 0:
@@ -259,7 +261,7 @@ def fork_child(work: Callable[[Connection], None]) -> Child:
         _serve_forked(work, there)
     there.close()
     with contextlib.suppress(PermissionError, ProcessLookupError):
-        os.setpgid(pid, pid)  # as the child does: whoever is first
+        os.setpgid(pid, pid)  # parent and child both do this, because either may run first
     return Child(pid, here)
 
 
@@ -271,9 +273,9 @@ def _serve_forked(work: Callable[[Connection], None], connection: Connection) ->
             threading.Event().wait(1.0)
 
     _follow_parent(wait_for_end)
-    faulthandler.disable()  # the parent says how it ended
+    faulthandler.disable()  # the parent reports how the child ended
     with contextlib.suppress(OSError):  # standard error may be closed
-        os.dup2(2, 1)  # standard output is the command's own
+        os.dup2(2, 1)  # standard output is reserved for results of the command
         sys.stdout = os.fdopen(2, "w", buffering=1, closefd=False)
     report_to_parent(connection.send)
     code = 1

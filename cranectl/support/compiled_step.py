@@ -20,7 +20,7 @@ from numba.core.types import Boolean, CPointer, Integer, IntEnumMember, float64,
 from cranectl.support.compilers import PausingCompiler
 from cranectl.support.errors import MAX_PHRASE, describe_error, printable, tell_of_machine
 
-FAILED = -1  # returned by a step that raised
+FAILED = -1  # status of a step that raised an exception
 _POINTER: Any = CPointer  # Numba has no types
 _TOOLS: Any = cgutils
 _ENVIRONMENTS: list[Any] = []  # compiled code points to them
@@ -48,7 +48,7 @@ STEP_ARGUMENTS = (_POINTER(float64),) * 5  # of all controllers
 
 
 class CompiledStep(CFunc):
-    """A step of a controller, or another function that returns an int64."""
+    """A compiled controller step, or another compiled function that returns an int64."""
 
     _targetdescr = _StepTarget()
 
@@ -97,7 +97,7 @@ def _wrap_step(context: Any, library: Any, described: Any, _environment: Any, _h
 
 
 def _report(context: Any, builder: Any, status: Any, name: str) -> None:
-    """Generate code that takes the interpreter's lock and has the exception reported."""
+    """Generate code that acquires the interpreter's lock and reports the exception."""
     api = context.get_python_api(builder)
 
     def constant(text: str) -> Any:

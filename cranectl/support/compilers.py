@@ -1,8 +1,8 @@
-"""Numba's compiler, made faster.
+"""Make Numba compile faster.
 
-Numba optimises each function, and makes machine code of it. A caller then links its code and does both again.
-With all kernels inlined, this repeats most of the work at each level of calls. Here a function that only
-compiled code calls is left as it is: its callers optimise it.
+Numba optimises each function and generates machine code for it. A caller then links its code and does both
+again. With all kernels inlined, this repeats most of the work at each level of calls. Here, a function that
+only compiled code calls is not optimised: its callers optimise it.
 """
 
 import gc
@@ -15,7 +15,10 @@ from numba.core.compiler import Compiler
 
 
 class LinkedLibrary(JITCodeLibrary):
-    """Code for callers to link, as it was before optimisation. The engine gets its environments only."""
+    """Code for callers to link, before optimisation.
+
+    The execution engine receives only its environments.
+    """
 
     def _optimize_final_module(self) -> None:
         """Leave that to the callers."""
@@ -36,7 +39,7 @@ class LinkedLibrary(JITCodeLibrary):
 
 
 class PausingCompiler(Compiler):
-    """Numba's compiler without the garbage collector, which takes an eighth of its time and finds little."""
+    """Numba's compiler without garbage collection, which takes an eighth of the time and frees little."""
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
         """Compile `func`."""
@@ -50,7 +53,7 @@ class PausingCompiler(Compiler):
 
 
 class LinkedCompiler(PausingCompiler):
-    """A compiler of functions that only compiled code calls."""
+    """Numba's compiler for functions that only compiled code calls."""
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
         """Compile `func`."""

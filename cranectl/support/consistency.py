@@ -1,7 +1,7 @@
-"""Check results that bound one another before anything is printed or written.
+"""Check results that bound one another, before anything is printed or written.
 
-A violation is an error of this program, not of its user. It ends a command as an unforeseen error, so that
-two numbers that contradict each other are never shown.
+A violation is an error in this program, not of its user. It ends the command as an unforeseen error. So
+contradictory numbers are never shown.
 """
 
 from collections.abc import Iterable

@@ -1,9 +1,9 @@
-"""Directories of the user that nobody else may open: for compiled code, and for as long as a process runs.
+"""Provide private directories of the user: a cache for compiled code, and temporary directories.
 
-What lies in the first is unpickled and run, so code that somebody else put there is never taken. The others
-are temporary. A process holds a lock on each of its own. The operating system lets go of the lock when the
-process ends, however that happens, and a later start removes what a killed one left. All these lie in one
-directory, so that nothing else is looked at.
+Files in the cache are unpickled and run, so a directory that other users may open is never used. Temporary
+directories last as long as the process. A process holds a lock on each of its own. The operating system
+releases the lock when the process ends, in whatever way. A later start removes the directories that a killed
+process left. All of them lie in one directory, so that nothing else is searched.
 """
 
 import atexit
@@ -28,9 +28,10 @@ _held: list[int] = []  # descriptors of locked directories, open until the proce
 
 @functools.cache
 def cache_directory() -> Path:
-    """Return the first usable directory: of $NUMBA_CACHE_DIR, or of the package and the user's cache.
+    """Return the first usable directory: from $NUMBA_CACHE_DIR, or in the package or the user's cache.
 
-    Without one: a place for this process and those it starts, said on standard error and removed at the end.
+    If there is none, it makes a temporary one for this process and its children and says so on standard
+    error.
     """
     refused = {}
     for directory in _candidates():
@@ -45,19 +46,21 @@ def cache_directory() -> Path:
     )
     os.environ["NUMBA_CACHE_DIR"] = str(temporary_directory("kernels"))
     (directory,) = _candidates()
-    _obstacle(directory)  # which makes it
+    _obstacle(directory)  # makes the directory
     return directory
 
 
 def is_own(status: os.stat_result) -> bool:
-    """Return True if a file belongs to the user of this process, or if nothing says whose it is."""
+    """Return True if a file belongs to the user of this process, or if the system has no owners."""
     return not hasattr(os, "geteuid") or status.st_uid == os.geteuid()
 
 
 def _candidates() -> list[Path]:
-    """Return directories that hold only compiled code; a relative path would follow the working directory."""
+    """Return the directories to try, as absolute paths that hold only compiled code."""
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
-        user = f"-{os.geteuid()}" if hasattr(os, "geteuid") else ""  # others may have chosen the same
+        user = (
+            f"-{os.geteuid()}" if hasattr(os, "geteuid") else ""
+        )  # other users may have chosen the same directory
         return [Path(chosen).absolute() / f"cranectl{user}"]
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     places = [_PACKAGE / "__pycache__" / "kernels", Path(home) / "cranectl"]
@@ -65,7 +68,7 @@ def _candidates() -> list[Path]:
 
 
 def _obstacle(directory: Path) -> str:
-    """Make the directory, and say why code cannot be kept there; return nothing if it can."""
+    """Make the directory, and return why code cannot be kept there, or an empty text if it can."""
     try:
         directory.mkdir(mode=stat.S_IRWXU, parents=True, exist_ok=True)
         status = directory.stat()
@@ -82,9 +85,9 @@ def _obstacle(directory: Path) -> str:
 
 
 def temporary_directory(kind: str) -> Path:
-    """Make a directory that is removed when this process ends, and remove those that nobody has any more.
+    """Make a directory that is removed when this process ends, and remove those of ended processes.
 
-    Raises OSError where none can be made.
+    Raises OSError if no directory can be made.
     """
     above = _users_directory()
     if above is None:
@@ -97,7 +100,7 @@ def temporary_directory(kind: str) -> Path:
 
 
 def _users_directory() -> Path | None:
-    """Return the directory of this user in that of the system; None where it is not safe, or has no locks."""
+    """Return this user's directory for temporary files; None if it is not private or has no locks."""
     if fcntl is None:
         return None
     path = Path(tempfile.gettempdir(), f"cranectl-{os.geteuid()}")
@@ -132,9 +135,9 @@ def _remove_abandoned(above: Path) -> None:
 
 
 def _lock(directory: Path) -> int | None:
-    """Lock a directory until the descriptor is closed; return None where another process has or removes it.
+    """Lock a directory until the descriptor is closed; return None if another process locks or removes it.
 
-    Raises OSError where there is none, or no locks.
+    Raises OSError if the directory does not exist, or if the file system has no locks.
     """
     descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     with contextlib.ExitStack() as unless_locked:

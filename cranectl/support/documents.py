@@ -1,6 +1,6 @@
-"""TOML and JSON from outside, within limits of size and depth that no honest file comes near.
+"""Read TOML and JSON from outside, within limits of size and depth that no honest file reaches.
 
-A path in a nested table has dots between its keys, as `--set` does.
+Paths into nested tables are written with dots, as in `--set`.
 """
 
 import json
@@ -97,7 +97,7 @@ def _text(path: Path, kind: str) -> str:
 
 
 def toml_value(text: str, source: str) -> Any:
-    """Return the TOML value that `text` is, else `text` itself; raise InputError beyond the limits."""
+    """Return the TOML value of `text`, else `text` itself; raise InputError beyond the limits."""
     try:
         table = _limited(_toml, f"value = {text}", source)
     except tomllib.TOMLDecodeError:
@@ -186,9 +186,9 @@ def _other(source: str, kind: str, other_format: str) -> InputError:
 
 
 def format_of(content: bytes) -> str:
-    """Return what a file is by how it begins, as a phrase with its article; empty if that is not known.
+    """Return the kind of a file by its first bytes, as a phrase with an article; empty if unknown.
 
-    It says what was found where another kind of file is needed.
+    Error messages use it to say what was found instead of the required kind.
     """
     content = content.removeprefix(MARK.encode())
     for begins, name in _FORMATS.items():
@@ -215,7 +215,7 @@ def mapped(node: Any, change: Callable[[Any], Any] = lambda value: value) -> Any
 def leaves(
     node: Any, path: str = "", *, is_leaf: Callable[[Any], bool] = is_plain
 ) -> Iterator[tuple[str, Any]]:
-    """Yield path and value of every leaf below `node` at `path`; others are tables or lists."""
+    """Yield path and value of every leaf below `node` at `path`; a leaf is neither table nor list."""
     for key, value in node.items() if isinstance(node, Mapping) else enumerate(node):
         name = f"{path}.{key}" if path else str(key)
         if is_leaf(value):
@@ -246,7 +246,7 @@ def merged(table: Any, changes: Mapping[str, Any]) -> Any:
 
 
 def assign(node: Any, path: str, value: Any, source: str) -> None:
-    """Set the value at `path` in place, missing tables made; raises InputError that begins with `source`."""
+    """Set the value at `path` in place and make missing tables; raise InputError that names `source`."""
     *above, last = path.split(".")
     for key in above:
         node = node.setdefault(key, {}) if isinstance(node, dict) else node[_index(node, key, source)]

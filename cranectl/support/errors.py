@@ -1,7 +1,7 @@
-"""The errors a user can cause or meet; every one says what was found, what is allowed and what to do.
+"""Define the errors that a user can meet: each says what was found, what is allowed and what to do.
 
-A failure of the machine, such as a lack of memory, is never a result of the controller or plant under test.
-What it hit is tried again, and if it fails again the command ends and keeps what was finished before.
+A failure of the machine, such as a lack of memory, never counts as a result of the controller or plant. The
+failed work is tried again. If it fails again, the command ends and keeps all finished results.
 """
 
 import difflib
@@ -16,13 +16,13 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
-COMPARED_CHARACTERS = 80  # [characters] of a name: the time to compare goes with their square
+COMPARED_CHARACTERS = 80  # [characters] of a name: comparing takes time in proportion to their square
 SHOWN_NEAR_NAMES = 6  # as many near names as fit a line or two
 MAX_PHRASE = 4000  # [characters] of a phrase; all signals of a log are named in fewer
 
-TRIES = 3  # of what the machine does not let end
+TRIES = 3  # attempts at work that the machine interrupts
 T = TypeVar("T")
-STARTING: Final = "starting"  # what a process of runs sends its parent before and after a program starts
+STARTING: Final = "starting"  # message to the parent before and after a program starts
 _send_to_parent: list[Callable[[Any], object]] = []  # in a process of runs
 
 _ERRNOS = {
@@ -86,11 +86,11 @@ class LogError(InputError):
 
 
 class MachineError(InputError):
-    """The machine did not let something end; it says nothing about the controller or the plant."""
+    """Report a failure of the machine, which says nothing about the controller or the plant."""
 
     @classmethod
     def of(cls, what: str) -> "MachineError":
-        """Return the error for `what` happened, a phrase."""
+        """Return the error for a failure that the phrase `what` describes."""
         return cls(
             f"the machine failed: {what}",
             allowed="enough memory and disk space, and processes that nobody kills",
@@ -110,7 +110,7 @@ def printable(text: str, *, longest: int = 500) -> str:
 
 
 def describe_error(error: BaseException) -> str:
-    """Return the class and the text of `error`, also where making the text fails."""
+    """Return the class and the text of `error`, even if making the text fails."""
     try:
         text = str(error)
     except Exception as failure:
@@ -121,7 +121,7 @@ def describe_error(error: BaseException) -> str:
 def unknown_name(kind: str, name: str, known: Iterable[str], *, remedy: str = "") -> InputError:
     """Return the error for an unknown name, with the known names in their order.
 
-    `remedy`: where `name` looks like none of them, by default to choose one.
+    `remedy` is used if no known name resembles `name`; by default it asks to choose a known name.
     """
     names = list(known)
     return InputError(
@@ -132,7 +132,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str], *, remedy: str = ""
 
 
 def matching(pattern: str, names: Iterable[str]) -> list[str]:
-    """Return the names that a shell pattern matches, as `mujoco.state.*`; `*` passes over dots too."""
+    """Return the names that match a shell pattern such as `mujoco.state.*`; `*` also matches dots."""
     return [name for name in names if fnmatchcase(name, pattern)]
 
 
@@ -149,13 +149,13 @@ def unmatched(pattern: str, names: Iterable[str]) -> InputError:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return a question after the known name that `name` resembles; empty without one."""
+    """Return a question with the known name that `name` resembles, or an empty text."""
     near = nearest_first(name, known)[:1]
     return f"did you mean '{near[0]}'?" if near and _similarity(name, near[0]) >= 0.6 else ""
 
 
 def nearest_first(name: str, known: Iterable[str]) -> list[str]:
-    """Sort the known names, those most similar to `name` first, equals alphabetically."""
+    """Sort the known names by similarity to `name`, the most similar first, ties alphabetically."""
     return sorted(known, key=lambda candidate: (-_similarity(name, candidate), candidate))
 
 
@@ -166,7 +166,7 @@ def _similarity(a: str, b: str) -> float:
 
 
 def is_of_machine(error: BaseException) -> bool:
-    """Return True if `error`, or what caused it, is a lack of memory, disk space or file handles."""
+    """Return True if `error` or its cause is a failure of the machine, such as a lack of memory."""
     seen: set[int] = set()
     cause: BaseException | None = error
     while cause is not None and id(cause) not in seen:
@@ -182,16 +182,16 @@ def is_of_machine(error: BaseException) -> bool:
 
 
 def report_to_parent(send: Callable[[Any], object]) -> None:
-    """Have `send` tell the parent of this process, which only runs controllers, what no step returns.
+    """Register `send` to inform the parent of this process, which only runs controllers.
 
-    That is when a program starts, and which error of the machine in a step ends this process.
+    The parent learns when a program starts, and which error of the machine ends this process.
     """
     _send_to_parent[:] = [send]
 
 
 @contextmanager
 def starting() -> Iterator[None]:
-    """Wait for a program to start, which no patience of a run bounds: it may import or compile."""
+    """Tell the parent that a program starts in the block; no time limit applies while it starts."""
     for send in _send_to_parent:
         send(STARTING)
     yield
@@ -200,7 +200,10 @@ def starting() -> Iterator[None]:
 
 
 def tell_of_machine(error: BaseException) -> None:
-    """End a process that only runs controllers if `error` is one of the machine."""
+    """Tell the parent and end this process if `error` is a failure of the machine.
+
+    This has no effect outside of a process that only runs controllers.
+    """
     if is_of_machine(error):
         for send in _send_to_parent:
             send(MachineError.of(f"a step: {describe_error(error)}"))
@@ -208,19 +211,19 @@ def tell_of_machine(error: BaseException) -> None:
 
 
 def was_killed(exit_code: int) -> bool:
-    """Return True if a process with this exit code, -N after signal N, was ended from outside."""
+    """Return True if this exit code, -N after signal N, means that the process was killed from outside."""
     return exit_code in _KILLED
 
 
 def tried_again(attempt: Callable[[], T]) -> T:
-    """Return what `attempt` returns; it is repeated after an error of the machine.
+    """Return the result of `attempt`, which is repeated after a failure of the machine.
 
-    Raises MachineError if the last try has such an error too.
+    Raises MachineError if the last try fails in this way too.
     """
     for left in reversed(range(TRIES)):
         try:
             return attempt()
-        except InputError as error:  # which says more than its cause
+        except InputError as error:  # says more than its cause
             if not left or not isinstance(error, MachineError):
                 raise
         except Exception as error:

@@ -1,4 +1,4 @@
-"""What other packages add to this one: objects that they declare as entry points, or register."""
+"""Find the objects that other packages add to this one, as entry points or by registration."""
 
 import importlib
 import re
@@ -46,9 +46,9 @@ def check_free(kind: str, name: str, taken: Iterable[str]) -> None:
 def with_extensions(
     own: Mapping[str, Any], kind: type[Any], group: str, *, taken: Collection[str] = ()
 ) -> dict[str, Any]:
-    """Return `own` objects by name, then those of `group` that installed packages declare.
+    """Return the objects `own` by name, then those that installed packages declare in `group`.
 
-    Raises InputError for one that cannot be loaded, is no `kind`, or has a name that is there or `taken`.
+    Raises InputError for an object that cannot be loaded, is no `kind`, or has a name already in use.
     """
     objects = dict(own)
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
@@ -69,7 +69,7 @@ def with_extensions(
 
 
 def packages(group: str) -> dict[str, str]:
-    """Return the package and version that brings each object of `group`, by the object's name."""
+    """Return the package and version that provides each object of `group`, by name of the object."""
     origins = {}
     for entry in entry_points(group=group):
         origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value

@@ -1,7 +1,7 @@
-"""Files that are whole or not there: written beside their place and renamed once complete.
+"""Write files as a whole or not at all: write to a temporary file and rename it once complete.
 
-Places are judged once for all commands, before anything is read or computed. Of files to read, what a pipe
-without a writer would hold is not waited for.
+A command checks its output places before it reads or computes anything. Reading a pipe without a writer fails
+at once instead of waiting.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ except ImportError:  # Windows
 def writing(
     path: Path, *, remedy: str = "choose another place", error: type[InputError] = InputError
 ) -> Iterator[None]:
-    """Raise `error` if the block fails to write `path`, or finds out that it cannot."""
+    """Raise `error` if the block raises OSError, or a ValueError for a null character in `path`."""
     try:
         yield
     except (OSError, ValueError) as failure:
@@ -38,10 +38,11 @@ def writing(
 
 @contextlib.contextmanager
 def replacing(path: Path, *, keep_after: tuple[type[Exception], ...] = ()) -> Iterator[Path]:
-    """Yield a file beside `path`; rename it to `path` if the block ends well, else remove it.
+    """Yield a file beside `path`; rename it to `path` if the block succeeds, else remove it.
 
-    After an error of a class in `keep_after` it stays under its own name. Raises OSError if `path` cannot be
-    replaced. Of processes or threads that write the same file at once, the last to finish wins, whole.
+    After an error of a class in `keep_after` the file keeps its temporary name. Raises OSError if `path`
+    cannot be replaced. If processes or threads write the same file at once, the last to finish wins, with a
+    complete file.
     """
     _refuse_devices(path)
     part = _part(path)
@@ -63,7 +64,7 @@ def replacing(path: Path, *, keep_after: tuple[type[Exception], ...] = ()) -> It
 
 
 def check_replaceable(path: Path) -> None:
-    """Raise OSError or ValueError now if `replacing(path)` would fail; makes missing directories."""
+    """Raise OSError or ValueError now if `replacing(path)` would fail; make missing directories."""
     _refuse_devices(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     _part(path).unlink()
@@ -79,7 +80,7 @@ def being_written(path: Path) -> bool:
 
 
 def exists(path: Path) -> bool:
-    """Return True if something exists at `path`; errors mean that nothing does."""
+    """Return True if something exists at `path`; an error counts as nothing there."""
     try:
         return path.exists()
     except (OSError, ValueError):
@@ -87,7 +88,7 @@ def exists(path: Path) -> bool:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write `text` to `path` in one atomic step, or straight into a device or a pipe.
+    """Write `text` to `path` in one atomic step, or directly to a device or a pipe.
 
     Bytes of a file's name that are not UTF-8 become escapes.
     """
@@ -106,7 +107,7 @@ def _refuse_devices(path: Path) -> None:
 
 
 def _part(path: Path) -> Path:
-    """Make an empty file beside `path` that nobody else has; threads share a process number."""
+    """Make a new empty file beside `path`; a counter separates threads, which share a process number."""
     for k in count(1):
         part = path.parent / f"{path.name}.{os.getpid()}{f'-{k}' if k > 1 else ''}.part"
         with contextlib.suppress(FileExistsError):
@@ -116,7 +117,10 @@ def _part(path: Path) -> Path:
 
 
 def _lock(file: BinaryIO) -> bool:
-    """Lock `file` until it is closed; False if somebody else has. Without such locks nobody ever has."""
+    """Lock `file` until it is closed; return False if it is locked already.
+
+    On systems without such locks it returns True.
+    """
     if fcntl is None:
         return True
     try:
@@ -132,7 +136,7 @@ class Kind(NamedTuple):
     name: str
     begins: bytes  # regular expression of what each such file begins with
     piped: bool = False  # whether it may go into a device or a pipe
-    error: type[InputError] = InputError  # that says that it cannot be written
+    error: type[InputError] = InputError  # raised if it cannot be written
 
 
 MCAP = Kind("MCAP file", rb"\x89MCAP0\r\n", error=LogError)
@@ -153,7 +157,7 @@ LONGEST_BEGINNING = 256  # [bytes]
 
 
 def kind_of(path: Path, endings: Iterable[str]) -> Kind:
-    """Return the kind that the ending of `path` names; raise InputError if it is none of `endings`."""
+    """Return the kind for the ending of `path`; raise InputError if the ending is none of `endings`."""
     if path.suffix.lower() not in endings:
         problem = f"{path} ends in '{path.suffix}'"
         raise InputError(problem, allowed=", ".join(endings), remedy="name the file by what it is to be")
@@ -163,11 +167,11 @@ def kind_of(path: Path, endings: Iterable[str]) -> Kind:
 def check_place(
     path: Path, kind: Kind, *, inputs: Iterable[Path] = (), option: str = "", at_once: bool = False
 ) -> None:
-    """Raise InputError, LogError for a log, unless `kind` may be written to `path`; makes its directory.
+    """Check that `kind` may be written to `path`, and make its directory; raise the error of `kind`.
 
-    It may not replace one of `inputs`, by whatever name, nor anything but an empty file or one of its kind,
-    nor what somebody is writing, unless it is complete and written `at_once`: then the last to finish wins.
-    `option` is what the user called the place.
+    The file must not replace one of `inputs`, by whatever name. It may replace only an empty file or one of
+    its own kind. It must not replace a file that another command is writing, unless it is written `at_once`:
+    then the last to finish wins. `option` is the command-line option that gave the place.
     """
     remedy = f"choose another place with {option}" if option else "choose another place"
     with writing(path, remedy=remedy, error=kind.error):
@@ -214,11 +218,10 @@ def short_names(files: Sequence[Path]) -> list[str]:
 
 
 def open_input(path: Path, *, piped: int = 0, buffering: int = -1) -> BinaryIO:
-    """Open the file at `path`. Of a pipe, as a shell gives for `<(command)`, up to `piped` bytes are read.
+    """Open the file at `path`; of a pipe, such as the shell's `<(command)`, read up to `piped` bytes.
 
-    A writer that stays silent is waited for, as by any program, and reported.
-    Raises OSError, also for a pipe into which nobody writes, or any where `piped` is zero; ValueError for a
-    null character in the name.
+    If the writer of a pipe is slow, this waits and reports the delay. Raises OSError, also for a pipe without
+    a writer and for any pipe if `piped` is zero. Raises ValueError for a null character in the name.
     """
     if not path.is_fifo():
         return path.open("rb", buffering=buffering)
@@ -233,7 +236,7 @@ def _read_pipe(path: Path, most: int) -> bytes:
         first = os.read(descriptor, most)
         if not first:
             raise OSError(f"{path} is a pipe into which nobody writes")
-    except BlockingIOError:  # somebody is about to
+    except BlockingIOError:  # a writer has opened it but not written yet
         first = b""
     except OSError:
         os.close(descriptor)

@@ -1,7 +1,7 @@
 """Run foreign code in this process, without letting it end or change the process silently.
 
-Foreign code may change the floating point environment: how this thread rounds, and what it does with tiny
-numbers. It may do so when it is loaded or in any call. All later results would then differ.
+Foreign code may change the floating-point environment when it is loaded or in any call. That environment
+holds how this thread rounds and how it treats very small numbers. All later results would then differ.
 """
 
 import contextlib
@@ -24,10 +24,11 @@ _before: list[Any] = []  # standard output, `os._exit`, the process and `sys.pat
 
 @contextlib.contextmanager
 def contained() -> Iterator[None]:
-    """Protect this process from the foreign code that the block runs; threads may be in blocks at once.
+    """Protect this process from the foreign code in the block; several threads may be in blocks at once.
 
-    Its output goes to standard error, since standard output is the command's own. The floating point
-    environment, the working directory and `sys.path` are restored afterwards. `os._exit` raises SystemExit.
+    The output of the code goes to standard error, because standard output is reserved for results. The
+    floating-point environment, the working directory and `sys.path` are restored afterwards. `os._exit`
+    raises SystemExit.
     """
     here = threading.get_ident()
     with _lock:
@@ -48,7 +49,7 @@ def contained() -> Iterator[None]:
 
 
 def _refuse(code: int) -> None:
-    """Raise in a thread of this process that runs foreign code; elsewhere, as in a forked child, end it."""
+    """Raise SystemExit in a thread that runs foreign code; elsewhere, as in a fork, end the process."""
     _, leave, process, _ = _before
     if os.getpid() != process or threading.get_ident() not in _inside:
         leave(code)
@@ -57,7 +58,7 @@ def _refuse(code: int) -> None:
 
 @contextlib.contextmanager
 def environment_kept() -> Iterator[None]:
-    """Restore the environment of this thread at the end of the block."""
+    """Restore this thread's floating-point environment at the end of the block."""
     get, put = _functions()
     before = ctypes.create_string_buffer(_BYTES)
     get(before)
@@ -69,9 +70,9 @@ def environment_kept() -> Iterator[None]:
 
 @functools.cache
 def keeping_environment(step: int) -> int:
-    """Return the address of a C function that calls the controller's step at an address, and restores.
+    """Return the address of a C function that calls `step` and then restores the floating-point environment.
 
-    Both take five pointers and return an int64.
+    `step` is the address of a controller's step. Both functions take five pointers and return an int64.
     """
     pointer, whole = ir.IntType(8).as_pointer(), ir.IntType(64)
     signature = ir.FunctionType(whole, [pointer] * 5)
@@ -101,7 +102,7 @@ def keeping_environment(step: int) -> int:
 
 @functools.cache
 def _functions() -> tuple[Any, Any]:
-    """Return fegetenv and fesetenv of C."""
+    """Return the C functions fegetenv and fesetenv."""
     if sys.platform == "win32":
         library = ctypes.CDLL("ucrtbase")
     else:

@@ -1,7 +1,7 @@
-"""What ends a run in order: Ctrl-C, SIGTERM and, where there is such a thing, the hang-up of a terminal.
+"""Handle the signals that end a run in order: Ctrl-C, SIGTERM and the hang-up of a terminal.
 
-A signal that is ignored when a process starts stays ignored: so does `nohup` with hang-ups, and a script with
-Ctrl-C for what it starts in the background.
+A signal that is ignored when a process starts stays ignored. `nohup` does so with hang-ups, and a shell
+script with Ctrl-C for programs that it starts in the background.
 """
 
 import _thread
@@ -17,34 +17,34 @@ from typing import Any
 
 from cranectl.support.errors import printable
 
-SLOW = 10.0  # [s] after which what has not ended is reported
+SLOW = 10.0  # [s] after which unfinished work is reported
 RETRY = 0.01  # [s] until an interrupt that was swallowed is raised again
 SIGNALS = tuple(signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 class Interruption(KeyboardInterrupt):
-    """A KeyboardInterrupt that leaves the exit code to us.
+    """A KeyboardInterrupt that lets this program choose the exit code.
 
-    After one of Python's own that passed through `exec` of a string, as in the making of a dataclass, the
-    interpreter ends by SIGINT, even though it was caught.
+    If Python's own KeyboardInterrupt passes through `exec` of a string, as when a dataclass is made, the
+    interpreter ends by SIGINT even if the exception was caught.
     """
 
 
 def interrupt() -> None:
-    """Interrupt what is running."""
+    """Raise an `Interruption`."""
     raise Interruption
 
 
 def in_background(act: Callable[[], None]) -> None:
-    """Run `act` in a thread that ends with the process at the latest, and do not wait for its beginning.
+    """Run `act` in a thread that ends with the process at the latest; do not wait until it begins.
 
-    `threading.Thread.start` waits, and for ever if the new thread has too little memory to begin.
+    `threading.Thread.start` waits for the new thread, for ever if there is too little memory to begin.
     """
     _thread.start_new_thread(act, ())
 
 
 def came_of_interrupt(error: BaseException) -> bool:
-    """Return True if an interrupt caused `error`, also one wrapped by a library that was loading."""
+    """Return True if an interrupt caused `error`, even if a library has wrapped it."""
     cause: BaseException | None = error
     while cause is not None and not isinstance(cause, KeyboardInterrupt):
         cause = cause.__cause__
@@ -53,7 +53,9 @@ def came_of_interrupt(error: BaseException) -> bool:
 
 def _raise_in_main_thread(number: signal.Signals) -> None:
     main = threading.main_thread().ident
-    if main is not None and hasattr(signal, "pthread_kill"):  # which ends a system call there too
+    if main is not None and hasattr(
+        signal, "pthread_kill"
+    ):  # this also interrupts a system call in that thread
         signal.pthread_kill(main, number)
     else:
         _thread.interrupt_main(number)
@@ -62,9 +64,9 @@ def _raise_in_main_thread(number: signal.Signals) -> None:
 class _RaiseAgain:
     """A `sys.unraisablehook` that raises an interrupt again where the interpreter could only report it.
 
-    A callback of a library and a destructor cannot pass on an exception: the run would continue. After an
-    interrupt no other exception is reported, because destructors fail on objects that are not yet complete.
-    A lack of memory is reported in one line, without a traceback: the command says what to do about it.
+    A callback of a library and a destructor cannot pass on an exception, so the run would continue. After an
+    interrupt no other exception is reported, because destructors fail on incomplete objects. A lack of memory
+    is reported in one line without a traceback, because the command says what to do about it.
     """
 
     def __init__(self) -> None:
@@ -87,9 +89,9 @@ class _RaiseAgain:
 
 
 def heed_interrupts(act: Callable[[], None]) -> Mapping[signal.Signals, Any]:
-    """Have `act` called at each signal that is not ignored; return the handlers before.
+    """Call `act` at each signal that is not ignored; return the previous handlers.
 
-    Once a run ends a hang-up says nothing new, and a terminal that is closed tells more than once.
+    After the first signal further hang-ups are ignored, because a closed terminal sends more than one.
     """
     if not isinstance(sys.unraisablehook, _RaiseAgain):
         sys.unraisablehook = _RaiseAgain()
@@ -111,9 +113,9 @@ def heed_interrupts(act: Callable[[], None]) -> Mapping[signal.Signals, Any]:
 
 @contextlib.contextmanager
 def interrupts_wait() -> Iterator[None]:
-    """Delay signals that come during the block to its end; for blocks of less than a second.
+    """Delay signals until the end of the block, which should take less than a second.
 
-    Python delivers signals to the main thread only, so other threads need nothing.
+    Python handles signals in the main thread only, so in other threads this has no effect.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -134,7 +136,7 @@ def interrupts_wait() -> Iterator[None]:
 
 @contextlib.contextmanager
 def interrupts_blocked() -> Iterator[None]:
-    """Keep signals from processes started in the block; this process gets them at its end."""
+    """Block signals for the processes started in the block; this process receives them at its end."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -147,7 +149,7 @@ def interrupts_blocked() -> Iterator[None]:
 
 @contextlib.contextmanager
 def reported_when_slow(what: str) -> Iterator[None]:
-    """Say on standard error that `what`, such as "law.py has been loading", takes long, and end nothing."""
+    """Report on standard error if `what`, such as "law.py has been loading", takes long; end nothing."""
     warning = f"cranectl: {printable(what)} for {SLOW:g} s now; Ctrl-C ends the command\n"
     ended = _thread.allocate_lock()
 

@@ -1,8 +1,8 @@
-"""Compile scalar kernels with Numba, cached on disk for as long as the sources they come from stay the same.
+"""Compile scalar kernels with Numba, cached on disk until any of their source files changes.
 
-Numba keys its cache on the one file that holds a function, so a change in a callee would go unnoticed, and it
-runs whatever machine code it finds. Here a cached file counts only with the right checksum: over its content,
-over the sources of the function's module and of every module of the package that this one imports.
+Numba's own cache depends only on the file that holds a function. So it misses changes in callees, and it runs
+any machine code that it finds. Here a cached file is used only if its checksum is right. The checksum covers
+the content, the function's module and all modules of the package that this one imports.
 """
 
 import contextlib
@@ -74,7 +74,7 @@ def _jit(function: F, *, inline: bool) -> F:
         return cast(F, compiled)
 
     @functools.cache
-    def inner() -> Any:  # made where a compiled caller is compiled, not at each start
+    def inner() -> Any:  # made only when a compiled caller is compiled, not at each start
         copy = _copied(function, "inner")
         return _compiled(
             copy,
@@ -90,17 +90,17 @@ def _jit(function: F, *, inline: bool) -> F:
 
 
 def jit_loop(function: F, name: str, **callees: Any) -> F:
-    """Compile a loop that takes arrays and makes none; nor do its callees, and they return no views.
+    """Compile a loop that makes no arrays; its callees must make none either, and must not return views.
 
-    `callees` take the place of the globals of these names; each `name` has a cache of its own. Counting
-    references, which the caller holds, would take an atomic instruction for each view in each callee: as long
-    as all the rest of a control step.
+    `callees` replace the globals of these names; each `name` has its own cache. The compiled code counts no
+    references, because the caller holds the arrays. Counting would take an atomic instruction for each view
+    in each callee, as long as all the rest of a control step.
     """
     return _compiled(_copied(function, name, **callees), callees.values(), no_cfunc_wrapper=True, _nrt=False)
 
 
 def _copied(function: F, name: str, **replaced: Any) -> F:
-    """Return `function` with other globals, if any, and with a name, and so a cache, of its own."""
+    """Return a copy of `function` with replaced globals and its own name, and so with its own cache."""
     scope = {**function.__globals__, **replaced} if replaced else function.__globals__
     copy = FunctionType(function.__code__, scope, function.__name__)
     copy.__qualname__ = f"{function.__qualname__}-{name}"
@@ -111,10 +111,10 @@ def _copied(function: F, name: str, **replaced: Any) -> F:
 def address_of(step: Callable[..., int]) -> int:
     """Compile `step` to a C function of five pointers to doubles that returns an int64; return its address.
 
-    An exception in the step is reported, and the function returns that it failed.
+    An exception in the step is reported, and the function returns a failure code.
 
-    Kept on disk is the package's own only: what somebody else's step takes from other files is not known, and
-    an old gain in it would go unnoticed.
+    Only the package's own steps are cached on disk. A foreign step may use other files, which are not known,
+    so a changed gain in one of them would go unnoticed.
     """
     if UNCOMPILED:
         callback = STEP(step)
@@ -128,10 +128,10 @@ def address_of(step: Callable[..., int]) -> int:
 
 
 def jit_address(function: Callable[..., int], name: str, arguments: tuple[Any, ...], **callees: Any) -> int:
-    """Compile a copy of `function` to a C function of `arguments`, Numba's types; return its address.
+    """Compile a copy of `function` to a C function of Numba types `arguments`; return its address.
 
-    `name` and `callees` are those of `jit_loop`, and no references are counted either. Exceptions end as in
-    `address_of`.
+    `name` and `callees` are as for `jit_loop`, and references are not counted either. Exceptions are handled
+    as in `address_of`.
     """
     copy = _copied(function, name, **callees)
     compiled: Any = CompiledStep(copy, arguments, _nrt=False)
@@ -141,11 +141,11 @@ def jit_address(function: Callable[..., int], name: str, arguments: tuple[Any, .
 
 
 def why_not_compiled(step: Callable[..., int], error: Exception) -> tuple[str, str]:
-    """Return what Numba says of `step`, in a line, and the file and line that it names."""
+    """Return Numba's reason for not compiling `step`, on one line, and the file and line that it names."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
     first = 1 if lines[0].startswith("Failed in nopython mode") and len(lines) > 1 else 0
     said = lines[first]
-    if said.endswith(":") and len(lines) > first + 1:  # what it announces stands in the next line
+    if said.endswith(":") and len(lines) > first + 1:  # the next line holds the detail
         said = f"{said} {lines[first + 1].removeprefix('>>> ')}"
     loc = getattr(error, "loc", None)
     return printable(said), f"{loc.filename}:{loc.line}" if loc else step.__code__.co_filename
@@ -166,7 +166,7 @@ def _digest_of(*functions: Any) -> str:
 
 @functools.cache
 def _say_that_it_compiles() -> None:
-    """Say once, at a terminal, that code is compiled; workers leave it to the progress of their parent."""
+    """Report once, at a terminal, that code is being compiled; worker processes stay silent."""
     if sys.stderr.isatty() and multiprocessing.parent_process() is None:
         print(
             f"cranectl: compiling for some ten seconds; compiled code is kept in {cache_directory()}",
@@ -184,9 +184,10 @@ class _Locator(UserProvidedCacheLocator):
 
 
 class _Files(CompileResultCacheImpl):
-    """Numba's names of the files of one function, whatever Numba's configuration says.
+    """Names of Numba's cache files for one function, independent of Numba's configuration.
 
-    That configuration belongs to the whole process: other threads, and Numba itself, change it at any time.
+    The configuration belongs to the whole process, and other threads or Numba itself may change it at any
+    time.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -198,7 +199,7 @@ class _Files(CompileResultCacheImpl):
 
 
 class _Cache(FunctionCache):
-    """Numba's cache of one function, in which damage, or a disk too full for it, costs time only."""
+    """Numba's cache of one function; a damaged cache or a full disk only costs time."""
 
     _impl_class = _Files
 
@@ -224,7 +225,7 @@ class _Cache(FunctionCache):
 
 
 class _CheckedFile(IndexDataCacheFile):
-    """Numba's index and data files, each behind a digest of what it was made from and of its content."""
+    """Numba's index and data files, each after a digest of its sources and its content."""
 
     @contextlib.contextmanager
     def _open_for_write(self, filepath: str) -> Iterator[BinaryIO]:
@@ -258,11 +259,11 @@ class _CheckedFile(IndexDataCacheFile):
 
 
 class _DamageError(Exception):
-    """A cached file was changed since it was written, is of other sources, or belongs to another user."""
+    """A cached file has been changed, was made from other sources, or belongs to another user."""
 
 
 def sources_digest(*paths: Path) -> str:
-    """Return a digest of source files and of all files of the package that they import, directly or not."""
+    """Return a digest of source files and of all package files that they import, directly or not."""
     waiting, seen = list(paths), set(paths)
     while waiting:
         new = _imported(waiting.pop()) - seen
@@ -276,7 +277,7 @@ def sources_digest(*paths: Path) -> str:
 
 @functools.cache
 def _imported(path: Path) -> frozenset[Path]:
-    """Return the files of the package that the imports in a source file name."""
+    """Return the files of the package that a source file imports."""
     files: set[Path | None] = set()
     for match in _IMPORT.finditer(_source(path)):
         module = _PACKAGE.joinpath(*match[1].split("."))

@@ -1,7 +1,7 @@
-"""Hand numbers and arrays to compiled code as one block of memory, whatever types they have.
+"""Pass numbers and arrays of any types to compiled code as one block of memory.
 
 A block holds 8 bytes for each number. For each array it holds the address of the data, the shape and the
-strides. It keeps no array alive: whoever uses a block keeps what it was packed from.
+strides. It does not keep arrays alive: the user of a block must keep the packed objects.
 """
 
 import functools

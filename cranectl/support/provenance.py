@@ -1,9 +1,9 @@
-"""What decides the numbers of a run besides its input: sources, models, data, packages, machine.
+"""Record what decides the numbers of a run besides its input: sources, models, data, packages, machine.
 
-Logs and results carry it, so that what was computed by other software can be told apart. Fingerprints are of
-the relative names and the contents of files that are released: a checkout and its wheel have the same. Of a
-package that adds metrics or plants they are of all its files, of a single
-module of what it imports beside it.
+Logs and results carry this record, so that results of other software can be told apart. Fingerprints cover
+the relative names and contents of released files, so a checkout and its wheel have the same ones. For a
+package that adds metrics or plants they cover all its files. For a single module they cover the modules that
+it imports from its folder.
 """
 
 import ast

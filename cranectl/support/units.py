@@ -1,6 +1,6 @@
-"""Values as people tell them: with SI prefixes, 0.0123 m as 12.3 mm, one unit for a column or an axis.
+"""Show values with SI prefixes: 0.0123 m as 12.3 mm, with one unit for a column or an axis.
 
-And settings without the tails of their type: 600000.0 as 600000, 1000000000.0 as 1e9.
+Settings are shown without needless digits: 600000.0 as 600000, 1000000000.0 as 1e9.
 """
 
 import json
