@@ -43,7 +43,7 @@ NO_STATUS, NO_DISTURBANCE = np.full((1, 4), -1), np.full((1, 5), np.nan)
 
 @dataclass
 class _Shown:
-    """The newest values of one plant that have been sent since its start."""
+    """State of the messages of one plant since its start: the values already sent, and its newest row."""
 
     trail: Array = field(default_factory=lambda: np.zeros((0, 3)))
     conditions: Conditions = field(default_factory=Conditions)
@@ -65,7 +65,7 @@ class Increments:
         self._pose = self._every * max(1, round(1.0 / scene.RATE / logged))  # samples between poses
         # Samples between points of a trail.
         self._dot = self._every * max(1, round(scene.trail_step(scenario.rig) / logged))
-        self._reference_ns = -1  # of the newest desired value that was sent
+        self._reference_ns = -1  # time of the newest desired value that was sent
         self.start()
 
     def start(self) -> None:
@@ -182,7 +182,7 @@ class Increments:
         return streams
 
     def _statuses(self, run: Run, origin_ns: int) -> NDArray[np.int64]:
-        """Return inside the workspace, segment of the reference, Disturbed and Saturated, shape (N, 4)."""
+        """Return columns (N, 4): inside the workspace, segment of the reference, Disturbed, Saturated."""
         inside = workspace_excess(run).max(axis=1) <= 0.0
         starts = [start for start, _ in self._phases]
         segment = np.searchsorted(starts, run.time_ns - origin_ns, side="right") - 1

@@ -49,7 +49,7 @@ class Pace:
 
 COMMAND_INTERVAL = 0.02  # [s] of real time after which commands are carried out
 IDLE = 0.05  # [s] the same while nothing moves
-SOURCE = "live"  # of lines in the log that no plant says
+SOURCE = "live"  # name of the source of log lines that come from no plant
 
 
 class LiveServer:
@@ -58,7 +58,7 @@ class LiveServer:
     def __init__(
         self, session: Session | ChildSession, controls: Controls, address: Address, record: Path
     ) -> None:
-        """Listen at once, or raise InputError; record at `record`, which must be the session's own."""
+        """Start to listen, or raise InputError; record at `record`, a place that `own_place` has reserved."""
         session.prepare()
         self._session, self._controls = session, controls
         self._context = foxglove.Context()
@@ -171,7 +171,7 @@ class LiveServer:
         self._publisher.send([log_lines([event])])
 
     def _begin(self, reason: str) -> None:
-        """Start a recording with all that is needed to understand it; not where nothing moves."""
+        """Send the messages that a recording needs at its start, to a new recording if any plant moves."""
         runs = self._session.advance(0)
         moving = [run for run in runs if not run.status.stopped]
         self._recorded = {run.plant for run in moving}

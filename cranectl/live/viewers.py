@@ -91,7 +91,7 @@ class Listener(ServerListener):
         return set(taken(self._subscribed))
 
     def services(self) -> list[Service]:
-        """Return the services that viewers can call, with a request of `{}` or of a point."""
+        """Return the services that viewers can call, with an empty request `{}` or with a point."""
         controls, number = self._controls, {"type": "number"}
         return [
             _service("pulse", lambda _: controls.pulse(), "pulse_alpha and pulse_beta say how strong"),
@@ -105,7 +105,7 @@ class Listener(ServerListener):
 def listen(
     address: Address, name: str, listener: Listener, context: foxglove.Context
 ) -> tuple[WebSocketServer, Guard]:
-    """Start the server and the guard before it; raises InputError for an address that cannot be had."""
+    """Start the server and the guard before it; raise InputError for an address that cannot be used."""
     host = hidden_host()
     server = foxglove.start_server(
         name=f"cranectl live {name}",

@@ -33,12 +33,12 @@ class _StepTarget:
 
     @property
     def typing_context(self) -> Any:
-        """Numba's own, so that a step can call what is compiled elsewhere."""
+        """Numba's own typing context, so that a step can call functions compiled elsewhere."""
         return cpu_target.typing_context
 
     @property
     def target_context(self) -> Any:
-        """A shallow copy of Numba's own, which shares all code, with one method replaced."""
+        """A shallow copy of Numba's own target context: it shares all code and replaces one method."""
         context: Any = cpu_target.target_context.subtarget()
         context.create_cfunc_wrapper = lambda *arguments: _wrap_step(context, *arguments)
         return context
@@ -75,7 +75,7 @@ class CompiledStep(CFunc):
 def _wrap_step(context: Any, library: Any, described: Any, _environment: Any, _helper: Any) -> None:
     """Add to `library` the C function that calls the compiled step, as Numba's `create_cfunc_wrapper`.
 
-    Raises TypingError for a step that returns another type than whole numbers: as a status, NaN would be 0.
+    Raises TypingError for a step that does not return an integer, because NaN would become the status 0.
     """
     if not isinstance(described.restype, Integer | Boolean | IntEnumMember):
         raise TypingError(f"the step returns {described.restype}, which is no whole number")
@@ -119,8 +119,8 @@ def _report(context: Any, builder: Any, status: Any, name: str) -> None:
 def report_failure(name: str, error: BaseException, raised: TracebackType | None = None) -> None:
     """Write which step failed, in which line, and why.
 
-    A forked process may not wait for the lock of `sys.stderr`, so the text goes to the file descriptor.
-    An error of the machine is no failure of the step: a process of runs ends with it instead.
+    A forked process must not wait for the lock of `sys.stderr`, so the text goes to the file descriptor. An
+    error of the machine does not count as a failure of the step: a process that only runs controllers ends.
     """
     frames = traceback.extract_tb(raised or error.__traceback__)
     where = f" in {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""
@@ -135,7 +135,7 @@ def report_failure(name: str, error: BaseException, raised: TracebackType | None
 def report_compiled_failure(
     name: str, kind: type[BaseException], value: object = None, raised: TracebackType | None = None
 ) -> None:
-    """Report the exception that a compiled step has set: C code calls this with its three parts."""
+    """Report the exception that a compiled step has set; C code calls this with its three parts."""
     if isinstance(value, BaseException):
         error = value
     else:  # C code may set an exception without making it

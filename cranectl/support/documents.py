@@ -67,7 +67,7 @@ def read_toml(path: Path) -> Table:
 
 
 def parse_toml(text: str, source: str) -> Table:
-    """Parse `text` as TOML; raise InputError that names `source` if it is none within the limits."""
+    """Parse `text` as TOML; raise InputError that names `source` if it is invalid or exceeds the limits."""
     table: Table = _parsed(_toml, text, source, "TOML")
     return table
 
@@ -78,7 +78,7 @@ def read_json(path: Path) -> Any:
 
 
 def parse_json(text: str | bytes, source: str) -> Any:
-    """Parse `text` as JSON; raise InputError that names `source` if it is none within the limits."""
+    """Parse `text` as JSON; raise InputError that names `source` if it is invalid or exceeds the limits."""
     return _parsed(json.loads, text, source, "JSON")
 
 
@@ -149,7 +149,7 @@ def _check_size(text: str | bytes, source: str) -> None:
 
 
 def _check_depth(content: Any) -> None:
-    """Raise RecursionError for too deep nesting, ValueError for values that nothing could print."""
+    """Raise RecursionError for too deep nesting, ValueError for values that cannot be printed."""
     level = [content]
     for _ in range(MAX_DEPTH):
         nested: list[Any] = []
@@ -225,7 +225,7 @@ def leaves(
 
 
 def differences(a: Any, b: Any, path: str = "", *, absent: Any) -> Iterator[tuple[str, Any, Any]]:
-    """Yield path and both values where two tables differ, down to what is not a table in both."""
+    """Yield path and both values wherever two tables differ; tables within both are compared inside."""
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         for key in dict.fromkeys([*a, *b]):
             name = f"{path}.{key}" if path else key
@@ -235,7 +235,7 @@ def differences(a: Any, b: Any, path: str = "", *, absent: Any) -> Iterator[tupl
 
 
 def merged(table: Any, changes: Mapping[str, Any]) -> Any:
-    """Copy `table` with `changes`; tables within tables are merged."""
+    """Return a copy of `table` with `changes`; tables within tables are merged."""
     if not isinstance(table, Mapping):
         return table
     new = {
@@ -268,7 +268,7 @@ def _index(node: Any, key: str, source: str) -> int:
 
 
 def toml_text(table: Mapping[str, Any], above: str = "") -> str:
-    """Return the TOML text of a table of plain values; None, which TOML lacks, is left out."""
+    """Return the TOML text of a table of plain values; None is left out, because TOML has no such value."""
     lines, below = [], []
     for name, value in table.items():
         key = name if re.fullmatch(r"[\w-]+", name, re.ASCII) else json.dumps(name)

@@ -51,7 +51,7 @@ def _add_words(value: Any, forms: list[str], words: list[float | int]) -> None:
 
 
 def type_of(value: Any) -> Any:
-    """Return Numba's type of `value`, quickly where it was asked for before."""
+    """Return Numba's type of `value`, from a cache if it was asked for before."""
     key = compute_fingerprint(value)
     if key not in _TYPES:
         _TYPES[key] = numba.typeof(value)
@@ -60,7 +60,7 @@ def type_of(value: Any) -> Any:
 
 @functools.cache
 def unpacker(kind: Any) -> Any:
-    """Return what compiled code calls with a pointer to a block, to get a value of Numba's type `kind`."""
+    """Return a compiled function that reads a value of Numba's type `kind` from a pointer to a block."""
 
     @cast(Any, intrinsic)
     def unpack(_typing, pointer):
@@ -74,7 +74,7 @@ def unpacker(kind: Any) -> Any:
 
 @cast(Any, intrinsic)
 def array_at(_typing, pointer, length):
-    """Return, in compiled code, the array of `length` doubles at `pointer`: a constant number of them."""
+    """Return, in compiled code, the array of `length` doubles at `pointer`; `length` is a constant."""
     kind = types.Array(types.float64, 1, "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

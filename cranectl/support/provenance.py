@@ -23,7 +23,7 @@ from cranectl.support.extensions import GROUPS
 
 PACKAGES = ("cranectl", "mujoco", "numpy", "scipy", "numba", "llvmlite", "control", "ctrlsys", "foxglove-sdk")
 FINGERPRINTS = ("sources", "models", "data")
-HARMLESS = ("python", "foxglove-sdk")  # no number of a run depends on them
+HARMLESS = ("python", "foxglove-sdk")  # versions that affect no number of a run
 UNKNOWN = "unknown"  # of what wrote it before it said so
 INSTALLED = ("site-packages", "dist-packages")  # folders of packages
 FINGERPRINT_DIGITS = 16  # of a fingerprint, hexadecimal
@@ -87,9 +87,9 @@ def _files_in(folder: Path) -> list[Path]:
 
 @functools.cache
 def _module_digest(path: Path) -> str:
-    """Return a digest of a module without a package, and of what it imports from its folder."""
+    """Return a digest of a module without a package, and of the modules that it imports from its folder."""
     folder, waiting, seen = path.parent, [path], {path}
-    while waiting and folder.name not in INSTALLED:  # where neighbours are packages of their own
+    while waiting and folder.name not in INSTALLED:  # other packages lie there too
         for name in _imported(waiting.pop()) - {"cranectl"}:
             module, package = folder / f"{name}.py", folder / name
             new = {module} if module.is_file() else set(_files_in(package)) if package.is_dir() else set()
@@ -102,7 +102,7 @@ def _imported(path: Path) -> set[str]:
     """Return the top-level names of all modules that a source file imports."""
     try:
         nodes = list(ast.walk(ast.parse(path.read_bytes())))
-    except (SyntaxError, ValueError):  # it is no source
+    except (SyntaxError, ValueError):  # not a Python source file
         return set()
     names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
     names += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
@@ -123,8 +123,8 @@ def provenance_differences(
 ) -> list[str]:
     """Return which versions may explain different numbers, such as `sources 12ab, now 34cd`.
 
-    What one of them does not tell is unknown, and unknown is never the same. `word` stands for `now`;
-    `harmless`: with what decides no number too.
+    A version that one of them lacks is unknown, and an unknown version always counts as different. `word`
+    replaces `now`. If `harmless`, the result includes versions that affect no number.
     """
     names = dict.fromkeys([*now, *versions, *FINGERPRINTS])
     pairs = [(name, versions.get(name, UNKNOWN), now.get(name, UNKNOWN)) for name in names]
@@ -151,10 +151,10 @@ def other_software(made_by: Mapping[str, Mapping[str, str]]) -> dict[str, list[s
 
 
 def syntax_of(content: bytes) -> bytes:
-    """Return the syntax tree of Python source as text, without comments and docstrings, or what is no Python.
+    """Return the syntax tree of Python source as text, without comments and docstrings.
 
-    So these count in no digest. The text does not depend on the version of Python. Docstrings stay where the
-    source names ``__doc__``.
+    So these do not affect a digest. The text does not depend on the version of Python. Docstrings stay if the
+    source contains ``__doc__``. Content that is not valid Python is returned unchanged.
     """
     try:
         tree = ast.parse(content)
@@ -169,7 +169,7 @@ def syntax_of(content: bytes) -> bytes:
 
 
 def _text(node: object) -> str:
-    """Return a node with its fields, the same from all versions of Python: they differ in what is empty."""
+    """Return a node and its fields as text, the same in all versions of Python; empty fields are left out."""
     if isinstance(node, ast.JoinedStr):
         return f"JoinedStr({_text(_merged(node.values))})"
     if isinstance(node, ast.AST):
@@ -182,7 +182,7 @@ def _text(node: object) -> str:
 
 
 def _merged(parts: list[Any]) -> list[Any]:
-    """Return the parts of a formatted string, with adjacent texts joined and without empty ones."""
+    """Return the parts of a formatted string, with adjacent texts joined and empty texts removed."""
     merged: list[Any] = []
     for is_text, group in groupby(parts, lambda part: isinstance(part, ast.Constant)):
         if not is_text:

@@ -48,5 +48,5 @@ def toml_file(kind: str, name_or_path: str, directory: Path) -> Path:
 
 
 def is_path(name_or_path: str) -> bool:
-    """Return True if this is the path of a file, which has a directory or an ending."""
+    """Return True if the text is a path to a file: it has a directory or a file ending."""
     return "/" in name_or_path or Path(name_or_path).suffix != ""
