@@ -55,25 +55,30 @@ class Variables(NamedTuple):
     table: FmuTable
     measures: Literal["state", "encoders"]
     input_references: list[int]
-    sources: list[int]  # of each input, as `fmu_step` has them
-    output_references: list[int]  # those that command, then those logged
-    commands: list[int]  # of each axis the place among these outputs, or HELD
-    factors: list[float]  # SI units in one of the FMU's, of each input, then of each axis
+    sources: list[int]  # source of each input, numbered as in `fmu_step`
+    output_references: list[int]  # outputs that command, then outputs that are logged
+    commands: list[int]  # for each axis its place among these outputs, or HELD
+    factors: list[float]  # SI units in one unit of the FMU, for each input, then for each axis
     logged: tuple[Signal, ...]
     parameters: tuple[Parameter, ...]
-    constants: tuple[float, ...]  # of inputs, set once
-    fixed_references: list[int]  # of the parameters, then of the constants
+    constants: tuple[float, ...]  # values of inputs that are set once
+    fixed_references: list[int]  # references of the parameters, then of the constants
 
 
 def variables_of(file: ControllerFile, description: Any) -> Variables:
-    """Return what the variables of a description are here.
+    """Return the meaning of each variable in the description of an FMU.
 
     Parameters
     ----------
     file : ControllerFile
         The FMU, with the table beside it.
-    told : Any
-        Its description, as FMPy has read it.
+    description : Any
+        The description of the FMU, as FMPy has read it.
+
+    Returns
+    -------
+    Variables
+        The variables that the step exchanges and those set before.
 
     Raises
     ------
@@ -223,7 +228,7 @@ def _check_type(variable: Any, file: ControllerFile) -> None:
 def _commands(
     meant: dict[str, str], outputs: Sequence[Any], held_axes: Sequence[str], file: ControllerFile, source: str
 ) -> list[Any]:
-    """Return the output of each command, None where it is held; raises InputError for none, or for two."""
+    """Return the output of each command, or None if its axis is held; raise InputError for none or two."""
     result: list[Any] = []
     for command in COMMANDS:
         fitting = [output for output in outputs if meant[output.name] == command]
@@ -252,7 +257,7 @@ def _commands(
 
 
 def _references(variables: Sequence[Any], file: ControllerFile) -> list[int]:
-    """Return the value references; raise InputError for one that FMI does not allow."""
+    """Return the value references; raise InputError for a reference that FMI does not allow."""
     references = [variable.valueReference for variable in variables]
     for reference, variable in zip(references, variables, strict=True):
         if not 0 <= reference <= LARGEST_REFERENCE:
@@ -265,7 +270,7 @@ def _references(variables: Sequence[Any], file: ControllerFile) -> list[int]:
 
 
 def _settable(declared: Sequence[Any], free: Sequence[Any], connected: Sequence[Any]) -> list[Any]:
-    """Return the parameters and free inputs, each once: aliases share the value of another variable."""
+    """Return the parameters and free inputs, each once, because aliases share the value of a variable."""
     taken = {variable.valueReference for variable in connected}
     settable: dict[int, Any] = {}
     for variable in (*(variable for variable in declared if variable.causality == "parameter"), *free):
@@ -291,7 +296,7 @@ def _is_number(variable: Any) -> bool:
 
 
 def _of(variable: Any, attribute: str) -> str:
-    """Return an attribute of a variable, or that of its declared type."""
+    """Return an attribute of a variable, or else of its declared type."""
     declared = getattr(variable.declaredType, attribute, None)
     return getattr(variable, attribute) or declared or ""
 
