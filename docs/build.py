@@ -149,7 +149,10 @@ def build(directory: Path, gallery: bool = True) -> None:
     options = ["--fail-on-warning", "--keep-going", "--quiet", "--jobs", "auto"]
     options += ["-D", f"plot_gallery={int(gallery)}"]
     options += ["-D", f"release={project['version']}", "-D", f"html_title=cranectl {project['version']}"]
-    subprocess.run([sys.executable, "-m", "sphinx", *options, source, directory], check=True)
+    # Examples call `cranectl`, as users do: that of this Python.
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
+    sphinx = [sys.executable, "-m", "sphinx", *options, source, directory]
+    subprocess.run(sphinx, check=True, env={**os.environ, "PATH": path})
 
 
 if __name__ == "__main__":

@@ -100,6 +100,7 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
             f"As published (defaults): {name}"
             for name in ("nominal", "wide", "radius", "single effects", "on analytic")
         ),
+        "Digests and versions",
     ]
     assert "set points" in page.read_text(encoding="utf-8")
 
