@@ -16,7 +16,7 @@ from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.effects import Body, EffectSettings, Frame, Friction, Installation, Wind
 from cranectl.scenario.rig import RigParameters
 from tests.conftest import random_states, split
-from tests.plants.elastic.test_accelerations import engine_rates, place, random_state
+from tests.plants.elastic.test_accelerations import engine_rates, random_state, set_random_state
 
 RIG = RigParameters(
     bridge_mass=7.0, trolley_mass=3.0, winch_mass=0.3, load_mass=1.7, winch_time_constant=0.03
@@ -119,7 +119,7 @@ def test_a_body_turned_anyhow_under_a_hook_of_any_mass(drive: Drive, hook_mass: 
     turned, turning = joint.position_start(), plant.crane.num_positions() + joint.velocity_start()
     for _ in range(50):
         state = random_state(random, effects)
-        place(engine, state, random)
+        set_random_state(engine, state, random)
         rate = engine.data.qvel[swing.dofadr[0] :][:3]
         rotation = engine.data.body("hook").xmat.reshape(3, 3).T @ engine.data.body("load").xmat.reshape(3, 3)
         plant.reset(state[:10])
