@@ -3,8 +3,8 @@ The thesis's two scenarios
 ==========================
 
 The thesis tests its controllers twice: the load holds its place against two disturbances, and it
-follows a line and a circle. Here both run with the plain and with the robust controller, on a plant
-that the controllers were not designed with.
+follows a line and a circle. Here both run with one plain and two robust controllers, on a plant that
+the controllers were not designed with.
 """
 
 import matplotlib.pyplot as plt
@@ -24,6 +24,6 @@ axes[0].legend()
 axes[1].set_xlabel("time [s]")
 
 # %%
-# The disturbances push the load aside for good. Without robustification it stays there. H∞ brings
-# it back.
+# The disturbances push the load aside for good. With plain pole placement it stays half a metre off.
+# H∞ brings it back to 8 mm, and loop shaping to less than 1 mm.
 plt.show()

@@ -35,8 +35,8 @@ scenario = cranectl.load_scenario("over-a-wall.toml")
 run = cranectl.simulate_run(scenario, plant="mujoco", controller="lqr", drive="velocity")
 
 # %%
-# The rope is drawn every 0.2 s. The load swings up over the wall, since that is faster than to
-# hoist it.
+# The rope is drawn every 0.2 s. The winch does nearly all of the lifting. The load also swings
+# sideways, which the picture does not show, and gains a few centimetres of height by it.
 
 figure, axis = plt.subplots(figsize=(8, 5), layout="constrained")
 axis.fill([0.8, 0.8, 1.2, 1.2], [-1.4, -0.6, -0.6, -1.4], color="0.8", label="wall")

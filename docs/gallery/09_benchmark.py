@@ -21,7 +21,7 @@ report = f"cranectl benchmark report trial --controller {names} --json trial.jso
 subprocess.run(report.split(), check=True)
 
 # %%
-# A run is settled when the load stays within 5 mm of its target. Here only ``lqr-integral`` gets
+# A run is settled when the load stays within 10 mm of its target. Here only ``lqr-integral`` gets
 # there, and it pays with a little more effort.
 
 rows = json.loads(Path("trial.json").read_text(encoding="utf-8"))["divisions"]["published"]["nominal"]

@@ -30,8 +30,8 @@ with connect(address, subprotocols=["foxglove.sdk.v1"], max_size=None) as viewer
     change = {"op": "setParameters", "parameters": [{"name": "controller", "value": "lqr+hinf"}]}
     viewer.send(json.dumps(change))
     time.sleep(3.0)
-session.send_signal(signal.SIGINT)
-session.wait()
+    session.send_signal(signal.SIGINT)
+session.wait(timeout=60)
 
 # %%
 # Two disturbances push the load aside. The new controller brings it back. A change of the
@@ -42,6 +42,6 @@ for path in sorted(Path().glob("live*.mcap"), key=lambda path: len(path.name)):
     run = cranectl.read_log(path)["mujoco"]
     error = np.linalg.norm(run.block("error")[:, :3], axis=1)
     axis.plot(run.time, 1000.0 * error, label=run.design.name)
-axis.set(xlabel="time [s]", ylabel="load off its place [mm]")
+axis.set(xlabel="time [s]", ylabel="load off its place [mm]", xlim=(0.0, 30.0))
 axis.legend()
 plt.show()
