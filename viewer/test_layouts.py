@@ -22,7 +22,7 @@ CASES = [
     ("ladder", "ladder"),
     ("overlay", "overlay"),
 ]
-CURVE = 100  # pixels at least of a curve that crosses a plot
+CURVE = 50  # pixels at least of a curve across a plot; a level line in the smallest plot has 85
 BAR = 6.0  # pixels of a bar's ten that must be seen: a low panel cuts the last one off
 EVENT = "[ INFO]"
 
