@@ -12,8 +12,8 @@ from validation.performance.campaign_rates import HEAVY, MEMORY, RATE, RESULT, c
 from validation.performance.figures import Figure, figure, interleaved
 
 ROWS = 977  # of a part of a campaign of a million runs
-BATCH_S = 0.013  # of scheduler, client and worker for a batch that does nothing; docs/how-to/campaigns.md
-ORDER_KB, ROW_KB = 2.0, 0.8  # that travel for a batch, and for each of its rows; docs/how-to/campaigns.md
+BATCH_S = 0.013  # of scheduler, client and worker; 1024 empty batches, two workers on two busy cores
+ORDER_KB, ROW_KB = 2.0, 0.8  # that travel for a batch, and for each of its rows
 COUNTS = (10**6, 10**9)
 
 WRITE, READ = "writing a row of a result", "reading and checking a row"
