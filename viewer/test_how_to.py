@@ -38,7 +38,7 @@ def is_shown(name: str, screenshot: bytes) -> bool:
 def commands(files: Path) -> dict[str, Layout]:
     """Run the commands of the page; return its layouts by name."""
     (block,) = re.findall(r"^```sh\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
-    for line in block.splitlines():
+    for line in block.replace("\\\n", "").splitlines():
         words = [str(files / word) if re.search(r"\.(mcap|json)$", word) else word for word in line.split()]
         assert main(words[1:]) == 0
     return {name: json.loads((files / f"{name}.json").read_text()) for name in ("comparison", "single")}

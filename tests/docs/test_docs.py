@@ -97,7 +97,7 @@ def test_code_blocks_run(
             assert name is not None
             Path(f"{name.group(1)}.toml").write_text(text, encoding="utf-8")
         elif language == "sh":
-            for line in text.strip().splitlines():
+            for line in text.replace("\\\n", "").strip().splitlines():
                 capsys.readouterr()
                 run_line(line)
         elif language == "text":
