@@ -30,7 +30,7 @@ from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
 from cranectl.planning import load_scenario
 from cranectl.report.benchmark.page import judged_divisions
-from cranectl.report.benchmark.sets import TITLES, finite, named
+from cranectl.report.benchmark.sets import NAMED, TITLES, finite, named
 from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run, simulate_run
@@ -140,7 +140,7 @@ def standings() -> str:
                 numbers += finite(each.effort, ".2f", "fails")
                 rows[each.law].append(f"**{numbers}**" if full else numbers)
         shown = ([*(cell.text for cell in named(judged, law)), *row] for law, row in rows.items())
-        parts.append(f"## {TITLES[judged.division]}\n\n{table(('law', 'told', *sets), shown)}")
+        parts.append(f"## {TITLES[judged.division]}\n\n{table((*NAMED, *sets), shown)}")
     return "\n".join(parts)
 
 
