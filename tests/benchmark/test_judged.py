@@ -142,7 +142,7 @@ def test_a_failure_can_be_looked_at_as_the_how_to_says(
 
 
 def test_our_law_is_undominated_wherever_it_is_judged(judged: BenchmarkTable) -> None:
-    """If this fails, docs/how-to/benchmark.md must name the controller that is better, and why."""
+    """If this fails, docs/reference/standings.md must name the controller that is better, and why."""
     for division, name in [(d, name) for d in DIVISIONS for name in JUDGED[d] if name in BENCHMARK.sets]:
         ranking = Judged(BENCHMARK, judged, division).ranking(name)
         index = [standing.law for standing in ranking].index("lqr-offset-free")
