@@ -127,7 +127,7 @@ def test_a_failure_can_be_looked_at_as_the_how_to_says(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    how_to = (ROOT / "docs" / "how-to" / "benchmark.md").read_text(encoding="utf-8")
+    how_to = (ROOT / "docs" / "how-to" / "benchmark.md").read_text(encoding="utf-8").replace("\\\n", "")
     run, replay = re.findall(
         r"^    cranectl (benchmark run .* --out failures|campaign replay failures/.*)$", how_to, re.MULTILINE
     )
