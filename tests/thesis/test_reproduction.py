@@ -1,6 +1,6 @@
 """The thesis's tables: printed values against both plants.
 
-Where the reading of the text is not obvious, docs/how-to/scenarios.md says which was taken.
+Where the reading of the text is not obvious, docs/thesis/thesis.md says which was taken.
 """
 
 import functools
