@@ -1,4 +1,4 @@
-// Decodes every message of a log; prints, for each topic, how many there are and what the last one says.
+// Decode every message of a log. Print the number of messages and the last message of each topic.
 import { readFileSync } from "node:fs";
 import { McapIndexedReader } from "@mcap/core";
 import { loadDecompressHandlers, protobufFromBinaryDescriptor } from "@mcap/support";
@@ -12,7 +12,7 @@ const reader = await McapIndexedReader.Initialize({ readable, decompressHandlers
 
 const types = new Map();
 for (const { id, name, encoding, data } of reader.schemasById.values()) {
-  if (encoding !== "protobuf") throw new Error(`${name} is written in ${encoding}`);
+  if (encoding !== "protobuf") throw new Error(`schema ${name} has the encoding ${encoding}; protobuf is expected`);
   types.set(id, protobufFromBinaryDescriptor(data).lookupType(name));
 }
 

@@ -1,4 +1,4 @@
-"""Which logs are opened: one of every kind, and some with parts missing or broken."""
+"""The logs that the viewer tests open: one of every kind, and broken ones."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,7 +9,7 @@ from mcap.writer import Writer
 
 from cranectl import load_scenario, simulate_run, write_log
 
-# What `cranectl` is called with for a log of every kind; a name in braces is that log's file.
+# Arguments of `cranectl` that make a log of each kind; a name in braces stands for that log's file.
 KINDS = {
     "one-plant": "run fixed-position --plant mujoco --set duration=13 --out {one-plant}",
     "comparison": "run fixed-position --plants analytic,mujoco --every 20 --out {comparison}",
@@ -24,18 +24,21 @@ KINDS = {
     "merged": "compare {analytic} {mujoco} --merge {merged}",
     "recovered": "log recover {cut-off} --out {recovered}",
 }
-# Logs of runs by label.
+# Logs whose runs are named by labels instead of plants.
 OVERLAYS = {
     "ladder": "ladder fixed-position --set duration=3 --set disturbances.0.start=0.5"
     " --set disturbances.1.start=1 --out {ladder}",
     "overlay": "log overlay {one-plant} {robustified} --label one,lqr+hinf --out {overlay}",
 }
-FOUR = "four"  # cranes, apart
-CUT_OFF = "cut-off"  # half of the log of one plant, as a process that is killed leaves it
+FOUR_CRANES = "four"  # a log of four plants whose cranes stand apart
+CUT_OFF = "cut-off"  # the first half of the log of one plant, as a killed process leaves it
 
 
-def four_cranes(target: Path) -> None:
-    """A log of four plants that move apart, each by other weights; `elastic` stands in for Drake."""
+def write_four_cranes(target: Path) -> None:
+    """Write a log of four plants that move apart, because each has another weight of the input.
+
+    The elastic plant stands in for Drake.
+    """
     weights = {"analytic": 0.1, "elastic": 1.0, "mujoco": 0.03, "drake": 10.0}
     runs = [
         simulate_run(
@@ -45,9 +48,9 @@ def four_cranes(target: Path) -> None:
         )
         for plant, weight in weights.items()
     ]
-    told = {"scenario": runs[0].scenario, "design": runs[0].design}
-    apart = [replace(run, plant=plant, **told) for plant, run in zip(weights, runs, strict=True)]
-    write_log(target, apart, every=20)
+    shared = {"scenario": runs[0].scenario, "design": runs[0].design}
+    renamed = [replace(run, plant=plant, **shared) for plant, run in zip(weights, runs, strict=True)]
+    write_log(target, renamed, every=20)
 
 
 def rewrite(
@@ -57,7 +60,7 @@ def rewrite(
     keep: Callable[[str], bool] = lambda _: True,
     edit: Callable[[str, bytes], bytes] = lambda _, data: data,
 ) -> Path:
-    """Copy the messages of the topics to `keep`, their bytes edited."""
+    """Copy a log: keep only topics for which `keep` is true, and pass each message through `edit`."""
     with source.open("rb") as read, target.open("wb") as write:
         writer = Writer(write)
         writer.start()
@@ -67,23 +70,25 @@ def rewrite(
                 continue
             if channel.id not in channels:
                 assert schema is not None
-                known = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, known)
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, schema_id
+                )
             data = edit(channel.topic, message.data)
             writer.add_message(channels[channel.id], message.log_time, data, message.publish_time)
         writer.finish()
     return target
 
 
-def truncated(source: Path, target: Path) -> Path:
-    """The first half of a file, as after a copy that broke off."""
+def truncate(source: Path, target: Path) -> Path:
+    """Copy the first half of a file, as an aborted copy does."""
     data = source.read_bytes()
     target.write_bytes(data[: len(data) // 2])
     return target
 
 
-def damaged(source: Path, target: Path) -> Path:
-    """Some bytes of the chunk in the middle inverted."""
+def damage(source: Path, target: Path) -> Path:
+    """Copy a log and invert 64 bytes of its middle chunk."""
     with source.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
@@ -95,21 +100,27 @@ def damaged(source: Path, target: Path) -> Path:
     return target
 
 
-def garbled(source: Path, target: Path) -> Path:
-    """A sound file, in which the messages of one topic are no protobuf."""
+def garble(source: Path, target: Path) -> Path:
+    """Copy a log and make the messages of one topic invalid protobuf; the file itself stays valid."""
     return rewrite(source, target, edit=lambda topic, data: b"\xff" * 3 if topic == "/mujoco/load" else data)
 
 
-def foreign(_: Path, target: Path) -> Path:
-    """Another kind of file."""
+def write_csv(_: Path, target: Path) -> Path:
+    """Write a file of another kind."""
     target.write_bytes(b"time,alpha\n0.0,0.1\n" * 100)
     return target
 
 
-def empty(_: Path, target: Path) -> Path:
-    """Nothing."""
+def write_empty(_: Path, target: Path) -> Path:
+    """Write an empty file."""
     target.touch()
     return target
 
 
-BROKEN = {make.__name__: make for make in (truncated, damaged, garbled, foreign, empty)}
+BROKEN = {
+    "truncated": truncate,
+    "damaged": damage,
+    "garbled": garble,
+    "foreign": write_csv,
+    "empty": write_empty,
+}

@@ -1,4 +1,4 @@
-"""Layouts taken apart: which panels there are, and one of them alone."""
+"""Read and edit the layouts that cranectl ships for the viewer."""
 
 import copy
 import json
@@ -10,27 +10,27 @@ from cranectl.cli.main import main
 Layout = dict[str, Any]
 
 
-def shipped(name: str, directory: Path, *options: str) -> Layout:
-    """A layout as users get it."""
+def load_shipped_layout(name: str, directory: Path, *options: str) -> Layout:
+    """Return a layout that `cranectl log layout` writes."""
     file = directory / f"{name}.json"
     assert main(["log", "layout", name, str(file), *options]) == 0
     layout: Layout = json.loads(file.read_text())
     return layout
 
 
-def of_type(layout: Layout, kind: str) -> dict[str, dict[str, Any]]:
-    """Configurations of the panels of one type."""
+def panels_of_type(layout: Layout, kind: str) -> dict[str, dict[str, Any]]:
+    """Return the configurations of all panels of one type, by panel id."""
     return {name: panel for name, panel in layout["configById"].items() if name.startswith(f"{kind}!")}
 
 
-def alone(layout: Layout, name: str) -> Layout:
-    """One panel, filling the window."""
+def single_panel(layout: Layout, name: str) -> Layout:
+    """Return a layout in which one panel fills the window."""
     return {**layout, "configById": {name: layout["configById"][name]}, "layout": name}
 
 
-def with_values(layout: Layout) -> Layout:
-    """Plots that also write down the value of every line: unlike its pixels it cannot hide behind another."""
+def show_values(layout: Layout) -> Layout:
+    """Return a layout whose plots have legends with values: one line can hide another, its value cannot."""
     layout = copy.deepcopy(layout)
-    for plot in of_type(layout, "Plot").values():
+    for plot in panels_of_type(layout, "Plot").values():
         plot.update(showLegend=True, showPlotValuesInLegend=True, legendDisplay="floating")
     return layout

@@ -1,4 +1,4 @@
-"""Serves the viewer and the files it opens from one origin on this machine."""
+"""Serve the viewer and the files that it opens from one origin on this machine."""
 
 import functools
 import mimetypes
@@ -21,7 +21,7 @@ OLD_SUBPROTOCOL, NEW_SUBPROTOCOL = b"foxglove.websocket.v1", b"foxglove.sdk.v1"
 
 @contextmanager
 def serve(files: Path) -> Iterator[str]:
-    """Serve the shell page, the viewer, and `files` under /files/; gives the origin."""
+    """Serve the shell page, the viewer, and `files` under /files/; yield the origin."""
     roots = {"modules": MODULES, "studio": STUDIO, "files": files}
     server = _Server(("127.0.0.1", 0), functools.partial(_Handler, roots))
     thread = threading.Thread(target=server.serve_forever, daemon=True)
@@ -36,7 +36,7 @@ def serve(files: Path) -> Iterator[str]:
 
 @functools.cache
 def bundle() -> bytes:
-    """The viewer's code, made to speak the subprotocol of today's servers, without its source map."""
+    """Return the viewer's code for today's subprotocol, without its source map."""
     code = (STUDIO / "index.js").read_bytes()
     if OLD_SUBPROTOCOL not in code:
         raise RuntimeError(f"{STUDIO} does not ask for {OLD_SUBPROTOCOL.decode()}: another version of it?")
@@ -48,7 +48,7 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """The viewer breaks off requests on purpose, to learn a file's size."""
+        """Ignore broken connections: the viewer aborts requests on purpose, to learn a file's size."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -59,7 +59,7 @@ class _Handler(BaseHTTPRequestHandler):
         super().__init__(*args)
 
     def do_GET(self) -> None:
-        """Answer with the file or the range of it that was asked for."""
+        """Send the requested file, or the requested range of its bytes."""
         path = unquote(urlsplit(self.path).path)
         data = self._read("/shell.html" if path == "/" else path)
         if data is None:
@@ -78,7 +78,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(data[start:stop])
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Print nothing."""
 
     def _read(self, path: str) -> bytes | None:
         if path == "/shell.html":

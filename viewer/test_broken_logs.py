@@ -1,4 +1,4 @@
-"""The viewer complains of broken logs: otherwise its silence over sound ones would prove nothing."""
+"""The viewer reports broken logs. Otherwise its silence about valid logs would prove nothing."""
 
 from pathlib import Path
 
@@ -6,11 +6,11 @@ import pytest
 
 from viewer import panels
 from viewer.logs import BROKEN
-from viewer.studio import Studio, eventually
+from viewer.studio import Studio, poll_until
 
 COMPLAINTS = {
     "truncated": ("unindexed",),
-    "damaged": ("Error during decompression", "Incorrect chunk CRC"),  # by what the bytes happen to mean
+    "damaged": ("Error during decompression", "Incorrect chunk CRC"),  # depends on the inverted bytes
     "garbled": ("Error decoding message on /mujoco/load",),
     "foreign": ("Expected MCAP magic",),
     "empty": ("unindexed",),
@@ -18,13 +18,17 @@ COMPLAINTS = {
 
 
 @pytest.mark.parametrize("how", BROKEN)
-def test_complains(how: str, studio: Studio, files: Path, logs: dict[str, Path]) -> None:
+def test_the_viewer_reports_a_broken_log(
+    how: str, studio: Studio, files: Path, logs: dict[str, Path]
+) -> None:
     log = BROKEN[how](logs["one-plant"], files / f"{how}.mcap")
-    layout = panels.shipped("single", files)
-    studio.open_log(f"/files/{log.name}", panels.alone(layout, next(iter(panels.of_type(layout, "Plot")))))
+    layout = panels.load_shipped_layout("single", files)
+    studio.open_log(
+        f"/files/{log.name}", panels.single_panel(layout, next(iter(panels.panels_of_type(layout, "Plot"))))
+    )
 
     def is_expected(complaints: list[str]) -> bool:
         return any(text in complaint for text in COMPLAINTS[how] for complaint in complaints)
 
-    complaints = eventually(lambda: [*studio.problems(), *studio.exceptions], is_expected)
+    complaints = poll_until(lambda: [*studio.problems(), *studio.exceptions], is_expected)
     assert is_expected(complaints), complaints

@@ -1,4 +1,4 @@
-"""The how-to about Foxglove: its steps work, and its pictures show what the viewer shows."""
+"""The how-to about Foxglove: its commands work, and its pictures show what the viewer shows."""
 
 import io
 import json
@@ -16,22 +16,22 @@ from tests.conftest import ROOT
 from viewer import panels
 from viewer.conftest import FAILURES, Live
 from viewer.panels import Layout
-from viewer.studio import Studio, eventually
+from viewer.studio import Studio, poll_until
 
 PAGE = ROOT / "docs" / "how-to" / "foxglove.md"
-SMALL = (160, 100)  # pixels to which pictures are shrunk, so that fonts and smoothing do not matter
-CLOSE = 8.0  # mean difference of two small pictures, of 255
-WORST = 5.24  # [s], on the page
+COMPARED_SIZE = (160, 100)  # pixels to which pictures are shrunk, so that fonts and smoothing do not matter
+MAX_MEAN_DIFFERENCE = 8.0  # mean difference of two small pictures, of 255
+WORST_TIME = 5.24  # [s] of the largest error, which the page names
 
 
-def is_shown(name: str, screenshot: bytes) -> bool:
-    """Return True if a picture of the page resembles a screenshot. If not, keep it in viewer/failures."""
+def matches_picture(name: str, screenshot: bytes) -> bool:
+    """Return True if a picture of the page resembles a screenshot, which is saved in viewer/failures."""
     new = Image.open(io.BytesIO(screenshot)).convert("RGB")
     FAILURES.mkdir(exist_ok=True)
     new.quantize(128, dither=Image.Dither.NONE).save(FAILURES / name, optimize=True)
     old = Image.open(PAGE.parent.parent / "pictures" / name).convert("RGB")
-    small = [np.asarray(picture.resize(SMALL), dtype=float) for picture in (old, new)]
-    return float(np.abs(small[0] - small[1]).mean()) < CLOSE
+    small = [np.asarray(picture.resize(COMPARED_SIZE), dtype=float) for picture in (old, new)]
+    return float(np.abs(small[0] - small[1]).mean()) < MAX_MEAN_DIFFERENCE
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +44,8 @@ def commands(files: Path) -> dict[str, Layout]:
     return {name: json.loads((files / f"{name}.json").read_text()) for name in ("comparison", "single")}
 
 
-def undisturbed(studio: Studio, height: int = 800) -> bytes:
-    """Return a screenshot without what appears under the pointer and for newcomers."""
+def screenshot_without_popups(studio: Studio, height: int = 800) -> bytes:
+    """Take a screenshot without tooltips and hints for new users."""
     studio.page.mouse.move(640.0, 790.0)
     clip: FloatRect = {"x": 0.0, "y": 0.0, "width": 1280.0, "height": height}
     return studio.page.screenshot(
@@ -53,31 +53,37 @@ def undisturbed(studio: Studio, height: int = 800) -> bytes:
     )
 
 
-def test_the_plants_of_a_log_are_compared(studio: Studio, commands: dict[str, Layout]) -> None:
+def test_the_comparison_picture_is_current(studio: Studio, commands: dict[str, Layout]) -> None:
     studio.open_log("/files/run.mcap", commands["comparison"])
     studio.seek(0.5)
-    assert eventually(lambda: is_shown("foxglove-several.png", undisturbed(studio)), bool)
-
-
-def test_the_worst_moment_is_shown(studio: Studio, commands: dict[str, Layout]) -> None:
-    studio.open_log("/files/run.mcap", panels.with_values(commands["single"]))
-    studio.seek(WORST / 10.0)
-    (error,) = (
-        name for name, plot in panels.of_type(commands["single"], "Plot").items() if "error" in str(plot)
+    assert poll_until(
+        lambda: matches_picture("foxglove-several.png", screenshot_without_popups(studio)), bool
     )
-    values = eventually(lambda: studio.legend(error), lambda seen: bool(seen) and all(seen))
+
+
+def test_the_picture_of_the_largest_error_is_current(studio: Studio, commands: dict[str, Layout]) -> None:
+    studio.open_log("/files/run.mcap", panels.show_values(commands["single"]))
+    studio.seek(WORST_TIME / 10.0)
+    (error,) = (
+        name
+        for name, plot in panels.panels_of_type(commands["single"], "Plot").items()
+        if "error" in str(plot)
+    )
+    values = poll_until(lambda: studio.legend(error), lambda texts: bool(texts) and all(texts))
     assert np.linalg.norm([float(value) for value in values]) == pytest.approx(0.010, abs=0.001)
     studio.open_log("/files/run.mcap", commands["single"])
-    studio.seek(WORST / 10.0)
-    assert eventually(lambda: is_shown("foxglove-worst.png", undisturbed(studio)), bool)
+    studio.seek(WORST_TIME / 10.0)
+    assert poll_until(lambda: matches_picture("foxglove-worst.png", screenshot_without_popups(studio)), bool)
 
 
-def test_a_live_session_is_shown(studio: Studio, live: Live, files: Path) -> None:
-    studio.open_live(live.url, panels.shipped("live", files, "--plant", "mujoco"))
+def test_the_live_picture_is_current(studio: Studio, live: Live, files: Path) -> None:
+    studio.open_live(live.url, panels.load_shipped_layout("live", files, "--plant", "mujoco"))
 
     def clock() -> float:
-        studio.page.wait_for_timeout(10)  # frames are counted while the page is asked something
+        studio.page.wait_for_timeout(10)  # messages of the server are received only during a call
         return studio.clock[-1] / NANOSECONDS
 
-    assert eventually(clock, lambda seconds: seconds > 5.0) > 5.0
-    assert eventually(lambda: is_shown("foxglove-live.png", undisturbed(studio, 512)), bool)
+    assert poll_until(clock, lambda seconds: seconds > 5.0) > 5.0
+    assert poll_until(
+        lambda: matches_picture("foxglove-live.png", screenshot_without_popups(studio, 512)), bool
+    )

@@ -1,4 +1,4 @@
-"""A report in a browser: first screen, values at the cursor, and curves that are enlarged together."""
+"""A report page in a browser: first screen, values at the cursor, and figures that zoom together."""
 
 from pathlib import Path
 
@@ -9,16 +9,16 @@ from playwright.sync_api import Browser, Page
 from cranectl.cli import exit_codes
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
-from viewer.studio import eventually, violations
+from viewer.studio import accessibility_violations, poll_until
 
-LABELS = """all => all.map(svg => [...svg.querySelectorAll("[data-part^=axes]")].at(-1)
+COUNT_LABELS = """all => all.map(svg => [...svg.querySelectorAll("[data-part^=axes]")].at(-1)
     .querySelectorAll(".zoomed > g > text").length)"""
-WINDOWS = "all => all.flatMap(svg => svg.plots.map(plot => plot.shown))"
+SHOWN_WINDOWS = "all => all.flatMap(svg => svg.plots.map(plot => plot.shown))"
 
 
 @pytest.fixture
 def page(chromium: Browser, tmp_path: Path) -> Page:
-    """The page of a log, opened from the disk."""
+    """Open the report of a log from the disk."""
     log = tmp_path / "run.mcap"
     settings = ["--set", "duration=8", "--set", "disturbances=[{joint='beta', start=2.0, magnitude=1.0}]"]
     assert main(["run", "fixed-position", *settings, "--out", str(log)]) == exit_codes.GOOD
@@ -32,52 +32,53 @@ def page(chromium: Browser, tmp_path: Path) -> Page:
     return opened
 
 
-def told(page: Page, share: float) -> tuple[float, float]:
-    """Time [s] and first value that the cursor tells at a share of the first figure's width."""
+def value_at_cursor(page: Page, fraction: float) -> tuple[float, float]:
+    """Move the cursor over the first figure; return the shown time [s] and first value."""
     figure = page.locator("svg[data-plots]").first
     figure.scroll_into_view_if_needed()
     box = figure.bounding_box()
     assert box is not None
-    page.mouse.move(box["x"] + share * box["width"], box["y"] + 0.25 * box["height"])
+    page.mouse.move(box["x"] + fraction * box["width"], box["y"] + 0.25 * box["height"])
     title, row = page.locator("#values").inner_text().split("\n")[:2]
     return float(title.removesuffix(" s")), float(row.split("\t")[-1].removesuffix(" m"))
 
 
-def test_the_cursor_tells_the_log_and_the_wheel_enlarges_all_figures(page: Page, tmp_path: Path) -> None:
+def test_the_cursor_shows_logged_values_and_the_wheel_zooms_all_figures(page: Page, tmp_path: Path) -> None:
     run = read_log(tmp_path / "run.mcap")["analytic"]
     error = run.signal("error.error_x")
     figures = page.locator("svg[data-plots]")
-    home = figures.evaluate_all(WINDOWS)
+    home = figures.evaluate_all(SHOWN_WINDOWS)
     assert figures.count() == 7
     assert home == [[0.0, 8.0]] * len(home)
-    for share in (0.3, 0.6, 0.8):
-        time, value = told(page, share)
+    for fraction in (0.3, 0.6, 0.8):
+        time, value = value_at_cursor(page, fraction)
         assert value == pytest.approx(np.interp(time, run.time, error), abs=np.ptp(error) / 1000)
 
     page.keyboard.down("Control")
     page.mouse.wheel(0, -400)
     page.keyboard.up("Control")
-    ((low, high),) = eventually(
-        lambda: {tuple(window) for window in figures.evaluate_all(WINDOWS)}, lambda seen: seen != {(0.0, 8.0)}
+    ((low, high),) = poll_until(
+        lambda: {tuple(window) for window in figures.evaluate_all(SHOWN_WINDOWS)},
+        lambda value: value != {(0.0, 8.0)},
     )
     assert 0.0 < low < time < high < 8.0
     assert high - low < 0.6 * 8.0
-    assert min(figures.evaluate_all(LABELS)) >= 3
-    again, value = told(page, 0.8)
-    assert again == pytest.approx(time, abs=0.02), "what the wheel turned at stays, to a pixel"
-    assert value == pytest.approx(np.interp(again, run.time, error), abs=np.ptp(error) / 1000)
+    assert min(figures.evaluate_all(COUNT_LABELS)) >= 3
+    zoomed_time, value = value_at_cursor(page, 0.8)
+    assert zoomed_time == pytest.approx(time, abs=0.02), "the zoom moved the point under the cursor"
+    assert value == pytest.approx(np.interp(zoomed_time, run.time, error), abs=np.ptp(error) / 1000)
 
     figures.first.dblclick()
-    assert eventually(lambda: figures.evaluate_all(WINDOWS), lambda seen: seen == home) == home
+    assert poll_until(lambda: figures.evaluate_all(SHOWN_WINDOWS), lambda value: value == home) == home
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_the_first_screen_fits_and_axe_finds_nothing(page: Page, scheme: str) -> None:
+def test_the_first_screen_fits_and_is_accessible(page: Page, scheme: str) -> None:
     page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
     for width, height in ((1440, 900), (1024, 768), (390, 844)):
         page.set_viewport_size({"width": width, "height": height})
         assert page.evaluate("document.documentElement.scrollWidth") <= width
-        assert violations(page) == []
+        assert accessibility_violations(page) == []
     page.set_viewport_size({"width": 1440, "height": 900})
     for part in (page.locator(".verdict"), page.locator(".facts"), page.get_by_role("img").first):
         box = part.bounding_box()

@@ -1,4 +1,4 @@
-"""The site of the docs in a browser, without a network: search finds, pages fit, axe finds nothing."""
+"""The documentation site in a browser, without a network: search works, pages fit and are accessible."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from docs.build import build
-from viewer.studio import eventually, violations
+from viewer.studio import accessibility_violations, poll_until
 
 PAGES = ("index", "start", "how-to/index", "explanation/controllers", "reference/api", "reference/settings")
 PAGES += ("reference/command-line", "proofs/performance")
@@ -20,8 +20,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory
 
 
-def opened(chromium: Browser, scheme: str = "light") -> Page:
-    """Return an empty page that may load files only."""
+def open_page(chromium: Browser, scheme: str = "light") -> Page:
+    """Open an empty page that may load files only."""
     page = chromium.new_page(color_scheme=scheme)  # type: ignore[arg-type]
     page.on("pageerror", lambda error: pytest.fail(str(error)))
     page.on("request", lambda request: request.url.startswith(("file:", "data:")) or pytest.fail(request.url))
@@ -29,20 +29,20 @@ def opened(chromium: Browser, scheme: str = "light") -> Page:
 
 
 def test_search_finds_a_page_without_a_server(site: Path, chromium: Browser) -> None:
-    page = opened(chromium)
+    page = open_page(chromium)
     page.goto((site / "search.html").as_uri() + "?q=flatness")
-    found = eventually(
+    results = poll_until(
         lambda: page.locator("#search-results li a").all_inner_texts(), lambda texts: len(texts) > 1
     )
-    assert any("Model" in text or "Controllers" in text for text in found)
+    assert any("Model" in text or "Controllers" in text for text in results)
 
 
 @pytest.mark.parametrize("name", PAGES)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_page_fits_and_is_accessible(site: Path, chromium: Browser, name: str, scheme: str) -> None:
-    page = opened(chromium, scheme)
+    page = open_page(chromium, scheme)
     page.goto((site / f"{name}.html").as_uri())
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 900})
         assert page.evaluate("document.documentElement.scrollWidth") <= width
-    assert violations(page) == []
+    assert accessibility_violations(page) == []
