@@ -1,4 +1,4 @@
-"""A directory with what a user may have: logs, settings, a campaign's result, notes."""
+"""A directory with files as a user may have them: logs, settings, the result of a campaign, notes."""
 
 import contextlib
 from pathlib import Path
@@ -26,14 +26,14 @@ TEXTS = {
 
 @pytest.fixture(scope="session")
 def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    here = tmp_path_factory.mktemp("template")
+    directory = tmp_path_factory.mktemp("template")
     for name, text in TEXTS.items():
-        (here / name).write_text(text)
-    (here / "sub").mkdir()
-    with contextlib.chdir(here):
+        (directory / name).write_text(text)
+    (directory / "sub").mkdir()
+    with contextlib.chdir(directory):
         assert main(["run", "s.toml", "--out", "x.mcap", "--every", "1"]) == 0
         assert main(["campaign", "run", "c.toml", "--out", "r"]) == 0
-    content = (here / "x.mcap").read_bytes()
-    (here / "cut.mcap").write_bytes(content[: 2 * len(content) // 3])
-    (here / "link.mcap").symlink_to("x.mcap")
-    return here
+    content = (directory / "x.mcap").read_bytes()
+    (directory / "cut.mcap").write_bytes(content[: 2 * len(content) // 3])
+    (directory / "link.mcap").symlink_to("x.mcap")
+    return directory

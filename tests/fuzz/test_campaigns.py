@@ -1,6 +1,7 @@
 """Campaigns that are killed at any moment, or whose files change before they are resumed.
 
-A result is the same to the last byte, whatever happened on the way. By other content it is not resumed.
+The result is the same to the last byte, however often the campaign was killed. It is not resumed when content
+on which it depends has changed.
 """
 
 import shutil
@@ -12,11 +13,11 @@ from typing import NamedTuple
 import pytest
 from hypothesis import strategies as st
 
-from tests.fuzz.forked import check, forked
-from tests.fuzz.oracle import FEW, fuzzed
+from tests.fuzz.child_process import check, run_in_child
+from tests.fuzz.oracle import PROCESS_FUZZ_FACTOR, fuzzed
 
 RUN = ["campaign", "run", "c.toml", "--out", "r", "--workers", "2"]
-MANY = """
+CAMPAIGN = """
 name = "c"
 scenario = "./s.toml"
 controllers = ["lqr", "pid"]
@@ -24,7 +25,7 @@ plants = ["analytic"]
 runs = 200
 uncertain.rig.load_mass = {distribution = "uniform", low = 0.5, high = 2.0}
 """
-LAW = """
+CONTROLLER = """
 from gains import K
 from pathlib import Path
 D = float((Path(__file__).parent / "data" / "damping.txt").read_text())
@@ -34,72 +35,77 @@ def law(parameters, measured, reference, memory, command):
         command[axis] = K * (target - measured[2 * axis]) - D * measured[2 * axis + 1]
     return 0
 """
-OWN = {"own/law.py": LAW, "own/gains.py": "from own_units import K\n", "own/own_units.py": "K = 16.0\n",
-       "own/data/damping.txt": "8.0"}  # fmt: skip
+CONTROLLER_FILES = {
+    "own/law.py": CONTROLLER,
+    "own/gains.py": "from own_units import K\n",
+    "own/own_units.py": "K = 16.0\n",
+    "own/data/damping.txt": "8.0",
+}
 
 
 def parts(directory: Path) -> dict[str, bytes]:
-    """The rows of a result, by the names of their files."""
+    """Return the Parquet files of a result by name."""
     return {path.name: path.read_bytes() for path in (directory / "r" / "parts").glob("*.parquet")}
 
 
 @pytest.fixture(scope="module")
 def many(template: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished campaign of several parts."""
+    """Finish a campaign of several parts; return its directory."""
     directory = tmp_path_factory.mktemp("many")
     shutil.copy(template / "s.toml", directory)
-    (directory / "c.toml").write_text(MANY)
-    assert forked(directory, RUN).code == 0
+    (directory / "c.toml").write_text(CAMPAIGN)
+    assert run_in_child(directory, RUN).code == 0
     return directory
 
 
 @fuzzed(
     4,
-    factor=FEW,
+    factor=PROCESS_FUZZ_FACTOR,
     moments=st.lists(st.floats(0.0, 1.5), min_size=1, max_size=3),
     sent=st.sampled_from([signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP]),
 )
-def test_a_campaign_that_is_killed_at_any_moment_is_resumed_to_the_same_bytes(
+def test_a_killed_campaign_resumes_to_the_same_bytes(
     many: Path, tmp_path_factory: pytest.TempPathFactory, moments: list[float], sent: signal.Signals
 ) -> None:
     directory = tmp_path_factory.mktemp("killed")
     for name in ("s.toml", "c.toml"):
         shutil.copy(many / name, directory)
-    wanted = parts(many)
+    expected = parts(many)
     for moment in moments:
-        told = forked(directory, [*RUN, "--resume"], kill=(moment, sent))
-        check(told, RUN, killed=True)
-        found = parts(directory)
-        assert all(wanted[name] == content for name, content in found.items()), f"{sent.name} after {moment}"
-    told = forked(directory, [*RUN, "--resume"])
-    assert told.code == 0, told.err
-    assert parts(directory) == wanted
-    left = {path.name for path in (directory / "r" / "parts").iterdir()}
-    assert left == set(wanted)
+        result = run_in_child(directory, [*RUN, "--resume"], kill=(moment, sent))
+        check(result, RUN, killed=True)
+        finished = parts(directory)
+        assert all(expected[name] == content for name, content in finished.items()), (
+            f"{sent.name} after {moment} s"
+        )
+    result = run_in_child(directory, [*RUN, "--resume"])
+    assert result.code == 0, result.err
+    assert parts(directory) == expected
+    assert {path.name for path in (directory / "r" / "parts").iterdir()} == set(expected)
 
 
 @pytest.fixture(scope="module")
 def own(template: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished campaign with a controller of several files."""
+    """Finish a campaign with a controller of several files; return its directory."""
     directory = tmp_path_factory.mktemp("own")
     shutil.copy(template / "s.toml", directory)
-    (directory / "c.toml").write_text(MANY.replace('["lqr", "pid"]', '["law"]').replace("200", "70"))
-    for name, content in OWN.items():
+    (directory / "c.toml").write_text(CAMPAIGN.replace('["lqr", "pid"]', '["law"]').replace("200", "70"))
+    for name, content in CONTROLLER_FILES.items():
         (directory / name).parent.mkdir(parents=True, exist_ok=True)
         (directory / name).write_text(content)
-    told = forked(directory, [*RUN, "--controllers", "own/law.py:law"])
-    assert told.code == 0, told.err
+    result = run_in_child(directory, [*RUN, "--controllers", "own/law.py:law"])
+    assert result.code == 0, result.err
     return directory
 
 
 class Change(NamedTuple):
-    """What is done to the files of a campaign, and whether it is another one then."""
+    """A change of a campaign's files, and whether it makes another campaign of it."""
 
-    do: Callable[[Path], object]
+    apply: Callable[[Path], object]
     differs: bool
 
 
-def written(name: str, content: str) -> Callable[[Path], object]:
+def write_file(name: str, content: str) -> Callable[[Path], object]:
     def write(directory: Path) -> None:
         (directory / name).parent.mkdir(exist_ok=True)
         (directory / name).write_text(content)
@@ -107,53 +113,53 @@ def written(name: str, content: str) -> Callable[[Path], object]:
     return write
 
 
-def replaced(name: str, old: str, new: str) -> Callable[[Path], object]:
-    return lambda directory: written(name, (directory / name).read_text().replace(old, new))(directory)
+def replace_text(name: str, old: str, new: str) -> Callable[[Path], object]:
+    return lambda directory: write_file(name, (directory / name).read_text().replace(old, new))(directory)
 
 
-def package(directory: Path) -> None:
-    """The same name, imported from a folder."""
+def make_package(directory: Path) -> None:
+    """Replace a module by a package of the same name."""
     (directory / "own/gains.py").unlink()
-    written("own/gains/__init__.py", "K = 4.0\n")(directory)
+    write_file("own/gains/__init__.py", "K = 4.0\n")(directory)
 
 
 CHANGES = {
     "nothing": Change(lambda _: None, False),
-    "times": Change(lambda directory: (directory / "own/gains.py").touch(), False),
-    "a stranger": Change(written("own/notes.py", "K = 1.0"), False),
+    "modification time": Change(lambda directory: (directory / "own/gains.py").touch(), False),
+    "an unused file": Change(write_file("own/notes.py", "K = 1.0"), False),
     "caches": Change(lambda directory: shutil.rmtree(directory / "own/__pycache__", True), False),
-    "a stranger below": Change(written("own/data/more.txt", "1"), False),
-    "a part that is damaged": Change(
+    "an unused file in a subfolder": Change(write_file("own/data/more.txt", "1"), False),
+    "a damaged part": Change(
         lambda directory: min((directory / "r/parts").iterdir()).write_bytes(b"PAR1"), False
     ),
-    "a gain": Change(written("own/own_units.py", "K = 15.0\n"), True),
-    "a comment": Change(written("own/own_units.py", "K = 16.0  # 1/s2\n"), False),
-    "an import": Change(written("own/gains.py", "K = 4.0\n"), True),
-    "a package": Change(package, True),
-    "the law": Change(written("own/law.py", LAW.replace("K * (", "0.5 * K * (")), True),
-    "the data": Change(written("own/data/damping.txt", "7.0"), True),
-    "the scenario": Change(replaced("s.toml", "0.77", "0.78"), True),
-    "the distribution": Change(replaced("c.toml", "0.5", "0.6"), True),
+    "a gain": Change(write_file("own/own_units.py", "K = 15.0\n"), True),
+    "a comment": Change(write_file("own/own_units.py", "K = 16.0  # 1/s2\n"), False),
+    "an import": Change(write_file("own/gains.py", "K = 4.0\n"), True),
+    "a package": Change(make_package, True),
+    "the controller": Change(write_file("own/law.py", CONTROLLER.replace("K * (", "0.5 * K * (")), True),
+    "the data": Change(write_file("own/data/damping.txt", "7.0"), True),
+    "the scenario": Change(replace_text("s.toml", "0.77", "0.78"), True),
+    "the distribution": Change(replace_text("c.toml", "0.5", "0.6"), True),
 }
 
 
-@fuzzed(4, factor=FEW, name=st.sampled_from(sorted(CHANGES)), lost=st.booleans())
-def test_a_campaign_is_resumed_by_the_same_content_only(
-    own: Path, tmp_path_factory: pytest.TempPathFactory, name: str, lost: bool
+@fuzzed(4, factor=PROCESS_FUZZ_FACTOR, name=st.sampled_from(sorted(CHANGES)), incomplete=st.booleans())
+def test_a_campaign_resumes_only_with_the_same_content(
+    own: Path, tmp_path_factory: pytest.TempPathFactory, name: str, incomplete: bool
 ) -> None:
     directory = tmp_path_factory.mktemp("changed") / "here"
     shutil.copytree(own, directory)
-    if lost:
+    if incomplete:
         max((directory / "r/parts").glob("*.parquet")).unlink()
-    CHANGES[name].do(directory)
+    CHANGES[name].apply(directory)
     before = parts(directory)
     line = [*RUN, "--controllers", "own/law.py:law", "--resume"]
-    told = forked(directory, line)
-    check(told, line)
+    result = run_in_child(directory, line)
+    check(result, line)
     if CHANGES[name].differs:
-        assert told.code == 2, name
-        assert "another campaign" in told.err or "other software" in told.err, told.err
+        assert result.code == 2, name
+        assert "another campaign" in result.err or "other software" in result.err, result.err
         assert parts(directory) == before
     else:
-        assert told.code == 0, f"{name}: {told.err}"
+        assert result.code == 0, f"{name}: {result.err}"
         assert parts(directory) == parts(own), name

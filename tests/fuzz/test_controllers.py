@@ -1,4 +1,4 @@
-"""Controllers that misbehave, at a random step or before, end their own run and harm nothing else."""
+"""A controller that misbehaves, at a random step or earlier, ends only its own run."""
 
 import json
 from collections.abc import Callable
@@ -9,10 +9,10 @@ import pytest
 from hypothesis import strategies as st
 
 from cranectl.log.reader import read_log
-from tests.fuzz.forked import check, forked
-from tests.fuzz.oracle import FEW, fuzzed
+from tests.fuzz.child_process import check, run_in_child
+from tests.fuzz.oracle import PROCESS_FUZZ_FACTOR, fuzzed
 
-LAW = """
+CONTROLLER = """
 import ctypes, gc, os, signal, subprocess, sys, threading, time, warnings
 import numpy as np
 {top}
@@ -35,9 +35,9 @@ class Odd:
     {declared}
 {bottom}
 """
-# By what may come of it: "same" leaves every number as it is, "ends" ends the run at this step, and of "any"
-# only what came before it is known.
-TEXTS = {
+# Statements by their allowed effect: "same" changes no number, "ends" ends the run at this step, and "any"
+# may change everything from this step on.
+STATEMENT_TEXTS = {
     "same": r"""
 print('x')
 print('\x1b[2J\x07')
@@ -108,82 +108,100 @@ os.closerange(3, 64)
 reference[0] = 9.0
 """,
 }
-DEEDS = {kind: text.split("\n")[1:-1] for kind, text in TEXTS.items()}
+STATEMENTS = {effect: text.split("\n")[1:-1] for effect, text in STATEMENT_TEXTS.items()}
 EXPECTED = {"same": {0}, "ends": {2, 3}, "any": {0, 2, 3}}
-NESTED = "{}"  # what Numba cannot compile, so that the step stays in the interpreter
+NESTED = "{}"  # Numba cannot compile this, so the step stays in the interpreter
 
 
 @pytest.fixture(scope="module")
-def usual(template: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[], np.ndarray]:
-    """The record with the controller when it behaves, as a function: failures print it."""
-    record = ran(template, tmp_path_factory.mktemp("usual"), source(stepping="pass"))[1]
+def normal_record(template: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[], np.ndarray]:
+    """Return the signals of the correct controller, as a function: pytest would print an array."""
+    record = run_controller(template, tmp_path_factory.mktemp("normal_record"), source(stepping="pass"))[1]
     return lambda: record
 
 
 def source(**changes: object) -> str:
-    usual: dict[str, object] = {
+    normal_record: dict[str, object] = {
         "top": "",
         "bottom": "",
         "declared": "",
         "preparing": "pass",
         "stepping": "pass",
     }
-    return LAW.format(**usual | {"parameter": 16.0, "step": 3.0} | changes)
+    return CONTROLLER.format(**normal_record | {"parameter": 16.0, "step": 3.0} | changes)
 
 
-def ran(template: Path, directory: Path, text: str) -> tuple[int, np.ndarray]:
-    """The exit code with a controller of this source, and what its log holds."""
+def run_controller(template: Path, directory: Path, text: str) -> tuple[int, np.ndarray]:
+    """Run a controller with this source code; return the exit code and the logged signals."""
     (directory / "law.py").write_text(text, encoding="utf-8", errors="surrogatepass")
     (directory / "s.toml").write_bytes((template / "s.toml").read_bytes())
-    line = ["run", "s.toml", "--controller", "law.py:Odd", "--plants", "analytic", "--every", "1"]
-    line += ["--out", "o.mcap", "--json", "-"]
+    arguments = ["run", "s.toml", "--controller", "law.py:Odd", "--plants", "analytic", "--every", "1"]
+    arguments += ["--out", "o.mcap", "--json", "-"]
     (directory / "o.mcap").unlink(missing_ok=True)
-    told = forked(directory, line)
-    check(told, line)
-    if told.code in (0, 3):
-        assert json.loads(told.out)["runs"], "standard output is the command's own"
+    result = run_in_child(directory, arguments)
+    check(result, arguments)
+    if result.code in (0, 3):
+        assert json.loads(result.out)["runs"], "the controller has written to standard output"
     else:
-        assert not told.out
-    left = {path.name for path in directory.iterdir()} - {"law.py", "s.toml", "o.mcap", "__pycache__"}
-    assert not left
+        assert not result.out
+    assert {path.name for path in directory.iterdir()} <= {"law.py", "s.toml", "o.mcap", "__pycache__"}
     if not (directory / "o.mcap").exists():
-        assert told.code == 2
-        return told.code, np.zeros((0, 0))
+        assert result.code == 2
+        return result.code, np.zeros((0, 0))
     (run,) = read_log(directory / "o.mcap").values()
-    assert (run.status.label == "completed") == (told.code == 0)
-    return told.code, run.table
+    assert (run.status.label == "completed") == (result.code == 0)
+    return result.code, run.table
 
 
 @st.composite
-def misdeeds(draw: st.DrawFn) -> tuple[str, str, int]:
-    """What may come of a step, what it does, and which it is."""
-    kind = draw(st.sampled_from(sorted(DEEDS)))
-    return kind, draw(st.sampled_from(DEEDS[kind])), draw(st.integers(1, 20))
+def faults(draw: st.DrawFn) -> tuple[str, str, int]:
+    """Draw the allowed effect of a step, the statement that it executes, and its number."""
+    effect = draw(st.sampled_from(sorted(STATEMENTS)))
+    return effect, draw(st.sampled_from(STATEMENTS[effect])), draw(st.integers(1, 20))
 
 
-@fuzzed(12, factor=FEW, misdeed=misdeeds(), callback=st.booleans())
-def test_what_a_step_does(
+@fuzzed(12, factor=PROCESS_FUZZ_FACTOR, fault=faults(), callback=st.booleans())
+def test_a_faulty_step_ends_its_run_or_changes_no_earlier_sample(
     template: Path,
     tmp_path_factory: pytest.TempPathFactory,
-    usual: Callable[[], np.ndarray],
-    misdeed: tuple[str, str, int],
+    normal_record: Callable[[], np.ndarray],
+    fault: tuple[str, str, int],
     callback: bool,
 ) -> None:
-    kind, deed, step = misdeed
-    stepping = f"{deed}; str({NESTED})" if callback and not deed.startswith(("return", "raise")) else deed
-    code, record = ran(template, tmp_path_factory.mktemp("odd"), source(stepping=stepping, step=step))
-    assert code in EXPECTED[kind], f"{deed} at step {step} exits {code}"
-    whole = (
-        len(usual()) if kind == "same" else min(len(record), step - 1)
-    )  # a process that ends loses a block
-    assert record[:whole].tobytes() == usual()[:whole].tobytes(), f"{deed} at step {step}"
+    effect, statement, step = fault
+    stepping = (
+        f"{statement}; str({NESTED})"
+        if callback and not statement.startswith(("return", "raise"))
+        else statement
+    )
+    code, record = run_controller(
+        template, tmp_path_factory.mktemp("odd"), source(stepping=stepping, step=step)
+    )
+    assert code in EXPECTED[effect], f"{statement} at step {step} exits {code}"
+    # A process that ends loses the last block of its log.
+    unaffected = len(normal_record()) if effect == "same" else min(len(record), step - 1)
+    assert record[:unaffected].tobytes() == normal_record()[:unaffected].tobytes(), (
+        f"{statement} at step {step}"
+    )
 
 
-# In this process a controller can still do what it wants: end it by a signal, close its streams.
-TAKEN = ("os.kill", "ctypes.string_at", "sys.stdout.close", "os.close", "raise KeyboardInterrupt", "os.umask")
-TOPS = [deed for kind in ("same", "ends") for deed in DEEDS[kind] if not deed.startswith(TAKEN)]
-TOPS += ["import no_such_module", "Odd_ = 1/0", "os.remove('o.mcap')", "x = (", "\0"]
-DECLARED_TEXT = r"""
+# Before the run, the controller is loaded by the command's own process, which these statements can end.
+ENDS_THIS_PROCESS = (
+    "os.kill",
+    "ctypes.string_at",
+    "sys.stdout.close",
+    "os.close",
+    "raise KeyboardInterrupt",
+    "os.umask",
+)
+MODULE_STATEMENTS = [
+    statement
+    for effect in ("same", "ends")
+    for statement in STATEMENTS[effect]
+    if not statement.startswith(ENDS_THIS_PROCESS)
+]
+MODULE_STATEMENTS += ["import no_such_module", "Odd_ = 1/0", "os.remove('o.mcap')", "x = (", "\0"]
+DECLARATION_TEXT = r"""
 name = 'a\x1b[2J'
 name = ''
 name = 'lqr'
@@ -216,9 +234,9 @@ command = 'force'
 command = 'velocity'
 measures = 'encoders'
 """
-DECLARED = DECLARED_TEXT.split("\n")[1:-1]
-PREPARED = [
-    *TOPS,
+DECLARATIONS = DECLARATION_TEXT.split("\n")[1:-1]
+PREPARE_STATEMENTS = [
+    *MODULE_STATEMENTS,
     "start = None",
     "start[:] = np.inf",
     "start = 'x'",
@@ -230,22 +248,27 @@ PREPARED = [
 
 @fuzzed(
     12,
-    factor=FEW,
+    factor=PROCESS_FUZZ_FACTOR,
     place=st.sampled_from(["top", "bottom", "preparing", "declared"]),
     data=st.data(),
 )
-def test_what_it_does_before_it_runs(
+def test_a_faulty_definition_is_refused_or_changes_nothing(
     template: Path,
     tmp_path_factory: pytest.TempPathFactory,
-    usual: Callable[[], np.ndarray],
+    normal_record: Callable[[], np.ndarray],
     place: str,
     data: st.DataObject,
 ) -> None:
-    lines = {"top": TOPS, "bottom": TOPS, "preparing": PREPARED, "declared": DECLARED}[place]
-    deed = data.draw(st.sampled_from(lines))
-    code, record = ran(template, tmp_path_factory.mktemp("odd"), source(**{place: deed}))
-    if deed in DEEDS["same"]:
-        assert code == 0, f"{deed} exits {code}"
-        assert record.tobytes() == usual().tobytes(), deed
-    elif deed in DEEDS["ends"] and place != "preparing":
-        assert code == 2, f"{deed} exits {code}"
+    lines = {
+        "top": MODULE_STATEMENTS,
+        "bottom": MODULE_STATEMENTS,
+        "preparing": PREPARE_STATEMENTS,
+        "declared": DECLARATIONS,
+    }[place]
+    statement = data.draw(st.sampled_from(lines))
+    code, record = run_controller(template, tmp_path_factory.mktemp("odd"), source(**{place: statement}))
+    if statement in STATEMENTS["same"]:
+        assert code == 0, f"{statement} exits {code}"
+        assert record.tobytes() == normal_record().tobytes(), statement
+    elif statement in STATEMENTS["ends"] and place != "preparing":
+        assert code == 2, f"{statement} exits {code}"

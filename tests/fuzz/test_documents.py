@@ -1,4 +1,4 @@
-"""Odd files of settings, and records of campaigns, are read or refused."""
+"""Odd settings files and odd records of campaigns are either read or refused."""
 
 import io
 import json
@@ -20,10 +20,10 @@ from cranectl.scenario import Scenario
 from cranectl.simulate.plan import Plan, plan_scenario
 from cranectl.support import resources
 from cranectl.support.errors import InputError
-from tests.fuzz.oracle import LONGEST, UNFIT, check_command, fuzzed, in_time
+from tests.fuzz.oracle import MAX_MESSAGE_LENGTH, UNSAFE_CHARACTERS, call_within, check_command, fuzzed
 from tests.fuzz.strategies import changed, damaged, toml_files
 
-RICH = """name = "f"
+FULL_SCENARIO = """name = "f"
 title = "all there is"
 duration = 0.02
 controller = "lqr"
@@ -46,36 +46,36 @@ def tables(*paths: Path) -> list[Any]:
     return [tomllib.loads(path.read_text(encoding="utf-8")) for path in paths]
 
 
-SCENARIOS = [tomllib.loads(RICH)] * 4 + tables(*resources.SCENARIO_DIRECTORY.glob("*.toml"))
+SCENARIOS = [tomllib.loads(FULL_SCENARIO)] * 4 + tables(*resources.SCENARIO_DIRECTORY.glob("*.toml"))
 CAMPAIGNS = tables(*resources.CAMPAIGN_DIRECTORY.glob("*.toml"))
 TOLERANCES = tables(*resources.REGRESSION_DIRECTORY.glob("*.toml"))
 RIG = [{"load_mass": 2.0, "gravity": 9.81, "rope_range": [0.05, 1.4], "winch_time_constant": 0.02}]
-SMALL = 200  # physics steps that are run
+MAX_STEPS = 200  # physics steps; longer scenarios are not run
 
 
 def read(load: Callable[[Any], Any], directory: Path, content: bytes) -> Any:
-    """What `load` makes of a file, None if it is refused as it should be."""
+    """Return what `load` reads from a file, or None if it refuses the file with a proper error."""
     path = directory / "f.toml"
     path.write_bytes(content)
 
-    def use() -> Any:
+    def load_or_error() -> Any:
         try:
             return load(path)
         except InputError as error:
             return error
 
-    result = in_time(use, 1.0 + len(content) / 2**20)
+    result = call_within(load_or_error, 1.0 + len(content) / 2**20)
     if not isinstance(result, InputError):
         return result
-    assert len(str(result)) < LONGEST
-    assert not UNFIT.search(str(result))
+    assert len(str(result)) < MAX_MESSAGE_LENGTH
+    assert not UNSAFE_CHARACTERS.search(str(result))
     return None
 
 
 @fuzzed(60, content=toml_files(SCENARIOS), plant=st.sampled_from(["analytic", "both"]))
-def test_scenarios(template: Path, tmp_path: Path, content: bytes, plant: str) -> None:
+def test_odd_scenarios_are_run_or_refused(template: Path, tmp_path: Path, content: bytes, plant: str) -> None:
     scenario: Scenario | None = read(load_scenario, tmp_path, content)
-    small = scenario is None or scenario.steps * scenario.substeps <= SMALL
+    small = scenario is None or scenario.steps * scenario.substeps <= MAX_STEPS
     line = ["run", "f.toml", "--out", "o.mcap", "--plant", plant if small else "no plant"]
     code, files = check_command(template, line, files={"f.toml": content})
     assert (code == 2) >= (scenario is None or not small)
@@ -84,18 +84,18 @@ def test_scenarios(template: Path, tmp_path: Path, content: bytes, plant: str) -
 
 
 @fuzzed(20, content=toml_files(RIG))
-def test_rigs(template: Path, content: bytes) -> None:
+def test_odd_rigs_are_used_or_refused(template: Path, content: bytes) -> None:
     line = ["run", "s.toml", "--rig", "f.toml", "--plant", "analytic", "--json", "-"]
     check_command(template, line, files={"f.toml": content})
 
 
 @fuzzed(30, content=toml_files(CAMPAIGNS))
-def test_campaigns(tmp_path: Path, content: bytes) -> None:
+def test_odd_campaigns_are_read_or_refused(tmp_path: Path, content: bytes) -> None:
     read(load_campaign, tmp_path, content)
 
 
 @fuzzed(30, content=toml_files(TOLERANCES))
-def test_tolerances(template: Path, tmp_path: Path, content: bytes) -> None:
+def test_odd_tolerances_are_used_or_refused(template: Path, tmp_path: Path, content: bytes) -> None:
     read(lambda path: load_tolerances(str(path)), tmp_path, content)
     line = ["compare", "x.mcap", "./x.mcap", "--tolerances", "f.toml"]
     check_command(template, line, files={"f.toml": content})
@@ -107,7 +107,9 @@ def record(template: Path) -> bytes:
 
 
 @fuzzed(30, data=st.data(), resume=st.booleans())
-def test_records_of_campaigns(template: Path, record: bytes, data: st.DataObject, resume: bool) -> None:
+def test_odd_campaign_records_are_used_or_refused(
+    template: Path, record: bytes, data: st.DataObject, resume: bool
+) -> None:
     content = json.dumps(data.draw(changed(json.loads(record)))).encode()
     if data.draw(st.integers(0, 3)) == 0:
         content = data.draw(damaged(content))
@@ -116,7 +118,7 @@ def test_records_of_campaigns(template: Path, record: bytes, data: st.DataObject
     check_command(template, line, files={"r/campaign.json": content})
 
 
-TAKEN = """name = "t"
+RECORDING_SCENARIO = """name = "t"
 duration = 3.0
 reference.start = [0.4, 0.5, -0.6]
 reference.segments = [
@@ -137,8 +139,8 @@ def recordings() -> list[bytes]:
 @fuzzed(
     40, kind=st.sampled_from(["samples", "waypoints"]), content=st.sampled_from(recordings()).flatmap(damaged)
 )
-def test_recordings(tmp_path: Path, kind: str, content: bytes) -> None:
+def test_damaged_recordings_are_used_or_refused(tmp_path: Path, kind: str, content: bytes) -> None:
     (tmp_path / "f.dat").write_bytes(content)
-    text = TAKEN.replace("KIND", kind).encode()
+    text = RECORDING_SCENARIO.replace("KIND", kind).encode()
     plan: Plan | None = read(lambda path: plan_scenario(load_scenario(path)), tmp_path, text)
     assert plan is None or np.isfinite(plan.reference).all()

@@ -1,4 +1,4 @@
-"""Files of other tools, changed in what they say of themselves: used, or refused by name."""
+"""Files of other tools with changed content are either used or refused with a proper error."""
 
 import io
 import tomllib
@@ -12,17 +12,17 @@ from hypothesis import strategies as st
 
 from cranectl.planning import load_scenario
 from cranectl.simulate.plan import Plan, plan_scenario
+from tests.fuzz.child_process import check, run_in_child
 from tests.fuzz.conftest import CAMPAIGN, SCENARIO, TEXTS
-from tests.fuzz.forked import check, forked
-from tests.fuzz.oracle import FEW, check_command, fuzzed
+from tests.fuzz.oracle import PROCESS_FUZZ_FACTOR, check_command, fuzzed
 from tests.fuzz.strategies import changed, damaged, toml
 from tests.fuzz.test_documents import read
 from tests.loaders.fmu_files import fmu
 from tests.log.test_foreign import FORMS, OTHERS, again
 from tests.reference.test_foreign_tables import READ, REFUSED
 
-# The same text in other clothes, and whether a command reads it.
-ENCODED: dict[str, Any] = {
+# The same text in other encodings and formats.
+ENCODINGS: dict[str, Any] = {
     "UTF-8": lambda text: text.encode(),
     "lines of Windows": lambda text: text.replace("\n", "\r\n").encode(),
     "no last line": lambda text: text.rstrip("\n").encode(),
@@ -39,8 +39,8 @@ ENCODED: dict[str, Any] = {
     "YAML": lambda text: text.replace(" = ", ": ").encode(),
     "JSON": lambda _: b'{"name": "s", "duration": 0.02}',
 }
-ALWAYS_READ = ("UTF-8", "lines of Windows", "no last line")
-TAKEN = {
+ALWAYS_ACCEPTED = ("UTF-8", "lines of Windows", "no last line")
+COMMANDS = {
     "scenario": (SCENARIO, ["run", "f.toml", "--plants", "analytic", "--out", "o.mcap"]),
     "rig": (TEXTS["rig.toml"], ["run", "s.toml", "--rig", "f.toml", "--plants", "analytic"]),
     "campaign": (CAMPAIGN, ["campaign", "show", "f.toml", "--no-estimate"]),
@@ -51,11 +51,11 @@ TAKEN = {
 }  # fmt: skip
 
 
-@fuzzed(20, kind=st.sampled_from(sorted(TAKEN)), clothes=st.sampled_from(sorted(ENCODED)))
-def test_settings_in_other_encodings(template: Path, kind: str, clothes: str) -> None:
-    text, line = TAKEN[kind]
-    code, _ = check_command(template, line, files={"f.toml": ENCODED[clothes](text)})
-    assert code == 0 or clothes not in ALWAYS_READ
+@fuzzed(20, kind=st.sampled_from(sorted(COMMANDS)), encoding=st.sampled_from(sorted(ENCODINGS)))
+def test_settings_in_other_encodings_are_read_or_refused(template: Path, kind: str, encoding: str) -> None:
+    text, line = COMMANDS[kind]
+    code, _ = check_command(template, line, files={"f.toml": ENCODINGS[encoding](text)})
+    assert code == 0 or encoding not in ALWAYS_ACCEPTED
 
 
 def table_bytes(content: str | bytes) -> bytes:
@@ -68,23 +68,25 @@ SEGMENT = 'name = "t"\nduration = 10.0\n[reference]\nstart = [0.4, 0.5, -0.6]\n[
 
 
 @fuzzed(30, name=st.sampled_from(sorted(TABLES)), other=st.sampled_from(sorted(READ)), data=st.data())
-def test_tables_of_other_tools(tmp_path: Path, name: str, other: str, data: st.DataObject) -> None:
-    """Damaged, or read as `other` is to be read."""
-    content, own = TABLES[name]
+def test_damaged_tables_of_other_tools_are_used_or_refused(
+    tmp_path: Path, name: str, other: str, data: st.DataObject
+) -> None:
+    """Read a table that is damaged, or with the settings that another table needs."""
+    content, own_settings = TABLES[name]
     (tmp_path / "teach.csv").write_bytes(data.draw(st.one_of(st.just(content), damaged(content))))
-    text = SEGMENT + data.draw(st.sampled_from([own, READ[other][1]]))
+    text = SEGMENT + data.draw(st.sampled_from([own_settings, READ[other][1]]))
     plan: Plan | None = read(lambda path: plan_scenario(load_scenario(path)), tmp_path, text.encode())
     assert plan is None or np.isfinite(plan.reference).all()
 
 
 @pytest.fixture(scope="module")
 def written(template: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """MCAP files that other tools have written, of our runs and of theirs."""
+    """Return MCAP files of our runs and of other tools' messages, all written by another library."""
     from mcap.writer import Writer
 
-    directory, made = tmp_path_factory.mktemp("written"), {}
+    directory, files = tmp_path_factory.mktemp("written"), {}
     for form, options in FORMS.items():
-        made[form] = again(template / "x.mcap", directory / "f.mcap", **options).read_bytes()
+        files[form] = again(template / "x.mcap", directory / "f.mcap", **options).read_bytes()
     for name, (write, options) in OTHERS.items():
         if "MiB" in name:
             continue
@@ -93,8 +95,8 @@ def written(template: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
         writer.start(profile="ros2", library="another tool")
         write(writer)
         writer.finish()
-        made[f"theirs: {name}"] = out.getvalue()
-    return made
+        files[f"theirs: {name}"] = out.getvalue()
+    return files
 
 
 MCAP = [["info"], ["compare", "x.mcap"], ["log", "export"], ["log", "recover"], ["log", "layout", "overlay"]]
@@ -107,7 +109,7 @@ MCAP = [["info"], ["compare", "x.mcap"], ["log", "export"], ["log", "recover"], 
     whole=st.booleans(),
     data=st.data(),
 )
-def test_logs_of_other_tools(
+def test_damaged_logs_of_other_tools_are_read_or_refused(
     template: Path, written: dict[str, bytes], form: str, line: list[str], whole: bool, data: st.DataObject
 ) -> None:
     content = written[form]
@@ -119,15 +121,15 @@ def test_logs_of_other_tools(
 
 @pytest.fixture(scope="module")
 def units(tmp_path_factory: pytest.TempPathFactory) -> dict[int, dict[str, bytes]]:
-    """What is in an FMU, by the version of FMI."""
-    found = {}
+    """Return the files in an FMU for each version of FMI."""
+    contents = {}
     for fmi in (2, 3):
         with zipfile.ZipFile(fmu(tmp_path_factory.mktemp("fmu") / "law.fmu", fmi)) as archive:
-            found[fmi] = {name: archive.read(name) for name in archive.namelist()}
-    return found
+            contents[fmi] = {name: archive.read(name) for name in archive.namelist()}
+    return contents
 
 
-WORDS = {
+DESCRIPTION_CHANGES = {
     b'causality="input"': [b'causality="local"', b'causality="output"', b'causality="parameter"', b""],
     b'causality="output"': [b'causality="calculatedParameter"', b'causality="input"', b""],
     b'start="0"': [b'start="nan"', b'start="1e400"', b'start=""', b'start="x"', b""],
@@ -149,17 +151,21 @@ WORDS = {
 
 @st.composite
 def description(draw: st.DrawFn, content: bytes) -> bytes:
-    """A modelDescription.xml with some words of the format changed, or damaged."""
+    """Draw a modelDescription.xml in which words of the format are changed, or bytes are damaged."""
     for _ in range(draw(st.integers(1, 2))):
-        word = draw(st.sampled_from(sorted(WORDS)))
+        word = draw(st.sampled_from(sorted(DESCRIPTION_CHANGES)))
         pieces = content.split(word)
         if len(pieces) > 1:
             k = draw(st.integers(1, len(pieces) - 1))
-            content = word.join(pieces[:k]) + draw(st.sampled_from(WORDS[word])) + word.join(pieces[k:])
+            content = (
+                word.join(pieces[:k])
+                + draw(st.sampled_from(DESCRIPTION_CHANGES[word]))
+                + word.join(pieces[k:])
+            )
     return draw(damaged(content)) if draw(st.integers(0, 4)) == 0 else content
 
 
-BESIDE = """name = "f"
+FMU_SETTINGS = """name = "f"
 every = 2
 [inputs]
 "state.rope_length" = "state.rope_length"
@@ -168,8 +174,8 @@ every = 2
 """
 
 
-@fuzzed(6, factor=FEW, fmi=st.sampled_from([2, 3]), data=st.data())
-def test_fmus(
+@fuzzed(6, factor=PROCESS_FUZZ_FACTOR, fmi=st.sampled_from([2, 3]), data=st.data())
+def test_damaged_fmus_are_run_or_refused(
     template: Path,
     tmp_path_factory: pytest.TempPathFactory,
     units: dict[int, dict[str, bytes]],
@@ -182,11 +188,11 @@ def test_fmus(
         for name, content in units[fmi].items():
             archive.writestr(name, data.draw(description(content)) if name.endswith(".xml") else content)
     if data.draw(st.booleans()):
-        table = data.draw(changed(tomllib.loads(BESIDE)))
+        table = data.draw(changed(tomllib.loads(FMU_SETTINGS)))
         lines = [f"{key!r} = {toml(value)}" for key, value in table.items() if isinstance(key, str)]
         (directory / "f.toml").write_text("\n".join(lines), encoding="utf-8", errors="surrogateescape")
     line = ["run", "s.toml", "--controller", "f.fmu", "--plants", "analytic", "--out", "o.mcap"]
-    check(forked(directory, line), line)
+    check(run_in_child(directory, line), line)
 
 
 PROGRAM = """import struct, sys
@@ -194,7 +200,7 @@ while frame := sys.stdin.buffer.read(4 + 27 * 8):
     sys.stdout.buffer.write(frame[:4] + struct.pack("<3d", 0.0, 0.0, 0.0))
     sys.stdout.buffer.flush()
 """
-REMOTE = {
+REMOTE_SETTINGS = {
     "name": "remote",
     "program": ["python3", "p.py"],
     "files": ["p.py"],
@@ -204,18 +210,18 @@ REMOTE = {
 }
 
 
-@fuzzed(6, factor=FEW, data=st.data())
-def test_controllers_in_another_process(
+@fuzzed(6, factor=PROCESS_FUZZ_FACTOR, data=st.data())
+def test_odd_settings_of_process_controllers_are_used_or_refused(
     template: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
-    table = data.draw(changed(REMOTE))
+    table = data.draw(changed(REMOTE_SETTINGS))
     directory = tmp_path_factory.mktemp("remote")
     (directory / "s.toml").write_bytes((template / "s.toml").read_bytes())
     (directory / "p.py").write_text(PROGRAM)
     words = table.get("program")
-    if isinstance(words, list) and words != REMOTE["program"]:  # nothing else is run
+    if isinstance(words, list) and words != REMOTE_SETTINGS["program"]:  # never run a random program
         table["program"] = ["python3", "-c", "pass", *map(str, words)]
-    lines = [f"{key} = {toml(value)}" for key, value in table.items() if key in REMOTE]
+    lines = [f"{key} = {toml(value)}" for key, value in table.items() if key in REMOTE_SETTINGS]
     (directory / "law.toml").write_text("\n".join(lines), encoding="utf-8", errors="surrogateescape")
     line = ["run", "s.toml", "--controller", "law.toml", "--plants", "analytic", "--out", "o.mcap"]
-    check(forked(directory, line), line)
+    check(run_in_child(directory, line), line)

@@ -1,4 +1,4 @@
-"""The oracle sees what it is there to see."""
+"""The oracle detects every violation that it is responsible for."""
 
 import contextlib
 import os
@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.fuzz import oracle
-from tests.fuzz.forked import NO_MEMORY, Told, check
+from tests.fuzz.child_process import OUT_OF_MEMORY, Result, check
 
 
 def raises() -> int:
@@ -27,7 +27,7 @@ def says(text: str, *, error: bool = False) -> Callable[[], int]:
     return command
 
 
-ELSEWHERE = Path(tempfile.gettempdir(), f"fuzz-{os.getpid()}")
+OUTSIDE_FILE = Path(tempfile.gettempdir(), f"fuzz-{os.getpid()}")
 
 
 def writes(name: str) -> Callable[[], int]:
@@ -48,37 +48,37 @@ def swallows() -> int:
         return 0
 
 
-MISDEEDS: dict[str, Callable[[], int]] = {
-    "an exit code that is none": lambda: 70,
-    "an escape": says("\x1b[2J"),
-    "a line that forges": says("a\rb"),
-    "an error without shape": says("oh dear", error=True),
+FAULTS: dict[str, Callable[[], int]] = {
+    "an undocumented exit code": lambda: 70,
+    "an escape sequence": says("\x1b[2J"),
+    "a carriage return": says("a\rb"),
+    "an error without explanation": says("oh dear", error=True),
     "an endless error": says("found: " + "a" * 30_000, error=True),
-    "JSON that is none": says("{'a': 1}"),
+    "invalid JSON": says("{'a': 1}"),
     "JSON with NaN": says('{"a": NaN}'),
     "a changed input": writes("s.toml"),
     "a file of another kind": writes("old.json"),
     "a file named -": writes("-"),
     "an unfinished file": writes("x.mcap.1.part"),
-    "a file elsewhere": writes(str(ELSEWHERE)),
-    "a lost file": lambda: os.remove("notes.txt") or 0,  # noqa: PTH107
-    "no end": computes,
-    "an end that is swallowed": swallows,
+    "a file outside the directory": writes(str(OUTSIDE_FILE)),
+    "a removed file": lambda: os.remove("notes.txt") or 0,  # noqa: PTH107
+    "a hang": computes,
+    "a hang that catches exceptions": swallows,
 }
 
 
-@pytest.mark.parametrize("name", MISDEEDS)
-def test_misdeeds_are_seen(template: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    monkeypatch.setattr(oracle, "main", lambda _: MISDEEDS[name]())
-    monkeypatch.setattr(oracle, "PATIENCE", 0.5)
-    monkeypatch.setattr(oracle, "SECONDS", 0.1)
+@pytest.mark.parametrize("name", FAULTS)
+def test_the_oracle_detects_each_fault(template: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.setattr(oracle, "main", lambda _: FAULTS[name]())
+    monkeypatch.setattr(oracle, "FIRST_TIME_LIMIT", 0.5)
+    monkeypatch.setattr(oracle, "TIME_LIMIT", 0.1)
     with pytest.raises(AssertionError):
         oracle.check_command(template, ["--out", "old.json", *(["--json", "-"] if "JSON" in name else [])])
-    ELSEWHERE.unlink(missing_ok=True)
+    OUTSIDE_FILE.unlink(missing_ok=True)
 
 
-def test_an_input_that_is_written_is_seen(template: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where it is a file of the kind that the command writes."""
+def test_the_oracle_detects_an_overwritten_input(template: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An input is protected even if it is a file of the kind that the command writes."""
     monkeypatch.setattr(oracle, "main", lambda _: Path("old.json").write_text("{\n") * 0)
     for line in (
         ["--json", "old.json", "sub/../old.json"],
@@ -89,13 +89,13 @@ def test_an_input_that_is_written_is_seen(template: Path, monkeypatch: pytest.Mo
             oracle.check_command(template, ["info", *line])
 
 
-def test_errors_are_seen(template: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_oracle_passes_exceptions_on(template: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(oracle, "main", lambda _: raises())
     with pytest.raises(KeyError):
         oracle.check_command(template, ["run"])
 
 
-def test_good_deeds_are_none(template: Path) -> None:
+def test_the_oracle_accepts_correct_commands(template: Path) -> None:
     line = ["run", "s.toml", "--out", "x.mcap", "--json", "old.json"]
     code, files = oracle.check_command(template, line)
     assert code == 0
@@ -108,13 +108,13 @@ def test_good_deeds_are_none(template: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("code", "said", "may"),
+    ("code", "message", "allowed"),
     [
-        (-signal.SIGABRT, f"Fatal Python error: _PyErr_NormalizeException: {NO_MEMORY} while …", True),
+        (-signal.SIGABRT, f"Fatal Python error: _PyErr_NormalizeException: {OUT_OF_MEMORY} while …", True),
         (-signal.SIGABRT, "free(): invalid pointer", False),
-        (-signal.SIGSEGV, NO_MEMORY, False),
+        (-signal.SIGSEGV, OUT_OF_MEMORY, False),
     ],
 )
-def test_only_python_itself_may_abort_for_lack_of_memory(code: int, said: str, may: bool) -> None:
-    with contextlib.nullcontext() if may else pytest.raises(AssertionError):
-        check(Told(code, "", said), ["run"])
+def test_only_python_itself_may_abort_without_memory(code: int, message: str, allowed: bool) -> None:
+    with contextlib.nullcontext() if allowed else pytest.raises(AssertionError):
+        check(Result(code, "", message), ["run"])
