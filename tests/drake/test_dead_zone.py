@@ -3,5 +3,5 @@
 from tests.plants.test_dead_zone import assert_agrees
 
 
-def test_plants_agree() -> None:
+def test_drake_and_mujoco_agree_with_a_dead_zone() -> None:
     assert_agrees("drake", "lqr")

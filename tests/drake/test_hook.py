@@ -1,21 +1,23 @@
-"""The mass of the hook in Drake: what `tests/plants/test_hook.py` asks of the other plants."""
+"""The mass of the hook in Drake, with the checks of `tests/plants/test_hook.py`."""
 
 import pytest
 
 from cranectl.plants.plant import DRIVES, Drive
 from tests.plants.test_hook import CASES, assert_agree, assert_holds, assert_swings_in_two_modes
 
-EARLY = '{joint="alpha", start=1.0, end=2.0, magnitude=0.01}'  # its own begin after the three seconds
+EARLY = (
+    '{joint="alpha", start=1.0, end=2.0, magnitude=0.01}'  # those of the scenario begin after three seconds
+)
 SHORT = {"fixed-position": ("duration=3", f"disturbances=[{EARLY}]"), "settled-trajectory": ()}
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-def test_the_rope_bears_load_and_hook_and_the_winch_holds_them(drive: Drive) -> None:
+def test_the_rope_and_the_winch_hold_load_and_hook(drive: Drive) -> None:
     assert_holds("drake", drive)
 
 
 @pytest.mark.parametrize("axis", range(2))
-def test_it_swings_as_a_double_pendulum(axis: int) -> None:
+def test_load_and_hook_swing_in_two_modes(axis: int) -> None:
     assert_swings_in_two_modes("drake", axis)
 
 
