@@ -1,4 +1,4 @@
-"""What a loop is, computed otherwise than the package does: by sweeps over frequency and exact arithmetic."""
+"""Independent checks of control loops: sweeps over frequency and exact arithmetic."""
 
 import math
 from collections.abc import Callable
@@ -11,12 +11,12 @@ from cranectl.design.records import Margins, Robustifier
 from cranectl.support.arrays import Array
 
 Response = Callable[[Array], Array]
-SHOWN = 1e-4  # relative; three digits are shown
+RELATIVE_TOLERANCE = 1e-4  # margins are shown with three digits
 SWEEP = np.logspace(-11.0, 12.0, 23_001)
 
 
 def chain_loop(gain: Array, robustifier: Robustifier) -> Response:
-    """The loop of one axis cut at v, from gain and robustifier alone."""
+    """Return the open-loop response of one axis, cut at v, from gain and robustifier."""
 
     def response(omega: Array) -> Array:
         s = 1j * omega
@@ -28,7 +28,7 @@ def chain_loop(gain: Array, robustifier: Robustifier) -> Response:
 
 
 def modal_response(robustifier: Robustifier, omega: Array) -> Array:
-    """The sum of the modes, each in closed form."""
+    """Return the response of the robustifier as a sum of its modes in closed form."""
     a, b, c, s = robustifier.a, robustifier.b, robustifier.c, 1j * omega
     total, k = np.full(len(omega), complex(robustifier.d)), 0
     while k < len(a):
@@ -44,7 +44,7 @@ def modal_response(robustifier: Robustifier, omega: Array) -> Array:
 
 
 def state_loop(a: Array, b: Array, gain: Array) -> Response:
-    """The loop of x' = A x + b u, u = -gain·x, cut at u."""
+    """Return the open-loop response of x' = A x + b u, u = -gain·x, cut at u."""
 
     def response(omega: Array) -> Array:
         resolvent = 1j * omega[:, np.newaxis, np.newaxis] * np.eye(len(a)) - a
@@ -55,7 +55,7 @@ def state_loop(a: Array, b: Array, gain: Array) -> Response:
 
 
 def swept_peak(magnitude: Response, omega: Array = SWEEP) -> float:
-    """Largest value over all frequencies, refined four times about the largest sample."""
+    """Return the largest value over all frequencies, refined four times around the largest sample."""
     best = 0.0
     for _ in range(5):
         values = magnitude(omega)
@@ -66,16 +66,16 @@ def swept_peak(magnitude: Response, omega: Array = SWEEP) -> float:
 
 
 def check_margins(margins: Margins, loop: Response, omega: Array = SWEEP) -> None:
-    """Assert that margins are those of a loop, and that none contradicts another."""
+    """Assert that margins belong to a loop, and that they are consistent with each other."""
     peaks = {
         "S": (margins.sensitivity_peak, lambda gain: 1.0 / (1.0 + gain)),
         "T": (margins.complementary_peak, lambda gain: gain / (1.0 + gain)),
         "disk": (1.0 / margins.disk_margin, lambda gain: 1.0 / (1.0 + gain) - 0.5),
     }
-    for name, (given, function) in peaks.items():
+    for name, (reported, function) in peaks.items():
         swept = swept_peak(lambda w, function=function: np.abs(function(loop(w))), omega)  # type: ignore[misc]
-        assert given == pytest.approx(swept, rel=SHOWN), name
-    assert abs(loop(np.array([margins.crossover]))[0]) == pytest.approx(1.0, rel=SHOWN)
+        assert reported == pytest.approx(swept, rel=RELATIVE_TOLERANCE), name
+    assert abs(loop(np.array([margins.crossover]))[0]) == pytest.approx(1.0, rel=RELATIVE_TOLERANCE)
     phase = abs(np.angle(-loop(np.array([margins.crossover]))[0]))
     assert abs(phase - margins.phase_margin) < 1e-4
     assert margins.phase_margin >= 2.0 * math.atan(margins.disk_margin / 2.0) - 1e-4
@@ -84,10 +84,10 @@ def check_margins(margins: Margins, loop: Response, omega: Array = SWEEP) -> Non
 
 
 def return_difference_error(a: Array, b: Array, outputs: Array, weights: Array, gain: Array) -> float:
-    """By how much a gain misses |1 + K (jω - A)⁻¹ b|² = 1 + Σ q_i |c_i (jω - A)⁻¹ b|², relative to the right.
+    """Return the relative error of |1 + K (jω - A)⁻¹ b|² = 1 + Σ q_i |c_i (jω - A)⁻¹ b|² for a gain K.
 
-    Kalman: an optimal gain, with the weight 1 on u, has this equality at all frequencies. No Riccati equation
-    is solved for it.
+    Kalman's equality holds at all frequencies for an optimal gain with the weight 1 on u. This check solves
+    no Riccati equation.
     """
     sizes = np.abs(np.linalg.eigvals(a - b.reshape(-1, 1) @ gain.reshape(1, -1)))
     omega = np.geomspace(sizes.min() / 10.0, sizes.max() * 10.0, 400)
@@ -95,12 +95,12 @@ def return_difference_error(a: Array, b: Array, outputs: Array, weights: Array, 
     omega = omega[(np.abs(omega - modes[:, np.newaxis]) > 0.02 * modes[:, np.newaxis]).all(axis=0)]
     resolvent = 1j * omega[:, np.newaxis, np.newaxis] * np.eye(len(a)) - a
     x = np.linalg.solve(resolvent, b.reshape(1, -1, 1).astype(complex))[:, :, 0]
-    given, wanted = np.abs(1.0 + x @ gain) ** 2, 1.0 + np.abs(x @ outputs.T) ** 2 @ weights
-    return float(np.abs(given / wanted - 1.0).max())
+    left, right = np.abs(1.0 + x @ gain) ** 2, 1.0 + np.abs(x @ outputs.T) ** 2 @ weights
+    return float(np.abs(left / right - 1.0).max())
 
 
 def spectral_residual(gain: Array, weights: Array) -> float:
-    """By how much p(s) p(-s) misses s⁸ - q3 s⁶ + q2 s⁴ - q1 s² + q0, relative to the terms, exactly added."""
+    """Return the relative error of p(s) p(-s) = s⁸ - q3 s⁶ + q2 s⁴ - q1 s² + q0, in exact arithmetic."""
     k0, k1, k2, k3 = map(Fraction, map(float, gain))
     worst = 0.0
     for weight, terms in zip(

@@ -1,28 +1,29 @@
-"""How slow this machine is just now, and when something hangs, for tests that bound times."""
+"""Time limits of tests: measure how slow this machine is at the moment, and define when something hangs."""
 
 import time
 import tomllib
 from collections.abc import Callable
 
-READ = "x = [" + "1.5," * 50_000 + "]"  # work of the processor and of memory
-HANG = 600.0  # [s] after which a test says that something hangs; it decides nothing else
-USUAL = 0.07  # [s] of the processor for this where the bounds were set
+WORKLOAD = "x = [" + "1.5," * 50_000 + "]"  # a TOML text whose parsing needs processor and memory
+HANG = 600.0  # [s] after which a test reports that something hangs
+REFERENCE_TIME = 0.07  # [s] of processor time for the workload, on the machine on which limits were set
 
 
 def slowness(clock: Callable[[], float] = time.process_time) -> float:
-    """Times longer than usual that Python takes for the same, the worst of three; 1 on faster machines.
+    """Return the factor by which this machine is slower than the reference, but at least 1.
 
-    By the processor's time; by another `clock` it also counts what else keeps the machine busy.
+    It is the worst of three measurements of processor time. A `clock` of wall-clock time also counts the
+    load by other processes.
     """
 
-    def spent() -> float:
+    def measure() -> float:
         start = clock()
-        tomllib.loads(READ)
+        tomllib.loads(WORKLOAD)
         return clock() - start
 
-    return max(1.0, *(spent() / USUAL for _ in range(3)))
+    return max(1.0, *(measure() / REFERENCE_TIME for _ in range(3)))
 
 
-def within(spent: float, bound: float) -> bool:
-    """Whether `spent` [s] of the processor are less than `bound`, as the machine is now."""
-    return spent < bound or spent < bound * slowness()
+def within(seconds: float, limit: float) -> bool:
+    """Return True if a processor time is below a limit, which is scaled by the slowness of the machine."""
+    return seconds < limit or seconds < limit * slowness()

@@ -1,4 +1,4 @@
-"""Packages that add to cranectl, and cranectl where they are installed."""
+"""Install packages that extend cranectl, and run cranectl with them."""
 
 import json
 import os
@@ -9,50 +9,50 @@ from collections.abc import Mapping
 from pathlib import Path
 
 PLUGIN = "cranectl.cli.pytest_plugin"
-ALL = """
+RUN_LINES = """
 import json, shlex, sys
 from cranectl.cli.main import main
 for line, code in json.loads(sys.argv[1]).items():
-    found = main(shlex.split(line))
-    assert found == code, f"{line}: {found}"
+    actual = main(shlex.split(line))
+    assert actual == code, f"{line} exits {actual}"
 """
 
 
 def install(directory: Path, name: str, code: str, entry_points: str, *, version: str = "1.0") -> None:
-    """A package as pip leaves it: a module, and beside it what it declares."""
+    """Install a package as pip does: a module, and its metadata beside it."""
     module = name.replace("-", "_")
     (directory / f"{module}.py").write_text(code)
-    declared = directory / f"{module}.dist-info"
-    declared.mkdir(exist_ok=True)
-    (declared / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
-    (declared / "entry_points.txt").write_text(entry_points)
+    metadata = directory / f"{module}.dist-info"
+    metadata.mkdir(exist_ok=True)
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+    (metadata / "entry_points.txt").write_text(entry_points)
 
 
 def run_beside(directory: Path, *arguments: str, code: int = 0) -> str:
-    """Standard output and error of `cranectl` in a process that finds packages in `directory`."""
+    """Run `cranectl` in a process that finds packages in `directory`; return its output and errors."""
     return run_all_beside(directory, codes={shlex.join(arguments): code})
 
 
 def run_all_beside(directory: Path, *lines: str, codes: Mapping[str, int] | None = None) -> str:
-    """The same of several command lines, one after the other in one process.
+    """Run several command lines of `cranectl` in one process that finds packages in `directory`.
 
-    `codes`: lines that come before, with the exit codes that they must have; that of `lines` is 0.
+    Each of `lines` must exit with 0. `codes` holds lines that run before them, with their exit codes.
     """
     path = os.pathsep.join([str(directory), *sys.path])
     environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200"}
-    done = subprocess.run(
-        [sys.executable, "-c", ALL, json.dumps({**(codes or {}), **dict.fromkeys(lines, 0)})],
+    result = subprocess.run(
+        [sys.executable, "-c", RUN_LINES, json.dumps({**(codes or {}), **dict.fromkeys(lines, 0)})],
         cwd=directory, env=environment, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return done.stdout + done.stderr
+    assert result.returncode == 0, result.stderr
+    return result.stdout + result.stderr
 
 
 def run_pytest(directory: Path, *arguments: str, **environment: str) -> str:
-    """Standard output of pytest with the plugin of cranectl, and no other that happens to be installed."""
+    """Run pytest with the plugin of cranectl and no other plugin; return its output and errors."""
     environment = {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "COLUMNS": "200", **environment}
     command = [sys.executable, "-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", *arguments]
-    done = subprocess.run(
+    result = subprocess.run(
         command, cwd=directory, env=environment, capture_output=True, text=True, check=False
     )
-    return done.stdout + done.stderr
+    return result.stdout + result.stderr

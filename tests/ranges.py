@@ -1,6 +1,6 @@
-"""Numbers at the ends of what is allowed: the cases that tests of ranges try, and what they share.
+"""Numbers at the limits of their allowed ranges: cases and checks that tests of ranges share.
 
-`make test` takes a share of the cases, the same each time; RANGE_CASES=all takes all.
+`make test` runs a fixed selection of the cases; RANGE_CASES=all runs all of them.
 """
 
 import json
@@ -22,7 +22,10 @@ ALL = os.environ.get("RANGE_CASES") == "all"
 
 
 def ends(model: type[BaseModel]) -> Iterator[tuple[Key, float]]:
-    """Each number of a model by its keys, with each of its bounds, or the nearest number within it."""
+    """Yield each number of a model with each of its limits, or with the number next to an excluded limit.
+
+    A number is identified by its keys in the model and the models within it.
+    """
     schema = model.model_json_schema()
 
     def walk(node: dict[str, Any], key: Key) -> Iterator[tuple[Key, float]]:
@@ -37,10 +40,10 @@ def ends(model: type[BaseModel]) -> Iterator[tuple[Key, float]]:
                     yield key, number(node[name])
                 if (exclusive := f"exclusive{name.capitalize()}") in node:
                     yield key, math.nextafter(node[exclusive], inwards)
-        for name, below in node.get("properties", {}).items():
-            yield from walk(below, (*key, name))
-        for index, below in enumerate(node.get("prefixItems", ())):
-            yield from walk(below, (*key, index))
+        for name, child in node.get("properties", {}).items():
+            yield from walk(child, (*key, name))
+        for index, child in enumerate(node.get("prefixItems", ())):
+            yield from walk(child, (*key, index))
         if isinstance(node.get("items"), dict):
             yield from walk(node["items"], (*key, 0))
 
@@ -48,33 +51,33 @@ def ends(model: type[BaseModel]) -> Iterator[tuple[Key, float]]:
 
 
 def put(node: Any, key: Key, value: float) -> Any:
-    """A copy with a number changed; raises LookupError or TypeError where there is none such."""
-    whole = json.loads(json.dumps(node))
-    at = whole
+    """Return a copy with one value replaced; raise LookupError or TypeError if there is none at `key`."""
+    copy = json.loads(json.dumps(node))
+    parent = copy
     for part in key[:-1]:
-        at = at[part]
-    _ = at[key[-1]]
-    at[key[-1]] = value
-    return whole
+        parent = parent[part]
+    _ = parent[key[-1]]
+    parent[key[-1]] = value
+    return copy
 
 
-def share_of(cases: Sequence[Case], share: int, found: tuple[str, ...] = ()) -> list[Case]:
-    """Return all cases, or a share of them, the same each time, with those whose name begins as in `found`.
+def share_of(cases: Sequence[Case], count: int, always: tuple[str, ...] = ()) -> list[Case]:
+    """Return a fixed random selection of `count` cases, or all cases if RANGE_CASES=all.
 
-    The name of a case is its first item.
+    Cases whose first item, their name, starts with one of `always` are part of every selection.
     """
-    chosen = set(np.random.default_rng(1).permutation(len(cases))[: len(cases) if ALL else share].tolist())
-    return [case for k, case in enumerate(cases) if k in chosen or str(case[0]).startswith(found)]
+    chosen = set(np.random.default_rng(1).permutation(len(cases))[: len(cases) if ALL else count].tolist())
+    return [case for k, case in enumerate(cases) if k in chosen or str(case[0]).startswith(always)]
 
 
 def result_or_refusal(compute: Callable[[], Result]) -> Result | InputError:
-    """Return what a function returns, or the error that refuses it."""
+    """Return the result of a function, or the InputError that it raises."""
     try:
         return compute()
     except InputError as error:
         return error
 
 
-def tells_what_to_do(message: str) -> bool:
-    """Return True for a message that says what was found, what is allowed and what to do."""
+def has_found_allowed_and_remedy(message: str) -> bool:
+    """Return True if an error message has its three parts: found, allowed and remedy."""
     return re.search(r"found: +\S.*allowed: +\S.*remedy: +\S", message, re.DOTALL) is not None

@@ -1,7 +1,7 @@
-"""What adding an effect or a kind of drive takes, by adding one of each.
+"""Add an effect and a kind of drive, and check that nothing else must be changed.
 
-An effect takes its class, and one file of each plant that shows it. A kind of drive that is commanded as
-another one takes its record only.
+An effect needs its class, and one file of each plant that shows it. A kind of drive with the commands of an
+existing one needs only its record.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.adding import run_with
+from tests.modified_package import run_with
 
 HINGE: Mapping[str, Mapping[str, str]] = {
     "scenario/effects.py": {
@@ -19,9 +19,9 @@ HINGE: Mapping[str, Mapping[str, str]] = {
         'assumed: the upper half of the frame"\n    )\n': '''
 
 class Hinge(Effect):
-    """A cardan joint that springs back."""
+    """A spring in the cardan joint."""
 
-    adds = "a joint that springs back"
+    adds = "a spring in the joint"
     is_structural = True
     linear = WHOLE
 
@@ -39,22 +39,15 @@ class Hinge(Effect):
     },
 }
 WITH_HINGE = """
-import contextlib, dataclasses, io, json
+import dataclasses, json
 import numpy as np
 from cranectl.analysis.budget.prediction import LEVELS
 from cranectl.analysis.certificate.linear_plant import LINEAR
-from cranectl.cli.main import main
 from cranectl.plants.registry import COMMON, PLANTS, register_plant
 from cranectl.plants.trials import check_honest
 from cranectl.scenario.load import default_scenario, load_rig
 from cranectl.simulate import make_plant
 from cranectl.support.errors import InputError
-
-def said(*arguments):
-    shown = io.StringIO()
-    with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(shown):
-        code = main(list(arguments))
-    return code, shown.getvalue()
 
 def swing(*overrides):
     plant = make_plant("mujoco", default_scenario(overrides=overrides), "ideal")
@@ -65,8 +58,8 @@ def swing(*overrides):
     plant.measure(state)
     return state[6]
 
-def tried(name, where):
-    sys.modules[f"other_{name}"] = __import__(where, fromlist=["x"])
+def check(name, module):
+    sys.modules[f"other_{name}"] = __import__(module, fromlist=["x"])
     kind = PLANTS[name].where.partition(":")[2]
     register_plant(dataclasses.replace(
         PLANTS[name], name=f"other-{name}", where=f"other_{name}:{kind}", shows=(*COMMON, "hinge")
@@ -78,30 +71,30 @@ def tried(name, where):
     return "reacts"
 
 run = ["run", "fixed-position", "--set", "duration=0.02", "--set", "disturbances=[]", "--plants"]
-told = {
+results = {
     "swing": swing("effects.hinge={}"),
     "free": swing(),
     "stiffness": load_rig("harbour-crane").effects.hinge.stiffness,
-    "run": said(*run, "mujoco", "--set", "effects.hinge={}", "--out", "a.mcap"),
-    "refused": said(*run, "analytic", "--set", "effects.hinge={}", "--out", "b.mcap"),
-    "schema": said("list", "--schema", "scenario")[1],
-    "ladder": said("ladder", "--help")[1],
+    "run": call(*run, "mujoco", "--set", "effects.hinge={}", "--out", "a.mcap"),
+    "refused": call(*run, "analytic", "--set", "effects.hinge={}", "--out", "b.mcap"),
+    "schema": call("list", "--schema", "scenario")[1],
+    "ladder": call("ladder", "--help")[1],
     "linear": LINEAR,
     "budget": LEVELS,
     "absent": dataclasses.replace(PLANTS["drake"], package="absent").lack("hinge"),
-    "tried": [tried(name, f"cranectl.plants.{name}.plant") for name in ("mujoco", "elastic")],
+    "declared": [check(name, f"cranectl.plants.{name}.plant") for name in ("mujoco", "elastic")],
 }
-print(json.dumps(told))
+print(json.dumps(results))
 """
 
 
 @pytest.fixture(scope="module")
 def hinge(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """What a package with one effect more says and does."""
+    """Return the results of a package with an additional effect."""
     return run_with(tmp_path_factory.mktemp("hinge"), HINGE, WITH_HINGE)
 
 
-def test_an_effect_is_added_in_its_record_and_one_file_of_its_plant(hinge: Any) -> None:
+def test_an_effect_needs_its_class_and_one_file_per_plant(hinge: Any) -> None:
     assert list(HINGE) == ["scenario/effects.py", "plants/mujoco/effects.py"]
     for name, stiffness in (("swing", 0.5), ("free", 0.0)):
         rate = np.sqrt(9.81 / 0.7 + stiffness / 0.7**2)
@@ -109,23 +102,25 @@ def test_an_effect_is_added_in_its_record_and_one_file_of_its_plant(hinge: Any) 
     assert hinge["run"][0] == 0
 
 
-def test_schema_similarity_ladder_and_certificate_follow_from_the_record(hinge: Any) -> None:
+def test_schema_scaling_ladder_and_certificate_follow_from_the_class(hinge: Any) -> None:
     assert '"hinge"' in hinge["schema"]
-    assert "hinge       a joint that springs back" in hinge["ladder"]
+    assert "hinge       a spring in the joint" in hinge["ladder"]
     assert "hinge" in hinge["linear"]
-    assert "hinge" not in hinge["budget"], "the elastic plant, which the budget takes, does not show it"
-    assert hinge["stiffness"] > 1e4, "of a crane for tonnes"
+    assert "hinge" not in hinge["budget"], "the budget uses the elastic plant, which does not show it"
+    assert hinge["stiffness"] > 1e4, "the default scales to a crane for tonnes"
 
 
-def test_plants_that_do_not_declare_it_refuse_it_and_those_that_do_must_react(hinge: Any) -> None:
-    code, said = hinge["refused"]
+def test_a_plant_refuses_an_undeclared_effect_and_must_react_to_a_declared_one(hinge: Any) -> None:
+    code, output = hinge["refused"]
     assert code == 2
-    assert "[effects.hinge] on the analytic plant, which does not show it" in said
-    assert "take '--plants mujoco'" in said
-    reacting, ignoring = hinge["tried"]
+    assert "[effects.hinge] on the analytic plant, which does not show it" in output
+    assert "take '--plants mujoco'" in output
+    reacting, ignoring = hinge["declared"]
     assert reacting == "reacts"
     assert "accepts hinge with velocity drives and does not react" in ignoring
-    assert hinge["absent"] == "which does not show it", "as far as anyone knows of a plant without its engine"
+    assert hinge["absent"] == "which does not show it", (
+        "a plant whose engine is not installed declares no new effect"
+    )
 
 
 BARE: Mapping[str, Mapping[str, str]] = {
@@ -143,20 +138,13 @@ BARE: Mapping[str, Mapping[str, str]] = {
     },
 }
 WITH_BARE = """
-import contextlib, io, json
+import json
 import numpy as np
-from cranectl.cli.main import main
 from cranectl.plants.registry import default_plants
 from cranectl.scenario.load import default_scenario
 from cranectl.simulate import make_plant
 
-def said(*arguments):
-    shown = io.StringIO()
-    with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(shown):
-        code = main(list(arguments))
-    return code, shown.getvalue()
-
-def sunk(name):
+def final_rope_rate(name):
     plant = make_plant(name, default_scenario(), "bare")
     state = np.array([1.0, 0.0, 0.8, 0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0])
     plant.reset(state)
@@ -167,38 +155,40 @@ def sunk(name):
 
 run = ["run", "fixed-position", "--controller", "lqr", "--set", "duration=0.3", "--set", "disturbances=[]"]
 limits = ["--plants", "elastic,mujoco", "--set", "effects.limits={}", "--set", "rig.winch_time_constant=0.03"]
-told = {
-    "sunk": [sunk(name) for name in default_plants()],
+results = {
+    "rope_rates": [final_rope_rate(name) for name in default_plants()],
     "plants": len(default_plants()),
-    "run": said(*run, "--drive", "bare", "--out", "bare.mcap", "--json", "bare.json"),
-    "limited": said(*run, *limits, "--drive", "bare", "--out", "limited.mcap"),
+    "run": call(*run, "--drive", "bare", "--out", "bare.mcap", "--json", "bare.json"),
+    "limited": call(*run, *limits, "--drive", "bare", "--out", "limited.mcap"),
     "agreements": json.load(open("bare.json"))["agreements"],
-    "schema": said("list", "--schema", "campaign")[1],
-    "list": said("list", "--json", "-")[1],
-    "unknown": said(*run, "--drive", "bear"),
+    "schema": call("list", "--schema", "campaign")[1],
+    "list": call("list", "--json", "-")[1],
+    "unknown": call(*run, "--drive", "bear"),
 }
-print(json.dumps(told))
+print(json.dumps(results))
 """
 
 
 @pytest.fixture(scope="module")
 def bare(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """What a package with one kind of drive more says and does: servos that do not hold the load."""
+    """Return the results of a package with an additional kind of drive: servos that do not hold the load."""
     return run_with(tmp_path_factory.mktemp("bare"), BARE, WITH_BARE)
 
 
-def test_a_kind_of_drive_is_added_in_its_record(bare: Any) -> None:
+def test_a_kind_of_drive_needs_only_its_record(bare: Any) -> None:
     assert list(BARE) == ["plants/plant.py"]
     sinking = 9.81 * 0.02 / 1.4  # weight over the winch's gain [m/s]
-    assert bare["sunk"] == pytest.approx([sinking] * bare["plants"], rel=1e-8)
+    assert bare["rope_rates"] == pytest.approx([sinking] * bare["plants"], rel=1e-8)
     assert (bare["run"][0], bare["limited"][0]) == (0, 0), bare["run"][1] + bare["limited"][1]
-    assert [each["passed"] for each in bare["agreements"]] == [True] * (bare["plants"] - 1)
-    assert "winch_time_constant" not in bare["limited"][1], "which acts on servos"
+    assert [agreement["passed"] for agreement in bare["agreements"]] == [True] * (bare["plants"] - 1)
+    assert "winch_time_constant" not in bare["limited"][1], (
+        "a time constant acts on servos, so it is not idle"
+    )
 
 
-def test_commands_know_the_kind_of_drive(bare: Any) -> None:
+def test_commands_accept_and_list_the_new_kind_of_drive(bare: Any) -> None:
     assert '"bare"' in bare["schema"]
     assert '"bare"' in bare["list"]
-    code, said = bare["unknown"]
+    code, output = bare["unknown"]
     assert code == 2
-    assert "did you mean 'bare'?" in said
+    assert "did you mean 'bare'?" in output

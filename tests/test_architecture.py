@@ -1,4 +1,4 @@
-"""The structure: one direction of imports, a light start, a public API that matches its promise."""
+"""The structure of the code: directions of imports, few imports at startup, the public API."""
 
 import ast
 import os
@@ -34,44 +34,46 @@ def run_lint_imports(directory: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False)
 
 
-def test_imports_go_one_way() -> None:
-    done = run_lint_imports(ROOT)
-    assert done.returncode == 0, done.stdout
+def test_imports_follow_the_contracts() -> None:
+    result = run_lint_imports(ROOT)
+    assert result.returncode == 0, result.stdout
 
 
-def test_the_rooms_are_drawn_as_the_contract_has_them() -> None:
+def test_the_table_of_rooms_matches_the_contract() -> None:
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
     (layers,) = (contract["layers"] for contract in contracts if contract["type"] == "layers")
-    drawn = re.findall(r"^\| (`.*?`) \|", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
-    assert [re.findall(r"\w+", line) for line in drawn] == [re.findall(r"\w+", layer) for layer in layers]
+    rows = re.findall(r"^\| (`.*?`) \|", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
+    assert [re.findall(r"\w+", row) for row in rows] == [re.findall(r"\w+", layer) for layer in layers]
 
 
-def test_the_top_level_has_nothing_that_a_run_left_there() -> None:
-    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    tracked = {line.partition("/")[0] for line in listed.splitlines()}
-    shown = {"cranectl", "docs", "examples", "models", "tests", "validation", "viewer"}
-    shown |= {"CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "Makefile", "README.md"}
-    shown |= {"conftest.py", "constraints.txt", "pyproject.toml"}
-    assert {name for name in tracked if not name.startswith(".")} == shown
+def test_the_top_level_has_only_the_declared_entries() -> None:
+    files = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    tracked = {line.partition("/")[0] for line in files.splitlines()}
+    expected = {"cranectl", "docs", "examples", "models", "tests", "validation", "viewer"}
+    expected |= {"CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "Makefile", "README.md"}
+    expected |= {"conftest.py", "constraints.txt", "pyproject.toml"}
+    assert {name for name in tracked if not name.startswith(".")} == expected
 
 
 @pytest.mark.parametrize(
-    "place", ["docs", "validation/performance", "validation/proofs", "validation/thesis"]
+    "folder", ["docs", "validation/performance", "validation/proofs", "validation/thesis"]
 )
-def test_programs_of_validation_know_the_package_as_it_is(place: str) -> None:
-    """Most are run by hand only, and rarely."""
-    names = sorted(path.stem for path in (ROOT / place).glob("*.py"))
+def test_programs_of_validation_import(folder: str) -> None:
+    """Their imports match the package. Most of these programs are rarely run, and only by hand."""
+    names = sorted(path.stem for path in (ROOT / folder).glob("*.py"))
     assert names
-    done = subprocess.run(
-        [sys.executable, "-c", f"import {', '.join(names)}"], cwd=ROOT / place,
+    result = subprocess.run(
+        [sys.executable, "-c", f"import {', '.join(names)}"], cwd=ROOT / folder,
         env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    assert result.returncode == 0, result.stderr
 
 
-def test_a_stranger_sees_the_rooms_at_a_glance() -> None:
+def test_the_package_has_at_most_26_top_level_entries() -> None:
     paths = [path for path in (ROOT / "cranectl").iterdir() if not path.name.startswith("__")]
-    entries = [path for path in paths if path.is_file() or any(path.glob("*.py"))]  # not caches of old rooms
+    entries = [
+        path for path in paths if path.is_file() or any(path.glob("*.py"))
+    ]  # a removed room leaves a __pycache__
     assert len(entries) <= 26, sorted(path.name for path in entries)
 
 
@@ -92,7 +94,7 @@ def test_a_stranger_sees_the_rooms_at_a_glance() -> None:
         ("metrics/summary.py", "import mcap", "only logs and live sessions"),
     ],
 )
-def test_the_contracts_notice_a_violation(tmp_path: Path, module: str, line: str, contract: str) -> None:
+def test_the_contracts_detect_a_violation(tmp_path: Path, module: str, line: str, contract: str) -> None:
     import shutil
 
     shutil.copytree(ROOT / "cranectl", tmp_path / "cranectl", ignore=shutil.ignore_patterns("__pycache__"))
@@ -101,15 +103,15 @@ def test_the_contracts_notice_a_violation(tmp_path: Path, module: str, line: str
     path.write_text(f"{path.read_text()}\n{line}\n")
     script = "import sys; sys.path.insert(0, '.'); from importlinter.cli import lint_imports; " \
         "sys.exit(lint_imports(no_cache=True))"  # fmt: skip
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
     )
-    assert done.returncode != 0, done.stdout
-    broken = [row for row in done.stdout.splitlines() if "BROKEN" in row]
-    assert any(contract in row for row in broken), done.stdout
+    assert result.returncode != 0, result.stdout
+    broken = [row for row in result.stdout.splitlines() if "BROKEN" in row]
+    assert any(contract in row for row in broken), result.stdout
 
 
-def test_help_imports_nothing_heavy() -> None:
+def test_help_imports_no_heavy_package() -> None:
     commands = ["", "run", "validate", "campaign", "campaign run", "campaign replay"]
     lines = ["--version", *(f"{command} --help" for command in commands)]
     script = (
@@ -117,12 +119,12 @@ def test_help_imports_nothing_heavy() -> None:
         f"for line in {lines!r}: assert main(line.split()) == 0\n"
         f"print('HEAVY', [name for name in {HEAVY!r} if name in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "HEAVY []"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.splitlines()[-1] == "HEAVY []"
 
 
 def test_a_command_loads_no_module_of_another_command() -> None:
-    """Nor do the list of all commands and the answer to a typo."""
+    """Neither do the list of all commands and the suggestion for a misspelt command."""
     script = (
         "import sys; from cranectl.cli.main import NAMES, cli, main\n"
         "def loaded(): return {n.split('.')[2] for n in sys.modules if n.startswith('cranectl.cli.')}\n"
@@ -133,11 +135,11 @@ def test_a_command_loads_no_module_of_another_command() -> None:
         "    assert cli.commands[name].name == name\n"
         "    print('LOADED', *loaded() & {*NAMES} - {name})"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    others = [line.split()[1:] for line in done.stdout.splitlines() if line.startswith("LOADED")]
-    assert "Did you mean 'run'?" in done.stderr
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    others = [line.split()[1:] for line in result.stdout.splitlines() if line.startswith("LOADED")]
+    assert "Did you mean 'run'?" in result.stderr
     assert len(others) == 21
-    assert [each for each in others if each] == [["benchmark"]], "whose rules hold for `tune`"
+    assert [names for names in others if names] == [["benchmark"]], "only `tune` needs another command"
 
 
 UNUSED_IN_A_RUN = {
@@ -150,31 +152,32 @@ UNUSED_IN_A_RUN = {
 }
 
 
-def test_a_run_loads_no_tool_that_it_does_not_need(tmp_path: Path) -> None:
+def test_a_run_loads_no_unneeded_module(tmp_path: Path) -> None:
     run = "run fixed-position --plants analytic --controller lqr --set duration=0.1 --set disturbances=[]"
     script = (
         "import sys; from cranectl.cli.main import main\n"
         f"assert main({[*run.split(), '--out', 'a.mcap']!r}) == 0\n"
         "print('LOADED', *[name for name in sys.modules if name.startswith('cranectl.')])"
     )
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
     )
-    modules = [name.removeprefix("cranectl.") for name in done.stdout.splitlines()[-1].split()[1:]]
+    modules = [name.removeprefix("cranectl.") for name in result.stdout.splitlines()[-1].split()[1:]]
     rooms = {name.partition(".")[0] for name in modules}
     assert "simulate" in rooms
     assert not rooms & {"analysis", "campaign", "export", "live", "loaders", "render", "thesis"}
     assert not UNUSED_IN_A_RUN & set(modules)
 
 
-def test_an_analytic_run_does_not_import_mujoco() -> None:
+def test_a_simulation_of_the_analytic_plant_does_not_import_mujoco() -> None:
+    """The command `run` does, for the model that it writes into the log."""
     script = (
         "import sys; from cranectl import load_scenario, simulate_run\n"
         "s = load_scenario('fixed-position', overrides=['duration=0.1', 'disturbances=[]'])\n"
         "simulate_run(s, plant='analytic'); print('mujoco' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "False"
 
 
 def test_public_names_exist_and_are_typed() -> None:
@@ -186,15 +189,15 @@ def test_public_names_exist_and_are_typed() -> None:
         _ = cranectl.nonsense
 
 
-def test_files_stay_small() -> None:
-    """Docstrings do not count: the public API is described at length."""
+def test_a_file_has_at_most_320_lines_of_code() -> None:
+    """Docstrings do not count, because the public API has long ones."""
     for path in (ROOT / "cranectl").rglob("*.py"):
         text = path.read_text(encoding="utf-8")
-        described = sum(
+        docstring_lines = sum(
             node.end_lineno - node.lineno
             for parent in ast.walk(ast.parse(text))
             if isinstance(parent, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(parent)
             for node in parent.body[:1]
             if node.end_lineno is not None
         )
-        assert len(text.splitlines()) - described <= 320, path
+        assert len(text.splitlines()) - docstring_lines <= 320, path

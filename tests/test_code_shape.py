@@ -1,4 +1,4 @@
-"""How code is shaped: few positional arguments, little nesting."""
+"""The shape of functions: few positional arguments and little nesting."""
 
 import ast
 from collections.abc import Iterator
@@ -8,7 +8,7 @@ import pytest
 from tests.conftest import ROOT
 
 MAX_POSITIONAL = 5  # of a function, without `self`
-MAX_OF_KERNEL = 10  # arguments of a compiled function
+MAX_KERNEL_ARGUMENTS = 10  # of a compiled function
 MAX_NESTING = 3
 NESTS = (ast.For, ast.While, ast.If, ast.With, ast.Try)
 COMPILERS = ("jit", "cfunc", "overload", "intrinsic")
@@ -20,14 +20,14 @@ def trees() -> dict[str, ast.Module]:
 
 
 def compiled_by_call(modules: dict[str, ast.Module]) -> set[str]:
-    """Names of functions that are given to a compiler: `jit(step)`."""
+    """Return the names of functions that are passed to a compiler: `jit(step)`."""
     calls = [n for tree in modules.values() for n in ast.walk(tree) if isinstance(n, ast.Call)]
-    given = [call.args for call in calls if any(each in ast.unparse(call.func) for each in COMPILERS)]
-    return {each.id for arguments in given for each in arguments if isinstance(each, ast.Name)}
+    compilations = [call for call in calls if any(name in ast.unparse(call.func) for name in COMPILERS)]
+    return {arg.id for call in compilations for arg in call.args if isinstance(arg, ast.Name)}
 
 
 def nesting(node: ast.AST) -> int:
-    """How deep blocks are in a function or block; an `elif` is as deep as its `if`."""
+    """Return the depth of nested blocks in a function or block; an `elif` is as deep as its `if`."""
     deepest = 0
     for field in ("body", "orelse", "finalbody", "handlers", "cases"):
         children = getattr(node, field, [])
@@ -39,18 +39,18 @@ def nesting(node: ast.AST) -> int:
     return deepest
 
 
-def misshapen(modules: dict[str, ast.Module]) -> Iterator[str]:
+def shape_violations(modules: dict[str, ast.Module]) -> Iterator[str]:
     compiled = compiled_by_call(modules)
     functions = [
         (p, n) for p, tree in modules.items() for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)
     ]
-    for place, function in functions:
+    for path, function in functions:
         decorators = " ".join(map(ast.unparse, function.decorator_list))
         arguments = function.args.posonlyargs + function.args.args
-        positional = [each for each in arguments if each.arg not in ("self", "cls")]
-        name = f"{place}: {function.name}"
-        if function.name in compiled or any(each in decorators for each in COMPILERS):
-            if len(arguments + function.args.kwonlyargs) > MAX_OF_KERNEL:
+        positional = [argument for argument in arguments if argument.arg not in ("self", "cls")]
+        name = f"{path}: {function.name}"
+        if function.name in compiled or any(compiler in decorators for compiler in COMPILERS):
+            if len(arguments + function.args.kwonlyargs) > MAX_KERNEL_ARGUMENTS:
                 yield f"{name} takes {len(arguments)} arguments"
         elif "command" not in decorators:
             if len(positional) > MAX_POSITIONAL:
@@ -59,9 +59,9 @@ def misshapen(modules: dict[str, ast.Module]) -> Iterator[str]:
                 yield f"{name} nests {nesting(function)} deep"
 
 
-def test_functions_take_few_positional_arguments_and_nest_little() -> None:
-    """Kernels may nest: they loop over rows and columns."""
-    assert list(misshapen(trees())) == []
+def test_functions_have_few_positional_arguments_and_little_nesting() -> None:
+    """Compiled functions may nest more, because they loop over rows and columns."""
+    assert list(shape_violations(trees())) == []
 
 
 @pytest.mark.parametrize(
@@ -75,9 +75,9 @@ def test_functions_take_few_positional_arguments_and_nest_little() -> None:
         ("def f():\n if a:\n  if b:\n   while c:\n    if d: ...", "nests 4 deep"),
     ],
 )
-def test_a_misshapen_function_is_noticed(code: str, reason: str) -> None:
-    (found,) = misshapen({"module.py": ast.parse(code)})
-    assert reason in found
+def test_a_shape_violation_is_detected(code: str, reason: str) -> None:
+    (violation,) = shape_violations({"module.py": ast.parse(code)})
+    assert reason in violation
 
 
 @pytest.mark.parametrize(
@@ -89,5 +89,5 @@ def test_a_misshapen_function_is_noticed(code: str, reason: str) -> None:
         "def f():\n if a: ...\n elif b: ...\n elif c:\n  if d:\n   if e: ...",
     ],
 )
-def test_what_is_allowed_is_not_noticed(code: str) -> None:
-    assert list(misshapen({"module.py": ast.parse(code)})) == []
+def test_an_allowed_shape_is_accepted(code: str) -> None:
+    assert list(shape_violations({"module.py": ast.parse(code)})) == []

@@ -1,4 +1,4 @@
-"""Numbers that bound one another: a result refuses a pair of them that contradicts itself."""
+"""A result whose numbers contradict each other raises an internal error."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -45,11 +45,11 @@ POINT = OperatingPoint(rope_length=1.0)
 VERDICT = PointVerdict(POINT, 0.4, 1.0, 0.1, 1.0, "whole-gap", 0.3, 0.9)
 TOPIC = TopicDescription("/wish", "wish", 3, None)
 LOG = LogDescription("a.mcap", 10, "cranectl", 1, 1.0, 3, {}, (TOPIC,), {})
-AGREED = Agreement("", "lqr", "analytic", "mujoco", "ideal", 0.1, 0.1, 0.1, 0.1, passed=True, limits="")
+AGREEMENT = Agreement("", "lqr", "analytic", "mujoco", "ideal", 0.1, 0.1, 0.1, 0.1, passed=True, limits="")
 POINTS = [Point((1.0,), cost, 0.0) for cost in (3.0, 2.0, 1.0)]  # untuned, half, full
 
 
-def test_results_that_agree_with_themselves_pass() -> None:
+def test_consistent_results_are_accepted() -> None:
     Size(0.1, 0.1, 0.1)
     Size(np.inf, 1e160, 1e160)  # squares that overflow
     checked_standing("lqr", 10, 10, 1.0, 0.0, 1.0, 1.0)
@@ -57,7 +57,7 @@ def test_results_that_agree_with_themselves_pass() -> None:
     check_duration(1.0, 1.0, "a move")
 
 
-BAD: dict[str, Callable[[], Any]] = {
+CONTRADICTIONS: dict[str, Callable[[], Any]] = {
     "failures is 11, above runs, which is 10": lambda: replace(GROUP, failures=11),
     "stopped runs is 4, above failures": lambda: replace(GROUP, stopped={"rope-slack": 3, "failed": 1}),
     "could not be run is 1, and its parts add up to 2": lambda: replace(GROUP, not_run={"no licence": 2}),
@@ -78,9 +78,11 @@ BAD: dict[str, Callable[[], Any]] = {
     "least time of the drives .* is 2, above the planned duration of a move": lambda: check_duration(
         2.0, 1.0, "a move"
     ),
-    "difference of a load that passed is 0.2, above its limit": lambda: replace(AGREED, max_load_error_m=0.2),
+    "difference of a load that passed is 0.2, above its limit": lambda: replace(
+        AGREEMENT, max_load_error_m=0.2
+    ),
     "difference of an angle that passed is 0.2, above its limit": lambda: replace(
-        AGREED, max_angle_error_rad=0.2
+        AGREEMENT, max_angle_error_rad=0.2
     ),
     "failed or were not judged is 4, above cases, which is 3": lambda: WorstPair(
         "ideal", "analytic", "mujoco", 3, 2, 2, 0.1, 0.1, 0.1, "", ""
@@ -93,37 +95,40 @@ BAD: dict[str, Callable[[], Any]] = {
 }
 
 
-@pytest.mark.parametrize("found", BAD)
-def test_results_that_contradict_themselves_are_internal_errors(found: str) -> None:
-    with pytest.raises(InconsistentError, match=found):
-        BAD[found]()
+@pytest.mark.parametrize("message", CONTRADICTIONS)
+def test_a_contradictory_result_is_an_internal_error(message: str) -> None:
+    with pytest.raises(InconsistentError, match=message):
+        CONTRADICTIONS[message]()
 
 
-def test_quantiles_that_do_not_ascend_are_an_internal_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_descending_quantiles_are_an_internal_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(np, "quantile", lambda *_: np.array([3.0, 2.0, 1.0]))
     with pytest.raises(InconsistentError, match=r"the 0\.05 quantile is 3, above the 0\.5 quantile"):
         statistics.quantiles(np.arange(5.0))
 
 
-def numbers(rng: np.random.Generator) -> float:
-    """One as results have them, at times none."""
+def random_number(rng: np.random.Generator) -> float:
+    """Draw a number that a result may contain, sometimes zero, infinite or NaN."""
     return float(rng.choice([0.0, 1e-300, rng.exponential(), 1e300, np.inf, np.nan]))
 
 
-def test_verdicts_that_are_judged_never_contradict_themselves(short: Scenario) -> None:
+def test_agreements_of_random_numbers_are_consistent(short: Scenario) -> None:
     a, b = (simulate_run(short, plant=plant) for plant in ("analytic", "elastic"))
-    usual, rng = compare_runs(a, b, signals=()), np.random.default_rng(3)
+    comparison, rng = compare_runs(a, b, signals=()), np.random.default_rng(3)
     passed = []
     for _ in range(300):
-        found = replace(usual, max_load_error_m=numbers(rng), max_angle_error_rad=numbers(rng))
-        limits = AgreementLimits(*np.nan_to_num([numbers(rng), numbers(rng), 1.0], nan=1.0).tolist(), "")
-        passed.append(judge(a, b, limits=limits, comparison=found).passed)
+        changed = replace(
+            comparison, max_load_error_m=random_number(rng), max_angle_error_rad=random_number(rng)
+        )
+        values = np.nan_to_num([random_number(rng), random_number(rng), 1.0], nan=1.0)
+        limits = AgreementLimits(*values.tolist(), "")
+        passed.append(judge(a, b, limits=limits, comparison=changed).passed)
     assert {*passed} == {True, False}
-    assert judge(a, b, limits=NoLimits("unknown"), comparison=usual).passed is None
+    assert judge(a, b, limits=NoLimits("unknown"), comparison=comparison).passed is None
 
 
-def test_groups_of_any_runs_never_contradict_themselves() -> None:
-    """Of none to some runs, with ends of all kinds and errors of all sizes."""
+def test_summaries_of_random_runs_are_consistent() -> None:
+    """Groups have zero to five runs, with all kinds of end status and sizes of error."""
     rng = np.random.default_rng(4)
     for _ in range(200):
         runs = int(rng.integers(0, 6))
@@ -143,7 +148,7 @@ def test_groups_of_any_runs_never_contradict_themselves() -> None:
         _summary(results, "analytic", "lqr")
 
 
-def test_groups_that_leave_runs_out_are_an_internal_error() -> None:
+def test_a_summary_that_omits_runs_is_an_internal_error() -> None:
     class Results:
         campaign = SimpleNamespace(
             settings=SimpleNamespace(limits=SimpleNamespace(given={}), sampling="grid"),

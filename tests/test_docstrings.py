@@ -1,4 +1,4 @@
-"""The docstrings of the public API have all sections of NumPy's style, and their examples run."""
+"""The docstrings of the public API are complete in NumPy style, and their examples run."""
 
 import doctest
 import importlib
@@ -10,24 +10,24 @@ from numpydoc.validate import validate
 
 import cranectl
 
-# A summary may be all; not every object needs links to others or an example.
+# Checks of numpydoc that need not pass: an extended summary, links to other objects, an example.
 OPTIONAL = {"ES01", "SA01", "EX01"}
-NOT_OBJECTS = {"CONTROLLERS"}  # a tuple, described in its module
-TABLES = {
+NOT_OBJECTS = {"CONTROLLERS"}  # a tuple, which is documented in its module
+TABLES = {  # docs/reference/settings.md and status.py document their fields
     "RigParameters",
     "Scenario",
     "RunStatus",
-}  # their fields are in docs/reference/settings.md and status.py
+}
 
 
 def faults(name: str) -> list[str]:
-    """Return what numpydoc finds wrong with a docstring, by its code."""
+    """Return the errors that numpydoc reports for a docstring."""
     optional = OPTIONAL | {"PR01"} if name.rpartition(".")[2] in TABLES else OPTIONAL
     return [f"{code}: {text}" for code, text in validate(name)["errors"] if code not in optional]
 
 
 @pytest.mark.parametrize("name", sorted(set(cranectl.__all__) - NOT_OBJECTS))
-def test_a_public_object_is_described_whole(name: str) -> None:
+def test_a_public_docstring_is_complete(name: str) -> None:
     assert faults(f"cranectl.{name}") == []
 
 

@@ -1,4 +1,4 @@
-"""Exports hold the run bit for bit for other readers, and the same run gives the same bytes."""
+"""Exports contain every bit of a run, and the same run gives the same bytes."""
 
 import csv
 import os
@@ -95,8 +95,8 @@ def expected_columns(runs: list[Run]) -> dict[str, Array]:
 
 
 @pytest.mark.parametrize("file_format", READERS)
-def test_read_back_bit_for_bit(runs: list[Run], file_format: str) -> None:
-    """The exported file is beside the log by default."""
+def test_an_export_is_read_back_bit_for_bit(runs: list[Run], file_format: str) -> None:
+    """By default, the exported file is written next to the log."""
     log = write_log("logs/pair.mcap", runs)
     assert main(["log", "export", str(log), "--format", file_format]) == 0
     columns = READERS[file_format](Path(f"logs/pair.{file_format}"))
@@ -109,7 +109,7 @@ def test_read_back_bit_for_bit(runs: list[Run], file_format: str) -> None:
 
 
 @pytest.mark.parametrize("file_format", READERS)
-def test_the_same_bytes_on_another_day(
+def test_the_exported_bytes_do_not_depend_on_the_date(
     runs: list[Run], file_format: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     table = export_table(by_plant(runs))
@@ -119,11 +119,13 @@ def test_the_same_bytes_on_another_day(
     monkeypatch.setattr("time.time", lambda: 946684800.0)
     write_table(table, Path("b"), exporters()[file_format])
     assert Path("a").read_bytes() == Path("b").read_bytes()
-    assert bool(calls) == (file_format == "mat"), "scipy no longer asks for the date: leave its header alone"
+    assert bool(calls) == (file_format == "mat"), (
+        "SciPy no longer writes the date: remove the code that replaces its header"
+    )
 
 
-def test_parquet_says_what_its_columns_are(log: Path) -> None:
-    name = os.fsdecode(b"\xff.parquet")  # no UTF-8, which the writer of Parquet would like
+def test_parquet_has_units_and_descriptions(log: Path) -> None:
+    name = os.fsdecode(b"\xff.parquet")  # not valid UTF-8, which the Parquet writer expects
     assert main(["log", "export", str(log), "--out", name]) == 0
     schema = pyarrow.parquet.read_schema(Path(name).rename("a.parquet"))
     metadata = {key.decode(): value.decode() for key, value in schema.metadata.items()}
@@ -134,7 +136,7 @@ def test_parquet_says_what_its_columns_are(log: Path) -> None:
     assert schema.field("analytic.input.rope_acceleration").metadata[b"unit"].decode() == "m/s²"
 
 
-def test_mat_has_units_and_info_and_names_that_matlab_takes(log: Path, runs: list[Run]) -> None:
+def test_mat_has_units_info_and_valid_matlab_names(log: Path, runs: list[Run]) -> None:
     assert main(["log", "export", str(log), "--out", "a.mat"]) == 0
     content = loadmat("a.mat", simplify_cells=True)
     assert content["__header__"].startswith(b"MATLAB 5.0 MAT-file")
@@ -143,12 +145,12 @@ def test_mat_has_units_and_info_and_names_that_matlab_takes(log: Path, runs: lis
     assert units["mujoco.input.rope_acceleration"] == "m/s²"
     assert units["time"] == "s"
     assert content["info"] == INFO
-    assert loadmat("a.mat")["time"].shape == (126, 1), "MATLAB's signals are columns"
+    assert loadmat("a.mat")["time"].shape == (126, 1), "MATLAB expects signals as columns"
     for name in {part for path in (*units, *content["info"]) for part in path.split(".")}:
         assert re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name), name
 
 
-NAMED = (
+RENAMED = (
     ("_hidden", "x_hidden"),
     ("end", "xEnd"),
     ("a" * 70, "a" * 63),
@@ -157,26 +159,26 @@ NAMED = (
 )
 
 
-def odd_names(short: Scenario) -> Run:
+def run_with_odd_names(short: Scenario) -> Run:
     """Return a run whose controller logs signals with names that MATLAB does not allow."""
     run = simulate_run(short, plant="analytic", controller="lqr-integral")
     (old,) = (group for group in run.groups if group.name == "controller")
-    signals = tuple(Signal(name, name, "m", "") for name, _ in NAMED)
+    signals = tuple(Signal(name, name, "m", "") for name, _ in RENAMED)
     first = sum(len(group) for group in run.groups[: run.groups.index(old)])
-    table = np.hstack([run.table[:, :first], np.outer(run.time, 1.0 + np.arange(len(NAMED)))])
+    table = np.hstack([run.table[:, :first], np.outer(run.time, 1.0 + np.arange(len(RENAMED)))])
     return replace(run, design=replace(run.design, signals=signals), table=table)
 
 
-def test_names_that_matlab_restricts_are_changed_and_told(
+def test_names_that_matlab_forbids_are_changed_and_reported(
     short: Scenario, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = odd_names(short)
+    run = run_with_odd_names(short)
     write_log("odd.mcap", [run], every=1)
     assert main(["log", "export", "odd.mcap", "--out", "odd.mat"]) == 0
     content = loadmat("odd.mat", simplify_cells=True)
     output, signals = capsys.readouterr().out, content["analytic"]["controller"]
-    assert list(signals) == [new for _, new in NAMED]
-    for k, (old, new) in enumerate(NAMED):
+    assert list(signals) == [new for _, new in RENAMED]
+    for k, (old, new) in enumerate(RENAMED):
         assert np.array_equal(signals[new], (1.0 + k) * run.time)
         assert content["units"]["analytic"]["controller"][new] == "m"
         line = f"analytic.controller.{old} is analytic.controller.{new}"
@@ -184,7 +186,7 @@ def test_names_that_matlab_restricts_are_changed_and_told(
         assert (line in content["info"]["renamed"]) == (old != new)
 
 
-def test_labels_that_are_names_of_the_file_itself_do_not_replace_them(runs: list[Run]) -> None:
+def test_a_label_does_not_replace_a_variable_of_the_mat_file(runs: list[Run]) -> None:
     table = export_table({"time": runs[0], "units": runs[1]})
     write_table(table, Path("a.mat"), exporters()["mat"])
     content = loadmat("a.mat", simplify_cells=True)
@@ -194,21 +196,21 @@ def test_labels_that_are_names_of_the_file_itself_do_not_replace_them(runs: list
     assert exporters()["mat"].renamed(table) == {"time": "time_1", "units": "units_1"}
 
 
-def test_runs_of_an_overlay_have_their_labels(runs: list[Run]) -> None:
+def test_runs_of_an_overlay_are_exported_under_their_labels(runs: list[Run]) -> None:
     write_overlay(
         Path("o.mcap"), {f"{k}+b": Layer(run.every(4), 4, {"numpy": "3"}) for k, run in enumerate(runs)}
     )
     for name in READERS:
         assert main(["log", "export", "o.mcap", "--out", f"a.{name}"]) == 0
     expected = {
-        f"{k}+b.{name.removeprefix(f'{run.plant}.')}": values  # of the reference too
+        f"{k}+b.{name.removeprefix(f'{run.plant}.')}": values  # also the reference has the label
         for k, run in enumerate(runs)
         for name, values in expected_columns([run.every(4)]).items()
         if name != "time"
     }
-    for read in (read_csv(Path("a.csv")), read_parquet(Path("a.parquet"))):
-        assert len(read) == len(expected) + 1
-        assert all(np.array_equal(read[name], values) for name, values in expected.items())
+    for columns in (read_csv(Path("a.csv")), read_parquet(Path("a.parquet"))):
+        assert len(columns) == len(expected) + 1
+        assert all(np.array_equal(columns[name], values) for name, values in expected.items())
     content = loadmat("a.mat", simplify_cells=True)
     assert np.array_equal(content["x1_b"]["state"]["alpha"], expected["1+b.state.alpha"])
     assert content["info"]["x1_b_controller"] == "lqr+hinf"
@@ -229,7 +231,7 @@ def test_a_plant_that_stopped_has_no_values_afterwards(runs: list[Run], file_for
     assert columns["reference.load_z"].tobytes() == pair[1].reference[:, 2].tobytes()
 
 
-def test_a_last_sample_between_the_others_has_a_row_of_its_own(runs: list[Run]) -> None:
+def test_a_last_sample_between_others_gets_its_own_row(runs: list[Run]) -> None:
     pair = [until(runs[0], 203).every(4), runs[1].every(4)]
     table = export_table(by_plant(pair))
     row = int(np.searchsorted(table.time, 0.202))
@@ -241,18 +243,18 @@ def test_a_last_sample_between_the_others_has_a_row_of_its_own(runs: list[Run]) 
     assert columns["reference.load_x"].values[row] == pair[0].reference[-1, 0]
 
 
-def test_a_reference_that_the_log_lacks_is_missing(runs: list[Run]) -> None:
+def test_an_absent_reference_is_missing_in_the_export(runs: list[Run]) -> None:
     pair = [until(runs[0], 203).every(4), runs[1].every(4)]
-    lacking = pair[0].reference.copy()
-    lacking[[10, -1]] = np.nan
+    incomplete = pair[0].reference.copy()
+    incomplete[[10, -1]] = np.nan
     (column,) = export_table(
-        by_plant([replace(pair[0], reference=lacking), pair[1]]), ["reference.load_y"]
+        by_plant([replace(pair[0], reference=incomplete), pair[1]]), ["reference.load_y"]
     ).columns
-    assert np.flatnonzero(column.missing).tolist() == [51], "the other run has the other"
+    assert np.flatnonzero(column.missing).tolist() == [51], "the other run has the value of sample 10"
     assert column.values[10] == runs[1].reference[40, 1]
 
 
-def test_missing_is_told_from_not_a_number(runs: list[Run]) -> None:
+def test_a_missing_value_differs_from_nan(runs: list[Run]) -> None:
     table = runs[0].table[:2].copy()
     table[1, 6] = np.nan
     pair = [replace(until(runs[0], 2), table=table), until(runs[1], 3)]
@@ -264,7 +266,7 @@ def test_missing_is_told_from_not_a_number(runs: list[Run]) -> None:
     assert column.is_null().to_pylist() == [False, False, True]
 
 
-def test_a_run_without_samples_leaves_the_names(runs: list[Run]) -> None:
+def test_a_run_without_samples_exports_the_column_names(runs: list[Run]) -> None:
     for name in READERS:
         write_table(export_table(by_plant([cut(runs[0], 0)])), Path(f"a.{name}"), exporters()[name])
     assert len(Path("a.csv").read_text().splitlines()) == 1
@@ -272,7 +274,7 @@ def test_a_run_without_samples_leaves_the_names(runs: list[Run]) -> None:
     assert loadmat("a.mat")["time"].size == 0
 
 
-def test_signals_are_chosen_in_the_order_of_the_log(log: Path) -> None:
+def test_selected_signals_keep_the_order_of_the_log(log: Path) -> None:
     patterns = ["--signals", "reference.load_x", "--signals", "*.state.alpha", "--signals", "mujoco.state.*"]
     assert main(["log", "export", str(log), *patterns]) == 0
     state = [f"mujoco.state.{name}" for name in recorded_groups(flat_groups(0))[0].names]
@@ -289,12 +291,14 @@ def test_signals_are_chosen_in_the_order_of_the_log(log: Path) -> None:
         ("csv", "a.txt", "csv"),
     ],
 )
-def test_the_format_is_named_or_the_ending(name: str | None, out: str | None, expected: str) -> None:
+def test_the_format_comes_from_the_option_or_the_ending(
+    name: str | None, out: str | None, expected: str
+) -> None:
     assert choose_exporter(name, Path(out) if out else None).name == expected
 
 
-def test_every_unit_is_documented() -> None:
-    """The table in docs/how-to/export.md, where the first match counts, agrees with the table of signals."""
+def test_the_documented_units_match_the_signals() -> None:
+    """The table in docs/how-to/export.md gives the unit of every signal; its first matching row counts."""
     text = (ROOT / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
     units = {}
     for signal in REFERENCE.signals:
@@ -339,20 +343,20 @@ def test_bad_input_is_explained(
     assert log.read_bytes() == before
 
 
-def test_a_full_disk_leaves_what_was_there(runs: list[Run]) -> None:
-    def full(_: object, path: Path) -> None:
+def test_a_full_disk_leaves_the_old_file(runs: list[Run]) -> None:
+    def write_to_full_disk(_: object, path: Path) -> None:
         path.write_bytes(b"half")
         raise OSError("No space left on device")
 
     Path("a.csv").write_text("old")
     with pytest.raises(InputError, match=r"cannot write a.csv: No space left"):
-        write_table(export_table(by_plant(runs)), Path("a.csv"), Exporter("csv", "", b"", full))
+        write_table(export_table(by_plant(runs)), Path("a.csv"), Exporter("csv", "", b"", write_to_full_disk))
     assert [path.name for path in Path().iterdir()] == ["a.csv"]
     assert Path("a.csv").read_text() == "old"
 
 
-def test_a_format_from_outside(log: Path, tmp_path: Path) -> None:
-    """The example of the docs page works in its own package."""
+def test_a_package_can_add_an_export_format(log: Path, tmp_path: Path) -> None:
+    """The example of the how-to works as an installed package."""
     text = (ROOT / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(import numpy.*?)```", text, re.DOTALL)
     (entry,) = re.findall(r'cranectl.exporters"\]\n(.*)\n', text)

@@ -1,4 +1,4 @@
-"""Another package's controller, plant, metric, segment and exporter, one file each, go wherever ours go."""
+"""A controller, plant, metric, segment and exporter of other packages work in all commands."""
 
 import csv
 import json
@@ -142,49 +142,48 @@ LINES = (
 
 
 @pytest.fixture(scope="module")
-def shown(folder: Path) -> str:
-    """What all commands say, one after the other in one process."""
+def output(folder: Path) -> str:
+    """Run all commands in one process; return their output."""
     return run_all_beside(folder, *LINES)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder that holds the five packages, installed, and what is to be run."""
-    made = tmp_path_factory.mktemp("outside")
+    """Return a folder with the five installed packages, a scenario and a campaign."""
+    directory = tmp_path_factory.mktemp("outside")
     for group, (module, name, code) in ENTRIES.items():
-        install(
-            made, module.replace("_", "-"), code, f"[cranectl.{group}]\n{name.lower()} = {module}:{name}\n"
-        )
-    (made / "bow.toml").write_text(SCENARIO)
-    (made / "many.toml").write_text(CAMPAIGN)
-    return made
+        entry_points = f"[cranectl.{group}]\n{name.lower()} = {module}:{name}\n"
+        install(directory, module.replace("_", "-"), code, entry_points)
+    (directory / "bow.toml").write_text(SCENARIO)
+    (directory / "many.toml").write_text(CAMPAIGN)
+    return directory
 
 
-@pytest.mark.usefixtures("shown")
-def test_a_run_has_all_of_them(folder: Path) -> None:
-    """The segment is followed up and back, by the controller's rules, on each plant, and measured."""
-    told = json.loads((folder / "run.json").read_text())
-    by_plant = {run["plant"]: run for run in told["runs"]}
+@pytest.mark.usefixtures("output")
+def test_a_run_uses_all_extensions(folder: Path) -> None:
+    """The controller follows the segment on each plant, and the metric measures it."""
+    result = json.loads((folder / "run.json").read_text())
+    by_plant = {run["plant"]: run for run in result["runs"]}
     assert list(by_plant) == ["analytic", "elastic", "mujoco", "moon"]
     for run in by_plant.values():
         assert run["controller"] == "servo"
         assert -0.95 < run["metrics"]["highest_load_m"] <= -0.8
 
 
-def test_the_log_is_read_compared_reported_and_exported(folder: Path, shown: str) -> None:
+def test_commands_handle_a_log_with_extensions(folder: Path, output: str) -> None:
     for text in ("bow", "servo, velocity drives", "crane-controller 1.0", "/moon/controller", " servo, moon"):
-        assert text in shown, text
+        assert text in output, text
     assert "load, highest" in (folder / "a.html").read_text(encoding="utf-8")
     assert float((folder / "a.note").read_text().removeprefix("highest ")) == pytest.approx(-0.6, abs=1e-9)
     with (folder / "a.csv").open(newline="") as lines:
         rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     errors = np.array([float(row["moon.controller.bridge_error"]) for row in rows])
-    assert errors[0] == 0.0, "until the line begins, the end of the bow is the set-point"
+    assert errors[0] == 0.0, "before the line begins, the set-point is the end of the bow"
     assert errors.max() == pytest.approx(0.2, abs=1e-6)
 
 
-def test_a_campaign_of_eight_runs_on_threads(folder: Path, shown: str) -> None:
-    assert "many.html" in shown
+def test_a_campaign_runs_with_extensions(folder: Path, output: str) -> None:
+    assert "many.html" in output
     assert "servo" in (folder / "many.html").read_text(encoding="utf-8")
     parts = sorted((folder / "many" / "parts").glob("*.parquet"))
     rows = [row for part in parts for row in parquet.read_table(part).to_pylist()]
@@ -193,4 +192,4 @@ def test_a_campaign_of_eight_runs_on_threads(folder: Path, shown: str) -> None:
     assert all(-0.95 < row["highest_load_m"] < -0.55 for row in rows)
     for name in ("servo", "lqr"):
         errors = {row["rms_error_m"] for row in rows if row["controller"] == name}
-        assert len(errors) >= 8, "cranes differ: alike there would be one number for each plant"
+        assert len(errors) >= 8, "the cranes differ: equal cranes would give one number per plant"

@@ -1,7 +1,7 @@
-"""What is told apart, and by what: content and place, never a name or a text alone.
+"""The identity of controllers, plants, designs and plans depends on their content, never on a name alone.
 
-Each case makes one thing twice in two folders, and says by what the package knows it again. The name is the
-same everywhere. Either its content differs, or its content is the same and what lies beside it differs.
+Each case creates the same kind of thing in two folders under the same name, and compares the identities that
+the package assigns. Either the content differs, or the content is the same and an imported module differs.
 """
 
 import sys
@@ -23,7 +23,7 @@ from cranectl.support import jit, kept
 from cranectl.support.documents import toml_text
 from cranectl.support.errors import InputError
 
-Identity = Callable[[Path, str], object]  # of the thing in a folder, of which a file has this content
+Identity = Callable[[Path, str], object]  # (folder, content of a file) -> identity of the thing in the folder
 
 LAW = """
 from beside import K
@@ -49,7 +49,7 @@ time_law = "minimum-time"
 
 
 def put(folder: Path, name: str, template: str, value: str) -> Path:
-    """A file, and the module that it imports beside it, which says where it is."""
+    """Write a file, and the module that it imports, whose content depends on the folder's name."""
     folder.mkdir(exist_ok=True)
     path = folder / name
     path.write_text(template.replace("VALUE", value))
@@ -73,7 +73,7 @@ def process(folder: Path, value: str) -> object:
 
 
 def helper(folder: Path, value: str) -> object:
-    """What the controller computes with."""
+    """Return a command that the controller computes with the imported module."""
     name = opened(put(folder, "law.py", LAW.replace("VALUE", "command[0] = K; VALUE"), value), "law")
     command = np.zeros(3)
     load_controller(name).step(np.zeros(1), np.zeros(12), np.zeros(15), np.zeros(9), command)
@@ -81,7 +81,7 @@ def helper(folder: Path, value: str) -> object:
 
 
 def copied(folder: Path, value: str) -> object:
-    """Where a worker has the files once those of its parent are gone."""
+    """Return where a worker finds the controller's files after the original files were removed."""
     opened(put(folder, "law.py", LAW, value), "law")
     (file,) = OPEN.files.values()
     for path in folder.iterdir():
@@ -90,79 +90,78 @@ def copied(folder: Path, value: str) -> object:
 
 
 def version(folder: Path, value: str) -> object:
-    """What a design is run by, also where a newer file has the name."""
+    """Return the controller version with which a design runs, also if a newer file has the same name."""
     design = load_controller(opened(put(folder, "law.py", LAW, value), "law")).designed({})
     return design.origin
 
 
 def tuned(folder: Path, value: str) -> object:
-    """Whether numbers are taken that were found for the controller in another folder."""
-    law = load_controller(opened(put(folder, "law.py", LAW, value), "law"))
+    """Return the tuned parameters of the controller in the first folder, if they apply to this controller."""
+    loaded = load_controller(opened(put(folder, "law.py", LAW, value), "law"))
     numbers = folder.parent / "law.toml"
     if not numbers.exists():
         facts = {"runs": 1, "cost": {}, "failed": {}}
-        numbers.write_text(toml_text({"law": "law", "code": law.code, "rules": "r", **facts}))
+        numbers.write_text(toml_text({"law": "law", "code": loaded.code, "rules": "r", **facts}))
     try:
         return tuned_facts(folder.parent, "r", "law")
     except InputError:
         return "of another version"
 
 
-def imported(folder: Path, value: str, name: str) -> None:
+def make_importable(folder: Path, value: str, name: str) -> None:
     sys.modules.pop(name, None)
     sys.modules.pop("beside", None)
     sys.path.insert(0, str(put(folder, f"{name}.py", PLANT, value).parent))
 
 
 def plant(folder: Path, value: str) -> object:
-    imported(folder, value, "own_plant")
+    make_importable(folder, value, "own_plant")
     PLANTS["own"] = PlantEntry("own", "own", "series-1", "own_plant:Plant", 1)
     return plant_sources(["own"])
 
 
 def registered(folder: Path, value: str) -> object:
-    """A controller that a module has registered, as a campaign's result tells it."""
-    imported(folder, value, "own_law")
+    """Return the version of a registered controller that a campaign's result records."""
+    make_importable(folder, value, "own_law")
     module = __import__("own_law")
     close_controllers()
     OPEN.registered.pop("own", None)
-    law = Controller("own", "own", module.Plant, lambda _: (np.zeros(1), np.zeros(1)))
-    register_controller(law)
+    register_controller(Controller("own", "own", module.Plant, lambda _: (np.zeros(1), np.zeros(1))))
     return software_of([], ["own"])["sources of own_law"]
 
 
 def compiled(folder: Path, value: str) -> object:
-    """What a cache of compiled code is of; a package is another one in another folder."""
+    """Return the digest that identifies a cache of compiled code; it also depends on the folder."""
     jit._PACKAGE = folder
     return jit.sources_digest(put(folder, "kernel.py", "from cranectl.beside import K\nVALUE", value))
 
 
 def planned(folder: Path, value: str) -> object:
-    """A motion through the points of a file, with the limits of a rig beside it; what was kept is taken."""
+    """Return a planned motion through the points of a file, with the limits of a rig file beside it."""
     shift = 0.1 * len(value)
     put(folder, "path.csv", "x,y,z\n0.5,0.5,-0.7\n0.6,0.6,-0.7\nVALUE\n", f"{0.6 + shift:g},0.7,-0.7")
     (folder / "crane.toml").write_text(f"effects.limits.velocity = [{0.1 * len(folder.name):g}, 0.3, 0.3]\n")
     scenario = put(folder, "own.toml", SCENARIO, "")
     before = set(folder.parent.rglob("plans/*"))
     first = load_scenario(scenario)
-    assert set(folder.parent.rglob("plans/*")) - before, "no plan of another scenario is taken"
+    assert set(folder.parent.rglob("plans/*")) - before, "the stored plan of another scenario was used"
     plan._SEGMENTS.clear()
     assert load_scenario(scenario) == first
     return [segment.model_dump(exclude={"source"}) for segment in first.reference.segments]
 
 
 IDENTITIES: dict[str, Identity] = {
-    each.__name__: each
-    for each in (
+    identity.__name__: identity
+    for identity in (
         controller, process, helper, copied, version, tuned, plant, registered, compiled, planned
     )
 }  # fmt: skip
-# Of these the content beside counts only where it is taken, which the helper itself shows.
-BY_NEIGHBOUR_ONLY = ("helper",)
+# For these only the imported module counts, not the content of the file itself.
+BY_IMPORT_ONLY = ("helper",)
 
 
 @pytest.fixture(autouse=True)
-def forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _clean_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path)
     monkeypatch.setattr(jit, "_PACKAGE", jit._PACKAGE)
     monkeypatch.setattr(sys, "path", sys.path[:])
@@ -175,37 +174,37 @@ def forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
         sys.modules.pop(name, None)
 
 
-@pytest.mark.parametrize("kind", [kind for kind in IDENTITIES if kind not in BY_NEIGHBOUR_ONLY])
-def test_the_same_name_with_other_content(kind: str, tmp_path: Path) -> None:
-    """In folders whose names are as long, so that all else is the same."""
+@pytest.mark.parametrize("kind", [kind for kind in IDENTITIES if kind not in BY_IMPORT_ONLY])
+def test_other_content_under_the_same_name_is_another_thing(kind: str, tmp_path: Path) -> None:
+    """The names of the folders have the same length, so that the imported modules are equal."""
     identity = IDENTITIES[kind]
     first, second = identity(tmp_path / "a", "pass"), identity(tmp_path / "b", "x = 1")
     assert first != second
 
 
 @pytest.mark.parametrize("kind", IDENTITIES)
-def test_the_same_content_in_another_place_with_another_neighbour(kind: str, tmp_path: Path) -> None:
+def test_the_same_content_with_another_import_is_another_thing(kind: str, tmp_path: Path) -> None:
     identity = IDENTITIES[kind]
     first, second = identity(tmp_path / "a", "pass"), identity(tmp_path / "longer", "pass")
     assert first != second
 
 
-def test_a_comment_makes_no_other_controller(tmp_path: Path) -> None:
-    """Numbers that were tuned before it are taken, and a campaign goes on."""
+def test_a_comment_does_not_change_a_controller(tmp_path: Path) -> None:
+    """Parameters that were tuned before a comment was added still apply."""
     assert tuned(tmp_path / "a", "pass  # as before") == tuned(tmp_path / "a", "pass")
     first = tuned(tmp_path / "a", "x = 1")
     assert first == "of another version"
 
 
 @pytest.mark.parametrize("kind", ["controller", "process", "helper", "tuned", "plant", "registered"])
-def test_the_same_content_with_the_same_neighbour_is_the_same(kind: str, tmp_path: Path) -> None:
-    """Wherever it lies: results may be resumed on another machine."""
+def test_the_same_content_with_the_same_import_is_the_same_thing(kind: str, tmp_path: Path) -> None:
+    """The folder does not count, so that results can be resumed on another machine."""
     identity = IDENTITIES[kind]
     assert identity(tmp_path / "a", "pass") == identity(tmp_path / "b", "pass")
 
 
-def test_a_copy_of_an_fmu_or_library_is_known_by_its_content(tmp_path: Path) -> None:
-    """Names of files and folders are no part of it; the table beside an FMU is."""
+def test_an_fmu_or_library_is_identified_by_its_content(tmp_path: Path) -> None:
+    """The names of file and folder do not count, but the table beside an FMU does."""
     files = [
         ControllerFile("law.fmu", Path("law.fmu"), "", content, table, str(tmp_path / folder / "law.fmu"))
         for content, table, folder in (

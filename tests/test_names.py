@@ -1,4 +1,4 @@
-"""Names: a class or a number has a name of its own, so that a reader of two modules cannot confuse them."""
+"""Names of classes and constants are unambiguous, and all names are words of the field."""
 
 import ast
 from collections import defaultdict
@@ -8,12 +8,12 @@ import cranectl
 from tests.conftest import ROOT
 
 PACKAGE = ROOT / "cranectl"
-CLASSES_OF_ONE_NAME: dict[str, str] = {}  # and why nobody confuses them
+CLASSES_OF_ONE_NAME: dict[str, str] = {}  # name: why readers do not confuse them
 NUMBERS_OF_ONE_NAME = {
-    "EXTENSION": "a place in a state; each model has a state of its own",
-    "ROBUSTIFIER": "a place in a state, as EXTENSION",
-    "STATES": "how many states a model has; the model is the module's subject",
-    "IDEAL_INERTIA": "the same of two engines, each as large as its arithmetic allows",
+    "EXTENSION": "an index of a state; each model has its own state",
+    "ROBUSTIFIER": "an index of a state, as EXTENSION",
+    "STATES": "the number of states of the model that is the subject of the module",
+    "IDEAL_INERTIA": "the same inertia in two engines, each as large as its arithmetic allows",
     "GHOST": "opacity of the same ghost in a viewer and in pictures",
     "LONGEST_ARROW": "length of the same arrow in a viewer and in pictures",
     "ROPE_WIDTH": "of the same rope, in pixels and in metres",
@@ -27,16 +27,16 @@ def modules() -> Iterator[tuple[str, ast.Module]]:
 
 
 def classes() -> dict[str, list[str]]:
-    found = defaultdict(list)
-    for place, tree in modules():
+    result = defaultdict(list)
+    for path, tree in modules():
         for node in ast.walk(tree):
             if isinstance(node, ast.ClassDef):
-                found[node.name].append(place)
-    return found
+                result[node.name].append(path)
+    return result
 
 
 def number(node: ast.AST) -> float | None:
-    """The value of an expression of numbers."""
+    """Return the value of a constant numeric expression."""
     try:
         value = eval(compile(ast.Expression(node), "", "eval"), {"__builtins__": {}})  # type: ignore[arg-type]
     except Exception:
@@ -45,9 +45,9 @@ def number(node: ast.AST) -> float | None:
 
 
 def numbers() -> dict[str, dict[str, float]]:
-    """Numbers at the top of modules: {name: {module: value}}."""
-    found: dict[str, dict[str, float]] = defaultdict(dict)
-    for place, tree in modules():
+    """Return the numeric constants of all modules: {name: {module: value}}."""
+    constants: dict[str, dict[str, float]] = defaultdict(dict)
+    for path, tree in modules():
         for node in tree.body:
             targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
             for target in targets if isinstance(node, ast.Assign | ast.AnnAssign) else ():
@@ -56,11 +56,11 @@ def numbers() -> dict[str, dict[str, float]]:
                     names, values = target.elts, node.value.elts
                 for name, expression in zip(names, values, strict=False):
                     if isinstance(name, ast.Name) and (value := number(expression)) is not None:
-                        found[name.id][place] = value
-    return found
+                        constants[name.id][path] = value
+    return constants
 
 
-def test_classes_have_names_of_their_own() -> None:
+def test_class_names_are_unique() -> None:
     doubles = {name: places for name, places in classes().items() if len(places) > 1}
     assert doubles.keys() == CLASSES_OF_ONE_NAME.keys(), doubles
     public = {name for name in cranectl.__all__ if isinstance(getattr(cranectl, name), type)}
@@ -68,19 +68,19 @@ def test_classes_have_names_of_their_own() -> None:
     assert not public & doubles.keys()
 
 
-def test_a_number_has_one_value_wherever_it_has_the_same_name() -> None:
+def test_constants_of_one_name_have_one_value() -> None:
     doubles = {name: places for name, places in numbers().items() if len(set(places.values())) > 1}
     assert doubles.keys() == NUMBERS_OF_ONE_NAME.keys(), doubles
 
 
-def test_numbers_are_found_in_all_their_forms() -> None:
-    found = numbers()
-    assert found["BLOCK_TIMEOUT"] == {"simulate/child.py": 120.0}
-    assert found["MAX_DEADLINE"] == {"loaders/process_law.py": 5.0}
-    assert len(found) > 300
+def test_constants_of_all_forms_are_found() -> None:
+    constants = numbers()
+    assert constants["BLOCK_TIMEOUT"] == {"simulate/child.py": 120.0}
+    assert constants["MAX_DEADLINE"] == {"loaders/process_law.py": 5.0}
+    assert len(constants) > 300
 
 
-# Words of a private dialect, and what the field says instead.
+# Words that readers from the field do not expect, and the usual words, by the rooms where they count.
 DIALECT = {
     "": {
         "told": "declared, reported",
@@ -136,16 +136,16 @@ def identifiers(tree: ast.Module) -> Iterator[str]:
             yield node.name
 
 
-def dialect(place: str, tree: ast.Module) -> set[str]:
-    words = [room for room in DIALECT if place.startswith(room)]
-    return {name for name in identifiers(tree) if any(name in DIALECT[room] for room in words)}
+def dialect(path: str, tree: ast.Module) -> set[str]:
+    rooms = [room for room in DIALECT if path.startswith(room)]
+    return {name for name in identifiers(tree) if any(name in DIALECT[room] for room in rooms)}
 
 
-def test_names_are_words_of_the_field() -> None:
-    assert {place: found for place, tree in modules() if (found := dialect(place, tree))} == {}
+def test_no_name_is_a_word_of_the_dialect() -> None:
+    assert {path: words for path, tree in modules() if (words := dialect(path, tree))} == {}
 
 
-def test_a_word_of_the_dialect_is_noticed() -> None:
+def test_a_word_of_the_dialect_is_detected() -> None:
     code = ast.parse("def told(given): rubs = [each for each in given]")
     assert dialect("report/page.py", code) == {"told", "each"}
     assert dialect("plants/elastic/step.py", code) == {"told", "given", "rubs", "each"}

@@ -1,4 +1,4 @@
-"""The wheel stands alone: it has all that commands read, and nothing that only the repository needs."""
+"""The wheel is complete: it has all files that commands read, and none that only the repository needs."""
 
 import json
 import os
@@ -17,7 +17,7 @@ MAX_BYTES = 1_200_000
 TRACKED = subprocess.run(
     ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
 ).stdout.splitlines()
-# What of models/ and validation/ commands read.
+# The files of models/ and validation/ that commands read.
 DATA = re.compile(
     r"""
     models/crane\.xml
@@ -39,8 +39,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_the_wheel_has_the_package_and_what_commands_read(wheel: Path) -> None:
-    """Neither more, such as the judged table or proofs, nor less."""
+def test_the_wheel_has_the_package_and_its_data(wheel: Path) -> None:
+    """It has no other files, such as the judged table or proofs."""
     names = [name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name]
     package = [name for name in TRACKED if name.startswith("cranectl/")]
     data = [f"cranectl/_data/{name}" for name in TRACKED if DATA.fullmatch(name)]
@@ -48,37 +48,37 @@ def test_the_wheel_has_the_package_and_what_commands_read(wheel: Path) -> None:
     assert wheel.stat().st_size <= MAX_BYTES
 
 
-def test_a_wheel_is_the_same_program_as_its_checkout(wheel: Path, tmp_path: Path) -> None:
+def test_the_wheel_has_the_fingerprints_of_the_checkout(wheel: Path, tmp_path: Path) -> None:
     zipfile.ZipFile(wheel).extractall(tmp_path)
     command = "import json; from cranectl.support.provenance import fingerprints as f; print(json.dumps(f()))"
     assert json.loads(python(tmp_path, tmp_path, "-c", command)) == fingerprints()
 
 
 def python(site: Path, work: Path, *arguments: str, code: int = 0) -> str:
-    """Output of an interpreter in `work` that finds what is in `site`; errors if it ends with a `code`."""
+    """Run Python in `work` with packages from `site`; return its output, or its errors for an exit `code`."""
     environment = {**os.environ, "PYTHONPATH": str(site)}
     command = [sys.executable, *arguments]
-    done = subprocess.run(command, cwd=work, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == code, done.stderr
-    return done.stderr if code else done.stdout
+    result = subprocess.run(command, cwd=work, env=environment, capture_output=True, text=True, check=False)
+    assert result.returncode == code, result.stderr
+    return result.stderr if code else result.stdout
 
 
-def test_the_wheel_runs_away_from_the_checkout(wheel: Path, tmp_path: Path) -> None:
-    """Unpacked where nothing else of cranectl is; dependencies come from this environment.
+def test_the_wheel_runs_without_the_checkout(wheel: Path, tmp_path: Path) -> None:
+    """The wheel is unpacked elsewhere, and only dependencies come from this environment.
 
-    `make package` validates from there.
+    `make package` runs `cranectl validate` from an installed wheel.
     """
     site = tmp_path / "site"
     zipfile.ZipFile(wheel).extractall(site)
     work = tmp_path / "work"
     work.mkdir()
-    where = python(site, work, "-c", "import cranectl.support.resources as r; print(r.MODEL_FILE)")
-    assert where.startswith(str(site))
-    listed = python(site, work, "-m", "cranectl", "list")
+    model_file = python(site, work, "-c", "import cranectl.support.resources as r; print(r.MODEL_FILE)")
+    assert model_file.startswith(str(site))
+    names = python(site, work, "-m", "cranectl", "list")
     for scenario in ALL_SCENARIOS:
-        assert scenario in listed
+        assert scenario in names
     assert not list(work.iterdir())
     python(site, work, "-m", "cranectl", "new", "c-controller", "servo")
     assert {path.name for path in work.iterdir()} == {"servo.c", "cranectl.h", "test_servo.py"}
-    told = python(site, work, "-m", "cranectl", "benchmark", "report", "literature.parquet", code=2)
-    assert "copy validation/benchmark/literature.parquet from a checkout" in " ".join(told.split())
+    message = python(site, work, "-m", "cranectl", "benchmark", "report", "literature.parquet", code=2)
+    assert "copy validation/benchmark/literature.parquet from a checkout" in " ".join(message.split())

@@ -1,11 +1,11 @@
-"""Parts of the measurements of performance that nothing else runs still fit the package."""
+"""Parts of the performance measurements that no other test runs still work with the package."""
 
 import pytest
 
 from tests.conftest import ROOT
 
 
-def test_what_a_row_of_a_result_costs_can_be_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cost_of_a_result_row_can_be_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT / "validation" / "performance"))
     import scaling
 

@@ -1,7 +1,7 @@
-"""Answers are the same whichever kernels the linear algebra of this processor runs.
+"""Results do not depend on the OpenBLAS kernels that a processor selects.
 
-OpenBLAS takes other kernels on other processors, and OPENBLAS_CORETYPE chooses them. Where another BLAS is
-installed, the variable changes nothing. `make test-processors` runs all tests that are marked.
+OPENBLAS_CORETYPE selects the kernels of another processor. It has no effect with another BLAS. `make
+test-processors` runs all tests that carry the mark `processor`.
 """
 
 import json
@@ -17,9 +17,9 @@ from tests.conftest import ROOT
 pytestmark = pytest.mark.processor
 
 KERNELS = ("Nehalem", "Sandybridge", "Haswell")
-ANSWERS = """
+SCRIPT = """
 import json
-from cranectl.design.controllers import _computed  # what is kept on disk would hide a difference
+from cranectl.design.controllers import _computed  # designs stored on disk would hide a difference
 from cranectl.planning import load_scenario
 from cranectl.support.errors import InputError
 from lmi_regions import gains
@@ -49,21 +49,21 @@ print(json.dumps([numbers, refused]))
 
 def test_designs_and_refusals_are_the_same_with_every_kernel() -> None:
     """Designs to 1e-7: the fast pole of an H-infinity controller magnifies rounding."""
-    answers = []
+    results = []
     for kernel in KERNELS:
-        done = subprocess.run(
-            [sys.executable, "-c", ANSWERS],
+        process = subprocess.run(
+            [sys.executable, "-c", SCRIPT],
             env={**os.environ, "OPENBLAS_CORETYPE": kernel, "PYTHONPATH": str(ROOT)},
             cwd=ROOT / "validation/benchmark",
             check=True,
             capture_output=True,
             text=True,
         )
-        answers.append(json.loads(done.stdout))
-    numbers, refused = zip(*answers, strict=True)
-    for name, found in numbers[0].items():
-        size = np.abs(found).max()
+        results.append(json.loads(process.stdout))
+    numbers, refused = zip(*results, strict=True)
+    for name, first in numbers[0].items():
+        size = np.abs(first).max()
         for others in numbers[1:]:
-            np.testing.assert_allclose(others[name], found, rtol=0.0, atol=1e-7 * size, err_msg=name)
+            np.testing.assert_allclose(others[name], first, rtol=0.0, atol=1e-7 * size, err_msg=name)
     assert refused == (refused[0],) * len(KERNELS)
-    assert len(set(refused[0])) > 1, "some are refused, some are not"
+    assert len(set(refused[0])) > 1, "either all or none of the motions are refused"

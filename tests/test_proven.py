@@ -1,4 +1,4 @@
-"""`.ci/proven.py`: slow tests run where something that they depend on has changed, and are not forgotten."""
+"""`.ci/proven.py` runs a slow set of tests exactly if something that the set depends on has changed."""
 
 import importlib.util
 import os
@@ -14,11 +14,11 @@ from tests.conftest import ROOT
 
 TEST = "from cranectl.swing import swing\n\n\ndef test_it():\n    assert swing() == 1\n"
 SWING = 'from cranectl import rope\n\n\ndef swing():\n    "Return it."\n    return rope.LENGTH\n'
-NOTE = ["-c", "open('ran', 'a').write('x')"]
+MARK_RUN = ["-c", "open('ran', 'a').write('x')"]
 
 
 @pytest.fixture
-def as_it_is(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def proven_module(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     spec = importlib.util.spec_from_file_location("proven", ROOT / ".ci" / "proven.py")
     assert spec is not None
     assert spec.loader is not None
@@ -29,32 +29,32 @@ def as_it_is(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 @pytest.fixture
-def proven(as_it_is: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """The program, with one set of tests in a small project."""
+def proven(proven_module: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """Return the program with one set of tests in a small project."""
     files = {"tests/slow/test_it.py": TEST, "cranectl/swing.py": SWING, "cranectl/rope.py": "LENGTH = 1\n"}
     files |= {"cranectl/__init__.py": "", "cranectl/other.py": "A = 1\n", "constraints.txt": "numpy==2\n"}
     files |= {"tests/conftest.py": "", "models/crane.xml": "<mujoco/>\n", ".ci/any": ""}
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    monkeypatch.setattr(as_it_is, "ROOT", tmp_path)
-    monkeypatch.setattr(as_it_is, "SETS", {"slow": as_it_is.Set(modules=("tests/slow/*.py",))})
+    monkeypatch.setattr(proven_module, "ROOT", tmp_path)
+    monkeypatch.setattr(proven_module, "SETS", {"slow": proven_module.Set(modules=("tests/slow/*.py",))})
     monkeypatch.chdir(tmp_path)
-    return as_it_is
+    return proven_module
 
 
-def test_every_pattern_of_a_set_finds_files(as_it_is: ModuleType) -> None:
-    """One that finds none, since its folder has moved, would let changes pass."""
-    for each in as_it_is.SETS.values():
-        for pattern in (*each.modules, *each.data, *as_it_is.DATA):
-            assert as_it_is.matching([pattern]), pattern
+def test_every_pattern_of_a_set_matches_files(proven_module: ModuleType) -> None:
+    """A pattern without files, for example of a moved folder, would miss changes."""
+    for test_set in proven_module.SETS.values():
+        for pattern in (*test_set.modules, *test_set.data, *proven_module.DATA):
+            assert proven_module.matching([pattern]), pattern
 
 
 @pytest.fixture
 def has_run(proven: ModuleType) -> Callable[[], bool]:
     def run() -> bool:
         Path("ran").unlink(missing_ok=True)
-        assert proven.main(["slow", "--", sys.executable, *NOTE]) == 0
+        assert proven.main(["slow", "--", sys.executable, *MARK_RUN]) == 0
         return Path("ran").exists()
 
     return run
@@ -64,12 +64,12 @@ def append(name: str, text: str) -> None:
     Path(name).write_text(Path(name).read_text() + text)
 
 
-def test_what_is_unchanged_does_not_run(
+def test_an_unchanged_set_does_not_run(
     proven: ModuleType, has_run: Callable[[], bool], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert has_run()
     assert "slow: its tests run; never proven" in capsys.readouterr().out
-    assert has_run(), "a run of one set records nothing"
+    assert has_run(), "a run of one set is not recorded"
     assert proven.main(["--write"]) == 0
     assert not has_run()
     assert "slow: unchanged since the last full pass" in capsys.readouterr().out
@@ -90,7 +90,7 @@ def test_what_is_unchanged_does_not_run(
         ("cranectl/other.py", "B = 1\n", False),
     ],
 )
-def test_a_change_runs_what_depends_on_it(
+def test_a_change_runs_the_sets_that_depend_on_it(
     proven: ModuleType, has_run: Callable[[], bool], capsys: pytest.CaptureFixture[str],
     name: str, text: str, runs: bool,
 ) -> None:  # fmt: skip
@@ -101,13 +101,15 @@ def test_a_change_runs_what_depends_on_it(
     assert (f"changed since the last full pass: {folder}" in capsys.readouterr().out) == runs
 
 
-def test_another_docstring_runs_nothing(proven: ModuleType, has_run: Callable[[], bool]) -> None:
+def test_a_changed_docstring_runs_nothing(proven: ModuleType, has_run: Callable[[], bool]) -> None:
     proven.main(["--write"])
     Path("cranectl/swing.py").write_text(SWING.replace("Return it.", "Return its length."))
     assert not has_run()
 
 
-def test_a_removed_file_runs_what_depended_on_it(proven: ModuleType, has_run: Callable[[], bool]) -> None:
+def test_a_removed_file_runs_the_sets_that_depended_on_it(
+    proven: ModuleType, has_run: Callable[[], bool]
+) -> None:
     proven.main(["--write"])
     Path("models/crane.xml").unlink()
     assert has_run()
@@ -116,20 +118,20 @@ def test_a_removed_file_runs_what_depended_on_it(proven: ModuleType, has_run: Ca
 @pytest.mark.parametrize(
     ("code", "exit_code"), [("raise SystemExit(3)", 3), ("open('constraints.txt', 'a').write('x')", 1)]
 )
-def test_only_a_pass_without_changes_is_recorded(proven: ModuleType, code: str, exit_code: int) -> None:
+def test_only_an_undisturbed_pass_is_recorded(proven: ModuleType, code: str, exit_code: int) -> None:
     assert proven.main(["--write", "--", sys.executable, "-c", code]) == exit_code
     assert not Path(proven.RECORD).exists()
     assert proven.main(["--write", "--", sys.executable, "-c", "pass"]) == 0
     assert Path(proven.RECORD).exists()
 
 
-@pytest.mark.parametrize("given", [[], ["slow"], ["slow", "--write"], ["quick", "--", "true"]])
-def test_a_wrong_command_line_is_refused(proven: ModuleType, given: list[str]) -> None:
+@pytest.mark.parametrize("arguments", [[], ["slow"], ["slow", "--write"], ["quick", "--", "true"]])
+def test_a_wrong_command_line_is_refused(proven: ModuleType, arguments: list[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
-        proven.main(given)
+        proven.main(arguments)
 
 
-def test_modules_are_found_however_they_are_imported(proven: ModuleType) -> None:
+def test_imports_of_all_forms_are_found(proven: ModuleType) -> None:
     source = (
         "from typing import TYPE_CHECKING\nfrom cranectl import open_controller\n"
         "PLANT = 'cranectl.rope:Rope'\n"
@@ -138,21 +140,21 @@ def test_modules_are_found_however_they_are_imported(proven: ModuleType) -> None
     Path("cranectl/loaders").mkdir()
     Path("cranectl/loaders/opening.py").write_text("")
     Path("tests/slow/any.py").write_text(source)
-    found = set(proven.imported_files("tests/slow/any.py"))
-    assert found == {f"cranectl/{each}.py" for each in ("__init__", "loaders/opening", "rope", "other")}
+    files = set(proven.imported_files("tests/slow/any.py"))
+    assert files == {f"cranectl/{name}.py" for name in ("__init__", "loaders/opening", "rope", "other")}
 
 
-WATCHED = """
-from tests import reads
-reads.watch()
+WATCHED_SCRIPT = """
+from tests import read_files
+read_files.watch()
 from tests import pace
-open(reads.ROOT / "models" / "crane.xml").close()
-open(reads.ROOT / "validation" / "tolerances.toml").close()
-print(sorted(reads.unlisted()))
+open(read_files.ROOT / "models" / "crane.xml").close()
+open(read_files.ROOT / "validation" / "tolerances.toml").close()
+print(sorted(read_files.unlisted()))
 """
 
 
-def run_listed(tmp_path: Path, listed: list[str], *arguments: str) -> subprocess.CompletedProcess[str]:
+def run_with_list(tmp_path: Path, listed: list[str], *arguments: str) -> subprocess.CompletedProcess[str]:
     path = tmp_path / "listed.txt"
     path.write_text("\n".join(listed))
     return subprocess.run(
@@ -161,13 +163,13 @@ def run_listed(tmp_path: Path, listed: list[str], *arguments: str) -> subprocess
     )  # fmt: skip
 
 
-def test_what_tests_read_is_seen(tmp_path: Path) -> None:
-    listed = ["tests/__init__.py", "tests/reads.py", "models/crane.xml"]
-    done = run_listed(tmp_path, listed, "-c", WATCHED)
-    assert done.stdout == "['tests/pace.py', 'validation/tolerances.toml']\n", done.stderr
+def test_files_that_tests_read_are_recorded(tmp_path: Path) -> None:
+    listed = ["tests/__init__.py", "tests/read_files.py", "models/crane.xml"]
+    result = run_with_list(tmp_path, listed, "-c", WATCHED_SCRIPT)
+    assert result.stdout == "['tests/pace.py', 'validation/tolerances.toml']\n", result.stderr
 
 
 def test_a_set_that_reads_an_unlisted_file_fails(tmp_path: Path) -> None:
-    done = run_listed(tmp_path, [], "-m", "pytest", "-n", "0", "tests/support/test_patterns.py")
-    assert done.returncode == 1
-    assert "name these in SETS of .ci/proven.py: cranectl/__init__.py, " in done.stdout
+    result = run_with_list(tmp_path, [], "-m", "pytest", "-n", "0", "tests/support/test_patterns.py")
+    assert result.returncode == 1
+    assert "name these in SETS of .ci/proven.py: cranectl/__init__.py, " in result.stdout

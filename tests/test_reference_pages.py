@@ -1,4 +1,4 @@
-"""docs/reference/ says what the tables and classes of the package say."""
+"""The pages in docs/reference/ match the tables and classes of the package."""
 
 import re
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from docs.reference_pages import BEGIN, DIRECTORY, PAGES, PLANTS, recorded_run, 
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_a_page_is_what_would_be_written(name: str) -> None:
+def test_a_reference_page_is_up_to_date(name: str) -> None:
     page = (DIRECTORY / f"{name}.md").read_text(encoding="utf-8")
     assert written_anew(name, page) == page, "run python docs/reference_pages.py --write"
     assert written_anew(name, page.replace(BEGIN, f"{BEGIN}old")) == page
@@ -22,21 +22,23 @@ def test_a_page_is_what_would_be_written(name: str) -> None:
 
 
 def subclasses(model: type[Settings]) -> Iterator[type[Settings]]:
-    for each in model.__subclasses__():
-        yield each
-        yield from subclasses(each)
+    for subclass in model.__subclasses__():
+        yield subclass
+        yield from subclasses(subclass)
 
 
-def test_the_page_of_settings_has_every_key() -> None:
+def test_the_settings_page_has_every_key() -> None:
     page = PAGES["settings"]()
-    of_files = [m for m in subclasses(Settings) if re.match(r"cranectl\.(scenario|campaign)\.", m.__module__)]
-    assert len(of_files) > 20
-    for model in of_files:
+    file_models = [
+        m for m in subclasses(Settings) if re.match(r"cranectl\.(scenario|campaign)\.", m.__module__)
+    ]
+    assert len(file_models) > 20
+    for model in file_models:
         for key in model.model_fields:
             assert f"| `{key}` |" in page or re.search(rf"### .*\b{key}\b", page), f"{model.__name__}.{key}"
 
 
-def test_the_page_of_topics_has_every_topic_of_a_log(tmp_path: Path) -> None:
+def test_the_topics_page_has_every_topic_of_a_log(tmp_path: Path) -> None:
     log = write_log(tmp_path / "a.mcap", [recorded_run(plant, "lqr+hinf") for plant in PLANTS])
     page = PAGES["topics"]()
     for topic in describe_log(log).topics:

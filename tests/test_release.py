@@ -1,4 +1,4 @@
-"""What a release says of itself: version, date, citation, changelog."""
+"""The metadata of a release: version, date, citation, changelog."""
 
 import re
 import tomllib
@@ -12,7 +12,7 @@ CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
 CHANGELOG = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 
 
-def test_the_citation_has_what_its_format_requires() -> None:
+def test_the_citation_has_the_required_fields() -> None:
     assert CITATION["cff-version"] == "1.2.0"
     assert CITATION["type"] == "software"
     assert CITATION["message"]
@@ -21,14 +21,14 @@ def test_the_citation_has_what_its_format_requires() -> None:
     assert {"type", "title", "authors", "institution", "year"} <= thesis.keys()
 
 
-def test_the_citation_is_of_this_version() -> None:
+def test_the_citation_matches_this_version() -> None:
     for name in ("version", "license", "keywords"):
         assert CITATION[name] == PROJECT[name]
     assert CITATION["authors"] == PROJECT["authors"]
     assert f"## {PROJECT['version']} ({CITATION['date-released']})\n" in CHANGELOG
 
 
-def test_the_citation_has_the_thesis_as_the_readme_has_it() -> None:
+def test_the_citation_and_the_readme_name_the_same_thesis() -> None:
     (thesis,) = CITATION["references"]
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     assert f"*{thesis['title']}*" in readme
@@ -36,15 +36,15 @@ def test_the_citation_has_the_thesis_as_the_readme_has_it() -> None:
     assert str(thesis["year"]) in readme
 
 
-def test_the_classifiers_claim_what_is_tested() -> None:
-    systems = [each for each in PROJECT["classifiers"] if each.startswith("Operating System")]
+def test_the_classifiers_match_the_tested_systems() -> None:
+    systems = [text for text in PROJECT["classifiers"] if text.startswith("Operating System")]
     assert systems == ["Operating System :: POSIX :: Linux"]
-    versions = [each.rpartition(" ")[2] for each in PROJECT["classifiers"] if re.search(r":: 3\.\d+$", each)]
+    versions = [text.rpartition(" ")[2] for text in PROJECT["classifiers"] if re.search(r":: 3\.\d+$", text)]
     assert versions[0] == PROJECT["requires-python"].removeprefix(">=")
 
 
-def test_the_changelog_stays_readable() -> None:
-    """One line a change, newest first: who upgrades reads all of it."""
+def test_the_changelog_has_short_lines_in_order() -> None:
+    """Each change has one line, and the newest version comes first, so that users can read all of it."""
     lines = CHANGELOG.splitlines()
     assert len(lines) <= 150
     assert [line for line in lines if len(line) > 200] == []
@@ -53,20 +53,21 @@ def test_the_changelog_stays_readable() -> None:
     kinds = {line[4:] for line in lines if line.startswith("### ")}
     assert kinds <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
     versions = [
-        tuple(map(int, found)) for found in re.findall(r"^## (\d+)\.(\d+)\.(\d+)", CHANGELOG, re.MULTILINE)
+        tuple(map(int, numbers))
+        for numbers in re.findall(r"^## (\d+)\.(\d+)\.(\d+)", CHANGELOG, re.MULTILINE)
     ]
     assert versions == sorted(versions, reverse=True)
 
 
-def test_links_of_the_changelog_lead_somewhere() -> None:
+def test_links_of_the_changelog_have_targets() -> None:
     targets = re.findall(r"\]\(([^)#]+)", CHANGELOG)
     assert len(targets) > 50
     for target in targets:
         assert target.startswith("https://") or (ROOT / target).exists(), target
 
 
-def test_the_example_asks_for_this_version() -> None:
-    """It uses the pytest plugin, which came with it."""
+def test_the_example_requires_this_version() -> None:
+    """The example uses the pytest plugin of this version."""
     example = tomllib.loads((ROOT / "examples/harbour-crane/pyproject.toml").read_text(encoding="utf-8"))
-    (needed,) = (each for each in example["project"]["dependencies"] if each.startswith("cranectl"))
-    assert needed == f"cranectl>={PROJECT['version'].rpartition('.')[0]}"
+    (requirement,) = (text for text in example["project"]["dependencies"] if text.startswith("cranectl"))
+    assert requirement == f"cranectl>={PROJECT['version'].rpartition('.')[0]}"

@@ -1,4 +1,4 @@
-"""The repository keeps few targets, calls the same ones in every CI, and has hooks that exist."""
+"""The repository has few make targets, the same ones in every CI system, and valid hooks."""
 
 import re
 import shlex
@@ -20,7 +20,7 @@ def targets_of(command: str) -> list[str]:
     return [word for word in words[1:] if word in TARGETS] if words[:1] == ["make"] else []
 
 
-def test_there_are_few_targets_and_each_has_a_line_of_help() -> None:
+def test_there_are_few_targets_with_a_line_of_help_each() -> None:
     assert len(TARGETS) <= 16
     assert all(TARGETS.values()), TARGETS
     assert max(map(len, TARGETS.values())) <= 80
@@ -31,7 +31,7 @@ def test_every_target_is_declared_phony() -> None:
     assert set(declared.replace("\\", " ").split()) == set(TARGETS)
 
 
-def test_both_kinds_of_ci_call_the_same_targets_in_the_same_order() -> None:
+def test_both_ci_systems_call_the_same_targets_in_the_same_order() -> None:
     lines = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
     own = [target for line in lines for target in targets_of(line)]
     steps = WORKFLOW["jobs"]["test"]["steps"]
@@ -40,10 +40,10 @@ def test_both_kinds_of_ci_call_the_same_targets_in_the_same_order() -> None:
     assert len(own) >= 8
 
 
-def test_ci_takes_the_oldest_and_the_newest_python() -> None:
+def test_ci_uses_the_oldest_and_the_newest_python() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     named = [
-        re.fullmatch(r"Programming Language :: Python :: (3\.\d+)", each) for each in project["classifiers"]
+        re.fullmatch(r"Programming Language :: Python :: (3\.\d+)", text) for text in project["classifiers"]
     ]
     versions = sorted((match[1] for match in named if match), key=lambda text: int(text.split(".")[1]))
     assert WORKFLOW["jobs"]["test"]["strategy"]["matrix"]["python"] == [versions[0], versions[-1]]
@@ -76,7 +76,7 @@ def test_every_target_that_a_page_names_exists(page: str) -> None:
     assert set(named) <= set(TARGETS)
 
 
-def test_one_file_pins_the_packages_of_every_extra_and_group() -> None:
+def test_one_file_pins_all_direct_dependencies() -> None:
     configuration = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     project = configuration["project"]
     lists = [project["dependencies"], *project["optional-dependencies"].values()]

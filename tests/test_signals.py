@@ -1,4 +1,4 @@
-"""Tests set the handlers of signals that they assume, independently of the process that starts them."""
+"""The test suite sets the signal handlers that tests assume, whatever process starts it."""
 
 import signal
 import subprocess
@@ -8,7 +8,7 @@ from pathlib import Path
 from cranectl.support.interrupts import SIGNALS
 
 
-def test_what_tests_start_takes_signals() -> None:
+def test_processes_of_tests_handle_signals() -> None:
     script = (
         "import signal, sys; sys.exit(any(signal.getsignal(int(n)) is signal.SIG_IGN for n in sys.argv[1:]))"
     )
@@ -17,11 +17,11 @@ def test_what_tests_start_takes_signals() -> None:
     assert signal.SIG_IGN not in map(signal.getsignal, SIGNALS)
 
 
-def test_also_in_the_background_of_a_script() -> None:
-    command = f"{__file__}::{test_what_tests_start_takes_signals.__name__}"
-    started = 'trap \'\' INT TERM HUP; exec "$0" -m pytest -n 0 -p no:cacheprovider "$1"'
-    done = subprocess.run(
-        ["sh", "-c", started, sys.executable, command],
+def test_processes_of_tests_handle_signals_in_a_background_script() -> None:
+    command = f"{__file__}::{test_processes_of_tests_handle_signals.__name__}"
+    script = 'trap \'\' INT TERM HUP; exec "$0" -m pytest -n 0 -p no:cacheprovider "$1"'
+    result = subprocess.run(
+        ["sh", "-c", script, sys.executable, command],
         cwd=Path(__file__).parent.parent, capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert done.returncode == 0, done.stdout
+    assert result.returncode == 0, result.stdout

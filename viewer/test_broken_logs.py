@@ -17,18 +17,18 @@ COMPLAINTS = {
 }
 
 
-@pytest.mark.parametrize("how", BROKEN)
+@pytest.mark.parametrize("fault", BROKEN)
 def test_the_viewer_reports_a_broken_log(
-    how: str, studio: Studio, files: Path, logs: dict[str, Path]
+    fault: str, studio: Studio, files: Path, logs: dict[str, Path]
 ) -> None:
-    log = BROKEN[how](logs["one-plant"], files / f"{how}.mcap")
+    log = BROKEN[fault](logs["one-plant"], files / f"{fault}.mcap")
     layout = panels.load_shipped_layout("single", files)
     studio.open_log(
         f"/files/{log.name}", panels.single_panel(layout, next(iter(panels.panels_of_type(layout, "Plot"))))
     )
 
     def is_expected(complaints: list[str]) -> bool:
-        return any(text in complaint for text in COMPLAINTS[how] for complaint in complaints)
+        return any(text in complaint for text in COMPLAINTS[fault] for complaint in complaints)
 
     complaints = poll_until(lambda: [*studio.problems(), *studio.exceptions], is_expected)
     assert is_expected(complaints), complaints

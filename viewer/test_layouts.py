@@ -154,11 +154,13 @@ def test_the_checks_fail_without_the_topics_of_the_plant(
     studio: Studio, files: Path, logs: dict[str, Path]
 ) -> None:
     """Otherwise the tests above would prove nothing."""
-    bare = rewrite(
-        logs["one-plant"], files / "bare.mcap", keep=lambda topic: topic in ("/run/info", "/rig/workspace")
+    filtered = rewrite(
+        logs["one-plant"],
+        files / "filtered.mcap",
+        keep=lambda topic: topic in ("/run/info", "/rig/workspace"),
     )
     layout = panels.show_values(panels.load_shipped_layout("single", files))
-    studio.open_log(f"/files/{bare.name}", layout)
+    studio.open_log(f"/files/{filtered.name}", layout)
     studio.seek(0.5)
     expected = {"/run/info", "/rig/workspace"}
     assert set(poll_until(studio.topics, lambda topics: set(topics) == expected)) == expected

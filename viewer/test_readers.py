@@ -60,12 +60,12 @@ def test_rerun_finds_no_issue(kind: str, logs: dict[str, Path]) -> None:
 
 
 @pytest.mark.parametrize("reader", [decode, doctor, rerun])
-@pytest.mark.parametrize("how", BROKEN)
+@pytest.mark.parametrize("fault", BROKEN)
 def test_independent_readers_refuse_broken_files(
-    how: str,
+    fault: str,
     reader: Callable[[Path], subprocess.CompletedProcess[str]],
     tmp_path: Path,
     logs: dict[str, Path],
 ) -> None:
     # Not the run that stopped early: its inverted bytes give a time that takes Rerun a minute to process.
-    assert reader(BROKEN[how](logs["mujoco"], tmp_path / "broken.mcap")).returncode != 0
+    assert reader(BROKEN[fault](logs["mujoco"], tmp_path / "broken.mcap")).returncode != 0

@@ -11,7 +11,7 @@ import pytest
 from cranectl import open_controller
 from cranectl.controllers.controller import Controller
 from tests.conftest import ROOT
-from tests.law_ranges import Case, cases, check
+from tests.controller_ranges import Case, cases, check
 from tests.ranges import share_of
 
 SHARE = 16

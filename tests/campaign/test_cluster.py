@@ -27,7 +27,7 @@ from cranectl.support.provenance import provenance
 from tests.campaign.results import parts_of
 from tests.conftest import ROOT
 from tests.pace import HANG
-from tests.traps import set_traps
+from tests.shadowing_modules import write_shadowing_modules
 
 Refused = Callable[..., str]
 pytestmark = pytest.mark.usefixtures("in_directory_with_campaign")
@@ -223,8 +223,8 @@ def test_dask_s_usual_port_may_be_taken() -> None:
 
 
 def test_a_module_of_the_working_directory_is_not_run_on_a_local_cluster(tmp_path: Path) -> None:
-    sprung = set_traps(tmp_path)
+    imported = write_shadowing_modules(tmp_path)
     with cluster_client(None, 1) as client:
         (safe,) = client.run(os.getenv, "PYTHONSAFEPATH").values()
-    assert sprung.read_text() == ""
+    assert imported.read_text() == ""
     assert safe == os.getenv("PYTHONSAFEPATH")

@@ -17,7 +17,7 @@ from cranectl.campaign.load import check_values
 from cranectl.campaign.settings import CampaignSettings, parse_campaign
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import LAG, MASS, PAIR, PUSH, choice, table
-from tests.ranges import Key, ends, put, result_or_refusal, share_of, tells_what_to_do
+from tests.ranges import Key, ends, has_found_allowed_and_remedy, put, result_or_refusal, share_of
 
 ROWS = 4  # samples checked at either end of a campaign
 # For numbers of distributions, which have no bounds in any schema.
@@ -99,7 +99,7 @@ def drawn(case: Case) -> tuple[Campaign, np.ndarray]:
 def test_a_campaign_is_drawn_or_refused(case: Case) -> None:
     result = result_or_refusal(lambda: drawn(case))
     if isinstance(result, InputError):
-        assert tells_what_to_do(str(result)) or RULE.search(str(result))
+        assert has_found_allowed_and_remedy(str(result)) or RULE.search(str(result))
         return
     campaign, values = result
     assert np.isfinite(values).all()

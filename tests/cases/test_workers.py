@@ -23,7 +23,7 @@ from cranectl.planning import load_scenario
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError
 from tests.pace import HANG
-from tests.traps import set_traps
+from tests.shadowing_modules import write_shadowing_modules
 
 SHORT = ["duration=0.4", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
 
@@ -243,9 +243,9 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
 
 
 def test_a_module_of_the_working_directory_is_not_run_in_workers(tmp_path: Path) -> None:
-    sprung = set_traps(tmp_path)
+    imported = write_shadowing_modules(tmp_path)
     command = [str(Path(sys.executable).parent / "cranectl"), "validate", "fixed-position", "--jobs", "2"]
     short = ["--controller", "lqr", *(f"--set={each}" for each in SHORT)]
     done = subprocess.run([*command, *short], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert sprung.read_text() == ""
+    assert imported.read_text() == ""
     assert done.returncode == 0, done.stderr

@@ -1,20 +1,96 @@
-"""Messages that name an option: what is refused with each, and what is typed then; or why nothing is."""
+"""Messages that name an option: refused commands, commands that follow the remedy, or why there are none."""
 
 from typing import NamedTuple
 
-from tests.cli.test_remedies import MANY, SHORT
+from tests.loaders.law_files import LAW
+
+SHORT = "duration = 0.3\nreference = { start = [1.0, 0.77, -0.7] }\n"
+MANY = """\
+name = "many"
+scenario = "short.toml"
+controllers = ["lqr"]
+plants = ["analytic"]
+runs = 1
+[uncertain.rig.load_mass]
+distribution = "uniform"
+low = 0.8
+high = 1.2
+"""
+FILES = {
+    "short.toml": f'name = "short"\n{SHORT}',
+    "own.toml": f'name = "own"\ncontroller = "law.py:damper"\n{SHORT}',
+    "law.py": LAW,
+    "many.toml": MANY,
+}
+# A refused command, a part of its remedy, and the command that follows the remedy.
+PARTIAL_CASES = [
+    (
+        "run short.toml --plants mujoco --set effects.limits={}",
+        "take '--drive velocity'",
+        "run short.toml --plants mujoco --set effects.limits={} --drive velocity",
+    ),
+    (
+        "run short.toml --plants mujoco --set effects.limits={}",
+        "or leave the effect out",
+        "run short.toml --plants mujoco",
+    ),
+    (
+        "run short.toml --plants analytic --drive velocity --set effects.rope={}",
+        "take '--plants elastic,mujoco'",
+        "run short.toml --plants elastic,mujoco --drive velocity --set effects.rope={}",
+    ),
+    ("run own.toml --plants analytic", "add --trust", "run own.toml --plants analytic --trust"),
+    (
+        "run own.toml --plants analytic",
+        "name it: --controller PATH",
+        "run own.toml --plants analytic --controller law.py:damper",
+    ),
+    ("log overlay two.mcap", "with --plants all", "log overlay two.mcap --plants all --out over.mcap"),
+    ("log overlay two.mcap", "name another log", "log overlay two.mcap one.mcap --out over.mcap"),
+    (
+        "log layout overlay view.json",
+        "name such a log with --log",
+        "log layout overlay view.json --log over.mcap",
+    ),
+    ("compare one.mcap", "name a second log", "compare one.mcap two.mcap"),
+    ("compare one.mcap", "run with --plants all", "run short.toml --plants all"),
+    ("render one.mcap a.gif --time 0.1", "name a .png", "render one.mcap a.png --time 0.1"),
+    ("log export one.mcap --out a.table", "add --format", "log export one.mcap --out a.table --format csv"),
+    (
+        "campaign run many.toml --out result",
+        "complete it with --resume",
+        "campaign run many.toml --out result --resume",
+    ),
+    (
+        "campaign run many.toml --out result",
+        "with --overwrite",
+        "campaign run many.toml --out result --overwrite",
+    ),
+    ("campaign run many.toml --out result", "choose another --out", "campaign run many.toml --out another"),
+    (
+        "campaign run many.toml --plants drake",
+        "take '--plants mujoco'",
+        "campaign run many.toml --plants mujoco",
+    ),
+    ("campaign replay result --run 7", "choose another with --run", "campaign replay result --run 0"),
+    (
+        "certify lqr-integral --tilt 10 0 --delay 0.01",
+        "take --tilt 0 0 and --hoisting-speed 0",
+        "certify lqr-integral --tilt 0 0 --hoisting-speed 0 --delay 0.01",
+    ),
+]
 
 OFFSET = "initial.load_offset=[0.001,0,0]"
 SLOW = """\
 import time
-slept = []
+has_slept = []
 def slow(parameters, measured, reference, memory, command):
-    if not slept:
-        slept.append(time.sleep(1.5))
+    if not has_slept:
+        has_slept.append(time.sleep(1.5))
     command[:] = 0.0
     return 0
 """
-MORE = {
+FILES |= {
     "longer.toml": 'name = "short"\nduration = 0.4\n' + SHORT.partition("\n")[2],
     "other.toml": MANY.replace("runs = 1", "runs = 2"),
     "pid.toml": f'name = "pid"\ncontroller = "pid"\n{SHORT}',
@@ -25,12 +101,12 @@ MORE = {
 
 
 class Case(NamedTuple):
-    """A text of a source file, what is refused with it, and each way in which it is taken."""
+    """A text of a source file, the command that is refused with it, and commands that follow its remedy."""
 
     source: str
     text: str
     refused: str
-    taken: tuple[str, ...]
+    remedied: tuple[str, ...]
 
 
 RUN, CAMPAIGN = "run short.toml --plants", "campaign run many.toml --out"
@@ -102,7 +178,7 @@ CASES = [
     Case("scenario/settings.py", "for example --set rig.load_mass=2.5", f"{RUN} analytic --set rig.load_mass",
          (f"{RUN} analytic --set rig.load_mass=2.5",)),
 ]  # fmt: skip
-# What `made` has, by how it is made.
+# The logs in `prepared_files`, and the commands that make them.
 LOGS = {
     "one.mcap": f"{RUN} analytic",
     "again.mcap": f"{RUN} analytic",
@@ -113,7 +189,7 @@ LOGS = {
     "two.mcap": f"{RUN} analytic,mujoco",
 }
 
-# What needs more than a command to be refused.
+# Messages that need more than a command; `test_option_remedies.py` has a test for each.
 DIFFERENCES = (
     "install those, choose another place with --out, or add --despite-differences (and "
     "--resume for 'campaign run'): the result then lists the software of its runs"
@@ -126,13 +202,13 @@ FIXED = "add --set rig.{}={}, or choose other plants with --plants"
 DISTURBED = "{}, or add --set 'disturbances=[]'"
 DRIVE = "take '--drive {}'"
 
-HERE = "executed above"
-FOUND = "says what was found"
+HERE = "executed in test_option_remedies.py"
+FOUND = "describes the found input"
 COMMAND = "tests/cli/test_suggestions.py: a whole command is suggested"
 DASK = "starts programs on other machines; tests/campaign/test_cluster.py runs on workers of Dask"
-BENCHMARK = "the same run again, in a new directory; tests/campaign/benchmark/test_commands.py has one"
+BENCHMARK = "repeats the run in a new directory; tests/campaign/benchmark/test_commands.py has one"
 PYTEST = "tests/cli/test_pytest_plugin.py"
-# By file and a part of the text: by what it is tried, or why by nothing.
+# By file and a part of the text: the test that follows it, or the reason why none does.
 KNOWN = {
     **dict.fromkeys((("campaign/results.py", text) for text in (DIFFERENCES, ROOM, WAIT, BEGAN)), HERE),
     **dict.fromkeys((("plants/capabilities.py", text) for text in (FIXED, DISTURBED, DRIVE)), HERE),
@@ -161,7 +237,10 @@ KNOWN = {
     ("cases/assertions.py", "pytest --cranectl-update keeps it"): PYTEST,
     ("cli/pytest_plugin.py", "write it with pytest --cranectl-update"): PYTEST,
     ("cli/benchmark.py", "leave out --scenario or --set-of-cranes"): BENCHMARK,
-    ("cli/campaign/run.py", "the same command and --resume"): "only if a manifest is changed meanwhile",
+    (
+        "cli/campaign/run.py",
+        "the same command and --resume",
+    ): "occurs only if a manifest is changed during the run",
     ("cli/idle.py", "--drive velocity --plants elastic,mujoco "): "tests/cli/test_idle_effects.py",
     ("cli/idle.py", "--set effects.{}={}"): "tests/cli/test_idle_effects.py",
     ("cli/validate.py", "more notes, in --report FILE"): "the page of every validation has all notes",
@@ -169,6 +248,12 @@ KNOWN = {
     ("live/hand.py", "start with --set reference.segments=[]"): "tests/live/test_hand.py",
     ("live/recorder.py", "choose another place with --record"): "tests/live/test_recorder.py",
     ("live/viewers.py", "choose another port with --port"): "tests/live/test_live.py",
-    ("report/benchmark/page.py", "'cranectl benchmark run' with --division"): "says what options narrow down",
-    ("report/theme.py", "choose another file with --plot"): "only a disk that goes full while it is written",
+    (
+        "report/benchmark/page.py",
+        "'cranectl benchmark run' with --division",
+    ): "describes the effect of options",
+    (
+        "report/theme.py",
+        "choose another file with --plot",
+    ): "occurs only if the disk becomes full during writing",
 }

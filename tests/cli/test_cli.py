@@ -1,4 +1,4 @@
-"""The command line as users and CI meet it: results, JSON, exit codes, and no traceback for wrong input."""
+"""The command line as users and CI use it: results, JSON, exit codes, and errors for invalid input."""
 
 import importlib.metadata
 import json
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
 
 def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """Standard error of a call that must end with exit code 2 and no traceback."""
+    """Run a command that must end with exit code 2 and no traceback; return its standard error."""
     assert main(list(arguments)) == 2
     captured = capsys.readouterr()
     assert "Traceback" not in captured.err
@@ -36,17 +36,17 @@ def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return captured.err
 
 
-def test_list_names_everything(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_names_all_controllers_scenarios_plants_and_drives(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "--json", "-"]) == 0
     captured = capsys.readouterr()
-    listed = json.loads(captured.out)
-    assert listed["controllers"] == list(controller_names())
-    assert [scenario["name"] for scenario in listed["scenarios"]] == scenario_names()
+    result = json.loads(captured.out)
+    assert result["controllers"] == list(controller_names())
+    assert [scenario["name"] for scenario in result["scenarios"]] == scenario_names()
     for name in (*controller_names(), *scenario_names(), *PLANTS, *DRIVES):
         assert name in captured.err, "tables go to standard error when JSON takes standard output"
 
 
-def test_run_writes_the_log_where_it_says(capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_writes_the_log_to_the_printed_path(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "fixed-position", *SHORT, "--controller", "lqr"]) == 0
     out = capsys.readouterr().out
     log = Path("logs/fixed-position/lqr-ideal.mcap")
@@ -57,7 +57,7 @@ def test_run_writes_the_log_where_it_says(capsys: pytest.CaptureFixture[str]) ->
     assert runs["mujoco"].design.name == "lqr"
 
 
-def test_run_of_one_plant_with_options(capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_simulates_one_plant_with_options(capsys: pytest.CaptureFixture[str]) -> None:
     Path("rig.toml").write_text("load_mass = 3.0\n")
     options = "--plant mujoco --drive velocity --rig rig.toml --every 1 --out my.mcap --json run.json"
     assert main(["run", "fixed-position", *SHORT, *options.split()]) == 0
@@ -70,15 +70,7 @@ def test_run_of_one_plant_with_options(capsys: pytest.CaptureFixture[str]) -> No
     assert result["runs"][0]["log"] == "my.mcap"
 
 
-def test_velocity_drives_are_judged(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", "slack-rope", "--controller", "lqr", "--drive", "velocity"]) == 0
-    out = capsys.readouterr().out
-    assert f"< {agreement_limits('velocity').load_m:g}" in out
-    assert "validation passed\n" in out
-    assert Path("logs/slack-rope/lqr-velocity.mcap").exists()
-
-
-def test_validate_json(capsys: pytest.CaptureFixture[str]) -> None:
+def test_validate_writes_all_runs_and_agreements_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", "fixed-position", *SHORT, "--json", "-"]) == 0
     captured = capsys.readouterr()
     result = json.loads(captured.out)
@@ -124,11 +116,14 @@ def test_tables_fit_a_terminal_of_80_columns(
     assert main(["compare", "logs/settled-trajectory/pole-placement-ideal.mcap"]) == 1
     out = capsys.readouterr().out
     assert "…" not in out
-    for first in ("outside rig [m]", "max |diff|"):  # of the columns that would begin another part
-        assert out.count(first) == (1 if first.startswith("outside") else 2)
+    # A table that is split into parts repeats its first columns.
+    assert out.count("outside rig [m]") == 1
+    assert out.count("max |diff|") == 2
 
 
-def test_a_run_that_stops_says_why_and_leaves_a_readable_log(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_stopped_run_prints_the_reason_and_leaves_a_readable_log(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert main(["run", "fixed-position", *STOP]) == 3
     out = capsys.readouterr().out
     assert "length-singular" in out
@@ -139,17 +134,17 @@ def test_a_run_that_stops_says_why_and_leaves_a_readable_log(capsys: pytest.Capt
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_design_as_json_is_enough_to_rebuild_the_loop(capsys: pytest.CaptureFixture[str], name: str) -> None:
+def test_a_design_as_json_describes_the_whole_loop(capsys: pytest.CaptureFixture[str], name: str) -> None:
     assert main(["design", name, "--json", "-"]) == 0
     design = json.loads(capsys.readouterr().out)
     assert {"name", "gain", "closed_loop_poles", "gamma", "stability_margin", "robustifier"} <= set(design)
     assert design["name"] == name
-    none = {"A": np.zeros((0, 0)), "B": np.zeros((0, 1)), "C": np.zeros((1, 0)), "D": [[0.0]]}
-    r = design["robustifier"] or none
-    a, b, c, d = (np.array(r[key]) for key in "ABCD")
+    empty = {"A": np.zeros((0, 0)), "B": np.zeros((0, 1)), "C": np.zeros((1, 0)), "D": [[0.0]]}
+    robustifier = design["robustifier"] or empty
+    a, b, c, d = (np.array(robustifier[key]) for key in "ABCD")
     chain, n = np.diag(np.ones(3), 1), len(a)
-    law = np.array([design["gain"]]) + d @ np.eye(4)[:1]
-    closed = np.block([[chain - np.eye(4)[:, 3:] @ law, -np.eye(4)[:, 3:] @ c], [b @ np.eye(4)[:1], a]])
+    gain = np.array([design["gain"]]) + d @ np.eye(4)[:1]
+    closed = np.block([[chain - np.eye(4)[:, 3:] @ gain, -np.eye(4)[:, 3:] @ c], [b @ np.eye(4)[:1], a]])
     poles = [complex(*pole) for pole in design["closed_loop_poles"]]
     assert len(poles) == 4 + n
     assert np.sort(np.abs(np.linalg.eigvals(closed))) == pytest.approx(np.sort(np.abs(poles)), rel=1e-2)
@@ -157,19 +152,19 @@ def test_design_as_json_is_enough_to_rebuild_the_loop(capsys: pytest.CaptureFixt
     assert (design["stability_margin"] is None) == ("loop-shaping" not in name)
 
 
-def test_design_takes_its_data_from_where_it_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    def achieved(*arguments: str) -> float:
+def test_design_uses_the_named_scenario_and_settings(capsys: pytest.CaptureFixture[str]) -> None:
+    def gamma_ratio(*arguments: str) -> float:
         assert main(["design", "lqr+loop-shaping", *arguments, "--json", "-"]) == 0
         design = json.loads(capsys.readouterr().out)
         return float(design["gamma_achieved"] / design["gamma"])
 
-    assert achieved() == pytest.approx(1.01, abs=2e-4)
-    assert achieved("--scenario", "fixed-position") == pytest.approx(1.001, abs=2e-5)
-    assert achieved("--set", "design.loop_shaping.back_off=1.1") > 1.05
+    assert gamma_ratio() == pytest.approx(1.01, abs=2e-4)
+    assert gamma_ratio("--scenario", "fixed-position") == pytest.approx(1.001, abs=2e-5)
+    assert gamma_ratio("--set", "design.loop_shaping.back_off=1.1") > 1.05
 
 
 @pytest.mark.parametrize("suffix", ["svg", "pdf", "png"])
-def test_design_draws_the_same_picture_each_time(capsys: pytest.CaptureFixture[str], suffix: str) -> None:
+def test_a_design_plot_is_reproducible(capsys: pytest.CaptureFixture[str], suffix: str) -> None:
     for name in ("a", "b"):
         assert main(["design", "lqr+hinf", "--plot", f"{name}.{suffix}"]) == 0
     out = capsys.readouterr().out
@@ -179,7 +174,7 @@ def test_design_draws_the_same_picture_each_time(capsys: pytest.CaptureFixture[s
     assert Path(f"a.{suffix}").stat().st_size > 10_000
 
 
-def test_info_says_what_a_log_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_describes_a_log(capsys: pytest.CaptureFixture[str]) -> None:
     assert (
         main(["run", "fixed-position", *SHORT, "--controller", "lqr+hinf", "--set", "rig.load_mass=2"]) == 0
     )
@@ -195,17 +190,17 @@ def test_info_says_what_a_log_is(capsys: pytest.CaptureFixture[str]) -> None:
     ):  # fmt: skip
         assert expected in out
     assert main(["info", log, "--json", "-"]) == 0
-    described = json.loads(capsys.readouterr().out)
-    topics = {topic["topic"]: topic for topic in described["topics"]}
+    description = json.loads(capsys.readouterr().out)
+    topics = {topic["topic"]: topic for topic in description["topics"]}
     assert topics["/analytic/state"]["rate_hz"] == pytest.approx(250.0, rel=0.01)
     assert topics["/run/info"]["rate_hz"] is None
-    assert described["scenario"]["rig"]["load_mass"] == 2.0
-    assert described["agreement"]["passed"] is True
-    assert described["messages"] == sum(topic["messages"] for topic in described["topics"])
-    assert [run["plant"] for run in described["runs"]] == ["analytic", "elastic", "mujoco"]
+    assert description["scenario"]["rig"]["load_mass"] == 2.0
+    assert description["agreement"]["passed"] is True
+    assert description["messages"] == sum(topic["messages"] for topic in description["topics"])
+    assert [run["plant"] for run in description["runs"]] == ["analytic", "elastic", "mujoco"]
 
 
-def test_compare_one_log_and_two(capsys: pytest.CaptureFixture[str]) -> None:
+def test_compare_takes_one_or_two_logs(capsys: pytest.CaptureFixture[str]) -> None:
     for drive in ("ideal", "velocity"):
         assert main(["run", "fixed-position", *SHORT, "--drive", drive]) == 0
     logs = [f"logs/fixed-position/pole-placement-{drive}.mcap" for drive in ("ideal", "velocity")]
@@ -221,7 +216,7 @@ def test_compare_one_log_and_two(capsys: pytest.CaptureFixture[str]) -> None:
     assert "load.rope_tension" in out
 
 
-def test_one_plant_alone_has_no_verdict_and_needs_a_second_log(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_log_of_one_plant_needs_a_second_log_to_be_compared(capsys: pytest.CaptureFixture[str]) -> None:
     for plant in ("analytic", "mujoco"):
         assert main(["run", "fixed-position", *SHORT, "--plant", plant, "--out", f"{plant}.mcap"]) == 0
     assert main(["info", "mujoco.mcap"]) == 0
@@ -231,8 +226,8 @@ def test_one_plant_alone_has_no_verdict_and_needs_a_second_log(capsys: pytest.Ca
     assert "mujoco/ideal minus" in capsys.readouterr().out
 
 
-# What is wrong in scenarios, logs and names has tests of its own; here each option and argument leads there.
-BAD = {
+# Errors in scenarios, logs and names have their own tests. These cases show that every option reports them.
+INVALID_COMMANDS = {
     "run fixed-positon": "did you mean 'fixed-position'?",
     "run absent.toml": "cannot read absent.toml",
     "run fixed-position --controller lqrr": "did you mean 'lqr'?",
@@ -274,18 +269,18 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize(("line", "expected"), BAD.items())
+@pytest.mark.parametrize(("line", "expected"), INVALID_COMMANDS.items())
 def test_bad_input_is_explained(capsys: pytest.CaptureFixture[str], line: str, expected: str) -> None:
     Path("empty.mcap").write_bytes(b"")
     Path("foreign.mcap").write_text("no log at all, but long enough for a magic number")
     assert expected in bad_input(capsys, *line.split(" "))
-    assert not Path("logs").exists(), "nothing is written before the input is known to be good"
+    assert not Path("logs").exists(), "a directory was created for invalid input"
 
 
-def test_unwritable_logs_directory_is_found_before_simulating(
+def test_an_unwritable_logs_directory_is_reported_before_the_simulation(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A file where the directory should be stops root too."""
+    """A file in place of the directory cannot be written into, not even by root."""
     Path("logs").write_text("")
 
     def simulate(*_: object, **__: object) -> None:
@@ -298,29 +293,31 @@ def test_unwritable_logs_directory_is_found_before_simulating(
     assert "cannot write" in bad_input(capsys, "validate")
 
 
-def test_unwritable_json(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unwritable_json_file_is_reported_before_the_simulation(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     Path("file").write_text("")
     assert "cannot write file/list.json" in bad_input(capsys, "list", "--json", "file/list.json")
     assert "a directory" in bad_input(capsys, "validate", "--json", ".")
-    assert not Path("logs").exists(), "found before simulating"
+    assert not Path("logs").exists(), "the error was found only after the simulation"
 
 
-def test_json_may_go_to_a_device() -> None:
+def test_json_can_be_written_to_a_device() -> None:
     assert main(["list", "--json", os.devnull]) == 0
     assert Path(os.devnull).is_char_device()
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
-def test_interrupt_in_the_middle_closes_the_log(sent: signal.Signals) -> None:
-    """Sent as soon as the simulation is under way; the run is far longer than that."""
+@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_closes_the_log(signal_number: signal.Signals) -> None:
+    """The signal is sent as soon as the simulation has started; the run takes much longer."""
     script = (
         "import sys\n"
         "from cranectl.simulate import runner\n"
         "blocks = runner._run_blocks\n"
-        "def announced(*arguments, **options):\n"
+        "def announce(*arguments, **options):\n"
         "    options['progress'] = lambda seconds: print('running', flush=True)\n"
         "    return blocks(*arguments, **options)\n"
-        "runner._run_blocks = announced\n"
+        "runner._run_blocks = announce\n"
         "from cranectl.cli.main import main\n"
         "sys.exit(main(['run', 'fixed-position', '--plant', 'mujoco', '--set', 'duration=600', "
         "'--out', 'long.mcap']))"
@@ -330,7 +327,7 @@ def test_interrupt_in_the_middle_closes_the_log(sent: signal.Signals) -> None:
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "running\n"
-    process.send_signal(sent)
+    process.send_signal(signal_number)
     out, error = process.communicate(timeout=HANG)
     assert process.returncode == 130, error
     assert "Traceback" not in error
@@ -341,18 +338,18 @@ def test_interrupt_in_the_middle_closes_the_log(sent: signal.Signals) -> None:
     assert [path.name for path in Path().iterdir()] == ["long.mcap"]
 
 
-def test_a_home_that_cannot_be_written_is_no_obstacle() -> None:
-    """A file in its place cannot be written by anyone, root included."""
+def test_a_run_works_with_an_unwritable_home_directory() -> None:
+    """The home directory is a file, into which not even root can write."""
     Path("home").write_text("")
     home = str(Path("home").absolute())
     environment = {"HOME": home, "XDG_CACHE_HOME": f"{home}/cache", "PATH": os.defpath}
     command = [sys.executable, "-m", "cranectl", "run", "fixed-position", *SHORT, "--plant", "analytic"]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
+    result = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert result.returncode == 0, result.stderr
+    assert "Traceback" not in result.stderr
 
 
-def test_module_and_console_entry_points() -> None:
+def test_module_and_console_script_print_the_version() -> None:
     for command in ([sys.executable, "-m", "cranectl"], [str(Path(sys.executable).parent / "cranectl")]):
-        done = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True)
-        assert importlib.metadata.version("cranectl") in done.stdout
+        result = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True)
+        assert importlib.metadata.version("cranectl") in result.stdout

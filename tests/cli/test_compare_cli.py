@@ -1,4 +1,4 @@
-"""`cranectl compare` as CI and people with two machines meet it: golden runs, merged logs, no traceback."""
+"""`cranectl compare`: golden runs, merged logs, and errors for invalid input."""
 
 import json
 from dataclasses import replace
@@ -24,7 +24,7 @@ def run(out: str, *options: str, controller: str = "lqr", code: int = 0) -> None
 
 
 def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """Standard error of a call that must end with exit code 2, no traceback and nothing written."""
+    """Run a comparison that must end with exit code 2 and write nothing; return its standard error."""
     capsys.readouterr()
     before = {path: path.read_bytes() for path in Path().iterdir()}
     assert main(["compare", *arguments]) == 2
@@ -35,7 +35,9 @@ def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return captured.err
 
 
-def test_an_identical_run_passes_and_a_changed_gain_fails(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_identical_run_passes_and_a_run_with_another_gain_fails(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     run("golden.mcap")
     run("again.mcap")
     run("new.mcap", "--set", "design.input_weight=0.11")
@@ -53,10 +55,10 @@ def test_an_identical_run_passes_and_a_changed_gain_fails(capsys: pytest.Capture
         assert "new.mcap: FAILED" in capsys.readouterr().out
     arguments = ["compare", "new.mcap", "golden.mcap", "--tolerances", "limits.toml", "--json", "v.json"]
     assert main(arguments) == 1
-    shown = capsys.readouterr().out
-    assert "golden and new differ in design.input_weight: 0.1 and 0.11" in shown
-    rows = [line.split() for line in shown.splitlines()]
-    assert sum("FAILED" in row for row in rows) == 4, "alpha of all plants, and the verdict"
+    out = capsys.readouterr().out
+    assert "golden and new differ in design.input_weight: 0.1 and 0.11" in out
+    rows = [line.split() for line in out.splitlines()]
+    assert sum("FAILED" in row for row in rows) == 4, "expected alpha of three plants, and the verdict"
     (alpha, *_) = (row for row in rows if row[:2] == ["state.alpha", "rad"])
     assert alpha[-2:] == ["0.0e+00", "FAILED"]
     (tension, *_) = (row for row in rows if row[:2] == ["load.rope_tension", "N"])
@@ -71,7 +73,7 @@ def test_an_identical_run_passes_and_a_changed_gain_fails(capsys: pytest.Capture
         assert {"signal", "unit", "max_abs", "at_s", "limit", "passed"} == set(verdict["signals"][0])
 
 
-def test_one_plant_out_of_limits_is_enough() -> None:
+def test_one_plant_out_of_limits_fails_the_comparison() -> None:
     run("golden.mcap", "--every", "1")
     for plant in ("analytic", "mujoco"):
         runs = read_log("golden.mcap")
@@ -84,7 +86,7 @@ def test_one_plant_out_of_limits_is_enough() -> None:
         assert [verdict["plant"] for verdict in verdicts if not verdict["passed"]] == [plant]
 
 
-def test_only_shared_plants_are_judged_and_the_others_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_only_plants_of_both_logs_are_judged(capsys: pytest.CaptureFixture[str]) -> None:
     run("golden.mcap")
     run("new.mcap", "--plant", "mujoco")
     capsys.readouterr()
@@ -97,13 +99,13 @@ def test_only_shared_plants_are_judged_and_the_others_named(capsys: pytest.Captu
     assert "share no plant" in error
 
 
-def test_tolerances_that_cannot_judge(capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_combinations_with_tolerances_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     run("a.mcap")
-    judged = ("--tolerances", "exact")
+    exact = ("--tolerances", "exact")
     assert "did you mean 'exact'?" in bad_input(capsys, "a.mcap", "a.mcap", "--tolerances", "exct")
-    assert "NEW and GOLDEN" in bad_input(capsys, "a.mcap", *judged)
-    assert "3 logs" in bad_input(capsys, "a.mcap", "a.mcap", "a.mcap", *judged)
-    assert "one of the two" in bad_input(capsys, "a.mcap", "a.mcap", *judged, "--merge", "c.mcap")
+    assert "NEW and GOLDEN" in bad_input(capsys, "a.mcap", *exact)
+    assert "3 logs" in bad_input(capsys, "a.mcap", "a.mcap", "a.mcap", *exact)
+    assert "one of the two" in bad_input(capsys, "a.mcap", "a.mcap", *exact, "--merge", "c.mcap")
 
 
 @pytest.mark.parametrize(
@@ -115,10 +117,10 @@ def test_tolerances_that_cannot_judge(capsys: pytest.CaptureFixture[str]) -> Non
         (("--drive", "velocity", *STOP), 3),
     ],
 )
-def test_merged_is_what_one_run_of_both_plants_writes(
+def test_a_merged_log_equals_the_log_of_one_run_with_both_plants(
     options: tuple[str, ...], code: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The last one stops at other times on each plant."""
+    """In the last case, the plants stop at different times."""
     run("both.mcap", "--plants", "analytic,mujoco", *options, controller="pole-placement+hinf", code=code)
     for plant in ("analytic", "mujoco"):
         run(f"{plant}.mcap", "--plant", plant, *options, controller="pole-placement+hinf", code=code)
@@ -130,7 +132,7 @@ def test_merged_is_what_one_run_of_both_plants_writes(
         assert [comparison[name].split("/")[2] for name in ("a", "b")] == ["analytic", "mujoco"]
 
 
-def test_the_merged_log_has_the_rate_of_its_logs_not_of_the_scenario(short: Scenario) -> None:
+def test_a_merged_log_keeps_the_rate_of_its_sources(short: Scenario) -> None:
     runs = [simulate_run(short, plant=plant) for plant in PAIR]
     write_log("both.mcap", runs, every=6)
     for single in runs:
@@ -139,17 +141,10 @@ def test_the_merged_log_has_the_rate_of_its_logs_not_of_the_scenario(short: Scen
     assert Path("new.mcap").read_bytes() == Path("both.mcap").read_bytes()
 
 
-def test_different_scenarios_merge_only_when_told_to(capsys: pytest.CaptureFixture[str]) -> None:
+def test_different_scenarios_merge_only_on_request(capsys: pytest.CaptureFixture[str]) -> None:
     run("analytic.mcap", "--plant", "analytic")
-    run(
-        "mujoco.mcap",
-        "--plant",
-        "mujoco",
-        "--set",
-        "rig.bridge_mass=7",
-        "--set",
-        "disturbances.0.magnitude=2",
-    )
+    changes = ("--set", "rig.bridge_mass=7", "--set", "disturbances.0.magnitude=2")
+    run("mujoco.mcap", "--plant", "mujoco", *changes)
     pair = ("mujoco.mcap", "analytic.mcap")
     error = bad_input(capsys, *pair, "--merge", "both.mcap")
     assert "rig.bridge_mass: 6.0 and 7.0" in error
@@ -157,16 +152,16 @@ def test_different_scenarios_merge_only_when_told_to(capsys: pytest.CaptureFixtu
     assert "--despite-differences" in error
     assert main(["compare", *pair, "--merge", "both.mcap", "--despite-differences"]) == 0
     merged = read_log("both.mcap")
-    for plant, found in merged.items():
+    for plant, merged_run in merged.items():
         single = read_log(f"{plant}.mcap")[plant]
         for name in ("table", "reference", "time_ns"):
-            assert getattr(found, name).tobytes() == getattr(single, name).tobytes()
-        assert found.model == single.model
+            assert getattr(merged_run, name).tobytes() == getattr(single, name).tobytes()
+        assert merged_run.model == single.model
     assert merged["mujoco"].scenario.rig.bridge_mass == 6.0, "as --despite-differences warns"
 
 
-def test_runs_of_other_loads_do_not_merge(capsys: pytest.CaptureFixture[str]) -> None:
-    """One log names one mass, and a reader would refuse the rope that pulls at another."""
+def test_runs_with_different_loads_are_not_merged(capsys: pytest.CaptureFixture[str]) -> None:
+    """A log describes one mass of the load, and readers check the rope tension against it."""
     run("analytic.mcap", "--plant", "analytic")
     run("mujoco.mcap", "--plant", "mujoco", "--set", "rig.load_mass=2")
     error = bad_input(capsys, "analytic.mcap", "mujoco.mcap", "--merge", "m.mcap", "--despite-differences")
@@ -174,7 +169,7 @@ def test_runs_of_other_loads_do_not_merge(capsys: pytest.CaptureFixture[str]) ->
     assert not Path("m.mcap").exists()
 
 
-def test_logs_of_other_versions_merge_only_when_told_to(
+def test_logs_of_other_versions_merge_only_on_request(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for plant in ("analytic", "mujoco"):
@@ -188,39 +183,39 @@ def test_logs_of_other_versions_merge_only_when_told_to(
     assert main(["compare", *pair, "--merge", "both.mcap", "--despite-differences"]) == 0
 
 
-def test_logs_that_cannot_be_merged(capsys: pytest.CaptureFixture[str]) -> None:
+def test_incompatible_logs_are_not_merged(capsys: pytest.CaptureFixture[str]) -> None:
     run("both.mcap")
     run("analytic.mcap", "--plant", "analytic")
     run("mujoco.mcap", "--plant", "mujoco")
     run("velocity.mcap", "--plant", "mujoco", "--drive", "velocity")
     Path("text").write_text("")
-    one = "analytic.mcap"
-    for other, out, expected in (
-        (one, "new.mcap", "both logs hold the run of analytic"),
+    first = "analytic.mcap"
+    for second, out, expected in (
+        (first, "new.mcap", "both logs hold the run of analytic"),
         ("both.mcap", "new.mcap", "both.mcap holds the runs of 3 plants"),
         ("velocity.mcap", "new.mcap", "different drives, ideal and velocity"),
         ("absent.mcap", "new.mcap", "cannot read absent.mcap"),
         ("mujoco.mcap", "./mujoco.mcap", "the same command reads it"),
         ("mujoco.mcap", "text/new.mcap", "cannot write text/new.mcap"),
     ):
-        assert expected in bad_input(capsys, one, other, "--merge", out, "--despite-differences"), expected
-    assert "one of each plant" in bad_input(capsys, one, "--merge", "new.mcap")
-    assert "without --merge" in bad_input(capsys, one, "mujoco.mcap", "--despite-differences")
+        assert expected in bad_input(capsys, first, second, "--merge", out, "--despite-differences"), expected
+    assert "one of each plant" in bad_input(capsys, first, "--merge", "new.mcap")
+    assert "without --merge" in bad_input(capsys, first, "mujoco.mcap", "--despite-differences")
 
 
-def test_directories_are_judged_log_by_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """By relative path: what is missing or cannot be read fails, what is new is named."""
+def test_directories_are_compared_log_by_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Logs are paired by relative path. A missing or unreadable log fails; an additional one is reported."""
     scenario = tmp_path / "s.toml"
     scenario.write_text('name = "s"\nduration = 0.3\nreference = { start = [1.0, 0.77, -0.7] }\n')
     new, golden = tmp_path / "new", tmp_path / "golden"
 
     def run(log: Path, *overrides: str) -> None:
-        changes = [part for each in overrides for part in ("--set", each)]
+        changes = [word for override in overrides for word in ("--set", override)]
         assert main(["run", str(scenario), "--plants", "analytic", "--out", str(log), *changes]) == 0
 
-    for place in (new, golden):
-        run(place / "a.mcap")
-        run(place / "below" / "b.mcap")
+    for directory in (new, golden):
+        run(directory / "a.mcap")
+        run(directory / "below" / "b.mcap")
     command = ["compare", str(new), str(golden), "--tolerances", "exact"]
     assert main(command) == 0
     run(new / "below" / "b.mcap", "initial.load_offset=[0.001,0,0]")

@@ -1,4 +1,4 @@
-"""Completion in a shell: commands, options and names, in no time, and without running code that is named."""
+"""Shell completion of commands, options and names is fast, and runs no code of a named controller."""
 
 import os
 import subprocess
@@ -15,9 +15,9 @@ from cranectl.scenario.load import rig_names, scenario_names
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
-FILES = "file"  # of an item that lets the shell complete files
+FILES = "file"  # an item that lets the shell complete files
 DRIVES = {"ideal", "velocity", "force"}
-FORMS = {  # of what click answers a shell, by its name: the type and the value of each item
+PARSERS = {  # shell: parser of click's answer, which gives the type and the value of each item
     "bash": lambda text: [tuple(line.split(",", 1)) for line in text.splitlines()],
     "zsh": lambda text: list(zip(text.splitlines()[::3], text.splitlines()[1::3], strict=True)),
     "fish": lambda text: [(a, b.partition("\t")[0]) for a, b in (x.split(",", 1) for x in text.splitlines())],
@@ -25,29 +25,29 @@ FORMS = {  # of what click answers a shell, by its name: the type and the value 
 
 
 def answer(mode: str, **environment: str) -> str:
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-m", "cranectl"], capture_output=True, text=True, check=True,
         env={**os.environ, "_CRANECTL_COMPLETE": mode, **environment},
     )  # fmt: skip
-    assert done.stderr == ""
-    return done.stdout
+    assert result.stderr == ""
+    return result.stdout
 
 
-def completed(line: str, shell: str = "bash") -> set[str]:
-    """What `shell` is told to offer at the end of the line; `file` for files."""
+def complete(line: str, shell: str = "bash") -> set[str]:
+    """Return the completions that `shell` gets for the end of the line; FILES stands for files."""
     words = line.split(" ")
     number = words[-1] if shell == "fish" else str(len(words) - 1)
-    found = FORMS[shell](answer(f"{shell}_complete", COMP_WORDS=line, COMP_CWORD=number))
-    return {FILES if kind == "file" else value for kind, value in found}
+    items = PARSERS[shell](answer(f"{shell}_complete", COMP_WORDS=line, COMP_CWORD=number))
+    return {FILES if kind == "file" else value for kind, value in items}
 
 
-@pytest.mark.parametrize("shell", FORMS)
-def test_each_shell_is_told_commands_options_and_names(shell: str) -> None:
-    assert completed("cranectl ", shell) == set(NAMES)
-    assert completed("cranectl va", shell) == {"validate"}
-    assert completed("cranectl campaign re", shell) == {"report", "replay"}
-    assert completed("cranectl run --dr", shell) == {"--drive"}
-    assert completed("cranectl run fixed-pos", shell) == {FILES, "fixed-position"}
+@pytest.mark.parametrize("shell", PARSERS)
+def test_each_shell_completes_commands_options_and_names(shell: str) -> None:
+    assert complete("cranectl ", shell) == set(NAMES)
+    assert complete("cranectl va", shell) == {"validate"}
+    assert complete("cranectl campaign re", shell) == {"report", "replay"}
+    assert complete("cranectl run --dr", shell) == {"--drive"}
+    assert complete("cranectl run fixed-pos", shell) == {FILES, "fixed-position"}
 
 
 @pytest.mark.parametrize(
@@ -67,8 +67,8 @@ def test_each_shell_is_told_commands_options_and_names(shell: str) -> None:
         ("info ", {FILES}),
     ],
 )  # fmt: skip
-def test_names_are_completed(line: str, names: set[str]) -> None:
-    assert completed(f"cranectl {line}") == names
+def test_arguments_are_completed_with_names(line: str, names: set[str]) -> None:
+    assert complete(f"cranectl {line}") == names
 
 
 @pytest.mark.parametrize(
@@ -80,14 +80,14 @@ def test_names_are_completed(line: str, names: set[str]) -> None:
         "list --schema scenario --",
     ],
 )
-def test_completing_a_line_runs_nothing_that_it_names(line: str) -> None:
+def test_completion_does_not_run_a_named_controller(line: str) -> None:
     Path("law.py").write_text("import pathlib; pathlib.Path('ran').touch()", encoding="utf-8")
-    assert not any("{" in item for item in completed(f"cranectl {line}"))
+    assert not any("{" in item for item in complete(f"cranectl {line}"))
     assert not Path("ran").exists()
 
 
-def test_completing_commands_and_scenarios_loads_nothing_that_computes() -> None:
-    """Else a terminal would wait for it at every press of the key."""
+def test_completion_of_commands_imports_no_numerical_package() -> None:
+    """Such imports would delay every press of the completion key."""
     program = """
 import os, sys
 from cranectl.__main__ import main
@@ -96,26 +96,27 @@ try:
 finally:
     sys.stderr.write(" ".join({"numpy", "pydantic", "numba", "mujoco"} & set(sys.modules)))
 """
-    for line, at in (("cranectl ", "1"), ("cranectl run --", "2"), ("cranectl run ", "2")):
-        done = subprocess.run(
+    for line, index in (("cranectl ", "1"), ("cranectl run --", "2"), ("cranectl run ", "2")):
+        variables = {"_CRANECTL_COMPLETE": "bash_complete", "COMP_WORDS": line, "COMP_CWORD": index}
+        result = subprocess.run(
             [sys.executable, "-c", program], capture_output=True, text=True, check=True,
-            env={**os.environ, "_CRANECTL_COMPLETE": "bash_complete", "COMP_WORDS": line, "COMP_CWORD": at},
+            env={**os.environ, **variables},
         )  # fmt: skip
-        assert done.stderr == ""
-        assert len(done.stdout.splitlines()) > 5
+        assert result.stderr == ""
+        assert len(result.stdout.splitlines()) > 5
 
 
-def test_names_that_an_installed_package_spoils_are_left_out() -> None:
+def test_completion_works_with_a_broken_plugin_package() -> None:
     site = Path("site", "spoilt-1.0.dist-info")
     site.mkdir(parents=True)
     site.joinpath("METADATA").write_text("Metadata-Version: 2.1\nName: spoilt\nVersion: 1.0\n", "utf-8")
     site.joinpath("entry_points.txt").write_text("[cranectl.plants]\nmine = nowhere:MINE\n", "utf-8")
-    place = str(site.parent.absolute())
+    path = str(site.parent.absolute())
     line = {"COMP_WORDS": "cranectl run x --plants ", "COMP_CWORD": "4"}
-    assert answer("bash_complete", PYTHONPATH=place, **line).strip() == ""
+    assert answer("bash_complete", PYTHONPATH=path, **line).strip() == ""
 
 
-def test_bash_completes_with_the_script_that_the_page_tells() -> None:
+def test_the_documented_bash_script_completes() -> None:
     script = """
 eval "$(_CRANECTL_COMPLETE=bash_source cranectl)"
 compopt() { :; }  # which only works at a key press
@@ -125,16 +126,16 @@ _cranectl_completion cranectl
 echo "${COMPREPLY[@]}"
 """
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    done = subprocess.run(
+    result = subprocess.run(
         ["bash", "-c", script], capture_output=True, text=True, check=True, env={**os.environ, "PATH": path}
     )
-    registered, offered = done.stdout.splitlines()
-    assert registered == "complete -o nosort -F _cranectl_completion cranectl"
-    assert offered == "fixed-position"
+    registration, completion = result.stdout.splitlines()
+    assert registration == "complete -o nosort -F _cranectl_completion cranectl"
+    assert completion == "fixed-position"
 
 
 @pytest.mark.parametrize(("shell", "word"), [("zsh", "compdef"), ("fish", "complete --no-files")])
-def test_other_shells_get_their_script(shell: str, word: str) -> None:
+def test_zsh_and_fish_get_a_completion_script(shell: str, word: str) -> None:
     text = answer(f"{shell}_source")
     assert word in text
     assert f"_CRANECTL_COMPLETE={shell}_complete" in text

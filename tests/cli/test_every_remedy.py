@@ -1,4 +1,4 @@
-"""No remedy of the sources is forgotten: a test takes it, or `other_remedies.toml` says why none does."""
+"""Every remedy in the sources is tested, or `other_remedies.toml` gives the reason why not."""
 
 import tomllib
 from pathlib import Path
@@ -15,8 +15,8 @@ from tests.conftest import ROOT
 from tests.remedies import PACKAGE, Remedy, remedies_in, without_remedy
 
 TABLES = (campaign, controllers, design, files, planning, reference, rules, scenario)
-TRIED: set[Remedy] = {(case.source, case.remedy) for table in TABLES for case in table.CASES}
-TRIED.add((planning.NO_ROOM.source, planning.NO_ROOM.remedy))
+TESTED: set[Remedy] = {(case.source, case.remedy) for table in TABLES for case in table.CASES}
+TESTED.add((planning.NO_ROOM.source, planning.NO_ROOM.remedy))
 OTHERS: dict[str, dict[str, list[str]]] = tomllib.loads(
     Path(__file__).with_name("other_remedies.toml").read_text(encoding="utf-8")
 )
@@ -39,26 +39,26 @@ def bare() -> None:
 """
 
 
-def test_every_remedy_is_tried_or_listed() -> None:
+def test_every_remedy_is_tested_or_listed() -> None:
     known = remedies_in()
-    assert known - TRIED - set(LISTED) == set(), "neither tried nor in other_remedies.toml"
-    assert (TRIED | set(LISTED)) - known == set(), "no longer in the sources"
-    assert TRIED & set(LISTED) == set(), "listed, and tried all the same"
+    assert known - TESTED - set(LISTED) == set(), "neither tested nor in other_remedies.toml"
+    assert (TESTED | set(LISTED)) - known == set(), "no longer in the sources"
+    assert TESTED & set(LISTED) == set(), "both listed and tested"
     assert len(LISTED) == len(set(LISTED)), "listed twice"
 
 
-def test_tests_that_the_list_names_are_there() -> None:
-    named = [reason.split()[-1] for reason in OTHERS if "tests/" in reason]
-    assert named
-    assert [name for name in named if not (ROOT / name).is_file()] == []
+def test_tests_that_the_list_names_exist() -> None:
+    files = [reason.split()[-1] for reason in OTHERS if "tests/" in reason]
+    assert files
+    assert [file for file in files if not (ROOT / file).is_file()] == []
 
 
-def test_every_mistake_of_a_user_has_a_remedy() -> None:
+def test_every_error_about_input_has_a_remedy() -> None:
     assert without_remedy() == []
 
 
-def test_rules_across_keys_say_what_is_allowed_and_what_to_do() -> None:
-    """What a validator of settings raises reaches a user only as a `RuleError`."""
+def test_validators_raise_errors_with_a_remedy() -> None:
+    """Validators of settings raise `RuleError`, which has a remedy, and no `ValueError`."""
     validators = [
         path for path in PACKAGE.rglob("*.py") if "@model_validator" in path.read_text(encoding="utf-8")
     ]
@@ -66,7 +66,7 @@ def test_rules_across_keys_say_what_is_allowed_and_what_to_do() -> None:
     assert [path.name for path in validators if "raise ValueError" in path.read_text(encoding="utf-8")] == []
 
 
-def test_the_inventory_sees_every_way_to_build_a_remedy(tmp_path: Path) -> None:
+def test_the_inventory_finds_remedies_of_every_form(tmp_path: Path) -> None:
     (tmp_path / "module.py").write_text(SOURCE)
     texts = ["come earlier", "leave '{}' out", "leave", "go outside now", "by default", "given by a variable"]
     assert remedies_in(tmp_path) == {("module.py", text) for text in texts}

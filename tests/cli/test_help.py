@@ -1,4 +1,4 @@
-"""`--help`: every command is in a group, in one line."""
+"""`--help` lists every command in a group, with one line each."""
 
 import re
 from collections.abc import Iterator
@@ -18,27 +18,27 @@ def groups(group: click.Group) -> Iterator[click.Group]:
 
 
 def help_text(group: click.Group) -> str:
-    """What a terminal of 80 columns shows."""
+    """Return the help for a terminal of 80 columns."""
     return group.get_help(click.Context(group, terminal_width=80))
 
 
 @pytest.mark.parametrize("group", list(groups(cli)), ids=lambda group: group.name)
-def test_every_command_is_one_line_of_help(group: click.Group) -> None:
+def test_every_command_has_a_one_line_summary(group: click.Group) -> None:
     text = help_text(group)
     for name, command in group.commands.items():
         (summary,) = re.findall(rf"^  {name} +(.*)$", text, re.MULTILINE)
         assert summary == command.get_short_help_str(limit=1000)
-        assert summary.endswith("."), "else it goes on in the next line"
+        assert summary.endswith("."), "the summary continues on the next line"
     assert re.findall(r"^  (\w+)  ", text, re.MULTILINE) == list(group.commands)
 
 
-def test_the_groups_hold_every_command_once_and_leave_room() -> None:
+def test_every_command_is_in_one_group() -> None:
     assert len(NAMES) == len(set(NAMES)) <= 20
     assert max(map(len, help_text(cli).splitlines())) <= 80
     assert [line[:-1] for line in help_text(cli).splitlines() if line[:-1] in COMMANDS] == list(COMMANDS)
 
 
-def test_the_help_has_every_exit_code() -> None:
+def test_the_help_lists_every_exit_code() -> None:
     codes = {value for name, value in vars(exit_codes).items() if name.isupper() and isinstance(value, int)}
     assert codes == exit_codes.MEANINGS.keys()
     for code, meaning in exit_codes.MEANINGS.items():

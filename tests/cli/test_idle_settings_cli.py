@@ -1,4 +1,4 @@
-"""Each command names the settings and options that a user gave and that change nothing in what it does."""
+"""Each command reports settings and options that have no effect on its result."""
 
 import shlex
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from tests.campaign.benchmark.conftest import SMALL
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 SHORT = "--set duration=0.1 --set disturbances=[] --set reference.segments=[]"
-SAID = [
+MESSAGES = [
     (f"run fixed-position --plants analytic {SHORT} --set rig.bridge_time_constant=0.03",
      "rig.bridge_time_constant changes nothing here: ideal drives have no lag"),
     (f"run fixed-position --plants analytic {SHORT} --set planning.lean=0.3 --set planning.share=0.9",
@@ -61,42 +61,42 @@ SAID = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("command", "line"), SAID, ids=[line for _, line in SAID])
-def test_a_command_names_what_changes_nothing(
+@pytest.mark.parametrize(("command", "line"), MESSAGES, ids=[line for _, line in MESSAGES])
+def test_a_command_reports_settings_without_effect(
     command: str, line: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if "small.toml" in command:
-        asked = 'set = ["design.input_weight=0.2", "log.every=2"]\n'
-        Path("small.toml").write_text(asked + SMALL.replace(', "servo.py:SERVO"', ""))
+        settings = 'set = ["design.input_weight=0.2", "log.every=2"]\n'
+        Path("small.toml").write_text(settings + SMALL.replace(', "servo.py:SERVO"', ""))
         Path("short.toml").write_text(SHORT_SCENARIO)
     monkeypatch.setattr("cranectl.live.server.LiveServer.serve", lambda *_: None)
     main(shlex.split(command))
     assert line in " ".join(capsys.readouterr().out.split())
 
 
-def test_every_command_that_takes_settings_is_tried() -> None:
-    """The page of a benchmark is of what has been run."""
+def test_every_command_with_settings_is_tested() -> None:
+    """`benchmark report` is the exception: it has no settings of its own, but shows finished runs."""
 
     def commands(command: click.Command, path: str = "") -> Iterator[str]:
         if isinstance(command, click.Group):
-            for name, below in command.commands.items():
-                yield from commands(below, f"{path} {name}".strip())
-        elif {"overrides", "benchmark", "benchmark_name"} & {each.name for each in command.params}:
+            for name, subcommand in command.commands.items():
+                yield from commands(subcommand, f"{path} {name}".strip())
+        elif {"overrides", "benchmark", "benchmark_name"} & {option.name for option in command.params}:
             yield path
 
-    assert {each for each in commands(cli) if not any(said.startswith(each) for said, _ in SAID)} == {
-        "benchmark report"
-    }
+    tested = [line for line, _ in MESSAGES]
+    untested = {path for path in commands(cli) if not any(line.startswith(path) for line in tested)}
+    assert untested == {"benchmark report"}
 
 
-def test_nothing_is_said_of_what_comes_with_cranectl(capsys: pytest.CaptureFixture[str]) -> None:
+def test_shipped_scenarios_cause_no_message(capsys: pytest.CaptureFixture[str]) -> None:
     for command in (f"run fixed-position --plants analytic {SHORT}", "design lqr", "plan fixed-position"):
         main(shlex.split(command))
         assert "nothing here" not in capsys.readouterr().out
 
 
-def test_a_file_is_for_every_command(capsys: pytest.CaptureFixture[str]) -> None:
-    """What one command does not read of it another does; what no run uses is said."""
+def test_settings_of_a_file_for_other_commands_cause_no_message(capsys: pytest.CaptureFixture[str]) -> None:
+    """A setting that only another command reads is not reported; one that no run uses is."""
     Path("ours.toml").write_text(
         'name = "ours"\nduration = 0.1\nlog = { every = 2 }\n[design]\ninput_weight = 0.2\n'
         "[reference]\nstart = [0.5, 0.5, -0.7]\n"
@@ -104,15 +104,15 @@ def test_a_file_is_for_every_command(capsys: pytest.CaptureFixture[str]) -> None
     assert main(["plan", "ours.toml"]) == 0
     assert "nothing here" not in capsys.readouterr().out
     main(["run", "ours.toml", "--plants", "analytic"])
-    said = "ours: design.input_weight changes nothing here: pole-placement is designed without it"
-    assert said in capsys.readouterr().out
+    message = "ours: design.input_weight changes nothing here: pole-placement is designed without it"
+    assert message in capsys.readouterr().out
 
 
-def test_a_campaign_names_them_too(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_campaign_reports_settings_without_effect(capsys: pytest.CaptureFixture[str]) -> None:
     main(shlex.split(
         "campaign run load-and-lag --plants analytic --controller lqr --seed 3 --set duration=0.1 "
         "--set disturbances=[] --set reference.segments=[] --set design.hinf.peak=3.0"
     ))  # fmt: skip
-    said = capsys.readouterr().out
-    assert "seed changes nothing here: grid sampling draws nothing" in said
-    assert "design.hinf.peak changes nothing here: lqr is designed without it" in said
+    out = capsys.readouterr().out
+    assert "seed changes nothing here: grid sampling draws nothing" in out
+    assert "design.hinf.peak changes nothing here: lqr is designed without it" in out

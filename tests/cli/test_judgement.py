@@ -1,4 +1,4 @@
-"""One judgement in every command, also of rigs that are not shipped; of a log that of its run."""
+"""All commands judge the agreement of plants with the same limits, for every rig, for runs and for logs."""
 
 import json
 from dataclasses import replace
@@ -12,7 +12,7 @@ from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from tests.cli.arguments import STOP
-from tests.log.test_log import messages_of
+from tests.log.viewer import messages_of
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
@@ -24,7 +24,7 @@ LOG = "logs/fast-diagonal/lqr-velocity.mcap"
 
 
 def judged(*arguments: str, code: int = 0) -> dict[str, object]:
-    """The agreement that a command gives as JSON."""
+    """Return the agreement that a command writes as JSON."""
     assert main([*arguments, "--json", "result.json"]) == code
     result = json.loads(Path("result.json").read_text())
     agreement = result["agreement"] if "agreement" in result else result["agreements"][0]
@@ -32,7 +32,7 @@ def judged(*arguments: str, code: int = 0) -> dict[str, object]:
     return agreement
 
 
-def test_a_rig_of_ones_own_is_judged_as_a_shipped_one() -> None:
+def test_an_own_rig_is_judged_with_the_same_limits() -> None:
     limits = agreement_limits("velocity")
     for arguments in (["run", *OWN], ["validate", *OWN, "--jobs", "1"], ["compare", LOG], ["info", LOG]):
         result = judged(*arguments)
@@ -43,13 +43,13 @@ def test_a_rig_of_ones_own_is_judged_as_a_shipped_one() -> None:
     assert verdict.load.endswith(f"limit {limits.load_m:g} m")
 
 
-def test_a_log_of_drives_that_did_not_feel_the_load_is_read_and_not_judged(
+def test_a_log_of_lags_without_load_is_read_but_not_judged(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Earlier versions described the analytic plant so, and every command says which drives it had."""
+    """Earlier versions wrote such logs, in which the drives of the analytic plant ignore the load."""
     scenario = load_scenario("fast-diagonal", overrides=OVERRIDES)
-    analytic, engine = (simulate_run(scenario, plant=p, drive="velocity") for p in ("analytic", "mujoco"))
-    write_log(Path("old.mcap"), [replace(analytic, model=LAGGING_MODEL), engine])
+    analytic, mujoco = (simulate_run(scenario, plant=p, drive="velocity") for p in ("analytic", "mujoco"))
+    write_log(Path("old.mcap"), [replace(analytic, model=LAGGING_MODEL), mujoco])
     for command in ("compare", "info"):
         result = judged(command, "old.mcap")
         assert (result["passed"], result["limits"]) == (None, LAGS.reason)
@@ -59,15 +59,17 @@ def test_a_log_of_drives_that_did_not_feel_the_load_is_read_and_not_judged(
 
 
 @pytest.mark.parametrize("command", ["run", "validate", "compare", "info", "report"])
-def test_predict_says_what_replaced_it(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_removed_option_predict_names_its_replacement(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main([command, "fast-diagonal", "--predict"]) == 2
     error = capsys.readouterr().err
     assert "judged by the same limits with every scenario and rig" in " ".join(error.split())
     assert "leave it out" in error
 
 
-def test_compare_ends_with_the_code_of_the_run_that_wrote_the_log(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A limit exceeded, an end that was not expected, one that was."""
+def test_compare_has_the_exit_code_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cases: all right, a limit is exceeded, the run stops unexpectedly, the run stops as expected."""
     ideal = [*OWN[:-1], "ideal", "--out", "a.mcap"]
     assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 0
     with monkeypatch.context() as patched:
@@ -77,6 +79,8 @@ def test_compare_ends_with_the_code_of_the_run_that_wrote_the_log(monkeypatch: p
         )
         assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 1
     assert main(["run", *ideal, *STOP]) == 3
-    assert judged("compare", "a.mcap", code=1)["passed"] is True, "they stop alike, but should not stop"
+    assert judged("compare", "a.mcap", code=1)["passed"] is True, (
+        "the plants agree although both stop unexpectedly"
+    )
     assert main(["run", "slack-rope", "--drive", "velocity", "--out", "b.mcap"]) == 3
-    assert judged("compare", "b.mcap")["passed"] is True, "they stop as they should"
+    assert judged("compare", "b.mcap")["passed"] is True, "the plants agree and stop as expected"

@@ -1,8 +1,6 @@
-"""Remedies that name a key or a value of a campaign: taken on what was refused, they work."""
+"""Remedies that name a key or a value of a campaign work on the refused input."""
 
-import pytest
-
-from tests.remedies import Case, check, label, written
+from tests.remedies import Case, remedy_test, written
 
 RUN = ["campaign", "run", "c.toml", "--out", "result", "--overwrite"]
 SCENARIO = "name='s'\nduration=0.1\nreference.start=[1.0, 0.77, -0.7]\n"
@@ -25,19 +23,19 @@ UNIFORM = "{distribution='uniform', low=0.8, high=1.2}"
 CHOICE = "{distribution='choice', values=[0.8, 1.2]}"
 MASS, GRAVITY = "uncertain.rig.load_mass", "uncertain.rig.gravity"
 GRID, CORRELATED = "sampling='grid'", "correlation=[{between=['rig.load_mass', 'rig.gravity'], value=0.5}]"
-HEAVIER = f"{GRAVITY}={{distribution='uniform', low=9.7, high=9.9}}"
+OTHER_GRAVITY = f"{GRAVITY}={{distribution='uniform', low=9.7, high=9.9}}"
 DISTRIBUTION = (
     "write [uncertain.{}] with 'distribution = ...' below it, "
     "or check that [uncertain.{}] has a 'distribution'"
 )
-LAG = "uncertain.rig.rope_range.1={distribution='uniform', low=1.3, high=1.4}"
-MOST = "{between=['rig.load_mass', 'rig.gravity'], value=0.9}"
-LEAST = "{between=['rig.load_mass', 'rig.rope_range.1'], value=0.9}"
-THIRD = "{between=['rig.gravity', 'rig.rope_range.1'], value=0.9}"
-OPEN = "scenario='open.toml'"
+ROPE = "uncertain.rig.rope_range.1={distribution='uniform', low=1.3, high=1.4}"
+MASS_GRAVITY = "{between=['rig.load_mass', 'rig.gravity'], value=0.9}"
+MASS_ROPE = "{between=['rig.load_mass', 'rig.rope_range.1'], value=0.9}"
+GRAVITY_ROPE = "{between=['rig.gravity', 'rig.rope_range.1'], value=0.9}"
+NO_END = "scenario='open.toml'"
 END = "uncertain.disturbances.0.end={distribution='choice', values=[0.05, 0.06]}"
-LAST = "set=['disturbances.0.end=0.05']"
-OF_GRID = ["cranectl", "campaign", "run", "grid.toml", "--out", "result", "--overwrite"]
+END_TIME = "set=['disturbances.0.end=0.05']"
+GRID_CAMPAIGN = ["cranectl", "campaign", "run", "grid.toml", "--out", "result", "--overwrite"]
 SALTELLI = "sampling='saltelli'"
 TO_VARY = "take another sampling, or give a parameter another distribution than fixed"
 SINGLE = 'take \'distribution = "choice"\' with "values", such as [{}, {}, {}]'
@@ -67,7 +65,10 @@ CASES = [
         ["uncertain.control.period={distribution='choice', values=[0.001, 0.002, 0.005]}"],
     ),
     Case(
-        DEFINITION, "give it one in the scenario or by 'set = [\"{}=...\"]'", [OPEN, END], [OPEN, END, LAST]
+        DEFINITION,
+        "give it one in the scenario or by 'set = [\"{}=...\"]'",
+        [NO_END, END],
+        [NO_END, END, END_TIME],
     ),
     Case(
         DEFINITION,
@@ -123,22 +124,22 @@ CASES = [
     Case(
         LOAD,
         "leave the correlations out or take another sampling",
-        [GRID, HEAVIER, CORRELATED],
-        [HEAVIER, CORRELATED],
+        [GRID, OTHER_GRAVITY, CORRELATED],
+        [OTHER_GRAVITY, CORRELATED],
     ),
     Case(LOAD, "leave it out, or choose other plants or drives", [IDEAL, LAGGING], [IDEAL]),
     Case(LOAD, "leave it out, or choose other plants or drives", [IDEAL, LAGGING], [LAGGING]),
     Case(
         LOAD,
         "add 'levels = 5' to [uncertain.{}]",
-        [*OF_GRID, GRID],
-        [*OF_GRID, GRID, f"{MASS}.levels=5"],
+        [*GRID_CAMPAIGN, GRID],
+        [*GRID_CAMPAIGN, GRID, f"{MASS}.levels=5"],
     ),
     Case(
         LOAD,
         "take fewer levels or another sampling",
-        [*OF_GRID, GRID, f"{MASS}.levels=10000", HEAVIER, f"{GRAVITY}.levels=1000"],
-        [*OF_GRID, GRID, f"{MASS}.levels=2", HEAVIER, f"{GRAVITY}.levels=2"],
+        [*GRID_CAMPAIGN, GRID, f"{MASS}.levels=10000", OTHER_GRAVITY, f"{GRAVITY}.levels=1000"],
+        [*GRID_CAMPAIGN, GRID, f"{MASS}.levels=2", OTHER_GRAVITY, f"{GRAVITY}.levels=2"],
     ),
     Case(LOAD, TO_VARY, [SALTELLI, f"{MASS}={{distribution='fixed', value=1.0}}"], [SALTELLI, "runs=3"]),
     Case(
@@ -151,14 +152,14 @@ CASES = [
     Case(
         SAMPLING,
         "weaken the correlations between {}, or name the missing pairs",
-        [HEAVIER, LAG, f"correlation=[{MOST}, {LEAST}]"],
-        [HEAVIER, LAG, f"correlation=[{MOST}, {LEAST}, {THIRD}]"],
+        [OTHER_GRAVITY, ROPE, f"correlation=[{MASS_GRAVITY}, {MASS_ROPE}]"],
+        [OTHER_GRAVITY, ROPE, f"correlation=[{MASS_GRAVITY}, {MASS_ROPE}, {GRAVITY_ROPE}]"],
     ),
     Case(
         SAMPLING,
         "weaken the correlations between {}, or name the missing pairs",
-        [HEAVIER, LAG, f"correlation=[{MOST}, {LEAST}]"],
-        [HEAVIER, LAG, f"correlation=[{MOST}, {LEAST}]".replace("0.9", "0.2")],
+        [OTHER_GRAVITY, ROPE, f"correlation=[{MASS_GRAVITY}, {MASS_ROPE}]"],
+        [OTHER_GRAVITY, ROPE, f"correlation=[{MASS_GRAVITY}, {MASS_ROPE}]".replace("0.9", "0.2")],
     ),
     Case(
         SAMPLING,
@@ -170,20 +171,16 @@ CASES = [
         SAMPLING,
         "leave the correlation out or take another distribution",
         [f"{GRAVITY}={{distribution='choice', values=[9.7, 9.9]}}", CORRELATED],
-        [HEAVIER, CORRELATED],
+        [OTHER_GRAVITY, CORRELATED],
     ),
     Case(
         SAMPLING,
         "remove this correlation",
-        [HEAVIER, CORRELATED.replace("rig.gravity", "rig.load_mass")],
-        [HEAVIER],
+        [OTHER_GRAVITY, CORRELATED.replace("rig.gravity", "rig.load_mass")],
+        [OTHER_GRAVITY],
     ),
 ]
 
 
 files = written(FILES)
-
-
-@pytest.mark.parametrize("case", CASES, ids=label)
-def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
-    check(case, RUN, capsys)
+test_a_remedy_works_on_the_refused_input = remedy_test(CASES, RUN)

@@ -1,11 +1,9 @@
-"""Remedies on what a controller's file declares: taken on what was refused, they work."""
+"""Remedies for the declarations in a controller's file work on the refused input."""
 
 import sys
 
-import pytest
-
 from tests.loaders.test_process_law import PROGRAM
-from tests.remedies import Case, check, label, written
+from tests.remedies import Case, remedy_test, written
 
 RUN = ["run", "s.toml", "--plants", "analytic", "--controller"]
 STEP = "\n    def step(parameters, measured, reference, memory, command):\n        return 0\n"
@@ -34,24 +32,24 @@ CLASSES = {
 SOURCE = "".join(f"class {name}:\n    {body}{STEP}\n" for name, body in CLASSES.items())
 SOURCE += "def two(parameters, measured):\n    return 0\n\n"
 SOURCE += "def law(parameters, measured, reference, memory, command):\n    return 0\n"
-PEER = f"logged = ['bridge_error']\nprogram = ['{sys.executable}', 'program.py']\n"
+PROCESS_SETTINGS = f"logged = ['bridge_error']\nprogram = ['{sys.executable}', 'program.py']\n"
 FILES = {
     "s.toml": "name='s'\nduration=0.1\nreference.start=[1.0, 0.77, -0.7]\n",
     "law.py": SOURCE,
     "broken.py": "def law(:\n",
     "program.py": PROGRAM.replace("BROKEN", "pass"),
-    "peer.toml": f"name = 'peer'\n{PEER}",
+    "peer.toml": f"name = 'peer'\n{PROCESS_SETTINGS}",
     "none.toml": "name = 'peer'\n",
     "absent.toml": "name = 'peer'\nlogged = ['bridge_error']\nprogram = ['no-such-program', 'program.py']\n",
-    "data.toml": f"name = 'peer'\n{PEER}files = ['data/*.csv']\n",
-    "own.toml": f"name = 'peer'\n{PEER}files = ['*.py']\n",
-    "speechless.toml": "name = 'peer'\naddress = 'tcp://127.0.0.1:9'\n",
+    "data.toml": f"name = 'peer'\n{PROCESS_SETTINGS}files = ['data/*.csv']\n",
+    "own.toml": f"name = 'peer'\n{PROCESS_SETTINGS}files = ['*.py']\n",
+    "unreachable.toml": "name = 'peer'\naddress = 'tcp://127.0.0.1:9'\n",
 }
 PYTHON, PROCESS, OPENING = (f"loaders/{name}.py" for name in ("python_law", "process_law", "opening"))
 DECLARED, PREPARED = (f"controllers/{name}.py" for name in ("controller", "preparation"))
 INTEGRAL, OFFSET_FREE = "controller.lqr-integral", "controller.lqr-offset-free"
 SAMPLED = "control.period=0.05"
-BOTH = ["cranectl", "validate", "s.toml", "--plants", "analytic", "--controller"]
+VALIDATE = ["cranectl", "validate", "s.toml", "--plants", "analytic", "--controller"]
 CASES = [
     Case(PYTHON, "name it: {}:NAME", ["law.py"], ["law.py:law"]),
     Case(PYTHON, "define step({}), see 'cranectl new controller'", ["law.py:lqr"], ["law.py:law"]),
@@ -81,13 +79,13 @@ CASES = [
     Case(
         OPENING,
         "give one of them another name in its file, or take one at a time",
-        [*BOTH, "law.py:law,law.py:Same"],
+        [*VALIDATE, "law.py:law,law.py:Same"],
         ["law.py:Same"],
     ),
     Case(PROCESS, "give one of the two", ["none.toml"], ["peer.toml"]),
     Case(PROCESS, "correct 'program'", ["absent.toml"], ["peer.toml"]),
     Case(PROCESS, "correct 'files'", ["data.toml"], ["own.toml"]),
-    Case(PROCESS, "correct it", ["speechless.toml"], ["peer.toml"]),
+    Case(PROCESS, "correct it", ["unreachable.toml"], ["peer.toml"]),
     Case(
         "controllers/controller.py",
         "give {}.{} such a value: {}",
@@ -110,8 +108,4 @@ CASES = [
 
 
 files = written(FILES)
-
-
-@pytest.mark.parametrize("case", CASES, ids=label)
-def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
-    check(case, RUN, capsys)
+test_a_remedy_works_on_the_refused_input = remedy_test(CASES, RUN)

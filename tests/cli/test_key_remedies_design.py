@@ -1,8 +1,6 @@
-"""Remedies that name the data of a design or of operating points: taken on what was refused, they work."""
+"""Remedies that name the data of a design or of operating points work on the refused input."""
 
-import pytest
-
-from tests.remedies import Case, check, label
+from tests.remedies import Case, remedy_test
 
 PLACED = ["cranectl", "design", "pole-placement"]
 REGULATED = ["cranectl", "design", "lqr"]
@@ -127,6 +125,4 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("case", CASES, ids=label)
-def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
-    check(case, [], capsys)
+test_a_remedy_works_on_the_refused_input = remedy_test(CASES, [])

@@ -1,4 +1,4 @@
-"""Remedies on files, names and what plants can show: taken on what was refused, they work."""
+"""Remedies for files, names and capabilities of plants work on the refused input."""
 
 from pathlib import Path
 
@@ -8,9 +8,9 @@ import pytest
 from pyarrow import parquet
 
 from cranectl.cli.main import main
-from tests.remedies import Case, check, label
+from tests.remedies import Case, remedy_test
 
-pytestmark = pytest.mark.usefixtures("in_copy")
+pytestmark = pytest.mark.usefixtures("in_copy_of_files")
 
 RUN = ["run", "s.toml", "--plants", "analytic"]
 SCENARIO = "name='s'\nduration=2.0\nreference.start=[1.0, 0.77, -0.7]\ncontrol.period=0.005\n"
@@ -22,7 +22,7 @@ FILES = {
 }
 
 
-def given(kind: str, file: str, *settings: str) -> list[str]:
+def from_file(kind: str, file: str, *settings: str) -> list[str]:
     return [
         f"reference.segments=[{{kind='{kind}', file='{file}', {', '.join(settings or ['signs=[1, 1, 1]'])}}}]"
     ]
@@ -38,14 +38,14 @@ LINE, MOVE = (
     for kind in ("line", "move")
 )
 PLOT = ["cranectl", "plan", "s.toml", "--plot", "a.png"]
-RUBS, SLIDES = "effects.friction.coulomb=[1.0, 1.0, 1.0]", "effects.friction.coulomb=[0.0, 0.0, 0.0]"
-ROLLS = "effects.friction.viscous=[0.0, 0.0, 0.0]"
-SMOOTH = [SLIDES, ROLLS]
-PULLS = "effects.limits={velocity=[1.0, 1.0, 1.0], acceleration=[1e9, 1e9, 1e9], force=[90.0, 90.0, 90.0]}"
-FREELY = PULLS.replace("[1.0, 1.0, 1.0]", "[1000000000.0, 1000000000.0, 1000000000.0]")
+COULOMB, NO_COULOMB = "effects.friction.coulomb=[1.0, 1.0, 1.0]", "effects.friction.coulomb=[0.0, 0.0, 0.0]"
+NO_VISCOUS = "effects.friction.viscous=[0.0, 0.0, 0.0]"
+NO_FRICTION = [NO_COULOMB, NO_VISCOUS]
+LIMITED = "effects.limits={velocity=[1.0, 1.0, 1.0], acceleration=[1e9, 1e9, 1e9], force=[90.0, 90.0, 90.0]}"
+UNLIMITED_VELOCITY = LIMITED.replace("[1.0, 1.0, 1.0]", "[1000000000.0, 1000000000.0, 1000000000.0]")
 STIFF = ["duration=0.05", "effects.rope.stiffness=1e8"]
 HOOK = ["duration=0.05", "effects.body.hook_offset=0.8"]
-CAPABLE, STABLE = "plants/capabilities.py", "plants/plant.py"
+CAPABILITIES, PLANT = "plants/capabilities.py", "plants/plant.py"
 FROM_FILE, TABLES, TOML, NAMES = (
     "reference/files.py",
     "reference/tables.py",
@@ -55,32 +55,32 @@ FROM_FILE, TABLES, TOML, NAMES = (
 PLAN, AN_ENTRY = ["cranectl", "plan"], "choose one that is there, or set the whole list"
 CASES = [
     Case(
-        CAPABLE,
+        CAPABILITIES,
         "{}; or set {}",
-        [*on("analytic", "velocity", RUBS)],
-        on("analytic", "velocity", RUBS, *SMOOTH),
+        [*on("analytic", "velocity", COULOMB)],
+        on("analytic", "velocity", COULOMB, *NO_FRICTION),
     ),
     Case(
-        CAPABLE,
+        CAPABILITIES,
         "{} or '--drive force'; or set {}",
-        on("mujoco", "ideal", RUBS),
-        on("mujoco", "ideal", *SMOOTH),
+        on("mujoco", "ideal", COULOMB),
+        on("mujoco", "ideal", *NO_FRICTION),
     ),
     Case(
-        CAPABLE,
+        CAPABILITIES,
         "{}; or set {}",
-        on("mujoco", "force", PULLS),
-        on("mujoco", "force", FREELY),
+        on("mujoco", "force", LIMITED),
+        on("mujoco", "force", UNLIMITED_VELOCITY),
     ),
     Case(
-        STABLE,
+        PLANT,
         "set control.physics_step to {} or less; or choose a softer rope or frame, a heavier winch, "
         "or a body with more inertia",
         on("mujoco", "velocity", *STIFF),
         on("mujoco", "velocity", *STIFF[:1], "effects.rope.stiffness=1e5"),
     ),
     Case(
-        STABLE,
+        PLANT,
         "lower the path or reduce hook_offset",
         on("mujoco", "velocity", *HOOK),
         on("mujoco", "velocity", *HOOK[:1], "effects.body.hook_offset=0.1"),
@@ -88,27 +88,27 @@ CASES = [
     Case(
         FROM_FILE,
         "leave out columns.speed",
-        given("waypoints", "one.mcap", "columns={speed='v'}"),
-        given("samples", "one.mcap"),
+        from_file("waypoints", "one.mcap", "columns={speed='v'}"),
+        from_file("samples", "one.mcap"),
     ),
-    Case(FROM_FILE, "leave out {}", given("samples", "one.mcap", SI), given("samples", "one.mcap")),
+    Case(FROM_FILE, "leave out {}", from_file("samples", "one.mcap", SI), from_file("samples", "one.mcap")),
     Case(
         "support/errors.py",
         "did you mean '{}'?",
-        given("samples", "one.mcap", "topic='reference/loads'"),
-        given("samples", "one.mcap", "topic='reference/load'"),
+        from_file("samples", "one.mcap", "topic='reference/loads'"),
+        from_file("samples", "one.mcap", "topic='reference/load'"),
     ),
     Case(
         TABLES,
         "write the column as floating point numbers",
-        given("samples", "text.parquet", SI),
-        given("samples", "own.parquet", SI),
+        from_file("samples", "text.parquet", SI),
+        from_file("samples", "own.parquet", SI),
     ),
     Case(
         TABLES,
         "write the file again",
-        given("samples", "cut.parquet", SI),
-        given("samples", "own.parquet", SI),
+        from_file("samples", "cut.parquet", SI),
+        from_file("samples", "own.parquet", SI),
     ),
     Case(
         "cli/plan.py",
@@ -151,9 +151,9 @@ CASES = [
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Files, a log of a run among them."""
-    folder = tmp_path_factory.mktemp("made")
+def prepared_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write settings, recordings and the log of a run."""
+    folder = tmp_path_factory.mktemp("files")
     for name, text in FILES.items():
         (folder / name).write_text(text)
     (folder / "folder").mkdir()
@@ -168,6 +168,4 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("case", CASES, ids=label)
-def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
-    check(case, RUN, capsys)
+test_a_remedy_works_on_the_refused_input = remedy_test(CASES, RUN)

@@ -1,13 +1,11 @@
-"""Remedies on motions that are planned: taken on what was refused, they work."""
-
-from pathlib import Path
+"""Remedies for planned motions work on the refused input."""
 
 import pytest
 
 from cranectl.live.hand_limits import hand_limits
 from cranectl.planning import load_scenario
 from cranectl.support.errors import InputError
-from tests.remedies import Case, check, label
+from tests.remedies import Case, remedy_test, written
 
 RUN = ["run", "s.toml", "--plants", "analytic"]
 SCENARIO = "name='s'\nduration=8.0\nreference.start=[1.0, 0.77, -0.7]\ncontrol.period=0.005\n"
@@ -34,12 +32,12 @@ def lines(to: list[float], blend: float, *settings: str) -> str:
     return f"reference.segments=[{first}, {segment('line', to, *settings)}]"
 
 
-def chair(top: float, x: float = 1.2) -> str:
+def obstacle(top: float, x: float = 1.2) -> str:
     low, high = [x - 0.05, 0.6, -1.4], [x + 0.05, 0.9, top]
     return f"obstacles=[{{name='chair', low={low}, high={high}}}]"
 
 
-def within(lowest: float) -> str:
+def load_box(lowest: float) -> str:
     return f"planning.load_box=[[0.0, 2.0], [0.0, 1.54], [{lowest}, -0.1]]"
 
 
@@ -53,15 +51,15 @@ STAY, HOLD = 'to stay in place use kind = "hold"', 'reference.segments=[{kind = 
 ROPE = "leave constant_rope out, or make the heights equal"
 PLANE = "leave plane out, or move the point"
 BLEND = "leave blend out there, so that the load stops"
-CRAWLS, MOVES = "velocity=[0.0005, 1.0, 1.0]", "velocity=[0.5, 1.0, 1.0]"
+VERY_SLOW, FAST = "velocity=[0.0005, 1.0, 1.0]", "velocity=[0.5, 1.0, 1.0]"
 VELOCITY = ["--drive", "velocity", NO_FORCE]
 LOW, HEAVY = [1.2, 0.77, -1.2], "rig.load_mass=3.0"
-TURN = [1.3, 1.0, -0.7]
-ASIDE = [SHORTEST, "via=[[1.2, 0.8, -0.7]]"]
+CORNER_END = [1.3, 1.0, -0.7]
+DETOUR = [SHORTEST, "via=[[1.2, 0.8, -0.7]]"]
 NO_ROOM = Case("live/hand_limits.py", "reduce planning.clearance, or correct planning.load_box", [], [])
 CASES = [
     Case(CHECKS, LOAD, [move([1.2, 0.77, -0.03])], [move([1.2, 0.77, -0.3])]),
-    Case(CHECKS, LOAD, [move(LOW), within(-1.1)], [move(LOW), within(-1.3)]),
+    Case(CHECKS, LOAD, [move(LOW), load_box(-1.1)], [move(LOW), load_box(-1.3)]),
     Case(CHECKS, LOAD, [move([0.03, 0.77, -0.7])], [move([0.03, 0.77, -0.7]), "planning.clearance=0.02"]),
     Case(
         CHECKS,
@@ -87,9 +85,14 @@ CASES = [
         [move([1.2, 0.77, -2.5]), ANYWHERE],
         [move([1.2, 0.77, -2.5]), ANYWHERE, "rig.rope_range=[0.1, 3.0]"],
     ),
-    Case(CHECKS, "move the point or the obstacle", [move(POINT), chair(-0.6)], [move(FAR), chair(-0.9)]),
     Case(
-        CHECKS, "move the point or the obstacle", [move(POINT), chair(-0.6)], [move(POINT), chair(-0.6, 1.6)]
+        CHECKS, "move the point or the obstacle", [move(POINT), obstacle(-0.6)], [move(FAR), obstacle(-0.9)]
+    ),
+    Case(
+        CHECKS,
+        "move the point or the obstacle",
+        [move(POINT), obstacle(-0.6)],
+        [move(POINT), obstacle(-0.6, 1.6)],
     ),
     Case(CHECKS, WEAK, [move(POINT), HEAVY], [move(POINT), "rig.load_mass=1.0"]),
     Case(CHECKS, WEAK, [move(POINT), HEAVY], [move(POINT), HEAVY, "planning.share=0.99"]),
@@ -99,30 +102,30 @@ CASES = [
         [move(POINT), HEAVY],
         [move(POINT), HEAVY, "rig.effects.limits.force=[90.0, 90.0, 90.0]"],
     ),
-    Case(CHECKS, OVER, [move(FAR), chair(-0.1)], [move(FAR), chair(-0.4)]),
+    Case(CHECKS, OVER, [move(FAR), obstacle(-0.1)], [move(FAR), obstacle(-0.4)]),
     Case(
         CHECKS,
         OVER,
-        [move(FAR), chair(-0.1)],
-        [move(FAR, SHORTEST, "via=[[1.0, 1.2, -0.7], [1.4, 1.2, -0.7]]"), chair(-0.1)],
+        [move(FAR), obstacle(-0.1)],
+        [move(FAR, SHORTEST, "via=[[1.0, 1.2, -0.7], [1.4, 1.2, -0.7]]"), obstacle(-0.1)],
     ),
     Case(
         CHECKS,
         LONG,
-        [move(FAR), f"rig.effects.limits.{CRAWLS}"],
-        [move(FAR), f"rig.effects.limits.{MOVES}"],
+        [move(FAR), f"rig.effects.limits.{VERY_SLOW}"],
+        [move(FAR), f"rig.effects.limits.{FAST}"],
     ),
     Case(
         CHECKS,
         LONG,
-        [*VELOCITY, move(FAR), f"effects.limits.{CRAWLS}"],
-        [*VELOCITY, move(FAR), f"effects.limits.{MOVES}"],
+        [*VELOCITY, move(FAR), f"effects.limits.{VERY_SLOW}"],
+        [*VELOCITY, move(FAR), f"effects.limits.{FAST}"],
     ),
     Case(
         CHECKS,
         LONG,
-        [move(FAR), f"rig.effects.limits.{CRAWLS}"],
-        [move([1.001, 0.77, -0.7]), f"rig.effects.limits.{CRAWLS}"],
+        [move(FAR), f"rig.effects.limits.{VERY_SLOW}"],
+        [move([1.001, 0.77, -0.7]), f"rig.effects.limits.{VERY_SLOW}"],
     ),
     Case(
         CHECKS,
@@ -134,8 +137,8 @@ CASES = [
     Case(
         CHECKS,
         "take kind = 'move', which finds a way, or another path",
-        [line(FAR), chair(-0.4)],
-        [move(FAR), chair(-0.4)],
+        [line(FAR), obstacle(-0.4)],
+        [move(FAR), obstacle(-0.4)],
     ),
     Case(PLAN, STAY, [move([1.0, 0.77, -0.7])], [HOLD]),
     Case(PATH, STAY, [line([1.0, 0.77, -0.7])], [HOLD]),
@@ -150,15 +153,15 @@ CASES = [
     ),
     Case(PLAN, ROPE, [move(LOW, "constant_rope=true")], [move(LOW)]),
     Case(PLAN, ROPE, [move(LOW, "constant_rope=true")], [move(POINT, "constant_rope=true")]),
-    Case(PLAN, PLANE, [move(FAR, ASIDE[1], "plane=true")], [move(FAR, *ASIDE)]),
+    Case(PLAN, PLANE, [move(FAR, DETOUR[1], "plane=true")], [move(FAR, *DETOUR)]),
     Case(
         PLAN,
         PLANE,
-        [move(FAR, ASIDE[1], "plane=true")],
-        [move(FAR, ASIDE[1].replace("8", "77"), "plane=true")],
+        [move(FAR, DETOUR[1], "plane=true")],
+        [move(FAR, DETOUR[1].replace("8", "77"), "plane=true")],
     ),
     Case(BLENDS, BLEND, [line(POINT, PLANNED, "blend=0.01")], [line(POINT, SHORTEST)]),
-    Case(BLENDS, BLEND, [lines(TURN, 0.01, SHORTEST)], [lines(TURN, 0.0, SHORTEST)]),
+    Case(BLENDS, BLEND, [lines(CORNER_END, 0.01, SHORTEST)], [lines(CORNER_END, 0.0, SHORTEST)]),
     Case(
         BLENDS,
         "leave blend out there, so that the load stops, or move the corner",
@@ -170,19 +173,12 @@ CASES = [
 ]
 
 
-@pytest.fixture(autouse=True)
-def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("s.toml").write_text(SCENARIO)
+files = written({"s.toml": SCENARIO})
+test_a_remedy_works_on_the_refused_input = remedy_test(CASES, RUN)
 
 
-@pytest.mark.parametrize("case", CASES, ids=label)
-def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
-    check(case, RUN, capsys)
-
-
-def test_there_is_room_to_drive_by_hand() -> None:
-    """Of a live session, which drives when it is asked to."""
+def test_the_remedy_for_driving_by_hand_works() -> None:
+    """The limits of a live session are computed when a user begins to drive by hand."""
     with pytest.raises(InputError) as error:
         hand_limits(load_scenario("s.toml", overrides=["planning.clearance=0.8"]))
     assert error.value.remedy == NO_ROOM.remedy

@@ -1,17 +1,16 @@
-"""Remedies on motions from points and files: taken on what was refused, they work."""
+"""Remedies for motions from points and files work on the refused input."""
 
 import numpy as np
-import pytest
 
-from tests.remedies import Case, check, label, written
+from tests.remedies import Case, remedy_test, written
 
 RUN = ["run", "s.toml", "--plants", "analytic"]
 POINTS = ["0,1.0,0.77,-0.7", "3,1.1,0.77,-0.7", "6,1.2,0.77,-0.7"]
 TIMES = np.arange(0.0, 4.01, 0.05)
-_part = np.clip((TIMES - 0.5) / 3.0, 0.0, 1.0)
-ALONG = 1.0 + 0.3 * _part**4 * (35.0 - 84.0 * _part + 70.0 * _part**2 - 20.0 * _part**3)
-RECORDED = [f"{t:.3f},{x:.6f},0.77,-0.7" for t, x in zip(TIMES, ALONG, strict=True)]
-AT = 40  # the sample at 2 s
+_tau = np.clip((TIMES - 0.5) / 3.0, 0.0, 1.0)
+BRIDGE = 1.0 + 0.3 * _tau**4 * (35.0 - 84.0 * _tau + 70.0 * _tau**2 - 20.0 * _tau**3)
+RECORDED = [f"{t:.3f},{x:.6f},0.77,-0.7" for t, x in zip(TIMES, BRIDGE, strict=True)]
+MIDDLE = 40  # index of the sample at 2 s
 
 
 def table(rows: list[str], names: str = "time,x,y,z") -> str:
@@ -48,16 +47,16 @@ FILES = {
     "recorded.csv": table(RECORDED),
     "few.csv": table(RECORDED[::4]),
     "gap.csv": without(RECORDED, 20, 40),
-    "jump.csv": with_row(RECORDED, AT, "2.000,1.9,0.77,-0.7"),
-    "nan.csv": with_row(RECORDED, AT, "2.000,nan,0.77,-0.7"),
-    "far.csv": with_row(RECORDED, AT, "2.000,1e9,0.77,-0.7"),
-    "late.csv": with_row(RECORDED, AT, "1.000,1.15,0.77,-0.7"),
-    "less.csv": without(RECORDED, AT, AT + 1),
+    "jump.csv": with_row(RECORDED, MIDDLE, "2.000,1.9,0.77,-0.7"),
+    "nan.csv": with_row(RECORDED, MIDDLE, "2.000,nan,0.77,-0.7"),
+    "far.csv": with_row(RECORDED, MIDDLE, "2.000,1e9,0.77,-0.7"),
+    "late.csv": with_row(RECORDED, MIDDLE, "1.000,1.15,0.77,-0.7"),
+    "less.csv": without(RECORDED, MIDDLE, MIDDLE + 1),
     "moving.csv": without(RECORDED, 0, 25),
     "down.csv": table([row.replace("-0.7", "0.7") for row in RECORDED]),
     "elsewhere.csv": table([row.replace("0.77", "1.0") for row in RECORDED]),
-    "millis.csv": table([f"{1e3 * t:.0f},{x:.6f},0.77,-0.7" for t, x in zip(TIMES, ALONG, strict=True)]),
-    "fast.csv": table([f"{t / 10:.4f},{x:.6f},0.77,-0.7" for t, x in zip(TIMES, ALONG, strict=True)]),
+    "millis.csv": table([f"{1e3 * t:.0f},{x:.6f},0.77,-0.7" for t, x in zip(TIMES, BRIDGE, strict=True)]),
+    "fast.csv": table([f"{t / 10:.4f},{x:.6f},0.77,-0.7" for t, x in zip(TIMES, BRIDGE, strict=True)]),
 }
 IN_SI = "units={time='s', length='m'}"
 NAMED = "columns={time='time [s]', x='x [m]', y='y [m]', z='z [m]'}"
@@ -76,18 +75,18 @@ def samples(file: str = "recorded.csv", units: str = IN_SI, *settings: str) -> l
     return segment("samples", f"file='{file}'", units, *settings)
 
 
-def through(*timing: str, way: str = "[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.3,0.77,-0.7]") -> list[str]:
-    return segment("waypoints", f"points=[{way}]", *timing)
+def through(*timing: str, route: str = "[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.3,0.77,-0.7]") -> list[str]:
+    return segment("waypoints", f"points=[{route}]", *timing)
 
 
 def repeated(*timing: str) -> list[str]:
-    return through(*timing, way="[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.1,0.77,-0.7],[1.3,0.77,-0.7]")
+    return through(*timing, route="[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.1,0.77,-0.7],[1.3,0.77,-0.7]")
 
 
 def after_a_line(to: str, then: list[str]) -> list[str]:
-    """Return segments with a line before them."""
+    """Insert a line before the segments of a setting."""
     line = f"[{{kind='line', to={to}, duration='shortest'}},"
-    return [each.replace("=[", f"={line}", 1) for each in then]
+    return [setting.replace("=[", f"={line}", 1) for setting in then]
 
 
 STAY = segment("hold", "duration=1.0")
@@ -100,7 +99,7 @@ F, T, G, S = (f"reference/{name}.py" for name in ("files", "tables", "given", "s
 UNITS = "leave out units.{}, or correct the file"
 ENCODING = "save it as CSV in UTF-8, or as Parquet"
 MAP = "map it: columns = {{} = '…'}{}"
-FOR_EVER = "raise the speed, or give times in place of speeds"
+ZERO_SPEED = "raise the speed, or give times in place of speeds"
 REST = "leave out {}; to rest there, give times in place of speeds"
 STOP = "leave out {}; to stop there, end the segment there and begin another"
 BEGIN = "reference.start = [{}] if it is the first segment, or move there before, or offset = '{}'"
@@ -160,12 +159,12 @@ CASES = [
     ),
     Case(G, 'near more than that passes kind = "samples"', points("many.csv"), samples("many.csv")),
     Case(G, "add or remove some", through("times=[0, 3]"), through("times=[0, 3, 6]")),
-    Case(G, FOR_EVER, through("speed=[0, 0, 0.1]"), through("speed=[0, 0.1, 0.1]")),
-    Case(G, FOR_EVER, through("speed=[0, 0, 0.1]"), through("times=[0, 3, 6]")),
+    Case(G, ZERO_SPEED, through("speed=[0, 0, 0.1]"), through("speed=[0, 0.1, 0.1]")),
+    Case(G, ZERO_SPEED, through("speed=[0, 0, 0.1]"), through("times=[0, 3, 6]")),
     Case(
         G,
         'to stay in place use kind = "hold"',
-        through("speed=0.1", way="[1.0,0.77,-0.7],[1.0,0.77,-0.7]"),
+        through("speed=0.1", route="[1.0,0.77,-0.7],[1.0,0.77,-0.7]"),
         STAY,
     ),
     Case(G, REST, repeated("speed=0.1"), through("speed=0.1")),
@@ -198,8 +197,8 @@ CASES = [
     Case(
         G,
         "leave out points that are close together, or add some between those far apart",
-        through("times=[0, 3, 3.0000001, 5, 7]", way=UNEVEN),
-        through("times=[0, 3, 5, 7]", way=EVEN),
+        through("times=[0, 3, 3.0000001, 5, 7]", route=UNEVEN),
+        through("times=[0, 3, 5, 7]", route=EVEN),
     ),
     Case(S, "{}{}{}", [*samples(), "duration=3.0"], [*samples(), "duration=5.0"]),
     Case(S, "{}{}{}", samples("millis.csv"), samples("millis.csv", "units={time='ms', length='m'}")),
@@ -229,8 +228,4 @@ CASES = [
 
 
 files = written(FILES)
-
-
-@pytest.mark.parametrize("case", CASES, ids=label)
-def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
-    check(case, RUN, capsys)
+test_a_remedy_works_on_the_refused_input = remedy_test(CASES, RUN)

@@ -1,14 +1,12 @@
-"""Remedies of rules across several keys of a scenario, campaign or benchmark: taken, they work."""
-
-import pytest
+"""Remedies for rules across several keys of a scenario, campaign or benchmark work on the refused input."""
 
 from tests.campaign.benchmark.conftest import SHORT, SMALL
 from tests.cli.test_key_remedies_campaign import CAMPAIGN, SCENARIO
-from tests.remedies import Case, check, label, written
+from tests.remedies import Case, remedy_test, written
 
 PLAN = ["plan", "s.toml"]
-LAWS, SETS = '["lqr-integral", "servo.py:SERVO"]', "[sets.wide]"
-BENCHMARK = SMALL.replace(LAWS, '["lqr-integral"]')
+CONTROLLER_LIST, SETS = '["lqr-integral", "servo.py:SERVO"]', "[sets.wide]"
+BENCHMARK = SMALL.replace(CONTROLLER_LIST, '["lqr-integral"]')
 RULES = {
     "named": ('[tuning]\nscenarios = ["short"]', '[tuning]\nscenarios = ["long"]'),
     "spreads": ("spreads = [1.0, 3.0]", "spreads = [3.0, 1.0]"),
@@ -50,19 +48,19 @@ PARTS = (
 )
 SHOW = ["cranectl", "campaign", "show", "c.toml", "--no-estimate"]
 NONE = ["cranectl", "campaign", "show", "none.toml", "--no-estimate"]
-PUSH = "disturbances=[{{force=[1.0, 0.0, 0.0], {}}}]"
+DISTURBANCE = "disturbances=[{{force=[1.0, 0.0, 0.0], {}}}]"
 
 
-def segment(kind: str, *given: str) -> str:
-    return f"reference.segments=[{{{', '.join([f'kind={kind!r}', *given])}}}]"
+def segment(kind: str, *settings: str) -> str:
+    return f"reference.segments=[{{{', '.join([f'kind={kind!r}', *settings])}}}]"
 
 
-def hand(**changed: str) -> str:
-    return segment("driven", *(f"{key}={value}" for key, value in (HAND | changed).items()))
+def hand(**changes: str) -> str:
+    return segment("driven", *(f"{key}={value}" for key, value in (HAND | changes).items()))
 
 
-def spline(degree: int, coefficients: list[list[float]], *given: str) -> str:
-    return segment("spline", f"degree={degree}", f"coefficients={coefficients}", *given)
+def spline(degree: int, coefficients: list[list[float]], *settings: str) -> str:
+    return segment("spline", f"degree={degree}", f"coefficients={coefficients}", *settings)
 
 
 def mass(distribution: str) -> str:
@@ -70,8 +68,8 @@ def mass(distribution: str) -> str:
 
 
 def benchmark(name: str) -> list[str]:
-    only = ["--set-of-cranes", "nominal", "--scenario", "short", "--out", "result"]
-    return ["cranectl", "benchmark", "run", f"{name}.toml", *only]
+    options = ["--set-of-cranes", "nominal", "--scenario", "short", "--out", "result"]
+    return ["cranectl", "benchmark", "run", f"{name}.toml", *options]
 
 
 CASES = [
@@ -134,20 +132,25 @@ CASES = [
         ["rig.bridge_time_constant=1e-4"],
         ["rig.bridge_time_constant=1e-4", "control.physics_step=0.0001"],
     ),
-    Case(TIMES, "raise duration, or lower {}", [PUSH.format("start=9.0")], [PUSH.format("start=2.0")]),
+    Case(
+        TIMES,
+        "raise duration, or lower {}",
+        [DISTURBANCE.format("start=9.0")],
+        [DISTURBANCE.format("start=2.0")],
+    ),
     Case(TIMES, "set duration to {} or more", [segment("hold", "duration=9")], ["duration=9.0"]),
     Case(TIMES, "set {} to {}, or change control.period", ["duration=1.0003"], ["duration=1.0"]),
     Case(
         "scenario/disturbances.py",
         "raise its end, or leave it out",
-        [PUSH.format("start=0.5, end=0.3")],
-        [PUSH.format("start=0.5")],
+        [DISTURBANCE.format("start=0.5, end=0.3")],
+        [DISTURBANCE.format("start=0.5")],
     ),
     Case(
         "scenario/disturbances.py",
         "give joint and magnitude, or force, and leave the other out",
-        [PUSH.format("start=0.5, joint='alpha'")],
-        [PUSH.format("start=0.5")],
+        [DISTURBANCE.format("start=0.5, joint='alpha'")],
+        [DISTURBANCE.format("start=0.5")],
     ),
     Case(
         ALONG,
@@ -300,8 +303,4 @@ CASES = [
     ),
 ]
 files = written(FILES)
-
-
-@pytest.mark.parametrize("case", CASES, ids=label)
-def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
-    check(case, PLAN, capsys)
+test_a_remedy_works_on_the_refused_input = remedy_test(CASES, PLAN)

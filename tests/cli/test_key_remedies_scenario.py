@@ -1,8 +1,6 @@
-"""Remedies that name a key or a value of a scenario or a rig: taken on what was refused, they work."""
+"""Remedies that name a key or a value of a scenario or a rig work on the refused input."""
 
-import pytest
-
-from tests.remedies import Case, check, label, written
+from tests.remedies import Case, remedy_test, written
 
 FILES = {
     "s.toml": "name = 's'\nduration = 1.0\nreference.start = [1.0, 0.77, -0.7]\ncontrol.period = 0.005\n",
@@ -32,7 +30,7 @@ def line(to: list[float], duration: float, law: str = "degree-9") -> str:
 AWAY, NEARER, DOWN = [3.0, 0.77, -0.7], [1.3, 0.77, -0.7], [1.0, 0.77, -1.3]
 ROPE = [*ELASTIC, "effects.rope={}", "rig.load_mass=9.0", "rig.effects.rope.stiffness=100.0"]
 HEAVY = [*ELASTIC, "effects.limits={}", "rig.load_mass=9.0"]
-LOW = ["reference.start=[1.0, 0.77, -1.39]"]  # where a rope that leans is too long
+LOW = ["reference.start=[1.0, 0.77, -1.39]"]  # an inclined rope to this height is too long
 STEPS = ["control.period=1e-6", "control.physics_step=1e-6"]
 FINE = ["cranectl", "run", "fixed-position", *STEPS, "--plants"]
 RIGID = ["cranectl", "run", "s.toml", "--plants", "elastic", "--drive", "velocity"]
@@ -144,8 +142,4 @@ CASES = [
 
 
 files = written(FILES)
-
-
-@pytest.mark.parametrize("case", CASES, ids=label)
-def test_a_remedy_works_on_what_was_refused(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
-    check(case, RUN, capsys)
+test_a_remedy_works_on_the_refused_input = remedy_test(CASES, RUN)

@@ -1,4 +1,4 @@
-"""`cranectl new` and `cranectl list --schema`: what people write, begun and checked for them."""
+"""`cranectl new` writes complete examples; `cranectl list --schema` prints the schemas of documents."""
 
 import json
 import tomllib
@@ -17,39 +17,39 @@ pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
 
 def problems(document: str, text: str) -> list[str]:
-    found = Draft202012Validator(json_schema(document)).iter_errors(tomllib.loads(text))
-    return [error.json_path for error in found]
+    errors = Draft202012Validator(json_schema(document)).iter_errors(tomllib.loads(text))
+    return [error.json_path for error in errors]
 
 
-def test_examples_are_whole() -> None:
-    """That they prove themselves is tests/docs/test_examples.py."""
+def test_new_writes_complete_examples() -> None:
+    """tests/docs/test_examples.py runs the tests that the examples contain."""
     for kind, ending in ENDINGS.items():
         assert main(["new", kind, f"own-{kind}", "--in", kind]) == 0
         written = {path.name: path.read_text() for path in Path(kind).iterdir()}
         stem = f"own-{kind}".replace("-", "_") if kind.endswith("controller") else f"own-{kind}"
-        beside = {"cranectl.h"} if ending == "c" else set()
-        assert set(written) == {f"{stem}.{ending}", f"test_own_{kind}.py".replace("-", "_"), *beside}
+        header = {"cranectl.h"} if ending == "c" else set()
+        assert set(written) == {f"{stem}.{ending}", f"test_own_{kind}.py".replace("-", "_"), *header}
         assert not any(word in text for text in written.values() for word in ("NAME", "MODULE"))
         if kind in DOCUMENTS:
             assert problems(kind, written[f"{stem}.toml"]) == []
 
 
-def test_nothing_is_replaced_and_names_are_checked(capsys: pytest.CaptureFixture[str]) -> None:
-    Path("test_mine.py").write_text("of before")
-    for arguments, found in (
+def test_new_replaces_no_file_and_checks_names(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("test_mine.py").write_text("old content")
+    for arguments, message in (
         (["scenario", "mine"], "test_mine.py exists"),
         (["scenario", "Mine"], "a scenario named 'Mine'"),
         (["motor", "mine"], "'motor' is not one of"),
         (["rig", "other", "--in", "test_mine.py"], "test_mine.py"),
     ):
         assert main(["new", *arguments]) == 2
-        assert found in capsys.readouterr().err
+        assert message in capsys.readouterr().err
     assert [path.name for path in Path().iterdir()] == ["test_mine.py"]
-    assert Path("test_mine.py").read_text() == "of before"
+    assert Path("test_mine.py").read_text() == "old content"
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
-def test_the_shipped_schemas_are_todays(document: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_shipped_schemas_are_up_to_date(document: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "--schema", document]) == 0
     printed: dict[str, Any] = json.loads(capsys.readouterr().out)
     Draft202012Validator.check_schema(printed)
@@ -60,16 +60,16 @@ def test_the_shipped_schemas_are_todays(document: str, capsys: pytest.CaptureFix
 @pytest.mark.parametrize(
     ("document", "folder"), [("scenario", "scenarios"), ("campaign", "campaigns"), ("benchmark", "benchmark")]
 )
-def test_every_shipped_file_names_its_schema_and_keeps_it(document: str, folder: str) -> None:
+def test_every_shipped_file_satisfies_its_schema(document: str, folder: str) -> None:
     for path in (ROOT / "validation" / folder).glob("*.toml"):
         text = path.read_text()
-        named = path.parent / text.splitlines()[0].removeprefix("#:schema ")
-        assert named.resolve() == ROOT / "validation" / "schemas" / f"{document}.json"
+        schema = path.parent / text.splitlines()[0].removeprefix("#:schema ")
+        assert schema.resolve() == ROOT / "validation" / "schemas" / f"{document}.json"
         assert problems(document, text) == [], path
 
 
 @pytest.mark.parametrize(
-    ("line", "where"),
+    ("line", "location"),
     [
         ("controler = 'lqr'", "$"),
         ("controller = 'lrq'", "$.controller"),
@@ -81,11 +81,11 @@ def test_every_shipped_file_names_its_schema_and_keeps_it(document: str, folder:
         ("reference.segments = [{kind='lin', duration=1.0}]", "$.reference.segments[0]"),
     ],
 )
-def test_an_editor_sees_what_is_wrong(line: str, where: str) -> None:
-    good = 'name = "a"\nreference.start = [0.5, 0.5, -0.5]\n'
-    right = (
+def test_the_schema_locates_an_error(line: str, location: str) -> None:
+    start = 'name = "a"\nreference.start = [0.5, 0.5, -0.5]\n'
+    valid = (
         "controller = {name='pid', pid={shaper='zv'}}\nlimits = {max_error_m=1.0, mujoco={max_error_m=2.0}}\n"
     )
-    assert problems("scenario", f"{good}duration = 1.0\n{right}") == []
+    assert problems("scenario", f"{start}duration = 1.0\n{valid}") == []
     duration = "" if line.startswith("duration") else "duration = 1.0\n"
-    assert problems("scenario", f"{good}{duration}{line}\n") == [where]
+    assert problems("scenario", f"{start}{duration}{line}\n") == [location]

@@ -1,6 +1,6 @@
-"""Messages that name an option: each is taken on the very input that caused it, or has a reason why not.
+"""Following a message that names an option works on the refused input, or there is a reason for no test.
 
-Others of the kind are in `test_remedies`; remedies that name a key or a value in `test_key_remedies_*`.
+Remedies that name a key or a value are in `test_key_remedies_*.py`.
 """
 
 import errno
@@ -26,35 +26,35 @@ from tests.cli.option_cases import (
     DIFFERENCES,
     DISTURBED,
     DRIVE,
+    FILES,
     FIXED,
     KNOWN,
     LOGS,
-    MORE,
+    PARTIAL_CASES,
     ROOM,
     RUN,
     WAIT,
     Case,
 )
 from tests.cli.options import texts_with_options
-from tests.cli.test_remedies import CASES as TRIED
-from tests.cli.test_remedies import FILES
-from tests.remedies import HOLE
+from tests.remedies import PLACEHOLDER
 
-pytestmark = pytest.mark.usefixtures("in_copy")
+pytestmark = pytest.mark.usefixtures("in_copy_of_files")
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Logs, folders of them, and a result of a campaign."""
-    folder = tmp_path_factory.mktemp("made")
-    for name, text in {**FILES, **MORE}.items():
+def prepared_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write settings, logs, folders of logs, and the result of a campaign."""
+    folder = tmp_path_factory.mktemp("files")
+    for name, text in FILES.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text)
-    (folder / "renamed.toml").write_text(MORE["longer.toml"].replace('"short"', '"longer"'))
+    (folder / "renamed.toml").write_text(FILES["longer.toml"].replace('"short"', '"longer"'))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for name, command in LOGS.items():
             assert main([*command.split(), "--out", name]) == 0
+        assert main(["log", "overlay", "one.mcap", "two.mcap", "--out", "over.mcap"]) == 0
         assert main([*CAMPAIGN.split(), "result"]) == 0
         assert main(["new", "scenario", "short", "--in", "there"]) == 0
     for part in ("newer", "golden"):
@@ -66,13 +66,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def refused(capsys: pytest.CaptureFixture[str]) -> Callable[[str, str], None]:
-    """Check that a command is refused with a text."""
+    """Return a function that checks that a command is refused with a text."""
 
     def check(command: str, text: str) -> None:
         capsys.readouterr()
         assert main(command.split()) == 2
         error = capsys.readouterr().err
-        assert re.search(".*".join(map(re.escape, text.split(HOLE))), error), error
+        assert re.search(".*".join(map(re.escape, text.split(PLACEHOLDER))), error), error
 
     return check
 
@@ -81,16 +81,28 @@ Refused = Callable[[str, str], None]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.source}: {case.text}")
-def test_an_option_works_on_what_was_refused(case: Case, refused: Refused) -> None:
+def test_a_suggested_option_works_on_the_refused_input(case: Case, refused: Refused) -> None:
     refused(case.refused, case.text)
-    for command in case.taken:
+    for command in case.remedied:
         assert main(command.split()) in (0, 1), command
 
 
-# What needs more than a command to be refused.
+@pytest.mark.parametrize(("command", "remedy", "remedied"), PARTIAL_CASES)
+def test_a_part_of_a_remedy_works_on_the_refused_input(
+    command: str, remedy: str, remedied: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    assert main(command.split()) == 2
+    printed = re.search("remedy:(.*)", capsys.readouterr().err)
+    assert printed is not None
+    assert remedy in printed[1]
+    assert main(remedied.split()) in (0, 1)
 
 
-def changed_manifest(change: Callable[[dict[str, Any]], Any]) -> None:
+# Messages that need more than a command.
+
+
+def edit_manifest(change: Callable[[dict[str, Any]], Any]) -> None:
     path = Path("result", MANIFEST_FILE)
     manifest = json.loads(path.read_text())
     change(manifest)
@@ -98,38 +110,38 @@ def changed_manifest(change: Callable[[dict[str, Any]], Any]) -> None:
 
 
 @pytest.mark.parametrize("command", [f"{CAMPAIGN} new", f"{CAMPAIGN} result --resume --despite-differences"])
-def test_a_result_by_other_software(command: str, refused: Refused) -> None:
-    changed_manifest(lambda manifest: manifest["versions"].update(numpy="1.0"))
+def test_a_result_of_other_software_is_resumed_only_on_request(command: str, refused: Refused) -> None:
+    edit_manifest(lambda manifest: manifest["versions"].update(numpy="1.0"))
     refused(f"{CAMPAIGN} result --resume", DIFFERENCES)
     assert main(command.split()) == 0
 
 
-def test_a_result_that_another_process_writes(refused: Refused) -> None:
+def test_a_result_in_use_by_another_process_is_refused(refused: Refused) -> None:
     with FileLock(Path("result", LOCK_FILE)):
         refused(f"{CAMPAIGN} result --resume", WAIT)
         assert main(f"{CAMPAIGN} new".split()) == 0
     assert main(f"{CAMPAIGN} result --resume".split()) == 0
 
 
-def test_a_result_on_a_full_disk(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: Any) -> None:
+def test_a_campaign_is_resumed_after_a_full_disk(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
+    def write_to_full_disk(*_: Any) -> None:
         raise OSError(errno.ENOSPC, "full")
 
     with monkeypatch.context() as patch:
-        patch.setattr("cranectl.campaign.results.write_part", full)
+        patch.setattr("cranectl.campaign.results.write_part", write_to_full_disk)
         refused(f"{CAMPAIGN} new", ROOM)
     assert main(f"{CAMPAIGN} new --resume".split()) == 0
 
 
-def test_a_result_that_does_not_say_how_it_was_begun(refused: Refused) -> None:
-    changed_manifest(lambda manifest: manifest.pop("command"))
+def test_an_incomplete_result_without_its_command_can_be_resumed(refused: Refused) -> None:
+    edit_manifest(lambda manifest: manifest.pop("command"))
     next(Path("result", PARTS).iterdir()).unlink()
     refused("campaign report result", BEGAN)
     assert main(f"{CAMPAIGN} result --resume".split()) == 0
     assert main(["campaign", "report", "result", "--out", "page.html"]) == 0
 
 
-def test_a_controller_that_is_given_more_patience(capfd: pytest.CaptureFixture[str]) -> None:
+def test_patience_allows_a_slow_controller(capfd: pytest.CaptureFixture[str]) -> None:
     run = f"{RUN} analytic --controller slow.py:slow --out slow.mcap --patience"
     assert main([*run.split(), "1"]) == 3
     assert "took more than 1 s for a block; --patience allows more" in capfd.readouterr().err
@@ -138,7 +150,7 @@ def test_a_controller_that_is_given_more_patience(capfd: pytest.CaptureFixture[s
 
 
 @pytest.mark.parametrize(
-    ("entry", "added", "text", "taken"),
+    ("entry", "options", "text", "remedied"),
     [
         ({"drives": ("velocity",)}, "", DRIVE, (f"{RUN} analytic --drive velocity",)),
         (
@@ -159,35 +171,35 @@ def test_a_controller_that_is_given_more_patience(capfd: pytest.CaptureFixture[s
         ),
     ],
 )
-def test_a_plant_that_lacks_something(
+def test_the_remedy_for_a_limited_plant_works(
     entry: dict[str, Any],
-    added: str,
+    options: str,
     text: str,
-    taken: tuple[str, ...],
+    remedied: tuple[str, ...],
     refused: Refused,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """As one of another package may."""
+    """A plant of another package may have such limits."""
     monkeypatch.setitem(PLANTS._entries, "analytic", replace(PLANTS["analytic"], **entry))  # type: ignore[attr-defined]
-    refused(f"{RUN} analytic{added}", text)
-    for command in taken:
+    refused(f"{RUN} analytic{options}", text)
+    for command in remedied:
         assert main(command.split()) in (0, 1), command
 
 
-def test_no_other_text_of_the_package_names_an_option() -> None:
-    """Each is tried here or in `test_remedies`, or has a reason."""
-    found = texts_with_options()
-    tried = {(case.source, case.text) for case in CASES}
-    assert tried <= found
-    rest = found - tried
+def test_every_text_that_names_an_option_is_tested_or_listed() -> None:
+    texts = texts_with_options()
+    tested = {(case.source, case.text) for case in CASES}
+    assert tested <= texts
+    untested = texts - tested
     for file, part in KNOWN:
-        named = {(source, text) for source, text in rest if source == file and part in text}
-        assert named, f"{file} has no longer: {part}"
-        rest -= named
-    assert not [text for _, text in rest if not any(is_told(told, text) for _, told, _ in TRIED)]
+        listed = {(source, text) for source, text in untested if source == file and part in text}
+        assert listed, f"{file} no longer contains: {part}"
+        untested -= listed
+    partial = [remedy for _, remedy, _ in PARTIAL_CASES]
+    assert not [text for _, text in untested if not any(is_part(remedy, text) for remedy in partial)]
 
 
-def is_told(told: str, text: str) -> bool:
-    """Return True if what a command has told is a text with its holes filled in, or a part of it."""
-    filled = (re.fullmatch(".*".join(map(re.escape, part.split(HOLE))), told) for part in text.split(", "))
-    return told in text or any(filled)
+def is_part(remedy: str, text: str) -> bool:
+    """Return True if a printed remedy is a part of a text whose placeholders are filled in."""
+    parts = (".*".join(map(re.escape, part.split(PLACEHOLDER))) for part in text.split(", "))
+    return remedy in text or any(re.fullmatch(part, remedy) for part in parts)

@@ -1,4 +1,4 @@
-"""Every command reads an overlay, or says in a sentence what it is and what to do."""
+"""Every command reads an overlay, or refuses it with an explanation and a remedy."""
 
 import json
 from pathlib import Path
@@ -24,29 +24,32 @@ def overlay(tmp_path: Path) -> Path:
     return path
 
 
-def test_what_reads_an_overlay(overlay: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_compare_and_report_read_an_overlay(overlay: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     assert main(["info", str(overlay), "--json", "info.json"]) == 0
     assert main(["compare", str(overlay), "--json", "compare.json"]) == 0
-    shown = capsys.readouterr().out
-    assert "overlay of   lqr, pid, pole-placement" in shown
-    assert "Largest difference from lqr" in shown
+    out = capsys.readouterr().out
+    assert "overlay of   lqr, pid, pole-placement" in out
+    assert "Largest difference from lqr" in out
     runs = json.loads(Path("info.json").read_text())["runs"]
     assert [(run["label"], run["plant"], run["design"]["name"]) for run in runs] == [
         (name, "mujoco", name) for name in NAMES
     ]
     first, *others = (read_log(f"{name}.mcap")["mujoco"] for name in NAMES)
     comparisons = json.loads(Path("compare.json").read_text())["comparisons"]
-    assert [(each["a"], each["b"]) for each in comparisons] == [("lqr", "pid"), ("lqr", "pole-placement")]
-    for told, run in zip(comparisons, others, strict=True):
-        assert told["max_load_error_m"] == compare_runs(first, run).max_load_error_m > 1e-4
+    pairs = [(comparison["a"], comparison["b"]) for comparison in comparisons]
+    assert pairs == [("lqr", "pid"), ("lqr", "pole-placement")]
+    for comparison, run in zip(comparisons, others, strict=True):
+        assert comparison["max_load_error_m"] == compare_runs(first, run).max_load_error_m > 1e-4
     assert main(["report", str(overlay), "lqr.mcap", "--out", "page.html"]) == 0
     page = Path("page.html").read_text()
     assert "all: pole-placement" in page
     assert "mujoco: lqr minus all: lqr" in page
 
 
-def test_runs_of_several_scenarios_are_named_by_them(capsys: pytest.CaptureFixture[str]) -> None:
+def test_runs_of_several_scenarios_are_labelled_with_their_scenarios(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     for name in ("here", "there"):
         assert (
             main(["run", "fixed-position", *SHORT, "--set", f"name={name}", "--out", f"{name}/a.mcap"]) == 0
@@ -60,7 +63,7 @@ def test_runs_of_several_scenarios_are_named_by_them(capsys: pytest.CaptureFixtu
     assert "scenarios differ" not in capsys.readouterr().out
 
 
-def test_what_reads_no_overlay_says_so(overlay: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_other_commands_refuse_an_overlay(overlay: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for line in (
         ["compare", str(overlay), "lqr.mcap"],
         ["compare", str(overlay), "lqr.mcap", "--tolerances", "exact"],
@@ -68,6 +71,6 @@ def test_what_reads_no_overlay_says_so(overlay: Path, capsys: pytest.CaptureFixt
         ["report", str(overlay), "lqr.mcap", "pid.mcap", "--out", "page.html"],
     ):
         assert main(line) == 2
-        told = capsys.readouterr().err
-        assert "overlay" in told
-        assert "remedy" in told
+        error = capsys.readouterr().err
+        assert "overlay" in error
+        assert "remedy" in error

@@ -1,4 +1,4 @@
-"""`cranectl plan`: what is shown of a plan, that logs tell it, and that they run again to the bit."""
+"""`cranectl plan` prints and draws plans; logs contain the plan, and are simulated again bit for bit."""
 
 import json
 from pathlib import Path
@@ -29,22 +29,22 @@ high = [0.8, 1.54, -1.0]
 """
 
 
-def test_a_plan_is_shown_drawn_and_told_by_the_log(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plan_is_printed_drawn_and_logged(capsys: pytest.CaptureFixture[str]) -> None:
     Path("across.toml").write_text(SCENARIO)
     assert main(["plan", "across.toml", "--plot", "plan.svg", "--json", "plan.json"]) == 0
-    shown = capsys.readouterr().out
-    assert "a given line in minimum time" in shown
-    assert "bridge set-point's rate" in shown
+    out = capsys.readouterr().out
+    assert "a given line in minimum time" in out
+    assert "bridge set-point's rate" in out
     assert Path("plan.svg").read_text().count("<path") > 20
-    (told,) = json.loads(Path("plan.json").read_text())["segments"]
-    assert told["proven"]
-    assert told["drives_alone_s"] < told["duration_s"] < 2.0
-    assert min(told["slack"].values()) >= 0.0
+    (segment,) = json.loads(Path("plan.json").read_text())["segments"]
+    assert segment["proven"]
+    assert segment["drives_alone_s"] < segment["duration_s"] < 2.0
+    assert min(segment["slack"].values()) >= 0.0
 
     assert main(["run", "across.toml", "--plants", "analytic", "--out", "across.mcap"]) == 0
     assert main(["info", "across.mcap"]) == 0
     assert (
-        f"segment 0: a given line in minimum time, {told['duration_s']:.3f} s; proven"
+        f"segment 0: a given line in minimum time, {segment['duration_s']:.3f} s; proven"
         in capsys.readouterr().out
     )
     assert main(["report", "across.mcap"]) == 0
@@ -53,47 +53,48 @@ def test_a_plan_is_shown_drawn_and_told_by_the_log(capsys: pytest.CaptureFixture
     assert "limits and path" in page
 
 
-def test_a_log_runs_again_without_planning(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_is_simulated_again_without_planning(monkeypatch: pytest.MonkeyPatch) -> None:
     Path("across.toml").write_text(SCENARIO)
     assert main(["run", "across.toml", "--plants", "analytic", "--out", "across.mcap"]) == 0
     run = read_log("across.mcap")["analytic"]
     monkeypatch.delattr("cranectl.planning.programs.solve")
     scenario = planned(run.scenario)
     assert scenario is run.scenario
-    again = simulate_run(scenario, plant="analytic", design=run.design)
+    repeated = simulate_run(scenario, plant="analytic", design=run.design)
     every = scenario.log.every
-    assert np.array_equal(again.reference[::every], run.reference)
-    assert np.array_equal(again.table[::every], run.table)
+    assert np.array_equal(repeated.reference[::every], run.reference)
+    assert np.array_equal(repeated.table[::every], run.table)
 
 
-def test_what_finer_knots_would_gain_is_told_on_request(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_bound_for_finer_knots_is_printed_on_request(capsys: pytest.CaptureFixture[str]) -> None:
     Path("across.toml").write_text(SCENARIO)
     assert main(["plan", "across.toml", "--bound", "--json", "plan.json"]) == 0
     assert "least with any knots" in capsys.readouterr().out
-    (told,) = json.loads(Path("plan.json").read_text())["segments"]
-    finer = load_scenario("across.toml", overrides=["planning.refinement=2"])
-    (fine,) = [segment.duration for segment in finer.reference.segments]
-    assert told["drives_alone_s"] < told["least_with_any_knots_s"] < fine < told["duration_s"]
-    assert told["least_with_any_knots_s"] == pytest.approx(2.0 * fine - told["duration_s"])
+    (segment,) = json.loads(Path("plan.json").read_text())["segments"]
+    refined = load_scenario("across.toml", overrides=["planning.refinement=2"])
+    (duration,) = [refined_segment.duration for refined_segment in refined.reference.segments]
+    bound = segment["least_with_any_knots_s"]
+    assert segment["drives_alone_s"] < bound < duration < segment["duration_s"]
+    assert bound == pytest.approx(2.0 * duration - segment["duration_s"])
 
 
-def test_nothing_is_planned_where_everything_has_its_time(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scenario_with_given_times_needs_no_plan(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", "fast-diagonal"]) == 0
     assert "a line, as given" in capsys.readouterr().out
     assert main(["plan", "fast-diagonal", "--plot", "plan.svg"]) == 2
     assert "nothing to draw" in capsys.readouterr().err
 
 
-def test_the_shipped_twins_are_as_fast_as_the_page_says() -> None:
-    lasting = {
+def test_shipped_minimum_time_scenarios_have_the_documented_durations() -> None:
+    durations = {
         name: sum(segment.duration for segment in load_scenario(name).reference.segments)
         for name in ("fast-diagonal-shortest", "settled-trajectory-shortest", "ship-to-shore-shortest")
     }
-    assert lasting == pytest.approx(
+    assert durations == pytest.approx(
         {
             "fast-diagonal-shortest": 1.961,
             "settled-trajectory-shortest": 6.121,
             "ship-to-shore-shortest": 18.774,
         },
-        rel=1e-3,  # starts and machines leave less
+        rel=1e-3,  # initial guesses and machines change less
     )

@@ -1,4 +1,4 @@
-"""The pytest plugin in a repository of its own: what it proves, what it says of failures, what it leaves."""
+"""The pytest plugin in a user's repository: assertions, messages of failures, and files that it leaves."""
 
 import re
 import subprocess
@@ -127,21 +127,21 @@ def test_anything_else(closed_loop):
 
 
 def messages(directory: Path) -> dict[str, str]:
-    """Of each test what its failure says, empty if it passed."""
+    """Return the failure message of each test, which is empty if the test passed."""
     tests = ElementTree.parse(directory / "junit.xml").iter("testcase")
-    told = {test.get("name", ""): test.findtext("failure", "") for test in tests}
-    return {name: "\n".join(re.findall(r"^E +(.*)", text, re.MULTILINE)) for name, text in told.items()}
+    failures = {test.get("name", ""): test.findtext("failure", "") for test in tests}
+    return {name: "\n".join(re.findall(r"^E +(.*)", text, re.MULTILINE)) for name, text in failures.items()}
 
 
 @pytest.fixture(scope="module")
 def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A repository whose golden runs are written, and that was tested since, by two workers.
+    """Create a repository, write its golden runs, and then run its tests with two workers.
 
-    In `page` are the example and the tests of the page about the plugin.
+    The folder `page` contains the example and the tests of the how-to about the plugin.
     """
-    made = tmp_path_factory.mktemp("repository")
-    (made / "sub").mkdir()
-    (made / "page").mkdir()
+    directory = tmp_path_factory.mktemp("repository")
+    (directory / "sub").mkdir()
+    (directory / "page").mkdir()
     page = dict(blocks(ROOT / "docs" / "how-to" / "ci.md"))  # the last of each language
     for name, text in (
         ("page/hoist-and-carry.toml", page["toml"]), ("page/test_page.py", page["python"]),
@@ -149,77 +149,77 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("sub/test_passing.py", PASSING), ("test_failing.py", FAILING),
         ("pytest.ini", "[pytest]\npythonpath = .\nfilterwarnings = error\n"),
     ):  # fmt: skip
-        (made / name).write_text(text)
-    assert "5 passed" in run_pytest(made, "--cranectl-update", "-k", "test_golden or has_changed")
+        (directory / name).write_text(text)
+    assert "5 passed" in run_pytest(directory, "--cranectl-update", "-k", "test_golden or has_changed")
     options = ["-p", "xdist.plugin", "-n", "2", "--dist", "loadfile", "--junitxml", "junit.xml"]
-    run_pytest(made, *options, "--cranectl-logs", "kept", "--basetemp", str(made / "base"))
-    return made
+    run_pytest(directory, *options, "--cranectl-logs", "kept", "--basetemp", str(directory / "base"))
+    return directory
 
 
-def test_what_holds_passes_and_leaves_golden_runs_only(repository: Path) -> None:
+def test_passing_tests_leave_only_golden_runs(repository: Path) -> None:
     failed = {name for name, message in messages(repository).items() if message}
     assert {name.partition("[")[0] for name in failed} == set(re.findall(r"def (test_\w+)", FAILING))
-    on_the_page = re.findall(r"def (test_\w+)", (repository / "page" / "test_page.py").read_text())
-    assert len(on_the_page) == 3
-    assert {*on_the_page} < messages(repository).keys() - failed
-    left = {str(path.relative_to(repository)) for path in repository.rglob("*.mcap")}
+    documented = re.findall(r"def (test_\w+)", (repository / "page" / "test_page.py").read_text())
+    assert len(documented) == 3
+    assert {*documented} < messages(repository).keys() - failed
+    logs = {str(path.relative_to(repository)) for path in repository.rglob("*.mcap")}
     kept = {f"kept/test_failing.py-{name.replace('[', '-').rstrip(']')}.mcap" for name in failed}
     golden = {f"sub/golden/test_passing/test_golden_twice{k}.mcap" for k in ("", "-2")}
     golden |= {"page/golden/test_page/test_nothing_has_changed.mcap"}
     golden |= {f"golden/test_failing/test_golden-{changed}.mcap" for changed in ("mass", "end", "plants")}
-    assert left == kept | golden | {"kept/test_failing.py-test_limits-2.mcap"}
+    assert logs == kept | golden | {"kept/test_failing.py-test_limits-2.mcap"}
     assert all((repository / path).stat().st_size < 250_000 for path in golden)
 
 
-def test_failures_name_signal_time_size_limit_and_log(repository: Path) -> None:
-    said = messages(repository)
+def test_failures_report_signal_time_difference_limit_and_log(repository: Path) -> None:
+    failures = messages(repository)
 
     def log(test: str, k: str = "") -> dict[str, Run]:
         path = repository / "kept" / f"test_failing.py-{test.replace('[', '-').rstrip(']')}{k}.mcap"
-        assert re.search(rf"^log of hop, .*: {re.escape(str(path))}$", said[test], re.MULTILINE)
+        assert re.search(rf"^log of hop, .*: {re.escape(str(path))}$", failures[test], re.MULTILINE)
         return read_log(path)
 
     for plant, run in log("test_limits", "-2").items():
         error = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
         since = run.time[np.argmax(error > 0.05)]
         line = f"{plant} breaks the limit 0.05 of max_error_m: {error.max():.4g}, from {since:g} s on"
-        assert line in said["test_limits"]
+        assert line in failures["test_limits"]
     analytic, _, mujoco = log("test_agree").values()
-    apart = np.linalg.norm(analytic.load_position - mujoco.load_position, axis=1)
-    place = f"by {quantity(apart.max(), 'm')} at {analytic.time[apart.argmax()]:g} s, limit "
-    assert f"analytic and mujoco differ in load position {place}" in said["test_agree"]
-    assert "differ in state.beta by " in said["test_agree"]
+    difference = np.linalg.norm(analytic.load_position - mujoco.load_position, axis=1)
+    amount = f"by {quantity(difference.max(), 'm')} at {analytic.time[difference.argmax()]:g} s, limit "
+    assert f"analytic and mujoco differ in load position {amount}" in failures["test_agree"]
+    assert "differ in state.beta by " in failures["test_agree"]
     kept = repository / "golden/test_failing/test_golden-mass.mcap"
     golden, new = (runs["mujoco"] for runs in (read_log(kept), log("test_golden[mass]")))
     _, rows, _ = np.intersect1d(new.time_ns, golden.time_ns, return_indices=True)
     change = np.abs(new.signal("load.rope_tension")[rows] - golden.signal("load.rope_tension"))
-    place = f"by {quantity(change.max(), 'N')} at {golden.time[change.argmax()]:g} s, limit "
-    assert f"mujoco differs from golden in load.rope_tension {place}" in said["test_golden[mass]"]
-    assert "golden and new differ in rig.load_mass: 3.0 and 3.001" in said["test_golden[mass]"]
-    assert f"golden: {kept}" in said["test_golden[mass]"]
+    amount = f"by {quantity(change.max(), 'N')} at {golden.time[change.argmax()]:g} s, limit "
+    assert f"mujoco differs from golden in load.rope_tension {amount}" in failures["test_golden[mass]"]
+    assert "golden and new differ in rig.load_mass: 3.0 and 3.001" in failures["test_golden[mass]"]
+    assert f"golden: {kept}" in failures["test_golden[mass]"]
     ends = "mujoco ends with completed at 3.5 s, golden with completed at 3 s"
-    assert ends in said["test_golden[end]"]
-    assert "only golden or only new: analytic" in said["test_golden[plants]"]
-    assert "pytest --cranectl-update" in said["test_no_golden"]
+    assert ends in failures["test_golden[end]"]
+    assert "only golden or only new: analytic" in failures["test_golden[plants]"]
+    assert "pytest --cranectl-update" in failures["test_no_golden"]
     for test in ("test_stopped_alike", "test_stopped_within_limits"):
-        assert "mujoco ends with slack-rope at 0.255 s, expected completed" in said[test]
-    assert "they agree with control.physics_step = 0.01" in said["test_steps"]
+        assert "mujoco ends with slack-rope at 0.255 s, expected completed" in failures[test]
+    assert "they agree with control.physics_step = 0.01" in failures["test_steps"]
     assert log("test_anything_else").keys() == {"analytic", "elastic", "mujoco"}
 
 
-def test_failures_point_at_the_line_of_the_test(repository: Path) -> None:
-    chosen = ["test_failing.py", "-k", "alike or test_no_golden"]
-    shown = run_pytest(repository, *chosen, "--cranectl-logs", "law.py")
-    assert "2 failed" in shown
-    assert "no log of hop, lqr, ideal drives: cannot write" in shown
-    assert set(re.findall(r"^(\S+\.py):\d+: ", shown, re.MULTILINE)) == {"test_failing.py"}, shown
+def test_failures_point_to_the_line_of_the_test(repository: Path) -> None:
+    selection = ["test_failing.py", "-k", "alike or test_no_golden"]
+    out = run_pytest(repository, *selection, "--cranectl-logs", "law.py")
+    assert "2 failed" in out
+    assert "no log of hop, lqr, ideal drives: cannot write" in out
+    assert set(re.findall(r"^(\S+\.py):\d+: ", out, re.MULTILINE)) == {"test_failing.py"}, out
 
 
-def test_whoever_does_not_use_it_does_not_wait_for_it(tmp_path: Path) -> None:
-    """Importing it loads nothing else, and takes about a millisecond."""
+def test_the_plugin_imports_nothing_until_it_is_used(tmp_path: Path) -> None:
+    """Importing the plugin loads no other module, and takes about a millisecond."""
     script = (
-        "import pytest, sys; there = set(sys.modules)\n"
-        f"import {PLUGIN}; print(*sorted(set(sys.modules) - there))"
+        "import pytest, sys; before = set(sys.modules)\n"
+        f"import {PLUGIN}; print(*sorted(set(sys.modules) - before))"
     )
     command = [sys.executable, "-c", script]
     modules = subprocess.run(command, capture_output=True, text=True, check=True).stdout
@@ -229,18 +229,18 @@ def test_whoever_does_not_use_it_does_not_wait_for_it(tmp_path: Path) -> None:
     assert "1 passed" in run_pytest(tmp_path)
 
 
-def test_an_interrupt_ends_the_session_not_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_run_ends_the_test_session(monkeypatch: pytest.MonkeyPatch) -> None:
     run = replace(closed_loop("fixed-position", "lqr", "analytic"), status=RunStatus.INTERRUPTED)
     monkeypatch.setattr(cases, "simulate_run", lambda *_, **__: run)
     with pytest.raises(KeyboardInterrupt):
         CaseRuns(cases.make_case(load_scenario("fixed-position")))
 
 
-def test_runs_that_end_apart_do_not_agree(monkeypatch: pytest.MonkeyPatch) -> None:
-    ended = {"analytic": 18_000_000_000, "mujoco": 18_021_000_000}  # apart by more than the drives' lag
+def test_runs_that_end_at_different_times_do_not_agree(monkeypatch: pytest.MonkeyPatch) -> None:
+    ends = {"analytic": 18_000_000_000, "mujoco": 18_021_000_000}  # differ by more than the drives' lag
     run = closed_loop("fixed-position", "lqr", "analytic")
     monkeypatch.setattr(
-        cases, "simulate_run", lambda *_, plant, **__: replace(run, plant=plant, end_ns=ended[plant])
+        cases, "simulate_run", lambda *_, plant, **__: replace(run, plant=plant, end_ns=ends[plant])
     )
     with pytest.raises(AssertionError, match=r"^analytic ends at 18 s, mujoco at 18\.021 s$"):
         assert_agree(CaseRuns(cases.make_case(load_scenario("fixed-position"), plants=PAIR)), load_m=1.0)

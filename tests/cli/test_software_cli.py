@@ -1,4 +1,4 @@
-"""Logs of other sources: `info`, `report`, `compare` and the golden check name what differs, and go on."""
+"""Logs of other software: `info`, `report`, `compare` and the golden check report the differences."""
 
 import json
 from pathlib import Path
@@ -15,7 +15,7 @@ SHORT = ["--set", "duration=0.1", "--set", "disturbances=[]", "--plant", "analyt
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One run by this program, by one of other sources, and by one that said nothing of its sources."""
+    """Write a log of this version, one of other sources, and one without information on its sources."""
     folder = tmp_path_factory.mktemp("logs")
     for name, sources in (("new", fingerprints()), ("other", fingerprints() | OTHER), ("old", {})):
         with pytest.MonkeyPatch.context() as patched:
@@ -30,12 +30,14 @@ def in_directory_of_logs(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def output_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """Standard output of a command that ends well."""
+    """Run a command that must succeed; return its standard output."""
     assert main(list(arguments)) == 0
     return capsys.readouterr().out
 
 
-def test_the_golden_check_names_it_and_lets_numbers_decide(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_golden_check_reports_other_software_and_judges_by_numbers(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     check = ["--tolerances", "exact", "--json", "result.json"]
     out = output_of(capsys, "compare", "new.mcap", "other.mcap", *check)
     now = fingerprints()["sources"]
@@ -48,13 +50,13 @@ def test_the_golden_check_names_it_and_lets_numbers_decide(capsys: pytest.Captur
     assert "data unknown, other " in out
 
 
-def test_two_logs_compared(capsys: pytest.CaptureFixture[str]) -> None:
+def test_compare_reports_other_software(capsys: pytest.CaptureFixture[str]) -> None:
     out = output_of(capsys, "compare", "other.mcap", "new.mcap")
     assert f"made by other software: {NAMED}, other " in out
     assert "other software" not in output_of(capsys, "compare", "new.mcap", "new.mcap")
 
 
-def test_info(capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_reports_other_software(capsys: pytest.CaptureFixture[str]) -> None:
     out = output_of(capsys, "info", "other.mcap")
     assert f"differs      {NAMED}, now {fingerprints()['sources']}\n" in out
     assert "differs" not in output_of(capsys, "info", "new.mcap")
@@ -64,7 +66,7 @@ def test_info(capsys: pytest.CaptureFixture[str]) -> None:
     assert fingerprints().items() <= result["versions"].items()
 
 
-def test_report(capsys: pytest.CaptureFixture[str]) -> None:
+def test_report_reports_other_software(capsys: pytest.CaptureFixture[str]) -> None:
     note = f"other was made by other software than is installed: {NAMED}, now "
     assert note in output_of(capsys, "report", "other.mcap", "new.mcap", "--out", "page.html")
     assert note in Path("page.html").read_text()

@@ -1,4 +1,4 @@
-"""Standard output of any encoding, full or closed, never changes a verdict."""
+"""Standard output of any encoding, full or closed, never changes an exit code."""
 
 import os
 import subprocess
@@ -47,67 +47,67 @@ def run(arguments: list[str], shell: str = "", **environment: str) -> subprocess
 @pytest.mark.parametrize(
     "shell", [">/dev/full", ">&-", "| head -1", ">/dev/full 2>&1", ">&- 2>&-", "2>/dev/full"]
 )
-def test_output_that_cannot_be_written_changes_no_exit_code(shell: str, unbuffered: str, code: int) -> None:
-    done = run(["speak", "--code", str(code)], shell, PYTHONUNBUFFERED=unbuffered)
-    assert done.returncode == code, done.stderr
-    assert b"Traceback" not in done.stderr
-    assert b"Exception" not in done.stderr
+def test_unwritable_output_does_not_change_the_exit_code(shell: str, unbuffered: str, code: int) -> None:
+    result = run(["speak", "--code", str(code)], shell, PYTHONUNBUFFERED=unbuffered)
+    assert result.returncode == code, result.stderr
+    assert b"Traceback" not in result.stderr
+    assert b"Exception" not in result.stderr
     if shell == ">/dev/full":
-        assert b"No space left" in done.stderr
+        assert b"No space left" in result.stderr
 
 
-def test_standard_output_is_the_commands_own() -> None:
-    done = run(["start"])
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == b"of the command\n"
-    assert done.stderr == b"of a process\nof a library\n"
+def test_only_the_command_writes_to_standard_output() -> None:
+    result = run(["start"])
+    assert result.returncode == 0, result.stderr
+    assert result.stdout == b"of the command\n"
+    assert result.stderr == b"of a process\nof a library\n"
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "utf-16", "utf-8"])
-def test_any_encoding_will_do(encoding: str) -> None:
-    done = run(["speak"], PYTHONIOENCODING=encoding)
-    assert done.returncode == 0, done.stderr
-    assert len(done.stdout.decode(encoding).splitlines()) == 3000
+def test_output_works_in_any_encoding(encoding: str) -> None:
+    result = run(["speak"], PYTHONIOENCODING=encoding)
+    assert result.returncode == 0, result.stderr
+    assert len(result.stdout.decode(encoding).splitlines()) == 3000
 
 
-def test_the_unforeseen_is_one_line_and_code_70() -> None:
-    done = run(["stumble"])
-    assert done.returncode == 70
-    (line,) = done.stderr.decode().splitlines()
+def test_an_unforeseen_error_prints_one_line_and_exits_with_70() -> None:
+    result = run(["stumble"])
+    assert result.returncode == 70
+    (line,) = result.stderr.decode().splitlines()
     assert "KeyError" in line
     assert "--traceback" in line
-    for where in (["--traceback", "stumble"], ["stumble", "--traceback"]):
-        more = run(where)
-        assert more.returncode == 70
-        assert b"in stumble" in more.stderr
+    for arguments in (["--traceback", "stumble"], ["stumble", "--traceback"]):
+        with_traceback = run(arguments)
+        assert with_traceback.returncode == 70
+        assert b"in stumble" in with_traceback.stderr
 
 
-def test_a_library_for_which_memory_is_short_is_a_lack_of_the_machine(
+def test_a_library_that_cannot_be_loaded_for_lack_of_memory_is_explained(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def short(*_: object, **__: object) -> None:
+    def fail_to_load(*_: object, **__: object) -> None:
         raise ImportError("libopenblas.so: failed to map segment from shared object")
 
-    monkeypatch.setattr(cli, "main", short)
+    monkeypatch.setattr(cli, "main", fail_to_load)
     assert main(["list"]) == 2
-    said = capsys.readouterr().err
-    assert "failed to map segment" in said
-    assert "free memory" in said
+    error = capsys.readouterr().err
+    assert "failed to map segment" in error
+    assert "free memory" in error
 
 
-def test_other_settings_of_the_user_do_not_matter(tmp_path: Path) -> None:
-    """A display for the user's own plots, of a kind that is not installed."""
+def test_an_unusable_matplotlib_backend_does_not_matter(tmp_path: Path) -> None:
+    """Users set MPLBACKEND for their own plots; it may name a backend that is not installed."""
     picture = tmp_path / "d.svg"
-    done = run(["design", "lqr", "--plot", str(picture)], MPLBACKEND="nonsense")
-    assert done.returncode == 0, done.stderr
+    result = run(["design", "lqr", "--plot", str(picture)], MPLBACKEND="nonsense")
+    assert result.returncode == 0, result.stderr
     assert picture.stat().st_size > 1000
 
 
-def test_too_little_memory_is_said() -> None:
-    """It used to end in tracebacks, or not at all: the linear algebra library waits for memory for ever."""
+def test_a_lack_of_memory_is_explained() -> None:
+    """The command checks its memory limit itself, because OpenBLAS would wait for memory without end."""
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_AS, (600 * 10**6,) * 2){PROGRAM}"
     command = [sys.executable, "-c", limited, "design", "lqr"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=HANG)
-    assert done.returncode == 2
-    assert "600 MB of address space" in done.stderr
-    assert "ulimit" in done.stderr
+    result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=HANG)
+    assert result.returncode == 2
+    assert "600 MB of address space" in result.stderr
+    assert "ulimit" in result.stderr

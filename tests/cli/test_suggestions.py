@@ -1,4 +1,4 @@
-"""Every command that an output suggests does what it is said to do, whatever the files are called."""
+"""Every suggested command works when it is copied into a shell, whatever the names of the files are."""
 
 import errno
 import re
@@ -14,11 +14,11 @@ from cranectl.cli.main import main
 from cranectl.loaders.opening import close_controllers
 from cranectl.log.reader import read_log
 from cranectl.log.writer import unfinished
-from tests.cli.suggestions import commands_in, executed, suggested, suggested_by_page
+from tests.cli.suggestions import commands_in, commands_of_page, execute, suggested_commands
 from tests.conftest import ROOT
 from tests.loaders.law_files import LAW
 
-LAWS = "crane's laws/own law.py"
+CONTROLLER_FILE = "crane's laws/own law.py"
 SHIP = """\
 name = "ship"
 duration = 0.3
@@ -28,7 +28,7 @@ limits = { max_error_m = 0.0 }
 MANY = f"""\
 name = "many"
 scenario = "the ship.toml"
-controllers = ["{LAWS}:BridgeServo", "lqr"]
+controllers = ["{CONTROLLER_FILE}:BridgeServo", "lqr"]
 plants = ["analytic", "elastic"]
 runs = 2
 [uncertain.rig.load_mass]
@@ -37,15 +37,15 @@ low = 0.8
 high = 1.2
 """
 ON = ["--plants", "analytic", "--drive", "ideal", "--set", "initial.load_offset=[0.001, 0, 0]"]
-OWN = ["--controller", f"{LAWS}:BridgeServo"]
+OWN = ["--controller", f"{CONTROLLER_FILE}:BridgeServo"]
 
 
 @pytest.fixture(autouse=True)
 def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Whose names a shell would take apart."""
+    """Write files whose names a shell would split."""
     monkeypatch.chdir(tmp_path)
-    Path(LAWS).parent.mkdir()
-    Path(LAWS).write_text(LAW)
+    Path(CONTROLLER_FILE).parent.mkdir()
+    Path(CONTROLLER_FILE).write_text(LAW)
     Path("the ship.toml").write_text(SHIP)
     Path("many ships.toml").write_text(MANY)
     yield
@@ -53,55 +53,57 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("keep", ["failed", "none"])
-def test_what_a_validation_suggests(keep: str) -> None:
-    controllers = ["--controller", f"{LAWS}:BridgeServo,{LAWS}:damper,lqr"]
+def test_commands_that_a_validation_suggests_work(keep: str) -> None:
+    controllers = ["--controller", f"{CONTROLLER_FILE}:BridgeServo,{CONTROLLER_FILE}:damper,lqr"]
     validate = ["validate", "the ship.toml", *controllers, *ON, "--keep", keep, "--patience", "7"]
     assert main([*validate, "--junit", "the cases.xml", "--report", "the cases.html"]) == 1
     failures = list(ElementTree.parse("the cases.xml").getroot().iter("failure"))
-    again = [suggested(str(failure.text))[0] for failure in failures]
-    assert len(again) == 3
-    assert f"--controller '{LAWS}:damper'".replace("'s", "'\"'\"'s") in again[1]
-    shown = suggested_by_page(Path("the cases.html"))
+    in_junit = [suggested_commands(str(failure.text))[0] for failure in failures]
+    assert len(in_junit) == 3
+    assert f"--controller '{CONTROLLER_FILE}:damper'".replace("'s", "'\"'\"'s") in in_junit[1]
+    in_page = commands_of_page(Path("the cases.html"))
     worst, others = (["report", "run"], ["report"]) if keep == "failed" else (["run"], ["run"])
-    assert [command.split()[1] for command in shown] == [*worst, *2 * others, "validate"], "each once"
-    for command in (*again, *shown):
-        assert executed(command) == (0 if command.startswith("cranectl report") else 1), command
+    assert [command.split()[1] for command in in_page] == [*worst, *2 * others, "validate"]
+    for command in (*in_junit, *in_page):
+        assert execute(command) == (0 if command.startswith("cranectl report") else 1), command
 
 
-def test_what_a_run_and_pages_of_logs_suggest(capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_that_runs_and_reports_suggest_work(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "the ship.toml", *OWN, *ON, "--out", "a log.mcap"]) == 1
     assert main(["run", "the ship.toml", "--controller", "lqr", *ON, "--out", "b log.mcap"]) == 1
     assert main(["log", "overlay", "a log.mcap", "b log.mcap", "--out", "over lay.mcap"]) == 0
-    commands = suggested(capsys.readouterr().out)
+    commands = suggested_commands(capsys.readouterr().out)
     assert [command.split()[1] for command in commands] == ["log", "log"]
     assert main(["report", "a log.mcap", "b log.mcap", "--out", "two logs.html"]) == 0
-    commands += suggested_by_page(Path("two logs.html"))
+    commands += commands_of_page(Path("two logs.html"))
     assert len(commands) == 3
     for command in commands:
-        assert executed(command) == 0, command
+        assert execute(command) == 0, command
 
 
-def test_what_a_rig_of_another_size_has_drawn(capsys: pytest.CaptureFixture[str]) -> None:
-    """Its layout is made from the log."""
+def test_the_layout_command_for_a_larger_rig_works(capsys: pytest.CaptureFixture[str]) -> None:
+    """The command reads the size of the crane from the log."""
     larger = [*ON, "--set", "rig.rope_range=[0.1, 3.0]"]
     main(["run", "the ship.toml", *larger, "--out", "a log.mcap"])
-    (command,) = suggested(capsys.readouterr().out)
+    (command,) = suggested_commands(capsys.readouterr().out)
     assert "--log 'a log.mcap'" in command
-    assert executed(command) == 0
+    assert execute(command) == 0
 
 
-def test_what_a_ladder_suggests(capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_that_a_ladder_suggests_work(capsys: pytest.CaptureFixture[str]) -> None:
     settings = ["--set", "rig.load_mass=1.5", *ON[-2:], "--top", "sampled"]
     assert main(["ladder", "the ship.toml", *OWN, *settings, "--report", "a page.html"]) == 0
-    commands = [*suggested(capsys.readouterr().out), *suggested_by_page(Path("a page.html"))]
+    commands = [*suggested_commands(capsys.readouterr().out), *commands_of_page(Path("a page.html"))]
     assert [command.split()[1] for command in commands] == ["log", "ladder"]
     before = Path("a page.html").read_bytes()
     for command in commands:
-        assert executed(command) == 0, command
-    assert Path("a page.html").read_bytes() == before, "the page is made again with all that was set"
+        assert execute(command) == 0, command
+    assert Path("a page.html").read_bytes() == before, "the suggested command loses a setting"
 
 
-def test_what_a_campaign_suggests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_that_a_campaign_report_suggests_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run = ["campaign", "run", "many ships.toml", "--trust", "--out", "the result", "--overwrite"]
     assert main(run) == 0
     (tmp_path / "elsewhere").mkdir()
@@ -109,43 +111,43 @@ def test_what_a_campaign_suggests(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         monkeypatch.chdir(folder)
         close_controllers()
         assert main(["campaign", "report", result, "--out", "a page.html"]) == 0
-        commands = suggested_by_page(Path("a page.html"))
+        commands = commands_of_page(Path("a page.html"))
         replays = [command for command in commands if command.startswith("cranectl campaign replay")]
         assert len(replays) >= 6
         assert any("own law.py:BridgeServo" in command for command in replays)
         for command in (*replays[:2], *replays[-2:], commands[-1]):
-            assert executed(command) == 0, command
+            assert execute(command) == 0, command
 
 
-@pytest.mark.parametrize("wrong", ["missing", "damaged"])
-def test_what_a_result_that_is_not_whole_suggests(wrong: str, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("state", ["missing", "damaged"])
+def test_the_command_that_completes_a_result_works(state: str, capsys: pytest.CaptureFixture[str]) -> None:
     run = ["campaign", "run", "many ships.toml", "--trust", "--out", "the result", "--overwrite"]
     assert main(run) == 0
     part = sorted(Path("the result", PARTS).iterdir())[-1]
-    whole = part.read_bytes()
-    if wrong == "missing":
+    content = part.read_bytes()
+    if state == "missing":
         part.unlink()
         close_controllers()
         assert main(["campaign", "report", "the result", "--unfinished", "--out", "a page.html"]) == 0
-        (told,) = re.findall(
+        (command,) = re.findall(
             r"Complete the result with (cranectl [^<]*--resume)", Path("a page.html").read_text()
         )
         assert (
-            told
+            command
             == "cranectl campaign run &#39;many ships.toml&#39; --trust --out &#39;the result&#39; --resume"
         )
     else:
-        part.write_bytes(whole[:-100])
+        part.write_bytes(content[:-100])
     close_controllers()
     capsys.readouterr()
     assert main(["campaign", "report", "the result"]) == 2
-    (command,) = suggested(capsys.readouterr().err)
-    assert executed(command) == 0
-    assert part.read_bytes() == whole
+    (command,) = suggested_commands(capsys.readouterr().err)
+    assert execute(command) == 0
+    assert part.read_bytes() == content
     assert main(["campaign", "report", "the result"]) == 0
 
 
-def test_what_a_damaged_log_suggests(
+def test_the_command_that_recovers_a_log_works(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     main(["run", "the ship.toml", *ON, "--out", "a log.mcap", "--every", "1"])
@@ -153,23 +155,25 @@ def test_what_a_damaged_log_suggests(
     part.write_bytes(part.read_bytes()[:-200])
     capsys.readouterr()
     assert main(["info", str(part)]) == 2
-    (command,) = suggested(capsys.readouterr().err)
+    (command,) = suggested_commands(capsys.readouterr().err)
     monkeypatch.setattr("cranectl.log.writer.CHUNK_SIZE", 1000)
     cut_short = unfinished(Path("a log.mcap"), part, OSError(errno.ENOSPC, "full"), remedy="")
-    assert suggested(cut_short.remedy) == [command]
-    assert executed(command) == 0
+    assert suggested_commands(cut_short.remedy) == [command]
+    assert execute(command) == 0
     assert read_log("a log.mcap")
 
 
-def test_the_test_that_a_template_names(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_test_command_of_a_template_names_its_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["new", "scenario", "first-move", "--in", "new files"]) == 0
-    (told,) = re.findall("try it: (.*)", capsys.readouterr().out)
-    assert told == "python -m pytest 'new files/test_first_move.py'"
+    (command,) = re.findall("try it: (.*)", capsys.readouterr().out)
+    assert command == "python -m pytest 'new files/test_first_move.py'"
     assert Path("new files/test_first_move.py").is_file()
 
 
 @pytest.mark.parametrize("command", [["certify", "pid"], ["budget", "the ship.toml", "--controller", "pid"]])
-def test_what_is_judged_by_simulation(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_controllers_without_linear_model_are_judged_by_simulation(
+    command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(command) == 2
     assert "judge it by simulation: cranectl ladder, cranectl campaign" in capsys.readouterr().err
     assert main(["ladder", "the ship.toml", "--controller", "pid", *ON[-2:], "--top", "sampled"]) == 0
@@ -177,7 +181,7 @@ def test_what_is_judged_by_simulation(command: list[str], capsys: pytest.Capture
     assert main(["campaign", "run", *many]) == 0
 
 
-def test_why_a_run_stopped_before_its_first_sample(capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_explains_a_run_without_samples(capsys: pytest.CaptureFixture[str]) -> None:
     Path("law.py").write_text("def stops(parameters, measured, reference, memory, command):\n    return -1\n")
     run = ["run", "the ship.toml", "--controller", "law.py:stops", "--plants", "analytic"]
     assert main([*run, "--out", "a log.mcap"]) == 3
@@ -188,7 +192,9 @@ def test_why_a_run_stopped_before_its_first_sample(capsys: pytest.CaptureFixture
     assert "controller-failed" in capsys.readouterr().out
 
 
-def test_what_drives_are_asked_beyond_what_they_can_do(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_suggested_drive_option_shows_the_effect_of_its_limits(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     fast = ["run", "fast-diagonal", "--controller", "lqr", "--plants", "mujoco", "--out", "a log.mcap"]
     fast += ["--set", "rig.effects.limits.acceleration=[0.1, 0.1, 0.1]"]
     main(fast)
@@ -196,13 +202,13 @@ def test_what_drives_are_asked_beyond_what_they_can_do(capsys: pytest.CaptureFix
     assert main([*fast, *shlex.split(options)]) in (0, 1, 3)
 
 
-# Every text of the package that names a command: by what it is executed, or why by nothing.
-ORIGIN = "says what has written a file, and asks for nothing"
+# Every text of the package that names a command: the test that executes it, or the reason why none does.
+ORIGIN = "names the command that has written a file"
 ABOVE = "executed above"
 KNOWN = {
     ("analysis/certificate/certify.py", "cranectl ladder"): ABOVE,
     ("analysis/certificate/certify.py", "cranectl campaign"): ABOVE,
-    ("analysis/certificate/certify.py", "cranectl run"): "says what any other command does with a long delay",
+    ("analysis/certificate/certify.py", "cranectl run"): "describes what other commands do with a long delay",
     ("campaign/benchmark/results.py", "cranectl benchmark"): ORIGIN,
     ("campaign/benchmark/table.py", "cranectl benchmark"): ORIGIN,
     ("campaign/benchmark/tuned.py", "cranectl"): "tests/campaign/benchmark/test_tuning.py",
@@ -238,5 +244,5 @@ KNOWN = {
 }
 
 
-def test_no_other_text_of_the_package_names_a_command() -> None:
+def test_every_text_that_names_a_command_is_tested_or_listed() -> None:
     assert set(commands_in(ROOT / "cranectl")) == set(KNOWN)

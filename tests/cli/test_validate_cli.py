@@ -1,4 +1,4 @@
-"""`cranectl validate` with scenarios of which some cannot be run, or would write over each other."""
+"""`cranectl validate`: invalid scenarios, name clashes, limits, directories, and reports for CI."""
 
 import json
 import re
@@ -25,9 +25,9 @@ name = "good"
 duration = 0.3
 reference = { start = [1.0, 0.77, -0.7] }
 """
-# The observer and its law at 0.1 s: the loop is unstable when sampled.
+# The loop is unstable when the robustifier is sampled with 0.1 s.
 UNSTABLE = GOOD.replace("good", "unstable") + "control = { period = 0.1, physics_step = 0.001 }\n"
-FOLLOWED = ["--controller", "lqr+hinf", "--drive", "ideal", "--json", "result.json"]
+OPTIONS = ["--controller", "lqr+hinf", "--drive", "ideal", "--json", "result.json"]
 
 
 @pytest.fixture(autouse=True)
@@ -45,21 +45,23 @@ def shipped(name: str) -> str:
 @pytest.mark.parametrize(
     "pair", [("good.toml", "also.toml"), ("good.toml", "./good.toml"), ("slack-rope", shipped("slack-rope"))]
 )
-def test_scenarios_of_one_name_are_refused(pair: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", *pair, *FOLLOWED]) == 2
+def test_scenarios_with_the_same_name_are_refused(
+    pair: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["validate", *pair, *OPTIONS]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert f"{pair[0]} and {pair[1]} would share the log logs/" in captured.err
     assert "allowed: " in captured.err
     assert "remedy: " in captured.err
-    assert not Path("logs").exists(), "before anything is run"
+    assert not Path("logs").exists(), "the clash was found only after a run"
 
 
 @pytest.mark.processor
 @pytest.mark.parametrize("jobs", ["1", "2"])
-def test_scenarios_that_cannot_be_run_leave_the_others(jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_scenarios_do_not_prevent_the_others(jobs: str, capsys: pytest.CaptureFixture[str]) -> None:
     names = ["broken.toml", "unstable.toml", "absent.toml", "good.toml"]
-    assert main(["validate", *names, *FOLLOWED, "--jobs", jobs]) == 2
+    assert main(["validate", *names, *OPTIONS, "--jobs", jobs]) == 2
     captured = capsys.readouterr()
     assert "Traceback" not in captured.err
     assert "3 runs, logs in logs" in captured.out
@@ -72,36 +74,36 @@ def test_scenarios_that_cannot_be_run_leave_the_others(jobs: str, capsys: pytest
     assert [run["scenario"] for run in result["runs"]] == ["good"] * 3
     agreement, _ = result["agreements"]
     assert agreement["passed"] is True
-    failed = {each["scenario"]: each for each in result["failed"]}
+    failed = {case["scenario"]: case for case in result["failed"]}
     assert failed.keys() == {"broken.toml", "unstable.toml", "absent.toml"}
-    assert all(each["bad_input"] for each in failed.values())
+    assert all(case["bad_input"] for case in failed.values())
     assert failed["absent.toml"]["controller"] is None
     assert failed["unstable.toml"]["controller"] == "lqr+hinf"
     assert "unstable when sampled" in failed["unstable.toml"]["reason"]
     assert len(read_log("logs/good/lqr+hinf-ideal.mcap")) == 3
 
 
-def test_one_reason_of_many_cases_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_common_reason_is_printed_once(capsys: pytest.CaptureFixture[str]) -> None:
     text = GOOD.replace("start = [1.0, 0.77, -0.7]", "start = [1.0, 0.77, 0.7]")
     Path("above.toml").write_text(text.replace("good", "above"))
     assert main(["validate", "above.toml", "--json", "result.json", "--jobs", "1"]) == 2
     captured = capsys.readouterr()
-    assert captured.out == "", "nothing was run"
+    assert captured.out == "", "something was run"
     assert captured.err.count("could not be run") == 1
     assert json.loads(Path("result.json").read_text())["failed"]
 
 
-def test_an_error_that_nobody_foresaw_is_no_verdict(
+def test_an_unforeseen_error_gives_no_verdict(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     simulate = case.simulate_run
 
-    def sometimes(*arguments: object, **named: object) -> Run:
-        if named["drive"] == "velocity":
+    def fail_with_velocity_drives(*arguments: object, **options: object) -> Run:
+        if options["drive"] == "velocity":
             raise ZeroDivisionError("of our own making")
-        return simulate(*arguments, **named)
+        return simulate(*arguments, **options)
 
-    monkeypatch.setattr(case, "simulate_run", sometimes)
+    monkeypatch.setattr(case, "simulate_run", fail_with_velocity_drives)
     assert (
         main(["validate", "good.toml", "--controller", "lqr", "--jobs", "1", "--json", "result.json"]) == 70
     )
@@ -111,9 +113,9 @@ def test_an_error_that_nobody_foresaw_is_no_verdict(
     assert "validation FAILED" in captured.out
     result = json.loads(Path("result.json").read_text())
     assert [run["drive"] for run in result["runs"]] == ["ideal"] * 3
-    assert [each["bad_input"] for each in result["failed"]] == [False]
-    told = ["--controller", "lqr", "--drive", "velocity", "--jobs", "1", "--traceback"]
-    assert main(["validate", "good.toml", *told]) == 70
+    assert [failure["bad_input"] for failure in result["failed"]] == [False]
+    options = ["--controller", "lqr", "--drive", "velocity", "--jobs", "1", "--traceback"]
+    assert main(["validate", "good.toml", *options]) == 70
     assert "Traceback (most recent call last)" in capsys.readouterr().err
 
 
@@ -121,8 +123,10 @@ LIMITS = "[limits]\nmax_error_m = {0}\n[limits.mujoco]\nmin_rope_tension_n = 1.0
 
 
 @pytest.mark.processor
-def test_limits_of_a_scenario_are_judged_beside_the_agreement(capsys: pytest.CaptureFixture[str]) -> None:
-    """Two verdicts of two names, in run, validate and, from the log, compare."""
+def test_limits_of_a_scenario_are_judged_in_addition_to_the_agreement(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """`run`, `validate` and `compare` report both verdicts separately."""
     Path("strict.toml").write_text(GOOD.replace("good", "strict") + LIMITS.format(0.0))
     Path("mild.toml").write_text(GOOD.replace("good", "mild") + LIMITS.format(1.0))
     options = ["--controller", "lqr", "--json", "result.json"]
@@ -130,51 +134,49 @@ def test_limits_of_a_scenario_are_judged_beside_the_agreement(capsys: pytest.Cap
         assert main(["run", f"{name}.toml", "--set", "initial.load_offset=[0.001,0,0]", *options]) == code
         data = json.loads(Path("result.json").read_text())
         assert (data["plants_agree"], data["limits_kept"]) == (True, code == 0)
-        asked = [[limit["metric"] for limit in run["limits"]] for run in data["runs"]]
-        assert asked == [*[["max_error_m"]] * 2, ["max_error_m", "min_rope_tension_n"]]
+        metrics = [[limit["metric"] for limit in run["limits"]] for run in data["runs"]]
+        assert metrics == [*[["max_error_m"]] * 2, ["max_error_m", "min_rope_tension_n"]]
         assert main(["compare", f"logs/{name}/lqr-ideal.mcap", "--json", "result.json"]) == code
         assert json.loads(Path("result.json").read_text())["limits_kept"] is (code == 0)
     capsys.readouterr()
     wrong = Path("wrong.toml")
     wrong.write_text(GOOD.replace("good", "wrong") + LIMITS.format(1.0).replace("max_error_m", "max_eror_m"))
-    pushed = ["--set", "initial.load_offset=[0.001,0,0]"]
-    assert main(["validate", "strict.toml", "wrong.toml", *pushed, *options]) == 2
+    offset = ["--set", "initial.load_offset=[0.001,0,0]"]
+    assert main(["validate", "strict.toml", "wrong.toml", *offset, *options]) == 2
     captured = capsys.readouterr()
     assert "limits broken" in captured.out
     assert "2 of 8 limits kept" in captured.out
     assert "did you mean 'max_error_m'?" in captured.err
 
 
-def test_a_directory_stands_for_the_scenarios_in_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    place = tmp_path / "mine"
-    (place / "below").mkdir(parents=True)
-    (place / "first.toml").write_text(GOOD.replace("good", "first"))
-    (place / "below" / "second.toml").write_text(GOOD.replace("good", "second"))
-    (place / "rig.toml").write_text("load_mass = 2.0\n")
-    (place / "many.toml").write_text('name = "many"\nscenario = "good.toml"\n')
-    assert main(["validate", "mine", "good.toml", *FOLLOWED]) == 0
+def test_a_directory_selects_all_scenarios_in_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "mine"
+    (folder / "below").mkdir(parents=True)
+    (folder / "first.toml").write_text(GOOD.replace("good", "first"))
+    (folder / "below" / "second.toml").write_text(GOOD.replace("good", "second"))
+    (folder / "rig.toml").write_text("load_mass = 2.0\n")
+    (folder / "many.toml").write_text('name = "many"\nscenario = "good.toml"\n')
+    assert main(["validate", "mine", "good.toml", *OPTIONS]) == 0
     runs = json.loads(Path("result.json").read_text())["runs"]
     assert [run["scenario"] for run in runs[::3]] == ["second", "first", "good"]
-    (place / "broken.toml").write_text("reference = ")
-    assert main(["validate", "mine", *FOLLOWED]) == 2, "what is no scenario fails"
+    (folder / "broken.toml").write_text("reference = ")
+    assert main(["validate", "mine", *OPTIONS]) == 2, "an invalid scenario was ignored"
     assert "mine/broken.toml: could not be run" in capsys.readouterr().err
     (tmp_path / "empty").mkdir()
-    assert main(["validate", "empty", *FOLLOWED]) == 2
+    assert main(["validate", "empty", *OPTIONS]) == 2
     assert "a directory without scenarios" in capsys.readouterr().err
 
 
-def test_ci_gets_junit_and_a_page_and_keeps_what_failed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_validate_writes_junit_and_a_page_and_keeps_failed_logs(capsys: pytest.CaptureFixture[str]) -> None:
     Path("strict.toml").write_text(GOOD.replace("good", "strict") + LIMITS.format(0.0))
-    moved = ["--set", "initial.load_offset=[0.001,0,0]"]
-    command = ["validate", "strict.toml", "good.toml", "broken.toml", *moved, *FOLLOWED]
+    offset = ["--set", "initial.load_offset=[0.001,0,0]"]
+    command = ["validate", "strict.toml", "good.toml", "broken.toml", *offset, *OPTIONS]
     command += ["--keep", "failed", "--every", "20", "--junit", "cases.xml", "--report", "cases.html"]
     assert main(command) == 2
     capsys.readouterr()
     assert [str(log) for log in Path("logs").rglob("*.mcap")] == ["logs/strict/lqr+hinf-ideal.mcap"]
-    (log,) = {run.scenario.log.every for run in read_log(Path("logs/strict/lqr+hinf-ideal.mcap")).values()}
-    assert log == 20
+    log = read_log(Path("logs/strict/lqr+hinf-ideal.mcap"))
+    assert {run.scenario.log.every for run in log.values()} == {20}
     root = ElementTree.parse("cases.xml").getroot()
     assert {name: root.get(name) for name in ("tests", "failures", "errors")} == {
         "tests": "3", "failures": "1", "errors": "1"
@@ -186,39 +188,39 @@ def test_ci_gets_junit_and_a_page_and_keeps_what_failed(capsys: pytest.CaptureFi
     assert failure is not None
     assert str(failure.get("message")).startswith("analytic breaks the limit 0 of max_error_m: 0.001")
     assert "log: logs/strict/lqr+hinf-ideal.mcap" in str(failure.text)
-    again = re.search(r"again: cranectl (.*)", str(failure.text))
-    assert again is not None
-    assert main(shlex.split(again[1])) == 1, "the command that shows it does"
+    repeat = re.search(r"again: cranectl (.*)", str(failure.text))
+    assert repeat is not None
+    assert main(shlex.split(repeat[1])) == 1, "the suggested command does not reproduce the failure"
     assert cases["broken.toml"].find("error") is not None
     page = Path("cases.html").read_text(encoding="utf-8")
     assert re.search(
         r'class="badge bad">FAIL</strong>\s*2 of 3 scenarios fail\. The worst: broken\.toml', page
     )
     order = ["It could not be run: broken.toml is not valid TOML", "FAIL: strict", "PASS: good", "<h2>Plants"]
-    places = [page.rindex(text) for text in order]
-    assert places == sorted(places), "what failed is on top, the worst first"
+    positions = [page.rindex(text) for text in order]
+    assert positions == sorted(positions), "failures must come first, the worst on top"
     assert page.count("Largest tracking error of the load is 1 mm, the limit is 0 mm.") == 1, (
-        "once, not by plant"
+        "the limit must be reported once, not per plant"
     )
-    assert page.count("<img ") == 1, "good left no log, broken never ran"
-    (typed,) = set(re.findall(r'class="label code">cranectl (report [^<]*)<', page))
-    assert typed == "report logs/strict/lqr+hinf-ideal.mcap"
-    assert main(typed.split()) == 0
+    assert page.count("<img ") == 1, "only the scenario with a log has a picture"
+    (suggestion,) = set(re.findall(r'class="label code">cranectl (report [^<]*)<', page))
+    assert suggestion == "report logs/strict/lqr+hinf-ideal.mcap"
+    assert main(suggestion.split()) == 0
     capsys.readouterr()
     first = [Path(f"cases.{kind}").read_bytes() for kind in ("xml", "html")]
     assert main(command) == 2
     assert [Path(f"cases.{kind}").read_bytes() for kind in ("xml", "html")] == first
 
 
-def test_without_logs_all_is_judged_as_with_them(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", "good.toml", *FOLLOWED, "--keep", "none"]) == 0
+def test_validate_judges_without_keeping_logs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "good.toml", *OPTIONS, "--keep", "none"]) == 0
     assert "3 runs, no log kept" in capsys.readouterr().out
     assert not Path("logs", "good").exists()
     assert [run["log"] for run in json.loads(Path("result.json").read_text())["runs"]] == [None] * 3
 
 
-def test_the_screen_has_a_line_for_each_scenario(capsys: pytest.CaptureFixture[str]) -> None:
-    command = ["validate", "good.toml", "strict.toml", *FOLLOWED, "--keep", "none"]
+def test_the_output_has_one_line_per_scenario(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["validate", "good.toml", "strict.toml", *OPTIONS, "--keep", "none"]
     Path("strict.toml").write_text(GOOD.replace("good", "strict"))
     assert main(command) == 0
     short = capsys.readouterr().out
@@ -228,12 +230,12 @@ def test_the_screen_has_a_line_for_each_scenario(capsys: pytest.CaptureFixture[s
     assert capsys.readouterr().out.count("lqr+hinf, elastic") == 2
     assert main([*command, "--plants", "analytic"]) == 0
     out = capsys.readouterr().out
-    assert "differences" not in out, "of a single plant"
+    assert "differences" not in out, "a single plant has no differences"
     assert out.rstrip().endswith("validation passed (agreement not judged: analytic is the only plant)")
 
 
-def test_a_scenario_s_own_controller_is_run_or_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    """A green result of six other controllers would say nothing of it."""
+def test_the_controller_of_a_scenario_must_be_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """`validate` runs six other controllers by default, whose results would say nothing about this one."""
     Path("mine.toml").write_text(GOOD.replace("good", "mine") + 'controller = "pid"\n')
     command = ["validate", "mine.toml", "--drive", "ideal", "--plants", "analytic,elastic"]
     assert main(command) == 2
@@ -244,7 +246,7 @@ def test_a_scenario_s_own_controller_is_run_or_refused(capsys: pytest.CaptureFix
     assert main([*command, "--controller", "pid"]) == 0
 
 
-def test_plants_that_disagree_have_a_line_each(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_disagreeing_plants_have_one_line_each(monkeypatch: pytest.MonkeyPatch) -> None:
     good = Agreement("fast", "lqr", "analytic", "mujoco", "ideal", 1e-9, 2e-9, 1e-7, 1e-7, True, "as shipped")
     bad = [replace(good, controller=name, max_load_error_m=1.0, passed=False) for name in ("pid", "mine")]
     (table,) = agreement_lines([good])

@@ -19,9 +19,9 @@ from cranectl.controllers.registry import WHERE, load_controller
 from cranectl.design.linear_systems import loop_margins
 from cranectl.support.errors import InputError
 from tests.benchmark.linear_loop import nominal_at
-from tests.law_ranges import Case, cases, check
+from tests.controller_ranges import Case, cases, check
 from tests.loops import check_margins, return_difference_error, state_loop
-from tests.ranges import result_or_refusal, share_of, tells_what_to_do
+from tests.ranges import has_found_allowed_and_remedy, result_or_refusal, share_of
 
 SHARE = 10
 CASES = cases(map(load_controller, WHERE))
@@ -45,7 +45,7 @@ def test_gains_of_lqr_integral_are_optimal(case: Case) -> None:
     nominal = nominal_at(LQR_INTEGRAL, LENGTH, **{case[2]: float(case[3])})
     gain = result_or_refusal(lambda: gain_at(LENGTH, nominal))
     if isinstance(gain, InputError):
-        assert tells_what_to_do(str(gain))
+        assert has_found_allowed_and_remedy(str(gain))
         return
     a, b, outputs = matrices(LENGTH, nominal.rig.gravity)
     weights = [nominal.parameters[f"{name}_weight"] for name in ("error", "rate", "integral")]
@@ -81,7 +81,7 @@ def test_margins_of_linearised_controllers(case: Case) -> None:
     nominal = nominal_at(controller, LENGTH, **{case[2]: float(case[3])})
     law = result_or_refusal(lambda: linearise(nominal, LENGTH))
     if isinstance(law, InputError):
-        assert tells_what_to_do(str(law))
+        assert has_found_allowed_and_remedy(str(law))
         return
     margins = loop_margins(control.ss(law.a, law.b, law.gain.reshape(1, -1), 0.0))
     check_margins(margins, state_loop(law.a, law.b, law.gain), np.logspace(-11.0, 6.0, 6801))

@@ -62,21 +62,21 @@ def many(template: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     4,
     factor=PROCESS_FUZZ_FACTOR,
     moments=st.lists(st.floats(0.0, 1.5), min_size=1, max_size=3),
-    sent=st.sampled_from([signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP]),
+    signal_number=st.sampled_from([signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP]),
 )
 def test_a_killed_campaign_resumes_to_the_same_bytes(
-    many: Path, tmp_path_factory: pytest.TempPathFactory, moments: list[float], sent: signal.Signals
+    many: Path, tmp_path_factory: pytest.TempPathFactory, moments: list[float], signal_number: signal.Signals
 ) -> None:
     directory = tmp_path_factory.mktemp("killed")
     for name in ("s.toml", "c.toml"):
         shutil.copy(many / name, directory)
     expected = parts(many)
     for moment in moments:
-        result = run_in_child(directory, [*RUN, "--resume"], kill=(moment, sent))
+        result = run_in_child(directory, [*RUN, "--resume"], kill=(moment, signal_number))
         check(result, RUN, killed=True)
         finished = parts(directory)
         assert all(expected[name] == content for name, content in finished.items()), (
-            f"{sent.name} after {moment} s"
+            f"{signal_number.name} after {moment} s"
         )
     result = run_in_child(directory, [*RUN, "--resume"])
     assert result.code == 0, result.err

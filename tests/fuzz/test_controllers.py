@@ -249,14 +249,14 @@ PREPARE_STATEMENTS = [
 @fuzzed(
     12,
     factor=PROCESS_FUZZ_FACTOR,
-    place=st.sampled_from(["top", "bottom", "preparing", "declared"]),
+    position=st.sampled_from(["top", "bottom", "preparing", "declared"]),
     data=st.data(),
 )
 def test_a_faulty_definition_is_refused_or_changes_nothing(
     template: Path,
     tmp_path_factory: pytest.TempPathFactory,
     normal_record: Callable[[], np.ndarray],
-    place: str,
+    position: str,
     data: st.DataObject,
 ) -> None:
     lines = {
@@ -264,11 +264,11 @@ def test_a_faulty_definition_is_refused_or_changes_nothing(
         "bottom": MODULE_STATEMENTS,
         "preparing": PREPARE_STATEMENTS,
         "declared": DECLARATIONS,
-    }[place]
+    }[position]
     statement = data.draw(st.sampled_from(lines))
-    code, record = run_controller(template, tmp_path_factory.mktemp("odd"), source(**{place: statement}))
+    code, record = run_controller(template, tmp_path_factory.mktemp("odd"), source(**{position: statement}))
     if statement in STATEMENTS["same"]:
         assert code == 0, f"{statement} exits {code}"
         assert record.tobytes() == normal_record().tobytes(), statement
-    elif statement in STATEMENTS["ends"] and place != "preparing":
+    elif statement in STATEMENTS["ends"] and position != "preparing":
         assert code == 2, f"{statement} exits {code}"

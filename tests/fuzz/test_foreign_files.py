@@ -18,7 +18,7 @@ from tests.fuzz.oracle import PROCESS_FUZZ_FACTOR, check_command, fuzzed
 from tests.fuzz.strategies import changed, damaged, toml
 from tests.fuzz.test_documents import read
 from tests.loaders.fmu_files import fmu
-from tests.log.test_foreign import FORMS, OTHERS, again
+from tests.log.test_foreign import FORMS, OTHER_FILES, rewrite_log
 from tests.reference.test_foreign_tables import READ, REFUSED
 
 # The same text in other encodings and formats.
@@ -86,8 +86,8 @@ def written(template: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
 
     directory, files = tmp_path_factory.mktemp("written"), {}
     for form, options in FORMS.items():
-        files[form] = again(template / "x.mcap", directory / "f.mcap", **options).read_bytes()
-    for name, (write, options) in OTHERS.items():
+        files[form] = rewrite_log(template / "x.mcap", directory / "f.mcap", **options).read_bytes()
+    for name, (write, options) in OTHER_FILES.items():
         if "MiB" in name:
             continue
         out = io.BytesIO()
@@ -104,19 +104,24 @@ MCAP = [["info"], ["compare", "x.mcap"], ["log", "export"], ["log", "recover"], 
 
 @fuzzed(
     30,
-    form=st.sampled_from(sorted({*FORMS, *(f"theirs: {name}" for name in OTHERS if "MiB" not in name)})),
+    form=st.sampled_from(sorted({*FORMS, *(f"theirs: {name}" for name in OTHER_FILES if "MiB" not in name)})),
     line=st.sampled_from(MCAP[:4]),
-    whole=st.booleans(),
+    undamaged=st.booleans(),
     data=st.data(),
 )
 def test_damaged_logs_of_other_tools_are_read_or_refused(
-    template: Path, written: dict[str, bytes], form: str, line: list[str], whole: bool, data: st.DataObject
+    template: Path,
+    written: dict[str, bytes],
+    form: str,
+    line: list[str],
+    undamaged: bool,
+    data: st.DataObject,
 ) -> None:
     content = written[form]
     line = [*line, "f.mcap", *(["--out", "new.mcap"] if "recover" in line else [])]
-    content = content if whole else data.draw(damaged(content))
+    content = content if undamaged else data.draw(damaged(content))
     code, _ = check_command(template, line, files={"f.mcap": content})
-    assert not whole or code == (2 if form.startswith("theirs") else 0)
+    assert not undamaged or code == (2 if form.startswith("theirs") else 0)
 
 
 @pytest.fixture(scope="module")

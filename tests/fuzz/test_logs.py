@@ -15,7 +15,15 @@ from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
 from tests.fuzz.oracle import SEED, check_command, fuzzed
 from tests.fuzz.strategies import TEXTS, changed, damaged
-from tests.log.corruption import Parts, both, every_message, number, put, put_together, take_apart
+from tests.log.corruption import (
+    Parts,
+    change_number,
+    change_outcomes,
+    every_message,
+    put_together,
+    set_json,
+    take_apart,
+)
 
 READERS = ["info", "compare", "log export", "log recover"] * 5
 READERS += ["report"] * bool(SEED)  # a page takes seconds
@@ -110,7 +118,7 @@ def replace_number(parts: Parts, data: st.DataObject) -> None:
     topic = data.draw(st.sampled_from(["/mujoco/state", "/analytic/input", "/reference/load"]))
     nth = data.draw(st.integers(0, len(parts.messages(topic)) - 1))
     value = data.draw(st.sampled_from([np.nan, np.inf, -np.inf]))
-    number(topic, nth, data.draw(st.integers(0, 5)), lambda _: value)(parts)
+    change_number(topic, nth, data.draw(st.integers(0, 5)), lambda _: value)(parts)
 
 
 def move_sample(parts: Parts, data: st.DataObject) -> None:
@@ -126,14 +134,14 @@ def remove_sample(parts: Parts, data: st.DataObject) -> None:
     times = sample_times(parts)
     removed = data.draw(st.sampled_from(times))
     every_message(lambda m: None if m.log_time == removed else m)(parts)
-    both(samples=str(len(times) - 1))(parts)
+    change_outcomes(samples=str(len(times) - 1))(parts)
 
 
 def scale_times(parts: Parts, data: st.DataObject) -> None:
     """Scale the times of all samples, and the recorded end times."""
     top, bottom = data.draw(st.sampled_from([(1, 2), (2, 1), (1, 4), (3, 1), (1001, 1000)]))
     every_message(lambda m: replace(m, log_time=m.log_time * top // bottom))(parts)
-    both(end_ns=str(sample_times(parts)[-1]))(parts)
+    change_outcomes(end_ns=str(sample_times(parts)[-1]))(parts)
 
 
 def change_outcome(parts: Parts, data: st.DataObject) -> None:
@@ -151,7 +159,7 @@ def change_rate(parts: Parts, data: st.DataObject) -> None:
 def change_gain(parts: Parts, data: st.DataObject) -> None:
     gain = json.loads(parts.attachment("design.json").data)["gain"]
     gain[data.draw(st.integers(0, 3))] *= data.draw(st.floats(-2.0, 0.99))
-    put("design.json", gain=gain)(parts)
+    set_json("design.json", gain=gain)(parts)
 
 
 CONTRADICTIONS = [replace_number, move_sample, remove_sample, scale_times]

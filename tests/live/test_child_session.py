@@ -1,4 +1,4 @@
-"""A session with a law from outside: as any other, and what remains when the law ends it."""
+"""A session with a controller from a file runs in a child process, and survives its failure."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,36 +22,42 @@ PLANTS = ("analytic", "mujoco")
 
 
 @pytest.fixture(autouse=True)
-def forgotten() -> Iterator[None]:
+def _close_controllers() -> Iterator[None]:
     yield
     close_controllers()
 
 
-def test_it_goes_as_a_session_does(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_session_in_a_child_process_equals_one_in_this_process(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "law.py").write_text(LAW)
     design = controller_design(open_controller(f"{tmp_path}/law.py:damper"), SCENARIO)
-    here = Session(SCENARIO, design, plants=PLANTS)
-    there = ChildSession(SCENARIO, design, plants=PLANTS)
-    for session in (here, there):
-        session.prepare()
+    session = Session(SCENARIO, design, plants=PLANTS)
+    child = ChildSession(SCENARIO, design, plants=PLANTS)
+    for either in (session, child):
+        either.prepare()
     for act in (
         lambda session: session.pulse((0.5, 0.0), 0.1),
         lambda session: session.use(controller_design("lqr", SCENARIO)),
         lambda session: session.use(design),
         lambda session: session.reset(),
     ):
-        for session in (here, there):
-            act(session)
+        for either in (session, child):
+            act(either)
         for samples in (20, 0, 30):
-            for run, other in zip(here.advance(samples), there.advance(samples), strict=True):
+            for run, other in zip(session.advance(samples), child.advance(samples), strict=True):
                 assert run.plant == other.plant
                 assert run.design.name == other.design.name
                 assert np.array_equal(run.time_ns, other.time_ns)
                 assert np.array_equal(run.table, other.table)
-        assert (here.now_ns, here.origin_ns, here.moving) == (there.now_ns, there.origin_ns, there.moving)
-    assert there._child is not None
-    there._child.connection.close()  # as where the parent has ended
-    process = there._child._process
+        assert (session.now_ns, session.origin_ns, session.moving) == (
+            child.now_ns,
+            child.origin_ns,
+            child.moving,
+        )
+    assert child._child is not None
+    child._child.connection.close()  # as if the parent had ended
+    process = child._child._process
     assert process is not None
     process.join(HANG)
     assert process.exitcode == 0
@@ -59,16 +65,16 @@ def test_it_goes_as_a_session_does(tmp_path: Path, capfd: pytest.CaptureFixture[
 
 
 @pytest.mark.parametrize(
-    ("broken", "said"),
+    ("fault", "message"),
     [
         ("if (m[3] > 600.0) *(volatile int *)0 = 1;", "ended its process with SIGSEGV"),
         ("while (m[3] > 600.0) u[0] = 0.5 * (u[0] + m[3]);", "took more than 1 s for a block"),
     ],
 )
-def test_a_law_that_fails_stops_the_plants_until_the_next_start(
-    broken: str, said: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+def test_a_failing_controller_stops_the_plants_until_the_next_reset(
+    fault: str, message: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    design = controller_design(open_controller(str(built(tmp_path, broken=broken))), SCENARIO)
+    design = controller_design(open_controller(str(built(tmp_path, broken=fault))), SCENARIO)
     session = ChildSession(SCENARIO, design, plants=PLANTS)
     session.prepare()
     assert all(len(run.time_ns) == 550 for run in session.advance(550))
@@ -79,29 +85,29 @@ def test_a_law_that_fails_stops_the_plants_until_the_next_start(
             assert len(run.time_ns) == 0
             assert run.end_ns == session.now_ns == 550 * SCENARIO.period_ns
     assert not session.moving
-    assert capfd.readouterr().err.count(said) == 1
+    assert capfd.readouterr().err.count(message) == 1
     session._patience = HANG
     session.reset()
     assert session.moving
-    again = session.advance(10)
-    assert [run.time_ns[0] for run in again] == [550 * SCENARIO.period_ns] * 2
+    runs = session.advance(10)
+    assert [run.time_ns[0] for run in runs] == [550 * SCENARIO.period_ns] * 2
     assert session.origin_ns == 550 * SCENARIO.period_ns
 
 
-def test_it_is_driven_as_a_session_is() -> None:
+def test_a_session_in_a_child_process_is_driven_by_hand_in_the_same_way() -> None:
     scenario = load_scenario("fixed-position", overrides=["disturbances=[]"])
     design = controller_design("lqr", scenario)
-    here = Session(scenario, design, plants=PLANTS)
-    there = ChildSession(scenario, design, plants=PLANTS)
+    session = Session(scenario, design, plants=PLANTS)
+    child = ChildSession(scenario, design, plants=PLANTS)
     for act in (
         lambda session: session.steer(HandRequest(False, 0.3, 0.0, -0.1)),
         lambda session: session.steer(HandRequest(True, 0.5, 0.5, -0.5)),
         lambda session: session.reset(),
     ):
-        assert here.driven() == there.driven()
-        for session in (here, there):
-            act(session)
-        for run, other in zip(here.advance(300), there.advance(300), strict=True):
+        assert session.driven() == child.driven()
+        for either in (session, child):
+            act(either)
+        for run, other in zip(session.advance(300), child.advance(300), strict=True):
             assert np.array_equal(run.reference, other.reference)
             assert np.array_equal(run.table, other.table)
     with pytest.raises(InputError, match="moves the load until"):

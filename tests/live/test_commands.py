@@ -1,4 +1,4 @@
-"""What may be changed in a session, and what is refused."""
+"""Commands to a live session: parameters, pulses, velocity commands, and refused values."""
 
 import json
 import time
@@ -28,7 +28,7 @@ def controls(scenario: Scenario) -> Controls:
     return Controls(scenario, design_controller("lqr", scenario.design))
 
 
-def test_what_there_is(controls: Controls, scenario: Scenario) -> None:
+def test_parameters_have_their_initial_values(controls: Controls, scenario: Scenario) -> None:
     values = controls.values()
     assert list(values) == NAMES
     assert [values[name] for name in NAMES[3:7]] == design_controller("lqr", scenario.design).gain.tolist()
@@ -36,16 +36,16 @@ def test_what_there_is(controls: Controls, scenario: Scenario) -> None:
     assert controls.commands() == []
 
 
-def test_pause_and_speed(controls: Controls) -> None:
+def test_pause_and_speed_can_be_set(controls: Controls) -> None:
     controls.set({"pause": True, "speed": 2})
     assert controls.paused
     assert controls.speed == 2.0
     assert [type(command) for command in controls.commands()] == [Say, Say]
     controls.set({"pause": True})
-    assert controls.commands() == [], "nothing has changed"
+    assert controls.commands() == [], "an unchanged value gives a command"
 
 
-def test_pulse_and_reset(controls: Controls) -> None:
+def test_pulse_and_reset_are_commands(controls: Controls) -> None:
     controls.set({"pulse_beta": -1.5})
     controls.pulse()
     controls.reset()
@@ -54,8 +54,8 @@ def test_pulse_and_reset(controls: Controls) -> None:
     assert reset == Reset()
 
 
-def test_a_pulse_swings_other_cranes_as_far() -> None:
-    """By the angular speed that it leaves, over the pendulum's frequency."""
+def test_a_pulse_causes_the_same_swing_on_cranes_of_any_size() -> None:
+    """The swing is the angular speed after the pulse over the frequency of the pendulum."""
     swings = []
     for name in ("fixed-position", "ship-to-shore"):
         scenario = load_scenario(name)
@@ -67,7 +67,7 @@ def test_a_pulse_swings_other_cranes_as_far() -> None:
     assert swings[1] == pytest.approx(swings[0], rel=0.01)
 
 
-def test_another_controller_brings_its_gains(controls: Controls, scenario: Scenario) -> None:
+def test_another_controller_has_its_own_gains(controls: Controls, scenario: Scenario) -> None:
     controls.set({"controller": "pole-placement+hinf"})
     (command,) = controls.commands()
     design = design_controller("pole-placement+hinf", scenario.design)
@@ -76,8 +76,8 @@ def test_another_controller_brings_its_gains(controls: Controls, scenario: Scena
     assert [controls.values()[name] for name in NAMES[3:7]] == design.gain.tolist()
 
 
-def test_gains_that_come_together_are_one_change(controls: Controls) -> None:
-    """One after the other, the first of them alone would be unstable."""
+def test_gains_that_are_set_together_are_one_change(controls: Controls) -> None:
+    """If they were set one after the other, the first gain alone would make the loop unstable."""
     gain = np.poly([-6.0] * 4)[:0:-1].tolist()
     before = controls.values()
     controls.set({"k0": gain[0]})
@@ -93,7 +93,7 @@ def test_gains_that_come_together_are_one_change(controls: Controls) -> None:
     assert controls.values()["controller"] == "lqr"
 
 
-def test_gains_come_with_their_controller(controls: Controls) -> None:
+def test_gains_and_controller_can_be_set_together(controls: Controls) -> None:
     controls.set({"controller": "pole-placement", "k3": 11.0})
     (command,) = controls.commands()
     assert isinstance(command, Use)
@@ -101,7 +101,7 @@ def test_gains_come_with_their_controller(controls: Controls) -> None:
     assert command.design.gain.tolist() == pytest.approx([39.0625, 62.5, 37.5, 11.0])
 
 
-def test_another_law_brings_its_parameters(controls: Controls) -> None:
+def test_another_controller_has_its_own_parameters(controls: Controls) -> None:
     controls.set({"controller": "pid", "pid.proportional": 3, "pid.shaper": "zvd"})
     (command,) = controls.commands()
     assert isinstance(command, Use)
@@ -121,7 +121,7 @@ def test_another_law_brings_its_parameters(controls: Controls) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"controller": "lqrr"}, "unknown controller 'lqrr'; allowed: pole-placement,"),
         ({"controller": 3.0}, "unknown controller '3.0'"),
@@ -144,7 +144,7 @@ def test_another_law_brings_its_parameters(controls: Controls) -> None:
     ],
 )
 def test_wrong_values_are_refused_and_change_nothing(
-    controls: Controls, changes: dict[str, object], said: str
+    controls: Controls, changes: dict[str, object], message: str
 ) -> None:
     before = controls.values()
     controls.set(changes)
@@ -152,32 +152,31 @@ def test_wrong_values_are_refused_and_change_nothing(
     assert isinstance(refusal, Say)
     assert refusal.warning
     assert "refused" in refusal.message
-    assert said in refusal.message
+    assert message in refusal.message
     assert controls.values() == before
 
 
-def test_a_long_name_takes_no_time_and_little_room(controls: Controls) -> None:
-    """Names are compared with those that exist, in a time that goes with their square."""
+def test_long_names_and_values_are_refused_quickly(controls: Controls) -> None:
+    """The search for similar names takes a time that grows with the square of their length."""
     start = time.process_time()
     controls.set({"controller": "lqr+" * 250_000})
     controls.set({"x" * 1_000_000: 1.0})
     controls.set({"speed": "7" * 1_000_000})
     assert within(time.process_time() - start, 1.0)
-    said = controls.commands()
-    assert [said.warning for said in said if isinstance(said, Say)] == [True, True, True]
-    assert all(len(said.message) < 10_000 for said in said if isinstance(said, Say))
+    refusals = [command for command in controls.commands() if isinstance(command, Say)]
+    assert [refusal.warning for refusal in refusals] == [True, True, True]
+    assert all(len(refusal.message) < 10_000 for refusal in refusals)
 
 
-def test_a_crowd_of_changes_is_refused_as_one(controls: Controls) -> None:
+def test_too_many_changes_at_once_are_refused(controls: Controls) -> None:
     before = controls.values()
     controls.set({"speed": 2.0, **{f"x{k}": 1.0 for k in range(100)}})
     assert controls.values() == before
-    (said,) = controls.commands()
-    assert isinstance(said, Say)
-    assert said == Say("101 parameters at once refused; allowed: 100", warning=True)
+    (refusal,) = controls.commands()
+    assert refusal == Say("101 parameters at once refused; allowed: 100", warning=True)
 
 
-def test_a_wrong_value_does_not_spoil_the_others(controls: Controls) -> None:
+def test_a_wrong_value_does_not_affect_other_values(controls: Controls) -> None:
     controls.set({"speed": -1.0, "pause": True, "k0": 31.0})
     assert controls.paused
     assert controls.speed == 1.0
@@ -188,31 +187,31 @@ def twist(x: object, y: object = 0.0, z: object = 0.0) -> bytes:
     return json.dumps({"linear": {"x": x, "y": y, "z": z}, "angular": {"x": 9.0}}).encode()
 
 
-def test_a_wish_counts_until_the_next_or_until_none_comes(controls: Controls) -> None:
+def test_a_velocity_command_is_valid_until_the_next_or_a_timeout(controls: Controls) -> None:
     now = 100.0
     limits, wishes = controls.hand_limits, Wishes(clock=lambda: now)
     assert wishes.taken() == []
     wishes.hear(twist(0.3, -0.1), limits)
     wishes.hear(twist(0.4, -0.1), limits)
-    assert wishes.taken() == [HandRequest(False, 0.4, -0.1, 0.0)], "the newest of all since the last look"
+    assert wishes.taken() == [HandRequest(False, 0.4, -0.1, 0.0)], "only the newest command counts"
     now += 0.9 * LOST
     wishes.hear(twist(0.4, -0.1), limits)
     now += 0.9 * LOST
-    assert wishes.taken() == [], "it came again: nothing new"
+    assert wishes.taken() == [], "a repeated command is not new"
     now += 0.2 * LOST
     assert wishes.taken() == [RELEASED]
     assert wishes.taken() == []
     for _ in range(2):
         wishes.hear_point(b'{"x": 1, "y": 1, "z": -1}', limits)
-        assert wishes.taken() == [HandRequest(True, 1.0, 1.0, -1.0)], "also if it is where it went before"
+        assert wishes.taken() == [HandRequest(True, 1.0, 1.0, -1.0)], "a repeated target is a new command"
     now += 100.0
-    assert wishes.taken() == [], "a point needs no more messages"
+    assert wishes.taken() == [], "a target has no timeout"
     wishes.hear(twist(0.0), limits)
-    assert wishes.taken() == [RELEASED], "who holds a stick stops it"
+    assert wishes.taken() == [RELEASED], "a velocity command of zero ends the motion to the target"
 
 
 @pytest.mark.parametrize(
-    ("message", "said"),
+    ("message", "reason"),
     [
         (twist(0.48), "linear.x = 0.48; allowed: a number from -0.475 to 0.475"),
         (twist(0.0, z=-1e400), "linear.z = -inf"),
@@ -228,20 +227,22 @@ def test_a_wish_counts_until_the_next_or_until_none_comes(controls: Controls) ->
         (b"[" * 100_000, "the message nests"),
     ],
 )
-def test_what_is_no_wish_is_refused_once(controls: Controls, message: bytes, said: str) -> None:
+def test_an_invalid_velocity_command_is_reported_once(
+    controls: Controls, message: bytes, reason: str
+) -> None:
     for _ in range(100):
         controls.drive_by_hand(message)
     (refusal,) = controls.commands()
     assert isinstance(refusal, Say)
     assert refusal.warning
     assert "driving by hand refused: " in refusal.message
-    assert said in refusal.message
+    assert reason in refusal.message
     controls.drive_by_hand(twist(0.1))
     controls.drive_by_hand(message)
     assert [type(command) for command in controls.commands()] == [Say, HandRequest]
 
 
-def test_a_point_outside_is_refused(controls: Controls) -> None:
+def test_a_target_outside_the_limits_is_refused(controls: Controls) -> None:
     controls.go(b'{"x": 1.0, "y": 1.0, "z": -1.39}')
     (refusal,) = controls.commands()
     assert "z = -1.39; allowed: a number from -1.3404 to -0.1; choose another z" in refusal.message
@@ -250,12 +251,12 @@ def test_a_point_outside_is_refused(controls: Controls) -> None:
     assert "driving by hand refused" in refusal.message
 
 
-def test_while_driven_no_law_takes_over_that_must_look_ahead(controls: Controls) -> None:
+def test_a_controller_with_preview_cannot_take_over_while_driving_by_hand(controls: Controls) -> None:
     with known(replace(FOLLOWING, preview=1)) as name:
         controls.drive_by_hand(twist(0.1))
         assert controls.commands() == [HandRequest(False, 0.1, 0.0, 0.0)]
         controls.set({"controller": name})
-        refusal = controls.commands()[0]  # by now the wish may count no more, which is a command too
+        refusal = controls.commands()[0]  # the timeout of the velocity command may be a second one
         assert isinstance(refusal, Say)
         assert "must know beforehand where the load will be" in refusal.message
         assert controls.values()["controller"] == "lqr"

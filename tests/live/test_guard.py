@@ -1,4 +1,4 @@
-"""Who may connect to a live session: programs, and web pages of Foxglove, of this machine or allowed."""
+"""Only programs, and web pages of Foxglove, this machine or allowed origins, may connect to a session."""
 
 import contextlib
 import logging
@@ -27,7 +27,7 @@ def request(**headers: str) -> bytes:
         "vscode-webview://1a2b",
     ],
 )  # fmt: skip
-def test_who_may(origin: str) -> None:
+def test_allowed_origins_may_connect(origin: str) -> None:
     assert refusal(request(Host="127.0.0.1:8765", Origin=origin), "127.0.0.1", ["https://mine.example"]) == ""
 
 
@@ -41,18 +41,18 @@ def test_who_may(origin: str) -> None:
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
-def test_who_may_not(origin: str, host: str) -> None:
+def test_other_origins_are_refused(origin: str, host: str) -> None:
     reason = refusal(request(Host="127.0.0.1:8765", Origin=origin), host, ["https://mine.example"])
     assert f"--allow-origin {origin}" in reason
 
 
-def test_one_good_origin_does_not_hide_a_bad_one() -> None:
+def test_every_origin_header_must_be_allowed() -> None:
     head = b"GET / HTTP/1.1\r\nHost: localhost\r\nOrigin: file://\r\norigin: https://evil.example\r\n\r\n"
     assert "evil.example" in refusal(head, "127.0.0.1", [])
 
 
 @pytest.mark.parametrize(
-    ("called", "host", "refused"),
+    ("requested_host", "host", "refused"),
     [
         ("localhost:8765", "127.0.0.1", False),
         ("127.0.0.1", "localhost", False),
@@ -62,20 +62,20 @@ def test_one_good_origin_does_not_hide_a_bad_one() -> None:
         ("localhost.evil.example", "127.0.0.1", True),
         ("evil.example", "::1", True),
         ("", "127.0.0.1", True),
-        ("lab-pc:8765", "0.0.0.0", False),  # it has names that are not known here
+        ("lab-pc:8765", "0.0.0.0", False),  # this machine may have any name in its network
         ("lab-pc:8765", "192.168.1.20", False),
     ],
 )
-def test_names_that_lead_to_a_session_of_this_machine(called: str, host: str, refused: bool) -> None:
-    assert bool(refusal(request(Host=called), host, [])) == refused
+def test_only_local_names_lead_to_a_local_session(requested_host: str, host: str, refused: bool) -> None:
+    assert bool(refusal(request(Host=requested_host), host, [])) == refused
 
 
-def test_what_a_page_says_cannot_act_on_a_terminal() -> None:
+def test_a_refusal_contains_no_control_characters() -> None:
     assert "\x1b" not in refusal(request(Origin="https://a\x1b[2J" + "b" * 5000), "127.0.0.1", [])
     assert len(refusal(request(Origin="https://" + "b" * 5000), "127.0.0.1", [])) < 2000
 
 
-def test_origins_to_allow() -> None:
+def test_origins_are_normalised_or_refused() -> None:
     assert checked_origin("HTTPS://Mine.Example/") == "https://mine.example"
     assert checked_origin("http://10.0.0.7:8080") == "http://10.0.0.7:8080"
     for wrong in ("*", "mine.example", "https://*.example", "https://mine.example/page", "null", "file://"):
@@ -83,7 +83,7 @@ def test_origins_to_allow() -> None:
             checked_origin(wrong)
 
 
-def test_the_hidden_address_differs_each_time_and_can_be_had() -> None:
+def test_hidden_addresses_differ_and_can_be_bound() -> None:
     hosts = {hidden_host() for _ in range(10)}
     assert len(hosts) > 5
     for host in hosts:
@@ -91,71 +91,70 @@ def test_the_hidden_address_differs_each_time_and_can_be_had() -> None:
             probe.bind((host, 0))
 
 
-ASKED = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
+REQUEST = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
 
 
 @contextlib.contextmanager
-def guarded() -> Iterator[tuple[socket.socket, Guard]]:
-    """Listen as the server that hides behind a guard."""
+def guarded_server() -> Iterator[tuple[socket.socket, Guard]]:
+    """Listen as the server behind a guard."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(HANG)
-        behind = Guard(("127.0.0.1", 0), server.getsockname())
+        guard_of_server = Guard(("127.0.0.1", 0), server.getsockname())
         try:
-            yield server, behind
+            yield server, guard_of_server
         finally:
-            behind.stop()
+            guard_of_server.stop()
 
 
-def test_a_viewer_that_takes_nothing_is_disconnected(
+def test_a_viewer_that_does_not_read_is_disconnected(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """It neither reads nor goes; what it held is free again."""
+    """It does not close its connection either; its thread and its socket are released."""
     monkeypatch.setattr(guard, "STALLED", 1)
     before = threading.active_count()
-    with guarded() as (server, behind):
-        with socket.create_connection(("127.0.0.1", behind.port)) as viewer:
-            viewer.sendall(ASKED)
-            inside, _ = server.accept()
-            monkeypatch.setattr(guard, "REQUEST_TIMEOUT", 1.0)  # what was sent has come
-            inside.settimeout(HANG)
-            with inside, pytest.raises(ConnectionError):
-                inside.sendall(bytes(1 << 26))
+    with guarded_server() as (server, proxy):
+        with socket.create_connection(("127.0.0.1", proxy.port)) as viewer:
+            viewer.sendall(REQUEST)
+            connection, _ = server.accept()
+            monkeypatch.setattr(guard, "REQUEST_TIMEOUT", 1.0)  # the request has been received
+            connection.settimeout(HANG)
+            with connection, pytest.raises(ConnectionError):
+                connection.sendall(bytes(1 << 26))
             for thread in threading.enumerate():
                 if thread.name.endswith("(process_request_thread)"):
                     thread.join(HANG)
-        (said,) = [record.getMessage() for record in caplog.records]
-        assert said == "a viewer that took nothing for 1 s was disconnected"
+        (message,) = [record.getMessage() for record in caplog.records]
+        assert message == "a viewer that took nothing for 1 s was disconnected"
     assert threading.active_count() <= before + 1
 
 
-def test_more_viewers_than_there_is_room_for_are_turned_away(
+def test_excess_viewers_are_turned_away(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(guard, "VIEWERS", 2)
-    with guarded() as (server, behind), contextlib.ExitStack() as stack:
-        address = ("127.0.0.1", behind.port)
+    with guarded_server() as (server, proxy), contextlib.ExitStack() as stack:
+        address = ("127.0.0.1", proxy.port)
 
-        def come() -> socket.socket:
+        def connect_viewer() -> socket.socket:
             viewer = stack.enter_context(socket.create_connection(address, HANG))
-            viewer.sendall(ASKED)
+            viewer.sendall(REQUEST)
             return viewer
 
-        def meet() -> socket.socket:
+        def accept() -> socket.socket:
             return stack.enter_context(server.accept()[0])
 
-        one = come()
-        insides = [meet()]
-        come()
-        insides.append(meet())
-        assert come().recv(100).startswith(b"HTTP/1.1 503 ")
+        first_viewer = connect_viewer()
+        first_connection = accept()
+        connect_viewer()
+        accept()
+        assert connect_viewer().recv(100).startswith(b"HTTP/1.1 503 ")
         assert [record.levelno for record in caplog.records] == [logging.WARNING]
-        one.close()
-        for inside in insides[:1]:
-            inside.close()
-        while True:  # until the guard has noticed
+        first_viewer.close()
+        first_connection.close()
+        while True:  # until the guard has noticed that the first viewer has left
             viewer = stack.enter_context(socket.create_connection(address, HANG))
-            viewer.sendall(ASKED)
+            viewer.sendall(REQUEST)
             server.settimeout(0.2)
             with contextlib.suppress(TimeoutError):
-                meet()
+                accept()
                 break

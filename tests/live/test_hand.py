@@ -1,4 +1,4 @@
-"""Sessions that are driven by hand: from when on, until when, and that runs repeat them to the bit."""
+"""Sessions that are driven by hand: when driving may begin, when it ends, and that runs repeat it exactly."""
 
 from dataclasses import replace
 
@@ -17,28 +17,28 @@ from cranectl.support.documents import MAX_DOCUMENT_BYTES, toml_text
 from cranectl.support.errors import InputError
 from tests.controllers.laws import FOLLOWING, known
 
-STILL = ("disturbances=[{joint='beta', start=0.3, end=0.5, magnitude=1.0}]", "duration=2.0")
+SHORT = ("disturbances=[{joint='beta', start=0.3, end=0.5, magnitude=1.0}]", "duration=2.0")
 PLANTS = ("analytic", "mujoco")
 MOVE = "reference.segments=[{kind='line', to=[0.8, 0.6, -0.6], duration=1.5}, {kind='hold', duration=0.3}]"
 
 
 def session(*overrides: str, controller: str = "lqr", **options: object) -> Session:
-    scenario = load_scenario("fixed-position", overrides=[*STILL, *overrides])
+    scenario = load_scenario("fixed-position", overrides=[*SHORT, *overrides])
     return Session(scenario, controller_design(controller, scenario), plants=PLANTS, **options)
 
 
 def drive(running: Session, block: int) -> list[list[Run]]:
-    """A few seconds of wishes and goals, taken between blocks."""
+    """Drive a session for a few seconds by velocity commands and targets, which act between blocks."""
     runs = []
-    asked = (
+    commands = (
         (340, lambda: running.steer(HandRequest(False, 0.3, -0.2, 0.1))),
         (900, lambda: running.steer(HandRequest(False, -0.45, 0.2, 0.0))),
         (120, lambda: running.steer(HandRequest(True, 0.5, 0.5, -1.0))),
         (600, lambda: running.steer(HandRequest(False, 0.0, 0.0, 0.0))),
         (300, lambda: running.steer(HandRequest(True, 1.5, 1.1, -0.4))),
     )
-    for samples, ask in asked:
-        ask()
+    for samples, send in commands:
+        send()
         running.pulse((0.0, 0.5), 0.2)
         runs += [running.advance(block) for _ in range(samples // block)]
     return runs
@@ -56,9 +56,9 @@ def drive(running: Session, block: int) -> list[list[Run]]:
             "lqr",
         ),
     ],
-    ids=["from the start", "after a move", "a law by its address", "noise and gusts go on"],
+    ids=["from the start", "after a move", "a controller called by its address", "with noise and gusts"],
 )
-def test_what_was_driven_is_repeated_to_the_bit(
+def test_a_session_driven_by_hand_is_repeated_bit_for_bit(
     overrides: tuple[str, ...], drive_kind: str, controller: str
 ) -> None:
     running = session(*overrides, controller=controller, drive=drive_kind)
@@ -68,23 +68,23 @@ def test_what_was_driven_is_repeated_to_the_bit(
     assert scenario is not None
     assert scenario.controller.name == controller
     for k, plant in enumerate(PLANTS):
-        again = simulate_run(scenario, plant=plant, drive=drive_kind)
+        repeated = simulate_run(scenario, plant=plant, drive=drive_kind)
         table, reference = (
-            np.vstack([getattr(each[k], name) for each in runs]) for name in ("table", "reference")
+            np.vstack([getattr(block[k], name) for block in runs]) for name in ("table", "reference")
         )
-        assert np.array_equal(again.reference[: len(reference)], reference)
-        assert np.array_equal(again.table[: len(table)], table)
-        assert again.status == RunStatus.COMPLETED
-        assert np.ptp(reference[:, :3], axis=0).min() > 0.02, "it was driven along all axes"
-        assert np.array_equal(again.reference[-1, 3:], np.zeros(12)), "and comes to rest, released"
+        assert np.array_equal(repeated.reference[: len(reference)], reference)
+        assert np.array_equal(repeated.table[: len(table)], table)
+        assert repeated.status == RunStatus.COMPLETED
+        assert np.ptp(reference[:, :3], axis=0).min() > 0.02, "the load was not driven along all axes"
+        assert np.array_equal(repeated.reference[-1, 3:], np.zeros(12)), "the load does not come to rest"
 
 
-def test_blocks_make_no_difference() -> None:
+def test_the_block_size_makes_no_difference() -> None:
     a, b = (np.vstack([runs[0].reference for runs in drive(session(), block)]) for block in (1, 20))
     assert np.array_equal(a, b)
 
 
-def test_the_hand_takes_over_where_the_reference_is_at_rest_for_good() -> None:
+def test_driving_by_hand_begins_only_after_the_reference_has_ended() -> None:
     running = session(MOVE)
     running.advance(1499)
     with pytest.raises(InputError, match=r"moves the load until 1.5 s") as caught:
@@ -93,14 +93,14 @@ def test_the_hand_takes_over_where_the_reference_is_at_rest_for_good() -> None:
     assert running.driven() is None
     running.advance(1)
     running.steer(HandRequest(False, 0.0, 0.0, 0.0))
-    assert running.driven() is None, "who wishes nothing does not drive"
+    assert running.driven() is None, "a velocity command of zero does not begin driving"
     running.steer(HandRequest(False, 0.1, 0.0, 0.0))
     (run, _) = running.advance(1)
     assert run.reference[0, :3] == pytest.approx([0.8, 0.6, -0.6], abs=0.0)
-    assert [each.kind for each in running.driven().reference.segments] == ["line", "driven"]
+    assert [segment.kind for segment in running.driven().reference.segments] == ["line", "driven"]
 
 
-def test_a_reset_takes_the_hand_off() -> None:
+def test_a_reset_ends_driving_by_hand() -> None:
     running = session(MOVE)
     running.advance(1600)
     running.steer(HandRequest(False, 0.4, 0.0, 0.0))
@@ -111,7 +111,7 @@ def test_a_reset_takes_the_hand_off() -> None:
     assert np.array_equal(runs[0].reference, running.plan.reference[:501])
 
 
-def test_another_controller_goes_on_where_the_hand_has_led() -> None:
+def test_another_controller_continues_from_the_driven_position() -> None:
     running = session("disturbances=[]")
     running.steer(HandRequest(False, 0.4, 0.0, 0.0))
     running.advance(800)
@@ -122,7 +122,7 @@ def test_another_controller_goes_on_where_the_hand_has_led() -> None:
 
 
 @pytest.mark.parametrize("declared", [{"preview": 1}, {"follows": "set-point"}])
-def test_laws_that_must_know_where_it_will_be_cannot_be_driven(declared: dict) -> None:
+def test_controllers_with_preview_cannot_be_driven_by_hand(declared: dict) -> None:
     with known(replace(FOLLOWING, **declared)) as name:
         with pytest.raises(InputError, match="must know beforehand where the load will be"):
             session(controller=name).steer(HandRequest(False, 0.1, 0.0, 0.0))
@@ -133,20 +133,20 @@ def test_laws_that_must_know_where_it_will_be_cannot_be_driven(declared: dict) -
         assert running.design.name == "lqr"
 
 
-def test_a_load_that_rests_at_the_edge_cannot_be_driven() -> None:
+def test_a_load_outside_the_limits_cannot_be_driven_by_hand() -> None:
     with pytest.raises(InputError, match=r"rests at \(1, 0.77, -1.39\) m, outside") as caught:
         session("reference.start=[1.0, 0.77, -1.39]").steer(HandRequest(False, 0.1, 0.0, 0.0))
     assert "(0.05, 0.05, -1.34) to (1.95, 1.49, -0.1) m" in caught.value.allowed
 
 
-def test_the_hand_lets_go_before_the_longest_run_ends() -> None:
-    """What is left, 10.743 s, is for the load to come to rest, so that a run can repeat all of it."""
+def test_driving_by_hand_ends_before_the_longest_run_does() -> None:
+    """The remaining 10.743 s let the load come to rest, so that a run can repeat the whole drive."""
     scenario = load_scenario("fixed-position", overrides=["reference.segments=[]", "control.period=0.01"])
     hand = Hand(scenario, 0)
     hand.ask(58_000, HandRequest(False, 0.1, 0.0, 0.0))
     rows = hand.rows(np.arange(58_000, 60_000))
     assert rows[0, 0] < rows[800, 0] < rows[-1, 0]
-    assert np.abs(rows[-1, 3:]).max() < 1e-12, "at rest"
+    assert np.abs(rows[-1, 3:]).max() < 1e-12, "the reference is not at rest"
     with pytest.raises(InputError, match="no run could repeat any more"):
         hand.ask(58_930, HandRequest(False, 0.1, 0.0, 0.0))
     driven = hand.scenario(60_001, "lqr")
@@ -156,7 +156,7 @@ def test_the_hand_lets_go_before_the_longest_run_ends() -> None:
         Hand(scenario, 58_930)
 
 
-def test_too_many_wishes_end_the_drive_at_rest() -> None:
+def test_too_many_commands_end_driving_by_hand_at_rest() -> None:
     hand = Hand(load_scenario("fixed-position", overrides=["reference.segments=[]"]), 0)
     for sample in range(MOST_CHANGES - 2):
         hand.ask(sample, HandRequest(False, 0.1 + 1e-5 * (sample % 1000), -0.12345, 0.12345))

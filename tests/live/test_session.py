@@ -1,4 +1,4 @@
-"""Sessions: the numbers of a run bit for bit, changes between blocks, new starts."""
+"""Sessions give the signals of a run bit for bit, and take changes and resets between blocks."""
 
 import numpy as np
 import pytest
@@ -19,8 +19,8 @@ def session(scenario: Scenario, controller: str = "lqr", **options: object) -> S
     return Session(scenario, controller_design(controller, scenario), **options)
 
 
-def advanced(running: Session, samples: int, block: int = 20) -> dict[str, np.ndarray]:
-    """All rows of the next `samples` samples, by plant."""
+def advance(running: Session, samples: int, block: int = 20) -> dict[str, np.ndarray]:
+    """Advance a session by `samples` samples; return their rows by plant."""
     increments: dict[str, list[Run]] = {}
     while samples > 0:
         for run in running.advance(min(block, samples)):
@@ -32,12 +32,12 @@ def advanced(running: Session, samples: int, block: int = 20) -> dict[str, np.nd
 @pytest.mark.parametrize("block", [1, 7])
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("controller", ["pole-placement", "lqr+hinf", "pid", "lqr-integral"])
-def test_left_alone_it_gives_the_numbers_of_a_run(
+def test_a_session_without_commands_gives_the_signals_of_a_run(
     short: Scenario, controller: str, drive: str, block: int
 ) -> None:
     prepared = session(short, controller, drive=drive)
     prepared.prepare()
-    tables = advanced(prepared, 501, block)
+    tables = advance(prepared, 501, block)
     assert list(tables) == list(PLANTS)
     for plant, table in tables.items():
         run = simulate_run(short, plant=plant, drive=drive, controller=controller)
@@ -45,7 +45,7 @@ def test_left_alone_it_gives_the_numbers_of_a_run(
         assert np.array_equal(table, run.table)
 
 
-def test_the_last_point_is_held_and_the_last_disturbances_act_on(short: Scenario) -> None:
+def test_the_last_reference_and_disturbances_are_held(short: Scenario) -> None:
     running = session(short, plants=["analytic"])
     running.advance(501)
     (run,) = running.advance(300)
@@ -56,25 +56,25 @@ def test_the_last_point_is_held_and_the_last_disturbances_act_on(short: Scenario
 
 
 @pytest.mark.parametrize("controller", ALL_CONTROLLERS)
-def test_another_tracker_of_the_same_gains_changes_no_bit(short: Scenario, controller: str) -> None:
-    """So nothing is lost on the way: ζ, its rate, set-points, robustifier."""
+def test_a_new_controller_with_the_same_gains_changes_no_bit(short: Scenario, controller: str) -> None:
+    """The session therefore keeps all states: the extension ζ, its rate, set-points and robustifier."""
     running = session(short, controller)
-    first = advanced(running, 300)
+    first = advance(running, 300)
     running.use(with_gain(running.design, running.design.gain))
-    second = advanced(running, 201)
+    second = advance(running, 201)
     for plant in PLANTS:
-        whole = simulate_run(short, plant=plant, controller=controller).table
-        assert np.array_equal(np.vstack([first[plant], second[plant]]), whole)
+        expected = simulate_run(short, plant=plant, controller=controller).table
+        assert np.array_equal(np.vstack([first[plant], second[plant]]), expected)
 
 
-def test_another_robustifier_starts_at_rest_and_the_extension_carries_over(short: Scenario) -> None:
+def test_another_robustifier_starts_at_rest_and_the_extension_is_kept(short: Scenario) -> None:
     running = session(short, "lqr+hinf")
-    advanced(running, 300)
+    advance(running, 300)
     runs = [state.run for state in running._states]
-    held = [np.concatenate([run.memory[:2], run.inputs.actuation.velocity]) for run in runs]
+    memories = [np.concatenate([run.memory[:2], run.inputs.actuation.velocity]) for run in runs]
     design = design_controller("pole-placement+loop-shaping", short.design)
     running.use(design)
-    for run, memory in zip(running.advance(1), held, strict=True):
+    for run, memory in zip(running.advance(1), memories, strict=True):
         controller = run.block("controller")
         assert controller.shape == (1, 2 + 3 * design.robustifier.sampled_order)
         assert controller[0, :2].tolist() == memory[:2].tolist()
@@ -84,8 +84,8 @@ def test_another_robustifier_starts_at_rest_and_the_extension_carries_over(short
         assert setpoints == pytest.approx(memory[2:5], abs=1e-15)
 
 
-def test_from_one_kind_of_law_to_another_the_drives_do_not_jump(short: Scenario) -> None:
-    """Set-points carry over, the path goes on where it is, and what is recorded is the new law's."""
+def test_set_points_do_not_jump_when_the_kind_of_controller_changes(short: Scenario) -> None:
+    """Set-points are kept, the reference continues, and the new controller's signals are recorded."""
     running = session(short, "lqr", plants=["mujoco"], drive="velocity")
     for controller in ("lqr-integral", "pid", "lqr", "lqr-integral"):
         (before,) = running.advance(120)
@@ -93,7 +93,7 @@ def test_from_one_kind_of_law_to_another_the_drives_do_not_jump(short: Scenario)
         (after,) = running.advance(1)
         assert after.groups == running.advance(0)[0].groups
         assert after.status == RunStatus.RUNNING
-        if controller != "pid":  # which commands velocities itself
+        if controller != "pid":  # pid commands velocities itself
             old, new = before.block("input")[-1], after.block("input")[0]
             lead = short.rig.time_constants
             without = old[3:] if before.design.name == "pid" else old[3:] - lead * old[:3] + 1e-3 * old[:3]
@@ -101,7 +101,7 @@ def test_from_one_kind_of_law_to_another_the_drives_do_not_jump(short: Scenario)
         assert np.array_equal(after.reference[0], running.plan.reference[min(running._samples - 1, 500)])
 
 
-def test_a_law_with_an_extension_of_its_own_begins_it_where_the_path_is() -> None:
+def test_an_extension_of_a_controller_starts_on_the_reference() -> None:
     running = session(load_scenario("fast-diagonal"), "lqr", plants=["analytic"])
     running.advance(700)
     running.use(controller_design("flat-velocity", running.scenario))
@@ -111,26 +111,26 @@ def test_a_law_with_an_extension_of_its_own_begins_it_where_the_path_is() -> Non
 
 
 def test_gains_change_the_motion(short: Scenario) -> None:
-    running, alone = session(short), session(short)
-    for one in (running, alone):
-        advanced(one, 300)
+    running, unchanged = session(short), session(short)
+    for either in (running, unchanged):
+        advance(either, 300)
     running.use(with_gain(running.design, running.design.gain * 1.1))
-    assert np.abs(running.advance(200)[1].table - alone.advance(200)[1].table).max() > 1e-3
+    assert np.abs(running.advance(200)[1].table - unchanged.advance(200)[1].table).max() > 1e-3
 
 
-def test_unstable_gains_are_refused_and_change_nothing(short: Scenario) -> None:
-    running, alone = session(short), session(short)
+def test_unstable_gains_are_refused(short: Scenario) -> None:
+    running, unchanged = session(short), session(short)
     with pytest.raises(InputError, match="unstable"):
         with_gain(running.design, np.array([40.0, 60.0, 38.0, -10.0]))
     # Stable in continuous time, but not at 1 ms.
     fast = with_gain(running.design, np.poly([-2500.0] * 4)[:0:-1])
     with pytest.raises(InputError, match="unstable when sampled"):
         running.use(fast)
-    assert running.design is alone.design
-    assert np.array_equal(running.advance(100)[0].table, alone.advance(100)[0].table)
+    assert running.design is unchanged.design
+    assert np.array_equal(running.advance(100)[0].table, unchanged.advance(100)[0].table)
 
 
-def test_with_gain_has_its_own_poles(short: Scenario) -> None:
+def test_with_gain_computes_the_new_poles(short: Scenario) -> None:
     design = with_gain(design_controller("lqr", short.design), np.poly([-2.0, -3.0, -4.0, -5.0])[:0:-1])
     assert design.closed_loop_poles.real == pytest.approx([-5.0, -4.0, -3.0, -2.0], rel=1e-6)
     assert design.name == "lqr, gains by hand"
@@ -139,7 +139,7 @@ def test_with_gain_has_its_own_poles(short: Scenario) -> None:
 
 @pytest.mark.parametrize(("pulse", "column"), [((2.0, 0.0), 6), ((0.0, -3.0), 8)])
 @pytest.mark.parametrize("plant", PLANTS)
-def test_a_pulse_pushes_for_its_time_only(plant: str, pulse: tuple[float, float], column: int) -> None:
+def test_a_pulse_acts_only_for_its_duration(plant: str, pulse: tuple[float, float], column: int) -> None:
     quiet = load_scenario("fixed-position", overrides=["disturbances=[]"])
     running = session(quiet, plants=[plant])
     running.advance(50)
@@ -152,18 +152,18 @@ def test_a_pulse_pushes_for_its_time_only(plant: str, pulse: tuple[float, float]
     assert abs(run.block("state")[200, column]) > 0.01
 
 
-def test_a_pulse_adds_to_the_scenario(short: Scenario) -> None:
+def test_a_pulse_adds_to_the_disturbances_of_the_scenario(short: Scenario) -> None:
     running = session(short, plants=["analytic"])
     running.advance(150)
     running.pulse((1.0, 0.5), 0.01)
     (run,) = running.advance(20)
     assert run.block("disturbance")[[0, 9, 10]].tolist() == [[2.0, 0.5], [2.0, 0.5], [1.0, 0.0]]
-    assert running.plan.disturbance[150].tolist() == [1.0, 0.0], "the plan itself stays"
+    assert running.plan.disturbance[150].tolist() == [1.0, 0.0], "the pulse has changed the plan"
 
 
-def test_reset_starts_again_and_time_goes_on(short: Scenario) -> None:
+def test_a_reset_restarts_the_run_and_time_continues(short: Scenario) -> None:
     running = session(short)
-    first = advanced(running, 333)
+    first = advance(running, 333)
     running.pulse((5.0, 5.0), 1.0)
     running.reset()
     assert (running.origin_ns, running.now_ns) == (333_000_000, 333_000_000)

@@ -1,4 +1,4 @@
-"""Fixture for a log that many tests read, cut, corrupt or send: 0.3 s on both plants, in several chunks."""
+"""A log that many tests read, cut, corrupt or send: 0.3 s of both plants in several chunks."""
 
 from pathlib import Path
 

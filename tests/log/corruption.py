@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import lz4.frame
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
@@ -28,11 +27,6 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 SIGNAL = "mujoco/state.alpha"
 MAGIC = b"\x89MCAP0\r\n"
-COMPRESS: dict[str, Callable[[bytes], bytes]] = {
-    "zstd": zstandard.compress,
-    "lz4": lz4.frame.compress,
-    "": bytes,
-}
 Edit = Callable[[McapRecord], Iterable[McapRecord]]  # replaces a record outside chunks
 Change = Callable[["Parts"], None]
 
@@ -79,34 +73,29 @@ def take_apart(path: Path) -> Parts:
     return parts
 
 
-def put_together(
-    parts: Parts, edit: Edit = lambda record: [record], *, compression: str = "zstd", crcs: bool = True
-) -> bytes:
+def put_together(parts: Parts, edit: Edit = lambda record: [record]) -> bytes:
     """Return a file of these parts, without indexes; `edit` may change records outside chunks."""
     data = bytearray(MAGIC)
 
     def add(record: McapRecord) -> None:
         for edited in edit(record):
-            data.extend(written(edited))
-
-    def crc(content: bytes) -> int:
-        return zlib.crc32(content) if crcs else 0
+            data.extend(serialise(edited))
 
     for record in (Header("", "tests"), *parts.metadata, *parts.attachments):
         add(record)
     for chunk in parts.chunks:
-        content = b"".join(map(written, chunk))
-        add(Chunk(compression, COMPRESS[compression](content), 0, 0, crc(content), len(content)))
-    add(DataEnd(crc(data)))
+        content = b"".join(map(serialise, chunk))
+        add(Chunk("zstd", zstandard.compress(content), 0, 0, zlib.crc32(content), len(content)))
+    add(DataEnd(zlib.crc32(data)))
     start = len(data)
     messages = sum(isinstance(record, Message) for chunk in parts.chunks for record in chunk)
     add(Statistics(0, 0, {}, 0, messages, 0, 0, 0, 0))
     head = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, 0)
-    add(Footer(start, 0, crc(data[start:] + head)))
+    add(Footer(start, 0, zlib.crc32(data[start:] + head)))
     return bytes(data + MAGIC)
 
 
-def written(record: McapRecord | bytes) -> bytes:
+def serialise(record: McapRecord | bytes) -> bytes:
     if isinstance(record, bytes):
         return record
     builder = RecordBuilder()
@@ -114,18 +103,18 @@ def written(record: McapRecord | bytes) -> bytes:
     return builder.end()
 
 
-def places(data: bytes) -> list[tuple[int, int, int]]:
+def record_positions(data: bytes) -> list[tuple[int, int, int]]:
     """Return opcode, start and stop of every record outside chunks."""
-    records, at = [], 8
-    while at < len(data) - 8:
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        records.append((opcode, at, at + 9 + length))
-        at += 9 + length
+    records, start = [], 8
+    while start < len(data) - 8:
+        opcode, length = struct.unpack_from("<BQ", data, start)
+        records.append((opcode, start, start + 9 + length))
+        start += 9 + length
     return records
 
 
-def put_right(data: bytearray) -> bytes:
-    """Correct the checksums of data and summary, as far as the records can still be found."""
+def correct_checksums(data: bytearray) -> bytes:
+    """Correct the checksums of data and summary, if the footer still locates them."""
     size = len(data)
     start = struct.unpack_from("<Q", data, size - 28)[0]
     if 21 < start <= size - 37:
@@ -149,16 +138,17 @@ def on(kind: type, change: Callable[[Any], list[McapRecord]], *, nth: int = 0) -
     return edit
 
 
-def claims(kind: type, **values: Any) -> Edit:
+def set_fields(kind: type, **values: Any) -> Edit:
+    """Set fields of the first record of a kind."""
     return on(kind, lambda record: [replace(record, **values)])
 
 
-def moved(kind: type, **by: int) -> Edit:
-    """Add to numbers of a record."""
-    return on(kind, lambda r: [replace(r, **{name: getattr(r, name) + step for name, step in by.items()})])
+def add_to_fields(kind: type, **steps: int) -> Edit:
+    """Add numbers to fields of the first record of a kind."""
+    return on(kind, lambda r: [replace(r, **{name: getattr(r, name) + step for name, step in steps.items()})])
 
 
-def meta(name: str, **values: str | None) -> Change:
+def set_metadata(name: str, **values: str | None) -> Change:
     def apply(parts: Parts) -> None:
         metadata = parts.meta(name).metadata
         metadata.update({key: value for key, value in values.items() if value is not None})
@@ -168,7 +158,7 @@ def meta(name: str, **values: str | None) -> Change:
     return apply
 
 
-def without(name: str) -> Change:
+def remove(name: str) -> Change:
     def apply(parts: Parts) -> None:
         parts.metadata = [metadata for metadata in parts.metadata if metadata.name != name]
         parts.attachments = [attachment for attachment in parts.attachments if attachment.name != name]
@@ -176,7 +166,7 @@ def without(name: str) -> Change:
     return apply
 
 
-def put(name: str, **new: Any) -> Change:
+def set_json(name: str, **new: Any) -> Change:
     """Set values in a JSON document."""
 
     def apply(parts: Parts) -> None:
@@ -186,7 +176,7 @@ def put(name: str, **new: Any) -> Change:
     return apply
 
 
-def number(topic: str, nth: int, signal: int, change: Callable[[float], float]) -> Change:
+def change_number(topic: str, nth: int, signal: int, change: Callable[[float], float]) -> Change:
     """Change one number of a row; each number takes one byte for its tag and eight for its value."""
 
     def apply(parts: Parts) -> None:
@@ -209,7 +199,7 @@ def every_message(change: Callable[[Message], Message | None]) -> Change:
     return apply
 
 
-def also(*changes: Change) -> Change:
+def combine(*changes: Change) -> Change:
     def apply(parts: Parts) -> None:
         for change in changes:
             change(parts)
@@ -217,6 +207,6 @@ def also(*changes: Change) -> Change:
     return apply
 
 
-def both(**values: str) -> Change:
+def change_outcomes(**values: str) -> Change:
     """Change the metadata of the outcomes of both runs."""
-    return also(*(meta(f"run/{plant}", **values) for plant in ("analytic", "mujoco")))
+    return combine(*(set_metadata(f"run/{plant}", **values) for plant in ("analytic", "mujoco")))

@@ -1,4 +1,4 @@
-"""A run that contradicts itself is neither written nor read, for every kind of change in it."""
+"""A run that contradicts itself is neither written nor read, whatever part of it was changed."""
 
 import functools
 import json
@@ -26,7 +26,7 @@ from cranectl.support.errors import LogError
 from tests.conftest import closed_loop
 
 EVERY = 4
-MOST = settings(max_examples=200, deadline=None)
+MANY_EXAMPLES = settings(max_examples=200, deadline=None)
 
 
 @functools.cache
@@ -51,7 +51,7 @@ def refused(run: Run, every: int = EVERY) -> str:
     return str(caught.value)
 
 
-def row_removed(run: Run, row: int) -> Run:
+def remove_row(run: Run, row: int) -> Run:
     rows = np.delete(np.arange(len(run.time_ns)), row)
     return replace(run, time_ns=run.time_ns[rows], table=run.table[rows], reference=run.reference[rows])
 
@@ -64,7 +64,7 @@ def changed(values: np.ndarray, index: tuple[int, ...], value: float) -> np.ndar
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
 @pytest.mark.parametrize("every", [1, 7, 10**9])
-def test_whole_runs_are_consistent(controller: str, every: int) -> None:
+def test_complete_runs_are_consistent(controller: str, every: int) -> None:
     check_runs([closed_loop("fixed-position", controller, "mujoco").every(every)], every)
 
 
@@ -77,29 +77,29 @@ def test_runs_of_other_scenarios_are_consistent(name: str) -> None:
 RUNS = st.sampled_from([completed, stopped])
 
 
-@MOST
+@MANY_EXAMPLES
 @given(make_run=RUNS, data=st.data())
-def test_one_time_is_changed(make_run: Callable[[], Run], data: st.DataObject) -> None:
+def test_a_changed_time_is_refused(make_run: Callable[[], Run], data: st.DataObject) -> None:
     run = make_run()
     row = data.draw(st.integers(0, len(run.time_ns) - 1))
     low = int(run.time_ns[row - 1]) + 1 if row else -(10**9)
     high = int(run.time_ns[row + 1]) - 1 if row < len(run.time_ns) - 1 else 3 * 10**9
     time_ns = data.draw(st.integers(low, high))
-    # A run that stopped may have its last sample where it ended.
+    # The last sample of a stopped run may be at its end.
     assume(time_ns not in (run.time_ns[row], *([run.end_ns] if row == len(run.time_ns) - 1 else [])))
     refused(replace(run, time_ns=changed(run.time_ns, (row,), time_ns)))
 
 
-@MOST
+@MANY_EXAMPLES
 @given(make_run=RUNS, data=st.data())
-def test_one_sample_is_missing(make_run: Callable[[], Run], data: st.DataObject) -> None:
+def test_a_missing_sample_is_refused(make_run: Callable[[], Run], data: st.DataObject) -> None:
     run = make_run()
-    refused(row_removed(run, data.draw(st.integers(0, len(run.time_ns) - 1))))
+    refused(remove_row(run, data.draw(st.integers(0, len(run.time_ns) - 1))))
 
 
-@MOST
+@MANY_EXAMPLES
 @given(data=st.data(), value=st.sampled_from([np.nan, np.inf, -np.inf]))
-def test_one_number_is_not_finite(data: st.DataObject, value: float) -> None:
+def test_a_non_finite_number_is_refused(data: st.DataObject, value: float) -> None:
     run = completed()
     row, column = (data.draw(st.integers(0, size - 1)) for size in run.table.shape)
     assert f"is {value} in sample {row}" in refused(
@@ -107,18 +107,18 @@ def test_one_number_is_not_finite(data: st.DataObject, value: float) -> None:
     )
 
 
-@MOST
+@MANY_EXAMPLES
 @given(data=st.data(), value=st.floats())
-def test_one_desired_value_is_another(data: st.DataObject, value: float) -> None:
+def test_a_changed_reference_value_is_refused(data: st.DataObject, value: float) -> None:
     run = completed()
     index = tuple(data.draw(st.integers(0, size - 1)) for size in run.reference.shape)
     assume(not abs(value - run.reference[index]) <= 1e-9)
     refused(replace(run, reference=changed(run.reference, index, value)))
 
 
-@MOST
+@MANY_EXAMPLES
 @given(make_run=RUNS, end_ns=st.integers(-(10**9), 10**10) | st.integers(0, 2500).map(lambda ms: ms * 10**6))
-def test_the_end_is_another(make_run: Callable[[], Run], end_ns: int) -> None:
+def test_a_changed_end_is_refused(make_run: Callable[[], Run], end_ns: int) -> None:
     run = make_run()
     last_ns = int(run.time_ns[-1])
     assume(end_ns not in ((run.end_ns,) if run.status == RunStatus.COMPLETED else (last_ns, run.end_ns)))
@@ -126,32 +126,32 @@ def test_the_end_is_another(make_run: Callable[[], Run], end_ns: int) -> None:
 
 
 @given(every=st.integers(1, 2**70))
-def test_the_rate_is_another(every: int) -> None:
+def test_a_changed_rate_is_refused(every: int) -> None:
     if every != EVERY:
         refused(completed(), every)
         refused(stopped(), every)
 
 
 @pytest.mark.parametrize("status", [RunStatus.RUNNING, RunStatus.COMPLETED, RunStatus.INTERRUPTED])
-def test_a_run_that_stopped_did_not_end_otherwise(status: RunStatus) -> None:
+def test_a_stopped_run_with_another_status_is_refused(status: RunStatus) -> None:
     refused(replace(stopped(), status=status))
 
 
-def test_a_run_without_samples_ended_at_its_start() -> None:
-    empty = row_removed(replace(stopped(), end_ns=0), slice(None))  # type: ignore[arg-type]
+def test_a_run_without_samples_must_end_at_its_start() -> None:
+    empty = remove_row(replace(stopped(), end_ns=0), slice(None))  # type: ignore[arg-type]
     check_runs([empty], EVERY)
     assert "without a sample" in refused(replace(empty, end_ns=1_000_000))
     assert "but its scenario ends at" in refused(replace(empty, status=RunStatus.COMPLETED))
 
 
-def test_only_the_last_sample_of_a_run_that_stopped_may_hold_what_stopped_it() -> None:
+def test_only_the_last_sample_of_a_stopped_run_may_be_invalid() -> None:
     run = stopped()
     check_runs([replace(run, table=changed(run.table, (-1, 3), np.nan))], EVERY)
     assert "is nan" in refused(replace(run, table=changed(run.table, (-2, 3), np.nan)))
     assert "reference/load" in refused(replace(run, reference=changed(run.reference, (-1, 3), np.nan)))
 
 
-def test_segments_of_a_session_begin_where_they_say_and_end_when_they_like() -> None:
+def test_segments_of_a_session_must_begin_at_their_declared_time() -> None:
     full_run = completed()
     late = {"time_ns": full_run.time_ns + 7_000_000, "end_ns": full_run.end_ns + 7_000_000}
     segment = replace(full_run, status=RunStatus.INTERRUPTED, **late)
@@ -163,10 +163,10 @@ def test_segments_of_a_session_begin_where_they_say_and_end_when_they_like() -> 
         with pytest.raises(DamageError, match=r"begins at|no control sample"):
             check_run(segment, replace(sampling, from_ns=from_ns))
     with pytest.raises(DamageError, match="every 4 control samples"):
-        check_run(row_removed(segment, 3), sampling)
+        check_run(remove_row(segment, 3), sampling)
 
 
-def test_runs_of_one_log_record_the_same() -> None:
+def test_runs_of_one_log_must_have_the_same_design() -> None:
     other = replace(completed(), plant="mujoco")
     check_runs([completed(), other], EVERY)
     with pytest.raises(DamageError, match="cannot be in one log"):
@@ -178,14 +178,14 @@ def test_runs_of_one_log_record_the_same() -> None:
 # The writer.
 
 
-def test_what_contradicts_itself_is_not_written(tmp_path: Path) -> None:
+def test_a_contradictory_run_is_not_written(tmp_path: Path) -> None:
     run = completed()
     logged = write_log(tmp_path / "good.mcap", [run], every=EVERY)
     before = logged.read_bytes()
     for wrong, every in (
         (replace(run, table=changed(run.table, (3, 3), np.nan)), EVERY),
         (replace(run, design=replace(run.design, gain=2.0 * run.design.gain)), EVERY),
-        (row_removed(run, 3), EVERY),
+        (remove_row(run, 3), EVERY),
         (run, 1),
         (run, 6),
     ):
@@ -198,7 +198,7 @@ def test_what_contradicts_itself_is_not_written(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [logged]
 
 
-def test_a_log_is_thinned_by_control_samples(tmp_path: Path) -> None:
+def test_the_logging_rate_counts_control_samples(tmp_path: Path) -> None:
     """The option `every` counts control samples of a run, not the samples that a log holds of it."""
     logged = write_log(tmp_path / "a.mcap", [completed()], every=EVERY)
     run = read_log(logged)["analytic"]
@@ -208,7 +208,7 @@ def test_a_log_is_thinned_by_control_samples(tmp_path: Path) -> None:
     assert thin.time_ns[-1] == run.time_ns[-1]
 
 
-def test_a_stopped_run_with_what_stopped_it_is_written_and_read(tmp_path: Path) -> None:
+def test_a_stopped_run_with_an_invalid_last_sample_is_written_and_read(tmp_path: Path) -> None:
     run = stopped()
     wrong = replace(run, table=changed(run.table, (-1, 20), np.inf))
     path = write_log(tmp_path / "a.mcap", [wrong], every=EVERY)
@@ -235,10 +235,10 @@ NUMBERS = (
 )
 
 
-@MOST
+@MANY_EXAMPLES
 @given(text=NUMBERS, entry=st.sampled_from([("cranectl", "every"), ("run/analytic", "end_ns"),
                                             ("run/analytic", "samples"), ("live", "from_ns")]))  # fmt: skip
-def test_numbers_of_a_header_are_whole_and_bounded(text: str, entry: tuple[str, str]) -> None:
+def test_a_changed_number_in_the_header_is_refused(text: str, entry: tuple[str, str]) -> None:
     """Each changed number is refused by itself or with its run, unless it is the original one."""
     record, name = entry
     try:
@@ -255,9 +255,9 @@ def test_numbers_of_a_header_are_whole_and_bounded(text: str, entry: tuple[str, 
 # The design.
 
 
-@MOST
+@MANY_EXAMPLES
 @given(data=st.data(), factor=st.floats(-10.0, 10.0))
-def test_a_gain_or_pole_is_another(data: st.DataObject, factor: float) -> None:
+def test_a_changed_gain_or_pole_is_refused(data: st.DataObject, factor: float) -> None:
     assume(not abs(factor - 1.0) <= 1e-3)
     design = design_controller("lqr")
     check_design(design)
@@ -279,7 +279,7 @@ def test_a_gain_or_pole_is_another(data: st.DataObject, factor: float) -> None:
         {"hinf": {"peak": 1.5, "offset": 1e-3, "bandwidth": 0.2}, "loop_shaping": {"proportional": 0.5}},
     ],
 )
-def test_every_design_has_the_poles_of_its_gains(controller: str, changes: dict[str, Any]) -> None:
+def test_every_design_is_consistent_with_its_poles(controller: str, changes: dict[str, Any]) -> None:
     design = design_controller(controller, DesignSettings(**changes))
     check_design(design)
     check_design(Design.from_json(json.loads(json.dumps(design.to_json()))))
@@ -292,7 +292,7 @@ def swinging(*effects: str) -> Run:
 
 
 @pytest.mark.parametrize("mass", [0.02, 0.4, 1.6, 50.0])
-def test_a_load_of_another_mass_than_the_rope_carries_is_refused(mass: float) -> None:
+def test_a_load_mass_that_contradicts_the_rope_tension_is_refused(mass: float) -> None:
     run = swinging()
     rig = run.scenario.rig.model_copy(update={"load_mass": mass})
     forged = replace(run, scenario=run.scenario.model_copy(update={"rig": rig}))
@@ -311,5 +311,5 @@ def test_a_load_of_another_mass_than_the_rope_carries_is_refused(mass: float) ->
         ("disturbances=[{joint='beta', start=0, magnitude=8}]",),
     ],
 )
-def test_whatever_pulls_at_the_load_is_heeded(effects: tuple[str, ...]) -> None:
+def test_the_check_of_the_tension_accounts_for_all_forces_on_the_load(effects: tuple[str, ...]) -> None:
     check_runs([swinging(*effects)], EVERY)

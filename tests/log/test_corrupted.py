@@ -1,4 +1,4 @@
-"""Each corrupted file has a single fault, and all of its checksums are right."""
+"""Corrupted files are refused; each has a single fault, and all of its checksums are valid."""
 
 import functools
 import json
@@ -26,27 +26,27 @@ from tests.log.corruption import (
     Change,
     Edit,
     Parts,
-    also,
-    claims,
+    add_to_fields,
+    change_number,
+    combine,
+    correct_checksums,
     every_message,
-    meta,
-    moved,
-    number,
     on,
-    places,
-    put,
-    put_right,
     put_together,
+    record_positions,
+    remove,
+    serialise,
+    set_fields,
+    set_json,
+    set_metadata,
     take_apart,
-    without,
-    written,
 )
 from tests.log.test_log import assert_same
 from tests.pace import HANG, within
 
 
 def refuse(data: bytes, directory: Path, text: str, runs: dict[str, Run]) -> None:
-    """`read_log` must refuse the file for this reason, and `read_signal` return nothing wrong."""
+    """Assert that `read_log` refuses a file for this reason, and `read_signal` returns no wrong value."""
     path = directory / "corrupted.mcap"
     path.write_bytes(data)
     with pytest.raises(LogError, match=text) as caught:
@@ -57,7 +57,7 @@ def refuse(data: bytes, directory: Path, text: str, runs: dict[str, Run]) -> Non
     assert len(str(caught.value)) < 2000
     try:
         _, values = read_signal(path, SIGNAL)
-    except InputError:  # a LogError, or the signal has gone
+    except InputError:  # a LogError, or the signal does not exist
         return
     assert values.tobytes() == runs["mujoco"].signal("state.alpha").tobytes()
 
@@ -75,40 +75,45 @@ class Private(McapRecord):
 # The file as a container.
 
 TERABYTE_FRAME = b"\x28\xb5\x2f\xfd\xc0\x48" + (2**40).to_bytes(8, "little") + b"\x01\x00\x00"
-OUTSIDE: dict[str, tuple[Edit, str]] = {
-    "chunk that claims a byte more": (moved(Chunk, uncompressed_size=1), "only"),
-    "chunk that claims a byte less": (moved(Chunk, uncompressed_size=-1), "more than"),
-    "chunk that claims a terabyte": (claims(Chunk, uncompressed_size=2**40), "claims to unpack"),
-    "chunk of unknown compression": (claims(Chunk, compression="xz"), "'xz', neither zstd nor lz4"),
-    "chunk that is no zstd": (claims(Chunk, data=b"no zstd at all"), "cannot be unpacked"),
-    "chunk whose frame claims a terabyte": (claims(Chunk, data=TERABYTE_FRAME), "more than"),
-    "chunk that is no lz4": (claims(Chunk, compression="lz4"), "cannot be unpacked"),
+FAULTS_OUTSIDE_CHUNKS: dict[str, tuple[Edit, str]] = {
+    "chunk that claims a byte more": (add_to_fields(Chunk, uncompressed_size=1), "only"),
+    "chunk that claims a byte less": (add_to_fields(Chunk, uncompressed_size=-1), "more than"),
+    "chunk that claims a terabyte": (set_fields(Chunk, uncompressed_size=2**40), "claims to unpack"),
+    "chunk of unknown compression": (set_fields(Chunk, compression="xz"), "'xz', neither zstd nor lz4"),
+    "chunk that is no zstd": (set_fields(Chunk, data=b"no zstd at all"), "cannot be unpacked"),
+    "chunk whose frame claims a terabyte": (set_fields(Chunk, data=TERABYTE_FRAME), "more than"),
+    "chunk that is no lz4": (set_fields(Chunk, compression="lz4"), "cannot be unpacked"),
     "chunk that is cut off": (on(Chunk, lambda c: [replace(c, data=c.data[:-20])]), "unpack"),
-    "checksum of a chunk": (moved(Chunk, uncompressed_crc=1), "checksum of a chunk"),
-    "checksum of the data": (claims(DataEnd, data_section_crc=1), "checksum of the data"),
-    "checksum of the summary": (claims(Footer, summary_crc=1), "checksum of the summary"),
+    "checksum of a chunk": (add_to_fields(Chunk, uncompressed_crc=1), "checksum of a chunk"),
+    "checksum of the data": (set_fields(DataEnd, data_section_crc=1), "checksum of the data"),
+    "checksum of the summary": (set_fields(Footer, summary_crc=1), "checksum of the summary"),
     "chunk twice": (on(Chunk, lambda c: [c, c]), r"it has \d+ of \d+ messages"),
     "chunk missing": (on(Chunk, lambda _: [], nth=1), r"it has \d+ of \d+ messages"),
     "first chunk missing": (on(Chunk, lambda _: []), "channel that is not defined"),
     "statistics twice": (on(Statistics, lambda s: [s, s]), "2 statistics"),
-    "one message more": (moved(Statistics, message_count=1), r"it has \d+ of \d+ messages"),
+    "one message more": (add_to_fields(Statistics, message_count=1), r"it has \d+ of \d+ messages"),
     "unknown record among the data": (on(Attachment, lambda a: [a, Private()]), "does not belong"),
     "message outside chunks": (on(Attachment, lambda a: [a, Message(1, 0, b"", 0, 0)]), "not defined"),
     "no end of the data": (on(DataEnd, lambda _: []), "no data end record|claims"),
     "data that end twice": (on(Attachment, lambda a: [DataEnd(0), a]), "data end at byte"),
-    "no summary": (claims(Footer, summary_start=0, summary_crc=0), "no data end record"),
-    "summary outside the file": (claims(Footer, summary_start=2**40, summary_crc=0), "summary would start"),
-    "summary within the data": (moved(Footer, summary_start=-30), "checksum|no data end"),
+    "no summary": (set_fields(Footer, summary_start=0, summary_crc=0), "no data end record"),
+    "summary outside the file": (
+        set_fields(Footer, summary_start=2**40, summary_crc=0),
+        "summary would start",
+    ),
+    "summary within the data": (add_to_fields(Footer, summary_start=-30), "checksum|no data end"),
 }
 
 
-@pytest.mark.parametrize("name", OUTSIDE)
-def test_a_file_that_contradicts_itself(log: Path, tmp_path: Path, runs: dict[str, Run], name: str) -> None:
-    edit, text = OUTSIDE[name]
+@pytest.mark.parametrize("name", FAULTS_OUTSIDE_CHUNKS)
+def test_a_file_with_contradictory_records_is_refused(
+    log: Path, tmp_path: Path, runs: dict[str, Run], name: str
+) -> None:
+    edit, text = FAULTS_OUTSIDE_CHUNKS[name]
     refuse(put_together(take_apart(log), edit), tmp_path, text, runs)
 
 
-ASIDE = {
+INDEX_RECORDS = {
     Opcode.MESSAGE_INDEX: 0,
     Opcode.SCHEMA: 0,
     Opcode.CHANNEL: 0,
@@ -120,19 +125,23 @@ ASIDE = {
 }
 
 
-@pytest.mark.parametrize("opcode", ASIDE)
-def test_nothing_is_taken_from_indexes(
+@pytest.mark.parametrize("opcode", INDEX_RECORDS)
+def test_wrong_indexes_change_nothing(
     log: Path, tmp_path: Path, runs: dict[str, Run], opcode: Opcode
 ) -> None:
-    """Data for readers that jump may be wrong, because everything is read from the records themselves."""
+    """Indexes may be wrong, because cranectl reads all records in order."""
     data, path = bytearray(log.read_bytes()), tmp_path / "small.mcap"
-    bodies = [(start + 9 + ASIDE[opcode], stop) for kind, start, stop in places(data) if kind == opcode]
+    bodies = [
+        (start + 9 + INDEX_RECORDS[opcode], stop)
+        for kind, start, stop in record_positions(data)
+        if kind == opcode
+    ]
     assert bodies
-    if opcode == Opcode.STATISTICS:  # its maps must keep their length
+    if opcode == Opcode.STATISTICS:  # keep the lengths of its maps
         bodies = [(start, start + 34) for start, _ in bodies]
     for start, stop in bodies:
         data[start:stop] = b"\xff" * (stop - start)
-    path.write_bytes(put_right(data))
+    path.write_bytes(correct_checksums(data))
     for plant, run in read_log(path).items():
         assert_same(run, runs[plant])
     assert read_signal(path, SIGNAL)[1].tobytes() == runs["mujoco"].signal("state.alpha").tobytes()
@@ -153,7 +162,7 @@ def schema(**values: Any) -> Change:
 
 
 def fields(change: Callable[[Any], object]) -> Change:
-    """Change the fields of the message type of the state of MuJoCo."""
+    """Change the fields of the message type of MuJoCo's state."""
 
     def apply(parts: Parts) -> None:
         schema_id = parts.channel(STATE).schema_id
@@ -173,8 +182,8 @@ def exchange(items: list[Any], name: str) -> None:
 
 def without_messages(topic: str, nth: slice = slice(None)) -> Change:
     def apply(parts: Parts) -> None:
-        lost = list(map(id, parts.messages(topic)[nth]))
-        every_message(lambda m: None if id(m) in lost else m)(parts)
+        removed = list(map(id, parts.messages(topic)[nth]))
+        every_message(lambda m: None if id(m) in removed else m)(parts)
 
     return apply
 
@@ -183,9 +192,9 @@ def defined_again(**values: Any) -> Change:
     return lambda parts: parts.chunks[1].append(replace(parts.channel(STATE), **values))
 
 
-def raised(topic: str) -> Change:
-    """Raise the load by a metre."""
-    return also(*(number(topic, nth, 2, lambda z: z + 1.0) for nth in range(76)))
+def raise_load(topic: str) -> Change:
+    """Raise the load by a metre in a topic."""
+    return combine(*(change_number(topic, nth, 2, lambda z: z + 1.0) for nth in range(76)))
 
 
 def channel(**values: Any) -> Change:
@@ -219,14 +228,14 @@ halved = every_message(lambda m: replace(m, log_time=m.log_time // 2))
 
 
 def more_order(parts: Parts) -> None:
-    """Add a robustifier that has no effect, with its poles."""
+    """Add a robustifier without effect, and its poles."""
     poles = json.loads(parts.attachment("design.json").data)["closed_loop_poles"]
     robustifier = {"A": [[-1.0, 0.0], [0.0, -1.0]], "B": [[0.0]] * 2, "C": [[0.0] * 2], "D": [[0.0]]}
-    put("design.json", robustifier=robustifier, closed_loop_poles=[*poles, *[[-1.0, 0.0]] * 2])(parts)
+    set_json("design.json", robustifier=robustifier, closed_loop_poles=[*poles, *[[-1.0, 0.0]] * 2])(parts)
 
 
 NAN = float("nan")
-INSIDE: dict[str, tuple[Change, str]] = {
+FAULTS_OF_CONTENTS: dict[str, tuple[Change, str]] = {
     "fields exchanged": (fields(lambda f: exchange([f[6], f[8]], "name")), "has the signals"),
     "numbers of fields exchanged": (fields(lambda f: exchange([f[6], f[8]], "number")), "not a row of"),
     "field missing": (fields(lambda f: f.pop()), "state does not have the length of its type"),
@@ -259,64 +268,68 @@ INSIDE: dict[str, tuple[Change, str]] = {
     "messages exchanged": (lambda parts: exchange(parts.messages(STATE)[7:9], "log_time"), "do not increase"),
     "chunk repeated": (lambda parts: parts.chunks.append(parts.chunks[1]), "do not increase"),
     "chunks in another order": (swap_chunks, "do not increase"),
-    "unknown record in a chunk": (add(written(Private())), "not begin a message"),
+    "unknown record in a chunk": (add(serialise(Private())), "not begin a message"),
     "record that runs over its chunk": (add(b"\x05" + (500).to_bytes(8, "little")), "not begin a message"),
     "message without a head": (add(b"\x05" + (15).to_bytes(8, "little") + bytes(15)), "not begin a message"),
     "rest in a chunk": (add(b"\0"), "not begin a message"),
     "chunk within a chunk": (add(Chunk("", b"", 0, 0, 0, 0)), "not begin a message"),
-    "another format": (meta("cranectl", format="1"), "has log format 1"),
-    "no format": (meta("cranectl", format=None), "has log format None"),
-    "a plant twice": (meta("cranectl", plants="mujoco,mujoco"), "a plant twice"),
-    "a strange plant": (meta("cranectl", plants="analytic,ghost"), "how the run of ghost ended"),
-    "no plant": (meta("cranectl", plants=""), "a plant named ''"),
-    "another drive": (meta("cranectl", drive="steam"), "unknown drive"),
-    "another scenario": (meta("cranectl", scenario="slack-rope"), "it names slack-rope"),
-    "another controller": (meta("cranectl", controller="lqr"), "it names fixed-position and lqr"),
-    "rate of nothing": (meta("cranectl", every="0"), "is not a whole number from 1"),
-    "strange status": (meta("run/mujoco", status="splendid"), "unknown status 'splendid'"),
-    "fewer samples": (meta("run/mujoco", samples="75"), "76 of 75 samples"),
-    "end that is none": (meta("run/mujoco", status="running"), "does not end a run"),
+    "another format": (set_metadata("cranectl", format="1"), "has log format 1"),
+    "no format": (set_metadata("cranectl", format=None), "has log format None"),
+    "a plant twice": (set_metadata("cranectl", plants="mujoco,mujoco"), "a plant twice"),
+    "a strange plant": (set_metadata("cranectl", plants="analytic,ghost"), "how the run of ghost ended"),
+    "no plant": (set_metadata("cranectl", plants=""), "a plant named ''"),
+    "another drive": (set_metadata("cranectl", drive="steam"), "unknown drive"),
+    "another scenario": (set_metadata("cranectl", scenario="slack-rope"), "it names slack-rope"),
+    "another controller": (set_metadata("cranectl", controller="lqr"), "it names fixed-position and lqr"),
+    "rate of nothing": (set_metadata("cranectl", every="0"), "is not a whole number from 1"),
+    "strange status": (set_metadata("run/mujoco", status="splendid"), "unknown status 'splendid'"),
+    "fewer samples": (set_metadata("run/mujoco", samples="75"), "76 of 75 samples"),
+    "end that is none": (set_metadata("run/mujoco", status="running"), "does not end a run"),
     "times halved": (halved, "is at 0.15 s, the end at 0.3 s"),
     "segment of a session that begins later": (
         lambda parts: parts.metadata.append(Metadata("live", {"from_ns": "4000000"})),
         "begins at 0 s instead of 0.004 s",
     ),
     "no reference": (without_messages(REFERENCE), "0 of 76 samples"),
-    "reference of another crane": (number(REFERENCE, 7, 2, lambda z: z + 1e-12), "not from the reference"),
+    "reference of another crane": (
+        change_number(REFERENCE, 7, 2, lambda z: z + 1e-12),
+        "not from the reference",
+    ),
     "reference of another scenario": (
-        also(*map(raised, [REFERENCE, "/analytic/flat_output", "/mujoco/flat_output"])),
+        combine(*map(raise_load, [REFERENCE, "/analytic/flat_output", "/mujoco/flat_output"])),
         "does not follow from its scenario",
     ),
-    "no end": (meta("run/mujoco", end_ns=None), "end_ns"),
-    "no outcome": (without("run/mujoco"), "how the run of mujoco ended"),
-    "no versions": (without("versions"), "versions"),
-    "no scenario": (without("scenario.json"), "'scenario.json' is missing"),
-    "no design": (without("design.json"), "design.json"),
-    "not of cranectl": (without("cranectl"), "not of cranectl"),
+    "no end": (set_metadata("run/mujoco", end_ns=None), "end_ns"),
+    "no outcome": (remove("run/mujoco"), "how the run of mujoco ended"),
+    "no versions": (remove("versions"), "versions"),
+    "no scenario": (remove("scenario.json"), "'scenario.json' is missing"),
+    "no design": (remove("design.json"), "design.json"),
+    "not of cranectl": (remove("cranectl"), "not of cranectl"),
     "metadata twice": (lambda parts: parts.metadata.append(parts.meta("cranectl")), "twice"),
     "scenario twice": (lambda parts: parts.attachments.append(parts.attachment("scenario.json")), "twice"),
     "scenario that is no JSON": (text("scenario.json", b"{"), "not valid JSON"),
     "scenario that is a list": (text("scenario.json", b"[]"), "is not a table"),
-    "scenario of more": (put("scenario.json", extra=1), "unknown key 'extra'"),
+    "scenario of more": (set_json("scenario.json", extra=1), "unknown key 'extra'"),
     "model that is no text": (text("mujoco.xml", b"\xff"), "not a log"),
-    "design of NaN": (put("design.json", gain=[NAN, 1.0, 1.0, 1.0]), "where a number belongs"),
-    "design of too few gains": (put("design.json", gain=[1.0]), "not a log"),
-    "design of more": (put("design.json", extra=1), "not a log"),
-    "design without margins": (put("design.json", margins=None), "not a log"),
+    "design of NaN": (set_json("design.json", gain=[NAN, 1.0, 1.0, 1.0]), "where a number belongs"),
+    "design of too few gains": (set_json("design.json", gain=[1.0]), "not a log"),
+    "design of more": (set_json("design.json", extra=1), "not a log"),
+    "design without margins": (set_json("design.json", margins=None), "not a log"),
     "design of another order": (more_order, "controller has the signals"),
-    "design of other gains": (put("design.json", gain=[39.0, 62.5, 37.5, 10.0]), "follow from its gains"),
+    "design of other gains": (
+        set_json("design.json", gain=[39.0, 62.5, 37.5, 10.0]),
+        "follow from its gains",
+    ),
     "design with broken matrices": (
-        put("design.json", robustifier={"A": [1.0], "B": [[1.0]], "C": [[1.0]], "D": [[0.0], [5.0]]}),
+        set_json("design.json", robustifier={"A": [1.0], "B": [[1.0]], "C": [[1.0]], "D": [[0.0], [5.0]]}),
         "contradict each other",
     ),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", INSIDE)
-def test_content_that_is_not_what_it_should_be(
-    log: Path, tmp_path: Path, runs: dict[str, Run], name: str
-) -> None:
-    change, reason = INSIDE[name]
+@pytest.mark.parametrize("name", FAULTS_OF_CONTENTS)
+def test_faulty_contents_are_refused(log: Path, tmp_path: Path, runs: dict[str, Run], name: str) -> None:
+    change, reason = FAULTS_OF_CONTENTS[name]
     parts = take_apart(log)
     change(parts)
     refuse(put_together(parts), tmp_path, reason, runs)
@@ -327,7 +340,7 @@ def test_content_that_is_not_what_it_should_be(
 MEMORY = 200  # [MiB] allowed for each file, measured 150; the files hold or claim up to 1 TiB
 SECONDS = 2.0  # of processor time allowed for each file; measured 0.1 s
 
-READ = """
+MEASURE_COST = """
 import sys, time
 from pathlib import Path
 from cranectl.support.errors import LogError
@@ -361,7 +374,7 @@ for name in sys.argv[2:]:
 
 @functools.cache
 def zeros(size: int) -> bytes:
-    """Return `size` zeros in compressed form, without ever storing them."""
+    """Return `size` zeros in compressed form, without storing them uncompressed."""
     compressor = zstandard.ZstdCompressor().compressobj()
     piece = bytes(2**20)
     return b"".join([*(compressor.compress(piece) for _ in range(size // 2**20)), compressor.flush()])
@@ -387,16 +400,16 @@ BOMBS: dict[str, Edit] = {
 }
 
 
-def of_messages(log: Path, length: int) -> bytes:
+def log_full_of_messages(log: Path, length: int) -> bytes:
     """Return a log with a chunk of 15 MiB full of messages of one topic, which compress very well."""
     parts = take_apart(log)
-    message = written(replace(parts.messages("/tf")[0], data=bytes(length)))
+    message = serialise(replace(parts.messages("/tf")[0], data=bytes(length)))
     parts.chunks.append([message * (15 * 2**20 // len(message))])
     return put_together(parts)
 
 
-def hollow(log: Path, path: Path) -> None:
-    """Make a sparse file with a summary of 128 GiB."""
+def write_sparse(log: Path, path: Path) -> None:
+    """Write a sparse file with a summary of 128 GiB."""
     data, end = log.read_bytes(), 37
     with path.open("wb") as stream:
         stream.write(data[:-end])
@@ -404,27 +417,29 @@ def hollow(log: Path, path: Path) -> None:
         stream.write(data[-end:])
 
 
-def test_a_length_that_no_memory_has_makes_no_sense() -> None:
+def test_a_length_beyond_any_memory_is_refused() -> None:
     """A record of 45 bytes claims a chunk of 2^63 bytes, which no index can address."""
     body = struct.pack("<QQQII", 0, 0, 0, 0, 0) + struct.pack("<Q", 2**63) + b"data!"
     with pytest.raises(DamageError, match="the chunk record at byte 8 makes no sense"):
         parse(Chunk.read, Record(Opcode.CHUNK, 8, 9 + len(body), body))
 
 
-def test_bombs_cost_neither_memory_nor_time(log: Path, tmp_path: Path) -> None:
+def test_decompression_bombs_cost_little_memory_and_time(log: Path, tmp_path: Path) -> None:
     files = {name: put_together(take_apart(log), edit) for name, edit in BOMBS.items()}
-    files |= {f"15 MiB of messages of {length} bytes": of_messages(log, length) for length in (0, 20_000)}
+    files |= {
+        f"15 MiB of messages of {length} bytes": log_full_of_messages(log, length) for length in (0, 20_000)
+    }
     for name, data in files.items():
         (tmp_path / name).write_bytes(data)
         assert len(data) < 2**23, name
-    hollow(log, tmp_path / "hollow")
-    command = [sys.executable, "-c", READ, str(log), *files, "hollow"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=HANG)
-    assert done.returncode == 0, done.stderr
-    (control, *_), *costs = [line.split() for line in done.stdout.splitlines()]
-    assert float(control) > 1.5 * MEMORY, "what costs memory must show"
+    write_sparse(log, tmp_path / "sparse")
+    command = [sys.executable, "-c", MEASURE_COST, str(log), *files, "sparse"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=HANG)
+    assert result.returncode == 0, result.stderr
+    (control, *_), *costs = [line.split() for line in result.stdout.splitlines()]
+    assert float(control) > 1.5 * MEMORY, "the measurement does not detect 400 MiB"
     for name, (memory, seconds, _) in zip(
-        [n for n in (*files, "hollow") for _ in range(2)], costs, strict=True
+        [n for n in (*files, "sparse") for _ in range(2)], costs, strict=True
     ):
         assert float(memory) < MEMORY, name
         assert within(float(seconds), SECONDS), name

@@ -1,4 +1,4 @@
-"""Thousands of damaged logs: each is refused with a LogError, or gives exactly the runs that were written."""
+"""Each of thousands of damaged logs is refused, or gives exactly the runs that were written."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 from cranectl.log.reader import describe_log, read_log, read_signal
 from cranectl.simulate import Run
 from cranectl.support.errors import LogError
-from tests.log.corruption import SIGNAL, places, put_right
+from tests.log.corruption import SIGNAL, correct_checksums, record_positions
 
 Case = tuple[str, bytes]
 
@@ -19,13 +19,13 @@ Case = tuple[str, bytes]
 def check(
     cases: Iterator[Case], directory: Path, is_right: Callable[[dict[str, Run]], bool]
 ) -> tuple[int, int]:
-    """Return how many cases are refused and read; fail with the name of a case that is read wrongly."""
-    refused = taken = 0
+    """Return how many cases are refused and how many are read; fail with the name of a wrong result."""
+    refused = accepted = 0
     path = directory / "case.mcap"
     for name, data in cases:
         path.write_bytes(data)
         try:
-            read = read_log(path)
+            runs = read_log(path)
             describe_log(path)
             _, alpha = read_signal(path, SIGNAL)
         except LogError:
@@ -33,20 +33,20 @@ def check(
             continue
         except Exception as error:
             raise AssertionError(name) from error
-        assert is_right(read), name
-        assert alpha.tobytes() == read["mujoco"].signal("state.alpha").tobytes()
-        taken += 1
-    return refused, taken
+        assert is_right(runs), name
+        assert alpha.tobytes() == runs["mujoco"].signal("state.alpha").tobytes()
+        accepted += 1
+    return refused, accepted
 
 
 # Accidental damage, with the original checksums.
 
 
 def flipped(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
-    for at, bit in zip(rng.integers(len(data), size=count), rng.integers(8, size=count), strict=True):
+    for index, bit in zip(rng.integers(len(data), size=count), rng.integers(8, size=count), strict=True):
         damaged = bytearray(data)
-        damaged[at] ^= 1 << bit
-        yield f"bit {bit} of byte {at}", bytes(damaged)
+        damaged[index] ^= 1 << bit
+        yield f"bit {bit} of byte {index}", bytes(damaged)
 
 
 def overwritten(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
@@ -57,7 +57,7 @@ def overwritten(data: bytes, rng: np.random.Generator, count: int) -> Iterator[C
 
 
 def truncated(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
-    edges = [edge for _, *ends in places(data) for edge in ends]
+    edges = [edge for _, *ends in record_positions(data) for edge in ends]
     near = {edge + step for edge in edges for step in (-1, 0, 1)} | set(range(40))
     for stop in sorted({*near, *rng.integers(len(data), size=count).tolist()} - {len(data)}):
         yield f"first {stop} bytes", data[:stop]
@@ -79,53 +79,58 @@ ACCIDENTS: list[tuple[Callable[[bytes, np.random.Generator, int], Iterator[Case]
 
 
 @pytest.mark.parametrize(("damage", "count"), ACCIDENTS, ids=lambda value: getattr(value, "__name__", ""))
-def test_accidents(
+def test_accidental_damage_is_always_detected(
     log: Path, tmp_path: Path, damage: Callable[[bytes, np.random.Generator, int], Iterator[Case]], count: int
 ) -> None:
-    """Every byte of a log is under a checksum."""
+    """Checksums protect every byte of a log."""
     data = log.read_bytes()
     cases = ((name, case) for name, case in damage(data, np.random.default_rng(1), count) if case != data)
-    refused, taken = check(cases, tmp_path, lambda _: False)
+    refused, accepted = check(cases, tmp_path, lambda _: False)
     assert refused >= 0.9 * count
-    assert taken == 0
+    assert accepted == 0
 
 
 # Deliberate changes of lengths and numbers, with corrected checksums.
 
-ABSURD = [0, 1, 8, 2**16 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**63, 2**64 - 1]
+EXTREME_NUMBERS = [0, 1, 8, 2**16 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**63, 2**64 - 1]
 
 
 def edited_lengths(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
-    """Yield logs in which the length of one record is absurd or slightly wrong."""
-    records = places(data)
+    """Yield logs in which the length of one record is extreme or slightly wrong."""
+    records = record_positions(data)
     for _ in range(count):
         opcode, start, stop = records[rng.integers(len(records))]
         length = stop - start - 9
         near = [max(length + int(step), 0) for step in rng.integers(-20, 20, size=3)]
-        new = [*ABSURD, *near][rng.integers(len(ABSURD) + 3)]
+        new = [*EXTREME_NUMBERS, *near][rng.integers(len(EXTREME_NUMBERS) + 3)]
         edited = bytearray(data)
         struct.pack_into("<Q", edited, start + 1, new)
         if new != length:
-            yield f"length of record {opcode} at {start}: {new}", put_right(edited)
+            yield f"length of record {opcode} at {start}: {new}", correct_checksums(edited)
 
 
 def edited_numbers(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
-    """Yield logs in which 1 to 8 bytes outside chunks and attachments become absurd."""
+    """Yield logs in which 1 to 8 bytes outside chunks and attachments have an extreme value."""
     kinds = [
         Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.DATA_END, Opcode.STATISTICS, Opcode.FOOTER,
     ]  # fmt: skip
-    heads = [(opcode, start, min(stop, start + 49)) for opcode, start, stop in places(data)]
+    heads = [(opcode, start, min(stop, start + 49)) for opcode, start, stop in record_positions(data)]
     for _ in range(count):
         kind = kinds[rng.integers(len(kinds))]
         opcode, start, stop = rng.choice([head for head in heads if head[0] == kind])
-        at, width = int(rng.integers(start, stop)), int(rng.choice([1, 2, 4, 8]))
-        new = (ABSURD[rng.integers(len(ABSURD))] & (2 ** (8 * width) - 1)).to_bytes(width, "little")
-        edited = bytearray(data[:at] + new + data[at + width :])
-        yield f"{width} bytes of record {opcode}, {at - start} from {start}: {new!r}", put_right(edited)
+        index, width = int(rng.integers(start, stop)), int(rng.choice([1, 2, 4, 8]))
+        new = (EXTREME_NUMBERS[rng.integers(len(EXTREME_NUMBERS))] & (2 ** (8 * width) - 1)).to_bytes(
+            width, "little"
+        )
+        edited = bytearray(data[:index] + new + data[index + width :])
+        yield (
+            f"{width} bytes of record {opcode}, {index - start} from {start}: {new!r}",
+            correct_checksums(edited),
+        )
 
 
 def no_checksums(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
-    """Yield logs with one changed bit anywhere, of which only chunks and attachments have checksums."""
+    """Yield logs with one changed bit, in which only chunks and attachments have checksums."""
     bare = bytearray(data)
     start = struct.unpack_from("<Q", data, len(data) - 28)[0]
     bare[start - 4 : start] = bare[len(data) - 12 : len(data) - 8] = bytes(4)
@@ -137,7 +142,7 @@ def no_checksums(data: bytes, rng: np.random.Generator, count: int) -> Iterator[
     [(edited_lengths, 500, 0.95), (edited_numbers, 500, 0.6), (no_checksums, 400, 0.45)],
     ids=["lengths", "numbers", "no-checksums"],
 )
-def test_edited_numbers_with_right_checksums_change_no_signal(
+def test_edited_numbers_with_valid_checksums_change_no_signal(
     log: Path,
     tmp_path: Path,
     runs: dict[str, Run],
@@ -145,12 +150,12 @@ def test_edited_numbers_with_right_checksums_change_no_signal(
     count: int,
     expected: float,
 ) -> None:
-    """A log may be read with other facts if these are consistent, but never with other signals."""
+    """A log with other consistent facts may be read, but never with other signals."""
 
-    def signals_are_right(read: dict[str, Run]) -> bool:
-        return all(run.table.tobytes() == runs[plant].table.tobytes() for plant, run in read.items())
+    def signals_are_right(result: dict[str, Run]) -> bool:
+        return all(run.table.tobytes() == runs[plant].table.tobytes() for plant, run in result.items())
 
     cases = damage(log.read_bytes(), np.random.default_rng(2), count)
-    refused, taken = check(cases, tmp_path, signals_are_right)
+    refused, accepted = check(cases, tmp_path, signals_are_right)
     assert refused >= expected * count
-    assert taken or damage is edited_lengths
+    assert accepted or damage is edited_lengths

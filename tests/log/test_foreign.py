@@ -1,4 +1,4 @@
-"""MCAP files of other tools: our logs are read in any valid form, and other files are called foreign."""
+"""Logs that other tools have rewritten are read in any valid form; MCAP files without a run are refused."""
 
 import io
 import json
@@ -47,17 +47,17 @@ SHORT = {
 }
 
 
-def again(
+def rewrite_log(
     source: Path,
     path: Path,
     add: Callable[[Writer], Any] | None = None,
-    keeps: Callable[[str], bool] = lambda _: True,
+    keep: Callable[[str], bool] = lambda _: True,
     parts: str = "attachments metadata",
     **options: Any,
 ) -> Path:
-    """Write a log again as another tool does, records of the file last; `add` adds to it.
+    """Rewrite a log as another tool does, with attachments and metadata last; `add` may add records.
 
-    Only the topics that it `keeps` are written, and these `parts` of what is said of the file.
+    Only topics for which `keep` is true, and only the named `parts` of attachments and metadata, are written.
     """
     with source.open("rb") as stream, path.open("wb") as out:
         reader = make_reader(stream)
@@ -66,7 +66,7 @@ def again(
         schemas: dict[int, int] = {}
         channels: dict[int, int] = {}
         for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if not keeps(channel.topic):
+            if not keep(channel.topic):
                 continue
             if schema.id not in schemas:
                 schemas[schema.id] = writer.register_schema(schema.name, schema.encoding, schema.data)
@@ -116,10 +116,10 @@ FORMS: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_log_that_another_tool_has_written_again_is_read(
+def test_a_log_rewritten_by_another_tool_is_read(
     written: Path, short_run: Any, tmp_path: Path, form: str
 ) -> None:
-    path = again(written, tmp_path / "again.mcap", **FORMS[form])
+    path = rewrite_log(written, tmp_path / "again.mcap", **FORMS[form])
     assert_same(read_log(path)["analytic"], short_run.every(4))
     _, alpha = read_signal(path, "analytic/state.alpha")
     assert np.array_equal(alpha, short_run.every(4).signal("state.alpha"))
@@ -127,10 +127,10 @@ def test_a_log_that_another_tool_has_written_again_is_read(
 
 
 @pytest.mark.parametrize("form", ["no chunks", "no summary", "other topics", "other topics without chunks"])
-def test_a_log_that_another_tool_has_written_again_is_recovered(
+def test_a_log_rewritten_by_another_tool_is_recovered(
     written: Path, short_run: Any, tmp_path: Path, form: str
 ) -> None:
-    path = again(written, tmp_path / "again.mcap", **FORMS[form])
+    path = rewrite_log(written, tmp_path / "again.mcap", **FORMS[form])
     recover_log(path, tmp_path / "saved.mcap")
     assert_same(read_log(tmp_path / "saved.mcap")["analytic"], short_run.every(4))
     with opened(tmp_path / "saved.mcap") as stream:
@@ -146,10 +146,8 @@ def test_a_log_that_another_tool_has_written_again_is_recovered(
         assert by_topic["/raw"].schema_id == 0
 
 
-def test_a_record_of_another_writers_own_is_passed_over(
-    written: Path, short_run: Any, tmp_path: Path
-) -> None:
-    path = again(
+def test_private_records_of_other_writers_are_ignored(written: Path, short_run: Any, tmp_path: Path) -> None:
+    path = rewrite_log(
         written, tmp_path / "again.mcap", enable_crcs=False, enable_data_crcs=False, **FORMS["no summary"]
     )
     content = path.read_bytes()
@@ -158,22 +156,22 @@ def test_a_record_of_another_writers_own_is_passed_over(
     assert_same(read_log(path)["analytic"], short_run.every(4))
 
 
-def large(writer: Writer, size: int = 17, count: int = 1) -> None:
+def add_large_messages(writer: Writer, size: int = 17, count: int = 1) -> None:
     """Add messages of `size` MiB."""
     channel = writer.register_channel("/image", "json", writer.register_schema("Image", "jsonschema", b"{}"))
     for k in range(count):
         writer.add_message(channel, k, bytes(size * 2**20), k)
 
 
-def notes(writer: Writer) -> None:
+def add_notes(writer: Writer) -> None:
     """Add two attachments and two metadata records with the same name, as another tool may do."""
     for content in (b"x", b"y"):
         writer.add_attachment(0, 0, "notes.txt", "text/plain", content)
         writer.add_metadata("notes", {"a": content.decode()})
 
 
-def test_names_that_a_log_has_twice_are_kept(written: Path, short_run: Any, tmp_path: Path) -> None:
-    path = again(written, tmp_path / "again.mcap", notes)
+def test_records_with_the_same_name_are_kept(written: Path, short_run: Any, tmp_path: Path) -> None:
+    path = rewrite_log(written, tmp_path / "again.mcap", add_notes)
     assert_same(read_log(path)["analytic"], short_run.every(4))
     recover_log(path, tmp_path / "saved.mcap")
     with (tmp_path / "saved.mcap").open("rb") as stream:
@@ -187,7 +185,7 @@ def test_names_that_a_log_has_twice_are_kept(written: Path, short_run: Any, tmp_
 
 
 def merged(written: Path, path: Path) -> Path:
-    """Write a log with its metadata and attachments twice, as a merge of two logs has them."""
+    """Write a log with its metadata and attachments twice, as a tool that merges logs does."""
     with written.open("rb") as stream:
         reader = make_reader(stream)
         attachments, metadata = list(reader.iter_attachments()), list(reader.iter_metadata())
@@ -198,44 +196,51 @@ def merged(written: Path, path: Path) -> Path:
         for record in metadata:
             writer.add_metadata(record.name, record.metadata)
 
-    return again(written, path, add)
+    return rewrite_log(written, path, add)
 
 
-UNREAD: dict[str, tuple[Callable[[Path, Path], Path], str]] = {
+UNREADABLE: dict[str, tuple[Callable[[Path, Path], Path], str]] = {
     "merged": (merged, "it has cranectl twice, as merged logs do"),
     "topics left out": (
-        lambda log, path: again(log, path, keeps=lambda topic: topic != "/analytic/load"),
+        lambda log, path: rewrite_log(log, path, keep=lambda topic: topic != "/analytic/load"),
         "0 of 101 samples of analytic/load",
     ),
     "no reference": (
-        lambda log, path: again(log, path, keeps=lambda topic: topic != "/reference/load"),
+        lambda log, path: rewrite_log(log, path, keep=lambda topic: topic != "/reference/load"),
         "the reference has 0 of 101 samples",
     ),
     "topics only": (
-        lambda log, path: again(log, path, parts=""),
+        lambda log, path: rewrite_log(log, path, parts=""),
         "it has no metadata, like a filtered log",
     ),
     "no attachments": (
-        lambda log, path: again(log, path, parts="metadata"),
+        lambda log, path: rewrite_log(log, path, parts="metadata"),
         "'scenario.json' is missing",
     ),
-    "large chunks": (lambda log, path: again(log, path, large), "a chunk claims to unpack to 17"),
+    "large chunks": (
+        lambda log, path: rewrite_log(log, path, add_large_messages),
+        "a chunk claims to unpack to 17",
+    ),
     "a large record": (
-        lambda log, path: again(log, path, lambda writer: large(writer, 65), use_chunking=False),
+        lambda log, path: rewrite_log(
+            log, path, lambda writer: add_large_messages(writer, 65), use_chunking=False
+        ),
         "the message record at byte",
     ),
     "repetitive": (
-        lambda log, path: again(log, path, lambda writer: large(writer, 4, 60), chunk_size=2**22),
+        lambda log, path: rewrite_log(
+            log, path, lambda writer: add_large_messages(writer, 4, 60), chunk_size=2**22
+        ),
         "unpack to more than 100 times its size",
     ),
 }
 
 
-@pytest.mark.parametrize("case", UNREAD)
-def test_what_another_tool_made_of_a_log_is_never_called_damaged(
+@pytest.mark.parametrize("case", UNREADABLE)
+def test_an_unreadable_log_of_another_tool_is_not_called_damaged(
     written: Path, tmp_path: Path, case: str
 ) -> None:
-    write, reason = UNREAD[case]
+    write, reason = UNREADABLE[case]
     path = write(written, tmp_path / "again.mcap")
     for attempt in (lambda: read_log(path), lambda: recover_log(path, tmp_path / "out.mcap")):
         with pytest.raises(LogError, match="cannot be read") as error:
@@ -259,7 +264,7 @@ def twice(writer: Writer) -> None:
         writer.add_metadata("m", {"a": content.decode()})
 
 
-OTHERS: dict[str, tuple[Callable[[Writer], Any], dict[str, Any]]] = {
+OTHER_FILES: dict[str, tuple[Callable[[Writer], Any], dict[str, Any]]] = {
     "empty": (lambda _: None, {}),
     "JSON": (messages, {}),
     "no chunks": (messages, {"use_chunking": False}),
@@ -270,9 +275,9 @@ OTHERS: dict[str, tuple[Callable[[Writer], Any], dict[str, Any]]] = {
 }
 
 
-@pytest.mark.parametrize("case", OTHERS)
-def test_a_file_of_another_program_is_called_foreign_not_damaged(tmp_path: Path, case: str) -> None:
-    write, options = OTHERS[case]
+@pytest.mark.parametrize("case", OTHER_FILES)
+def test_a_file_of_another_program_is_called_foreign(tmp_path: Path, case: str) -> None:
+    write, options = OTHER_FILES[case]
     out = io.BytesIO()
     writer = Writer(out, **options)
     writer.start(profile="ros2", library="another tool")
@@ -305,7 +310,7 @@ def check_foreign(directory: Path, content: bytes) -> None:
         assert "log recover" not in error.value.remedy
 
 
-def test_a_damaged_log_of_ours_stays_damaged(written: Path, tmp_path: Path) -> None:
+def test_a_damaged_log_is_called_damaged(written: Path, tmp_path: Path) -> None:
     content = bytearray(written.read_bytes())
     content[len(content) // 2] ^= 0xFF
     (tmp_path / "bad.mcap").write_bytes(content)
@@ -314,10 +319,10 @@ def test_a_damaged_log_of_ours_stays_damaged(written: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("command", [["report"], ["log", "export", "--format", "csv"]])
-def test_nothing_is_written_beside_what_is_no_log(
+def test_a_directory_without_a_name_is_refused_before_writing(
     command: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The root directory has no name, so the default place would be `/.html`."""
+    """The root directory has no name, so the default output would be `/.html`."""
     checked: list[Path] = []
     for module in ("report", "log"):
         monkeypatch.setattr(f"cranectl.cli.{module}.check_place", lambda path, *_, **__: checked.append(path))

@@ -1,7 +1,7 @@
-"""Logs of every format that was ever written stay readable: some of each are kept, with their numbers.
+"""Logs of every format stay readable: the repository has sample logs of each format, with their values.
 
-A sample is never written again: it is what is out there. A change that makes one of these tests fail breaks
-the logs that people have; it needs another number, a reader and a sample of its own.
+A sample is never replaced. A change that makes one of these tests fail breaks the logs of users. Such a
+change needs a new format number, a reader for it and a new sample.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ SAMPLES = Path(__file__).parent / "samples"
 
 @dataclass(frozen=True)
 class Sample:
-    """A stored log, and the numbers that the program which wrote it reads from it."""
+    """A stored log, and the values that the version which wrote it reads from it."""
 
     name: str
     end: tuple[RunStatus, int, str]  # status, end [ns], drive
@@ -97,7 +97,7 @@ SIGNAL_PATH = Sample(
         }
     },
 )
-# Written by bd8254b: what a live session recorded after its second start, before there were fingerprints.
+# Written by bd8254b: the second segment of a live session, from before logs had fingerprints.
 LIVE = Sample(
     name="format-2-live.mcap",
     end=(RunStatus.INTERRUPTED, 600_000_000, "ideal"),
@@ -112,8 +112,8 @@ LIVE = Sample(
         "mujoco": {"state.alpha": 0.03154952718903152, "load.rope_tension": 9.814449511881618},
     },
 )
-KEPT = [PAIR, SIGNAL_PATH, LIVE]
-kept = pytest.mark.parametrize("sample", KEPT, ids=lambda sample: sample.name)
+SAMPLE_LOGS = [PAIR, SIGNAL_PATH, LIVE]
+for_each_sample = pytest.mark.parametrize("sample", SAMPLE_LOGS, ids=lambda sample: sample.name)
 
 
 def digest(data: bytes) -> str:
@@ -133,14 +133,14 @@ def check(sample: Sample, runs: dict[str, Run]) -> None:
     assert "<mujoco" in runs["mujoco"].model
 
 
-def test_each_format_that_can_be_read_has_samples() -> None:
-    assert sorted(path.name for path in SAMPLES.iterdir()) == sorted(sample.name for sample in KEPT)
-    assert {describe_log(sample.path).format for sample in KEPT} == set(FORMATS)
+def test_each_readable_format_has_a_sample() -> None:
+    assert sorted(path.name for path in SAMPLES.iterdir()) == sorted(sample.name for sample in SAMPLE_LOGS)
+    assert {describe_log(sample.path).format for sample in SAMPLE_LOGS} == set(FORMATS)
     assert max(FORMATS, key=int) == FORMATS[-1]
 
 
-@kept
-def test_a_kept_log_is_read(sample: Sample) -> None:
+@for_each_sample
+def test_a_sample_log_is_read(sample: Sample) -> None:
     check(sample, read_log(sample.path))
     for name, value in sample.last["mujoco"].items():
         time, values = read_signal(sample.path, f"mujoco/{name}")
@@ -150,14 +150,14 @@ def test_a_kept_log_is_read(sample: Sample) -> None:
     assert (description.every, description.versions["mujoco"]) == (sample.every, "4.0.0")
 
 
-@kept
-def test_a_kept_log_is_recovered(sample: Sample, tmp_path: Path) -> None:
+@for_each_sample
+def test_a_sample_log_is_recovered(sample: Sample, tmp_path: Path) -> None:
     part = tmp_path / "a.mcap.1.part"
     part.write_bytes(sample.path.read_bytes()[:-100])
     check(sample, read_log(recover_log(part).log))
 
 
-def test_settings_and_margins_of_a_kept_log() -> None:
+def test_settings_and_margins_of_a_sample_log_are_read() -> None:
     run = read_log(PAIR.path)["mujoco"]
     assert run.scenario.name == "fixed-position"
     assert run.scenario.effects.delay is not None
@@ -169,7 +169,7 @@ def test_settings_and_margins_of_a_kept_log() -> None:
     assert 0.0 < distance.max() < 1e-4
 
 
-def test_logs_from_before_they_said_what_sources_made_them(tmp_path: Path) -> None:
+def test_a_log_without_fingerprints_is_read(tmp_path: Path) -> None:
     assert not {*FINGERPRINTS, "machine"} & describe_log(LIVE.path).versions.keys()
     parts = take_apart(PAIR.path)
     for name in (*FINGERPRINTS, "llvmlite", "machine"):
@@ -180,7 +180,7 @@ def test_logs_from_before_they_said_what_sources_made_them(tmp_path: Path) -> No
 
 
 def layout(path: Path) -> tuple[dict[str, tuple[bytes, dict[str, str]]], dict[str, set[str]], set[str]]:
-    """Return types and units of our topics, keys of metadata by record, and names of attachments."""
+    """Return types and units of cranectl's topics, keys of metadata by record, and names of attachments."""
     with path.open("rb") as stream:
         reader = make_reader(stream)
         summary = reader.get_summary()
@@ -206,7 +206,7 @@ def without_new_values(definition: bytes, known: bytes) -> bytes:
     return new.SerializeToString(deterministic=True)
 
 
-def test_what_is_written_is_still_of_the_format_that_it_says(tmp_path: Path) -> None:
+def test_a_written_log_is_compatible_with_the_sample_of_its_format(tmp_path: Path) -> None:
     """A format may get additions, but everything that older readers know must stay the same."""
     path = tmp_path / "a.mcap"
     write_logged(path, list(read_log(PAIR.path).values()), PAIR.every)

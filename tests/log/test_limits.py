@@ -1,4 +1,4 @@
-"""A run whose log could not be read is refused before it starts; allowed logs can be read."""
+"""A run whose log would be too large to read is refused before it starts; allowed logs can be read."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from cranectl.support.errors import InputError
 
 SERVO = """\
 class Chatty:
-    \"\"\"PD that logs much.\"\"\"
+    \"\"\"A PD controller that logs many signals.\"\"\"
     memory = 1500
     logged = {f"signal_number_{k}": k for k in range(1500)}
     @staticmethod
@@ -35,7 +35,7 @@ class Chatty:
 """
 
 
-ASKED = ["--set", "duration=4", "--set", "disturbances=[]"]
+RUN_OPTIONS = ["--set", "duration=4", "--set", "disturbances=[]"]
 
 
 def signals(*names: str) -> tuple[Signal, ...]:
@@ -66,7 +66,7 @@ def test_too_many_signals_are_refused_before_the_run(
 ) -> None:
     file, log = tmp_path / "law.py", tmp_path / "out" / "run.mcap"
     file.write_text(SERVO)
-    arguments = ["--controller", f"{file}:Chatty", "--plants", "analytic", *ASKED]
+    arguments = ["--controller", f"{file}:Chatty", "--plants", "analytic", *RUN_OPTIONS]
     try:
         assert main(["run", "fixed-position", *arguments, "--out", str(log)]) == 2
         error = capsys.readouterr().err
@@ -81,7 +81,7 @@ def test_too_many_signals_are_refused_before_the_run(
     assert main(["info", str(log)]) == 0
 
 
-def test_as_many_signals_as_are_allowed_are_read_back(tmp_path: Path, short: Scenario) -> None:
+def test_the_maximum_number_of_signals_is_read_back(tmp_path: Path, short: Scenario) -> None:
     """From field 2048 on, the tag of a field takes three bytes."""
     register_controller(counter(*(f"n{k}" for k in range(2100))))
     try:
@@ -104,7 +104,7 @@ def test_a_long_source_is_refused_before_the_run(short: Scenario) -> None:
 @pytest.mark.parametrize(
     "names", [("a b",), ("a.b",), ("",), ("ü",), ("1a",), ("x/y",), ("n\x00",), ("a", "a"), ("x" * 201,)]
 )
-def test_names_that_no_message_can_have_are_refused(names: tuple[str, ...]) -> None:
+def test_invalid_signal_names_are_refused(names: tuple[str, ...]) -> None:
     with pytest.raises(InputError, match=r"counter logs (a signal|two signals) named .*\n.*letters A to Z"):
         counter(*names)
 
@@ -112,7 +112,7 @@ def test_names_that_no_message_can_have_are_refused(names: tuple[str, ...]) -> N
 @pytest.mark.parametrize(
     "names", [("_hidden", "hidden"), ("__x", "_x", "x"), ("bridgeSpeed", "bridge_speed"), ("x" * 200,)]
 )
-def test_allowed_names_make_a_type_that_protobuf_accepts(names: tuple[str, ...]) -> None:
+def test_allowed_signal_names_are_valid_in_protobuf(names: tuple[str, ...]) -> None:
     counter(*names)
     definition = topics.group_schema(SignalGroup("controller", "Counter", "", signals(*names)))
     assert topics.encode(definition, "Counter", dict.fromkeys(names, 1.0))

@@ -1,4 +1,4 @@
-"""Overlays hold each run bit for bit under its label, with any plant, drive and logging rate."""
+"""Overlays contain each run bit for bit under its label, with any plant, drive and logging rate."""
 
 import re
 from dataclasses import replace
@@ -17,7 +17,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError
 from tests.conftest import closed_loop, cut
-from tests.log.corruption import meta, put_together, take_apart
+from tests.log.corruption import put_together, set_metadata, take_apart
 from tests.log.test_log import assert_same
 from tests.log.viewer import messages_of
 
@@ -39,7 +39,7 @@ def layers(short: Scenario) -> dict[str, Layer]:
     }
 
 
-def test_every_run_comes_back_bit_for_bit(layers: dict[str, Layer]) -> None:
+def test_every_run_of_an_overlay_is_read_back_bit_for_bit(layers: dict[str, Layer]) -> None:
     path = Path("a.mcap")
     write_overlay(path, layers)
     before, read = path.read_bytes(), read_layers(path)
@@ -51,7 +51,7 @@ def test_every_run_comes_back_bit_for_bit(layers: dict[str, Layer]) -> None:
     assert path.read_bytes() == before
 
 
-def test_distances_are_from_the_first_and_from_the_one_before(layers: dict[str, Layer]) -> None:
+def test_distances_refer_to_the_first_and_to_the_previous_run(layers: dict[str, Layer]) -> None:
     write_overlay(Path("a.mcap"), layers)
     first, second, third = (layers[label].run for label in ("lqr", "pid", "early"))
     for topic, a, b in (
@@ -68,7 +68,7 @@ def test_distances_are_from_the_first_and_from_the_one_before(layers: dict[str, 
         )
 
 
-def test_labels_are_as_short_as_they_differ() -> None:
+def test_labels_are_as_short_as_possible() -> None:
     def run(controller: str, drive: str, plant: str) -> Run:
         return closed_loop("fixed-position", controller, plant, drive)
 
@@ -89,12 +89,14 @@ def test_labels_are_as_short_as_they_differ() -> None:
 @pytest.mark.parametrize(
     "labels", [["a-b", "a_b"], ["a", "b/c"], ["a", "mujoco"], ["a", "b.c"], ["a" * 41], list("abcdefghijklm")]
 )
-def test_labels_that_cannot_be(labels: list[str]) -> None:
+def test_invalid_labels_are_refused(labels: list[str]) -> None:
     with pytest.raises(InputError, match=r"the label|an overlay of"):
         check_labels(labels)
 
 
-def test_runs_of_several_logs(short: Scenario, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_overlay_combines_runs_of_several_logs(
+    short: Scenario, capsys: pytest.CaptureFixture[str]
+) -> None:
     for name in ("lqr", "pole-placement"):
         write_log(
             f"{name}.mcap",
@@ -118,7 +120,7 @@ def test_runs_of_several_logs(short: Scenario, capsys: pytest.CaptureFixture[str
     assert "report, render" in caught.value.remedy
 
 
-def test_an_overlay_that_contradicts_itself_is_refused(layers: dict[str, Layer]) -> None:
+def test_a_contradictory_overlay_is_refused(layers: dict[str, Layer]) -> None:
     write_overlay(Path("a.mcap"), layers)
     for record, values, problem in (
         ("pid/run/analytic", {"samples": "50"}, "51 of 50 samples of pid/state"),
@@ -127,7 +129,7 @@ def test_an_overlay_that_contradicts_itself_is_refused(layers: dict[str, Layer])
         ("overlay", {"format": "9"}, "that only viewers read"),
     ):
         parts = take_apart(Path("a.mcap"))
-        meta(record, **values)(parts)
+        set_metadata(record, **values)(parts)
         Path("b.mcap").write_bytes(put_together(parts))
         with pytest.raises(LogError, match=re.escape(problem)):
             read_layers("b.mcap")

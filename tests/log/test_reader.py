@@ -1,4 +1,4 @@
-"""Compare the reader with mcap's own reader, and test single signals, speed, and files of other writers."""
+"""The reader agrees with the reader of the mcap package; single signals, speed, and foreign topics."""
 
 import time
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from tests.log.test_log import assert_same
 from tests.log.viewer import decode_rows
 
 
-def by_mcap(path: Path, topic: str) -> tuple[list[int], list[bytes]]:
+def read_with_mcap(path: Path, topic: str) -> tuple[list[int], list[bytes]]:
     """Read times and messages of a topic with mcap's own reader."""
     with path.open("rb") as stream:
         messages = list(make_reader(stream, validate_crcs=True).iter_messages(topic, log_time_order=False))
@@ -29,24 +29,24 @@ def by_mcap(path: Path, topic: str) -> tuple[list[int], list[bytes]]:
 
 
 @pytest.mark.parametrize("every", [1, 4])
-def test_the_same_bits_as_through_mcaps_own_reader(tmp_path: Path, short: Scenario, every: int) -> None:
+def test_the_reader_agrees_with_the_reader_of_mcap(tmp_path: Path, short: Scenario, every: int) -> None:
     written_runs = [
         simulate_run(short, plant=plant, design=robust_design()) for plant in ("analytic", "mujoco")
     ]
     path = write_log(tmp_path / "a.mcap", written_runs, every=every)
     for plant, run in read_log(path).items():
         for group in run.groups:
-            times, messages = by_mcap(path, f"/{plant}/{group.name}")
+            times, messages = read_with_mcap(path, f"/{plant}/{group.name}")
             assert run.time_ns.tolist() == times
             assert run.block(group.name).tobytes() == decode_rows(messages, len(group)).tobytes()
-        times, messages = by_mcap(path, "/reference/load")
+        times, messages = read_with_mcap(path, "/reference/load")
         assert run.reference.tobytes() == decode_rows(messages, 15).tobytes()
 
 
 # Single signals.
 
 
-def test_one_signal_is_the_same_as_of_the_whole_log(log: Path, runs: dict[str, Run]) -> None:
+def test_a_single_signal_equals_that_of_the_whole_log(log: Path, runs: dict[str, Run]) -> None:
     for plant, run in runs.items():
         for group in run.groups:
             for name in group.names:
@@ -55,7 +55,7 @@ def test_one_signal_is_the_same_as_of_the_whole_log(log: Path, runs: dict[str, R
                 assert values.tobytes() == run.signal(f"{group.name}.{name}").tobytes()
 
 
-def test_signals_of_other_topics_and_as_viewers_write_them(log: Path, runs: dict[str, Run]) -> None:
+def test_a_signal_is_read_by_the_name_that_viewers_use(log: Path, runs: dict[str, Run]) -> None:
     _, reference = read_signal(log, "/reference/load.load_z")
     assert reference.tobytes() == runs["mujoco"].reference[:, 2].tobytes()
     _, difference = read_signal(log, "/diff/state.alpha")
@@ -66,7 +66,7 @@ def test_signals_of_other_topics_and_as_viewers_write_them(log: Path, runs: dict
 @pytest.mark.parametrize(
     "name", ["mujoco/state.alfa", "mujoco/stat.alpha", "alpha", "mujoco/state", "", "mujoco/status.status"]
 )
-def test_a_signal_that_the_log_does_not_have(log: Path, name: str) -> None:
+def test_an_unknown_signal_is_refused_with_suggestions(log: Path, name: str) -> None:
     with pytest.raises(InputError) as caught:
         read_signal(log, name)
     assert not isinstance(caught.value, LogError)
@@ -90,10 +90,11 @@ def seconds(function: Callable[[], object], times: int) -> float:
     return min(once() for _ in range(times))
 
 
-def test_reading_is_fast(tmp_path: Path) -> None:
-    """25 s of both plants: at most 0.28 s for all, 0.09 s for one signal; measured 0.07 s and 0.04 s.
+def test_reading_is_much_faster_than_with_mcap(tmp_path: Path) -> None:
+    """Reading 25 s of both plants takes less than a quarter of the time of mcap's iterator, which is 1.1 s.
 
-    Against mcap's own iterator over the same file, so that a slow machine does not matter: it takes 1.1 s.
+    A single signal takes less than a twelfth. Measured were 0.07 s and 0.04 s. The comparison with another
+    reader of the same file makes the test independent of the machine.
     """
     pair = [closed_loop("settled-trajectory", "lqr", plant) for plant in ("analytic", "mujoco")]
     path = write_log(tmp_path / "a.mcap", pair)
@@ -109,22 +110,7 @@ def test_reading_is_fast(tmp_path: Path) -> None:
     assert seconds(lambda: read_signal(path, SIGNAL), 10) < slow / 12.0
 
 
-# Files of other writers with the same contents in another form.
-
-
-@pytest.mark.parametrize("compression", ["zstd", "lz4", ""])
-@pytest.mark.parametrize("crcs", [True, False])
-def test_other_compressions_and_no_checksums(
-    log: Path, tmp_path: Path, runs: dict[str, Run], compression: str, crcs: bool
-) -> None:
-    path = tmp_path / "other.mcap"
-    path.write_bytes(put_together(take_apart(log), compression=compression, crcs=crcs))
-    for plant, run in read_log(path).items():
-        assert_same(run, runs[plant])
-    assert read_signal(path, SIGNAL)[1].tobytes() == runs["mujoco"].signal("state.alpha").tobytes()
-
-
-def test_foreign_topics_are_passed_over(log: Path, tmp_path: Path, runs: dict[str, Run]) -> None:
+def test_foreign_topics_are_ignored(log: Path, tmp_path: Path, runs: dict[str, Run]) -> None:
     parts = take_apart(log)
     schema, channel = Schema(999, b"{}", "jsonschema", "Note"), Channel(999, "/notes", "json", {}, 999)
     texts = [b'"' + b"a" * length + b'"' for length in (0, 5, 7000)]
@@ -139,7 +125,7 @@ def test_foreign_topics_are_passed_over(log: Path, tmp_path: Path, runs: dict[st
         read_signal(path, "notes.x")
 
 
-def test_a_sample_off_the_grid_has_its_reference(tmp_path: Path, short: Scenario) -> None:
+def test_a_sample_between_regular_samples_has_its_reference(tmp_path: Path, short: Scenario) -> None:
     """The last sample of the shorter run may be between two regular samples of the longer one."""
     long, full = (simulate_run(short, plant=plant) for plant in ("analytic", "mujoco"))
     shorter = cut(full, 99, status=RunStatus.INTERRUPTED, end_ns=98_000_000)

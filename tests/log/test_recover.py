@@ -1,4 +1,4 @@
-"""What was written before a kill can be recovered, and an unfinished log never looks complete."""
+"""Messages that were written before a kill can be recovered, and an unfinished log never looks complete."""
 
 import json
 import os
@@ -25,7 +25,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
 from tests.conftest import PAIR
-from tests.log.corruption import every_message, places, put_together, take_apart
+from tests.log.corruption import every_message, put_together, record_positions, take_apart
 from tests.log.viewer import messages_of
 from tests.pace import HANG
 
@@ -51,7 +51,7 @@ def part(tmp_path: Path, log: Path) -> Path:
 def cut(log: Path, part: Path, *, after_chunks: int, data: bytes = b"") -> Path:
     """Write the bytes of `log`, or `data`, up to the middle of the chunk `after_chunks`."""
     data = data or log.read_bytes()
-    start, stop = [record[1:] for record in places(data) if record[0] == CHUNK][after_chunks]
+    start, stop = [record[1:] for record in record_positions(data) if record[0] == CHUNK][after_chunks]
     part.write_bytes(data[: (start + stop) // 2])
     return part
 
@@ -74,13 +74,13 @@ def assert_beginning(saved: Run, whole: Run) -> None:
 # Recovered contents of a file that was cut off.
 
 
-def test_every_place_to_be_cut_off(log: Path, tmp_path: Path) -> None:
-    """All samples up to the end of the last complete chunk come back; without a chunk there are none."""
+def test_a_log_cut_at_any_byte_is_recovered_to_its_last_complete_chunk(log: Path, tmp_path: Path) -> None:
+    """All samples up to the end of the last complete chunk are recovered; without a chunk there are none."""
     data, whole = log.read_bytes(), read_log(log)
-    chunks = [stop for opcode, _, stop in places(data) if opcode == CHUNK]
-    at = np.random.default_rng(3).integers(9, len(data), size=40).tolist()
+    chunks = [stop for opcode, _, stop in record_positions(data) if opcode == CHUNK]
+    cuts = np.random.default_rng(3).integers(9, len(data), size=40).tolist()
     saved = set()
-    for size in sorted({*at, *chunks, *(stop - 1 for stop in chunks), len(data) - 1}):
+    for size in sorted({*cuts, *chunks, *(stop - 1 for stop in chunks), len(data) - 1}):
         part = tmp_path / f"{size}.mcap.1.part"
         part.write_bytes(data[:size])
         if size < chunks[0]:
@@ -99,7 +99,7 @@ def test_every_place_to_be_cut_off(log: Path, tmp_path: Path) -> None:
     assert max(saved) == len(whole["mujoco"].time_ns)
 
 
-def test_what_is_saved_of_a_log_of_before_has_the_topics_of_today(tmp_path: Path) -> None:
+def test_a_recovered_old_log_has_current_topics(tmp_path: Path) -> None:
     sample, part = Path(__file__).parent / "samples" / "format-2.mcap", tmp_path / "a.mcap.1.part"
     part.write_bytes(sample.read_bytes()[:-8])
     recovery = recover_log(part)
@@ -112,7 +112,7 @@ def messages_before(log: Path, chunks: int) -> int:
     return sum(isinstance(r, Message) for chunk in take_apart(log).chunks[:chunks] for r in chunk)
 
 
-def test_a_file_that_only_lacks_its_name_comes_back_byte_for_byte(log: Path, tmp_path: Path) -> None:
+def test_a_complete_part_file_is_recovered_byte_for_byte(log: Path, tmp_path: Path) -> None:
     part = tmp_path / "a.mcap.4711.part"
     for data in (log.read_bytes(), log.read_bytes()[:-8], log.read_bytes()[:-3000]):
         part.write_bytes(data)
@@ -122,7 +122,7 @@ def test_a_file_that_only_lacks_its_name_comes_back_byte_for_byte(log: Path, tmp
         Path(recovery.log).unlink()
 
 
-def test_what_is_told_of_the_end_is_put_right(part: Path, log: Path) -> None:
+def test_a_recovered_log_describes_its_new_end(part: Path, log: Path) -> None:
     saved = Path(recover_log(part).log)
     ends = sorted(run.end_ns for run in read_log(saved).values())  # the cut may lie between the plants
     end_ns = ends[-1]
@@ -131,11 +131,11 @@ def test_what_is_told_of_the_end_is_put_right(part: Path, log: Path) -> None:
     (_, info), *others = messages_of(saved, "/run/info")
     assert info.status == "analytic: interrupted, mujoco: interrupted"
     assert not others
-    story = [(time, line.message) for time, line in messages_of(saved, "/log")]
+    events = [(time, line.message) for time, line in messages_of(saved, "/log")]
     before = [(time, line.message) for time, line in messages_of(log, "/log") if time <= end_ns]
-    assert story[: len(before)] == before
-    assert [time for time, _ in story[len(before) :]] == ends
-    assert all(line.startswith("interrupted at") for _, line in story[len(before) :])
+    assert events[: len(before)] == before
+    assert [time for time, _ in events[len(before) :]] == ends
+    assert all(line.startswith("interrupted at") for _, line in events[len(before) :])
     with saved.open("rb") as stream:
         metadata = {record.name: record.metadata for record in make_reader(stream).iter_metadata()}
         stream.seek(0)
@@ -144,7 +144,7 @@ def test_what_is_told_of_the_end_is_put_right(part: Path, log: Path) -> None:
     assert metadata["recovered"]["source"] == part.name
 
 
-def test_the_versions_stay_those_that_made_the_runs(log: Path, tmp_path: Path) -> None:
+def test_a_recovered_log_keeps_its_versions(log: Path, tmp_path: Path) -> None:
     parts = take_apart(log)
     parts.meta("versions").metadata["mujoco"] = "3.99"
     part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
@@ -153,8 +153,8 @@ def test_the_versions_stay_those_that_made_the_runs(log: Path, tmp_path: Path) -
     assert "mujoco 3.99" in messages_of(Path(saved), "/run/info")[0][1].versions
 
 
-def test_nothing_that_is_written_at_the_end_is_needed(log: Path, tmp_path: Path) -> None:
-    """A recorder that writes during the run does not know yet how it will end."""
+def test_recovery_needs_no_record_from_the_end_of_the_file(log: Path, tmp_path: Path) -> None:
+    """A recorder that writes during the run does not know how the run will end."""
     parts = take_apart(log)
     parts.metadata = [metadata for metadata in parts.metadata if not metadata.name.startswith("run/")]
     ids = [parts.channel(topic).id for topic in ("/run/info", "/diff/verdict")]
@@ -167,7 +167,7 @@ def test_nothing_that_is_written_at_the_end_is_needed(log: Path, tmp_path: Path)
     assert len(messages_of(Path(recovery.log), "/run/info")) == 1
 
 
-def test_topics_and_lines_of_others_are_kept(log: Path, tmp_path: Path) -> None:
+def test_recovery_keeps_foreign_topics_and_events(log: Path, tmp_path: Path) -> None:
     parts = take_apart(log)
     end_ns = max(m.log_time for m in parts.chunks[1] if isinstance(m, Message))
     definition = topics.record_schema("Note", (("text", str),))
@@ -187,7 +187,7 @@ def test_topics_and_lines_of_others_are_kept(log: Path, tmp_path: Path) -> None:
 
 
 def test_groups_are_cut_to_their_last_common_sample(log: Path, tmp_path: Path) -> None:
-    """The last chunk ends within a sample, which only some groups of the MuJoCo plant have."""
+    """The last chunk ends within a sample, so that only some groups of the MuJoCo plant have it."""
     parts = take_apart(log)
     late = [m for m in parts.chunks[1] if isinstance(m, Message)][-1].log_time - 9_000_000
     ids = [parts.channel(f"/mujoco/{group}").id for group in ("input", "controller")]
@@ -199,9 +199,9 @@ def test_groups_are_cut_to_their_last_common_sample(log: Path, tmp_path: Path) -
         assert_beginning(run, read_log(log)[plant])
 
 
-def test_damage_in_the_middle_ends_what_is_saved(log: Path, tmp_path: Path) -> None:
+def test_recovery_stops_at_damage(log: Path, tmp_path: Path) -> None:
     data = bytearray(log.read_bytes())
-    start, stop = [record[1:] for record in places(bytes(data)) if record[0] == CHUNK][1]
+    start, stop = [record[1:] for record in record_positions(bytes(data)) if record[0] == CHUNK][1]
     data[(start + stop) // 2] ^= 1
     damaged = tmp_path / "b.mcap"
     damaged.write_bytes(data)
@@ -219,7 +219,7 @@ def test_damage_in_the_middle_ends_what_is_saved(log: Path, tmp_path: Path) -> N
         ("290000000", "its scenario ends at"),
     ],
 )
-def test_what_contradicts_itself_is_not_recovered(log: Path, tmp_path: Path, end_ns: str, text: str) -> None:
+def test_a_contradictory_log_is_not_recovered(log: Path, tmp_path: Path, end_ns: str, text: str) -> None:
     parts = take_apart(log)
     parts.meta("run/mujoco").metadata["end_ns"] = end_ns
     part = tmp_path / "a.mcap.1.part"
@@ -233,7 +233,7 @@ def test_what_contradicts_itself_is_not_recovered(log: Path, tmp_path: Path, end
 # Path of the recovered log.
 
 
-def test_nothing_is_overwritten_unasked(part: Path) -> None:
+def test_recovery_overwrites_no_existing_file_by_default(part: Path) -> None:
     target = part.with_name("a.mcap")
     before = part.read_bytes()
     for precious in (b"precious", MAGIC + b"precious"):
@@ -244,11 +244,11 @@ def test_nothing_is_overwritten_unasked(part: Path) -> None:
         assert target.read_bytes() == precious
     recover_log(part, target)
     assert read_log(target)
-    assert part.read_bytes() == before, "the source stays"
+    assert part.read_bytes() == before, "the source has changed"
 
 
 def test_the_source_is_never_overwritten(part: Path) -> None:
-    """This holds even if the source has the name of an unfinished file of this process."""
+    """The source is kept even if it has the name of an unfinished file of this process."""
     for suffix in ("", "-2"):
         source = part.rename(part.with_name(f"a.mcap.{os.getpid()}{suffix}.part"))
         before = source.read_bytes()
@@ -262,7 +262,7 @@ def test_the_source_is_never_overwritten(part: Path) -> None:
         part = source
 
 
-def test_files_that_hold_nothing(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_without_a_run_are_refused(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, data, text in (
         ("empty", b"", "is empty"),
         ("text", b"this is no log", "not an MCAP file"),
@@ -283,7 +283,7 @@ def test_files_that_hold_nothing(tmp_path: Path, log: Path, monkeypatch: pytest.
     assert {path.name for path in tmp_path.iterdir()} == {"empty", "text", "magic", "foreign"}
 
 
-def test_the_command(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_the_recovered_runs(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
     recover_log_command.main([str(part), "--json", "-"], standalone_mode=False)
     captured = capsys.readouterr()
     result = json.loads(captured.out)
@@ -297,7 +297,7 @@ def test_the_command(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "interrupted" in capsys.readouterr().out
 
 
-# Kills: children of one process write a long log, and each is killed at another moment.
+# Child processes write a long log, and each is killed at another moment.
 
 WRITE = """
 import os, random, signal, sys, time
@@ -320,7 +320,7 @@ class Channel:
         if Channel.sent == moment:
             os.kill(os.getpid(), number)
 
-def killed_before_the_new_name(*_):
+def kill_before_rename(*_):
     os.kill(os.getpid(), number)
 
 def write(path):
@@ -328,14 +328,14 @@ def write(path):
     if moment >= 0:
         writer.open_channel = Channel
     elif moment == -1:
-        Path.replace = killed_before_the_new_name
+        Path.replace = kill_before_rename
     try:
         write_log(path, runs)
     except KeyboardInterrupt:
         os._exit(130)
     os._exit(0)
 
-def begun(part):
+def has_begun(part):
     try:
         return part.stat().st_size > 100_000
     except FileNotFoundError:
@@ -349,7 +349,7 @@ for case in sys.argv[2:]:
         write(path)
     if moment < -1:
         part = Path(f"{path}.{child}.part")
-        while not begun(part) and not path.exists():
+        while not has_begun(part) and not path.exists():
             time.sleep(0.001)
         time.sleep(random.Random(moment).uniform(0.0, 0.3))
         os.kill(child, number)
@@ -360,14 +360,14 @@ for case in sys.argv[2:]:
 def kill(log: Path, directory: Path, cases: Iterable[str]) -> list[tuple[Path, Path, int]]:
     """Return (log, unfinished log, exit status) of a writer for each case `signal:moment`.
 
-    A moment is the number of a message, -1 when the file is whole but has not its name, and below that any
-    time after the first chunks.
+    A moment is the number of a message, or -1 for a complete file before it is renamed. Other negative
+    moments stand for random times after the first chunks.
     """
     cases = list(cases)
     command = [sys.executable, "-c", WRITE, str(log), *cases]
-    done = subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False, timeout=HANG)
-    assert done.returncode == 0, done.stderr
-    ends = [line.split() for line in done.stdout.splitlines()]
+    result = subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False, timeout=HANG)
+    assert result.returncode == 0, result.stderr
+    ends = [line.split() for line in result.stdout.splitlines()]
     killed = [
         (directory / f"{case}.mcap", child, int(status))
         for case, (child, status) in zip(cases, ends, strict=True)
@@ -375,7 +375,7 @@ def kill(log: Path, directory: Path, cases: Iterable[str]) -> list[tuple[Path, P
     return [(path, path.with_name(f"{path.name}.{child}.part"), status) for path, child, status in killed]
 
 
-def test_after_a_kill_at_any_time_there_is_a_log_or_one_to_recover(long_log: Path, tmp_path: Path) -> None:
+def test_a_log_can_be_recovered_after_a_kill_at_any_time(long_log: Path, tmp_path: Path) -> None:
     """At most one chunk of the messages sent before the kill is lost."""
     expected = read_log(long_log)
     with long_log.open("rb") as stream:
@@ -403,10 +403,10 @@ def test_after_a_kill_at_any_time_there_is_a_log_or_one_to_recover(long_log: Pat
                 assert 0 <= sizes[recovery.messages : moment].sum() <= CHUNK_SIZE + sizes.max()
         for plant, run in read_log(path).items():
             assert_beginning(run, expected[plant])
-    assert recovered, "not one was killed while it wrote"
+    assert recovered, "no process was killed during writing"
 
 
-def test_a_request_to_end_waits_for_the_log(long_log: Path, tmp_path: Path) -> None:
+def test_a_termination_signal_waits_for_the_log(long_log: Path, tmp_path: Path) -> None:
     """Ctrl-C during the writing of a log does not discard a finished run."""
     expected = write_log(tmp_path / "whole.mcap", list(read_log(long_log).values())).read_bytes()
     for path, part, status in kill(long_log, tmp_path, ["2:1", "2:25000", "15:10000"]):
@@ -415,7 +415,7 @@ def test_a_request_to_end_waits_for_the_log(long_log: Path, tmp_path: Path) -> N
         assert not part.exists()
 
 
-FULL = """
+FILL_DISK = """
 import resource, signal, sys
 from cranectl.support.errors import LogError
 from cranectl.log.reader import read_log
@@ -432,18 +432,18 @@ for size in sys.argv[2:]:
 """
 
 
-def test_a_disk_that_goes_full_leaves_what_can_be_recovered(log: Path, tmp_path: Path) -> None:
+def test_a_log_can_be_recovered_after_the_disk_was_full(log: Path, tmp_path: Path) -> None:
     """A limit on the file size stops the writer at any byte, as a full disk would."""
     full_log = write_log(tmp_path.parent / "whole.mcap", list(read_log(log).values()))
     size = full_log.stat().st_size
     sizes = [0, 1, 100, 11_000, size // 2, size - 3000, size - 100, size - 30, size - 9, size - 8, size - 1]
-    command = [sys.executable, "-c", FULL, str(log), *map(str, [*sizes, size])]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=HANG)
-    lines = done.stdout.splitlines()
-    assert len(lines) == len(sizes) + 1, done.stderr
+    command = [sys.executable, "-c", FILL_DISK, str(log), *map(str, [*sizes, size])]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=HANG)
+    lines = result.stdout.splitlines()
+    assert len(lines) == len(sizes) + 1, result.stderr
     assert all(line.startswith("cannot write full.mcap") for line in lines[:-1])
     assert lines[-1] == "written"
-    assert "Traceback" not in done.stderr
+    assert "Traceback" not in result.stderr
     written = tmp_path / "full.mcap"
     assert written.read_bytes() == full_log.read_bytes()
     written.unlink()

@@ -1,4 +1,4 @@
-"""Test the 3-D scene of a log: bodies are at the positions of the run, and every message is complete."""
+"""The 3-D scene of a log has bodies at the positions of the run, and every message is complete."""
 
 import json
 from collections import defaultdict
@@ -61,16 +61,16 @@ def rotation(q: Any) -> np.ndarray:
     )
 
 
-def placed(tree: Any, frame: str) -> tuple[np.ndarray, np.ndarray]:
+def world_pose(tree: Any, frame: str) -> tuple[np.ndarray, np.ndarray]:
     """Return position and rotation of a frame in the world, through all of its parents."""
     transforms = {t.child_frame_id: t for t in tree.transforms}
-    position, turn = np.zeros(3), np.eye(3)
+    position, orientation = np.zeros(3), np.eye(3)
     while frame != "world":
-        step = transforms[frame]
-        r = rotation(step.rotation)
-        position, turn = vector(step.translation) + r @ position, r @ turn
-        frame = step.parent_frame_id
-    return position, turn
+        transform = transforms[frame]
+        r = rotation(transform.rotation)
+        position, orientation = vector(transform.translation) + r @ position, r @ orientation
+        frame = transform.parent_frame_id
+    return position, orientation
 
 
 def elements(message: Any) -> Iterator[Any]:
@@ -92,9 +92,7 @@ def scene(runs: dict[str, Run], tmp_path_factory: pytest.TempPathFactory) -> Mes
     return decode(write_log(tmp_path_factory.mktemp("log") / "pair.mcap", list(runs.values())))
 
 
-def test_the_tree_is_whole_in_every_message_and_puts_the_load_where_the_plant_has_it(
-    scene: Messages, runs: dict[str, Run]
-) -> None:
+def test_transforms_are_complete_and_place_the_load_correctly(scene: Messages, runs: dict[str, Run]) -> None:
     frames = {t.child_frame_id for t in scene["/tf"][0][1].transforms}
     assert frames == {"reference"} | {
         f"{plant}/{body}" for plant in runs for body in ("bridge", "trolley", "load")
@@ -107,16 +105,16 @@ def test_the_tree_is_whole_in_every_message_and_puts_the_load_where_the_plant_ha
         assert {seconds(t.timestamp) for t in tree.transforms} == {time / 1e9}
         for plant, run in runs.items():
             k = int(np.searchsorted(run.time_ns, time))
-            load, turn = placed(tree, f"{plant}/load")
+            load, turn = world_pose(tree, f"{plant}/load")
             assert load == pytest.approx(run.load_position[k], abs=1e-12)
-            trolley, _ = placed(tree, f"{plant}/trolley")
+            trolley, _ = world_pose(tree, f"{plant}/trolley")
             rope = load - trolley
             assert turn @ [0.0, 0.0, -1.0] == pytest.approx(rope / np.linalg.norm(rope), abs=1e-9)
-        assert placed(tree, "reference")[0] == pytest.approx(runs["mujoco"].reference[k, :3])
+        assert world_pose(tree, "reference")[0] == pytest.approx(runs["mujoco"].reference[k, :3])
 
 
-def test_the_load_turns_about_alpha_first(short: Scenario, tmp_path: Path) -> None:
-    """Not only the rope's direction but all axes of the load are those of the MJCF joints."""
+def test_the_load_rotates_about_alpha_first(short: Scenario, tmp_path: Path) -> None:
+    """All axes of the load agree with the MJCF joints, not only the direction of the rope."""
     import mujoco
 
     run = simulate_run(short, plant="analytic")
@@ -127,10 +125,12 @@ def test_the_load_turns_about_alpha_first(short: Scenario, tmp_path: Path) -> No
     for name, value in (("alpha", 0.4), ("beta", -0.7)):
         data.joint(name).qpos = value
     mujoco.mj_forward(model, data)
-    assert placed(tree, "analytic/load")[1] == pytest.approx(data.body("load").xmat.reshape(3, 3), abs=1e-12)
+    assert world_pose(tree, "analytic/load")[1] == pytest.approx(
+        data.body("load").xmat.reshape(3, 3), abs=1e-12
+    )
 
 
-def test_the_model_is_that_of_the_mjcf_and_the_analytic_crane_its_ghost(scene: Messages) -> None:
+def test_the_scene_has_the_solids_of_the_mjcf_and_a_ghost(scene: Messages) -> None:
     def shapes(plant: str) -> dict[str, list[Any]]:
         ((time, update),) = scene[f"/{plant}/model"]
         assert time == 0
@@ -141,7 +141,7 @@ def test_the_model_is_that_of_the_mjcf_and_the_analytic_crane_its_ghost(scene: M
     solid, ghost = shapes("mujoco"), shapes("analytic")
     assert sum(map(len, solid.values())) == len(rig_solids(RigParameters()))
     assert set(solid) == {"frame", "bridge", "trolley", "load"}
-    assert set(ghost) == {"bridge", "trolley", "load"}, "one frame is enough"
+    assert set(ghost) == {"bridge", "trolley", "load"}, "the frame is drawn once, for the solid crane"
     assert {shape.color.a for shapes in solid.values() for shape in shapes} == {1.0}
     assert all(0.0 < shape.color.a < 0.5 for shapes in ghost.values() for shape in shapes)
     tint = colours.rgb(colours.VIEWER[PLANTS["analytic"].colour])
@@ -151,7 +151,7 @@ def test_the_model_is_that_of_the_mjcf_and_the_analytic_crane_its_ghost(scene: M
     assert (ball.color.r, ball.color.g, ball.color.b) == pytest.approx((0.72, 0.13, 0.12))
 
 
-def test_solids_have_the_sizes_of_the_file() -> None:
+def test_solids_have_the_sizes_of_the_mjcf() -> None:
     solids = {solid.name: solid for solid in rig_solids(RigParameters())}
     assert "floor" not in solids
     assert solids["post_00"].size == pytest.approx((0.05, 0.05, 1.48))
@@ -160,7 +160,7 @@ def test_solids_have_the_sizes_of_the_file() -> None:
     assert {solid.kind for solid in solids.values()} == {"box", "cylinder", "sphere"}
 
 
-def test_one_plant_alone_is_solid(short: Scenario, tmp_path: Path) -> None:
+def test_a_single_plant_is_solid(short: Scenario, tmp_path: Path) -> None:
     scene = decode(write_log(tmp_path / "a.mcap", [simulate_run(short, plant="analytic")]))
     ((_, update),) = scene["/analytic/model"]
     assert {entity.id for entity in update.entities} == {"frame", "bridge", "trolley", "load"}
@@ -168,7 +168,7 @@ def test_one_plant_alone_is_solid(short: Scenario, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_the_rope_hangs_from_trolley_to_load(scene: Messages, runs: dict[str, Run], plant: str) -> None:
+def test_the_rope_connects_trolley_and_load(scene: Messages, runs: dict[str, Run], plant: str) -> None:
     run = runs[plant]
     for time, update in scene[f"/{plant}/rope"][::100]:
         k = int(np.searchsorted(run.time_ns, time))
@@ -178,7 +178,7 @@ def test_the_rope_hangs_from_trolley_to_load(scene: Messages, runs: dict[str, Ru
         assert (entity.id, entity.frame_id) == ("rope", "world")
         assert vector(line.points[0]) == pytest.approx([state[0], state[2], 0.0])
         assert vector(line.points[1]) == pytest.approx(run.load_position[k])
-        assert line.color.r < 0.6, "taut"
+        assert line.color.r < 0.6, "a taut rope is not red"
 
 
 def test_a_nearly_slack_rope_is_red(tmp_path: Path) -> None:
@@ -207,11 +207,11 @@ def test_trails_end_at_the_load_and_fade_with_age(scene: Messages, runs: dict[st
         assert len(trail[-1][1].entities[0].lines[0].points) > 45, "four seconds"
 
 
-def test_arrows_show_what_acts(scene: Messages) -> None:
+def test_arrows_show_active_disturbances(scene: Messages) -> None:
     """The disturbances of alpha at 6 s and beta at 12 s have arrows at the load."""
     shown = {}
     for time, update in scene["/mujoco/disturbance_arrow"]:
-        assert len(update.deletions) == 1, "what was shown goes, so that a message stands alone"
+        assert len(update.deletions) == 1, "each message must replace all earlier arrows"
         shown[time // 10**9] = sum(len(entity.arrows) for entity in update.entities)
         assert all(entity.frame_id == "mujoco/load" for entity in update.entities)
     assert shown == {0: 0, 6: 1, 12: 2}
@@ -219,18 +219,20 @@ def test_arrows_show_what_acts(scene: Messages) -> None:
 
 @pytest.mark.parametrize(("joint", "axis"), [("alpha", 1), ("beta", 0)])
 @pytest.mark.parametrize("magnitude", [2.0, -2.0])
-def test_an_arrow_points_where_the_load_goes(joint: str, axis: int, magnitude: float, tmp_path: Path) -> None:
+def test_an_arrow_points_in_the_direction_of_motion(
+    joint: str, axis: int, magnitude: float, tmp_path: Path
+) -> None:
     steps = f"disturbances=[{{joint='{joint}', start=0.1, end=0.2, magnitude={magnitude}}}]"
     run = simulate_run(load_scenario("fixed-position", overrides=[steps, "duration=0.3"]), plant="mujoco")
     moved = (run.block("load")[-1] - run.block("load")[0])[axis]
-    pushes = decode(write_log(tmp_path / "a.mcap", [run]))["/mujoco/disturbance_arrow"]
-    assert [len(update.entities) for _, update in pushes] == [0, 1, 0]
-    direction = rotation(pushes[1][1].entities[0].arrows[0].pose.orientation)[:, 0]
+    arrows = decode(write_log(tmp_path / "a.mcap", [run]))["/mujoco/disturbance_arrow"]
+    assert [len(update.entities) for _, update in arrows] == [0, 1, 0]
+    direction = rotation(arrows[1][1].entities[0].arrows[0].pose.orientation)[:, 0]
     assert np.sign(direction[axis]) == np.sign(moved)
     assert abs(direction[axis]) == pytest.approx(1.0)
 
 
-def test_path_and_workspace(scene: Messages) -> None:
+def test_path_and_workspace_are_drawn(scene: Messages) -> None:
     ((_, path),) = scene["/reference/path"]
     points = np.array([vector(p) for e in path.entities for line in e.lines for p in line.points])
     assert points[0] == pytest.approx([0.1, 0.1, -0.15])
@@ -243,8 +245,8 @@ def test_path_and_workspace(scene: Messages) -> None:
     assert corners.max(axis=0) == pytest.approx([2.0, 1.54, -0.05])
 
 
-def test_nothing_is_invisible(scene: Messages) -> None:
-    """Quaternions have the length 1 and colours an opacity; in protobuf a field that is not set is 0."""
+def test_no_quaternion_or_colour_is_zero(scene: Messages) -> None:
+    """Quaternions have length 1 and colours are opaque; protobuf reads a missing field as 0."""
     for topic, messages in scene.items():
         for _, message in messages[:: max(1, len(messages) // 10)]:
             for element in elements(message):
@@ -255,14 +257,14 @@ def test_nothing_is_invisible(scene: Messages) -> None:
                     assert element.a > 0.0, topic
 
 
-def test_a_run_that_ends_first_stays_where_it_ended(short: Scenario, tmp_path: Path) -> None:
+def test_a_crane_stays_where_its_run_ended(short: Scenario, tmp_path: Path) -> None:
     long = simulate_run(short, plant="mujoco")
     full = simulate_run(short, plant="analytic")
     shorter = cut(full, 201, status=RunStatus.INTERRUPTED, end_ns=int(full.time_ns[200]))
     path = write_log(tmp_path / "a.mcap", [shorter, long], every=1)
     end_ns, last = decode(path)["/tf"][-1]
     assert end_ns == long.end_ns
-    assert placed(last, "analytic/load")[0] == pytest.approx(shorter.load_position[-1], abs=1e-12)
+    assert world_pose(last, "analytic/load")[0] == pytest.approx(shorter.load_position[-1], abs=1e-12)
     assert list(read_log(path)) == ["analytic", "mujoco"]
 
 
@@ -280,7 +282,7 @@ def plot_colours(layout: str) -> dict[str, set[tuple[float, ...]]]:
     return by_topic
 
 
-def test_trail_and_path_have_the_colours_of_the_plots(scene: Messages) -> None:
+def test_trails_and_plots_have_the_same_colours(scene: Messages) -> None:
     plots = plot_colours("comparison")
     for plant in ("analytic", "mujoco"):
         shades = {
@@ -293,7 +295,7 @@ def test_trail_and_path_have_the_colours_of_the_plots(scene: Messages) -> None:
     assert colours.rgb(colours.VIEWER["reference"]) in plots["reference"]
 
 
-def test_every_level_has_one_colour_in_trails_and_plots(short: Scenario, tmp_path: Path) -> None:
+def test_every_level_of_a_ladder_has_one_colour(short: Scenario, tmp_path: Path) -> None:
     run = simulate_run(short, plant="analytic")
     write_overlay(tmp_path / "a.mcap", dict.fromkeys(NAMES, Layer(run.every(4), 4, {})))
     drawn, plots = decode(tmp_path / "a.mcap"), plot_colours("ladder")

@@ -18,7 +18,7 @@ from websockets.sync.client import connect
 from cranectl.mcap_columns.rows import decode_table
 from tests.pace import HANG
 
-PATIENCE = 3.0  # [s] until topics are subscribed to again
+RESUBSCRIBE_TIME = 3.0  # [s] after which the viewer subscribes to its topics again
 
 
 class Viewer:
@@ -47,21 +47,21 @@ class Viewer:
     def __exit__(self, *details: Any) -> None:
         self._connection.__exit__(*details)
 
-    def until(self, happened: Callable[[], object]) -> None:
-        """Receive until `happened()`."""
+    def until(self, condition: Callable[[], object]) -> None:
+        """Receive messages until a condition is true."""
         end = time.monotonic() + HANG
-        next_try = time.monotonic() + PATIENCE
-        while not happened():
-            assert time.monotonic() < end, "it never happened"
+        next_try = time.monotonic() + RESUBSCRIBE_TIME
+        while not condition():
+            assert time.monotonic() < end, "the condition never became true"
             self._receive(0.2)
             if time.monotonic() > next_try:
-                # A channel may go between its advertisement and our subscription.
-                next_try = time.monotonic() + PATIENCE
+                # A channel may be removed between its advertisement and our subscription.
+                next_try = time.monotonic() + RESUBSCRIBE_TIME
                 for topic in self._wanted & set(self.channels):
                     self._subscribe(topic)
 
     def rest(self, seconds: float) -> None:
-        """Receive for some time."""
+        """Receive messages for some time."""
         end = time.monotonic() + seconds
         while (remaining := end - time.monotonic()) > 0.0:
             self._receive(remaining)
@@ -69,7 +69,7 @@ class Viewer:
     def until_closed(self) -> None:
         try:
             while True:
-                self._take(self._socket.recv(HANG))
+                self._handle(self._socket.recv(HANG))
         except ConnectionClosed:
             pass
 
@@ -133,19 +133,20 @@ class Viewer:
         )
         return [kind.FromString(data) for _, data in self.of(topic)]
 
-    def wait_for(self, topic: str, right: Callable[[Any], object] = lambda _: True) -> Any:
-        """Return the newest message of `topic`, as soon as `right` accepts it."""
-        self.until(lambda: self.of(topic) and right(self.decoded(topic)[-1]))
+    def wait_for(self, topic: str, is_expected: Callable[[Any], object] = lambda _: True) -> Any:
+        """Wait until the newest message of a topic is as expected; return it."""
+        self.until(lambda: self.of(topic) and is_expected(self.decoded(topic)[-1]))
         return self.decoded(topic)[-1]
 
-    def said(self) -> list[str]:
-        """Return the lines of `/log`."""
+    def events(self) -> list[str]:
+        """Return the messages of `/log`."""
         return [line.message for line in self.decoded("/log")]
 
-    def wait_to_hear(self, text: str) -> None:
-        self.until(lambda: any(text in line for line in self.said()))
+    def wait_for_event(self, text: str) -> None:
+        """Wait until a message of `/log` contains a text."""
+        self.until(lambda: any(text in event for event in self.events()))
 
-    def forget(self) -> None:
+    def clear_messages(self) -> None:
         self.messages.clear()
 
     def _subscribe(self, topic: str) -> None:
@@ -158,13 +159,13 @@ class Viewer:
 
     def _receive(self, timeout: float) -> None:
         try:
-            self._take(self._socket.recv(timeout))
+            self._handle(self._socket.recv(timeout))
         except TimeoutError:
             return
 
-    def _take(self, message: str | bytes) -> None:
+    def _handle(self, message: str | bytes) -> None:
         if isinstance(message, bytes):
-            self._take_binary(message)
+            self._handle_binary(message)
             return
         data = json.loads(message)
         if data["op"] == "serverInfo":
@@ -176,14 +177,14 @@ class Viewer:
                 if channel["topic"] in self._wanted:
                     self._subscribe(channel["topic"])
         elif data["op"] == "unadvertise":
-            gone = set(data["channelIds"])
-            self.channels = {topic: c for topic, c in self.channels.items() if c["id"] not in gone}
+            removed = set(data["channelIds"])
+            self.channels = {topic: c for topic, c in self.channels.items() if c["id"] not in removed}
         elif data["op"] == "advertiseServices":
             self.services = {service["name"]: service for service in data["services"]}
         elif data["op"] == "parameterValues":
             self.parameters |= {p["name"]: p["value"] for p in data["parameters"]}
 
-    def _take_binary(self, message: bytes) -> None:
+    def _handle_binary(self, message: bytes) -> None:
         kind = message[0]
         if kind == 1:
             number, time_ns = struct.unpack_from("<IQ", message, 1)

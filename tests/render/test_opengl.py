@@ -10,7 +10,7 @@ import pytest
 from cranectl.log.writer import write_log
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
-from tests.traps import set_traps
+from tests.shadowing_modules import write_shadowing_modules
 
 DRAW = """
 from cranectl.support.errors import InputError
@@ -80,10 +80,10 @@ def test_the_command_says_all_that_was_tried_and_writes_nothing(tmp_path: Path, 
 
 def test_a_module_of_the_working_directory_is_not_run_to_look_for_opengl(tmp_path: Path) -> None:
     """Only the child could run it: `-P` keeps it from this process."""
-    sprung = set_traps(tmp_path)
+    imported = write_shadowing_modules(tmp_path)
     script = "from cranectl.render import opengl; print(opengl._failure('egl'))"
     done = subprocess.run(
         [sys.executable, "-P", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     assert done.stdout
-    assert sprung.read_text() == ""
+    assert imported.read_text() == ""

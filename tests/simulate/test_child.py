@@ -17,7 +17,7 @@ from cranectl.simulate.child import BLOCK_TIMEOUT, blocks_in_child
 from cranectl.support.children import spawn_child
 from cranectl.support.compiled_step import report_failure
 from tests.pace import HANG
-from tests.traps import set_traps
+from tests.shadowing_modules import write_shadowing_modules
 
 
 def test_an_interrupt_ends_a_run_with_a_controller_in_a_child_in_order(tmp_path: Path) -> None:
@@ -64,13 +64,13 @@ def test_a_module_of_the_working_directory_is_not_run_in_a_new_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It finds the same modules as this process; a script that it starts finds the modules beside itself."""
-    sprung = set_traps(tmp_path)
+    imported = write_shadowing_modules(tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
     child = spawn_child(tell_path)
     safe, path = child.receive(HANG)
     child.end()
-    assert sprung.read_text() == ""
+    assert imported.read_text() == ""
     assert (safe, path) == (None, sys.path)
     assert "PYTHONSAFEPATH" not in os.environ
 

@@ -17,7 +17,7 @@ from cranectl.loaders.opening import close_controllers
 from cranectl.support.documents import leaves
 from cranectl.support.resources import BENCHMARK_DIRECTORY
 from tests.campaign.benchmark.conftest import SHORT
-from tests.cli.suggestions import executed, suggested_by_page
+from tests.cli.suggestions import commands_of_page, execute
 from tests.conftest import ROOT
 
 if TYPE_CHECKING:
@@ -38,11 +38,11 @@ def test_what_the_page_suggests(small: Path, tmp_path: Path, monkeypatch: pytest
     close_controllers()
     report = ["benchmark", "report", "the out", "--benchmark", "../small.toml", "--trust"]
     assert main([*report, "--out", "the page.html"]) == 0
-    *replays, report_again = suggested_by_page(Path("the page.html"))
+    *replays, report_again = commands_of_page(Path("the page.html"))
     assert len(replays) == 2
     assert "--controller ../servo.py:SERVO" in replays[1]
     for command in (*replays, report_again):
-        assert executed(command) == 0, command
+        assert execute(command) == 0, command
 
 
 def test_nothing_is_touched_where_an_unknown_controller_is_tuned(

@@ -27,7 +27,7 @@ from cranectl.support.documents import read_toml
 from cranectl.support.errors import InputError, MachineError
 from tests.benchmark.conftest import laws_closed
 from tests.campaign.benchmark.tiny import write_tiny
-from tests.cli.suggestions import executed, suggested
+from tests.cli.suggestions import execute, suggested_commands
 
 __all__ = ["laws_closed"]
 
@@ -134,8 +134,8 @@ def test_the_command_that_tunes_again_does(state: str, capsys: pytest.CaptureFix
     close_controllers()
     capsys.readouterr()
     assert main(run) == 2
-    command = suggested(capsys.readouterr().err)[-1]
-    assert executed(f"{command} --runs 4") == 0
+    command = suggested_commands(capsys.readouterr().err)[-1]
+    assert execute(f"{command} --runs 4") == 0
     assert main(run) == 0
 
 

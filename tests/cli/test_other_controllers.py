@@ -1,4 +1,4 @@
-"""Laws that are not of the flat family, in every command: judged where they can be, else told why not."""
+"""Controllers outside the flat family work in every command, or are refused with a reason."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from cranectl.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
-LAWS = ("pid", "lqr-integral", "flat-velocity")
+CONTROLLERS = ("pid", "lqr-integral", "flat-velocity")
 SHORT = ["--set", "duration=0.6", "--set", "disturbances=[]", "--set", "reference.segments=[]"]
 CAMPAIGN = """
 name = "small"
@@ -19,7 +19,7 @@ runs = 8
 plants = ["analytic", "mujoco"]
 controllers = ["pid", "lqr-integral"]
 drive = "velocity"
-set = ["initial.load_offset=[0.0,0.01,0.0]"]  # an angle alone moves no encoder of the analytic plant
+set = ["initial.load_offset=[0.0,0.01,0.0]"]  # encoders do not measure an angle
 [uncertain]
 "rig.trolley_time_constant" = {distribution = "uniform", low = 0.01, high = 0.04}
 """
@@ -34,8 +34,8 @@ pid.shaper = "none"
 """
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_a_law_is_run_logged_read_compared_reported_and_drawn(
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_all_commands_handle_controllers_outside_the_flat_family(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     offset = ["--set", "initial.load_offset=[0.01,0.0,0.0]"]
@@ -43,10 +43,10 @@ def test_a_law_is_run_logged_read_compared_reported_and_drawn(
     assert main(run) == 0
     log = f"logs/fixed-position/{name}-velocity.mcap"
     assert "not judged" not in capsys.readouterr().out
-    read = read_log(log)["mujoco"]
-    assert read.design.axis_design is None
-    assert read.design.name == name
-    assert [group.name for group in read.groups[4:]] == ["flat_output", "error", "controller"]
+    logged = read_log(log)["mujoco"]
+    assert logged.design.axis_design is None
+    assert logged.design.name == name
+    assert [group.name for group in logged.groups[4:]] == ["flat_output", "error", "controller"]
     for command in (
         ["info", log],
         ["compare", log, log],
@@ -60,8 +60,8 @@ def test_a_law_is_run_logged_read_compared_reported_and_drawn(
         assert main(command) == 0, command
     out = capsys.readouterr().out
     assert "sampled" in out
-    assert "continuous" not in out, "of theory's continuous time only the flat family has a law"
-    assert ("modulus margin" in out) == (name != "pid"), "of a law that can be linearised"
+    assert "continuous" not in out, "only the flat family has a controller in continuous time"
+    assert ("modulus margin" in out) == (name != "pid"), "only pid has no linearisation"
     assert Path("a.html").read_text().count("<svg") == 10, "no figure of the linear input v"
 
 
@@ -73,8 +73,8 @@ def test_a_law_is_run_logged_read_compared_reported_and_drawn(
         "design NAME --plot a.svg",
     ],
 )
-@pytest.mark.parametrize("name", LAWS)
-def test_what_needs_a_linear_design_says_why_not(
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_commands_that_need_a_linear_design_refuse_the_controller(
     command: str, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(command.replace("NAME", name).split()) == 2
@@ -82,15 +82,17 @@ def test_what_needs_a_linear_design_says_why_not(
 
 
 @pytest.mark.parametrize("command", ["advise fixed-position --controller mine.so", "budget mine.toml"])
-def test_a_file_is_not_asked_for_a_linear_design(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Neither command has an option --trust, which would not help."""
+def test_a_controller_file_is_refused_without_being_opened(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Neither command has an option --trust: a file has no linear design anyway."""
     reference = "reference = { start = [1.0, 0.77, -0.7] }"
     Path("mine.toml").write_text(f'name = "mine"\nduration = 1.0\ncontroller = "mine.so"\n{reference}\n')
     assert main(command.split()) == 2
     assert "'mine.so' has no linear design of one axis of the load" in capsys.readouterr().err
 
 
-def test_both_in_a_campaign_on_threads() -> None:
+def test_a_campaign_runs_two_controllers() -> None:
     Path("small.toml").write_text(SCENARIO)
     Path("many.toml").write_text(CAMPAIGN)
     assert main(["campaign", "run", "many.toml", "--out", "results"]) == 0
@@ -100,11 +102,11 @@ def test_both_in_a_campaign_on_threads() -> None:
         (name, plant, "completed") for name in ("lqr-integral", "pid") for plant in ("analytic", "mujoco")
     ]
     assert len(rows) == 32
-    swaying = {row["rms_error_m"] for row in rows if row["controller"] == "lqr-integral"}
-    assert len(swaying) == 16, "each on its own crane"
+    errors = {row["rms_error_m"] for row in rows if row["controller"] == "lqr-integral"}
+    assert len(errors) == 16, "every run has another crane"
 
 
-def test_parameters_reach_the_law_from_file_and_command_line() -> None:
+def test_parameters_come_from_file_and_command_line() -> None:
     Path("small.toml").write_text(SCENARIO)
     assert main(["run", "small.toml", "--plant", "analytic"]) == 0
     pid = ["--controller", "pid", "--set", "controller.pid.proportional=1"]
@@ -115,6 +117,6 @@ def test_parameters_reach_the_law_from_file_and_command_line() -> None:
 
 
 @pytest.mark.parametrize("command", ["run", "live", "ladder"])
-def test_an_empty_name_is_not_the_default(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_empty_controller_name_is_refused(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([command, "fixed-position", "--controller", ""]) == 2
     assert "unknown controller ''" in capsys.readouterr().err

@@ -73,11 +73,11 @@ SHORTAGES = st.one_of(
 
 
 @pytest.fixture(scope="module")
-def whole(template: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def expected(template: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Return the directory that each command leaves with enough resources."""
     directories = {}
     for name, line in COMMANDS.items():
-        directory = directories[name] = copy_template(template, tmp_path_factory.mktemp("whole"), name)
+        directory = directories[name] = copy_template(template, tmp_path_factory.mktemp("expected"), name)
         result = run_in_child(directory, line)
         assert result.code in (0, 3), f"{name}: {result.err}"
     return directories
@@ -98,7 +98,7 @@ def copy_template(template: Path, parent: Path, name: str) -> Path:
 def test_a_lack_of_resources_leaves_no_wrong_result(
     template: Path,
     tmp_path_factory: pytest.TempPathFactory,
-    whole: dict[str, Path],
+    expected: dict[str, Path],
     name: str,
     shortage: Shortage,
 ) -> None:
@@ -113,10 +113,10 @@ def test_a_lack_of_resources_leaves_no_wrong_result(
     repeated = run_in_child(directory, [*line, *(["--resume"] if name.startswith("campaign") else [])])
     assert repeated.code in (0, 3), f"{name}: {repeated.err}"
     if name.startswith("campaign"):
-        assert parts(directory) == parts(whole[name])
+        assert parts(directory) == parts(expected[name])
     for file, content in contents(directory).items():
         if file.partition("/")[0] in REPRODUCIBLE:
-            assert content == (whole[name] / file).read_bytes(), file
+            assert content == (expected[name] / file).read_bytes(), file
 
 
 def check_no_failure_is_stored(directory: Path, name: str, result: Result) -> None:

@@ -1,7 +1,7 @@
-"""Every numeric option of every command at odd numbers: a result, or what is wrong with it, and never 70.
+"""Every numeric option of every command accepts an odd number or explains the error, and never exits with 70.
 
-Options are found from the commands themselves, so that one that is added is tried too. `make test` takes a
-share of the cases, the same each time; RANGE_CASES=all takes all.
+The options are read from the commands, so that new ones are tested too. `make test` runs a fixed selection
+of the cases; RANGE_CASES=all runs all of them.
 """
 
 import os
@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import cli, main
-from tests.cli.test_remedies import MANY, SHORT
+from tests.cli.option_cases import MANY, SHORT
 
 NUMBERS = ("0", "1", "-1", "1e-300", "1e300", "nan", "inf", str(10**12), str(2**63))
-SHARE = 40
-# By command and option, the rest of a command line that is quick.
-SMALL = {
+SELECTED_CASES = 40
+# A command line that is quick, by command, or by command and option.
+QUICK_LINES = {
     "run": "run short.toml --plants analytic --out own.mcap",
     "validate": "validate short.toml --plants analytic --jobs 1",
     "campaign run": "campaign run many.toml --out other",
@@ -32,16 +32,16 @@ SMALL = {
     "tune": "tune lqr-integral",
     "benchmark run": "benchmark run --controller lqr-integral",
 }
-# What a command takes and then works on for as long as it was told to.
-LONG = {
+# Valid values with which a command runs for a long time.
+LONG_VALUES = {
     "live --speed": ("1",),
     "live --port": ("0", "1"),
     "tune": ("1", str(10**12), str(2**63), "1e-300"),
     "benchmark run": ("1", str(10**12), str(2**63), "1e-300"),
-    "certify": ("1",),  # a rope, a delay or a lag of 1: half a minute
+    "certify": ("1",),  # a rope length, a delay or a lag of 1 takes half a minute
 }
-# Found by the first run of all cases.
-FOUND = [
+# Cases that once failed; they are always tested.
+ALWAYS_TESTED = [
     ("campaign replay", "--every", str(2**63)),
     ("certify", "--tilt", "nan"),
     *(("certify", "--hoisting-speed", value) for value in ("1e300", "nan", "inf")),
@@ -49,16 +49,16 @@ FOUND = [
 
 
 def numeric_options(command: click.Command, path: tuple[str, ...] = ()) -> Iterator[tuple[str, str, int]]:
-    """Command, option and how many numbers it takes, of all options of numbers."""
+    """Yield each numeric option: command, option, and how many numbers it takes."""
     if isinstance(command, click.Group):
-        for name, below in command.commands.items():
-            yield from numeric_options(below, (*path, name))
+        for name, subcommand in command.commands.items():
+            yield from numeric_options(subcommand, (*path, name))
         return
-    for each in command.params:
-        kind = each.type.types[0] if isinstance(each.type, click.Tuple) else each.type
+    for option in command.params:
+        kind = option.type.types[0] if isinstance(option.type, click.Tuple) else option.type
         numbers = (click.types.IntParamType, click.types.FloatParamType)
-        if isinstance(each, click.Option) and isinstance(kind, numbers):
-            yield " ".join(path), each.opts[0], each.nargs
+        if isinstance(option, click.Option) and isinstance(kind, numbers):
+            yield " ".join(path), option.opts[0], option.nargs
 
 
 OPTIONS = list(numeric_options(cli))
@@ -66,16 +66,18 @@ CASES = [
     (command, option, nargs, value)
     for command, option, nargs in OPTIONS
     for value in NUMBERS
-    if value not in (*LONG.get(command, ()), *LONG.get(f"{command} {option}", ()))
+    if value not in (*LONG_VALUES.get(command, ()), *LONG_VALUES.get(f"{command} {option}", ()))
 ]
 ALL = os.environ.get("RANGE_CASES") == "all"
-CHOSEN = set(np.random.default_rng(1).permutation(len(CASES))[: len(CASES) if ALL else SHARE].tolist())
+CHOSEN = set(
+    np.random.default_rng(1).permutation(len(CASES))[: len(CASES) if ALL else SELECTED_CASES].tolist()
+)
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A log and a result of a campaign."""
-    folder = tmp_path_factory.mktemp("made")
+def prepared_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a scenario, a campaign, a log and the result of a campaign."""
+    folder = tmp_path_factory.mktemp("files")
     (folder / "short.toml").write_text(f'name = "short"\n{SHORT}')
     (folder / "many.toml").write_text(MANY)
     with pytest.MonkeyPatch.context() as patch:
@@ -87,26 +89,26 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(
     ("command", "option", "nargs", "value"),
-    [case for k, case in enumerate(CASES) if k in CHOSEN or (*case[:2], case[3]) in FOUND],
+    [case for k, case in enumerate(CASES) if k in CHOSEN or (*case[:2], case[3]) in ALWAYS_TESTED],
 )
-def test_an_odd_number_gives_a_result_or_what_is_wrong_with_it(
+def test_an_odd_number_gives_a_result_or_an_explained_error(
     command: str, option: str, nargs: int, value: str,
-    made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    prepared_files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    shutil.copytree(made, tmp_path / "here")
+    shutil.copytree(prepared_files, tmp_path / "here")
     monkeypatch.chdir(tmp_path / "here")
     capsys.readouterr()
-    line = SMALL.get(f"{command} {option}") or SMALL[command]
+    line = QUICK_LINES.get(f"{command} {option}") or QUICK_LINES[command]
     if f" {option} " in line:
         line = line.partition(f" {option} ")[0]
     code = main([*line.split(), option, *[value] * nargs])
-    told = capsys.readouterr().err
-    assert code in (0, 1, 2, 3), told
-    assert "Traceback" not in told
+    error = capsys.readouterr().err
+    assert code in (0, 1, 2, 3), error
+    assert "Traceback" not in error
     if code == 2:
-        assert "Invalid value" in told or ("found:" in told and "remedy:" in told), told
+        assert "Invalid value" in error or ("found:" in error and "remedy:" in error), error
 
 
-def test_every_numeric_option_is_tried() -> None:
-    assert {command for command, *_ in OPTIONS} == {name.partition(" --")[0] for name in SMALL}
+def test_every_command_with_a_numeric_option_is_tested() -> None:
+    assert {command for command, *_ in OPTIONS} == {name.partition(" --")[0] for name in QUICK_LINES}
     assert len(OPTIONS) > 25

@@ -1,7 +1,7 @@
-"""Watch which files of the project a run of tests reads.
+"""Record which files of the project a run of tests reads.
 
-`.ci/proven.py` runs a slow set of tests only where a file that it depends on has changed. It lists these
-files, and no test of the set may read another one.
+`.ci/proven.py` runs a slow set of tests only if a file that it depends on has changed. It lists these files,
+and no test of the set may read any other file.
 """
 
 import os
@@ -15,18 +15,18 @@ TRACKED = tuple(
     f"{ROOT / folder}{os.sep}" for folder in ("cranectl", "docs", "models", "tests", "validation")
 )
 PLUGIN = {"cranectl/cli/pytest_plugin.py", "cranectl/cli/__init__.py"}  # every session of pytest loads it
-DIGEST = "fingerprint"  # the function that reads all sources, of no consequence to a test
+DIGEST = "fingerprint"  # this function reads all sources, but tests do not depend on its result
 
 _opened: set[str] = set()
 
 
 def watch() -> None:
-    """Note from now on which data files are opened; an audit hook stays as long as its process."""
-    sys.addaudithook(_note)
+    """Record from now on which data files are opened; an audit hook cannot be removed."""
+    sys.addaudithook(_record)
 
 
 def unlisted() -> set[str]:
-    """Return the modules imported and the files noted that the list lacks."""
+    """Return the imported modules and the opened files that are not in the list."""
     modules = {
         str(module.__file__) for module in [*sys.modules.values()] if getattr(module, "__file__", None)
     }
@@ -35,13 +35,14 @@ def unlisted() -> set[str]:
     return names - PLUGIN - set(Path(str(LISTED)).read_text(encoding="utf-8").splitlines())
 
 
-def _note(event: str, given: tuple[Any, ...]) -> None:
-    if event != "open" or not isinstance(given[0], str) or not given[0].startswith(TRACKED):
+def _record(event: str, arguments: tuple[Any, ...]) -> None:
+    if event != "open" or not isinstance(arguments[0], str) or not arguments[0].startswith(TRACKED):
         return
-    path = os.path.normpath(given[0])  # `validation/../../elsewhere` is no file of the project
+    path = os.path.normpath(arguments[0])  # `validation/../../elsewhere` is no file of the project
     is_compiled = "__pycache__" in path
-    is_source = path.endswith(".py")  # sys.modules has what is imported
-    if not is_compiled and not is_source and set(given[1] or "").isdisjoint("wax+") and not _is_digested():
+    is_source = path.endswith(".py")  # imported modules are in sys.modules
+    is_read_only = set(arguments[1] or "").isdisjoint("wax+")
+    if not is_compiled and not is_source and is_read_only and not _is_digested():
         _opened.add(path)
 
 
