@@ -17,12 +17,13 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Any, Literal, NamedTuple, get_args
 
 from cranectl.design.records import ControllerDesign, Design, Origin, Value
 from cranectl.scenario import DesignSettings
 from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.settings import MAX_DURATION, MIN_DURATION
 from cranectl.scenario.similarity import rounded
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
@@ -232,6 +233,8 @@ class Controller:
         Whether the memory ends with all that a run records, in the order of the groups of its design.
     slack_place : int or None
         Index where the loop writes whether the rope is slack. Only then it is called on a slack rope.
+    period : float or None
+        Time between two steps [s] for which it was made; a run with another one is refused. None: any.
 
     Raises
     ------
@@ -259,6 +262,7 @@ class Controller:
     axis_design: Callable[[DesignSettings], Design] | None = None
     records_all: bool = False
     slack_place: int | None = None
+    period: float | None = None
 
     def __post_init__(self) -> None:
         """Raise InputError for a declaration of the wrong kind or out of its range."""
@@ -270,6 +274,7 @@ class Controller:
             check_choice(f"{self.name}.{key}", getattr(self, key), get_args(kinds))
         for key, lowest, highest, meaning in _WHOLE:
             check_whole(f"{self.name}.{key}", getattr(self, key), lowest, highest, meaning)
+        check_period(f"{self.name}.period", self.period, self.every)
         check_items(f"{self.name}.parameters", self.parameters, Parameter, "{name: number}")
         check_names(self.name, "parameter", (parameter.name for parameter in self.parameters))
         check_items(f"{self.name}.logged", self.logged, Logged, "{name: place of the memory}")
@@ -312,6 +317,19 @@ def check_whole(what: str, value: Any, lowest: int, highest: int, meaning: str) 
             f"{what} = {shown(value)}",
             allowed=f"a whole number from {lowest} to {highest}",
             remedy=f"give {meaning}",
+        )
+
+
+def check_period(what: str, value: Any, every: int) -> None:
+    """Raise InputError unless `value` is None or a time [s] that `every` control periods can last."""
+    lowest, highest = every * MIN_DURATION, every * MAX_DURATION
+    if value is None:
+        return
+    if not isinstance(value, Real) or isinstance(value, bool) or not lowest <= float(value) <= highest:
+        raise InputError(
+            f"{what} = {shown(value)}",
+            allowed=f"a number of seconds from {lowest:g} to {highest:g}, or none",
+            remedy="give the time between two steps for which the controller was made, or leave it out",
         )
 
 

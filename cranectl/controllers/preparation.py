@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.controllers.controller import MAX_MEMORY, Controller, LinearController, Nominal, shown
+from cranectl.scenario import nanoseconds
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, describe_error
 from cranectl.support.foreign_code import contained
@@ -19,9 +20,12 @@ PAIR = "a prepare(nominal) that returns (parameters, memory), two arrays of at m
 def prepared(controller: Controller, nominal: Nominal) -> tuple[Array, Array]:
     """Return parameters and memory, each with at least one number, so that pointers to them are valid.
 
-    Raises InputError as the controller's `prepare` does, if `prepare` raises anything else or returns no such
-    pair, and if the controller logs an index that its memory does not have.
+    Raises InputError if the controller was made for another period. Raises it also as the controller's
+    `prepare` does, if `prepare` raises anything else or returns no such pair, and if the controller logs an
+    index that its memory does not have.
     """
+    if controller.period is not None:
+        _check_period(controller, controller.period, nominal.period)
     returned = _run_own_code(controller, "prepare", controller.prepare, PAIR, nominal)
     problem = f"prepare of {controller.name} returns "
     if not isinstance(returned, tuple | list) or len(returned) != 2:
@@ -66,6 +70,20 @@ def real_numbers(values: Any) -> Array:
     if array.size > MAX_MEMORY:
         raise ValueError(f"{array.size} numbers")
     return array.astype(np.float64).ravel() if array.size else np.zeros(1)
+
+
+def _check_period(controller: Controller, made_for: float, given: float) -> None:
+    """Raise InputError unless the times [s] between two steps give the same control period."""
+    control, every = made_for / controller.every, controller.every
+    if nanoseconds(control) == nanoseconds(given / every):
+        return
+    divided = f", of which it takes every {every}th" if every > 1 else ""
+    raise InputError(
+        f"{controller.name} was made for steps of {round(made_for, 9):g} s, "
+        f"this run gives it steps of {round(given, 9):g} s",
+        allowed=f"control.period = {round(control, 9)!r}{divided}",
+        remedy=f"add --set control.period={round(control, 9)!r} to the command, or set it in the scenario",
+    )
 
 
 def _run_own_code(

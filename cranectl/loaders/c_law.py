@@ -20,7 +20,7 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 HEADER = Path(__file__).parent / "cranectl.h"
-DECLARED = ("name", "title", "command", "follows", "measures", "every", "preview")
+DECLARED = ("name", "title", "command", "follows", "measures", "every", "preview", "period")
 
 
 def open_library(file: ControllerFile) -> tuple[Controller, ControllerFile]:

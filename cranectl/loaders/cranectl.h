@@ -20,7 +20,7 @@ extern "C" {
 #define CRANECTL_EXPORT __attribute__((visibility("default")))
 #endif
 
-#define CRANECTL_ABI 3 /* 1 had neither search nor length_power, 2 no reads; both are still taken */
+#define CRANECTL_ABI 4 /* 1 had neither search nor length_power, 2 no reads, 3 no period; all still run */
 
 enum { CRANECTL_ACCELERATION, CRANECTL_VELOCITY, CRANECTL_FORCE }; /* commanded: m/s^2, m/s, N */
 enum { CRANECTL_PATH, CRANECTL_SET_POINT };                        /* followed; the latter: where a segment ends */
@@ -54,6 +54,7 @@ typedef struct {
     const cranectl_signal *signals;
     const char *reads; /* of cranectl_nominal what cranectl_prepare uses up to time_constants, separated by
                           spaces: "gravity load_mass"; all else is NaN. NULL: not declared, it gets all */
+    double period;     /* between two steps [s], for which the code was made: another is refused. 0: any */
 } cranectl_declaration;
 
 /* What a law is prepared for: the crane that it takes the real one for. */

@@ -35,7 +35,7 @@ class CSignal(Structure):
     _fields_ = (*((name, c_char_p) for name in ("name", "unit", "description")), ("place", c_int64))
 
 
-PARAMETERS = {1: CParameter, 2: CTunable, 3: CTunable}  # by version of the interface
+PARAMETERS = {1: CParameter, 2: CTunable, 3: CTunable, 4: CTunable}  # by version of the interface
 CHOICES = {
     "command": ("acceleration", "velocity", "force"),
     "follows": ("path", "set-point"),
@@ -62,11 +62,18 @@ class CDeclaration(Structure):
 
 
 class CReading(CDeclaration):
-    """cranectl_declaration since version 3."""
+    """cranectl_declaration of version 3."""
 
     _fields_ = (("reads", c_char_p),)
 
 
+class CTimed(CDeclaration):
+    """cranectl_declaration since version 4."""
+
+    _fields_ = (("reads", c_char_p), ("period", c_double))
+
+
+DECLARATIONS = {1: CDeclaration, 2: CDeclaration, 3: CReading, 4: CTimed}  # by version of the interface
 NUMBERS = ("gravity", "bridge_mass", "trolley_mass", "winch_mass", "load_mass")
 OF_RIG = (*NUMBERS, "time_constants")
 
@@ -111,7 +118,7 @@ def declaration(library: ctypes.CDLL) -> Plain:
         raise ValueError(
             f"it was built for version {declared.abi} of the interface, this is {max(PARAMETERS)}"
         )
-    kind = CReading if declared.abi >= 3 else CDeclaration
+    kind = DECLARATIONS[declared.abi]
     if declared.size != ctypes.sizeof(kind):
         raise ValueError(f"its declaration has {declared.size} bytes, it should have {ctypes.sizeof(kind)}")
     plain: Plain = {name: getattr(declared, name) for name in HIGHEST}
@@ -120,13 +127,15 @@ def declaration(library: ctypes.CDLL) -> Plain:
         if not lowest <= value <= highest:
             raise ValueError(f"{name} = {value}, allowed is {lowest} to {highest}")
     parameters = cast(declared.parameters, POINTER(PARAMETERS[declared.abi]))
+    whole = cast(pointer, POINTER(kind)).contents
     plain |= {name: choices[plain[name]] for name, choices in CHOICES.items()}
     return plain | {
         "name": text(declared.name),
         "title": text(declared.title),
         "numbers": max(declared.numbers, declared.parameter_count),
         "parameters": [parameter(item) for item in parameters[: declared.parameter_count]],
-        "reads": read_fields(library, cast(pointer, POINTER(kind)).contents),
+        "reads": read_fields(library, whole),
+        "period": getattr(whole, "period", 0.0) or None,
         "signals": [
             [signal.place, text(signal.name), text(signal.unit), text(signal.description)]
             for signal in declared.signals[: declared.signal_count]

@@ -69,6 +69,9 @@ class ProcessSettings(Settings):
     follows: Literal["path", "set-point"] = "path"
     measures: Literal["state", "encoders"] = "state"
     every: Annotated[int, Field(ge=1, le=10**6)] = Field(1, description="control periods between two samples")
+    period: float | None = Field(
+        None, description="between two samples [s], if no other fits; by default any"
+    )
     logged: Annotated[tuple[str, ...], Field(strict=False)] = Field(
         (), description="names of the numbers that follow the command"
     )
@@ -95,6 +98,7 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
         follows=settings.follows,
         measures=settings.measures,
         every=settings.every,
+        period=settings.period,
         reads=(),
         logged=MEMORY.logged(
             missed=[missed], reported=[Signal(name, name, "", "") for name in settings.logged]

@@ -41,7 +41,7 @@ from cranectl.support.jit import address_of, why_not_compiled
 
 ARGUMENTS = ("parameters", "measured", "reference", "memory", "command")
 MEMORY = 64  # numbers that a plain function may remember
-DECLARED = ("command", "follows", "measures", "every", "preview", "reads")
+DECLARED = ("command", "follows", "measures", "every", "preview", "reads", "period")
 
 
 def open_python(file: ControllerFile) -> tuple[Controller, ControllerFile]:

@@ -28,6 +28,8 @@ CLASSES = {
     "Complex": f"{PREPARE}[1j], []",
     "Pair": f"{PREPARE}[], []",
     "Same": "name = 'law'",
+    "Timeless": "period = -0.01",
+    "Timed": "period = 0.01",
 }
 SOURCE = "".join(f"class {name}:\n    {body}{STEP}\n" for name, body in CLASSES.items())
 SOURCE += "def two(parameters, measured):\n    return 0\n\n"
@@ -41,6 +43,7 @@ FILES = {
     "peer.toml": f"name = 'peer'\n{PROCESS_SETTINGS}",
     "none.toml": "name = 'peer'\n",
     "absent.toml": "name = 'peer'\nlogged = ['bridge_error']\nprogram = ['no-such-program', 'program.py']\n",
+    "timed.toml": f"name = 'peer'\n{PROCESS_SETTINGS}period = 0.01\n",
     "data.toml": f"name = 'peer'\n{PROCESS_SETTINGS}files = ['data/*.csv']\n",
     "own.toml": f"name = 'peer'\n{PROCESS_SETTINGS}files = ['*.py']\n",
     "unreachable.toml": "name = 'peer'\naddress = 'tcp://127.0.0.1:9'\n",
@@ -74,6 +77,18 @@ CASES = [
     Case(PREPARED, "correct it; in a class it has no self", ["law.py:Selfish"], ["law.py:Pair"]),
     Case(PREPARED, "return both, an empty one too", ["law.py:Alone"], ["law.py:Pair"]),
     Case(PREPARED, "return real numbers, at most {} in each", ["law.py:Complex"], ["law.py:Pair"]),
+    Case(
+        DECLARED,
+        "give the time between two steps for which the controller was made, or leave it out",
+        ["law.py:Timeless"],
+        ["law.py:Law"],
+    ),
+    Case(
+        PREPARED,
+        "add --set control.period={} to the command, or set it in the scenario",
+        ["law.py:Timed"],
+        ["law.py:Timed", "control.period=0.01"],
+    ),
     Case(OPENING, "correct the path", ["lost.py:law"], ["law.py:law"]),
     Case(OPENING, "name it: {}", ["peer.toml:law"], ["peer.toml"]),
     Case(
@@ -84,6 +99,12 @@ CASES = [
     ),
     Case(PROCESS, "give one of the two", ["none.toml"], ["peer.toml"]),
     Case(PROCESS, "correct 'program'", ["absent.toml"], ["peer.toml"]),
+    Case(
+        PREPARED,
+        "add --set control.period={} to the command, or set it in the scenario",
+        ["timed.toml"],
+        ["timed.toml", "control.period=0.01"],
+    ),
     Case(PROCESS, "correct 'files'", ["data.toml"], ["own.toml"]),
     Case(PROCESS, "correct it", ["unreachable.toml"], ["peer.toml"]),
     Case(

@@ -39,6 +39,8 @@ def logged(index: Any, name: Any = "x") -> tuple[Logged, ...]:
         ({"measures": "all"}, "own.measures = 'all'", "state, encoders"),
         *(({"every": value}, "own.every", "1 to 1000000") for value in (0, -2, 1.5, "x", True, 10**30)),
         *(({"preview": value}, "own.preview", "0 to 1000000") for value in (-1, 0.5, "x", 10**12)),
+        *(({"period": value}, "own.period", "1e-06 to 600") for value in (0.0, -1.0, 1e9, "x", True)),
+        ({"every": 10, "period": 1e-6}, "own.period = 1e-06", "1e-05 to 6000"),
         ({"parameters": (1, 2)}, "own.parameters = (1, 2)", "cranectl.Parameter"),
         ({"parameters": (Parameter("k", 1.0, "", ""),) * 2}, "two parameters named 'k'", "of its own"),
         ({"parameters": (Parameter("", 1.0, "", ""),)}, "a parameter named ''", "one character"),
@@ -135,6 +137,7 @@ class Own:
         ("parameters = {3: 5}", "named 3"),
         ("logged = {'x': 'abc'}", "the place of 'x' = 'abc'"),
         ("name = 5", "named '5'"),
+        ("period = 'x'", "own.period = 'x'"),
     ],
 )
 def test_an_attribute_of_a_class_is_checked(declared: str, found: str, tmp_path: Path) -> None:

@@ -124,7 +124,7 @@ static const cranectl_signal S[] = {{"bridge_error", "m", "of the bridge", 0}};
 static cranectl_declaration D = {
     .abi = CRANECTL_ABI, .size = sizeof D, .name = "c-servo", .title = "spring and damper in C",
     .command = CRANECTL_ACCELERATION, .every = 1, .memory = 4, .numbers = 3,
-    .parameter_count = 2, .signal_count = 1, .parameters = P, .signals = S READS};
+    .parameter_count = 2, .signal_count = 1, .parameters = P, .signals = S MORE};
 CRANECTL_EXPORT const cranectl_declaration *cranectl_controller(void) { DECLARED return &D; }
 int64_t cranectl_prepare(const cranectl_nominal *nominal, double *parameters, double *memory) {
     (void)memory;
@@ -156,16 +156,19 @@ def built(
     step: str = "cranectl_step",
     tuning: str = "",
     loaded: str = "",
-    reads: str = "",
+    more: str = "",
 ) -> Path:
-    """A library: `broken` in its step, `tuning` after the bounds of its stiffness, run when `loaded`."""
+    """A library: `broken` in its step, `tuning` after the bounds of its stiffness, run when `loaded`.
+
+    `more` ends its declaration.
+    """
     parts = {
         "DECLARED": declared,
         "BROKEN": broken,
         "STEP": step,
         "TUNING": tuning,
         "LOADED": loaded,
-        "READS": reads,
+        "MORE": more,
     }
     text = C_LAW
     for name, part in parts.items():

@@ -1,11 +1,13 @@
-"""What a law in C declares of tuning and size; libraries that were built before it could."""
+"""What a controller in C declares of tuning, size and period; libraries built before it could."""
 
 import re
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cranectl.cli.main import main
 from cranectl.controllers.controller import Parameter
 from cranectl.controllers.registry import controller_design, load_controller
 from cranectl.loaders.c_law import HEADER
@@ -37,11 +39,15 @@ def test_a_search_that_is_none_is_refused(bounds: str, tmp_path: Path) -> None:
         open_controller(str(built(tmp_path, tuning=f", {{{bounds}}}")))
 
 
-@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("version", [1, 2, 3])
 def test_a_library_of_an_older_version_runs_as_ever(version: int, tmp_path: Path) -> None:
-    """Of version 1 parameters end with their bounds; before version 3 a declaration ends with its signals."""
-    header = HEADER.read_text(encoding="utf-8").replace("CRANECTL_ABI 3", f"CRANECTL_ABI {version}")
-    cuts = [("    const char *reads;", "} cranectl_declaration;")]
+    """Of version 1 parameters end with their bounds; before version 3 a declaration ends with its signals,
+    before version 4 with what it reads.
+    """
+    header = HEADER.read_text(encoding="utf-8").replace("CRANECTL_ABI 4", f"CRANECTL_ABI {version}")
+    cuts = [
+        ("    const char *reads;" if version < 3 else "    double period;     /*", "} cranectl_declaration;")
+    ]
     cuts += [("    double search[2];", "} cranectl_parameter;")] if version == 1 else []
     for start, end in cuts:
         before, _, after = header.partition(start)
@@ -64,7 +70,7 @@ def test_a_library_of_an_older_version_runs_as_ever(version: int, tmp_path: Path
 @pytest.mark.parametrize("reads", ["gravity load_mass", "gravity", ""])
 def test_a_library_gets_what_it_declares_to_read(reads: str, tmp_path: Path) -> None:
     """The mass of the load is its third parameter; what it did not declare is NaN."""
-    law = load_controller(open_controller(str(built(tmp_path, reads=f', .reads = "{reads}"'))))
+    law = load_controller(open_controller(str(built(tmp_path, more=f', .reads = "{reads}"'))))
     assert law.reads == tuple(reads.split())
     nominal = nominal_at(law, 0.8)
     given = law.prepare(nominal)[0][2]
@@ -73,7 +79,40 @@ def test_a_library_gets_what_it_declares_to_read(reads: str, tmp_path: Path) -> 
 
 def test_a_library_that_reads_what_there_is_not_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="reads names 'mass', allowed is gravity, bridge_mass"):
-        open_controller(str(built(tmp_path, reads=', .reads = "gravity mass"')))
+        open_controller(str(built(tmp_path, more=', .reads = "gravity mass"')))
+
+
+@pytest.mark.parametrize(("every", "control"), [(1, 0.01), (2, 0.005)])
+def test_a_library_that_was_made_for_a_period_runs_with_no_other(
+    every: int, control: float, tmp_path: Path
+) -> None:
+    name = open_controller(str(built(tmp_path, declared=f"D.every = {every};", more=", .period = 0.01f")))
+    short = ["duration=0.1", "disturbances=[]", "reference.segments=[]"]
+    with pytest.raises(InputError) as raised:
+        simulate_run(load_scenario("fast-diagonal", overrides=short), plant="analytic", controller=name)
+    assert f"made for steps of 0.01 s, this run gives it steps of {0.001 * every:g} s" in str(raised.value)
+    assert f"control.period = {control}" in raised.value.allowed
+    assert f"--set control.period={control} " in raised.value.remedy
+    other = load_scenario("fast-diagonal", overrides=[*short, f"control.period={control}"])
+    assert simulate_run(other, plant="analytic", controller=name).status == RunStatus.COMPLETED
+
+
+@pytest.mark.parametrize("period", ["-0.01", "1e-9", "1e9", "0.0 / 0.0", "1.0 / 0.0"])
+def test_a_period_that_no_run_can_have_is_refused(period: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"c-servo\.period = .*\nallowed:.* from 1e-06 to 600, or none"):
+        open_controller(str(built(tmp_path, more=f", .period = {period}")))
+
+
+@pytest.mark.usefixtures("in_empty_directory")
+def test_generated_code_states_its_sample_time(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "generated-controller", "embedded"]) == 0
+    flags = ["-O2", "-shared", "-fPIC", "-ffp-contract=off"]
+    subprocess.run(["cc", *flags, "-o", "embedded.so", "embedded.c"], check=True)
+    run = ["run", "fast-diagonal", "--controller", "embedded.so", "--plants", "analytic"]
+    assert main([*run, "--set", "control.period=0.01"]) == 2
+    told = capsys.readouterr().err
+    assert "embedded was made for steps of 0.001 s, this run gives it steps of 0.01 s" in told
+    assert main([*run, "--set", "control.period=0.001"]) == 0
 
 
 def test_the_header_names_every_status_that_a_step_may_return() -> None:
