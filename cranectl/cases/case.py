@@ -17,7 +17,7 @@ from cranectl.log.writer import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
 from cranectl.plants.plant import Drive
-from cranectl.plants.registry import plants_to_run
+from cranectl.plants.registry import plants_to_run, reference_plant
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, plan_scenario, prepare_controller, simulate_run
 from cranectl.simulate.child import BLOCK_TIMEOUT
@@ -87,6 +87,23 @@ class RunSummary:
             "metrics": self.metrics.to_json() if self.metrics is not None else None,
             "limits": [verdict.to_json() for verdict in self.limits],
         }
+
+
+def judged_limits(runs: Sequence[RunSummary]) -> list[tuple[RunSummary, LimitVerdict]]:
+    """Return each limit of a case once, with the run that it is judged on.
+
+    That is the run on the reference plant, or another one that alone breaks the limit or has it.
+    """
+    if not runs:
+        return []
+    reference = reference_plant(run.plant for run in runs)
+    judged: dict[str, tuple[RunSummary, LimitVerdict]] = {}
+    for run in sorted(runs, key=lambda run: run.plant != reference):
+        for limit in run.limits:
+            known = judged.get(limit.metric)
+            if known is None or (known[1].kept and not limit.kept):
+                judged[limit.metric] = (run, limit)
+    return list(judged.values())
 
 
 class DriveUse(NamedTuple):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 from xml.etree import ElementTree
 
-from cranectl.cases.case import Case, CaseResult, Failure, RunSummary
+from cranectl.cases.case import Case, CaseResult, Failure, RunSummary, judged_limits
 from cranectl.cases.workers import CasesOutcome
 from cranectl.compare.agreement import Agreement
 from cranectl.controllers.registry import controller_argument
@@ -248,19 +248,10 @@ def _printable(text: str) -> str:
 
 
 def judged_values(result: CaseResult) -> Iterator[JudgedValue]:
-    """Yield each limit once, as the reference plant keeps it, and the differences between the plants.
-
-    A limit that only another plant breaks, or that holds for it alone, is told of that plant.
-    """
+    """Yield each limit once, as `judged_limits` does, and the largest difference between the plants."""
     reference = reference_plant(run.plant for run in result.runs)
-    worst: dict[str, tuple[str, LimitVerdict]] = {}
-    for run in sorted(result.runs, key=lambda run: run.plant != reference):
-        for limit in run.limits:
-            known = worst.get(limit.metric)
-            if known is None or (known[1].kept and not limit.kept):
-                worst[limit.metric] = (run.plant, limit)
-    for plant, limit in worst.values():
-        yield _judged_limit(limit, "" if plant == reference else plant)
+    for run, limit in judged_limits(result.runs):
+        yield _judged_limit(limit, "" if run.plant == reference else run.plant)
     judged = [agreement for agreement in result.agreements if agreement.limit_m is not None]
     if judged:
         yield max(map(_judged_agreement, judged), key=lambda value: (not value.kept, value.overrun))

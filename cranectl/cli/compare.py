@@ -160,7 +160,7 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
     for comparison in comparisons:
         _print(screen, comparison)
     screen.print(agreement_table(judged.agreements))
-    if (table := limits_table(judged.runs)) is not None:
+    if (table := limits_table([judged.runs])) is not None:
         screen.print(table)
     screen.print_each(limit_notes(judged.agreements), indent="  ")
     statuses = {run.plant: run.status.label for run in judged.runs}

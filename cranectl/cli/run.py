@@ -64,7 +64,7 @@ def run_command(
     idle = idle_lines(case.scenario, request, uses)
     tell_idle(screen, [*idle, *idle_patience([case.controller], patience)])
     screen.print(tables.metrics_table({"": result.runs}))
-    if (limits := tables.limits_table(result.runs)) is not None:
+    if (limits := tables.limits_table([result.runs])) is not None:
         screen.print(limits)
     if result.agreements:
         screen.print(tables.agreement_table(result.agreements))

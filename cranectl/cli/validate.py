@@ -266,7 +266,7 @@ def _tell(validation: "Validation", code: int, out: Path, screen: Screen, *, det
             screen.print(agreement_table(agreements, validation.other_failures))
         else:
             screen.print_each(agreement_lines(agreements, validation.other_failures))
-        if (limits := limits_table(runs, worst=SHOWN_FAILURES)) is not None:
+        if (limits := limits_table([result.runs for result in finished], worst=SHOWN_FAILURES)) is not None:
             screen.print(limits if limits.rows else limits.note)
         notes = [*limit_notes(agreements), *run_notes(finished)]
         screen.print_each(notes[:SHOWN_FAILURES], indent="  ")

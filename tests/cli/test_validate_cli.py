@@ -17,6 +17,7 @@ from cranectl.log.reader import read_log
 from cranectl.report.table import Table
 from cranectl.simulate import Run
 from cranectl.support import resources
+from tests.report.test_report import read_page
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
@@ -145,8 +146,27 @@ def test_limits_of_a_scenario_are_judged_in_addition_to_the_agreement(
     assert main(["validate", "strict.toml", "wrong.toml", *offset, *options]) == 2
     captured = capsys.readouterr()
     assert "limits broken" in captured.out
-    assert "2 of 8 limits kept" in captured.out
+    assert "2 of 4 limits kept" in captured.out
     assert "did you mean 'max_error_m'?" in captured.err
+
+
+def test_limits_are_counted_in_one_way_everywhere(capsys: pytest.CaptureFixture[str]) -> None:
+    """Each limit counts once a case, whatever the number of plants: on screen and on both pages."""
+    limits = "[limits]\nmax_error_m = 0.0\nmax_sway_rad = 1.0\nmin_rope_tension_n = 1.0\n"
+    Path("counted.toml").write_text(GOOD.replace("good", "counted") + limits)
+    options = ["counted.toml", "--controller", "lqr", "--set", "initial.load_offset=[0.001,0,0]"]
+    assert main(["run", *options]) == 1
+    assert "2 of 3 limits kept." in capsys.readouterr().out
+    log = "logs/counted/lqr-ideal.mcap"
+    assert main(["compare", log]) == 1
+    assert "2 of 3 limits kept." in capsys.readouterr().out
+    assert main(["report", log, "--out", "run.html"]) == 0
+    page = read_page(Path("run.html").read_text()).text
+    assert "1 of 3 limits are broken" in page
+    assert "2 of 3 limits kept." in page
+    assert main(["validate", *options, "--drive", "ideal", "--report", "cases.html"]) == 1
+    assert "2 of 3 limits kept." in capsys.readouterr().out
+    assert "2 of 3" in read_page(Path("cases.html").read_text()).text
 
 
 def test_a_directory_selects_all_scenarios_in_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -85,18 +85,24 @@ def test_a_verdict_names_the_drives_that_are_judged() -> None:
     assert agreement_table([replace(GOOD, passed=False), unjudged]).rows[1][-1] == Cell("NO", "bad")
 
 
-def test_limits_are_told_run_by_run() -> None:
+def test_limits_are_told_once_a_case() -> None:
     kept = LimitVerdict("max_sway_rad", 0.03, 0.1, kept=True)
     broken = LimitVerdict("overshoot_m", None, 0.1, kept=False)
     judged = replace(RUN, limits=(kept, broken))
-    table = limits_table([judged, RUN])
+    table = limits_table([[judged, RUN]])
     assert table is not None
     assert [texts(row) for row in table.rows] == [
         ["analytic", "max_sway_rad", "0.03", "≤ 0.1", "rad", "yes"],
         ["analytic", "overshoot_m", "–", "≤ 0.1", "m", "NO"],
     ]
     assert table.note == "1 of 2 limits kept."
-    assert limits_table([RUN]) is None
+    assert limits_table([[RUN]]) is None
+    others = [replace(judged, plant=plant) for plant in ("elastic", "mujoco")]
+    for cases, note in (([[judged, *others]], "1 of 2"), ([[judged, *others], [judged]], "2 of 4")):
+        table = limits_table(cases)
+        assert table is not None
+        assert table.note == f"{note} limits kept."
+        assert [row[0].text for row in table.rows[:2]] == ["mujoco"] * 2, "that is the reference plant"
 
 
 def test_of_many_broken_limits_the_worst_are_told() -> None:
@@ -104,7 +110,7 @@ def test_of_many_broken_limits_the_worst_are_told() -> None:
     verdicts = [LimitVerdict(name, value, 0.1, kept=False) for name, value in values.items()]
     kept = LimitVerdict("max_error_m", 0.03, 0.1, kept=True)
     good = replace(RUN, controller="pid", limits=(kept,))
-    table = limits_table([good, replace(RUN, limits=(kept, *verdicts))], worst=3)
+    table = limits_table([[good], [replace(RUN, limits=(kept, *verdicts))]], worst=3)
     assert table is not None
     assert [row[0].text for row in table.rows] == ["fast, lqr, ideal"] * 3
     assert [row[2].text for row in table.rows] == ["overshoot_m", "min_rope_tension_n", "max_sway_rad"]

@@ -6,7 +6,7 @@ from math import degrees
 import numpy as np
 from PIL.Image import Image
 
-from cranectl.cases.case import RunSummary, drive_uses
+from cranectl.cases.case import RunSummary, drive_uses, judged_limits
 from cranectl.compare.agreement import Agreement, ended_as_expected
 from cranectl.metrics import RunMetrics, all_metrics
 from cranectl.metrics.limits import LimitVerdict
@@ -31,7 +31,7 @@ def first_screen_of(
     """Return the first screen; `worst` holds by log the time and the picture of its worst moment."""
     passed, reason = verdict_on(logs, summaries, agreements)
     compared = any(agreement.passed for of_log in agreements.values() for agreement in of_log)
-    badge = AGREEMENT_ONLY if passed and compared and not _worst_by_limit(summaries) else BADGES[passed]
+    badge = AGREEMENT_ONLY if passed and compared and not _limits_of(summaries) else BADGES[passed]
     facts = {label: _facts(log, summaries[label], agreements[label]) for label, log in logs.items()}
     figures = tuple(_worst_moment(label, logs, *moment) for label, moment in worst.items())
     if len(logs) == 1:
@@ -54,7 +54,7 @@ def _worst_moment(label: str, logs: Logs, time: float, picture: Image) -> Figure
 def verdict_on(logs: Logs, summaries: Summaries, agreements: Agreements) -> tuple[bool | None, str]:
     """Return whether the logs pass, None if nothing is judged, and the reason in words."""
     judged = [agreement for of_log in agreements.values() for agreement in of_log]
-    limits = _worst_by_limit(summaries)
+    limits = _limits_of(summaries)
     faults = [*_unexpected_ends(logs), *_disagreements(agreements), *_broken_limits(limits)]
     if faults:
         return False, _sentences(faults)
@@ -75,13 +75,10 @@ def agreement_sentence(agreements: Agreements) -> str:
     return _sentences([*(faults or _agreements(judged, len(agreements))), *_reasons(judged)])
 
 
-def _worst_by_limit(summaries: Summaries) -> list[LimitVerdict]:
-    """Return each limit of each log once, for the plant that is farthest from keeping it; worst first."""
-    worst: dict[tuple[str, str], LimitVerdict] = {}
-    pairs = [(label, limit) for label, runs in summaries.items() for run in runs for limit in run.limits]
-    for label, limit in sorted(pairs, key=lambda pair: (pair[1].kept, -pair[1].overrun)):
-        worst.setdefault((label, limit.metric), limit)
-    return list(worst.values())
+def _limits_of(summaries: Summaries) -> list[LimitVerdict]:
+    """Return each limit of each log once; the one that is farthest from being kept comes first."""
+    limits = [limit for runs in summaries.values() for _, limit in judged_limits(runs)]
+    return sorted(limits, key=lambda limit: (limit.kept, -limit.overrun))
 
 
 def _sentences(statements: Iterable[str]) -> str:

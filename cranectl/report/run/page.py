@@ -75,7 +75,7 @@ def log_page(
     pairs = {label: _pairs(log) for label, log in logs.items()}
     agreements = {label: [judge(*pair) for pair in of_log] for label, of_log in pairs.items()}
     summaries = {name: [RunSummary.of(run, Path(name)) for run in log.values()] for name, log in logs.items()}
-    judged = limits_table([run for log in summaries.values() for run in log])
+    judged = limits_table(summaries.values())
     same = (SAME,) if len(logs) > 1 and what_differs(logs) is None else ()
     outcome = (run_table(summaries), judged, metrics_table(summaries))
     settings = [settings_table(logs), versions_table(logs, versions or {})]

@@ -1,10 +1,10 @@
 """Tables and notes about runs, agreements and logs, for the terminal and for pages."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import degrees, isnan
 from typing import TYPE_CHECKING
 
-from cranectl.cases.case import CaseResult, RunSummary
+from cranectl.cases.case import CaseResult, RunSummary, judged_limits
 from cranectl.compare.agreement import Agreement
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import ANSWERS, Cell, Table, cells
@@ -111,12 +111,13 @@ def _text(metric: Metric, metrics: RunMetrics | None, factor: float) -> str:
     return " ".join(MISSING if n is None else f"{factor * n:z.{metric.row.digits}f}" for n in numbers)
 
 
-def limits_table(runs: Sequence[RunSummary], *, worst: int | None = None) -> Table | None:
-    """Return limits and values, a row for each run and metric; None without limits.
+def limits_table(cases: Iterable[Sequence[RunSummary]], *, worst: int | None = None) -> Table | None:
+    """Return limits and values, a row for each case and metric; None without limits.
 
-    `worst` restricts the table to that many broken limits, the worst first.
+    A case has the runs of one scenario, controller and drive on its plants; `judged_limits` chooses among
+    them. `worst` restricts the table to that many broken limits, the worst first.
     """
-    verdicts = shown = [(run, verdict) for run in runs for verdict in run.limits]
+    verdicts = shown = [pair for runs in cases for pair in judged_limits(runs)]
     broken = sorted((pair for pair in verdicts if not pair[1].kept), key=lambda pair: -pair[1].overrun)
     if worst is not None:
         shown = broken[:worst]
