@@ -3,12 +3,10 @@
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
-import numpy as np
-
+from cranectl.cases.drive_use import beyond_drives
 from cranectl.compare.agreement import Agreement, against_reference, all_pairs, judge, judge_steps, limits_for
 from cranectl.compare.runs import compare_runs
 from cranectl.controllers.registry import controller_design
@@ -75,7 +73,7 @@ class RunSummary:
         """Summarise a run that is in `log`; raise InputError for limits that no run can have."""
         metrics, stated = run_metrics(run), limits_of(run.scenario, [run.plant])[run.plant]
         names = run.scenario.name, run.design.name, run.plant, run.drive
-        limits, beyond = judge_limits(metrics, stated), _beyond_drives(run)
+        limits, beyond = judge_limits(metrics, stated), beyond_drives(run)
         return cls(*names, run.status, run.end_s, log, metrics, limits, beyond)
 
     def to_json(self) -> dict[str, Any]:
@@ -104,47 +102,6 @@ def judged_limits(runs: Sequence[RunSummary]) -> list[tuple[RunSummary, LimitVer
             if known is None or (known[1].kept and not limit.kept):
                 judged[limit.metric] = (run, limit)
     return list(judged.values())
-
-
-class DriveUse(NamedTuple):
-    """The largest command to a drive beside what the drive can do."""
-
-    axis: str  # bridge, trolley or winch
-    unit: str  # m/s² of an acceleration, m/s of a velocity
-    commanded: float
-    limit: float
-
-    @property
-    def share(self) -> float:
-        """The share of the limit; above 1 the drive cannot follow."""
-        return self.commanded / self.limit
-
-
-def drive_uses(run: Run) -> list[DriveUse]:
-    """Return what a run commands of its drives, the largest share of a limit first; needs a sample."""
-    able = run.scenario.drive_limits
-    commanded = np.abs(np.hstack([run.block("input")[:, :3], run.block("state")[:, 1:6:2]])).max(axis=0)
-    kinds = product(("m/s²", "m/s"), ("bridge", "trolley", "winch"))
-    pairs = zip(commanded.tolist(), (*able.acceleration, *able.velocity), strict=True)
-    uses = [DriveUse(axis, unit, *pair) for (unit, axis), pair in zip(kinds, pairs, strict=True)]
-    return sorted(uses, key=lambda use: -use.share)
-
-
-def _beyond_drives(run: Run) -> str:
-    """Return the largest command beyond the drives' limits, if the run does not limit it; else ""."""
-    if run.scenario.effects.limits is not None or run.status.stopped or not len(run.time_ns):
-        return ""
-    uses = drive_uses(run)
-    axis, unit, commanded, _ = worst = uses[0]
-    if worst.share <= 1.0:
-        return ""
-    said = (
-        f"asks {commanded:.3g} {unit} of the {axis}, {worst.share:.3g} times what its drive can do: "
-        "give the move more time"
-    )
-    if any(use.share > 1.0 for use in uses if use.unit == "m/s"):  # with limits it might be refused
-        return said
-    return f"{said}, or see what comes of it with --drive velocity --plants mujoco --set effects.limits={{}}"
 
 
 @dataclass(frozen=True)

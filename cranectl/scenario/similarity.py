@@ -6,6 +6,8 @@ load on the larger crane then moves as on the smaller one, slower by √L, and s
 """
 
 import functools
+from collections.abc import Iterator
+from typing import Any
 
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.effects import EffectSettings
@@ -19,6 +21,7 @@ from cranectl.support.errors import InputError
 LONGEST_ROPES = (0.05, 1000.0)  # [m] range of longest ropes for which all scaled numbers are within bounds
 OVERLOAD = 10.0  # largest load over rated load for which the rig's numbers are accepted
 MOST_STRAIN = 0.5  # of a rope under the weight of its load; steel has 0.002, nylon 0.1
+STATED = ("rope_range", "rated_load", "load_mass")  # to which a rig's other numbers are scaled
 SCALED_TABLES: dict[str, type[Settings]] = {
     "design": DesignSettings,
     "metrics": MetricSettings,
@@ -62,6 +65,38 @@ def _completed(laboratory: Table, rig: Table, stated: Table) -> Table:
             assign(whole, name, rounded(factor * value), name)
     completed: Table = merged(whole, stated)
     return completed
+
+
+def assumed_settings(rig: RigParameters, effects: EffectSettings) -> set[str]:
+    """Return by dotted name the numbers of a crane and its effects that are scaled from the laboratory rig.
+
+    They are found by their values, since a log does not have what was stated. So only lists and numbers that
+    scale count: to three digits, what is stated hardly equals them by chance.
+    """
+    usual, longest = RigParameters(), rig.rope_range[1]
+    of_laboratory = (longest, rig.rated_load) == (usual.rope_range[1], usual.rated_load)
+    if of_laboratory or not LONGEST_ROPES[0] <= longest <= LONGEST_ROPES[1]:
+        return set()
+    scaled = completed_rig({"rope_range": list(rig.rope_range), "rated_load": rig.rated_load})
+    whole = rig.model_dump(mode="json")
+    sources = {"rig.": whole, "": {"effects": effects.model_dump(mode="json")}}
+    numbers = {
+        f"{prefix}{name}": value for prefix, table in sources.items() for name, value in _numbers(table)
+    }
+    assumed = {name: value for name, value in _numbers(scaled) if name not in STATED}
+    return {
+        f"{prefix}{name}"
+        for prefix in sources
+        for name, value in assumed.items()
+        if value and numbers.get(f"{prefix}{name}") == value
+    }
+
+
+def _numbers(table: Table) -> Iterator[tuple[str, Any]]:
+    """Yield the lists of a table, and its numbers that scale, by dotted name."""
+    for name, value in leaves(table, is_leaf=lambda value: not isinstance(value, dict)):
+        if isinstance(value, list) or scale_of(name) != Scaled():
+            yield name, value
 
 
 def scale_of(name: str) -> Scaled:

@@ -71,6 +71,27 @@ def test_what_differs_is_named_and_nothing_else() -> None:
     assert settings.title == f"Settings that are not the default: {len(settings.rows)}"
 
 
+def test_numbers_that_nobody_stated_for_a_crane_are_marked() -> None:
+    Path("own.toml").write_text("rope_range = [2.0, 15.0]\nload_mass = 10e3\nbridge_mass = 20e3\n")
+    changes = [*OVERRIDES, "reference.segments=[]", "reference.start=[1.0,1.0,-5.0]", "effects.limits={}"]
+    stated = "rig.effects.limits.velocity=[0.5,0.5,0.25]"
+    logs = {}
+    for label, overrides in (("a", changes), ("b", [*changes, stated])):
+        scenario = load_scenario("fixed-position", rig="own.toml", overrides=overrides)
+        logs[label] = {"mujoco": simulate_run(scenario, plant="mujoco", drive="velocity")}
+    table = settings_table(logs)
+    settings = rows(table)
+    assert settings["effects.limits.velocity"] == ["[3.27, 3.27, 1.96] (assumed)", "[0.5, 0.5, 0.25]"]
+    assert settings["effects.limits.acceleration"] == ["[4, 4, 6] (assumed)"] * 2
+    assert settings["rig.trolley_mass"] == ["25000 (assumed)"] * 2
+    assert settings["rig.bridge_mass"] == ["20000"] * 2
+    assert settings["rig.load_mass"] == ["10000"] * 2
+    assert "scaled from the laboratory rig" in table.note
+    laboratory = load_scenario("fixed-position", overrides=[*OVERRIDES, "effects.limits={}"])
+    table = settings_table({"": {"mujoco": simulate_run(laboratory, plant="mujoco", drive="velocity")}})
+    assert "assumed" not in f"{rows(table)} {table.note}", "the laboratory rig has the defaults"
+
+
 def test_parameters_of_one_law_are_told_like_settings() -> None:
     pid = "controller.name='pid'"
     two = logs() | {"b": logs(pid, "controller.pid.proportional=30")["b"], "c": logs(pid)["b"]}

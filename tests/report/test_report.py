@@ -10,7 +10,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from cranectl.cases.case import RunSummary, drive_uses
+from cranectl.cases.case import RunSummary
+from cranectl.cases.drive_use import drive_uses
 from cranectl.cli.main import main
 from cranectl.compare.agreement import Agreement, judge
 from cranectl.log.reader import read_log

@@ -1,6 +1,7 @@
 """Tables of what was run, and of the differences between plants, logs, golden logs and overlays."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from math import isnan
 from typing import Any
 
@@ -9,6 +10,7 @@ from cranectl.compare.golden import RegressionVerdict, worst_first
 from cranectl.compare.runs import Comparison
 from cranectl.report.table import ANSWERS, VERDICTS, Cell, Table, cells, tabulate
 from cranectl.scenario.load import changed_from_default
+from cranectl.scenario.similarity import assumed_settings
 from cranectl.simulate import Run
 from cranectl.support.documents import leaves
 from cranectl.support.units import PROCESSOR_ROUNDING, difference_in, difference_text, plain
@@ -16,6 +18,10 @@ from cranectl.support.units import PROCESSOR_ROUNDING, difference_in, difference
 Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
 MAX_CHARACTERS = 70  # of a value
 MAX_ROWS = 12  # of a table that a page does not fold
+ASSUMED = " (assumed)"
+ASSUMED_NOTE = (
+    "Assumed: not stated for this crane, but scaled from the laboratory rig to its rope and rated load."
+)
 SAME = "Scenario, controller and drives are the same in all logs."
 
 
@@ -35,14 +41,23 @@ def what_was_run(logs: Logs) -> Table:
 
 
 def settings_table(logs: Logs) -> Table:
-    """Return the settings that not all logs leave at the default."""
+    """Return the settings that not all logs leave at the default; numbers that nobody stated are marked."""
     first = [next(iter(log.values())) for log in logs.values()]
-    changed = [changed_from_default(run.scenario) | _given(run) for run in first]
+    changed = [_marked(run) for run in first]
     settings = {
-        name: [_text(settings[name]) if name in settings else "default" for settings in changed]
+        name: [settings.get(name, "default") for settings in changed]
         for name in dict.fromkeys(name for settings in changed for name in settings)
     }
-    return _by_log("Settings that are not the default", logs, settings)
+    table = _by_log("Settings that are not the default", logs, settings)
+    is_assumed = any(text.endswith(ASSUMED) for texts in settings.values() for text in texts)
+    return replace(table, note=ASSUMED_NOTE) if is_assumed else table
+
+
+def _marked(run: Run) -> dict[str, str]:
+    """Return the changed settings of a run as texts, with a mark at those that nobody stated."""
+    assumed = assumed_settings(run.scenario.rig, run.scenario.effects)
+    settings = changed_from_default(run.scenario) | _given(run)
+    return {name: f"{_text(value)}{ASSUMED * (name in assumed)}" for name, value in settings.items()}
 
 
 def versions_table(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> Table:

@@ -6,7 +6,8 @@ from math import degrees
 import numpy as np
 from PIL.Image import Image
 
-from cranectl.cases.case import RunSummary, drive_uses, judged_limits
+from cranectl.cases.case import RunSummary, judged_limits
+from cranectl.cases.drive_use import drive_uses
 from cranectl.compare.agreement import Agreement, ended_as_expected
 from cranectl.metrics import RunMetrics, all_metrics
 from cranectl.metrics.limits import LimitVerdict
@@ -223,6 +224,8 @@ def _drive_use(run: Run, metrics: RunMetrics) -> Fact:
     use = drive_uses(run)[0]
     what = "speed" if use.unit == "m/s" else "acceleration"
     remark = f"{use.axis}: {what} {use.commanded:.2g} of {use.limit:.2g} {use.unit}"
+    if use.is_assumed:
+        remark += " (assumed)"
     if run.scenario.effects.limits is None:
         remark += ", which this run does not limit"
     if metrics.saturated_s:
