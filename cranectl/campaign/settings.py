@@ -11,7 +11,7 @@ from cranectl.metrics.limits import Limits
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
 from cranectl.scenario.load import rig_place
-from cranectl.scenario.settings import RuleError, Settings, override, parse_settings
+from cranectl.scenario.settings import Assigned, RuleError, Settings, override, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import leaves, read_toml
 from cranectl.support.errors import InputError, unknown_name
@@ -109,15 +109,17 @@ def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
     table = read_toml(path)
     if isinstance(table.get("rig"), str):
         table["rig"] = str(rig_place(table["rig"], path.parent))
-    return parse_campaign(override(table, overrides), path.name)
+    return parse_campaign(override(table, overrides), path.name, Assigned(overrides, table))
 
 
-def parse_campaign(table: Mapping[str, Any], source: str) -> CampaignSettings:
+def parse_campaign(
+    table: Mapping[str, Any], source: str, assigned: Assigned | None = None
+) -> CampaignSettings:
     """Return the settings in the table of a campaign; raise InputError that names the mistake in `source`."""
     table = dict(table)
     if isinstance(table.get("uncertain"), Mapping):
         table["uncertain"] = _distributions(table["uncertain"], source)
-    settings = parse_settings(CampaignSettings, table, source)
+    settings = parse_settings(CampaignSettings, table, source, assigned)
     for name in settings.plants:
         plant_entry(name).check_campaigns()
     return settings

@@ -14,7 +14,7 @@ from cranectl.scenario.effects import EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import ReferenceSettings, Scenario, controller_table
 from cranectl.scenario.segments import Segment, Spline
-from cranectl.scenario.settings import override, parse_settings
+from cranectl.scenario.settings import Assigned, override, parse_settings
 from cranectl.scenario.similarity import check_size, completed_rig, completed_scenario
 from cranectl.support import resources
 from cranectl.support.documents import Table, differences, is_plain, leaves, merged, parse_json, read_toml
@@ -185,12 +185,13 @@ def _scenario(table: Table, source: str, rig: str | Path | None, overrides: Sequ
         table = completed_scenario(table, rig_table(rig))
     if "controller" in table:
         table = {**table, "controller": controller_table(table["controller"])}
+    before = table
     table = override(table, overrides)
     # A table [rig] with a rated load describes another crane, as a rig file does.
     if rig is None and isinstance(table.get("rig"), dict) and "rated_load" in table["rig"]:
-        parse_settings(RigParameters, table["rig"], f"{source}: rig")
+        parse_settings(RigParameters, table["rig"], f"{source}: rig", Assigned(overrides, before, "rig."))
         table = completed_scenario(table, completed_rig(table["rig"]))
-    scenario = parse_settings(Scenario, _with_numbers(table), source)
+    scenario = parse_settings(Scenario, _with_numbers(table), source, Assigned(overrides, before))
     check_size(scenario.rig, scenario.effects)
     return scenario
 

@@ -1,9 +1,11 @@
 """Strict settings: parse TOML tables into frozen pydantic models, and report all mistakes at once."""
 
+import json
 import re
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 from pydantic_core import ErrorDetails
@@ -73,22 +75,34 @@ class RuleError(ValueError):
 
 
 MAX_PROBLEMS = 10  # in one message
+_LIST_ERRORS = ("tuple_type", "too_long", "too_short")  # of pydantic
 _COMPLEX = re.compile(r"(?<=[\[, ])[-+.\de]+[ij](?=[\], ])")  # a complex number in a list
 
 S = TypeVar("S", bound=Settings)
 
 
-def parse_settings(model: type[S], table: Mapping[str, Any], source: str) -> S:
+class Assigned(NamedTuple):
+    """What `--set` assigned to a table, for remedies that can be typed."""
+
+    assignments: Sequence[str]
+    before: Mapping[str, Any]  # the table before them
+    prefix: str = ""  # of the keys of the settings that are parsed, within that table
+
+
+def parse_settings(
+    model: type[S], table: Mapping[str, Any], source: str, assigned: Assigned | None = None
+) -> S:
     """Return `table` as settings of class `model`; an InputError names every wrong field of `source`."""
     try:
         return model.model_validate(dict(table))
     except ValidationError as error:
-        problems = [_explain(model, details) for details in error.errors()[:MAX_PROBLEMS]]
+        problems = [_explain(model, details, assigned) for details in error.errors()[:MAX_PROBLEMS]]
         more = error.error_count() - len(problems)
     raise InputError(
         f"{source}: " + "; ".join(found for found, _, _ in problems) + (f"; and {more} more" if more else ""),
         allowed="; ".join(dict.fromkeys(allowed for _, allowed, _ in problems if allowed)),
-        remedy="; ".join(remedy for _, _, remedy in problems if remedy) or "correct the fields above",
+        remedy="; ".join(dict.fromkeys(remedy for _, _, remedy in problems if remedy))
+        or "correct the fields above",
     ) from None
 
 
@@ -120,9 +134,13 @@ def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
     return result
 
 
-def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, str]:
+def _explain(
+    model: type[BaseModel], details: ErrorDetails, assigned: Assigned | None
+) -> tuple[str, str, str]:
     """Return (found, allowed, remedy) for one pydantic error."""
     location, value = details["loc"], details["input"]
+    command = _list_command(model, details, assigned) if assigned else ""
+    such = f", such as {command}" if command else ""
     where = ".".join(str(part) for part in location if str(part).strip())
     if details["type"] == "extra_forbidden":
         key = str(location[-1])
@@ -131,7 +149,11 @@ def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, s
         remedy = did_you_mean(key, known) or f"remove '{where}'"
         return f"unknown key '{where}'", ", ".join(known), remedy
     if details["type"] == "missing":
-        return f"'{where}' is missing", f"{where}: {_describe(model, location)}", f"add '{where}'"
+        return (
+            f"'{where}' is missing",
+            f"{where}: {_describe(model, location)}",
+            (f"write a list{such}" if such else f"add '{where}'"),
+        )
     if details["type"] == "value_error" and isinstance(rule := details["ctx"]["error"], RuleError):
         return rule.found, rule.allowed, rule.remedy
     message, remedy = details["msg"], str(details.get("ctx", {}).get("remedy", ""))
@@ -139,12 +161,48 @@ def _explain(model: type[BaseModel], details: ErrorDetails) -> tuple[str, str, s
         message = "Input should be a list"
         remedy = (
             "put texts in it in quotes, numbers without" if str(value).startswith("[") else "write a list"
-        )
+        ) + such
+    elif such and not remedy:
+        remedy = f"write a list{such}"
     return (
         f"{where} = {printable(repr(value), longest=80)}",
         f"{where}: {message[0].lower()}{message[1:]}",
         remedy,
     )
+
+
+def _list_command(model: type[BaseModel], details: ErrorDetails, assigned: Assigned) -> str:
+    """Return the option that assigns a list of the right kind, if one was assigned that is wrong.
+
+    It has the value from before the assignment, or else the default; of tables it has none.
+    """
+    location = [part for part in details["loc"] if str(part).strip()]
+    is_of_item = bool(location) and isinstance(location[-1], int)
+    names = [str(part) for part in (location[:-1] if is_of_item else location)]
+    key = assigned.prefix + ".".join(names)
+    given = (assignment.partition("=")[0].strip() for assignment in assigned.assignments)
+    if not (is_of_item or details["type"] in _LIST_ERRORS) or not any(
+        f"{key}.".startswith(f"{name}.") for name in given
+    ):
+        return ""
+    value = _value_at(assigned.before, key) or _value_at(assigned.before, f"rig.{key}")  # numbers of effects
+    if not isinstance(value, list | tuple):
+        parent = _model_at(model, names[:-1])
+        value = (
+            parent.model_fields[names[-1]].default if parent and names[-1] in parent.model_fields else None
+        )
+    if not isinstance(value, list | tuple):
+        return ""
+    plain = [] if any(isinstance(item, Mapping | BaseModel) for item in value) else list(value)
+    return f"--set {shlex.quote(f'{key}={json.dumps(plain)}')}"
+
+
+def _value_at(table: Mapping[str, Any], key: str) -> Any:
+    """Return the value at a dotted name, or None."""
+    value: Any = table
+    for name in key.split("."):
+        value = value.get(name) if isinstance(value, Mapping) else None
+    return value
 
 
 def _model_at(model: type[BaseModel], location: Sequence[int | str]) -> type[BaseModel] | None:

@@ -1,5 +1,12 @@
 """Remedies that name a key or a value of a scenario or a rig work on the refused input."""
 
+import re
+import shlex
+
+import pytest
+
+from cranectl.campaign.settings import read_campaign
+from cranectl.cli.main import main
 from tests.remedies import Case, remedy_test, written
 
 FILES = {
@@ -46,11 +53,11 @@ CASES = [
     Case(SETTINGS, "for example --set rig.load_mass=2.5", ["--set=rig.load_mass"], ["rig.load_mass=2.5"]),
     Case(
         SETTINGS,
-        "put texts in it in quotes, numbers without",
+        "put texts in it in quotes, numbers without{}",
         ["design.poles=[-3+1j, -3-1i, -2, -2.0x]"],
         ["design.poles=['-3+1j', '-3-1j', -2, -2.0]"],
     ),
-    Case(SETTINGS, "write a list", ["reference.start=1.0"], ["reference.start=[1.0, 0.77, -0.7]"]),
+    Case(SETTINGS, "write a list{}", ["reference.start=1.0"], ["reference.start=[1.0, 0.77, -0.7]"]),
     Case(SETTINGS, "correct the fields above", ["rig.load_mass=-1.0"], ["rig.load_mass=1.2"]),
     Case(
         "scenario/design.py",
@@ -143,3 +150,39 @@ CASES = [
 
 files = written(FILES)
 test_a_remedy_works_on_the_refused_input = remedy_test(CASES, RUN)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "reference.start=1",
+        "reference.start=1,0.77,-0.7",
+        "reference.start=[1 0.77 -0.7]",
+        "reference.start=[1, 0.77]",
+        "reference.start=[1, 0.77, -0.7, 0]",
+        "reference.start=[1e9, 0.77, -0.7]",
+        "reference.start=[1, 0.77, 'low']",
+        "rig.bridge_range=[0]",
+        "design.poles=-3",
+        "initial.load_offset=0.001",
+        "disturbances=5",
+        "reference.segments=line",
+        "effects.limits.velocity=1",
+    ],
+)
+def test_the_remedy_of_a_list_can_be_typed(wrong: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """As a shell takes it: the option of the remedy, in place of the wrong one."""
+    drives = ["cranectl", "run", "s.toml", "--plants", "mujoco", "--drive", "velocity"]
+    assert main([*drives[1:], "--set", wrong]) == 2
+    error = capsys.readouterr().err
+    option = re.search("remedy: .*(--set .*)", error)
+    assert option is not None, error
+    assert main([*drives[1:], *shlex.split(option[1])]) == 0, option[1]
+
+
+def test_the_remedy_of_a_list_of_a_campaign_can_be_typed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["campaign", "run", "two-plants", "--set", "plants=analytic"]) == 2
+    option = re.search("remedy: .*(--set .*)", capsys.readouterr().err)
+    assert option is not None
+    words = shlex.split(option[1])[1]
+    assert read_campaign("two-plants", overrides=[words]) == read_campaign("two-plants")
