@@ -175,11 +175,26 @@ class ScenarioRequest(NamedTuple):
 
         if self.source is None:
             return self.read()
-        return load_scenario(self.source, rig=self.rig, overrides=self.overrides)
+        scenario = load_scenario(self.source, rig=self.rig, overrides=self.overrides)
+        _tell_doubt(scenario)
+        return scenario
 
     def having(self, *overrides: str) -> "ScenarioRequest":
         """Return the same with more overrides."""
         return self._replace(overrides=(*self.overrides, *overrides))
+
+
+def _tell_doubt(scenario: "Scenario") -> None:
+    """Print once in a command what is implausible about the size of a crane, on standard error."""
+    from cranectl.cli.output import Screen, styled
+    from cranectl.scenario.similarity import doubt_about
+
+    context = click.get_current_context(silent=True)
+    printed = context.meta.setdefault("cranectl.doubts", set()) if context else set()
+    doubt = doubt_about(scenario.rig)
+    if doubt and (scenario.name, doubt) not in printed:
+        printed.add((scenario.name, doubt))
+        Screen(stderr=True).print(styled(f"{scenario.name}: {doubt}", "yellow"))
 
 
 scenario_argument = click.argument("scenario", shell_complete=complete_scenarios)

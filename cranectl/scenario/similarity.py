@@ -20,6 +20,7 @@ from cranectl.support.errors import InputError
 
 LONGEST_ROPES = (0.05, 1000.0)  # [m] range of longest ropes for which all scaled numbers are within bounds
 OVERLOAD = 10.0  # largest load over rated load for which the rig's numbers are accepted
+PLAUSIBLE_MASSES = (0.02, 500.0)  # of bridge and trolley over the rated load; real cranes have 0.3 to 50
 MOST_STRAIN = 0.5  # of a rope under the weight of its load; steel has 0.002, nylon 0.1
 STATED = ("rope_range", "rated_load", "load_mass")  # to which a rig's other numbers are scaled
 SCALED_TABLES: dict[str, type[Settings]] = {
@@ -127,6 +128,18 @@ def size_of(rig: RigParameters) -> float:
 def rounded(value: float) -> float:
     """Round to the three digits that scaled numbers have."""
     return float(f"{value:.3g}")
+
+
+def doubt_about(rig: RigParameters) -> str:
+    """Return a sentence if bridge and trolley are too heavy or too light for the rated load; else ""."""
+    mass = rig.bridge_mass + rig.trolley_mass
+    low, high = PLAUSIBLE_MASSES
+    if low <= mass / rig.rated_load <= high:
+        return ""
+    return (
+        f"rig.rated_load is {rig.rated_load:g} kg, but bridge and trolley weigh {mass:g} kg: check that all "
+        "are in kg, since numbers of the rig that are not given are scaled to the rated load"
+    )
 
 
 def check_size(rig: RigParameters, effects: EffectSettings) -> None:

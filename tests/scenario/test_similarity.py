@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cranectl.cli.main import main
 from cranectl.controllers.registry import WHERE, load_controller
 from cranectl.planning import load_scenario
 from cranectl.scenario.load import default_scenario, load_rig, rig_names
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.similarity import LONGEST_ROPES, length_scale
+from cranectl.scenario.similarity import LONGEST_ROPES, doubt_about, length_scale
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 
@@ -130,6 +131,21 @@ def test_no_size_is_refused_for_a_number_that_nobody_gave(
     assert frame is not None
     assert frame.mass == pytest.approx(20.0 * mass, rel=5e-3)
     assert scenario.rig.bridge_mass == pytest.approx(6.0 * mass, rel=5e-3)
+
+
+@pytest.mark.usefixtures("in_empty_directory")
+def test_a_rated_load_in_tonnes_is_doubted(capsys: pytest.CaptureFixture[str]) -> None:
+    axes = "bridge_mass=80e3, trolley_mass=20e3, winch_mass=10e3"
+    run = ["run", "fixed-position", "--plants", "analytic", "--set", "duration=0.1"]
+    run += ["--set", "disturbances=[]", "--out", "a.mcap", "--set"]
+    for rated, is_told in ((32, True), (32000, False)):
+        assert main([*run, f"rig={{{axes}, load_mass={rated}, rated_load={rated}}}"]) == 0
+        said = capsys.readouterr().err
+        assert ("bridge and trolley weigh 100000 kg: check that all are in kg" in said) == is_told
+        assert said.count("rated_load") == is_told
+    for name in rig_names():
+        assert doubt_about(load_rig(name)) == ""
+    assert "weigh 8.5 kg" in doubt_about(RigParameters(rated_load=1000.0))
 
 
 @pytest.mark.parametrize("longest", [0.049, 1001.0])
