@@ -7,27 +7,24 @@ from math import inf, isnan
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 from PIL.Image import Image
 
 from cranectl.cases.case import Failure
 from cranectl.cases.pairwise import Pairwise
 from cranectl.cases.validation import PLANTS, CaseVerdict, JudgedValue, Validation, judged_values
 from cranectl.plants.registry import reference_plant
-from cranectl.reference import HoldPath, build_trajectory
 from cranectl.report.page import Fact, Figure, FirstScreen, Page, Section
 from cranectl.report.run.differences import pair_tables
 from cranectl.report.run.first_screen import BADGES
 from cranectl.report.run.tables import agreement_table, limit_notes, run_notes, run_table
 from cranectl.report.table import ANSWERS, Cell, Table, cells, tabulate
+from cranectl.report.validation_input import facts_of_input, masses_of, motion_text
 from cranectl.scenario import Scenario
 from cranectl.scenario.drawn_size import crane_kind
 from cranectl.support.units import difference_in, quantity
 
 SHOWN = 10  # rows, the worst first, before the others are folded
 SHOWN_SCENARIOS = 12  # that have sections and pictures, the worst first
-PATH_SAMPLES = 2001  # of a reference whose length is told
-TONNE = 1000.0  # [kg] from which on a mass is told in tonnes
 
 Moment = tuple[float, Image]  # time [s] and picture
 
@@ -128,18 +125,6 @@ def worst_logs(validation: Validation) -> dict[str, Path]:
     shown = scenario_verdicts(validation)[:SHOWN_SCENARIOS]
     logs = {scenario.source: scenario.cases[0].verdict.log for scenario in shown}
     return {source: Path(log) for source, log in logs.items() if log}
-
-
-def motion_text(scenario: Scenario) -> str:
-    """Return load and motion in short: "32 t, 20 m in 35 s"."""
-    trajectory, mass = build_trajectory(scenario.reference), scenario.rig.load_mass
-    load = f"{mass / TONNE:.3g} t" if mass >= TONNE else f"{mass:.3g} kg"
-    moving = [path for path in trajectory.paths if not isinstance(path, HoldPath)]
-    if not moving:
-        return f"{load}, held in place for {scenario.duration:g} s"
-    course = trajectory.sample(np.linspace(0.0, trajectory.joints[-1], PATH_SAMPLES))[:, :3]
-    length = np.linalg.norm(np.diff(course, axis=0), axis=1).sum()
-    return f"{load}, {length:.3g} m in {sum(path.duration for path in moving):.3g} s"
 
 
 def causes(case: CaseVerdict) -> list[str]:
@@ -243,6 +228,7 @@ def _facts(validation: Validation, scenarios: Sequence[ScenarioVerdict]) -> Iter
         allowed = f"allowed: {quantity(apart.limit_m or 0.0, 'm')}"
         mark = "bad" if any(agreement.passed is False for agreement in judged) else ""
         yield Fact("Difference between plants", difference_in(apart.max_load_error_m, "m"), allowed, mark)
+    yield from facts_of_input(validation, [verdict.scenario for verdict in scenarios if verdict.scenario])
 
 
 def _what_was_run(validation: Validation) -> str:
@@ -296,6 +282,7 @@ def _scenario_section(
     failed, worst = scenario.failed, scenario.cases[0]
     paragraphs = [scenario.title] if scenario.title != scenario.name else []
     paragraphs += [f"{scenario.motion}."] if scenario.motion else []
+    paragraphs += [f"Load {', '.join(masses_of(scenario.scenario))}."] if scenario.scenario else []
     if failed:
         paragraphs += [f"{f'{worst.name}: ' if worst.case else ''}{' '.join(causes(worst))}"]
         if len(scenario.cases) > 1:

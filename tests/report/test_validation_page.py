@@ -1,6 +1,8 @@
 """The page of a validation: limits once, the right reason first, commands and motions in plain words."""
 
+import re
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,8 @@ from cranectl.compare.agreement import Agreement
 from cranectl.metrics.limits import LimitVerdict
 from cranectl.planning import load_scenario
 from cranectl.report.page import Page, render
-from cranectl.report.validation import causes, motion_text, scenario_verdicts, validation_page, worst_logs
+from cranectl.report.validation import causes, scenario_verdicts, validation_page, worst_logs
+from cranectl.report.validation_input import motion_text
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from tests.report.test_report import read_page
@@ -153,6 +156,26 @@ def test_of_many_cases_that_fail_the_least_are_folded(monkeypatch: pytest.Monkey
         "ship-to-shore, pid, ideal",
     ]
     assert "2 of 2 cases fail; the worst is lqr with ideal drives." in text
+
+
+def test_the_facts_tell_masses_digest_and_version() -> None:
+    outcome = result(run("mujoco", KEPT))
+    heavier = make_case(load_scenario("ship-to-shore", overrides=["rig.load_mass=15e3"]), plants=PLANTS)
+    digests = set()
+    for made in (case(), case(), case(controller="pid"), heavier):
+        page, text = page_of(validation((made, outcome)))
+        assert page.first_screen is not None
+        facts = {fact.name: fact for fact in page.first_screen.facts}
+        load = "15 t" if made is heavier else "20 t"
+        assert (facts["Load"].value, facts["Load"].remark) == (load, "trolley 25 t, bridge 600 t")
+        assert facts["cranectl"].value == version("cranectl")
+        assert re.fullmatch("[0-9a-f]{16}", facts["Digest"].value)
+        assert all(said in text for fact in facts.values() for said in (fact.value, fact.remark))
+        digests.add(facts["Digest"].value)
+    assert len(digests) == 3, "one for each input"
+    _, text = page_of(validation((case(), outcome), (case("workshop-move"), outcome)))
+    assert "Load 20 t, trolley 25 t, bridge 600 t." in text
+    assert "Load 5 t, trolley 1.2 t, bridge 9 t." in text
 
 
 def test_a_page_of_what_passes() -> None:

@@ -1,0 +1,69 @@
+"""What a validation judged: its cranes and motions in words, a digest of its input, and the version."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from cranectl.cases.validation import Validation
+from cranectl.controllers.registry import controller_digests
+from cranectl.reference import HoldPath, build_trajectory
+from cranectl.report.page import Fact
+from cranectl.scenario import Scenario
+from cranectl.support.provenance import FINGERPRINT_DIGITS, fingerprints, provenance
+
+PATH_SAMPLES = 2001  # of a reference whose length is shown
+TONNE = 1000.0  # [kg] from which on a mass is shown in tonnes
+
+
+def facts_of_input(validation: Validation, scenarios: Sequence[Scenario]) -> Iterator[Fact]:
+    """Yield the masses, if all cranes have the same, and from what the page can be made again."""
+    masses = {masses_of(scenario) for scenario in scenarios}
+    if len(masses) == 1:
+        load, others = masses.pop()
+        yield Fact("Load", load, others)
+    elif masses:
+        yield Fact("Loads", f"{len(masses)} cranes", "masses are told with each scenario")
+    laws = controller_digests(dict.fromkeys(case.controller for case in validation.cases))
+    remark = "; ".join(["of scenarios, controllers and sources", *map(" ".join, laws.items())])
+    yield Fact("Digest", input_digest(validation), remark)
+    versions = provenance()
+    yield Fact("cranectl", versions["cranectl"], f"sources {versions['sources']}")
+
+
+def masses_of(scenario: Scenario) -> tuple[str, str]:
+    """Return the mass of the load, and in words those of trolley and bridge."""
+    load, trolley, bridge = (
+        mass_text(mass)
+        for mass in (scenario.rig.load_mass, scenario.rig.trolley_mass, scenario.rig.bridge_mass)
+    )
+    return load, f"trolley {trolley}, bridge {bridge}"
+
+
+def input_digest(validation: Validation) -> str:
+    """Return a digest of all that was judged: scenarios, controllers, drives, plants and this program."""
+    digest = hashlib.sha256(json.dumps(fingerprints(), sort_keys=True).encode())
+    texts = {id(case.scenario): case.scenario.model_dump_json() for case in validation.cases}
+    laws = controller_digests(dict.fromkeys(case.controller for case in validation.cases))
+    for case in validation.cases:
+        law = laws.get(f"law {case.controller}", "")
+        judged = texts[id(case.scenario)], case.controller, law, case.drive, *case.plants
+        digest.update(json.dumps(judged).encode())
+    return digest.hexdigest()[:FINGERPRINT_DIGITS]
+
+
+def mass_text(mass: float) -> str:
+    """Return a mass [kg] in kg or t, with three digits."""
+    return f"{mass / TONNE:.3g} t" if mass >= TONNE else f"{mass:.3g} kg"
+
+
+def motion_text(scenario: Scenario) -> str:
+    """Return load and motion in short: "32 t, 20 m in 35 s"."""
+    trajectory, load = build_trajectory(scenario.reference), mass_text(scenario.rig.load_mass)
+    moving = [path for path in trajectory.paths if not isinstance(path, HoldPath)]
+    if not moving:
+        return f"{load}, held in place for {scenario.duration:g} s"
+    course = trajectory.sample(np.linspace(0.0, trajectory.joints[-1], PATH_SAMPLES))[:, :3]
+    length = np.linalg.norm(np.diff(course, axis=0), axis=1).sum()
+    return f"{load}, {length:.3g} m in {sum(path.duration for path in moving):.3g} s"
