@@ -89,6 +89,7 @@ def test_code_blocks_run(
     block of text is what the Python or the last command before it prints.
     """
     monkeypatch.chdir(tmp_path)
+    Path("examples").symlink_to(ROOT / "examples")  # as in a checkout
     if any("law.fmu" in text for _, text in blocks(page)):
         fmu(tmp_path / "law.fmu", 2)  # as a tool would export it
     for language, text in blocks(page):
