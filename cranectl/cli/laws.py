@@ -55,6 +55,9 @@ def opened(name: str, directory: Path = Path()) -> str:
     from cranectl.loaders.opening import open_controller
 
     if not is_reference(name):
+        from cranectl.loaders.c_law import check_compiled
+
+        check_compiled(directory / name)
         return name
     return open_controller(name if name.startswith(UDP) else str(directory / name))
 

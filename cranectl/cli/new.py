@@ -41,7 +41,7 @@ def new_command(kind: str, name: str, directory: Path) -> None:
     cranectl new rig yard-crane
     cranectl new campaign unknown-load
     """
-    from cranectl.loaders.c_law import HEADER
+    from cranectl.loaders.c_law import HEADER, compile_command
     from cranectl.support.extensions import check_name
 
     check_name(kind, name)
@@ -67,4 +67,9 @@ def new_command(kind: str, name: str, directory: Path) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_text(path, text)
         click.echo(f"written: {path}")
+    if ENDINGS[kind] == "c":
+        source = directory / f"{stem}.c"
+        click.echo(f"compile it: {compile_command(source)}")
+        library = shlex.quote(str(source.with_suffix(".so")))
+        click.echo(f"run it: cranectl run fast-diagonal --controller {library}")
     click.echo(f"try it: python -m pytest {shlex.quote(str(directory / f'test_{module}.py'))}")

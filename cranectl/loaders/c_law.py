@@ -5,6 +5,7 @@ controller. The child process of a run then calls the step of the library by its
 """
 
 import ctypes
+import shlex
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,26 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 HEADER = Path(__file__).parent / "cranectl.h"
+COMPILERS = {".c": "cc", ".cc": "c++", ".cpp": "c++", ".cxx": "c++"}  # by ending of the source
+FLAGS = ("-O2", "-shared", "-fPIC", "-ffp-contract=off")
 DECLARED = ("name", "title", "command", "follows", "measures", "every", "preview", "period")
+
+
+def compile_command(source: Path) -> str:
+    """Return the command that compiles a controller into a library beside its source, as it is typed."""
+    folder = () if (source.parent / HEADER.name).is_file() else (f"-I{HEADER.parent}",)
+    files = ("-o", str(source.with_suffix(".so")), str(source))
+    return shlex.join([COMPILERS[source.suffix], *FLAGS, *folder, *files, "-lm"])
+
+
+def check_compiled(path: Path) -> None:
+    """Raise InputError if `path` is a file with the source of a controller, not with the library."""
+    if path.suffix in COMPILERS and path.is_file():
+        raise InputError(
+            f"{path} is the source of a controller",
+            allowed="the library that a compiler makes of it",
+            remedy=f"compile it, and name {path.with_suffix('.so')}: {compile_command(path)}",
+        )
 
 
 def open_library(file: ControllerFile) -> tuple[Controller, ControllerFile]:
@@ -66,10 +86,12 @@ def _ask(file: ControllerFile, values: list[float] | None, nominal: dict[str, An
     try:
         return ask(library.__file__, copy_of(file), {"values": values, "nominal": nominal})
     except ValueError as error:
+        sources = [source for ending in COMPILERS if (source := file.path.with_suffix(ending)).is_file()]
+        again = f" and compile it again: {compile_command(sources[0])}" if sources else ""
         raise InputError(
             f"{file.reference}: {error}".replace(str(copy_of(file)), str(file.path)),
             allowed=f"a library for this machine with the interface of {HEADER}",
-            remedy="correct it; 'cranectl new c-controller' writes one that works",
+            remedy=f"correct it{again}; 'cranectl new c-controller NAME' writes one that works",
         ) from None
 
 

@@ -55,7 +55,7 @@ SAMPLED = "control.period=0.05"
 VALIDATE = ["cranectl", "validate", "s.toml", "--plants", "analytic", "--controller"]
 CASES = [
     Case(PYTHON, "name it: {}:NAME", ["law.py"], ["law.py:law"]),
-    Case(PYTHON, "define step({}), see 'cranectl new controller'", ["law.py:lqr"], ["law.py:law"]),
+    Case(PYTHON, "define step({}), see 'cranectl new controller NAME'", ["law.py:lqr"], ["law.py:law"]),
     Case(
         PYTHON, "give it these five; a method of a class is a @staticmethod", ["law.py:two"], ["law.py:law"]
     ),

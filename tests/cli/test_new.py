@@ -1,6 +1,9 @@
 """`cranectl new` writes complete examples; `cranectl list --schema` prints the schemas of documents."""
 
 import json
+import re
+import shlex
+import subprocess
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -11,6 +14,7 @@ from jsonschema import Draft202012Validator
 from cranectl.cli.list import DOCUMENTS, json_schema
 from cranectl.cli.main import main
 from cranectl.cli.new import ENDINGS
+from cranectl.loaders.opening import close_controllers
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -46,6 +50,44 @@ def test_new_replaces_no_file_and_checks_names(capsys: pytest.CaptureFixture[str
         assert message in capsys.readouterr().err
     assert [path.name for path in Path().iterdir()] == ["test_mine.py"]
     assert Path("test_mine.py").read_text() == "old content"
+
+
+def typed(command: str) -> int:
+    """Return the exit code of a command as a shell would pass it."""
+    program, *arguments = shlex.split(command)
+    return main(arguments) if program == "cranectl" else subprocess.run([program, *arguments]).returncode
+
+
+@pytest.mark.parametrize("kind", ["c-controller", "generated-controller"])
+def test_the_commands_that_compile_and_run_a_controller_can_be_typed(
+    kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    close_controllers()
+    assert main(["new", kind, "servo", "--in", "crane's laws"]) == 0
+    told = capsys.readouterr().out
+    (compiles,) = re.findall("compile it: (cc .*)", told)
+    (runs,) = re.findall("run it: (cranectl .*)", told)
+    source = Path("crane's laws/servo.c")
+    assert main(shlex.split(runs)[1:]) == 2, "it is not compiled yet"
+    assert main(["run", "fast-diagonal", "--controller", str(source)]) == 2
+    error = capsys.readouterr().err
+    assert f"{source} is the source of a controller" in error
+    assert compiles in error
+    assert typed(compiles) == 0
+    assert typed(f"{runs} --plants analytic") == 0
+    good = source.read_text()
+    source.write_text(good.replace(".every = 1", ".every = -1"))
+    close_controllers()
+    assert typed(compiles) == 0
+    Path("crane's laws/cranectl.h").unlink()
+    assert typed(runs) == 2
+    (again,) = re.findall("compile it again: (cc .*); 'cranectl new", capsys.readouterr().err)
+    source.write_text(good)
+    assert typed(again) == 0
+    close_controllers()
+    assert typed(f"{runs} --plants analytic") == 0
+    assert main(["new", "c-controller", "name"]) == 0, "as the remedy says"
+    close_controllers()
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)

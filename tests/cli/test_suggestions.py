@@ -221,6 +221,7 @@ KNOWN = {
     ("cli/command.py", "cranectl"): ABOVE,
     ("cli/ladder.py", "cranectl log"): ABOVE,
     ("cli/log.py", "cranectl log"): ABOVE,
+    ("cli/new.py", "cranectl run"): "tests/cli/test_new.py",
     ("cli/report.py", "cranectl ladder"): ABOVE,
     ("cli/run.py", "cranectl log"): ABOVE,
     ("loaders/library.py", "cranectl new"): "tests/cli/test_new.py",
