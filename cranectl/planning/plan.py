@@ -168,7 +168,7 @@ def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, whe
         (time_law_of(part), seconds(part), path.length) for part, path in zip(stopping, parts, strict=True)
     ]
     motion = _faster(along_parts(geometry, limits, time_laws), scenario)
-    return [_with_law(segment, motion)] if motion and motion.duration < MAX_DURATION else list(stopping)
+    return [_with_law(segment, motion)] if motion and motion.duration <= MAX_DURATION else list(stopping)
 
 
 def _with_law(segment: Along | Spline, motion: FastestMotion) -> Along | Spline:

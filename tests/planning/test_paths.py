@@ -11,6 +11,7 @@ from cranectl.cli.main import main
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario, planned
 from cranectl.planning.limits import excesses, limits_of, motion
+from cranectl.planning.plan import plan_with_blends
 from cranectl.planning.problem import ORDERS
 from cranectl.planning.review import curve_of, reviews
 from cranectl.reference import build_trajectory
@@ -95,6 +96,17 @@ def steps_of_fourth_derivative(of: Scenario, count: int) -> float:
 def test_the_thesis_s_path_is_as_fast_as_the_page_says() -> None:
     found = [lasts(scenario(THESIS, blend)) for blend in (0.0, 0.05, 0.1)]
     assert found == pytest.approx([6.121, 5.826, 5.431], rel=2e-3)
+
+
+def test_a_blended_path_may_last_as_long_as_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = scenario(THESIS, 0.05)
+    (segment,) = found.reference.segments
+    assert isinstance(segment, BlendedPath)
+    start, stopping = np.array(found.reference.start), iter(2 * scenario(THESIS, 0.0).reference.segments)
+    monkeypatch.setattr("cranectl.planning.plan.plan_along", lambda *_: next(stopping))
+    for excess, kinds in ((0.0, ["path"]), (1e-9, ["line", "arc"])):
+        monkeypatch.setattr("cranectl.planning.plan.MAX_DURATION", lasts(found) - excess)
+        assert [part.kind for part in plan_with_blends(segment, start, found, "it")] == kinds
 
 
 def test_where_a_stop_is_faster_the_load_stops() -> None:

@@ -44,6 +44,17 @@ def test_both_plants_agree(overrides: list[str], apart: float) -> None:
     assert tension.max_abs < 2e-3
 
 
+@pytest.mark.parametrize("plant", ["analytic", "elastic", "mujoco"])
+def test_a_vertical_force_alone_acts(plant: str) -> None:
+    """It takes its part of the weight off the rope."""
+    held = ["reference.segments=[]", "reference.start=[1.0,0.77,-0.7]", "duration=0.1"]
+    still, lifted = (
+        run(plant, *held, f"disturbances=[{force}]").signal("load.rope_tension")
+        for force in ("", "{force=[0.0,0.0,2.0],start=0.0}")
+    )
+    assert_allclose(still[1:] - lifted[1:], 2.0, rtol=1e-6)
+
+
 def test_air_at_rest_slows_the_load() -> None:
     """Drag is quadratic: four times the area, four times the loss, as long as that is small."""
     swing = ["initial.alpha_offset=0.3", "disturbances=[]", STILL_AIR]
