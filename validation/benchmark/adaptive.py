@@ -1,24 +1,34 @@
-"""`adaptive`: Slotine and Li's adaptive law on the drives' rows of the crane, which learns the masses.
+"""`adaptive`: adaptive control of the drives after Slotine and Li, which estimates the masses.
 
     cranectl run fast-diagonal --controller validation/benchmark/adaptive.py:ADAPTIVE --drive force
 
-Source: Slotine and Li, Int. J. Robotics Research 6 (1987), as Yang and others use it on cranes (2009,
-2011); their regressor is not in what could be read, so the law has the method's name. The drives' rows with
-the swing taken out of them, P q'' + w = F (`cranectl.model.dynamics`), are linear in the masses M = (bridge
-and trolley, trolley, winch, load): with N = (n_x, n_y, 1), D = diag of the first three, h the rope's
-specific force without drives,
+With the swing eliminated, the equations of motion of the drives are P q'' + w = F
+(`cranectl.model.dynamics`). They are linear in the masses M = (bridge and trolley, trolley, winch, load):
 
     P = D + m N Nᵀ,    w = m h N
+
+D is the diagonal matrix of the first three masses, N = (n_x, n_y, 1) contains the rope's direction n, m is
+the mass of the load, and h is the rope's specific force while the drives do not accelerate. With estimates
+marked by ^, the controller is
+
     q_r' = q_d' - lambda e + kappa b,    s = q' - q_r'
     F = P^ q_r'' + w^ - dP^/dt s/2 - K s = Y M^ - K s,    M^' = -Gamma Yᵀ s
     V = (s·P s + (M^ - M)·Gamma^-1 (M^ - M))/2,    V' = -s·K s
 
-e, b are what drive and angle are off the state that the flat map gives for the path, and lambda = p/3,
-kappa = 8 p l/3 with p = √(g/3l) put all poles on s = 0 at -p (`super_twisting.py`). The masses begin as
-they are believed. Assumes: full state, masses that stay. Certain: the method, V; ours: the sway in s.
-Masses are learnt only as far as the motion shows them, and wander where something pushes that is no mass:
-nothing holds them positive. A standing push that leans the rope by b leaves e = 8 l b: there is no
-integral.
+The deviations e of the drive and b of the angle refer to the state that the flat map gives for the path.
+lambda = p/3 and kappa = 8 p l/3 with p = √(g/3l) place all poles on s = 0 at -p, see `super_twisting.py`.
+
+- Measured: the full state.
+- Assumed: constant masses. The estimates start at the nominal masses.
+- Certain: the method and V. The sway in s is ours. The published regressor for cranes was not accessible, so
+  the controller has the name of the method.
+- Limits: the masses converge only as far as the motion excites them. Under a force that no mass explains they
+  drift, and may become negative. There is no integral, so a constant disturbance that leans the rope by b
+  leaves e = 8 l b.
+
+References
+----------
+Slotine and Li, Int. J. Robotics Research 6 (1987). For cranes: Yang and others (2009, 2011).
 """
 
 from math import sqrt
@@ -47,14 +57,14 @@ from cranectl.signals import (
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
-LOAD = 3  # among the masses: bridge and trolley, trolley, winch, load
+LOAD = 3  # index in the masses: bridge and trolley, trolley, winch, load
 GIVEN = Slots(period=1, gravity=1, forgets=1, sways=1, rope_pole=1, gain=3, adaptation=4)
 MEMORY = Slots(mass=4, surface=3, desired=10, inputs=3, wanted=3)
 
 
 @jit
 def follow(parameters, measured, held, joint, angle):
-    """Return (s, q_r'') of a horizontal axis whose rope swings by the state's `angle`."""
+    """Return s [m/s] and q_r'' [m/s²] of the horizontal axis `joint` whose rope swings by `angle`."""
     length, rate = measured[ROPE], 0.5 * measured[ROPE_RATE] / measured[ROPE]
     pole = sqrt(parameters[GIVEN.gravity] / (3.0 * length))
     forgets, sways = parameters[GIVEN.forgets] * pole, parameters[GIVEN.sways] * pole * length
@@ -71,7 +81,7 @@ def follow(parameters, measured, held, joint, angle):
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and path in, forces out."""
+    """Compute the forces (3,) [N] of one sample from state and path."""
     held = carray(memory, (MEMORY.size,))
     mass, s, wanted = held[: MEMORY.surface], held[MEMORY.surface : MEMORY.desired], held[MEMORY.wanted :]
     gravity = parameters[GIVEN.gravity]
@@ -95,7 +105,7 @@ def step(parameters, measured, reference, memory, command):
         measured[ROPE], alpha, alpha_rate, beta, beta_rate, wanted[X], wanted[Y], wanted[Z], gravity
     )
     along, turning = n[0] * s[X] + n[1] * s[Y] + s[Z], turn[0] * s[X] + turn[1] * s[Y]
-    # The masses first: sampled as well, V falls.
+    # Update the masses first, so that V falls in the sampled loop too.
     for axis in range(3):
         mass[axis] -= parameters[GIVEN.period] * parameters[GIVEN.adaptation + axis] * wanted[axis] * s[axis]
     mass[LOAD] -= parameters[GIVEN.period] * parameters[GIVEN.adaptation + LOAD] * along * (pull - turning)
@@ -109,7 +119,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def prepare(nominal):
-    """Return parameters and memory, which begins with the assumed masses."""
+    """Return the arrays of parameters and initial memory; the memory contains the nominal masses."""
     rig, length, given = nominal.rig, nominal.state[ROPE], nominal.parameters
     pace, believed = np.sqrt(rig.gravity / length), np.array(axis_masses(rig)[:4])
     parameters = GIVEN.array(

@@ -1,24 +1,32 @@
-"""`adrc`: active disturbance rejection, an extended state observer on each of five chains of two integrators.
+"""`adrc`: active disturbance rejection with an extended state observer for each of five double integrators.
 
     cranectl run fast-diagonal --controller validation/benchmark/adrc.py:ADRC
 
-Source: Han, IEEE Trans. Ind. Electron. 56 (2009), with two bandwidths as Gao has it, ACC 2003. That a crane
-takes two chains per axis, load and angle, is ours, after the flatness approach of Ramírez-Neria and others,
-ISA Trans. 53 (2014). With z the load, b the angle that swings along the axis, l the rope length, all else is
-a disturbance f, which an observer with three poles at -w_o takes for a constant:
+Each axis is described by double integrators: of the load's position z, and of the angle b in which the rope
+of length l swings along the axis. All other effects are a disturbance f:
 
     z'' = -g b + f_z    b'' = -u/l + f_b    z_3'' = -u_l + f_3
 
-With e = z_d - z, of which z'' is -g b + f_z and z''' is -g b' by the observers, the load has four poles at
--w_c, its height two, under
+f_b contains the gravity -g b/l of the pendulum too. Each observer has three poles at -w_o and takes f for
+constant. With e = z_d - z, and with z'' = -g b + f_z and z''' = -g b' from the observers, the inputs are
 
     v = z_d'''' + 4 w_c e''' + 6 w_c² e'' + 4 w_c³ e' + w_c⁴ e
     u = l (f_b + v/g)    u_l = f_3 - z_d3'' - 2 w_c e_3' - w_c² e_3
 
-Both u are cut off at the drives' limits, or the observers would take for a push what drives do not do.
-f_b holds the pendulum's own -g b/l. w_c is c sqrt(g/l) with l where the path begins, w_o is o w_c. Assumes:
-nothing of masses. Measures: encoders. Certain: the method. A push that stands is in f_z and f_b and leaves
-nothing; where f changes fast, as on a fast path, it is late.
+They give four poles at -w_c to each horizontal coordinate of the load, and two to its height. u and u_l are
+limited as the drives are: otherwise the observers would take the limits of the drives for a disturbance. w_c
+= c sqrt(g/l) with the rope length l at the start of the path, and w_o = o w_c.
+
+- Measured: encoders.
+- Assumed: gravity and the limits of the drives; masses are not used.
+- Certain: the method. That each axis has two double integrators is ours.
+- Limits: a constant disturbance is contained in f_z and f_b, so it leaves no error. The estimates lag where f
+  changes fast, as on a fast path.
+
+References
+----------
+Han, IEEE Trans. Ind. Electron. 56 (2009). The two bandwidths: Gao, ACC 2003. The flatness approach:
+Ramírez-Neria and others, ISA Trans. 53 (2014).
 """
 
 from math import sqrt
@@ -33,14 +41,14 @@ from cranectl.model.dynamics import rope_direction
 from cranectl.signals import ACCELERATION, JERK, ROPE, SNAP, VELOCITY, Signal, X, Z
 from cranectl.support.jit import jit
 
-# Chains: load x, y, z, then alpha, beta, as the observer's joints.
+# Double integrators, in the order of the observer's joints: load x, y, z, alpha, beta.
 GIVEN = Slots(bandwidth=1, observer=len(Observer._fields), limit=3)
 MEMORY = Slots(chains=EXPECTED.size, begun=1)
 
 
 @jit
 def read_chains(observer, measured, estimate, begun):
-    """Correct all chains by the readings (5,) of the encoders; before the first, begin at them."""
+    """Correct the estimates by the encoders' readings (5,); start them there if `begun` is False."""
     direction = rope_direction(measured[3], measured[4])
     for chain in range(JOINTS):
         position = measured[chain]
@@ -54,7 +62,7 @@ def read_chains(observer, measured, estimate, begun):
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. Encoders and path in, accelerations out."""
+    """Compute the accelerations (3,) [m/s²] of one sample from encoders and path."""
     estimate, w = carray(memory, (MEMORY.size,)), parameters[GIVEN.bandwidth]
     given, at = parameters, GIVEN.observer
     observer = Observer(given[at], given[at + 1], given[at + 2], given[at + 3], given[at + 4])
@@ -71,7 +79,7 @@ def step(parameters, measured, reference, memory, command):
         v = reference[SNAP + axis] + w * (4.0 * jerk + w * (6.0 * acceleration + w * (4.0 * rate + w * load)))
         wanted = length * (estimate[EXPECTED.disturbance + angle] + v / gravity)
         command[axis] = saturate(wanted, parameters[GIVEN.limit + axis])
-        # Over the period the rope pulls as it does in its middle.
+        # Predict with the acceleration of the load in the middle of the period.
         pulled -= 0.5 * period * gravity * estimate[EXPECTED.velocity + angle]
         advance(estimate, axis, pulled, period)
         advance(estimate, angle, -command[axis] / length, period)
@@ -85,7 +93,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def prepare(nominal):
-    """Return parameters and memory; the load's rates are the path's."""
+    """Return the arrays of parameters and initial memory; the load starts with the rates of the path."""
     pole = sqrt(nominal.rig.gravity / nominal.state[ROPE])
     bandwidth = float(nominal.parameters["bandwidth"]) * pole
     fast = float(nominal.parameters["observer"]) * bandwidth

@@ -1,26 +1,33 @@
-"""`barrier-tracking`: drives follow the load's path and are kept within a distance of it, while hoisting too.
+"""`barrier-tracking`: the drives follow the load's path within a fixed distance, while hoisting too.
 
     cranectl run fast-diagonal --controller validation/benchmark/barrier_tracking.py:BARRIER_TRACKING
 
-Source: Sun and Fang, Automatica 50 (2014), planar. For each of bridge, trolley and rope, with e what it is
-off the path of a load that hangs plumb,
+For bridge, trolley and rope, e is the deviation from the path of a load that hangs plumb:
 
     F = -k_p e - 2 L Z² e / (Z² - e²)² - k_d e' - f sgn e' + F_d
 
-The second term is minus the derivative of the barrier L e² / (Z² - e²), which has no bound at |e| = Z. F_d
-is what the path asks for, with M the drives' own masses, n the rope's direction, W = (0, 0, m g):
+The second term is minus the derivative of the barrier L e² / (Z² - e²), which is infinite at |e| = Z. F_d is
+the feed-forward for the path, with the drives' own masses M, the rope's direction n and W = (0, 0, m g):
 
     F_d = M q_d'' + m (b_x, b_y, b·n) - W,    b = c_d'' + l_d'' n + l_d' n',    c_d = (x_d, y_d, 0)
 
-For E of the errors' rates (e', a', b') in place of the rates, V = E + sum of (k_p e² / 2 + L e² / (Z² -
-e²)) has
+Let E be the crane's energy with the rates (e', a', b') of errors and angles in place of the rates. Then V = E
++ sum of (k_p e² / 2 + L e² / (Z² - e²)) has the derivative
 
     V' = -sum of (k_d e'² + f |e'|) + m l_d' (g (1 + n_z) - l n'·n') - m l n'·c_d''
 
-It falls at every point of rest of the path, and is bounded where the path is finite, hence |e| < Z. Here L
-= share k_p Z²/2, and sgn is tanh(e'/v), v = √(g l)/100. Assumes: full state, masses, |e| < Z at the start.
-Certain: structure and V', which was derived here; not the paper's F_d. A standing push that leans the rope
-leaves what k_p and the barrier hold against its tension.
+So V falls wherever the path is at rest, and is bounded if the path is finite. Hence |e| stays below Z. Here L
+= share k_p Z²/2, and tanh(e'/v) with v = √(g l)/100 replaces sgn e'.
+
+- Measured: the full state.
+- Assumed: known masses, and |e| < Z at the start.
+- Certain: the structure; V' was derived here. F_d is ours.
+- Limits: under a constant disturbance, which leans the rope, an error remains. There k_p and the barrier
+  balance the rope's tension.
+
+References
+----------
+Sun and Fang, Automatica 50 (2014), for a planar crane.
 """
 
 from math import tanh
@@ -40,14 +47,14 @@ MEMORY = Slots(error=3)
 
 @jit
 def barrier_force(stiffness, bound, error):
-    """Return -2 L Z² e / (Z² - e²)² for 2 L = stiffness Z² [N]."""
+    """Return the barrier's force -2 L Z² e / (Z² - e²)² [N], where 2 L = `stiffness` Z² and Z = `bound`."""
     room = 1.0 - (error / bound) ** 2
     return -stiffness * error / room**2
 
 
 @jit
 def feedback(parameters, axis, error, rate):
-    """Return all but F_d of an axis [N]."""
+    """Return the force of one axis without the feed-forward F_d [N]."""
     stiffness = parameters[GIVEN.stiffness + axis]
     held = barrier_force(parameters[GIVEN.share] * stiffness, parameters[GIVEN.bound], error)
     damped = parameters[GIVEN.damping + axis] * rate + parameters[GIVEN.friction + axis] * tanh(
@@ -57,14 +64,14 @@ def feedback(parameters, axis, error, rate):
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and path in, forces out."""
+    """Compute the forces (3,) [N] of one sample from state and path."""
     masses = masses_at(parameters, GIVEN.masses)
     load = masses.load
     n = rope_direction(measured[ALPHA], measured[BETA])
     n_rate = rope_direction_rate(measured[ALPHA], measured[ALPHA_RATE], measured[BETA], measured[BETA_RATE])
     u_x, u_y, u_l = reference[ACCELERATION], reference[ACCELERATION + Y], -reference[ACCELERATION + Z]
     pay_out = -reference[VELOCITY + Z]
-    along = n[0] * u_x + n[1] * u_y + u_l  # n has length 1, and n' is normal to it
+    along = n[0] * u_x + n[1] * u_y + u_l  # because n has length 1, and n' is normal to n
     asked_x = (masses.bridge + load) * u_x + load * (u_l * n[0] + pay_out * n_rate[0])
     asked_y = (masses.trolley + load) * u_y + load * (u_l * n[1] + pay_out * n_rate[1])
     asked_l = masses.winch * u_l + load * (along - masses.gravity)
@@ -79,7 +86,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     rig, length, given = nominal.rig, nominal.state[ROPE], nominal.parameters
     pace, inertia = np.sqrt(rig.gravity / length), rig.driven_masses
     stiffness = inertia * (given["frequency"] * pace) ** 2

@@ -1,22 +1,31 @@
-"""`cnf`: composite nonlinear feedback, fast with little damping far from the target, well damped near it.
+"""`cnf`: composite nonlinear feedback, with little damping far from the target and much near it.
 
     cranectl run fast-diagonal --controller validation/benchmark/composite_nonlinear_feedback.py:CNF
 
-Source: Lin, Pachter and Banda, Int. J. Control 70 (1998); Chen and others, IEEE Trans. Autom. Control 48
-(2003). On cranes the thesis cites it by XW12 and YLL14, whose optimised gains and functions could not be
-read. Per horizontal axis near plumb, in lengths of l, times of sqrt(l/g), accelerations of g, with x =
-(drive, rate, angle, rate) less the set-point at rest and y = drive + angle, the load,
+Lengths are in units of l, times of sqrt(l/g) and accelerations of g. For each horizontal axis near plumb, x =
+(drive, rate, angle, rate) is the deviation from the set-point at rest, and y = drive + angle is that of the
+load:
 
     x' = A x + B sat(u)    u = F x + rho B'P x    (A + B F)'P + P (A + B F) = -W
     rho = -b |exp(-a |y| / |y_0|) - exp(-a)|
 
-F places a pair of frequency w and damping ratio z, and one of frequency 1 and damping ratio 0.7. rho begins
-at 0 where the set-point was given, at y_0 (0.1 at least), and ends at -b (1 - exp(-a)). W = diag(0.1, 0.1, 1,
-1): with it the least damping ratio rises all the way by the defaults. V = x'P x falls while |F x| is within
-the limits of the rig's drives. The rope has two poles at -w sqrt(g/l), cut off at its limit too. Assumes:
-full state, a rope that keeps its length; masses are not used, as the loop turns u into the papers' forces.
-Certain: the method. A standing push that leans the rope stays where F x + rho B'P x = 0: there is no
-integral.
+F places a pair of poles with frequency w and damping ratio z, and a pair with frequency 1 and damping ratio
+0.7. y_0 is the value of y when the set-point changed, but at least 0.1. So rho starts at 0 and ends at -b (1
+- exp(-a)). With W = diag(0.1, 0.1, 1, 1) and the defaults, the least damping ratio rises all the way. V = x'P
+x falls while |F x| is within the limits of the drives. The rope has two poles at -w sqrt(g/l) and the limit
+of its drive.
+
+- Measured: the full state.
+- Assumed: constant rope length, limits of the drives; masses are not used. The papers command forces, and the
+  loop computes them from u.
+- Certain: the method. The papers on cranes that the thesis cites as XW12 and YLL14 were not accessible, so
+  the gains are ours.
+- Limits: there is no integral. Under a constant disturbance, which leans the rope, the crane stops where F x
+  + rho B'P x = 0.
+
+References
+----------
+Lin, Pachter and Banda, Int. J. Control 70 (1998). Chen and others, IEEE Trans. Autom. Control 48 (2003).
 """
 
 from math import exp, sqrt
@@ -33,7 +42,7 @@ from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
 WEIGHTS = (0.1, 0.1, 1.0, 1.0)  # W
-LEAST_STEP = 0.1  # |y_0|, in rope lengths: a load that is pushed at its target is near it
+LEAST_STEP = 0.1  # smallest |y_0|, in rope lengths: a disturbed load at its target counts as near
 
 GIVEN = Slots(gravity=1, frequency=1, strength=1, sharpness=1, limit=3, gain=4, costate=4)
 MEMORY = Slots(target=2, step=2, rho=2, begun=1)
@@ -41,12 +50,12 @@ MEMORY = Slots(target=2, step=2, rho=2, begun=1)
 
 @jit
 def damping(strength, sharpness, share):
-    """Return rho at a distance from the target, as a share of the first one."""
+    """Return rho where the load's distance from its target is `share` of the initial one."""
     return -strength * abs(exp(-sharpness * abs(share)) - exp(-sharpness))
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and set-point in, accelerations out."""
+    """Compute the accelerations (3,) [m/s²] of one sample from state and set-point."""
     held = carray(memory, (MEMORY.size,))
     gravity, length = parameters[GIVEN.gravity], measured[ROPE]
     if length <= 0.0:
@@ -78,7 +87,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def linear_part(frequency, ratio):
-    """Return A + B F, B, F (4,), P; lengths in l, times in sqrt(l/g), accelerations in g."""
+    """Return A + B F (4, 4), B (4,), F (4,) and P (4, 4), in units of l, sqrt(l/g) and g."""
     a = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]], float)
     b = np.array([0.0, 1.0, 0.0, -1.0])
     pair = [1.0, 2.0 * ratio * frequency, frequency**2]
@@ -89,7 +98,7 @@ def linear_part(frequency, ratio):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     names = ("frequency", "ratio", "strength", "sharpness")
     frequency, ratio, strength, sharpness = (float(nominal.parameters[name]) for name in names)
     _, b, gain, cost = linear_part(frequency, ratio)

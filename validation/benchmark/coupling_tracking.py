@@ -1,17 +1,24 @@
-"""`coupling-tracking`: drives follow the path as if the load hung plumb, and give way to the swinging rope.
+"""`coupling-tracking`: the drives follow the load's path, with feedback that couples drive and swing.
 
     cranectl run fast-diagonal --controller validation/benchmark/coupling_tracking.py:COUPLING_TRACKING
 
-Source: Zhang and others, 2018, in the form of its planar case, taken for both axes alike. With e the drive's
-deviation from the load's path (x, y) and b the rope's angle,
+e is the drive's deviation from the load's path (x, y), and b is the rope's angle:
 
     zeta = e' - lambda sin b,    u = x_d'' + lambda b' cos b - k_d zeta - k_p integral of zeta
 
-so zeta'' = -k_d zeta' - k_p zeta whatever the load does, and on zeta = 0 the crane l b'' = -g b - u swings as
-l b'' + lambda b' + g b = 0. The integral begins with what the drive is off its path. The rope has zeta = e',
-and -k_p e. Assumes: full state; masses and length are not used. Certain: up to the scaling by masses. A
-standing push that leans the rope by b drives the crane away with the velocity lambda sin b: it tracks in its
-paper, where nothing pushes.
+So zeta'' = -k_d zeta' - k_p zeta for any motion of the load. On zeta = 0 the crane l b'' = -g b - u swings by
+l b'' + lambda b' + g b = 0. The integral starts at the initial deviation of the drive. The rope has zeta =
+e', and -k_p e in place of the integral.
+
+- Measured: the full state.
+- Assumed: nothing; masses and rope length are not used.
+- Certain: all but the scaling by masses. The planar law acts on both axes here.
+- Limits: a constant disturbance that leans the rope by b drives the crane away with the velocity lambda sin
+  b. The paper considers no disturbances.
+
+References
+----------
+Zhang and others (2018), for a planar crane.
 """
 
 from math import cos, sin
@@ -25,7 +32,7 @@ MEMORY = Slots(integral=2, error=2, begun=1)
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and path in, accelerations out."""
+    """Compute the accelerations (3,) [m/s²] of one sample from state and path."""
     coupling, damping, stiffness = (
         parameters[GIVEN.coupling],
         parameters[GIVEN.damping],
@@ -49,7 +56,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     return GIVEN.array(period=nominal.period, **nominal.parameters), MEMORY.array()
 
 

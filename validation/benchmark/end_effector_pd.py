@@ -1,22 +1,29 @@
-"""`end-effector-pd`: a spring and a damper on the drive's place less a part of what the load is ahead of it.
+"""`end-effector-pd`: a spring and a damper act on the drive's position minus a part of the load's lead.
 
     cranectl run fast-diagonal --controller validation/benchmark/end_effector_pd.py:END_EFFECTOR_PD
 
-Source: Sun and Fang, IEEE Trans. Industrial Electronics 59 (2012), planar with a rope of constant length;
-here for both axes. With e what a drive is off the set-point, n the rope's direction, k = K / (M + m) by the
-masses M that the drive moves and m of the load,
+e is the drive's deviation from the set-point, and n is the rope's direction. k = K / (M + m), where M is the
+mass that the drive moves, and m that of the load:
 
     F = -k_p (e - k n) - k_d (e' - k n')
 
-At constant length l the crane passes power F (e' - k n') into a storage, so that
+At constant rope length l, the power F (e' - k n') flows into a storage function, so that
 
     V = E + K (l n'·n'/2 + g (1 + n_z)) - sum over x, y of (m l k n'² - k_p (e - k n)²)/2
     V' = - sum of k_d (e' - k n')²
 
-with E the crane's energy as in `energy-coupling`. The winch is a servo: it holds the rope's length against
-the tension. Assumes: full state, masses (for the winch, and for k of the two axes in the ratio that V
-needs), no friction, constant length. Certain: the planar law up to its gains; V in space was derived here.
-A standing push that leans the rope leaves e = (k + S/k_p) n with S the tension.
+E is the crane's energy as in `energy-coupling`. The winch is a servo that holds the rope length against the
+tension.
+
+- Measured: the full state.
+- Assumed: constant rope length, no friction, known masses. The winch needs the masses, and so does the ratio
+  of the two k, without which V would not exist.
+- Certain: the planar law up to its gains; V for both axes was derived here.
+- Limits: a constant disturbance that leans the rope leaves e = (k + S/k_p) n, where S is the tension.
+
+References
+----------
+Sun and Fang, IEEE Trans. Industrial Electronics 59 (2012), for a planar crane with constant rope length.
 """
 
 import numpy as np
@@ -32,7 +39,7 @@ MEMORY = Slots(error=2)
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and set-point in, forces out."""
+    """Compute the forces (3,) [N] of one sample from state and set-point."""
     n = rope_direction(measured[ALPHA], measured[BETA])
     n_rate = rope_direction_rate(measured[ALPHA], measured[ALPHA_RATE], measured[BETA], measured[BETA_RATE])
     for axis in range(2):
@@ -47,7 +54,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     masses, length, given = axis_masses(nominal.rig), nominal.state[ROPE], nominal.parameters
     pace = np.sqrt(masses.gravity / length)
     moved = np.array([masses.bridge, masses.trolley]) + masses.load

@@ -1,23 +1,29 @@
-"""`energy-coupling` and `kinetic-energy-coupling`: springs and dampers that feel the crane's energy.
+"""`energy-coupling` and `kinetic-energy-coupling`: spring and damper, weighted by the crane's energy.
 
     cranectl run fast-diagonal --controller validation/benchmark/energy_coupling.py:ENERGY_COUPLING
     cranectl run fast-diagonal --controller validation/benchmark/energy_coupling.py:KINETIC_ENERGY_COUPLING
 
-Source: Fang, Dixon, Dawson and Zergeroglu, IEEE/ASME Trans. Mechatronics 8 (2003): the E² coupling law and
-the gantry kinetic energy law, there for two drives and a rope of constant length. With v the drives' rates,
-e what they are off the set-point, F = P v' + w the crane (`cranectl.model.dynamics`), W = (0, 0, m g) the
-weight that the winch holds, and E the kinetic energy plus m g l (1 - cos a cos b),
+These are the E² coupling law and the gantry kinetic energy law. The crane is F = P v' + w with the rates v of
+the drives (`cranectl.model.dynamics`). e is the deviation of the drives from the set-point, W = (0, 0, m g)
+is the weight that the winch holds, and E is the kinetic energy plus m g l (1 - cos a cos b):
 
     E' = v·(F + W),    s = k_E E (energy-coupling) or k_E (kinetic-energy-coupling)
     (s P + K_v) v' = -K_p e - K_d v - s (w + W)
     V = k_E E²/2 or k_E E, plus (v·K_v v + e·K_p e)/2,    V' = -v·K_d v
 
-So the law is the crane's own answer to a spring and a damper with the masses s P + K_v in place of P. Here
-the winch is a third drive, so the function falls with hoisting too; K_v, K_p, K_d are diagonal, by the
-masses that each drive moves, where theirs are numbers. Assumes: full state, masses, no friction. Measures:
-full state. Certain: structure and Lyapunov function, which were derived anew; not that the paper writes
-them so. E² is of fourth order in the swing, so small swing is hardly damped. A standing push that leans the
-rope leaves K_p e = -s (w + W).
+So the crane moves as if a spring and a damper drove the masses s P + K_v in place of P.
+
+- Measured: the full state.
+- Assumed: known masses, no friction.
+- Certain: the structure and V, which were derived anew; the paper may write them otherwise. The source has
+  two drives and constant rope length. Here the winch is a third drive, so V falls while hoisting too. K_v,
+  K_p and K_d are diagonal and proportional to the masses that the drives move, where the source has numbers.
+- Limits: E² is of fourth order in the swing, so small swing is hardly damped. Under a constant disturbance,
+  which leans the rope, K_p e = -s (w + W) remains.
+
+References
+----------
+Fang, Dixon, Dawson and Zergeroglu, IEEE/ASME Trans. Mechatronics 8 (2003).
 """
 
 import numpy as np
@@ -53,7 +59,7 @@ MEMORY = Slots(energy=1)
 
 @jit
 def energy(masses, state):
-    """Return the kinetic energy, and the potential energy above that of a rope hanging plumb [J]."""
+    """Return the kinetic energy plus the potential energy above that of a plumb rope [J]."""
     n = rope_direction(state[ALPHA], state[BETA])
     n_rate = rope_direction_rate(state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE])
     bridge, trolley, winch = state[BRIDGE_RATE], state[TROLLEY_RATE], state[ROPE_RATE]
@@ -67,14 +73,14 @@ def energy(masses, state):
 
 @jit
 def spring(parameters, measured, reference, axis):
-    """Return -K_p e - K_d v of an axis [N]."""
+    """Return the force -K_p e - K_d v of an axis [N]."""
     target = -reference[Z] if axis == Z else reference[axis]
     pull = parameters[GIVEN.stiffness + axis] * (measured[2 * axis] - target)
     return -pull - parameters[GIVEN.damping + axis] * measured[2 * axis + 1]
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and set-point in, forces out."""
+    """Compute the forces (3,) [N] of one sample from state and set-point."""
     masses = masses_at(parameters, GIVEN.masses)
     memory[MEMORY.energy] = energy(masses, measured)
     s = parameters[GIVEN.coupling] * memory[MEMORY.energy] ** parameters[GIVEN.exponent]
@@ -93,7 +99,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def prepared(nominal, exponent):
-    """Return parameters and memory for s = k_E E^exponent."""
+    """Return the arrays of parameters and initial memory for s = k_E E^exponent."""
     rig, length, given = nominal.rig, nominal.state[ROPE], nominal.parameters
     pace = given["frequency"] * np.sqrt(rig.gravity / length)
     coupling = given["coupling"] / (rig.weight * length) ** exponent
@@ -109,7 +115,7 @@ def prepared(nominal, exponent):
 
 
 def law(name, title, exponent, coupling):
-    """Return one of the two controllers."""
+    """Return one of the two controllers; `coupling` is the default of k_E."""
     unit = "k_E m g l" if exponent else "k_E"
     return Controller(
         name=name,

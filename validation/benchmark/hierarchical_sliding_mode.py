@@ -1,23 +1,30 @@
-"""`hierarchical-sliding-mode`: a surface of the drive, one of the rope, and their sum, which is reached.
+"""`hierarchical-sliding-mode`: sliding mode on the sum of a surface of the drive and a surface of the swing.
 
     cranectl run fast-diagonal --controller validation/benchmark/hierarchical_sliding_mode.py:HIERARCHICAL
 
-Source: the method of Qian and Yi, Hierarchical Sliding Mode Control for Under-actuated Cranes (2016),
-planar with a rope of constant length L and forces; here both axes, with accelerations. With e what the
-drive, b what the angle is off the state that the flat map gives for the path,
+The deviations e of the drive and b of the angle refer to the state that the flat map gives for the path:
 
     s_1 = e' + c_1 e,    s_2 = L (b' + c_2 b),    S = s_1 - a s_2,    S' = -k S - r sgn S
 
-for which the acceleration is found from the rope's equations, exactly, while the rope is hoisted too. On S
-= 0 the crane l b'' = -g b - e'' has the polynomial (l r² + g) (r + c_1) + a L (r + c_2) r². At l = L its
-roots are all -p by
+The controller computes the acceleration for this S' from the rope's exact equations, while hoisting too. On S
+= 0 the crane l b'' = -g b - e'' has the polynomial (l r² + g) (r + c_1) + a L (r + c_2) r². At l = L all its
+roots are -p for
 
     p = √(g / (3 L (1 + a))),    c_1 = p/3,    c_2 = p (3 (1 + a) - 1/3) / a
 
-and it is stable at every length, for c_2 > c_1 > 0. S is zero after log(1 + k |S_0| / r) / k. The rope has
-s_1 alone, with c_1 = hoist √(g/L). sgn is that of the next sample, by which S stays zero. Assumes: full
-state; masses are not used. Certain: the method; ours: its numbers. A standing push that leans the rope by b
-pulls at S with a L g b / l: r must be more; then e = (8 + 9 a) L b is left.
+It is stable at every length because c_2 > c_1 > 0. S is zero after the time log(1 + k |S_0| / r) / k. The
+rope has only s_1, with c_1 = hoist √(g/L). sgn takes the sign of the next sample, which keeps S at zero.
+
+- Measured: the full state.
+- Assumed: gravity; masses are not used.
+- Certain: the method. The source has a planar crane with constant rope length L and forces; here are both
+  axes and accelerations. The numbers are ours.
+- Limits: a constant disturbance that leans the rope by b changes S by a L g b / l per second, and r must be
+  larger. Then e = (8 + 9 a) L b remains.
+
+References
+----------
+Qian and Yi, Hierarchical Sliding Mode Control for Under-actuated Cranes (2016).
 """
 
 from math import cos, sqrt
@@ -49,14 +56,14 @@ MEMORY = Slots(surface=3, desired=10, inputs=3)
 
 
 def surface_numbers(length, gravity, share):
-    """Return (c_1, c_2) [1/s] for three equal poles at a rope length [m]."""
+    """Return c_1 and c_2 [1/s] that give three equal poles at a rope length [m]."""
     pole = sqrt(gravity / (3.0 * length * (1.0 + share)))
     return pole / 3.0, pole * (3.0 * (1.0 + share) - 1.0 / 3.0) / share
 
 
 @jit
 def swing(state, u_x, u_y, gravity):
-    """Return the accelerations of alpha and beta [rad/s²] in `state` (10,) under the drives' [m/s²]."""
+    """Return the accelerations of alpha and beta [rad/s²] in `state` (10,) for drive accelerations [m/s²]."""
     alpha, alpha_rate, beta, beta_rate = state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE]
     return angular_accelerations(
         state[ROPE], state[ROPE_RATE], alpha, alpha_rate, beta, beta_rate, u_x, u_y, gravity
@@ -65,7 +72,7 @@ def swing(state, u_x, u_y, gravity):
 
 @jit
 def reached(parameters, surface):
-    """Return -k S - r sgn S, with the sign that S has after a period."""
+    """Return -k S - r sgn S [m/s²], where sgn takes the sign of S after one period."""
     rest = surface / parameters[GIVEN.period] - parameters[GIVEN.decay] * surface
     return -parameters[GIVEN.decay] * surface - min(
         max(rest, -parameters[GIVEN.reach]), parameters[GIVEN.reach]
@@ -74,7 +81,7 @@ def reached(parameters, surface):
 
 @jit
 def slide(parameters, measured, held, joint, angle):
-    """Return (S, S' less what the accelerations of drive and angle give) of a horizontal axis."""
+    """Return S [m/s], and the part of S' that does not depend on accelerations [m/s²], of an axis."""
     forgets, lever, swings = parameters[GIVEN.forgets], parameters[GIVEN.lever], parameters[GIVEN.swings]
     e, e_rate = (
         measured[joint] - held[MEMORY.desired + joint],
@@ -88,7 +95,7 @@ def slide(parameters, measured, held, joint, angle):
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and path in, accelerations out."""
+    """Compute the accelerations (3,) [m/s²] of one sample from state and path."""
     held = carray(memory, (MEMORY.size,))
     gravity, lever, length = parameters[GIVEN.gravity], parameters[GIVEN.lever], measured[ROPE]
     desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs :]
@@ -115,7 +122,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     gravity, length, given = nominal.rig.gravity, nominal.state[ROPE], nominal.parameters
     pace, share = sqrt(gravity / length), given["share"]
     forgets, swings = surface_numbers(length, gravity, share)

@@ -1,27 +1,37 @@
-"""`lmi-regions`: state feedback of least H-infinity norm with its poles in a region of the plane.
+"""`lmi-regions`: state feedback with the least H-infinity norm and with its poles in a region of the plane.
 
     cranectl run fast-diagonal --controller validation/benchmark/lmi_regions.py:LMI_REGIONS
 
-Source: the method of Tumari, Saealal, Ghazali and Abdul Wahab for a gantry crane (2013), with the regions of
-Chilali and Gahinet, IEEE TAC 41 (1996). With time in units of sqrt(l/g) and lengths in units of l all cranes
-are one: per horizontal axis, near plumb, with e the drive's and b the angle's deviation from the state that
-the flat map gives for the path, u_d its input, w a push as angular acceleration,
+With times in units of sqrt(l/g) and lengths of l, all cranes are equal. For each horizontal axis near plumb,
+the deviations e of the drive and b of the angle refer to the state that the flat map gives for the path. u_d
+is the input for the path, and w is a disturbance, an angular acceleration:
 
     e'' = u    b'' = -b - u + w    z = (e + b, rho u)    u = -k x, x = (e, e', b, b')
 
-and k = -Y X⁻¹ with symmetric X > 0, M = A X + B Y, s the sine and c the cosine of the sector's half angle:
+k = -Y X⁻¹ with a symmetric X > 0 and M = A X + B Y. With the sine s and the cosine c of the sector's half
+angle, the requirements are:
 
     [M + M' , B_w, (C X + D Y)'; ., -gamma, 0; ., ., -gamma] < 0    the norm from w to z is below gamma
     M + M' + 2 decay X < 0    [-radius X, M; M', -radius X] < 0     poles left of -decay, within the disk
     [s (M + M'), c (M - M'); c (M' - M), s (M + M')] < 0            damping ratios above c
 
-The least gamma leaves k open in flat directions. So gamma is 1.01 times the least, and X, Y are the analytic
-centre of what that allows, which is unique.
+The least gamma does not determine k. So gamma is 1.01 times the least one, and X, Y are the analytic centre
+of the solutions, which is unique. One k serves every rope length, with w² = g/l:
 
-One k serves every rope: u = u_d - (w² k_1 e + w k_2 e' + g k_3 b + (g/w) k_4 b'), w² = g/l. The rope's length
-has a double pole. Assumes: full state, constant or slow rope; masses are not used. Certain: the method; the
-paper's motor model, its z and its region are not at hand. One X for all demands is what makes them convex:
-gamma is a bound. There is no integral: a push that leans the rope by b leaves the drive e = -b l k_3/k_1 off.
+    u = u_d - (w² k_1 e + w k_2 e' + g k_3 b + (g/w) k_4 b')
+
+The length of the rope has a double pole.
+
+- Measured: the full state.
+- Assumed: constant or slowly changing rope length; masses are not used.
+- Certain: the method. The motor model, the output z and the region of the paper were not accessible.
+- Limits: one X for all requirements makes them convex, so gamma is only an upper bound of the norm. There is
+  no integral: a constant disturbance that leans the rope by b leaves the drive off by e = -b l k_3/k_1.
+
+References
+----------
+Tumari, Saealal, Ghazali and Abdul Wahab (2013), for a gantry crane. The regions: Chilali and Gahinet, IEEE
+TAC 41 (1996).
 """
 
 from functools import lru_cache
@@ -41,10 +51,10 @@ from cranectl.status import RunStatus
 GIVEN = Slots(gravity=1, rope_pole=1, gain=4)
 MEMORY = Slots(desired=10, inputs=3)
 
-BACK_OFF = 1.01  # of the least gamma
-DIGITS = 4  # to which that is rounded up, so that k does not depend on the rounding in the least gamma
+BACK_OFF = 1.01  # gamma over the least gamma
+DIGITS = 4  # gamma is rounded up to these digits, so that k does not depend on rounding errors in it
 
-# The crane of unit length under unit gravity.
+# The crane with rope length 1 and gravity 1.
 A = np.array([[0.0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]])
 B = np.array([[0.0], [1], [0], [-1]])
 PUSH = np.array([[0.0], [0], [0], [1]])
@@ -52,7 +62,7 @@ SEEN = np.array([[1.0, 0, 1, 0], [0, 0, 0, 0]])
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and path in, accelerations out."""
+    """Compute the accelerations (3,) [m/s²] of one sample from state and path."""
     held, k = carray(memory, (MEMORY.size,)), carray(parameters, (GIVEN.size,))[GIVEN.gain :]
     desired, inputs = held[: MEMORY.inputs], held[MEMORY.inputs :]
     gravity = parameters[GIVEN.gravity]
@@ -71,7 +81,10 @@ def step(parameters, measured, reference, memory, command):
 
 @lru_cache
 def gains(decay, radius, damping, effort):
-    """Return k (4,) and the bound of its norm; raise InputError if no k has its poles in the region."""
+    """Return k (4,) and the bound gamma of its norm; lengths in l, times in sqrt(l/g).
+
+    Raises InputError if no k has its poles in the region.
+    """
     sine = sqrt(1.0 - damping * damping)
     weight = np.array([[0.0], [effort]])
 
@@ -102,11 +115,14 @@ def rounded_up(number):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory.
+
+    Raises InputError if the sampled loop is unstable on the shortest rope.
+    """
     names = ("decay", "radius", "damping", "effort")
     k, _ = gains(*(float(nominal.parameters[name]) for name in names))
     gravity = nominal.rig.gravity
-    period = nominal.period * sqrt(gravity / nominal.rig.rope_range[0])  # the longest that any rope finds it
+    period = nominal.period * sqrt(gravity / nominal.rig.rope_range[0])  # on the shortest rope
     phi, hold = zero_order_hold(A, B, period)
     check_sampled("lmi-regions", phi - hold @ k[np.newaxis], period, remedy="lower radius")
     return GIVEN.array(gravity=gravity, rope_pole=nominal.parameters["rope_pole"], gain=k), MEMORY.array()

@@ -1,24 +1,34 @@
-"""`lqg`: LQR on what a Kalman filter makes of the encoders, with constant pushes in the filter's model.
+"""`lqg`: LQR on the estimates of a Kalman filter, whose model contains constant disturbances.
 
     cranectl run fast-diagonal --controller validation/benchmark/lqg.py:LQG
 
-Source: the textbook's; pushes as states of the filter: Pannocchia and Rawlings, AIChE J. 49 (2003). Per
-horizontal axis near plumb, with x the drive, b the angle, l the rope length, u the commanded acceleration,
+For each horizontal axis near plumb, x is the drive, b the angle, l the rope length and u the commanded
+acceleration. The encoders read x and b with noise:
 
-    x'' = u + d_x    l b'' = -g b - (u + d_x) + l d_b    d_x' = w_x    d_b' = w_b    read: x, b, with noise
+    x'' = u + d_x    l b'' = -g b - (u + d_x) + l d_b    d_x' = w_x    d_b' = w_b
 
-In lengths of l and times of 1/p, p = sqrt(g/l), this has no numbers in it: one Riccati equation each for
-filter and regulator serves every rope length. The noises are such that x and b, each alone and without
-gravity, would have three poles of modulus f_x p and f_b p; the filter predicts with the equations of motion,
-as the loop's observer does. K minimises the integral of q_e (e/l)² + q_v (e'/lp)² + (u/g)², e = dx + l db,
+In units of l and 1/p, p = sqrt(g/l), these equations contain no numbers. So one Riccati equation each for
+filter and regulator serves every rope length. The noise is chosen such that x and b, each alone and without
+gravity, would have three poles of modulus f_x p and f_b p. The filter predicts with the equations of motion,
+as the observer of the loop does. With the deviations dx, db from the path and e = dx + l db, K minimises the
+integral of q_e (e/l)² + q_v (e'/lp)² + (u/g)²:
 
     u = u_d - K (dx, dx', db, db') - d_x
 
-A push d on the angles moves the load by f = l n_d, which the rope need not do: the flat map of z'' - f has
-state and input u_d of a crane that leans against the push, so none that stands leaves an error. The rope is a
-drive of its own. u is cut off at the drives' limits, or the filter would take for a push what they do not do.
-Assumes: slow hoisting; masses are not used. Measures: encoders. Certain. Known weakness: a filter much faster
-than the pendulum takes a load that turns about its hook for a push, and drives it on.
+A disturbance d of the angles would accelerate the load by f = l n_d, which the rope need not do. So the flat
+map of z'' - f gives the state and the input u_d of a crane that leans against the disturbance. Therefore a
+constant disturbance leaves no error. The rope is a drive of its own. u is limited as the drives are:
+otherwise the filter would take their limits for a disturbance.
+
+- Measured: encoders.
+- Assumed: slow hoisting; masses are not used.
+- Certain: all; it is a textbook controller.
+- Limits: a filter that is much faster than the pendulum takes a load that turns about its hook for a
+  disturbance, and excites it.
+
+References
+----------
+Disturbances as states of the filter: Pannocchia and Rawlings, AIChE J. 49 (2003).
 """
 
 from math import sqrt
@@ -37,14 +47,14 @@ from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, S
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
-# States of an axis in the filter: x, x', d_x, b, b', d_b.
+# The filter's states of an axis: x, x', d_x, b, b', d_b.
 GIVEN = Slots(period=1, gravity=1, rope_gain=2, gain=4, rope_filter=3, filter=12, limit=3)
 MEMORY = Slots(estimate=EXPECTED.size, flat=15, desired=10, inputs=3, begun=1)
 
 
 @jit
 def correct_all(parameters, measured, estimate):
-    """Take the readings (5,) of all encoders into the estimate."""
+    """Correct the estimate by the readings (5,) of all encoders."""
     length = estimate[EXPECTED.position + 2]
     pole = sqrt(parameters[GIVEN.gravity] / length)
     rope = measured[2] - length
@@ -53,7 +63,7 @@ def correct_all(parameters, measured, estimate):
     scale = parameters[GIVEN.period]
     for order in range(3):
         scale *= pole
-        place = JOINTS * order  # position, velocity, disturbance
+        place = JOINTS * order  # index of positions, velocities, disturbances
         row, angle_row = GIVEN.filter + 2 * order, GIVEN.filter + 6 + 2 * order
         to_drive, cross = parameters[row], length * parameters[row + 1]
         to_angle, back = parameters[angle_row + 1], parameters[angle_row] / length
@@ -66,7 +76,7 @@ def correct_all(parameters, measured, estimate):
 
 @jit
 def feedback(parameters, estimate, desired, drive, angle):
-    """Return K (dx, dx', db, db') of one axis [m/s²]; `drive`, `angle`: places among the joints."""
+    """Return K (dx, dx', db, db') of one axis [m/s²]; `drive` and `angle` are indices of joints."""
     length = estimate[EXPECTED.position + 2]
     pole = sqrt(parameters[GIVEN.gravity] / length)
     total = parameters[GIVEN.gain] / length * (estimate[EXPECTED.position + drive] - desired[2 * drive])
@@ -83,7 +93,7 @@ def feedback(parameters, estimate, desired, drive, angle):
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. Encoders and path in, accelerations out."""
+    """Compute the accelerations (3,) [m/s²] of one sample from encoders and path."""
     held = carray(memory, (MEMORY.size,))
     estimate, flat = held[: MEMORY.flat], held[MEMORY.flat : MEMORY.desired]
     desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs : MEMORY.begun]
@@ -100,7 +110,7 @@ def step(parameters, measured, reference, memory, command):
     )
     for i in range(15):
         flat[i] = reference[i]
-    # Accelerations of angles move the load as rates of angles do.
+    # Angular accelerations accelerate the load in the directions in which angular rates move it.
     push = rope_direction_rate(
         alpha, estimate[EXPECTED.disturbance + 3], beta, estimate[EXPECTED.disturbance + 4]
     )
@@ -108,7 +118,7 @@ def step(parameters, measured, reference, memory, command):
         flat[ACCELERATION + axis] -= length * push[axis]
     if length <= 0.0 or not state_on_path(flat, gravity, desired, inputs):
         return RunStatus.SLACK_ROPE
-    # But the drives do follow the path itself: x_c'' = z'' - (p h)'', with the rope's slope p and drop h.
+    # The drives follow the path itself: x_c'' = z'' - (p h)'', with the rope's slope p and vertical drop h.
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
         slope = (desired[joint] - reference[axis]) / reference[Z]
@@ -131,7 +141,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def regulator(error_weight, rate_weight):
-    """Return K (4,) of (x, x', b, b'), and K (2,) of the rope; lengths in l, times in sqrt(l/g)."""
+    """Return the gains K (4,) of (x, x', b, b') and (2,) of the rope, in units of l and sqrt(l/g)."""
     a = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]], float)
     b = np.array([[0.0], [1.0], [0.0], [-1.0]])
     c = np.array([[1, 0, 1, 0], [0, 1, 0, 1]], float)
@@ -141,7 +151,11 @@ def regulator(error_weight, rate_weight):
 
 
 def kalman(drive_filter, sway_filter):
-    """Return A, C of (x, x', d_x, b, b', d_b), the filter's gain (6, 2), and (3,) of the rope, as above."""
+    """Return the filter's model and gains, in units of l and sqrt(l/g).
+
+    They are A (6, 6) and C (2, 6) of (x, x', d_x, b, b', d_b), the gain (6, 2), and the gain (3,) of the
+    rope.
+    """
     a = np.diag([1.0, 1.0, 0.0, 1.0, 1.0], 1)
     a[4, 2], a[4, 3] = -1.0, -1.0
     c = np.zeros((2, 6))
@@ -152,7 +166,10 @@ def kalman(drive_filter, sway_filter):
 
 
 def prepare(nominal):
-    """Return parameters and memory; raise InputError for a filter that is unstable on the shortest rope."""
+    """Return the arrays of parameters and initial memory.
+
+    Raises InputError if the filter is unstable on the shortest rope.
+    """
     names = ("error_weight", "rate_weight", "drive_filter", "sway_filter")
     error_weight, rate_weight, drive_filter, sway_filter = (float(nominal.parameters[name]) for name in names)
     gain, rope_gain = regulator(error_weight, rate_weight)

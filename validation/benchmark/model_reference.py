@@ -1,20 +1,28 @@
-"""`model-reference`: the crane is held to a model of itself under state feedback, by a bounded robust term.
+"""`model-reference`: a bounded robust term makes the crane follow a model of itself under state feedback.
 
     cranectl run fast-diagonal --controller validation/benchmark/model_reference.py:MODEL_REFERENCE
 
-Source: the method of Cho and others (2008), after Lyapunov, which is of a planar crane with matched
-uncertainty; their numbers could not be read. Per horizontal axis near plumb, in lengths of l, times of
-sqrt(l/g), accelerations of g, with x = (drive, rate, angle, rate) less the state that the flat map gives for
-the path, and u less its input:
+Lengths are in units of l, times of sqrt(l/g) and accelerations of g. For each horizontal axis near plumb, x =
+(drive, rate, angle, rate) is the deviation from the state that the flat map gives for the path, and u the
+deviation from its input:
 
     x' = A x + B (u + w)    x_m' = A_m x_m    A_m = A - B K, all poles at -a
     u = -K x - rho B'P e / (|B'P e| + delta)    e = x - x_m    A_m'P + P A_m = -I
 
-The model begins where the crane is measured. V = e'P e falls while |e|² > 2 rho delta, for any matched w with
-|w| <= rho; of a constant w there remains K e + rho sigma/(|sigma| + delta) = w, sigma = B'P e. The rope has
-two poles at -a sqrt(g/l) and no such term. Assumes: full state, slow hoisting; masses are not used. Certain:
-the structure. A push on the load is not matched: one that stands leaves the same equation with the rope's
-lean in e and w = 0, and the load off.
+The model starts at the first measurement. V = e'P e falls while |e|² > 2 rho delta, for any matched
+disturbance w with |w| <= rho. A constant w leaves K e + rho sigma/(|sigma| + delta) = w with sigma = B'P e.
+The rope has two poles at -a sqrt(g/l) and no robust term.
+
+- Measured: the full state.
+- Assumed: slow hoisting; masses are not used.
+- Certain: the structure. The numbers of the source were not accessible. It considers a planar crane with
+  matched uncertainty.
+- Limits: a disturbance of the load is not matched. A constant one leaves the error of the same equation, with
+  w = 0 and the rope's lean in e.
+
+References
+----------
+Cho and others (2008), by Lyapunov's method.
 """
 
 from math import sqrt
@@ -30,21 +38,21 @@ from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Z
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
-# Four numbers of an axis: drive, rate, angle, rate.
+# Each axis has four numbers: drive, rate, angle, rate.
 GIVEN = Slots(period=1, gravity=1, pole=1, bound=1, layer=1, gain=4, costate=4)
 MEMORY = Slots(model=8, desired=10, inputs=3, error=8, begun=1)
 
 
 @jit
 def scaled(row, deviation, place, length, pole):
-    """Return a row (4,) of parameters times the deviation (4,) at a place, in the units of the model."""
+    """Return the product of `row` (4,) and the deviation (4,) from index `place`, in units of the model."""
     total = row[0] * deviation[place] / length + row[1] * deviation[place + 1] / (length * pole)
     return total + row[2] * deviation[place + 2] + row[3] * deviation[place + 3] / pole
 
 
 @jit
 def model_goes_on(parameters, model, place, length, acceleration):
-    """Move the model on by a period under an acceleration [m/s²] that is held, to order 2."""
+    """Advance the model by one period under a constant acceleration [m/s²], by a method of order 2."""
     period, gravity = parameters[GIVEN.period], parameters[GIVEN.gravity]
     model[place] += period * (model[place + 1] + 0.5 * period * acceleration)
     model[place + 1] += period * acceleration
@@ -55,7 +63,7 @@ def model_goes_on(parameters, model, place, length, acceleration):
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and path in, accelerations out."""
+    """Compute the accelerations (3,) [m/s²] of one sample from state and path."""
     held = carray(memory, (MEMORY.size,))
     model, error = held[: MEMORY.desired], held[MEMORY.error : MEMORY.begun]
     desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs : MEMORY.error]
@@ -86,7 +94,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def model_and_cost(pole):
-    """Return A_m, B, K (4,), P; lengths in l, times in sqrt(l/g), accelerations in g."""
+    """Return A_m (4, 4), B (4,), K (4,) and P (4, 4), in units of l, sqrt(l/g) and g."""
     a = np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]], float)
     b = np.array([0.0, 1.0, 0.0, -1.0])
     gain = np.array([pole**4, 4 * pole**3, 1 + pole**4 - 6 * pole**2, 4 * pole**3 - 4 * pole])
@@ -95,7 +103,7 @@ def model_and_cost(pole):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     pole, bound, layer = (float(nominal.parameters[name]) for name in ("pole", "bound", "layer"))
     _, b, gain, cost = model_and_cost(pole)
     parameters = GIVEN.array(

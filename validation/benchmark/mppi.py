@@ -1,22 +1,29 @@
-"""`mppi`: model predictive path integral control, an average over random futures weighted by their cost.
+"""`mppi`: model predictive path integral control, which averages random plans with weights by their cost.
 
     cranectl run fast-diagonal --controller validation/benchmark/mppi.py:MPPI
 
-Source: Williams, Aldrich, Theodorou, J. Guidance Control Dyn. 40 (2017). Twenty periods apart it plans
-STEPS steps ahead, for each horizontal axis, with a model of the deviations from what the flat map gives for
-the path, x of the drive and b of the angle, along the rope's length l on the path, and d what the observer
-says of pushes:
+Every EVERY control periods it plans STEPS steps ahead, separately for each horizontal axis. The model
+describes deviations from the state that the flat map gives for the path: x of the drive, b of the angle. l is
+the rope length on the path, and d is the disturbance that the observer estimates:
 
     x'' = v    l b'' = -g b - 2 l' b' - v + l d    e = x + l b    u = u_d + v
 
     S = mean of (e/l)² + rate (e'/(w l))² + effort (v/g)²    w² = g/l
     v <- sum of exp(-S_i/temperature) v_i, over the sum of these weights
 
-v runs straight between KNOTS knots; those of path i are normal about those of v, which begins as it was
-planned before. Random numbers are of Park and Miller (Comm. ACM 31, 1988), from one seed, so runs repeat.
-Assumes: full state, preview of the path; masses are not used. Certain: the method, of which the price on
-being far from no input is left out: futures are about the last plan. Ours: model and cost. A standing push
-that no observer tells of leaves an error.
+v is linear between KNOTS knots. The knots of plan i are normally distributed about those of v, which starts
+from the previous plan. The random numbers are those of Park and Miller, from one seed, so runs repeat.
+
+- Measured: the full state, and the disturbance if there is an observer. It uses a preview of the path.
+- Assumed: gravity; masses are not used.
+- Certain: the method, without its cost on the distance from zero input: plans are drawn about the previous
+  plan. Model and cost are ours.
+- Limits: a constant disturbance that no observer estimates leaves an error.
+
+References
+----------
+Williams, Aldrich, Theodorou, J. Guidance Control Dyn. 40 (2017). Random numbers: Park and Miller, Comm. ACM
+31 (1988).
 """
 
 from math import cos, exp, log, pi, sqrt
@@ -43,7 +50,7 @@ from cranectl.signals import (
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
-EVERY = 20  # control periods between two plans, and in a step of a plan
+EVERY = 20  # control periods from plan to plan, and per step of a plan
 PATHS = 256
 STEPS = 48
 KNOTS = 7
@@ -57,21 +64,24 @@ FIRST_SEED = 20170131.0
 
 @jit
 def uniform(memory):
-    """Between 0 and 1; the products are whole numbers below 2^46, exact as doubles."""
+    """Return a uniform random number between 0 and 1.
+
+    The products are integers below 2^46, which are exact as doubles.
+    """
     memory[MEMORY.seed] = (16807.0 * memory[MEMORY.seed]) % 2147483647.0
     return memory[MEMORY.seed] / 2147483647.0
 
 
 @jit
 def normal(memory):
-    """Return a normal random number of mean 0 and deviation 1 (Box and Muller)."""
+    """Return a normal random number with mean 0 and standard deviation 1 (Box and Muller)."""
     radius = sqrt(-2.0 * log(uniform(memory)))
     return radius * cos(2.0 * pi * uniform(memory))
 
 
 @jit
 def between(knots, k):
-    """Return the input v at step `k` of a plan."""
+    """Return the input v [m/s²] at step `k` of a plan."""
     first = min(k // PER_KNOT, KNOTS - 2)
     share = (k - PER_KNOT * first) / PER_KNOT
     return knots[first] + share * (knots[first + 1] - knots[first])
@@ -79,7 +89,7 @@ def between(knots, k):
 
 @jit
 def cost(parameters, lengths, start, push, knots):
-    """S of one path from `start`, (x, x', b, b'); `lengths` (STEPS, 2) are l and l'."""
+    """Return S of a plan from `start` = (x, x', b, b'); `lengths` (STEPS, 2) has l [m] and l' [m/s]."""
     period, gravity = parameters[GIVEN.period], parameters[GIVEN.gravity]
     x, x_rate, b, b_rate = start[0], start[1], start[2], start[3]
     total = 0.0
@@ -97,7 +107,7 @@ def cost(parameters, lengths, start, push, knots):
 
 @jit
 def plan(parameters, lengths, start, push, knots, memory, paths):
-    """Replace `knots` (KNOTS,) by the average of as many as `paths` around them."""
+    """Replace `knots` (KNOTS,) by the weighted average of `paths` random plans around them."""
     tried, costs = np.empty((paths, KNOTS)), np.empty(paths)
     for i in range(paths):
         for j in range(KNOTS):
@@ -115,7 +125,7 @@ def plan(parameters, lengths, start, push, knots, memory, paths):
 
 
 def step(parameters, measured, reference, memory, command):
-    """Make one plan; see `controller`. State and path in, accelerations out."""
+    """Plan once, and return the accelerations (3,) [m/s²] that start the plan, from state and path."""
     held, rows = carray(memory, (MEMORY.size,)), carray(reference, ((1 + EVERY * STEPS) * ROW,))
     told = carray(measured, (TOLD,))
     desired, inputs, later = np.empty(STATES), np.empty(3), np.empty(3)
@@ -134,7 +144,7 @@ def step(parameters, measured, reference, memory, command):
         knots = held[MEMORY.planned + KNOTS * axis : MEMORY.planned + KNOTS * (axis + 1)]
         plan(parameters, lengths, start, told[push], knots, held, PATHS)
         command[axis] = inputs[axis] + knots[0]
-        for j in range(KNOTS):  # as the next plan begins, a step later
+        for j in range(KNOTS):  # the next plan starts one step later
             knots[j] = between(knots, min(j * PER_KNOT + 1, STEPS))
     pole = parameters[GIVEN.rope_pole] * sqrt(gravity / told[ROPE])
     command[Z] = rope_acceleration(pole, told, desired, inputs[Z])
@@ -142,7 +152,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     parameters = GIVEN.array(period=nominal.period, gravity=nominal.rig.gravity, **nominal.parameters)
     return parameters, MEMORY.array(seed=FIRST_SEED)
 

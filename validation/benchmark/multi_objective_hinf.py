@@ -1,23 +1,29 @@
-"""`multi-objective-hinf`: one controller of low order with a bound of its own for each closed loop.
+"""`multi-objective-hinf`: one controller of low order with a separate H-infinity bound for each closed loop.
 
     cranectl run fast-diagonal --controller validation/benchmark/multi_objective_hinf.py:MULTI_OBJECTIVE_HINF
 
-Source: the method of Zavari, Pipeleers and Swevers (CCA 2012) and of Hilhorst, Pipeleers and Swevers (2013)
-on their overhead crane: several H-infinity bounds, discrete LTI, low order, velocity of the trolley as input;
-the inequalities are those of Scherer, Gahinet and Chilali, IEEE TAC 42 (1997). With time in units of
-sqrt(l/g) and lengths of l, per horizontal axis, near plumb, with x the load, x_c the drive, d a push,
+Times are in units of sqrt(l/g) and lengths of l. For each horizontal axis near plumb, x is the load, x_c the
+drive, d a disturbance and r the reference:
 
     x'' = x_c - x + d    x_c' = v    e = r - x    v = K(s) e    S = de/dr
 
     minimise gamma    |S| < gamma    |S/s| < gamma slowness    |K S| < gamma effort    |dx/dd| < gamma swing
 
-with one Lyapunov function for all, which makes it convex: the norms are at most that. |S/s| is the error on a
-path of unit speed. At the least gamma the order falls by one, to 2: of the third state, which decays at once,
-stays a gain. Sampled by Tustin's map. On the path K adds to what the flat map gives, w = x_cd' + T u_d + K e
-with T the drive's lag; the rope has one pole. Assumes: full state for x, velocity drives, one rope length,
-the middle of the path's; masses are not used. Certain: method and inequalities; their weights, and how they
-reduce the order, are not at hand. A standing push leaves nothing: behind it the drive integrates. Hoisting
-detunes it.
+|S/s| is the error on a path of unit speed. One Lyapunov function for all bounds makes the problem convex, so
+gamma is an upper bound of the norms. At the least gamma the third state of K decays at once: it is replaced
+by a gain, which leaves order 2. K is sampled by Tustin's method. On a path, K e is added to the feed-forward
+x_cd' + T u_d from the flat map, with the time constant T of the drive. The rope has one pole.
+
+- Measured: the full state, from which x follows.
+- Assumed: velocity drives, and one rope length, that in the middle of the path; masses are not used.
+- Certain: method and inequalities. The weights of the source, and how it reduces the order, were not
+  accessible.
+- Limits: hoisting detunes it. A constant disturbance leaves no error, because the drive integrates.
+
+References
+----------
+Zavari, Pipeleers and Swevers (CCA 2012); Hilhorst, Pipeleers and Swevers (2013), on an overhead crane with
+the trolley's velocity as input. The inequalities: Scherer, Gahinet and Chilali, IEEE TAC 42 (1997).
 """
 
 from functools import lru_cache
@@ -39,14 +45,14 @@ from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 
 ORDER = 2  # of the controller
-BACK_OFF = 1.01  # by which a norm may exceed gamma when the order is reduced
+BACK_OFF = 1.01  # allowed norm over gamma, after the order is reduced
 
-# The crane by e, x', r - x_c, where r moves with the speed r'.
+# States of the crane: e, x', r - x_c; the reference r moves with the speed r'.
 A = np.array([[0.0, -1, 0], [1, 0, -1], [0, 0, 0]])
 B = np.array([[0.0], [0], [-1]])
 C = np.array([[1.0, 0, 0]])  # e
 SPEED, PUSH, NOTHING = np.array([[1.0], [0], [1]]), np.array([[0.0], [1], [0]]), np.zeros((3, 1))
-# What enters the states and e; what of the states, of what enters and of v leaves: S, S/s, K S, dx/dd.
+# For S, S/s, K S, dx/dd: the input's columns to states and e, and the output's rows of states, input and v.
 LOOPS = (
     (NOTHING, 1.0, C, 1.0, 0.0),
     (SPEED, 0.0, C, 0.0, 0.0),
@@ -54,13 +60,13 @@ LOOPS = (
     (PUSH, 0.0, C, 0.0, 0.0),
 )
 
-# A, B, C, D of K as it is sampled.
+# a, b, c, d: the sampled K.
 GIVEN = Slots(gravity=1, rope_pole=1, lag=3, a=ORDER * ORDER, b=ORDER, c=ORDER, d=1)
 MEMORY = Slots(desired=10, inputs=3, state=2 * ORDER)
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and path in, set-points of velocity out."""
+    """Compute the velocity set-points (3,) [m/s] of one sample from state and path."""
     numbers, held = carray(parameters, (GIVEN.size,)), carray(memory, (MEMORY.size,))
     a = numbers[GIVEN.a : GIVEN.b].reshape((ORDER, ORDER))
     b, c = numbers[GIVEN.b : GIVEN.c], numbers[GIVEN.c : GIVEN.d]
@@ -88,7 +94,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def generalised_plants():
-    """Return the plant of each of the four norms: from (what enters, v) to (what leaves, e)."""
+    """Return the plant of each of the four norms, from (disturbance, v) to (weighted output, e)."""
     return [
         control.ss(A, np.hstack([enters, B]), np.vstack([leaves, C]), [[past, driven], [direct, 0.0]])
         for enters, direct, leaves, past, driven in LOOPS
@@ -97,7 +103,10 @@ def generalised_plants():
 
 @lru_cache
 def controller(slowness, effort, swing):
-    """Return (K, gamma) in units of sqrt(g/l) and l; raises InputError where K misses its bounds."""
+    """Return K and gamma, in units of sqrt(l/g) and l.
+
+    Raises InputError if K exceeds one of its bounds.
+    """
     bounds, one = (1.0, slowness, effort, swing), np.eye(3)
 
     def inequalities(gamma, x, y, a, b, c):
@@ -119,7 +128,7 @@ def controller(slowness, effort, swing):
 
     shapes = ((1, 1), 3, 3, (3, 3), (3, 1), (1, 3))
     gamma, x, y, a, b, c = minimise(lambda gamma, *_: gamma[0, 0], inequalities, *shapes)
-    left, values, right = svd(one - x @ y)  # M N' = 1 - X Y, the last value near zero
+    left, values, right = svd(one - x @ y)  # M N' = 1 - X Y, whose last singular value is near zero
     m, n = left * np.sqrt(values), right.T * np.sqrt(values)
     b_k, c_k = np.linalg.solve(n, b), np.linalg.solve(m, c.T).T
     a_k = np.linalg.solve(n, a - n @ b_k @ C @ x - y @ B @ c_k @ m.T - y @ A @ x)
@@ -136,7 +145,7 @@ def controller(slowness, effort, swing):
 
 
 def without_last(a, b, c):
-    """Return the system without its last state, which is at rest at once (singular perturbation)."""
+    """Return the system with its last state replaced by a gain (singular perturbation)."""
     share = a[:-1, -1:] / a[-1, -1]
     into, at_rest = b[-1:], a[-1:, :-1]
     return control.ss(
@@ -148,7 +157,7 @@ def without_last(a, b, c):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     given = nominal.parameters
     k, _ = controller(*(float(given[name]) for name in ("slowness", "effort", "swing")))
     w = sqrt(nominal.rig.gravity / middle_depth(nominal.reference))

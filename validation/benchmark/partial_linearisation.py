@@ -1,20 +1,28 @@
-"""`partial-linearisation`: forces that make the drives linear, and a share of what the swing asks of them.
+"""`partial-linearisation`: forces that make the drives linear, with part of a feedback that damps the swing.
 
     cranectl run fast-diagonal --controller validation/benchmark/partial_linearisation.py:LINEARISATION
 
-Source: the idea of Chen, Gao and Zhang, ICCA 2005, whose equations could not be read; drives and swing
-combined linearly as by Tuan and Lee, in Nonlinear Systems, InTech 2016. Per horizontal axis, with e the
-drive's and b the angle's deviation from the state that the flat map gives for the path, u_d its input, p =
-sqrt(g/l),
+For each horizontal axis, the deviations e of the drive and b of the angle refer to the state that the flat
+map gives for the path. u_d is the input for the path, and p = sqrt(g/l):
 
-    v_a = -2 a p e' - a² p² e             drives alone: two poles at -a p
-    v_u = l (2 c p b' + c² p² b) - g b    angles alone, l b'' = -g b - v: two poles at -c p
-    F = P (u_d + v_a + k v_u) + w         which gives the drives this acceleration, whatever the swing
+    v_a = -2 a p e' - a² p² e             for the drives alone: two poles at -a p
+    v_u = l (2 c p b' + c² p² b) - g b    for the angles alone, l b'' = -g b - v: two poles at -c p
+    F = P (u_d + v_a + k v_u) + w         gives this acceleration to the drives, for any swing
 
-The loop has the roots of r⁴ + 2 s r³ + h r² + 2 a r + a², s = a + k c, h = 1 + a² + k (c² - 1), times p: it
-is stable where s h > a (1 + s²). The rope has two poles at -p. Assumes: full state, slow hoisting, masses as
-believed. Certain: the structure; ours: the gains, by three numbers. A standing push that leans the rope by b
-leaves the drive k (c² - 1) l b / a² off; masses that are not as believed leave more.
+In units of p, the loop has the roots of r⁴ + 2 s r³ + h r² + 2 a r + a² with s = a + k c and h = 1 + a² + k
+(c² - 1). It is stable if s h > a (1 + s²). The rope has two poles at -p.
+
+- Measured: the full state.
+- Assumed: slow hoisting and known masses.
+- Certain: the structure. The gains by three numbers are ours, because the equations of the first source were
+  not accessible.
+- Limits: a constant disturbance that leans the rope by b leaves the drive off by k (c² - 1) l b / a². Wrong
+  masses increase this error.
+
+References
+----------
+Chen, Gao and Zhang, ICCA 2005. The linear combination of drives and swing: Tuan and Lee, in Nonlinear
+Systems, InTech 2016.
 """
 
 from math import sqrt
@@ -35,7 +43,7 @@ MEMORY = Slots(desired=10, inputs=3)
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and path in, forces out."""
+    """Compute the forces (3,) [N] of one sample from state and path."""
     held = carray(memory, (MEMORY.size,))
     desired, inputs = held[: MEMORY.inputs], held[MEMORY.inputs :]
     masses = masses_at(parameters, GIVEN.masses)
@@ -60,7 +68,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def polynomial(position, swing, share):
-    """Return the polynomial of the loop of an axis, times in sqrt(l/g), highest power first."""
+    """Return the characteristic polynomial (5,) of an axis, highest power first, times in sqrt(l/g)."""
     return np.array(
         [
             1.0,
@@ -73,7 +81,10 @@ def polynomial(position, swing, share):
 
 
 def prepare(nominal):
-    """Return parameters and memory; raise InputError for three numbers that give an unstable loop."""
+    """Return the arrays of parameters and initial memory.
+
+    Raises InputError if position, swing and share make the loop unstable.
+    """
     position, swing, share = (float(nominal.parameters[name]) for name in ("position", "swing", "share"))
     _, twice, square, _, _ = polynomial(position, swing, share)
     if 0.5 * twice * square <= position * (1.0 + 0.25 * twice**2):

@@ -1,21 +1,29 @@
-"""`quasi-pid`: a PID on each drive whose force has a bound, with more damping while the rope swings.
+"""`quasi-pid`: PID control of each drive with bounded force, and with more damping while the rope swings.
 
     cranectl run fast-diagonal --controller validation/benchmark/quasi_pid.py:QUASI_PID
 
-Source: Sun, Yang, Fang, Wu and Chen, IEEE Trans. Systems, Man, Cybernetics 49 (2019), for a double
-pendulum; here its form for a single one, for both axes. With e what a drive is off the set-point in lengths
-l, e' its rate over √(g l), b' the rope's rate over √(g/l), and time in √(l/g):
+e is the drive's deviation from the set-point in units of l, e' its rate in units of √(g l), b' the rope's
+rate in units of √(g/l), and time is in units of √(l/g):
 
     F = -k_p tanh e - (k_d + k_b tanh² b') tanh e' - k_i tanh o,    o = c² e + c integral of tanh e
 
-so |F| < k_p + k_d + k_b + k_i, and with E the crane's energy as in `energy-coupling`, at constant length,
+So |F| < k_p + k_d + k_b + k_i. With the crane's energy E as in `energy-coupling`, at constant rope length,
 
     V = E + sum of l (k_p log cosh e + k_i/c² log cosh o)
     V' = -sum of √(g l) ((k_d + k_b tanh² b') e' tanh e' - k_i/c tanh o tanh e)
 
-The last term is the integral's; without it V falls. The winch is a servo. Assumes: full state; masses for
-the winch only. Certain: the form, read from a published collection; scaling by l is ours. A standing push
-that pulls with less than k_i is held without an error of the drive, and the load is off by the lean alone.
+Only the integral causes the last term. Without it V falls. The winch is a servo.
+
+- Measured: the full state.
+- Assumed: masses, for the winch only.
+- Certain: the form, read from a published collection. The source has a double pendulum; here is its form for
+  a single pendulum and both axes. The scaling by l is ours.
+- Limits: a constant disturbance whose pull is less than k_i leaves no error of the drive. The load is off by
+  the rope's lean.
+
+References
+----------
+Sun, Yang, Fang, Wu and Chen, IEEE Trans. Systems, Man, Cybernetics 49 (2019).
 """
 
 from math import tanh
@@ -35,7 +43,7 @@ MEMORY = Slots(sum=2)
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and set-point in, forces out."""
+    """Compute the forces (3,) [N] of one sample from state and set-point."""
     length, pace, cross = parameters[GIVEN.length], parameters[GIVEN.pace], parameters[GIVEN.cross]
     for axis in range(2):
         error = (measured[2 * axis] - reference[axis]) / length
@@ -52,7 +60,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     masses, length, given = axis_masses(nominal.rig), nominal.state[ROPE], nominal.parameters
     pace = np.sqrt(masses.gravity / length)
     weight = masses.gravity * (np.array([masses.bridge, masses.trolley]) + masses.load)

@@ -1,6 +1,8 @@
-"""Linear matrix inequalities: the smallest cost by Clarabel, the analytic centre by Newton's method.
+"""Solve linear matrix inequalities: least cost by Clarabel, analytic centre by Newton's method.
 
-Boyd, El Ghaoui, Feron, Balakrishnan: Linear Matrix Inequalities in System and Control Theory, SIAM 1994.
+References
+----------
+Boyd, El Ghaoui, Feron, Balakrishnan, Linear Matrix Inequalities in System and Control Theory, SIAM 1994.
 """
 
 from collections.abc import Callable
@@ -13,28 +15,28 @@ from scipy import sparse
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-Shape = int | tuple[int, int]  # n: symmetric, of n rows
+Shape = int | tuple[int, int]  # an integer n stands for a symmetric matrix of n rows
 Cost = Callable[..., float]
 Inequalities = Callable[..., list[Array]]
 
-LEAST_SLACK = 1e-7  # by which inequalities must hold at once; Clarabel's answers are certain to 1e-8
-NEWTON_STEPS = 200  # 20 to 60 are usual
+LEAST_SLACK = 1e-7  # smallest common slack of the inequalities; Clarabel is accurate to 1e-8
+NEWTON_STEPS = 200  # limit; 20 to 60 are usual
 FULL_STEP = 0.25  # Newton decrement below which a full step converges quadratically
-CENTRED = 1e-9  # Newton decrement at which a centre counts as found
+CENTRED = 1e-9  # Newton decrement below which the centre is accepted
 
 
 def minimise(cost: Cost, inequalities: Inequalities, *shapes: Shape) -> list[Array]:
-    """Find matrices with the smallest `cost` for which all `inequalities` are <= 0.
+    """Find matrices with the least `cost` that satisfy all `inequalities`.
 
-    The cost is certain to about eight digits. The matrices are less certain where the cost is flat, and
-    differ there between processors; `analytic_centre` does not.
+    The cost is accurate to about eight digits. If the cost is flat, the matrices are less accurate, and
+    differ between processors. Those of `analytic_centre` do not.
 
     Parameters
     ----------
     cost : callable
         Affine function of the matrices.
     inequalities : callable
-        Affine function of the matrices. It returns symmetric matrices; <= 0 says negative semidefinite.
+        Affine function of the matrices. It returns symmetric matrices that must be negative semidefinite.
     *shapes : int or (int, int)
         Shape of each matrix; an integer n stands for a symmetric matrix of n rows.
 
@@ -75,7 +77,7 @@ def minimise(cost: Cost, inequalities: Inequalities, *shapes: Shape) -> list[Arr
 def analytic_centre(inequalities: Inequalities, *shapes: Shape) -> list[Array]:
     """Find the matrices that maximise the product of the determinants of all -`inequalities`.
 
-    They are unique where the inequalities bound the matrices, and Newton's method finds them to rounding.
+    They are unique if the inequalities bound the matrices. Newton's method finds them to rounding.
 
     Parameters
     ----------
@@ -85,12 +87,12 @@ def analytic_centre(inequalities: Inequalities, *shapes: Shape) -> list[Array]:
     Returns
     -------
     list of arrays
-        The matrices, of these shapes; they meet the inequalities strictly.
+        The matrices, of these shapes; they satisfy the inequalities strictly.
 
     Raises
     ------
     InputError
-        If the inequalities cannot be met strictly, or leave the matrices unbounded.
+        If the inequalities cannot be satisfied strictly, or do not bound the matrices.
 
     References
     ----------
@@ -155,7 +157,7 @@ def _matrices(numbers: Array, shapes: tuple[Shape, ...]) -> list[Array]:
 
 
 def _numbers(matrices: list[Array], shapes: tuple[Shape, ...]) -> Array:
-    """Undo `_matrices`."""
+    """Return the entries of matrices in one array; inverse of `_matrices`."""
     pairs = zip(matrices, shapes, strict=True)
     return np.concatenate([m[np.tril_indices(len(m))] if isinstance(s, int) else m.ravel() for m, s in pairs])
 

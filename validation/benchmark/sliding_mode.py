@@ -1,21 +1,28 @@
-"""`sliding-mode-observer`: first-order sliding mode on actuated and swing errors, with a Luenberger observer.
+"""`sliding-mode-observer`: first-order sliding mode of drive and swing, with a Luenberger observer.
 
     cranectl run fast-diagonal --controller validation/benchmark/sliding_mode.py:SLIDING_MODE_OBSERVER
 
-Source: the structure of Almutairi and Zribi, J. Vibration and Control 15 (2009); their gains could not be
-read. Per horizontal axis, with e the drive's and b the angle's deviation from the state that the flat map
-gives for the path, u_d its input, p = sqrt(g/l),
+For each horizontal axis, the deviations e of the drive and b of the angle refer to the state that the flat
+map gives for the path. u_d is the input for the path, and p = sqrt(g/l):
 
     s = e' + lambda e - kappa b        lambda = p l_1, kappa = l p l_2
     u = u_d - lambda e' + kappa b' - W s - K sat(s/phi)    W = p w, K = g k, phi = l p f
 
-so s' = -W s - K sat(s/phi): it comes in finite time into the layer |s| < phi, where its pole is -(W + K/phi);
-on s = 0 those of the crane are the roots of (r² + 1)(r + l_1) + l_2 r², times p, by default three at
--p/sqrt(3). The rope has s = e' + p e. The paper commands forces; the loop makes them of u for force drives.
-Only positions are measured. The observer has two poles at -o p of each drive, -o p +- i p of the angles, with
-p of the path's beginning, and predicts with the equations of motion. Assumes: slow hoisting; masses are not
-used. Measures: encoders. Certain: the structure. A standing push that leans the rope by b leaves e near kappa
-b / lambda, 8 l b by default: neither surface nor observer integrates.
+So s' = -W s - K sat(s/phi). s reaches the layer |s| < phi in finite time, and has the pole -(W + K/phi)
+within it. On s = 0 the poles of the crane are p times the roots of (r² + 1)(r + l_1) + l_2 r², by default
+three at -p/sqrt(3). The rope has s = e' + p e. For each drive the observer has two poles at -o p, and for
+each angle -o p ± i p, with p at the start of the path. It predicts with the equations of motion.
+
+- Measured: encoders.
+- Assumed: slow hoisting; masses are not used. The paper commands forces, and the loop computes them from u
+  for force drives.
+- Certain: the structure. The gains of the source were not accessible.
+- Limits: neither surface nor observer has an integral. A constant disturbance that leans the rope by b leaves
+  e near kappa b / lambda, 8 l b by default.
+
+References
+----------
+Almutairi and Zribi, J. Vibration and Control 15 (2009).
 """
 
 from math import exp, sqrt
@@ -46,7 +53,7 @@ def pushed_back(parameters, surface, length):
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. Encoders and path in, accelerations out."""
+    """Compute the accelerations (3,) [m/s²] of one sample from encoders and path."""
     held = carray(memory, (MEMORY.size,))
     estimate = held[: MEMORY.desired]
     desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs : MEMORY.surface]
@@ -87,7 +94,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     gravity, period = nominal.rig.gravity, nominal.period
     bandwidth = float(nominal.parameters["observer"]) * sqrt(gravity / nominal.state[ROPE])
     decay = exp(-bandwidth * period)

@@ -1,19 +1,27 @@
-"""`super-twisting`: the second-order sliding mode of Levant on a surface of ours, with the flat path's input.
+"""`super-twisting`: Levant's second-order sliding mode of drive and swing, with feed-forward of the path.
 
     cranectl run fast-diagonal --controller validation/benchmark/super_twisting.py:SUPER_TWISTING
 
-Source: A. Levant, Int. J. Control 58 (1993), as Vázquez, Fridman and Collado use it on a crane (2013); their
-surface is not in what could be read, so the law has the method's name. Per horizontal axis, near plumb, with
-e the drive's and b the angle's deviation from the state that the flat map gives for the path, u_d its input,
+For each horizontal axis near plumb, the deviations e of the drive and b of the angle refer to the state that
+the flat map gives for the path. u_d is the input for the path:
 
     s = e' + lambda e - kappa b
     u = u_d - lambda e' + kappa b' - k_1 |s|^(1/2) sgn(s) + w,    w' = -k_2 sgn(s)
 
-On s = 0 the crane l b'' = -g b - e'' has the polynomial (l r² + g)(r + lambda) + kappa r², whose three roots
-are -p for lambda = p/3, kappa = 8 p l/3, p = sqrt(g/3l), whatever the length l. The rope's surface is
-e' + lambda e. Assumes: full state, slow hoisting, of which the polynomial knows nothing; masses are not used.
-Certain: the algorithm; ours: the surface. A standing push that leans the rope by b leaves e = 8 l b, since
-the surface has no integral. Sampled with period T, s stays below k_1² T².
+On s = 0 the crane l b'' = -g b - e'' has the polynomial (l r² + g)(r + lambda) + kappa r². Its three roots
+are -p at every rope length l for lambda = p/3, kappa = 8 p l/3, p = sqrt(g/3l). The rope's surface is e' +
+lambda e.
+
+- Measured: the full state.
+- Assumed: slow hoisting, which the polynomial neglects; masses are not used.
+- Certain: the algorithm. The surface is ours, because that of the source on cranes was not accessible. So the
+  controller has the name of the method.
+- Limits: the surface has no integral, so a constant disturbance that leans the rope by b leaves e = 8 l b.
+  With the period T, s stays below k_1² T².
+
+References
+----------
+Levant, Int. J. Control 58 (1993). On a crane: Vázquez, Fridman and Collado (2013).
 """
 
 from math import sqrt
@@ -40,7 +48,7 @@ def slopes(length, gravity):
 
 @jit
 def twisted(parameters, memory, axis, surface):
-    """Return -k_1 |s|^(1/2) sgn(s) + w of an axis; w goes on."""
+    """Return -k_1 |s|^(1/2) sgn(s) + w of an axis [m/s²], and advance w by one period."""
     sign = 1.0 if surface > 0.0 else -1.0 if surface < 0.0 else 0.0
     found = memory[MEMORY.twisted + axis] - parameters[GIVEN.root_gain] * sqrt(abs(surface)) * sign
     memory[MEMORY.twisted + axis] -= parameters[GIVEN.period] * parameters[GIVEN.twist_gain] * sign
@@ -49,7 +57,7 @@ def twisted(parameters, memory, axis, surface):
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and path in, accelerations out."""
+    """Compute the accelerations (3,) [m/s²] of one sample from state and path."""
     held = carray(memory, (MEMORY.size,))
     desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs :]
     gravity = parameters[GIVEN.gravity]
@@ -70,7 +78,7 @@ def step(parameters, measured, reference, memory, command):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     parameters = GIVEN.array(period=nominal.period, gravity=nominal.rig.gravity, **nominal.parameters)
     return parameters, MEMORY.array()
 

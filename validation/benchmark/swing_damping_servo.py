@@ -1,23 +1,30 @@
-"""`swing-damping-servo`: a decoupled servo of each axis that leans on the swing, gains by pole placement.
+"""`swing-damping-servo`: a position servo for each axis with swing feedback, with gains by pole placement.
 
     cranectl run fast-diagonal --controller validation/benchmark/swing_damping_servo.py:SWING_DAMPING_SERVO
 
-Source: the structure of Lee, J. Dyn. Sys. Meas. Control 120 (1998): position servos, swing feedback on the
-linearised crane, a servo of the hoist; his gains come from loop shaping, ours from poles. With e the drive's
-deviation from the load's path (x, y), b the rope's angle, l its length,
+e is the drive's deviation from the load's path (x, y), b is the rope's angle and l its length:
 
     u = x_d'' - k_p e - k_d e' + k_b b + k_w b'
 
-gives the crane l b'' = -g b - u the polynomial
+The crane l b'' = -g b - u has the polynomial
 
     l r⁴ + (l k_d + k_w) r³ + (l k_p + g + k_b) r² + g k_d r + g k_p
 
-All four roots are -p, at every length that stays, by
+All four roots are -p, at every constant length, for
 
     k_p = l p⁴/g    k_d = 4 l p³/g    k_w = 4 l p - l k_d    k_b = 6 l p² - l k_p - g
 
-The rope has -p² and -2 p. Assumes: full state, slow hoisting; masses are not used. Certain: the structure.
-A standing push that leans the rope by b leaves e = k_b b / k_p: there is no integral.
+The rope has the gains -p² and -2 p.
+
+- Measured: the full state.
+- Assumed: slow hoisting; masses are not used.
+- Certain: the structure: position servos, swing feedback on the linearised crane, and a servo of the hoist.
+  The gains of the source come from loop shaping.
+- Limits: there is no integral, so a constant disturbance that leans the rope by b leaves e = k_b b / k_p.
+
+References
+----------
+Lee, J. Dyn. Sys. Meas. Control 120 (1998).
 """
 
 from cranectl.controllers.controller import Controller, Parameter
@@ -36,7 +43,7 @@ def gains(length, gravity, pole):
 
 
 def step(parameters, measured, reference, memory, command):  # noqa: ARG001  (a law's)
-    """Take one sample; see `controller`. State and path in, accelerations out."""
+    """Compute the accelerations (3,) [m/s²] of one sample from state and path."""
     k_p, k_d, k_b, k_w = gains(measured[ROPE], parameters[GIVEN.gravity], parameters[GIVEN.pole])
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
@@ -50,7 +57,7 @@ def step(parameters, measured, reference, memory, command):  # noqa: ARG001  (a 
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     return GIVEN.array(gravity=nominal.rig.gravity, **nominal.parameters), []
 
 

@@ -1,19 +1,26 @@
-"""`two-degree-of-freedom`: Glover-McFarlane loop shaping, and a prefilter by which the crane follows a model.
+"""`two-degree-of-freedom`: Glover-McFarlane loop shaping, with a prefilter that follows a model.
 
     cranectl run fast-diagonal --controller validation/benchmark/two_degree_of_freedom.py:TWO_DOF
 
-Source: Limebeer, Kasenally, Perkins, Automatica 29 (1993), as in Skogestad and Postlethwaite, Multivariable
-Feedback Control, 2nd ed., 9.4.3; Popescu, Petre and Bobasu use it on a crane. With time in units of
-sqrt(l/g), from the drive's velocity to the load's position x = x_c + l b, near plumb,
+Times are in units of sqrt(l/g) and lengths of l. From the drive's velocity u to the load's position x = x_c +
+l b, near plumb:
 
     G_s = gain / (s (s² + 1)) = M⁻¹ N, normalised    T_ref = (speed / (s + speed))³    u = K_1 r + K_2 x
 
-and K = [K_1 K_2] has nearly the least norm from (r, phi) to (u, x, rho (x - rho T_ref r)), where K_1 is given
-rho r, and phi disturbs the coprime factor, x = G_s u + M⁻¹ phi. SLICOT's SB10AD finds it; K_1 is scaled so
-that T_ref(0) is met. The model lags: so r is T_ref⁻¹ z_d, which the path's derivatives give. The
-rope follows the path's depth with one pole. Assumes: full state for x, velocity drives, one rope length, the
-middle of the path's; masses are not used. Certain: the method; the weights of Popescu and others are not at
-hand. A standing push leaves nothing: behind it the drive integrates. Hoisting detunes it.
+K = [K_1 K_2] has nearly the least norm from (r, phi) to (u, x, rho (x - rho T_ref r)), where the input of K_1
+is rho r, and phi disturbs the coprime factor: x = G_s u + M⁻¹ phi. SLICOT's SB10AD finds K. K_1 is scaled to
+reach the static gain of T_ref. Since the model lags, r is T_ref⁻¹ z_d, from the derivatives of the path. The
+rope follows the depth of the path with one pole.
+
+- Measured: the full state, from which x follows.
+- Assumed: velocity drives, and one rope length, that in the middle of the path; masses are not used.
+- Certain: the method. The weights of the source on cranes were not accessible.
+- Limits: hoisting detunes it. A constant disturbance leaves no error, because the drive integrates.
+
+References
+----------
+Limebeer, Kasenally, Perkins, Automatica 29 (1993), as in Skogestad and Postlethwaite, Multivariable Feedback
+Control, 2nd ed., section 9.4.3. On a crane: Popescu, Petre and Bobasu.
 """
 
 from functools import lru_cache
@@ -32,16 +39,16 @@ from cranectl.design.linear_systems import slowed_and_sampled
 from cranectl.model.dynamics import rope_direction
 from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, JERK, ROPE, TROLLEY, VELOCITY, X, Z
 
-BACK_OFF = 1.05  # from the smallest norm, where K has a pole that grows without bound
-ORDER = 6  # of K: the crane's and the model's states
+BACK_OFF = 1.05  # norm over the least norm, at which a pole of K grows without bound
+ORDER = 6  # of K: states of the crane and of the model
 
-# A, B, C, D of K as it is sampled, D and columns of B for r_f and x.
+# a, b, c, d: the sampled K; b and d have a column each for r and x.
 GIVEN = Slots(speed=1, rope_pole=1, a=ORDER * ORDER, b=2 * ORDER, c=ORDER, d=2)
 MEMORY = Slots(state=2 * ORDER, origin=2, begun=1)
 
 
 def step(parameters, measured, reference, memory, command):
-    """Take one sample; see `controller`. State and path in, set-points of velocity out."""
+    """Compute the velocity set-points (3,) [m/s] of one sample from state and path."""
     numbers, held = carray(parameters, (GIVEN.size,)), carray(memory, (MEMORY.size,))
     a = numbers[GIVEN.a : GIVEN.b].reshape((ORDER, ORDER))
     b = numbers[GIVEN.b : GIVEN.c].reshape((ORDER, 2))
@@ -69,13 +76,13 @@ def step(parameters, measured, reference, memory, command):
 
 
 def shaped_plant(gain):
-    """G_s: states x, x', x_c; input the drive's velocity."""
+    """Return G_s with the states x, x', x_c and the drive's velocity as input."""
     a = [[0.0, 1.0, 0.0], [-1.0, 0.0, 1.0], [0.0, 0.0, 0.0]]
     return control.ss(a, [[0.0], [0.0], [gain]], [[1.0, 0.0, 0.0]], [[0.0]])
 
 
 def model(speed):
-    """T_ref."""
+    """Return T_ref."""
     a = speed * (np.eye(3, k=-1) - np.eye(3))
     return control.ss(a, [[speed], [0.0], [0.0]], [[0.0, 0.0, 1.0]], [[0.0]])
 
@@ -83,7 +90,9 @@ def model(speed):
 def generalised_plant(gain, speed, rho):
     """Return the plant from (r, phi, u) to (u, x, rho (x - rho T_ref r); rho r, x).
 
-    Source: (9.91) and (9.92) of the book.
+    References
+    ----------
+    Skogestad and Postlethwaite, equations (9.91) and (9.92).
     """
     g, t = shaped_plant(gain), model(speed)
     injection = solve_continuous_are(g.A.T, g.C.T, g.B @ g.B.T, np.eye(1)) @ g.C.T
@@ -99,7 +108,7 @@ def generalised_plant(gain, speed, rho):
 
 @lru_cache
 def controller(gain, speed, rho):
-    """Return (K from (r, x) to the drive's velocity, its norm over the smallest), in sqrt(l/g) and l."""
+    """Return K from (r, x) to the drive's velocity, and the synthesis, in units of sqrt(l/g) and l."""
     found = hinf_controller(
         generalised_plant(gain, speed, rho), 1, 2, name="two-degree-of-freedom", back_off=BACK_OFF
     )
@@ -109,7 +118,7 @@ def controller(gain, speed, rho):
 
 
 def prepare(nominal):
-    """Return parameters and memory."""
+    """Return the arrays of parameters and initial memory for a nominal crane."""
     given = nominal.parameters
     k, _ = controller(*(float(given[name]) for name in ("gain", "speed", "rho")))
     w = sqrt(nominal.rig.gravity / middle_depth(nominal.reference))

@@ -1,1 +1,1 @@
-"""The law `nmpc`: C, and what writes the part of it that is generated."""
+"""The controller `nmpc` in C, and the program that generates a part of its code."""

@@ -1,8 +1,8 @@
-"""The crane as `nmpc.c` predicts it, differentiated and written as C by CasADi: `model.c`.
+"""Generate `model.c` by CasADi: the crane and the Jacobians with which `nmpc.c` predicts.
 
     python validation/benchmark/nmpc/model.py    after `make extras`, writes model.c anew
 
-What CasADi puts into it of its own sources is under MIT-0, so the file lies beside the law.
+The parts of CasADi's sources that it copies into the file are under the licence MIT-0.
 """
 
 from pathlib import Path
@@ -16,14 +16,15 @@ HERE = Path(__file__).parent
 
 
 def symbolic(function):
-    """Return a compiled `function` of the package for CasADi's symbols."""
+    """Return a compiled `function` of the package as a function of CasADi's symbols."""
     return FunctionType(function.py_func.__code__, {"sin": casadi.sin, "cos": casadi.cos})
 
 
 def functions():
-    """Yield `crane_slope`, the rates of the state (10,), and `crane_load`, position and velocity.
+    """Return `crane_slope` and `crane_load` with their Jacobians, column by column.
 
-    Both with their Jacobians, column by column. Among the arguments d are pushes on the angles [rad/s²].
+    `crane_slope` gives the derivative of the state (10,), and `crane_load` the position and velocity of the
+    load (6,). The argument d contains disturbances of the angles [rad/s²].
     """
     x, u, d, g = (casadi.SX.sym(*named) for named in (("x", 10), ("u", 3), ("d", 2), ("g", 1)))
     bridge, bridge_rate, trolley, trolley_rate, length, rope_rate, *angles = casadi.vertsplit(x)

@@ -4,19 +4,25 @@
  *         validation/benchmark/nmpc/nmpc.c validation/benchmark/nmpc/model.c -lm
  *     cranectl run fast-diagonal --controller nmpc.so
  *
- * Source: Diehl, Bock, Schloeder, SIAM J. Control Optim. 43 (2005), real-time iterations, here with the
- * Gauss-Newton Hessian; the quadratic program as in Boyd and others, Found. Trends Mach. Learn. 3 (2011), 5.
- * Every EVERY periods, with z the load and z_d its path, u the drives' accelerations, v their speeds,
+ * Every EVERY periods, with the load z and its path z_d, the drives' accelerations u and speeds v,
  *
  *     min sum over N steps of |z - z_d|^2/l^2 + rate |z' - z_d'|^2/(g l) + effort |u|^2/g^2
  *     over u,   under   |u_i| <= acceleration g,   |v_i| <= speed sqrt(g l)
  *
- * about the last plan, a step later: rigid crane (`model.c`, by CasADi), observed pushes held. Splitting (ADMM)
- * leaves the limits to clipping, at prices that go on from plan to plan, and for the rest a linear-quadratic
- * problem, one Riccati recursion a plan. Assumes: full state, preview; masses are not used. Certain: the
- * method; ours: weights and horizon. A standing push that no observer tells of leaves an error; commands step
- * from plan to plan, so with less `effort` drives' limits on acceleration make it unstable. Nor does it know of
- * slow drives: with an effort of 1 the harbour crane swings on by 0.8 m.
+ * The problem is linearised about the previous plan, shifted by one step. The model is the rigid crane
+ * (`model.c`, by CasADi) with constant observed disturbances. Operator splitting (ADMM) reduces the limits to
+ * clipping; its multipliers pass from plan to plan. What remains is a linear-quadratic problem, with one
+ * Riccati recursion per plan.
+ *
+ * - Measured: the full state, and the disturbance if there is an observer. It uses a preview of the path.
+ * - Assumed: gravity; masses are not used.
+ * - Certain: the method. Weights and horizon are ours. The iterations use the Gauss-Newton Hessian.
+ * - Limits: a constant disturbance that no observer estimates leaves an error. Commands change in steps from
+ *   plan to plan, so with a small `effort` the drives' limits on acceleration make the loop unstable. It
+ *   neglects the lag of the drives: with an effort of 1, the harbour crane's load keeps swinging by 0.8 m.
+ *
+ * Sources: Diehl, Bock, Schloeder, SIAM J. Control Optim. 43 (2005), real-time iterations. Boyd and others,
+ * Found. Trends Mach. Learn. 3 (2011), section 5, the quadratic program.
  */
 #include <math.h>
 #include <string.h>
@@ -24,10 +30,10 @@
 #include "cranectl.h"
 
 enum { N = 40, NX = 10, NU = 3, NZ = 6, EVERY = 25, SPLITS = 40, ROW = 15 };
-enum { WIDTH = 3 * NU }; /* of a step of a plan: u, then prices of the limits on u and v */
-enum { RATE, EFFORT, ACCELERATION, SPEED, GRAVITY, PERIOD, NUMBERS }; /* places of parameters */
+enum { WIDTH = 3 * NU }; /* of a step of a plan: u, then the multipliers of the limits on u and v */
+enum { RATE, EFFORT, ACCELERATION, SPEED, GRAVITY, PERIOD, NUMBERS }; /* indices of parameters */
 
-/* of model.c: CasADi's calling convention; neither needs memory */
+/* from model.c, with CasADi's calling convention; neither needs work memory */
 int crane_slope(const double **arg, double **res, long long *iw, double *w, int mem);
 int crane_load(const double **arg, double **res, long long *iw, double *w, int mem);
 
@@ -65,11 +71,11 @@ CRANECTL_EXPORT int64_t cranectl_prepare(const cranectl_nominal *nominal, double
     return 0;
 }
 
-static const double SHARE = 20.0; /* of the price's weight in that of u */
+static const double SHARE = 20.0; /* ADMM's penalty over the weight of u */
 
 static double clipped(double value, double limit) { return fmin(fmax(value, -limit), limit); }
 
-/* A step of the plan, by the midpoint rule, and its Jacobians, column by column as CasADi has them. */
+/* Predict one step by the midpoint rule, with its Jacobians in CasADi's order, column by column. */
 static void predict(const double *p, const double *x, const double *u, const double *push, double *next,
                     double a[NX][NX], double b[NU][NX])
 {
@@ -97,13 +103,13 @@ static void predict(const double *p, const double *x, const double *u, const dou
     }
 }
 
-typedef struct { /* of a quadratic program: x' = a x + b u, cost x'(q x/2 + c) + u'(r u/2 + d) */
+typedef struct { /* quadratic program: x+ = a x + b u, cost x'(q x/2 + c) + u'(r u/2 + d) */
     double a[N][NX][NX], b[N][NU][NX];            /* columns */
     double q[N + 1][NX][NX], c[N + 1][NX];
     double gain[N][NU][NX], solved[N][NU][NU];    /* u = -gain x - solved g; (r + b'P b)^-1 */
 } program;
 
-/* Inverse of a symmetric positive definite 3 x 3. */
+/* Invert a symmetric positive definite 3 x 3 matrix. */
 static void inverted(double m[NU][NU], double found[NU][NU])
 {
     double determinant = 0.0;
@@ -127,7 +133,7 @@ static double dot(const double *a, const double *b, int n)
     return sum;
 }
 
-/* The Riccati recursion: what does not change while limits are split off. */
+/* Compute the part of the Riccati recursion that does not change during the splitting iterations. */
 static void factorise(program *of, double r)
 {
     double cost[NX][NX], ca[NX][NX], cb[NU][NX], m[NU][NU];
@@ -158,7 +164,7 @@ static void factorise(program *of, double r)
     }
 }
 
-/* Inputs u (N, NU) and states x (N + 1, NX) of least cost from x = 0, with linear parts c and d. */
+/* Find inputs u (N, NU) and states x (N + 1, NX) with the least cost from x = 0, for the linear parts c, d. */
 static void solve(const program *of, double c[N + 1][NX], double d[N][NU], double x[N + 1][NX],
                   double u[N][NU])
 {
@@ -191,11 +197,11 @@ static void solve(const program *of, double c[N + 1][NX], double d[N][NU], doubl
     }
 }
 
-/* One iteration: `plan` (N, WIDTH) becomes a better one from `measured` along the path. */
+/* Improve `plan` (N, WIDTH) by one iteration from the state `measured` along the path. */
 CRANECTL_EXPORT void nmpc_improve(const double *p, const double *measured, const double *reference,
                                   double *plan)
 {
-    static const int speeds[NU] = {1, 3, 5}; /* among the states */
+    static const int speeds[NU] = {1, 3, 5}; /* indices of states */
     double x[N + 1][NX], dx[N + 1][NX], du[N][NU], c[N + 1][NX], d[N][NU], kept[N][2 * NU];
     double(*u)[WIDTH] = (double(*)[WIDTH])plan;
     const double gravity = p[GRAVITY], length = measured[4];
@@ -255,6 +261,6 @@ CRANECTL_EXPORT int64_t cranectl_step(const double *p, const double *measured, c
 {
     nmpc_improve(p, measured, reference, memory);
     memcpy(command, memory, NU * sizeof *memory);
-    memmove(memory, memory + WIDTH, (N - 1) * WIDTH * sizeof *memory); /* the last step stays as it is */
+    memmove(memory, memory + WIDTH, (N - 1) * WIDTH * sizeof *memory); /* keep the last step */
     return 0;
 }
