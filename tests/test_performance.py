@@ -9,4 +9,4 @@ def test_the_cost_of_a_result_row_can_be_measured(monkeypatch: pytest.MonkeyPatc
     monkeypatch.syspath_prepend(str(ROOT / "validation" / "performance"))
     import scaling
 
-    assert [figure.value > 0.0 for figure in scaling.result_costs(1)] == [True, True]
+    assert [figure.value > 0.0 for figure in scaling.measure_result_costs(1)] == [True, True]

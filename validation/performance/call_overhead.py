@@ -1,4 +1,4 @@
-"""Measure what a controller from outside costs a sample, by the loader that opens it."""
+"""Measure the cost per sample of calling a loaded controller. Part of `performance.py`."""
 
 import contextlib
 import io
@@ -16,19 +16,20 @@ from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import plan_scenario, prepare_controller
 from cranectl.support.jit import jit
-from validation.performance.controller_times import shared_library
-from validation.performance.figures import Figure, figure, interleaved
+from validation.performance.controller_times import build_library
+from validation.performance.figures import Measurement, summarise, time_alternately
 
-SAMPLES = 1_000_000
+SAMPLES = 1_000_000  # of a measurement
 
 
 @jit
-def _by_address(address, parameters, measured, reference, memory, command):
+def _run_by_address(address, parameters, measured, reference, memory, command):
     for k in range(SAMPLES):
         _call(address, parameters, measured[k % 100], reference[k % 100], memory, command)
 
 
-def _inlined(step: Callable[..., int]) -> Callable[..., None]:
+def _compile_loop(step: Callable[..., int]) -> Callable[..., None]:
+    """Return a compiled loop that contains the code of `step`."""
     step = jit(step)
 
     @jit
@@ -39,33 +40,33 @@ def _inlined(step: Callable[..., int]) -> Callable[..., None]:
     return loop
 
 
-def controllers_from_outside(repeats: int) -> list[Figure]:
-    """Measure the controller that `cranectl new` writes: in C by address, and in the loop itself."""
+def measure_loaded_controllers(repeats: int) -> list[Measurement]:
+    """Compare the controller of `cranectl new` in C, called by its address, with inlined Python code."""
     with tempfile.TemporaryDirectory() as folder:
         with contextlib.redirect_stdout(io.StringIO()):
             for kind, name in (("controller", "twin"), ("c-controller", "servo")):
                 cranectl(["new", kind, name, "--in", folder])
-        source = Path(folder, "servo.c")
-        library = shared_library(source)
+        library = build_library(Path(folder, "servo.c"))
         twin = ModuleType("twin")
         twin.__file__ = str(Path(folder, "twin.py"))
         exec(compile(Path(twin.__file__).read_text("utf-8"), twin.__file__, "exec"), twin.__dict__)
         scenario = load_scenario("settled-trajectory")
         design = controller_design(open_controller(str(library)), scenario)
-        law = bind_address(prepare_controller(scenario, design, "ideal", plan_scenario(scenario)))
+        controller = bind_address(prepare_controller(scenario, design, "ideal", plan_scenario(scenario)))
         rng = np.random.default_rng(1)
         measured, reference = rng.normal(size=(100, 12)), rng.normal(size=(100, 15))
-        given = (law.parameters, measured, reference, np.zeros(3), np.zeros(3))
-        inlined = _inlined(twin.step)
-        works = {
-            "address": lambda: _by_address(law.address, *given),
-            "inlined": lambda: inlined(*given),
-        }
-        times = interleaved(works, repeats)
+        arguments = (controller.parameters, measured, reference, np.zeros(3), np.zeros(3))
+        inlined = _compile_loop(twin.step)
+        times = time_alternately(
+            {
+                "by address": lambda: _run_by_address(controller.address, *arguments),
+                "inlined": lambda: inlined(*arguments),
+            },
+            repeats,
+        )
     ns = 1e9 / SAMPLES
-    by, within = times["address"], times["inlined"]
-    more = [ns * (a - b) for a, b in zip(by, within, strict=True)]
+    overheads = [ns * (a - b) for a, b in zip(times["by address"], times["inlined"], strict=True)]
     return [
-        figure("law in C by address, more than its twin inlined by Numba", more, "ns", 10.0),
-        figure("law in C by address", [ns * each for each in by], "ns"),
+        summarise("overhead of a controller in C over the same code inlined by Numba", overheads, "ns", 10.0),
+        summarise("sample of a controller in C", [ns * seconds for seconds in times["by address"]], "ns"),
     ]

@@ -1,8 +1,8 @@
-"""What a campaign costs against bare steps of the engine, and against what one would write otherwise.
+"""Compare the time of campaigns with that of bare engine steps and of other implementations.
 
-Part of `performance.py`. Bare steps are the engine's `mj_step` called from a compiled loop, without the
-engine's clock, which cranectl takes away for all: of the model file, and of the model that runs take, which
-has the same motion to the bit but neither drawing nor idle forces.
+Part of `performance.py`. Bare steps call the engine's `mj_step` from a compiled loop. cranectl switches off
+the engine's clock everywhere, also for them. They step the model file, or the model of runs. The model of
+runs moves equally to the bit, but has nothing to draw and no forces that are always zero.
 """
 
 import subprocess
@@ -31,13 +31,20 @@ from cranectl.simulate.runner import start_run, stream_run
 from cranectl.support import resources
 from cranectl.support.jit import jit
 from validation.performance import other_implementations as other
-from validation.performance.figures import Figure, figure, interleaved, ratio_of_best
+from validation.performance.figures import (
+    Measurement,
+    compare_best,
+    ratios_of,
+    summarise,
+    time_alternately,
+)
 
 SCENARIO, DRIVE = "settled-trajectory", "velocity"
-HEAVY = ("lqr+hinf", "lqr+loop-shaping")
+HEAVY = ("lqr+hinf", "lqr+loop-shaping")  # controllers with the longest steps
+# Names of measurements that `scaling.py` uses.
 RATE = "campaign on MuJoCo, 2 threads, runs of 25 s"
-MEMORY = "{} short runs: memory"
-RESULT = "a row of their result"
+MEMORY = "memory of {} short runs"
+RESULT = "result of one of these runs"
 MANY = """
 name = "many"
 scenario = "settled-trajectory"
@@ -63,7 +70,7 @@ UNCERTAIN = {
 
 @jit
 def bare_steps(model, data, n):
-    """Do `n` steps of the engine by its addresses."""
+    """Step the engine `n` times, by the addresses of its model and data."""
     for _ in range(n):
         mj_step(model, data)
 
@@ -77,17 +84,17 @@ def campaign_of(controller: str, plant: str) -> Campaign:
     return make_campaign(parse_campaign(table, "bench"))
 
 
-class Bare:
-    """A model and as many bare steps as a run has; `filed`: that of `models/crane.xml`, else that of runs."""
+class BareSteps:
+    """As many bare steps as a run has, of the model file if `from_file`, else of the model of runs."""
 
-    def __init__(self, *, filed: bool) -> None:
+    def __init__(self, *, from_file: bool) -> None:
         scenario = load_scenario(SCENARIO)
         self.steps, state = scenario.steps + 1, plan_scenario(scenario).initial_state
-        if filed:
+        if from_file:
             self.model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
         else:
             self.model = compiled_model(scenario.rig, DRIVE, 1e-3)
-        state[7], state[9] = 0.5, 0.5  # it swings: the engine is faster where nothing moves
+        state[7], state[9] = 0.5, 0.5  # [rad/s], because the engine is faster if nothing moves
         self.data, self.start, self.rates = mujoco.MjData(self.model), np.zeros(5), np.zeros(5)
         self.start[state_addresses(self.model)] = state[0::2]
         self.rates[rate_addresses(self.model)] = state[1::2]
@@ -98,32 +105,32 @@ class Bare:
         bare_steps(self.model._address, self.data._address, self.steps)
 
 
-def together(works: Sequence[Callable[[], object]]) -> None:
-    """Run each work in a thread."""
-    threads = [threading.Thread(target=work) for work in works]
+def run_in_threads(tasks: Sequence[Callable[[], object]]) -> None:
+    """Run each task in a thread of its own, and wait for all."""
+    threads = [threading.Thread(target=task) for task in tasks]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
 
 
-def loop_alone(controller: str) -> Callable[[], object]:
-    """Return a run of the compiled loop without sampling, metrics and results."""
+def make_loop(controller: str) -> Callable[[], object]:
+    """Return a function that runs the compiled loop without sampling, metrics and results."""
     scenario = load_scenario(SCENARIO)
     design, plan = design_controller(controller, scenario.design), plan_scenario(scenario)
-    law, crane = prepare_controller(scenario, design, DRIVE, plan), make_plant("mujoco", scenario, DRIVE)
+    prepared, crane = prepare_controller(scenario, design, DRIVE, plan), make_plant("mujoco", scenario, DRIVE)
     record = np.zeros((BLOCK, record_width(design)))
 
-    def work() -> None:
-        stream_run(start_run(crane, scenario, law, plan, nominal=scenario), plan, record, lambda _: None)
+    def run_loop() -> None:
+        stream_run(start_run(crane, scenario, prepared, plan, nominal=scenario), plan, record, lambda _: None)
 
-    return work
+    return run_loop
 
 
-def campaign_against_engine(repeats: int) -> list[Figure]:
-    """Measure closed-loop campaigns, in parts and whole, on one thread and on two."""
-    found = []
-    filed, lean = ([Bare(filed=each), Bare(filed=each)] for each in (True, False))
+def compare_campaign_with_engine(repeats: int) -> list[Measurement]:
+    """Compare the loop alone, and campaigns on one and two threads, with bare steps of both models."""
+    results = []
+    of_file, of_run = [BareSteps(from_file=True) for _ in range(2)], BareSteps(from_file=False)
     for controller in HEAVY:
         prepared = Prepared(campaign_of(controller, "mujoco"))
         workers = [Worker(prepared), Worker(prepared)]
@@ -131,75 +138,65 @@ def campaign_against_engine(repeats: int) -> list[Figure]:
             lambda k=k, c=controller, w=workers: w[k].run_batch(Batch("mujoco", c, k, k + 1))
             for k in range(2)
         ]
-        works: dict[str, Callable[[], object]] = {
-            "filed": filed[0],
-            "loop alone": loop_alone(controller),
-            "lean": lean[0],
+        tasks: dict[str, Callable[[], object]] = {
+            "bare steps of file": of_file[0],
+            "loop alone": make_loop(controller),
+            "bare steps of run": of_run,
             "campaign, 1 thread": runs[0],
-            "filed, both": lambda: together(filed),
-            "campaign, 2 threads": lambda r=runs: together(r),
+            "bare steps of file, 2 threads": lambda: run_in_threads(of_file),
+            "campaign, 2 threads": lambda r=runs: run_in_threads(r),
         }
-        times = interleaved(works, repeats)
+        times = time_alternately(tasks, repeats)
         for name, limit in (("loop alone", 0.97), ("campaign, 1 thread", 0.9), ("campaign, 2 threads", 0.9)):
-            bare = times["filed, both" if "2" in name else "filed"]
-            ratios = [b / t for b, t in zip(bare, times[name], strict=True)]
-            found.append(
-                figure(
-                    f"{controller}: bare steps of the model file / {name}", ratios, "", limit, at_least=True
-                )
-            )
+            bare = times["bare steps of file, 2 threads" if "2" in name else "bare steps of file"]
+            title = f"{controller}: bare steps of the model file / {name}"
+            results.append(summarise(title, ratios_of(bare, times[name]), "", limit, at_least=True))
         for name in ("loop alone", "campaign, 1 thread"):
-            ratios = [b / t for b, t in zip(times["lean"], times[name], strict=True)]
-            found.append(figure(f"{controller}: bare steps of the model that runs take / {name}", ratios, ""))
-    return found
+            title = f"{controller}: bare steps of the model of runs / {name}"
+            results.append(summarise(title, ratios_of(times["bare steps of run"], times[name]), ""))
+    return results
 
 
-def plants_and_threads(repeats: int) -> list[Figure]:
-    """Compare runs per second: analytic with MuJoCo, two threads with one."""
-    works: dict[tuple[str, int], Callable[[], object]] = {}
+def compare_plants_and_threads(repeats: int) -> list[Measurement]:
+    """Compare runs per second of analytic plant and MuJoCo, and of two threads and one."""
+    tasks: dict[tuple[str, int], Callable[[], object]] = {}
     for plant, runs in (("mujoco", 4), ("analytic", 16)):
         campaign = campaign_of(HEAVY[0], plant)
         batches = [Batch(plant, HEAVY[0], k * runs, (k + 1) * runs) for k in range(16)]
         for threads in (1, 2):
-            works[plant, threads] = lambda c=campaign, b=batches, t=threads: list(
+            tasks[plant, threads] = lambda c=campaign, b=batches, t=threads: list(
                 run_batches(c, b, workers=t)
             )
-    later = interleaved(works, max(4, repeats // 2))
-    rate = [64.0 / t for t in later["mujoco", 2]]
-    faster = [4.0 * m / a for m, a in zip(later["mujoco", 2], later["analytic", 2], strict=True)]
+    times = time_alternately(tasks, max(4, repeats // 2))
+    one, two = times["mujoco", 1], times["mujoco", 2]
+    speedups = [4.0 * ratio for ratio in ratios_of(two, times["analytic", 2])]  # four times as many runs
     return [
-        figure(RATE, rate, "1/s"),
-        figure("analytic campaign / MuJoCo campaign, rate", faster, "", 3.0, at_least=True),
-        ratio_of_best(
-            "2 threads / 1 thread, rate, best of each",
-            later["mujoco", 1],
-            later["mujoco", 2],
-            1.9,
-            at_least=True,
-        ),
+        summarise(RATE, [64.0 / seconds for seconds in two], "1/s"),
+        summarise("rate of runs: analytic campaign / MuJoCo campaign", speedups, "", 3.0, at_least=True),
+        compare_best("rate of runs: 2 threads / 1 thread, best of each", one, two, 1.9, at_least=True),
     ]
 
 
-def many_runs(_repeats: int) -> list[Figure]:
-    """Time ten and a hundred thousand runs, cut to a few samples each, by the command as anyone starts it."""
-    found = []
+def measure_many_runs(_repeats: int) -> list[Measurement]:
+    """Measure memory and time of `cranectl campaign` with 10 000 and 100 000 runs of a few samples."""
+    results = []
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "many.toml").write_text(MANY, encoding="utf-8")
         run = ["campaign", "run", "many.toml", "--out", "many", "--overwrite"]
         for runs, name in ((10_000, "10 000"), (100_000, "100 000")):
-            peak, took = peak_memory([*run, "--runs", str(runs)], folder)
-            found.append(figure(MEMORY.format(name), [peak], "MB", 1000.0))
-        report, _ = peak_memory(["campaign", "report", "many"], folder)
+            memory, seconds = measure_command([*run, "--runs", str(runs)], folder)
+            results.append(summarise(MEMORY.format(name), [memory], "MB", 1000.0))
+        report, _ = measure_command(["campaign", "report", "many"], folder)
         size = sum(part.stat().st_size for part in (Path(folder) / "many" / "parts").iterdir())
     return [
-        *found,
-        figure("report of 100 000: memory", [report], "MB", 1000.0),
-        figure(RESULT, [size / runs], "B"),
-        figure("a run besides its samples, 2 threads", [took / runs * 1e3], "ms"),
+        *results,
+        summarise("memory of a report on 100 000 short runs", [report], "MB", 1000.0),
+        summarise(RESULT, [size / runs], "B"),
+        summarise("overhead of a run besides its samples, 2 threads", [seconds / runs * 1e3], "ms"),
     ]
 
 
-def peak_memory(arguments: list[str], folder: str) -> tuple[float, float]:
+def measure_command(arguments: list[str], folder: str) -> tuple[float, float]:
     """Return the largest resident memory [MB] of a command of cranectl, and its time [s]."""
     program = (
         "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, capture_output=True);"
@@ -207,12 +204,12 @@ def peak_memory(arguments: list[str], folder: str) -> tuple[float, float]:
     )
     command = [sys.executable, "-c", program, sys.executable, "-m", "cranectl", *arguments]
     start = time.perf_counter()
-    done = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
-    return int(done.stdout) / 1e3, time.perf_counter() - start
+    process = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
+    return int(process.stdout) / 1e3, time.perf_counter() - start
 
 
-def other_ways(repeats: int) -> list[Figure]:
-    """Compare the time of a run in a campaign with other ways to write the same loop."""
+def compare_other_implementations(repeats: int) -> list[Measurement]:
+    """Compare the time of a run in a campaign with other implementations of the same loop."""
     controller = HEAVY[0]
     task = other.Task(controller)
     campaign = make_campaign(
@@ -225,21 +222,22 @@ def other_ways(repeats: int) -> list[Figure]:
         )
     )  # fmt: skip
     worker = Worker(Prepared(campaign))
-    ways: dict[str, tuple[int, Callable[[], object]]] = {
-        "ours": (8, lambda: worker.run_batch(Batch("mujoco", controller, 0, 8))),
-        "crane after crane in Python, law in NumPy": (1, lambda: other.python_loop(task, 1)),
-        "`mujoco.rollout`, law in NumPy, 64 cranes": (64, lambda: other.rollout_loop(task, 64)),
-        "`mujoco.batch`, law in NumPy, 64 cranes": (64, lambda: other.batch_loop(task, 64)),
+    loops: dict[str, tuple[int, Callable[[], object]]] = {  # by name: number of runs, and the loop
+        "cranectl": (8, lambda: worker.run_batch(Batch("mujoco", controller, 0, 8))),
+        "one crane at a time in Python, controller in NumPy": (1, lambda: other.python_loop(task, 1)),
+        "`mujoco.rollout`, controller in NumPy, 64 cranes": (64, lambda: other.rollout_loop(task, 64)),
+        "`mujoco.batch`, controller in NumPy, 64 cranes": (64, lambda: other.batch_loop(task, 64)),
     }
     try:
-        mjx = other.MjxLoop(task, 64)
-        ways["MJX, law in JAX, 64 cranes, all cores"] = (64, mjx)
+        loops["MJX, controller in JAX, 64 cranes, all cores"] = (64, other.MjxLoop(task, 64))
     except ImportError:
-        print("MJX is not installed (pip install --group performance): left out", file=sys.stderr)
-    times = interleaved({name: work for name, (_, work) in ways.items()}, max(3, repeats // 3))
-    each = {name: [t / ways[name][0] for t in values] for name, values in times.items()}
+        print(
+            "MJX is left out, because it is not installed; pip install --group performance", file=sys.stderr
+        )
+    times = time_alternately({name: loop for name, (_, loop) in loops.items()}, max(3, repeats // 3))
+    per_run = {name: [seconds / loops[name][0] for seconds in values] for name, values in times.items()}
     return [
-        figure(f"{name} / campaign, 1 thread", [t / o for t, o in zip(values, each["ours"], strict=True)], "")
-        for name, values in each.items()
-        if name != "ours"
+        summarise(f"{name} / campaign, 1 thread", ratios_of(values, per_run["cranectl"]), "")
+        for name, values in per_run.items()
+        if name != "cranectl"
     ]

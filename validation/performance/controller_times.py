@@ -1,8 +1,8 @@
-"""What the laws of the benchmark cost a sample, and in ratios to its baseline.
+"""Measure the time per sample of each controller of the benchmark, and its ratio to that of the baseline.
 
-    python validation/performance/controller_times.py    print the section of the page of performance
+    python validation/performance/controller_times.py    print the section of the performance page
 
-Part of `performance.py`. The compiled steps of a law alone, over the states of its own run.
+Part of `performance.py`. It times the compiled steps of a controller alone, on the states of its own run.
 """
 
 import subprocess
@@ -25,20 +25,24 @@ from cranectl.planning import load_scenario
 from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
 from cranectl.simulate.loops import give_measured
 from cranectl.support.jit import jit
-from validation.performance.figures import Figure, figure
+from validation.performance.figures import Measurement, summarise
 
 BENCHMARK, SCENARIO, DRIVE = "literature", "hoist-and-go", "velocity"
 FLAGS = ("-O2", "-shared", "-fPIC", "-ffp-contract=off", f"-I{HEADER.parent}")
 
 SECTION = """
-## The laws of the benchmark
+## Controllers of the benchmark
 
-By `python validation/performance/controller_times.py`: the compiled step of each law alone, as the loop
-calls it, on the states of its own run, {scenario} with {drive} drives, true states measured, in
-processor time. What the call costs is in the row `nothing`, which commands zero. In `pole-placement`,
-`lqr` and what is added to it, the step also makes the load and its errors for the log; for all others
-the loop does. Laws take turns; ratios are of the best one of each. A law that does not step at every
-sample, of 1 ms, costs its steps only: the last column is what one takes.
+`python validation/performance/controller_times.py` measures the processor time of the compiled step
+of each controller alone. The loop's call of the step is included. The states are those of the
+controller's own run of {scenario} with {drive} drives, measured without errors.
+
+- The row `nothing` is a controller that commands zero. It shows the cost of the call.
+- The steps of `pole-placement`, `lqr` and their variants also compute the load and its errors for
+  the log. For all other controllers the loop computes them.
+- Controllers take turns. A ratio compares the best turns of both.
+- A sample has 1 ms. Some controllers do not step at every sample: the last column is the time of a
+  step.
 
 {table}
 """
@@ -51,95 +55,99 @@ def nothing(_parameters, _measured, _reference, _memory, command):
     return 0
 
 
-NOTHING = Controller("nothing", "what a sample costs besides its law", nothing, lambda _: (np.zeros(1),) * 2)
+NOTHING = Controller(
+    "nothing", "cost of a sample without a controller", nothing, lambda _: (np.zeros(1),) * 2
+)
 
 
-def shared_library(*sources: Path, folder: Path | None = None) -> Path:
-    """Build `sources` in C as users do, in `folder` or beside them."""
+def build_library(*sources: Path, folder: Path | None = None) -> Path:
+    """Build a shared library from C sources as users do, in `folder` or beside the first source."""
     library = (folder or sources[0].parent) / sources[0].with_suffix(".so").name
     subprocess.run(["cc", *FLAGS, "-o", library, *sources, "-lm"], check=True)
     return library
 
 
 @dataclass(frozen=True)
-class LawTime:
-    """Of one law."""
+class ControllerTime:
+    """Time of one controller."""
 
-    law: str
-    every: int  # samples between two steps
-    sample: Figure  # [µs]
-    ratio: float  # to the benchmark's baseline, best turn to best turn
+    law: str  # name of the controller
+    every: int  # samples from step to step
+    sample: Measurement  # [µs]
+    ratio: float  # least time over the least time of the benchmark's baseline
 
 
 @jit
-def _steps(law, states, memory):
-    """Run all steps, and return the number of those that failed."""
+def _run_steps(compiled, states, memory):
+    """Run the steps of all samples, and return the number of those that failed."""
     failed = 0
     for k in range(states.shape[0]):
-        give_measured(law, None, states[k], k)
-        if k % law.every == 0:
-            status = _call(law.address, law.parameters, law.measured, law.reference[k], memory, law.command)
-            failed += status != 0
+        give_measured(compiled, None, states[k], k)
+        if k % compiled.every == 0:
+            arguments = (compiled.parameters, compiled.measured, compiled.reference[k], memory)
+            failed += _call(compiled.address, *arguments, compiled.command) != 0
     return failed
 
 
-class Again:
-    """The law of a run on the states of that run."""
+class RepeatedRun:
+    """A simulated run, whose controller can be called again on the recorded states."""
 
-    def __init__(self, law: str) -> None:
+    def __init__(self, controller: str) -> None:
         scenario = load_scenario(benchmark_file(BENCHMARK).parent / "scenarios" / f"{SCENARIO}.toml")
-        plan, design = plan_scenario(scenario), controller_design(law, scenario)
-        self.law = prepare_controller(scenario, design, DRIVE, plan)
-        run = simulate_run(scenario, plant="analytic", drive=DRIVE, design=design, plan=plan, law=self.law)
+        plan, design = plan_scenario(scenario), controller_design(controller, scenario)
+        self.controller = prepare_controller(scenario, design, DRIVE, plan)
+        run = simulate_run(
+            scenario, plant="analytic", drive=DRIVE, design=design, plan=plan, law=self.controller
+        )
         self.states = np.ascontiguousarray(run.block("state"))
 
-    def seconds_a_sample(self) -> float:
-        """Return the processor time of a sample, which other work disturbs less."""
-        law, memory = bind_address(with_own_memory(self.law)), self.law.start.copy()
+    def time_sample(self) -> float:
+        """Return the processor time of a sample [s], which other processes disturb less than clock time."""
+        compiled, memory = bind_address(with_own_memory(self.controller)), self.controller.start.copy()
         start = thread_time()
-        failed = _steps(law, self.states, memory)
-        took = thread_time() - start
+        failed = _run_steps(compiled, self.states, memory)
+        elapsed = thread_time() - start
         assert failed == 0
-        return took / len(self.states)
+        return elapsed / len(self.states)
 
 
-def controller_times(repeats: int) -> list[LawTime]:
-    """Measure the time of every controller of the benchmark, and of `nmpc`, which has to be built."""
+def measure_controllers(repeats: int) -> list[ControllerTime]:
+    """Measure the time of all controllers of the benchmark, of `nmpc` and of `nothing`, fastest first."""
     settings = read_benchmark(BENCHMARK)
     with tempfile.TemporaryDirectory() as folder:
         nmpc = settings.file.parent / "nmpc"
-        built = open_controller(str(shared_library(nmpc / "nmpc.c", nmpc / "model.c", folder=Path(folder))))
+        library = build_library(nmpc / "nmpc.c", nmpc / "model.c", folder=Path(folder))
         register_controller(NOTHING)
-        laws = (*measured_controllers(settings), built, NOTHING.name)
-        runs = {law: Again(law) for law in laws}
-        rounds = [{law: run.seconds_a_sample() for law, run in runs.items()} for _ in range(repeats + 1)]
-    times = {law: [1e6 * each[law] for each in rounds[1:]] for law in runs}
-    found = [
-        LawTime(
-            law,
-            load_controller(law).every,
-            figure(f"a sample of {law}", of_law, "µs"),
-            min(of_law) / min(times[settings.baseline]),
+        controllers = (*measured_controllers(settings), open_controller(str(library)), NOTHING.name)
+        runs = {controller: RepeatedRun(controller) for controller in controllers}
+        turns = [{name: run.time_sample() for name, run in runs.items()} for _ in range(repeats + 1)]
+    times = {controller: [1e6 * turn[controller] for turn in turns[1:]] for controller in runs}
+    results = [
+        ControllerTime(
+            controller,
+            load_controller(controller).every,
+            summarise(f"a sample of {controller}", values, "µs"),
+            min(values) / min(times[settings.baseline]),
         )
-        for law, of_law in times.items()
+        for controller, values in times.items()
     ]
-    return sorted(found, key=lambda each: each.ratio)
+    return sorted(results, key=lambda time: time.ratio)
 
 
-def section(times: Iterable[LawTime]) -> str:
-    """Return the section of the page as Markdown."""
+def controllers_section(times: Iterable[ControllerTime]) -> str:
+    """Return the section of the page about controllers, in Markdown."""
     lines = [
-        "| law | a sample [µs] | spread | / `lqr-integral` | a step every [ms] | a step [µs] |",
+        "| controller | sample [µs] | spread | / `lqr-integral` | step every [ms] | step [µs] |",
         "|---|---|---|---|---|---|",
     ]
-    for each in times:
-        low, high = each.sample.spread
+    for time in times:
+        low, high = time.sample.spread
         lines.append(
-            f"| `{each.law}` | {each.sample.value:.3g} | {low:.3g} … {high:.3g} | {each.ratio:.3g} | "
-            f"{each.every} | {each.every * each.sample.value:.3g} |"
+            f"| `{time.law}` | {time.sample.value:.3g} | {low:.3g} … {high:.3g} | {time.ratio:.3g} | "
+            f"{time.every} | {time.every * time.sample.value:.3g} |"
         )
     return SECTION.format(scenario=f"`{SCENARIO}`", drive=DRIVE, table="\n".join(lines))
 
 
 if __name__ == "__main__":
-    print(section(controller_times(9)))
+    print(controllers_section(measure_controllers(9)))

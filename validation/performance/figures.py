@@ -1,4 +1,4 @@
-"""Figures of a benchmark: medians of repeats with their spread and limit."""
+"""Measure times and summarise repeated measurements by median, spread and limit."""
 
 import statistics
 import time
@@ -10,46 +10,57 @@ K = TypeVar("K", bound=Hashable)
 
 
 @dataclass(frozen=True)
-class Figure:
-    """One measured figure; `limit` is an upper bound, or a lower one where `at_least`."""
+class Measurement:
+    """Summary of a repeated measurement; `limit` is the largest value allowed, or the least if `at_least`."""
 
     name: str
-    value: float
+    value: float  # median
     unit: str
-    spread: tuple[float, float]
+    spread: tuple[float, float]  # least and largest value
     limit: float | None = None
     at_least: bool = False
 
     @property
-    def good(self) -> bool:
+    def meets_limit(self) -> bool:
         if self.limit is None:
             return True
         return self.value >= self.limit if self.at_least else self.value <= self.limit
 
 
-def seconds(work: Callable[[], object]) -> float:
+def time_call(function: Callable[[], object]) -> float:
     """Return the wall-clock time of a call [s]."""
     start = time.perf_counter()
-    work()
+    function()
     return time.perf_counter() - start
 
 
-def interleaved(works: Mapping[K, Callable[[], object]], repeats: int) -> dict[K, list[float]]:
-    """Return times of each work [s], which take turns after a rehearsal."""
-    rounds = [{name: seconds(work) for name, work in works.items()} for _ in range(repeats + 1)]
-    return {name: [times[name] for times in rounds[1:]] for name in works}
+def time_alternately(functions: Mapping[K, Callable[[], object]], repeats: int) -> dict[K, list[float]]:
+    """Call the functions in turns, and return their times [s] without those of the first turn."""
+    turns = [{name: time_call(call) for name, call in functions.items()} for _ in range(repeats + 1)]
+    return {name: [times[name] for times in turns[1:]] for name in functions}
 
 
-def figure(
+def ratios_of(numerators: list[float], denominators: list[float]) -> list[float]:
+    """Return the ratio of each pair of values."""
+    return [a / b for a, b in zip(numerators, denominators, strict=True)]
+
+
+def summarise(
     name: str, values: list[float], unit: str, limit: float | None = None, *, at_least: bool = False
-) -> Figure:
+) -> Measurement:
     """Return the median of `values` and their spread."""
-    return Figure(name, statistics.median(values), unit, (min(values), max(values)), limit, at_least)
+    return Measurement(name, statistics.median(values), unit, (min(values), max(values)), limit, at_least)
 
 
-def ratio_of_best(
-    name: str, above: list[float], below: list[float], limit: float | None = None, *, at_least: bool = False
-) -> Figure:
-    """Return the least of `above` over the least of `below`, which other work disturbs least."""
-    ratios = [a / b for a, b in zip(above, below, strict=True)]
-    return Figure(name, min(above) / min(below), "", (min(ratios), max(ratios)), limit, at_least)
+def compare_best(
+    name: str,
+    numerators: list[float],
+    denominators: list[float],
+    limit: float | None = None,
+    *,
+    at_least: bool = False,
+) -> Measurement:
+    """Return the ratio of the least values, which other processes disturb least."""
+    ratios = ratios_of(numerators, denominators)
+    best = min(numerators) / min(denominators)
+    return Measurement(name, best, "", (min(ratios), max(ratios)), limit, at_least)

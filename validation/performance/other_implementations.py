@@ -1,7 +1,8 @@
-"""A campaign's closed loop as one would write it otherwise: the law in NumPy, the engine's own tools.
+"""Implement a campaign's closed loop by the engine's own tools, with the controller in NumPy or JAX.
 
-The law is written out once more, over arrays of cranes, for NumPy and for JAX alike; a test holds all ways to
-the same motion. Each way takes cranes of one model, records nothing but the last state and measures nothing.
+The controller is written once more, for arrays of cranes, by code that serves NumPy and JAX. A test checks
+that all implementations reach the same state. Each simulates cranes of one model, returns only the last
+state, and computes no metrics.
 """
 
 from typing import Any, NamedTuple
@@ -25,12 +26,12 @@ from cranectl.simulate import plan_scenario, tracker_of
 from cranectl.simulate.actuation import make_actuation
 
 Array = NDArray[np.float64]
-SCENARIO, OVERRIDES = "off-reference", ["duration=7"]  # nothing but a path caught from beside it
+SCENARIO, OVERRIDES = "off-reference", ["duration=7"]  # a path, with the load beside it at the start
 DRIVE = "velocity"
 
 
 class Memory(NamedTuple):
-    """Controller states of n cranes."""
+    """States of the controllers of n cranes."""
 
     zeta: Any  # (n,)
     zeta_dot: Any  # (n,)
@@ -39,7 +40,7 @@ class Memory(NamedTuple):
 
 
 class Task:
-    """A scenario, a controller and the model, as anyone has them."""
+    """A scenario with its controller and model."""
 
     def __init__(self, controller: str) -> None:
         self.scenario = load_scenario(SCENARIO, overrides=OVERRIDES)
@@ -60,17 +61,20 @@ class Task:
         state, reference = self.plan.initial_state, self.plan.reference[0]
         qpos, qvel = np.zeros(5), np.zeros(5)
         qpos[self.positions], qvel[self.rates] = state[0::2], state[1::2]
-        one = np.ones((cranes, 1))
+        ones = np.ones((cranes, 1))
         memory = Memory(
-            one[:, 0] * reference[8],
-            one[:, 0] * reference[11],
-            one * state[1:6:2],
+            ones[:, 0] * reference[8],
+            ones[:, 0] * reference[11],
+            ones * state[1:6:2],
             np.zeros((cranes, 3, len(self.b))),
         )
-        return one * qpos, one * qvel, memory
+        return ones * qpos, ones * qvel, memory
 
-    def law(self, xp: Any, q: Any, v: Any, reference: Any, memory: Memory) -> tuple[Any, Memory]:
-        """Compute velocity set-points (n, 3) for positions and rates (n, 5) in the model's order."""
+    def control(self, xp: Any, q: Any, v: Any, reference: Any, memory: Memory) -> tuple[Any, Memory]:
+        """Return velocity set-points (n, 3) [m/s], and the next states of the controllers.
+
+        `xp` is NumPy or JAX's NumPy, and `q` and `v` are positions and rates (n, 5) in the model's order.
+        """
         t, dt = self.tracker, self.tracker.period
         zeta, zeta_dot, setpoint, xi = memory
         x_c, y_c, length, alpha, beta = (q[:, k] for k in self.positions)
@@ -118,7 +122,7 @@ class Task:
 
 
 def python_loop(task: Task, cranes: int) -> Array:
-    """Simulate one crane after the other: controller in NumPy, the engine's binding."""
+    """Simulate one crane after the other by the engine's Python binding; return the last states (n, 10)."""
     data = mujoco.MjData(task.model)
     ends = np.zeros((cranes, 10))
     for k in range(cranes):
@@ -126,7 +130,7 @@ def python_loop(task: Task, cranes: int) -> Array:
         mujoco.mj_resetData(task.model, data)
         data.qpos[:], data.qvel[:] = q[0], v[0]
         for reference in task.plan.reference[:-1]:
-            command, memory = task.law(np, data.qpos[None], data.qvel[None], reference, memory)
+            command, memory = task.control(np, data.qpos[None], data.qvel[None], reference, memory)
             data.ctrl[task.drives] = command[0]
             mujoco.mj_step(task.model, data)
         ends[k] = [*data.qpos, *data.qvel]
@@ -134,18 +138,18 @@ def python_loop(task: Task, cranes: int) -> Array:
 
 
 def batch_loop(task: Task, cranes: int) -> Array:
-    """Simulate all cranes at once: controller in NumPy, `mujoco.batch` on one thread."""
+    """Simulate all cranes at once by `mujoco.batch` on one thread; return the last states (n, 10)."""
     batch = Batch(task.model, nsim=cranes, nthread=1)
     q, v, ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
     q[:], v[:], memory = task.start(cranes)
     for reference in task.plan.reference[:-1]:
-        ctrl[:, task.drives], memory = task.law(np, q, v, reference, memory)
+        ctrl[:, task.drives], memory = task.control(np, q, v, reference, memory)
         batch.step()
     return np.hstack([q, v])
 
 
 def rollout_loop(task: Task, cranes: int) -> Array:
-    """Simulate all cranes at once: controller in NumPy, `mujoco.rollout` step by step."""
+    """Simulate all cranes at once by one-step calls of `mujoco.rollout`; return the last states (n, 10)."""
     q, v, memory = task.start(cranes)
     full = np.hstack([np.zeros((cranes, 1)), q, v])  # time first
     commands = np.zeros((cranes, 1, task.model.nu))
@@ -154,17 +158,17 @@ def rollout_loop(task: Task, cranes: int) -> Array:
     with Rollout(nthread=0) as rollout:
         for reference in task.plan.reference[:-1]:
             q, v = full[:, 1:6], full[:, 6:]
-            commands[:, 0, task.drives], memory = task.law(np, q, v, reference, memory)
+            commands[:, 0, task.drives], memory = task.control(np, q, v, reference, memory)
             rollout.rollout(models, data, full, commands, nstep=1, state=following, sensordata=sensors)
             full = following[:, 0].copy()
     return full[:, 1:]
 
 
 class MjxLoop:
-    """All cranes in one program that JAX compiles, in double precision; on all cores."""
+    """A program for all cranes that JAX compiles in double precision, on all cores."""
 
     def __init__(self, task: Task, cranes: int) -> None:
-        """Compile. Raises ImportError without the package."""
+        """Compile the program; raise ImportError if MJX is not installed."""
         import jax
         from mujoco import mjx
 
@@ -172,17 +176,17 @@ class MjxLoop:
         xp = jax.numpy
         q, v, self._memory = jax.tree.map(xp.asarray, task.start(cranes))
         model = mjx.put_model(task.model_without_tendon)
-        still = mjx.put_data(task.model_without_tendon, mujoco.MjData(task.model_without_tendon))
-        self._data = jax.vmap(lambda q, v: still.replace(qpos=q, qvel=v))(q, v)
+        at_zero = mjx.put_data(task.model_without_tendon, mujoco.MjData(task.model_without_tendon))
+        self._data = jax.vmap(lambda q, v: at_zero.replace(qpos=q, qvel=v))(q, v)
         references = xp.asarray(task.plan.reference[:-1])
 
-        def one(carry: Any, reference: Any) -> tuple[Any, None]:
+        def advance(carry: Any, reference: Any) -> tuple[Any, None]:
             data, memory = carry
-            command, memory = task.law(xp, data.qpos, data.qvel, reference, memory)
+            command, memory = task.control(xp, data.qpos, data.qvel, reference, memory)
             data = data.replace(ctrl=data.ctrl.at[:, task.drives].set(command))
             return (jax.vmap(lambda d: mjx.step(model, d))(data), memory), None
 
-        self._run = jax.jit(lambda *start: jax.lax.scan(one, start, references)[0][0])
+        self._run = jax.jit(lambda *start: jax.lax.scan(advance, start, references)[0][0])
         self._run = self._run.lower(self._data, self._memory).compile()
 
     def __call__(self) -> Array:

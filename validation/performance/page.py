@@ -1,4 +1,4 @@
-"""Results of `performance.py`: the file that keeps them, performance.json, and the page that shows them."""
+"""Write and read performance.json, the results of `performance.py`, and return them as a page."""
 
 import json
 from collections.abc import Iterable
@@ -6,77 +6,91 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from validation.performance.controller_times import LawTime, section
-from validation.performance.figures import Figure
-from validation.performance.scaling import scaling
+from validation.performance.controller_times import ControllerTime, controllers_section
+from validation.performance.figures import Measurement
+from validation.performance.scaling import scaling_section
 
 DATA = Path(__file__).with_name("performance.json")
-DIGITS = 5  # that are kept
+DIGITS = 5  # of a stored number
 
 HEAD = """# Performance
 
-Measured by `validation/performance/performance.py`, written by `make docs`. Ratios are medians of
-interleaved repeats in one process, so they hold on other machines; times are of the machine that measured
-them, with two cores. Runs record every signal of every sample, campaigns keep metrics.
+`validation/performance/performance.py` measures this page, and `make docs` writes it. The parts
+that a row compares take turns in one process, and a ratio is the median over the turns. So ratios
+hold on other machines. Times are those of one machine with two cores. Runs record every signal of
+every sample; campaigns keep metrics.
 
-Bare steps are RK4 of 1 ms without effects, called from a compiled loop, without the engine's clock, which
-cranectl takes away for all. They are of `models/crane.xml`; and of the model that runs take, which moves
-alike to the bit, but is not drawn, nor searched for springs, dampers and constraints that it does not have.
-Other ways to write the same closed loop (`validation/performance/other_implementations.py`) step the
-model file, record nothing, and reach the same last state.
+Bare steps are steps of the engine alone: RK4 of 1 ms without effects, called from a compiled loop.
+cranectl switches off the engine's clock everywhere, also for them. There are bare steps of two
+models:
 
-A log is measured against the library that writes MCAP, given the same messages as bytes. What cranectl adds
-is a third of the time: a half of that makes the messages of the 3-D scene, the rest makes those of the
-signals, checks that the runs agree with what is said of them, judges the pair, and reads the file back.
+- the model file, `models/crane.xml`
+- the model of runs. It moves equally to the bit, but has nothing to draw. The engine does not
+  search it for springs, dampers and constraints that it does not have.
+
+Other implementations of the same closed loop are in
+`validation/performance/other_implementations.py`. They step the model file, record nothing, and
+reach the same last state.
+
+Writing a log is compared with the library that writes MCAP, which gets the same messages as bytes.
+cranectl needs a third of the time for its own work. Half of that makes the messages of the 3-D
+scene. The rest makes those of the signals, checks the runs against their description, compares the
+pair, and reads the file back.
 
 """
 
 
-def write_results(figures: Iterable[Figure], times: Iterable[LawTime], path: Path = DATA) -> None:
-    """Write the file, a figure or controller a line."""
-    parts = {"figures": figures, "controllers": times}
+def write_results(
+    measurements: Iterable[Measurement], times: Iterable[ControllerTime], path: Path = DATA
+) -> None:
+    """Write the file, with one line for each measurement and controller."""
+    parts = {"figures": measurements, "controllers": times}
     lists = (f'"{name}": [\n{_lines(records)}\n]' for name, records in parts.items())
     path.write_text("{{{}}}\n".format(",\n".join(lists)), encoding="utf-8")
 
 
-def _lines(records: Iterable[Figure] | Iterable[LawTime]) -> str:
-    return ",\n".join(json.dumps(_rounded(asdict(each)), ensure_ascii=False) for each in records)
+def _lines(records: Iterable[Measurement] | Iterable[ControllerTime]) -> str:
+    return ",\n".join(json.dumps(_round(asdict(record)), ensure_ascii=False) for record in records)
 
 
-def _rounded(value: Any) -> Any:
-    """Return a value of JSON with DIGITS digits of its floats, and without what is the default."""
+def _round(value: Any) -> Any:
+    """Return a value of JSON with floats of DIGITS digits, and without None and False."""
     if isinstance(value, dict):
-        return {key: _rounded(each) for key, each in value.items() if each is not None and each is not False}
+        return {key: _round(item) for key, item in value.items() if item is not None and item is not False}
     if isinstance(value, tuple):
-        return [_rounded(each) for each in value]
+        return [_round(item) for item in value]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
-def read_results(path: Path = DATA) -> tuple[list[Figure], list[LawTime]]:
-    """Return what `write_results` has written."""
-    told = json.loads(path.read_text(encoding="utf-8"))
-    times = [LawTime(**{**each, "sample": _figure(each["sample"])}) for each in told["controllers"]]
-    return [_figure(each) for each in told["figures"]], times
+def read_results(path: Path = DATA) -> tuple[list[Measurement], list[ControllerTime]]:
+    """Read a file of `write_results`."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    times = [
+        ControllerTime(**{**record, "sample": _measurement(record["sample"])})
+        for record in content["controllers"]
+    ]
+    return [_measurement(record) for record in content["figures"]], times
 
 
-def _figure(told: dict[str, Any]) -> Figure:
-    return Figure(**{**told, "spread": tuple(told["spread"])})
+def _measurement(record: dict[str, Any]) -> Measurement:
+    return Measurement(**{**record, "spread": tuple(record["spread"])})
 
 
-def performance_page(figures: list[Figure], times: list[LawTime]) -> str:
+def performance_page(measurements: list[Measurement], times: list[ControllerTime]) -> str:
     """Return the page in Markdown."""
-    return HEAD + table(figures) + section(times) + scaling(figures)
+    sections = (results_table(measurements), controllers_section(times), scaling_section(measurements))
+    return HEAD + "".join(sections)
 
 
-def table(figures: Iterable[Figure]) -> str:
-    """Return figures in Markdown, a row each."""
+def results_table(measurements: Iterable[Measurement]) -> str:
+    """Return a table in Markdown with a row for each measurement."""
     lines = ["| measured | median | spread | limit |", "|---|---|---|---|"]
-    for f in figures:
+    for m in measurements:
         limit = (
             ""
-            if f.limit is None
-            else f"{'≥' if f.at_least else '≤'} {f.limit:g}{'' if f.good else ' **missed**'}"
+            if m.limit is None
+            else f"{'≥' if m.at_least else '≤'} {m.limit:g}{'' if m.meets_limit else ' **missed**'}"
         )
-        low, high = (f"{value:.3g}" for value in f.spread)
-        lines.append(f"| {f.name} | {f.value:.3g} {f.unit} | {low} … {high} | {limit} |")
+        low, high = (f"{value:.3g}" for value in m.spread)
+        lines.append(f"| {m.name} | {m.value:.3g} {m.unit} | {low} … {high} | {limit} |")
     return "\n".join(lines) + "\n"
