@@ -1,4 +1,4 @@
-"""The mutation proof: its script catches and lets survive what it should, its page is of today's code."""
+"""The mutation proof notices caught and surviving mutants, and its results belong to the present code."""
 
 import json
 import re
@@ -43,30 +43,30 @@ def python(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
 
 
-def test_a_mutant_that_no_test_looks_at_survives(tmp_path: Path) -> None:
+def test_mutant_survives_if_no_test_calls_it(tmp_path: Path) -> None:
     path = tmp_path / "mutations.json"
     write_results({}, path)
-    done = python("-c", ONE_FUNCTION, "potential_energy", "tests/support/test_errors.py", str(path))
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert "SURVIVED cranectl.model.dynamics.potential_energy" in done.stdout
+    process = python("-c", ONE_FUNCTION, "potential_energy", "tests/support/test_errors.py", str(path))
+    assert process.returncode == 1, process.stdout + process.stderr
+    assert "SURVIVED cranectl.model.dynamics.potential_energy" in process.stdout
     assert survivors(read_results(path)) == sum(counts(read_results(path)).values()) >= 3
 
 
-def test_the_results_are_of_todays_code_and_nothing_survived() -> None:
+def test_results_belong_to_present_code_and_no_mutant_survives() -> None:
     results = read_results(DATA)
     assert survivors(results) == 0
     assert json.loads(python("-c", COUNT).stdout) == counts(results), "run validation/proofs/mutations.py"
 
 
-def test_mutants_of_one_function_are_caught_and_take_the_place_of_old_results(tmp_path: Path) -> None:
-    """The file that is read again has what was written, in the order of all."""
+def test_results_of_one_function_replace_its_previous_results(tmp_path: Path) -> None:
+    """The file keeps the order of functions, and all other results."""
     path = tmp_path / "mutations.json"
     before = read_results(DATA)
     write_results(before, path)
     assert read_results(path) == before
-    done = python("-c", ONE_FUNCTION, "load_velocity", "tests/model/test_flatness.py", str(path))
-    assert done.returncode == 0, done.stdout + done.stderr
-    caught = re.search(r"(\d+) mutants, (\d+) caught, 0 survived", done.stdout)
+    process = python("-c", ONE_FUNCTION, "load_velocity", "tests/model/test_flatness.py", str(path))
+    assert process.returncode == 0, process.stdout + process.stderr
+    caught = re.search(r"(\d+) mutants, (\d+) caught, 0 survived", process.stdout)
     assert caught is not None
     assert caught[1] == caught[2]
     assert int(caught[1]) >= 3
@@ -77,11 +77,11 @@ def test_mutants_of_one_function_are_caught_and_take_the_place_of_old_results(tm
     assert changed <= {"cranectl.model.dynamics.load_velocity"}
 
 
-def test_the_page_shows_what_became_of_each_mutant() -> None:
-    killers = ("test_a.py::test_b", None, SURVIVED)
-    text = mutation_page({"f": [Row(3, "a + b", killers), Row(4, "c[0]", (*killers, "test_a.py::test_c"))]})
+def test_page_shows_the_result_of_each_mutant() -> None:
+    tests = ("test_a.py::test_b", None, SURVIVED)
+    text = mutation_page({"f": [Row(3, "a + b", tests), Row(4, "c[0]", (*tests, "test_a.py::test_c"))]})
     assert "**5 mutants, 3 caught, 2 survived.**" in text
     assert "| line | term | flipped | dropped | × 1.01 | next index |" in text
-    shown = "`test_a.py::test_b` | enters squared | **survived**"
-    assert f"| 3 | `a + b` | {shown} | no index |" in text
-    assert f"| 4 | `c[0]` | {shown} | `test_a.py::test_c` |" in text
+    cells = "`test_a.py::test_b` | is squared | **survived**"
+    assert f"| 3 | `a + b` | {cells} | no index |" in text
+    assert f"| 4 | `c[0]` | {cells} | `test_a.py::test_c` |" in text

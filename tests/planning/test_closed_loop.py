@@ -9,7 +9,7 @@ import pytest
 from cranectl.analysis.budget.prediction import predict_levels
 from cranectl.analysis.budget.trajectory_loop import nominal_run
 from cranectl.scenario import Scenario
-from validation.proofs.minimum_times import CASES, ROUGH, followed, scenario
+from validation.proofs.minimum_times import CASES, ROUGH_EFFECTS, scenario, simulate_plan
 
 LIMITS = "effects.limits={}"
 AT_MOST = {"a": 5e-3, "b": 5e-3}  # [m], free motions in the open
@@ -43,8 +43,8 @@ def without_force_limits(plan: Scenario) -> Scenario:
 def test_the_load_errs_as_predicted_and_no_drive_saturates(case: str) -> None:
     plan = scenario(case, LIMITS)
     most = predicted(plan)
-    analytic = followed(without_force_limits(plan), "analytic")
-    for found in (analytic, *(followed(plan, plant) for plant in ("elastic", "mujoco"))):
+    analytic = simulate_plan(without_force_limits(plan), "analytic")
+    for found in (analytic, *(simulate_plan(plan, plant) for plant in ("elastic", "mujoco"))):
         assert found.saturated_s == 0.0
         assert found.max_error_m <= AT_MOST.get(case[0], np.inf)
         assert found.max_error_m == pytest.approx(most, rel=AS_PREDICTED)
@@ -52,9 +52,9 @@ def test_the_load_errs_as_predicted_and_no_drive_saturates(case: str) -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_feedback_from_encoders_has_enough_left_despite_delay_and_friction(case: str) -> None:
-    plan = scenario(case, LIMITS, *ROUGH)
+    plan = scenario(case, LIMITS, *ROUGH_EFFECTS)
     for plant in ("elastic", "mujoco"):  # the analytic one has no friction of its axes
-        assert followed(plan, plant).saturated_s < SELDOM
+        assert simulate_plan(plan, plant).saturated_s < SELDOM
 
 
 def test_a_plan_that_forgets_the_drives_lag_saturates() -> None:
@@ -62,6 +62,6 @@ def test_a_plan_that_forgets_the_drives_lag_saturates() -> None:
     case = next(iter(CASES))
     plan = scenario(case, LIMITS, "control.lag_compensation=false")
     asked = plan.control.model_copy(update={"lag_compensation": True})
-    found = followed(plan.model_copy(update={"control": asked}), "mujoco")
+    found = simulate_plan(plan.model_copy(update={"control": asked}), "mujoco")
     assert found.saturated_s > 2 * SELDOM
     assert found.max_error_m > AT_MOST[case[0]]

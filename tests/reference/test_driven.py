@@ -232,8 +232,8 @@ def test_random_wishes_stay_inside_the_limits() -> None:
     """50 minutes at a joystick, others with every commit; the seed is in the message."""
     seed = random_joystick.commit()
     for scenario in itertools.islice(random_joystick.random_drives(seed), 50):
-        loads = random_joystick.load_of_limits(scenario)
-        assert max(loads.values()) <= 1.0 + random_joystick.ROUNDING, (seed, scenario.name, loads)
+        usage = random_joystick.limit_usage(scenario)
+        assert max(usage.values()) <= 1.0 + random_joystick.ALLOWED_EXCESS, (seed, scenario.name, usage)
 
 
 @pytest.mark.parametrize("k", range(4))

@@ -1,4 +1,4 @@
-"""What of the limits of planned motions is mutated by `mutations`: there numbers come in lists."""
+"""Find the terms of the limits of planned motions that `mutations.py` changes; many are in lists."""
 
 import ast
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-LIMITED = {
+LIMIT_TARGETS = {  # functions by module
     "cranectl.planning.limits": """
         limits_of share_of motion constraints excesses clearance clear_of _symmetric
     """,
@@ -14,15 +14,15 @@ LIMITED = {
         from_derivatives differentiated shifted plus times over root square_root turned _dot
     """,
 }
-INDEX = "next index"
-# What they are given is a term.
-_RECORDS = ("Limits", "Motion", "Constraint", "_symmetric")
-# No terms: types, records, words, places, choices between limits; 1 % more than infinite is infinite.
-_NOT_A_TERM = (
+INDEX = "next index"  # name of the operation
+# The arguments of these calls are terms.
+_TERM_CALLS = ("Limits", "Motion", "Constraint", "_symmetric")
+# Expressions that begin so are no terms: types, records, names, choices between limits, infinite numbers.
+_NO_TERM_PREFIXES = (
     "list[", "Sequence[", "Limits(", "Motion(", "Constraint(", "_symmetric(", "tuple((Box", "side[", "0 if ",
     "effects.sensing or", "scenario.rig", "scenario.effects", "{", "-np.inf",
 )  # fmt: skip
-_NO_NUMBERS = (
+_NO_TERMS = (
     "coefficients",
     "constraint",
     "by_name",
@@ -36,13 +36,13 @@ _NO_NUMBERS = (
 
 
 def is_number(node: ast.expr) -> bool:
-    """Return True for a number, and for a tuple or list of numbers."""
+    """Return True if an expression is a number, or a tuple or list of numbers."""
     text = ast.unparse(node)
-    return not text.startswith(_NOT_A_TERM) and text not in _NO_NUMBERS
+    return not text.startswith(_NO_TERM_PREFIXES) and text not in _NO_TERMS
 
 
 def listed_terms(tree: ast.AST) -> Iterator[ast.expr]:
-    """Yield the terms of `mutations.terms`, arguments of records, and indexed values."""
+    """Yield the same terms as `mutations.terms`, also in lists, arguments of records, and indexed values."""
     for node in ast.walk(tree):
         if (
             isinstance(node, ast.AnnAssign | ast.Assign | ast.AugAssign | ast.Return)
@@ -51,7 +51,7 @@ def listed_terms(tree: ast.AST) -> Iterator[ast.expr]:
             yield from _listed(node.value)
         elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
             yield from (node.left, node.right)
-        elif isinstance(node, ast.Call) and ast.unparse(node.func) in _RECORDS:
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) in _TERM_CALLS:
             for value in (*node.args, *(keyword.value for keyword in node.keywords)):
                 yield from _listed(value)
         elif is_indexed(node):
@@ -59,7 +59,7 @@ def listed_terms(tree: ast.AST) -> Iterator[ast.expr]:
 
 
 def _listed(value: ast.expr) -> Iterator[ast.expr]:
-    """Yield the expressions in a value: elements of lists, tuples, arrays and comprehensions."""
+    """Yield the elements of lists, tuples, arrays and comprehensions, or the value itself."""
     if isinstance(value, ast.Tuple | ast.List):
         for element in value.elts:
             yield from _listed(element)
@@ -76,28 +76,28 @@ def _listed(value: ast.expr) -> Iterator[ast.expr]:
 
 
 def is_indexed(node: ast.AST) -> bool:
-    """Return True if a node is an element of something, by one index."""
+    """Return True if a node is an element with one index."""
     return (
         isinstance(node, ast.Subscript)
         and isinstance(node.ctx, ast.Load)
-        and (isinstance(node.slice, ast.Name) or _whole(node.slice))
+        and (isinstance(node.slice, ast.Name) or _is_integer(node.slice))
     )
 
 
-def _whole(index: ast.expr) -> bool:
+def _is_integer(index: ast.expr) -> bool:
     return isinstance(index, ast.Constant) and isinstance(index.value, int)
 
 
-def scaled(value: Any, factor: float) -> Any:
-    """Scale a number, or all numbers in lists."""
+def scale(value: Any, factor: float) -> Any:
+    """Scale a number, or all numbers in nested lists."""
     if isinstance(value, list | tuple):
-        return type(value)(scaled(each, factor) for each in value)
+        return type(value)(scale(item, factor) for item in value)
     return factor * value
 
 
-def moved_on(values: Any) -> Any:
-    """Shift all values by one place; the last gets the first."""
+def shift(values: Any) -> Any:
+    """Shift all values by one index; the last element becomes the first value."""
     return np.roll(values, -1, axis=0) if isinstance(values, np.ndarray) else [*values[1:], values[0]]
 
 
-NUMBERS = {"scaled": scaled, "moved_on": moved_on}  # as mutants call them
+HELPERS = {"scale": scale, "shift": shift}  # functions that mutants call, by name

@@ -1,7 +1,7 @@
-"""Results of `mutations.py`: the file that keeps them, mutations.json, and the page that shows them.
+"""Write and read mutations.json, the results of `mutations.py`, and return them as a page.
 
-In the file a row is a term: its line, its text, and by kind of mutant the test that failed first, as an index
-into the list of tests. A kind that was not tried is null, one that no test noticed is "survived".
+A row of the file is a term: its line, its text, and for each kind of mutant the test that failed first, as an
+index into the list of tests. It is null if the kind was not tried, and "survived" if no test failed.
 """
 
 import json
@@ -15,14 +15,21 @@ SURVIVED = "survived"
 
 HEAD = """# Mutation proof
 
-Measured by `validation/proofs/mutations.py`, written by `make docs`. Every term of the equations of motion,
-the flat map, the linearising law, the tracker, the observer's correction, the forces that act on the load,
-the drive model, the elastic crane, the crane in Drake and the limits of planned motions is flipped in sign,
-dropped, and made 1 % larger, one at a time; of limits an index is moved on too. In the cells is the first
-test that fails.
+This page shows that the tests notice every wrong term of the physics.
+`validation/proofs/mutations.py` changes one term at a time: it flips the sign, drops the term, or
+makes it 1 % larger. Elements in the limits of planned motions also get the next index. A cell names
+the first test that fails. `make docs` writes the page.
+
+The terms are those of:
+
+- the equations of motion, the flat map and the linearising law
+- the tracker, other controllers, and the observer's correction
+- the drive model, and the forces that act on the load
+- the elastic crane, and the crane in MuJoCo and Drake
+- the limits of planned motions
 
 """
-NOT_TRIED = dict.fromkeys(KINDS, "enters squared") | {"next index": "no index"}
+NOT_TRIED = dict.fromkeys(KINDS, "is squared") | {"next index": "no index"}
 
 
 class Row(NamedTuple):
@@ -30,30 +37,30 @@ class Row(NamedTuple):
 
     line: int
     term: str
-    tests: tuple[str | None, ...]  # by kind the test that failed first, SURVIVED, or None where not tried
+    tests: tuple[str | None, ...]  # by kind: the test that failed first, SURVIVED, or None if not tried
 
 
 Results = Mapping[str, Sequence[Row]]  # by function
 
 
 def read_results(path: Path) -> Results:
-    """Return what `write_results` has written."""
-    told = json.loads(path.read_text(encoding="utf-8"))
-    names = {None: None, SURVIVED: SURVIVED, **dict(enumerate(told["tests"]))}
+    """Read a file of `write_results`."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    names = {None: None, SURVIVED: SURVIVED, **dict(enumerate(content["tests"]))}
     return {
         function: [Row(line, term, tuple(names[cell] for cell in cells)) for line, term, *cells in rows]
-        for function, rows in told["functions"].items()
+        for function, rows in content["functions"].items()
     }
 
 
 def write_results(results: Results, path: Path) -> None:
-    """Write the file, a row a line."""
+    """Write the file, with one line for each term."""
     cells = [cell for rows in results.values() for row in rows for cell in row.tests]
     tests = dict.fromkeys(cell for cell in cells if cell not in (None, SURVIVED))
-    places: dict[str | None, int | str | None] = {None: None, SURVIVED: SURVIVED}
-    places |= {test: place for place, test in enumerate(tests)}
+    codes: dict[str | None, int | str | None] = {None: None, SURVIVED: SURVIVED}
+    codes |= {test: index for index, test in enumerate(tests)}
     functions = [
-        f"{json.dumps(function)}: {_lines((row.line, row.term, *map(places.get, row.tests)) for row in rows)}"
+        f"{json.dumps(function)}: {_lines((row.line, row.term, *map(codes.get, row.tests)) for row in rows)}"
         for function, rows in results.items()
     ]
     text = ",\n".join(functions)
@@ -64,8 +71,8 @@ def write_results(results: Results, path: Path) -> None:
 
 
 def _lines(values: Iterable[object]) -> str:
-    """Return a list as JSON, an element a line."""
-    rows = (json.dumps(each, ensure_ascii=False, separators=(",", ":")) for each in values)
+    """Return a list as JSON, with one line for each element."""
+    rows = (json.dumps(value, ensure_ascii=False, separators=(",", ":")) for value in values)
     return "[\n{}\n]".format(",\n".join(rows))
 
 
@@ -78,15 +85,15 @@ def counts(results: Results) -> dict[str, int]:
 
 
 def survivors(results: Results) -> int:
-    """Return the number of mutants that no test noticed."""
+    """Return the number of mutants for which no test failed."""
     return sum(row.tests.count(SURVIVED) for rows in results.values() for row in rows)
 
 
 def mutation_page(results: Results) -> str:
-    """Return the page in Markdown: a section a function, a row a term, a column a kind."""
+    """Return the page in Markdown: sections are functions, rows are terms, columns are kinds of mutants."""
     tried, survived = sum(counts(results).values()), survivors(results)
     summary = f"**{tried} mutants, {tried - survived} caught, {survived} survived.**\n"
-    return HEAD + "\n".join([summary, *(_section(*each) for each in results.items())])
+    return HEAD + "\n".join([summary, *(_section(*item) for item in results.items())])
 
 
 def _section(function: str, rows: Sequence[Row]) -> str:

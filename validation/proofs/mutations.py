@@ -1,14 +1,14 @@
-"""Would the tests notice a wrong sign? Mutate every term of the physics, one at a time, and see.
+"""Change every term of the physics, one at a time, and check that a test fails.
 
-Each term of the functions in TARGETS, that is each operand of a sum and each expression that is assigned,
-returned or listed, is flipped in sign, dropped, and made 1 % larger; in `limit_terms` each number with an
-index is given the next one too. Every time a test in SUITE must fail.
+A term is an operand of a sum, or an expression that is assigned, returned or an element of a list. Each term
+of the functions in TARGETS is flipped in sign, dropped, and made 1 % larger. Each element with an index in
+`limit_terms` also gets the next index. For each of these mutants a test in SUITE must fail.
 
     python validation/proofs/mutations.py                 all mutants, exit code 1 if one survives
     python validation/proofs/mutations.py flatness        only targets whose name contains this
-    python validation/proofs/mutations.py --write         and write mutations.json, which `make docs` reads
+    python validation/proofs/mutations.py --write         also write mutations.json, which `make docs` reads
 
-Kernels run uncompiled, and every mutant in a forked copy of one process that has everything loaded.
+Functions run uncompiled. Each mutant runs in a forked copy of one process, which has loaded all modules.
 """
 
 import os
@@ -33,7 +33,14 @@ from typing import Any
 
 import pytest
 
-from validation.proofs.limit_terms import INDEX, LIMITED, NUMBERS, is_indexed, is_number, listed_terms
+from validation.proofs.limit_terms import (
+    HELPERS,
+    INDEX,
+    LIMIT_TARGETS,
+    is_indexed,
+    is_number,
+    listed_terms,
+)
 from validation.proofs.mutation_results import (
     DATA,
     KINDS,
@@ -46,7 +53,7 @@ from validation.proofs.mutation_results import (
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# Equations of motion, flat map and linearising law, tracker, other laws, disturbance forces, drives, limits.
+# By module: equations of motion, flat map, controllers, drives, plants, rig, limits of planned motions.
 TARGETS = {
     "cranectl.model.dynamics": """
         angular_accelerations specific_rope_force rope_direction rope_direction_rate load_jacobian
@@ -85,10 +92,10 @@ TARGETS = {
         RigParameters.driven_masses RigParameters.velocity_gains RigParameters.weight
         RigParameters.hanging_mass
     """,
-    **LIMITED,
+    **LIMIT_TARGETS,
 }
 
-# Quick tests first; a mutant is dead as soon as one of them fails.
+# Fast tests come first, because the first failure ends the tests of a mutant.
 SUITE = [
     "tests/model/test_dynamics.py",
     "tests/model/test_flatness.py",
@@ -105,16 +112,18 @@ SUITE = [
     "tests/plants/test_agreement.py",
     "tests/plants/test_sloping_rails.py",
 ]
-# Instead, for what needs an extra.
-OWN_SUITE = {
+# Tests of modules whose path contains these names, in place of SUITE.
+OWN_SUITES = {
     "drake": ["tests/drake/test_model.py", "tests/drake/test_plant.py"],
     "planning": ["tests/planning/test_series.py", "tests/planning/test_limits.py"],
     "series": ["tests/planning/test_series.py", "tests/planning/test_limits.py"],
 }
-# Long without compiler, or endless when an equation is wrong.
-LEFT_OUT = "derivation or level_1 or level_2 or invariant or energy or converge or order or feed_forward"
+# Tests that take long in uncompiled code, or never end with a wrong equation.
+EXCLUDED_TESTS = (
+    "derivation or level_1 or level_2 or invariant or energy or converge or order or feed_forward"
+)
 
-TIME_LIMIT = 600  # [s] for one mutant; a mutant that hangs is not caught
+TIME_LIMIT = 600  # [s] of a mutant; one that reaches it is not caught
 OPERATIONS = ("flipped", "dropped", "x 1.01")
 
 
@@ -132,14 +141,14 @@ class Mutant:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The test that failed, or None for a survivor."""
+    """Result of the tests of one mutant."""
 
     mutant: Mutant
-    killer: str | None
+    failed_test: str | None  # the first one, or None if the mutant survives
 
 
 def terms(tree: ast.AST) -> Iterator[ast.expr]:
-    """Return operands of sums, and whole right-hand sides, outside of indices."""
+    """Yield operands of sums, assigned and returned expressions, and arguments of model builders."""
     for node in ast.walk(tree):
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
             yield node.left
@@ -161,10 +170,10 @@ def _elements(value: ast.expr) -> Iterator[ast.expr]:
         yield value
 
 
-# What they are given is a term of the model that they build.
+# The arguments of these calls are terms.
 _BUILDERS = ("_add_body", "_slide", "_add_rotor", "PrismaticSpring")
-# No terms: indices, status codes, views of arrays, objects.
-_NOT_A_TERM = (
+# Expressions that begin so are no terms: indices, status codes, views of arrays, objects.
+_NO_TERM_PREFIXES = (
     "status",
     "RUNNING",
     "actuator",
@@ -197,8 +206,8 @@ _NOT_A_TERM = (
     "np.nan",
     "np.zeros",
 )
-_NO_NUMBERS = ("crane", "base")
-# Flipping these changes nothing: their sign enters squared, in m J'J and in m l² cos² beta.
+_NO_TERMS = ("crane", "base")
+# Flipping the sign of these has no effect, because they are squared: in m J'J and in m l² cos² beta.
 _SQUARED = (
     "load_jacobian(q)",
     "rig.qpos[rig.distance[0]]",
@@ -217,49 +226,49 @@ def _is_term(node: ast.expr, tree: ast.AST) -> bool:
 
 def _is_scalar(node: ast.expr) -> bool:
     text = ast.unparse(node)
-    return not text.startswith(_NOT_A_TERM) and text not in _NO_NUMBERS
+    return not text.startswith(_NO_TERM_PREFIXES) and text not in _NO_TERMS
 
 
 def find_mutants(module: str, function: str) -> list[Mutant]:
     """Return all mutants of one function."""
     tree = _source(module, function)
-    found = []
+    mutants = []
     for index, node in enumerate(_terms_in_order(tree, module)):
         text = ast.unparse(node)
-        operations = (*OPERATIONS, INDEX) if module in LIMITED and is_indexed(node) else OPERATIONS
-        found += [
+        operations = (*OPERATIONS, INDEX) if module in LIMIT_TARGETS and is_indexed(node) else OPERATIONS
+        mutants += [
             Mutant(module, function, index, text, node.lineno, operation)
             for operation in operations
             if operation != "flipped" or text not in _SQUARED
         ]
-    return found
+    return mutants
 
 
 def _terms_in_order(tree: ast.AST, module: str) -> list[ast.expr]:
-    """Return every term once, in the order of the source; its index names the mutant."""
-    if module in LIMITED:
-        found = [node for node in listed_terms(tree) if is_number(node)]
+    """Return every term once, in the order of the source; the index of a term identifies its mutants."""
+    if module in LIMIT_TARGETS:
+        candidates = [node for node in listed_terms(tree) if is_number(node)]
     else:
-        found = [node for node in terms(tree) if _is_scalar(node)]
-    nodes = {id(node): node for node in found if _is_term(node, tree)}.values()
+        candidates = [node for node in terms(tree) if _is_scalar(node)]
+    nodes = {id(node): node for node in candidates if _is_term(node, tree)}.values()
     return sorted(
         nodes, key=lambda node: (node.lineno, node.col_offset, node.end_lineno, node.end_col_offset)
     )
 
 
 def _source(module: str, name: str) -> ast.FunctionDef:
-    """Parse a function or method, without importing what may not be installed."""
-    found: Any = ast.parse(Path(importlib.util.find_spec(module).origin).read_text(encoding="utf-8"))
+    """Parse a function or method without importing its module, which may need an extra."""
+    node: Any = ast.parse(Path(importlib.util.find_spec(module).origin).read_text(encoding="utf-8"))
     for part in name.split("."):
-        found = next(node for node in found.body if getattr(node, "name", "") == part)
-    return found
+        node = next(child for child in node.body if getattr(child, "name", "") == part)
+    return node
 
 
-def mutated_function(mutant: Mutant) -> Any:
-    """Compile the function with its term changed, in its module's namespace."""
+def compile_mutant(mutant: Mutant) -> Any:
+    """Return the function with its changed term, in the namespace of its module."""
     tree = _source(mutant.module, mutant.function)
     target = _terms_in_order(tree, mutant.module)[mutant.term]
-    replacement = _changed(copy.deepcopy(target), mutant)
+    replacement = _change(copy.deepcopy(target), mutant)
 
     class Replace(ast.NodeTransformer):
         def visit(self, node: ast.AST) -> ast.AST:
@@ -269,19 +278,19 @@ def mutated_function(mutant: Mutant) -> Any:
     definition.decorator_list = []
     changed = ast.fix_missing_locations(ast.Module([definition], []))
     namespace = importlib.import_module(mutant.module).__dict__
-    namespace.update(NUMBERS)
+    namespace.update(HELPERS)
     local: dict[str, Any] = {}
     exec(compile(changed, f"<mutant of {mutant.module}>", "exec"), namespace, local)
     return local[definition.name]
 
 
-def _changed(term: ast.expr, mutant: Mutant) -> ast.expr:
+def _change(term: ast.expr, mutant: Mutant) -> ast.expr:
     if mutant.operation == INDEX:
-        term.value = ast.Call(ast.Name("moved_on", ast.Load()), [term.value], [])
+        term.value = ast.Call(ast.Name("shift", ast.Load()), [term.value], [])
         return term
-    if mutant.module in LIMITED:
+    if mutant.module in LIMIT_TARGETS:
         factor = ast.Constant({"flipped": -1.0, "dropped": 0.0, "x 1.01": 1.01}[mutant.operation])
-        return ast.Call(ast.Name("scaled", ast.Load()), [term, factor], [])
+        return ast.Call(ast.Name("scale", ast.Load()), [term, factor], [])
     return {
         "flipped": ast.UnaryOp(ast.USub(), term),
         "dropped": ast.BinOp(ast.Constant(0.0), ast.Mult(), term),
@@ -290,14 +299,14 @@ def _changed(term: ast.expr, mutant: Mutant) -> ast.expr:
 
 
 def install(mutant: Mutant) -> None:
-    """Put the mutated function wherever the original is bound."""
-    changed = mutated_function(mutant)
+    """Replace the original function by the mutant in all loaded modules."""
+    changed = compile_mutant(mutant)
     if "." in mutant.function:
         name, method = mutant.function.split(".")
         owner = getattr(importlib.import_module(mutant.module), name)
-        found = inspect.getattr_static(owner, method)
-        computed = isinstance(found, property | functools.cached_property)
-        setattr(owner, method, property(changed) if computed else changed)
+        original = inspect.getattr_static(owner, method)
+        is_property = isinstance(original, property | functools.cached_property)
+        setattr(owner, method, property(changed) if is_property else changed)
         return
     original = getattr(importlib.import_module(mutant.module), mutant.function)
     for module in list(sys.modules.values()):
@@ -306,20 +315,20 @@ def install(mutant: Mutant) -> None:
                 setattr(module, name, changed)
 
 
-def keep_no_plans() -> None:
-    """Use no plans that sound code made, and leave none of a mutant to it: their keys are of files."""
+def disable_stored_plans() -> None:
+    """Neither read nor store plans: their keys contain files, which are the same for all mutants."""
     plan: Any = importlib.import_module("cranectl.planning.plan")
     plan.kept = lambda _kind, _key, compute: compute()
 
 
 class FirstFailure:
-    """A pytest plugin that remembers the first test that failed."""
+    """A pytest plugin that stores the first test that failed."""
 
-    killer: str | None = None
+    test: str | None = None
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        if report.failed and self.killer is None:
-            self.killer = report.nodeid
+        if report.failed and self.test is None:
+            self.test = report.nodeid
 
 
 def run_suite(files: list[str], mutant: Mutant | None) -> str | None:
@@ -328,45 +337,45 @@ def run_suite(files: list[str], mutant: Mutant | None) -> str | None:
     child = os.fork()
     if child == 0:
         os.close(reader)
-        first = FirstFailure()
-        silence = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(silence, 1)
-        os.dup2(silence, 2)
+        failure = FirstFailure()
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, 1)
+        os.dup2(null, 2)
         signal.alarm(TIME_LIMIT)
         try:
             if mutant is not None:
                 install(mutant)
-                keep_no_plans()
-            code = pytest.main(_pytest_arguments(files), plugins=[first])
-            answer = first.killer or ("passed" if code == 0 else f"pytest exit code {int(code)}")
+                disable_stored_plans()
+            code = pytest.main(_pytest_arguments(files), plugins=[failure])
+            outcome = failure.test or ("passed" if code == 0 else f"pytest exit code {int(code)}")
         except BaseException as error:
-            answer = f"{type(error).__name__}: {error}"
-        os.write(writer, answer.encode())
+            outcome = f"{type(error).__name__}: {error}"
+        os.write(writer, outcome.encode())
         os._exit(0)
     os.close(writer)
     with os.fdopen(reader) as stream:
-        answer = stream.read()
+        outcome = stream.read()
     os.waitpid(child, 0)
-    return answer.removeprefix("passed") or None
+    return outcome.removeprefix("passed") or None
 
 
 def _pytest_arguments(files: list[str]) -> list[str]:
-    options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-k", f"not ({LEFT_OUT})"]
-    # Who reads why a test failed? To tell it, every file of the package is compiled anew: it has a plugin.
+    options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-k", f"not ({EXCLUDED_TESTS})"]
+    # Without explanations of failures, pytest need not rewrite and compile every file of the package.
     options += ["--assert=plain", "-p", "no:hypothesispytest"]
     return [*options, "--rootdir", str(ROOT), *(str(ROOT / file) for file in files)]
 
 
 def suite_of(mutant: Mutant) -> list[str]:
-    """Return the suite, tests of the mutant's own module first."""
+    """Return the files of tests of a mutant, those of its own module first."""
     rooms = mutant.module.split(".")[1:]
-    for room in OWN_SUITE.keys() & rooms:
-        return OWN_SUITE[room]
+    for room in OWN_SUITES.keys() & rooms:
+        return OWN_SUITES[room]
     return sorted(SUITE, key=lambda file: -sum(f"/{room}/" in file for room in rooms))
 
 
-def _warm_up(mutants: list[Mutant]) -> None:
-    """Load in the parent what every forked copy needs."""
+def _load_modules(mutants: list[Mutant]) -> None:
+    """Load the modules that every forked copy needs."""
     os.chdir(ROOT)
     for module in (
         *{mutant.module: None for mutant in mutants},
@@ -381,42 +390,42 @@ def _warm_up(mutants: list[Mutant]) -> None:
         importlib.import_module(module)
 
 
-def judge(mutant: Mutant) -> Verdict:
-    """Run the tests against one mutant."""
+def check_mutant(mutant: Mutant) -> Verdict:
+    """Run the tests on one mutant."""
     return Verdict(mutant, run_suite(suite_of(mutant), mutant))
 
 
 def results_of(verdicts: list[Verdict]) -> Results:
-    """Return the results by function, a row a term, with the short names of the tests that failed."""
-    found: dict[str, dict[tuple[int, str, int], dict[str, str]]] = {}
+    """Return the results by function, with a row for each term and the short names of the failed tests."""
+    functions: dict[str, dict[tuple[int, str, int], dict[str, str]]] = {}
     for verdict in verdicts:
         m = verdict.mutant
-        rows = found.setdefault(f"{m.module}.{m.function}", {})
-        killers = rows.setdefault((m.line, " ".join(m.text.split()), m.term), {})
-        killers[m.operation] = _short(verdict.killer) if verdict.killer else SURVIVED
+        rows = functions.setdefault(f"{m.module}.{m.function}", {})
+        failed = rows.setdefault((m.line, " ".join(m.text.split()), m.term), {})
+        failed[m.operation] = _short_name(verdict.failed_test) if verdict.failed_test else SURVIVED
     return {
         function: [
-            Row(line, text, tuple(killers.get(kind) for kind in (KINDS if INDEX in killers else OPERATIONS)))
-            for (line, text, _), killers in rows.items()
+            Row(line, text, tuple(failed.get(kind) for kind in (KINDS if INDEX in failed else OPERATIONS)))
+            for (line, text, _), failed in rows.items()
         ]
-        for function, rows in found.items()
+        for function, rows in functions.items()
     }
 
 
-def merged(found: Results, before: Results) -> Results:
-    """Return `found` in place of the same functions' results of `before`, of all targets in their order."""
+def merge(new: Results, previous: Results) -> Results:
+    """Replace the results of functions in `previous` by those in `new`; the order is that of TARGETS."""
     targets = [f"{module}.{function}" for module, names in TARGETS.items() for function in names.split()]
-    both = {**before, **found}
-    return {target: both[target] for target in targets if target in both}
+    results = {**previous, **new}
+    return {target: results[target] for target in targets if target in results}
 
 
-def _short(killer: str) -> str:
-    """Return file and test without folder and parameters."""
-    return killer.split("/")[-1].split("[")[0].removesuffix(".py")
+def _short_name(test: str) -> str:
+    """Return file and name of a test, without folder and parameters."""
+    return test.split("/")[-1].split("[")[0].removesuffix(".py")
 
 
 def main() -> int:
-    """Run what the command line asks for."""
+    """Test the mutants that the command line selects; return 1 if one survives."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -424,7 +433,7 @@ def main() -> int:
     parser.add_argument(
         "--write",
         action="store_true",
-        help=f"write {DATA.name}; with NAME only its part of it",
+        help=f"write {DATA.name}; with NAME only the part of these targets",
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N")
     arguments = parser.parse_args()
@@ -435,25 +444,25 @@ def main() -> int:
         if arguments.name in f"{module}.{function}"
         for mutant in find_mutants(module, function)
     ]
-    _warm_up(mutants)
+    _load_modules(mutants)
     for suite in {tuple(sorted(suite_of(mutant))) for mutant in mutants}:
-        if broken := run_suite(list(suite), None):
-            print(f"the tests fail without any mutant: {broken}")
+        if failed := run_suite(list(suite), None):
+            print(f"{failed} fails without any mutant; make this test pass first")
             return 1
     verdicts = []
     with ProcessPoolExecutor(arguments.jobs, mp_context=multiprocessing.get_context("fork")) as pool:
-        for verdict in pool.map(judge, mutants):
+        for verdict in pool.map(check_mutant, mutants):
             verdicts.append(verdict)
-            if verdict.killer is None:
+            if verdict.failed_test is None:
                 m = verdict.mutant
                 print(f"SURVIVED {m.module}.{m.function}:{m.line} {m.operation}: {m.text}", flush=True)
             if len(verdicts) % 50 == 0:
                 print(f"{len(verdicts)} of {len(mutants)} mutants", flush=True)
-    survivors = sum(verdict.killer is None for verdict in verdicts)
+    survivors = sum(verdict.failed_test is None for verdict in verdicts)
     print(f"{len(verdicts)} mutants, {len(verdicts) - survivors} caught, {survivors} survived")
     if arguments.write:
-        before = read_results(DATA) if arguments.name else {}
-        write_results(merged(results_of(verdicts), before), DATA)
+        previous = read_results(DATA) if arguments.name else {}
+        write_results(merge(results_of(verdicts), previous), DATA)
     return 1 if survivors else 0
 
 

@@ -1,12 +1,14 @@
-"""Random cranes, paths, effects, laws and drives: every plant that can show them against every other.
+"""Compare all plants with each other on random cranes, paths, effects, controllers and drives.
 
     python validation/proofs/random_cranes.py                      50 cases; the seed is the commit
     python validation/proofs/random_cranes.py --seed 3f2a91c --cases 200 --plants elastic,mujoco,drake
 
-Exit code 1 if plants differ by more than their limits. The same seed gives the same cases.
+A case runs on each plant that can simulate it. The exit code is 1 if plants differ by more than their limits.
+The same seed gives the same cases.
 """
 
 import argparse
+import itertools
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -31,31 +33,31 @@ from cranectl.simulate import make_plant, plan_scenario
 from cranectl.support.errors import InputError
 
 EFFECTS = ("rope", "body", "wind", "frame", "friction", "sensing", "delay", "installation")
-SHARE = 0.3  # of the cases that have an effect, each for itself
+EFFECT_PROBABILITY = 0.3  # that a case has an effect, for each effect separately
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def commit() -> str:
-    """Return the first digits of the commit's hash; 0 outside of a repository."""
+    """Return the first digits of the commit's hash, or "0" outside of a repository."""
     command = ["git", "rev-parse", "--short=7", "HEAD"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    return done.stdout.strip() or "0"
+    process = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    return process.stdout.strip() or "0"
 
 
 def random_cases(seed: str, plants: Sequence[str], effects: Sequence[str] = EFFECTS) -> Iterator[Case]:
-    """Yield cases without end, on those of `plants` that can show them."""
+    """Yield an endless sequence of cases, on those of `plants` that can simulate them."""
     k = 0
     while True:
         random = np.random.default_rng([int(seed, 16), k])
         k += 1
         drive, controller = str(random.choice([*DRIVES])), str(random.choice(controller_names()))
         overrides = [f"name='random-{k}'", *_overrides(random, drive, effects)]
-        try:  # a path may leave the rig, a rope be too stiff for the step
+        try:  # a path may leave the rig, or a rope may be too stiff for the step
             scenario = load_scenario("fixed-position", overrides=overrides)
-            able = [plant for plant in plants if _can_run(plant, scenario, drive)]
-            if len(able) > 1:
+            suited = [plant for plant in plants if _can_run(plant, scenario, drive)]
+            if len(suited) > 1:
                 yield make_case(
-                    scenario, controller=controller, drive=drive, plants=able, keep="none", pairwise=True
+                    scenario, controller=controller, drive=drive, plants=suited, keep="none", pairwise=True
                 )
         except InputError:
             continue
@@ -71,51 +73,51 @@ def _can_run(plant: str, scenario: Scenario, drive: str) -> bool:
 
 
 def _overrides(random: np.random.Generator, drive: str, effects: Sequence[str]) -> list[str]:
-    def about(value: Any) -> Any:
-        """Draw a value from half to double."""
+    def vary(value: Any) -> Any:
+        """Draw a value between half and double of the given one."""
         return (np.array(value) * np.exp(random.uniform(-0.7, 0.7, np.shape(value)))).tolist()
 
-    def place() -> list[float]:
+    def draw_point() -> list[float]:
         return random.uniform([0.4, 0.3, -1.1], [1.6, 1.2, -0.5]).tolist()
 
-    lines = [f"{{kind='line', to={place()}, duration={random.uniform(2.5, 4.0)}}}" for _ in range(2)]
+    lines = [f"{{kind='line', to={draw_point()}, duration={random.uniform(2.5, 4.0)}}}" for _ in range(2)]
     pulses = [
         f"{{joint='{joint}', start={start}, end={start + 1}, magnitude={random.uniform(-1.0, 1.0)}}}"
         for start, joint in ((1, "alpha"), (4, "beta"))
     ]
     masses = {"bridge_mass": 6.0, "trolley_mass": 2.5, "winch_mass": 0.4, "load_mass": 1.0, "rated_load": 3.0}
     lags = dict.fromkeys(("bridge_time_constant", "trolley_time_constant", "winch_time_constant"), 0.02)
-    found = [f"rig.{name}={about(value)}" for name, value in {**masses, **lags}.items()]
-    found += [
+    overrides = [f"rig.{name}={vary(value)}" for name, value in {**masses, **lags}.items()]
+    overrides += [
         "duration=8",
         "control.physics_step=0.0005",
-        f"reference.start={place()}",
+        f"reference.start={draw_point()}",
         f"reference.segments=[{', '.join(lines)}]",
     ]
-    found += [f"disturbances=[{', '.join(pulses)}]", "workspace.on_exit='record'"]
-    found += [f"initial.load_offset={random.uniform(-0.03, 0.03, 3).tolist()}"]
-    numbers = load_scenario("fixed-position").rig.effects
+    overrides += [f"disturbances=[{', '.join(pulses)}]", "workspace.on_exit='record'"]
+    overrides += [f"initial.load_offset={random.uniform(-0.03, 0.03, 3).tolist()}"]
+    defaults = load_scenario("fixed-position").rig.effects
     for name in effects:
-        if random.random() > SHARE:
+        if random.random() > EFFECT_PROBABILITY:
             continue
-        for setting, value in getattr(numbers, name).model_dump().items():
+        for setting, value in getattr(defaults, name).model_dump().items():
             if name == "friction" and drive == "ideal" and setting in ("coulomb", "viscous"):
-                found.append(f"effects.friction.{setting}=[0.0, 0.0, 0.0]")
+                overrides.append(f"effects.friction.{setting}=[0.0, 0.0, 0.0]")
             elif name == "delay":
-                found.append(f"effects.delay.seconds={0.001 * random.integers(1, 8)}")
+                overrides.append(f"effects.delay.seconds={0.001 * random.integers(1, 8)}")
             elif setting == "seed":
-                found.append(f"effects.{name}.seed={random.integers(1000)}")
+                overrides.append(f"effects.{name}.seed={random.integers(1000)}")
             elif setting == "tilt":
-                found.append(f"effects.installation.tilt={random.uniform(-0.01, 0.01, 2).tolist()}")
-            elif setting in ("drive_gain", "rope_offset"):  # as they are
+                overrides.append(f"effects.installation.tilt={random.uniform(-0.01, 0.01, 2).tolist()}")
+            elif setting in ("drive_gain", "rope_offset"):  # keep the default
                 continue
             elif not isinstance(value, str):
-                found.append(f"effects.{name}.{setting}={about(value)}")
-    return found
+                overrides.append(f"effects.{name}.{setting}={vary(value)}")
+    return overrides
 
 
 def main() -> int:
-    """Run them."""
+    """Run random cases and print the differences of plants; return 1 if one is larger than its limit."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--cases", type=int, default=50)
     parser.add_argument("--seed", default=commit(), help="hexadecimal digits; by default the commit's")
@@ -123,8 +125,8 @@ def main() -> int:
     options = parser.parse_args()
     screen = Screen()
     screen.print(f"{options.cases} random cases, seed {options.seed}")
-    drawn = random_cases(options.seed, plants_to_run(options.plants.split(",")))
-    cases = tuple(next(drawn) for _ in range(options.cases))
+    generator = random_cases(options.seed, plants_to_run(options.plants.split(",")))
+    cases = tuple(itertools.islice(generator, options.cases))
     validation = Validation(cases, run_cases(cases, jobs=available_cores()), {}, ())
     for table in pair_tables(pairwise(validation)):
         screen.print(table)

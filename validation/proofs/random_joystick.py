@@ -1,9 +1,10 @@
-"""A joystick that nobody holds with care, on cranes of three sizes: what it asks, whether plants bear it.
+"""Steer cranes of three sizes at random by a joystick, and check references and plants.
 
     python validation/proofs/random_joystick.py                    50 runs of a minute; the seed is the commit
     python validation/proofs/random_joystick.py --seed 3f2a91c --runs 1000
 
-Exit code 1 if a reference leaves its limits, a run does not complete, or plants differ by more than theirs.
+The exit code is 1 if a reference exceeds a limit, a run does not complete, or plants differ by more than
+allowed.
 """
 
 import argparse
@@ -27,12 +28,12 @@ from cranectl.simulate import plan_reference
 from validation.proofs.random_cranes import commit
 
 CRANES = ("fixed-position", "workshop-move", "ship-to-shore")
-MINUTE = 60.0  # [s]
-ROUNDING = 1e-9
+STEERING_TIME = 60.0  # [s]
+ALLOWED_EXCESS = 1e-9  # over a limit, relative, for rounding
 
 
 def random_drives(seed: str, crane: str = "") -> Iterator[Scenario]:
-    """Yield scenarios without end, each a minute of steering by hand and the rest that follows."""
+    """Yield an endless sequence of scenarios with a minute of steering and the rest phase after it."""
     k = 0
     while True:
         random = np.random.default_rng([int(seed, 16), k])
@@ -41,33 +42,33 @@ def random_drives(seed: str, crane: str = "") -> Iterator[Scenario]:
 
 
 def random_drive(random: np.random.Generator, crane: str, name: str) -> Scenario:
-    """Draw velocity commands of all sizes, reversals at full speed, and points to go to."""
-    bare = [
+    """Draw velocity commands of all sizes, reversals at full speed, and target points."""
+    overrides = [
         "disturbances=[]",
         "reference.segments=[]",
         "limits={}",
         "workspace.on_exit='stop'",
         "duration=1.0",
     ]
-    scenario = load_scenario(crane, overrides=[f"name='{name}'", *bare])
+    scenario = load_scenario(crane, overrides=[f"name='{name}'", *overrides])
     limits = hand_limits(scenario)
     start = random.uniform(limits.low, limits.high).tolist()
     reference = scenario.reference.model_copy(update={"start": tuple(start)})
     scenario = scenario.model_copy(update={"reference": reference})
     hand, sample = Hand(scenario, 0), 0
-    while sample * scenario.control.period < MINUTE:
+    while sample * scenario.control.period < STEERING_TIME:
         kind = random.choice(["any", "full", "none", "point"], p=[0.4, 0.4, 0.1, 0.1])
         full = random.integers(-1, 2, 3) * limits.speed
-        wish = {"any": random.uniform(-limits.speed, limits.speed), "full": full, "none": np.zeros(3)}
-        asked = random.uniform(limits.low, limits.high) if kind == "point" else wish[kind]
-        hand.ask(sample, HandRequest(kind == "point", *asked.tolist()))
+        velocities = {"any": random.uniform(-limits.speed, limits.speed), "full": full, "none": np.zeros(3)}
+        request = random.uniform(limits.low, limits.high) if kind == "point" else velocities[kind]
+        hand.ask(sample, HandRequest(kind == "point", *request.tolist()))
         sample += int(np.ceil(random.exponential(1.5 / limits.bandwidth) / scenario.control.period))
     return hand.scenario(sample, "lqr")
 
 
-def load_of_limits(scenario: Scenario) -> dict[str, float]:
-    """Return how much of each limit the reference of a driven scenario needs; 1 is all of its share."""
-    reference = plan_reference(scenario).reference  # which refuses what leaves the workspace
+def limit_usage(scenario: Scenario) -> dict[str, float]:
+    """Return the part of each limit that the reference of a driven scenario uses; 1 is the limit."""
+    reference = plan_reference(scenario).reference  # raises an error if the path leaves the workspace
     states, inputs = states_and_inputs(reference, scenario.rig.gravity)
     limits = limits_of(scenario)
     setpoints = states[:, 1:6:2] + scenario.rig.time_constants * inputs
@@ -84,38 +85,39 @@ def load_of_limits(scenario: Scenario) -> dict[str, float]:
 
 
 def case_of(scenario: Scenario) -> Case:
-    """Return a case of plants that must agree as closely as any."""
+    """Return a case that compares two plants with the smallest limits."""
     return make_case(
         scenario, controller="lqr", drive="ideal", plants=("analytic", "mujoco"), keep="none", pairwise=True
     )
 
 
 def main() -> int:
-    """Draw, run, judge, say."""
+    """Draw and run scenarios, and print violations; return 1 if there are any."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--seed", default=commit(), metavar="HEX")
     parser.add_argument("--runs", type=int, default=50)
     options = parser.parse_args()
-    say = Screen().print
-    say(f"{options.runs} runs of a minute by hand, seed {options.seed}")
+    screen = Screen()
+    screen.print(f"{options.runs} runs of a minute by hand, seed {options.seed}")
     drawn = random_drives(options.seed)
     scenarios = [next(drawn) for _ in range(options.runs)]
-    loads = [load_of_limits(scenario) for scenario in scenarios]
-    most = {limit: max(load[limit] for load in loads) for limit in loads[0]}
-    say("of the limits at most: " + ", ".join(f"{limit} {load:.3f}" for limit, load in most.items()))
-    failed = sum(max(load.values()) > 1.0 + ROUNDING for load in loads)
+    usages = [limit_usage(scenario) for scenario in scenarios]
+    largest = {limit: max(usage[limit] for usage in usages) for limit in usages[0]}
+    parts = ", ".join(f"{limit} {part:.3f}" for limit, part in largest.items())
+    screen.print(f"largest used part of each limit: {parts}")
+    failed = sum(max(usage.values()) > 1.0 + ALLOWED_EXCESS for usage in usages)
     cases = tuple(map(case_of, scenarios))
     validation = Validation(cases, run_cases(cases, jobs=available_cores()), {}, ())
-    farthest = 0.0
+    largest_difference = 0.0
     for case, result in validation.results:
         for pair in result.pairs:
-            farthest = max(farthest, pair.agreement.max_load_error_m)
+            largest_difference = max(largest_difference, pair.agreement.max_load_error_m)
             if not pair.agreement.passed:
                 failed += 1
-                say(f"{case.scenario.name}: {pair.agreement}")
-    say(f"plants differ by {farthest:.1e} m at most")
+                screen.print(f"{case.scenario.name}: {pair.agreement}")
+    screen.print(f"plants differ by at most {largest_difference:.1e} m")
     for _, case, failure in validation.failures:
-        say(f"{case and case.scenario.name}: {failure.reason}")
+        screen.print(f"{case and case.scenario.name}: {failure.reason}")
     return 1 if failed or validation.failures or validation.lost else 0
 
 

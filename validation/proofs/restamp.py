@@ -1,12 +1,14 @@
-"""Give the judged table and the tuned numbers the digests of the code that is here, if it runs as before.
+"""Write the digests of the present code into the judged table and tuned numbers, if no run has changed.
 
     python validation/proofs/restamp.py [--rows 300] [--controller build/literature/nmpc.so]
 
-Digests are of the syntax of metrics and controllers. A name that changes gives another digest, although no
-number changes. This program runs a random sample of the table's rows again, the same number for each
-controller. It writes new digests only if every metric of every row is the same to the bit, as it is kept:
-with four digits, as float32. Numbers of a compiled controller outside of the benchmark's file, such as nmpc,
-are stamped where `--controller` names it. They keep the digest of the library for which they were found.
+Digests depend on the syntax of metrics and controllers. So a changed name gives another digest, although no
+number changes. This program runs random rows of the table again, the same number for each controller. It
+writes new digests only if every stored metric of every row is equal to the bit. The table stores four digits
+as float32.
+
+The benchmark's file does not name compiled controllers such as nmpc, so name them by `--controller`. Their
+tuned numbers keep the digest of the library for which they were tuned.
 """
 
 import argparse
@@ -37,16 +39,19 @@ from cranectl.support.files import write_text
 
 BENCHMARK = read_benchmark(DEFAULT)
 TABLE = BENCHMARK.file.parent / "literature.parquet"
-NUMBERS = BENCHMARK.file.parent / "tuned", BENCHMARK.file.parent / "nmpc" / "tuned"  # where tuned numbers are
-SEED = 20
+NUMBERS = (
+    BENCHMARK.file.parent / "tuned",
+    BENCHMARK.file.parent / "nmpc" / "tuned",
+)  # folders of tuned numbers
+SEED = 20  # of the random rows
 
 
-def sampled_rows(table: BenchmarkTable, laws: Sequence[str], rows: int) -> Iterator[tuple[Trial, int]]:
-    """Yield trials with the index of one of their rows, as many for each controller, `rows` in all."""
+def sampled_rows(table: BenchmarkTable, controllers: Sequence[str], rows: int) -> Iterator[tuple[Trial, int]]:
+    """Yield a total of `rows` trials with the index of a row, the same number for each controller."""
     random = np.random.default_rng(SEED)
-    for law in laws:
-        trials = [trial for trial in table.trials if trial.law == law]
-        for index in random.integers(len(trials), size=-(-rows // len(laws))):
+    for controller in controllers:
+        trials = [trial for trial in table.trials if trial.law == controller]
+        for index in random.integers(len(trials), size=-(-rows // len(controllers))):
             trial = trials[index]
             yield trial, int(random.integers(len(table.trials[trial].status)))
 
@@ -61,56 +66,62 @@ def run_again(trial: Trial, sample: int, rules: str, numbers: Path) -> Runs:
 
 
 def differences(runs: Runs, table: Runs, sample: int) -> list[str]:
-    """Return what differs between one run and the row `sample` of the table, a phrase each."""
-    outcome = (
-        [f"{runs.status[0]}, was {table.status[sample]}"] if runs.status[0] != table.status[sample] else []
-    )
+    """Return a phrase for each difference between one run and the row `sample` of the table."""
+    phrases = []
+    if runs.status[0] != table.status[sample]:
+        phrases.append(f"{runs.status[0]}, was {table.status[sample]}")
     if runs.failed[0] != table.failed[sample]:
-        outcome.append(f"failed: {runs.failed[0]}, was {table.failed[sample]}")
+        phrases.append(f"failed: {runs.failed[0]}, was {table.failed[sample]}")
     values = {name: rounded(values)[0] for name, values in runs.metrics.items()}
-    kept = {name: np.float32(values[sample]) for name, values in table.metrics.items()}
-    changed = (name for name in values if not np.array_equal(values[name], kept[name], equal_nan=True))
-    return outcome + [f"{name} {values[name]:.6g}, was {kept[name]:.6g}" for name in changed]
+    stored = {name: np.float32(values[sample]) for name, values in table.metrics.items()}
+    changed = (name for name in values if not np.array_equal(values[name], stored[name], equal_nan=True))
+    return phrases + [f"{name} {values[name]:.6g}, was {stored[name]:.6g}" for name in changed]
 
 
-def stamp_numbers(law: str, rules: str, source: Path, target: Path) -> None:
-    """Write the tuned numbers and points of `law` from one directory to another, with new digests."""
-    table = read_toml(source / f"{law}.toml")
-    built = source == target and source != NUMBERS[0]
-    code = table.get("code", table.get("sha256")) if built else code_of(law)
-    stamps = {"law": law, "code": code, "benchmark": table["benchmark"], "rules": rules}
+def stamp_numbers(controller: str, rules: str, source: Path, target: Path) -> None:
+    """Copy the tuned numbers and points of `controller` from one folder to another, with new digests."""
+    table = read_toml(source / f"{controller}.toml")
+    is_compiled = source == target and source != NUMBERS[0]
+    code = table.get("code", table.get("sha256")) if is_compiled else code_of(controller)
+    stamps = {"law": controller, "code": code, "benchmark": table["benchmark"], "rules": rules}
     rest = {key: value for key, value in table.items() if key not in ("sha256", *stamps)}
-    write_text(target / f"{law}.toml", toml_text(stamps | rest))
-    points = parquet.read_table(source / f"{law}.parquet")
+    write_text(target / f"{controller}.toml", toml_text(stamps | rest))
+    points = parquet.read_table(source / f"{controller}.parquet")
     metadata = {key: stamps[key] for key in ("law", "benchmark", "rules")}
     stamped: pyarrow.Table = points.replace_schema_metadata(metadata)
-    parquet.write_table(stamped, target / f"{law}.parquet", compression="zstd")
+    parquet.write_table(stamped, target / f"{controller}.parquet", compression="zstd")
 
 
-def restamp(rows: int, controllers: Sequence[str]) -> int:
-    """Run `rows` again, then write new digests; returns 1, and writes nothing, if a number differs."""
+def restamp(rows: int, files: Sequence[str]) -> int:
+    """Run `rows` of the table again, then write new digests.
+
+    `files` are further controllers. If a row differs, it writes nothing and returns 1.
+    """
     own = measured_controllers(BENCHMARK)
-    laws = [*own, *map(opened, controllers)]
+    controllers = [*own, *map(opened, files)]
     table, rules = read_table(TABLE), rules_of(BENCHMARK)
-    places = {law: next(place for place in NUMBERS if (place / f"{law}.toml").is_file()) for law in laws}
+    folders = {
+        controller: next(folder for folder in NUMBERS if (folder / f"{controller}.toml").is_file())
+        for controller in controllers
+    }
     with tempfile.TemporaryDirectory() as directory:
         numbers, changed, count = Path(directory), 0, 0
-        for law, place in places.items():
-            stamp_numbers(law, rules, place, numbers)
-        for trial, sample in sampled_rows(table, laws, rows):
-            found = differences(run_again(trial, sample, rules, numbers), table.trials[trial], sample)
-            count, changed = count + 1, changed + bool(found)
-            print(f"{trial.folder} row {sample}: {'; '.join(found) or 'equal'}", flush=True)
+        for controller, folder in folders.items():
+            stamp_numbers(controller, rules, folder, numbers)
+        for trial, sample in sampled_rows(table, controllers, rows):
+            phrases = differences(run_again(trial, sample, rules, numbers), table.trials[trial], sample)
+            count, changed = count + 1, changed + bool(phrases)
+            print(f"{trial.folder} row {sample}: {'; '.join(phrases) or 'equal'}", flush=True)
         if changed:
-            print(f"{changed} of {count} rows differ: nothing is stamped; judge again what changed")
+            print(f"{changed} of {count} rows differ, so no digest is written; judge the changed code again")
             return 1
-        for law, place in places.items():
-            stamp_numbers(law, rules, place, place)
+        for controller, folder in folders.items():
+            stamp_numbers(controller, rules, folder, folder)
     known, digests = table.about["laws"], controller_digests(own)
-    stamped = {law: known[law] | {"file": digests.get(f"law {law}", "")} for law in own}
+    stamped = {name: known[name] | {"file": digests.get(f"law {name}", "")} for name in own}
     about = {**table.about, "rules": rules, "laws": known | stamped}
     write_table(TABLE, BenchmarkTable(about, table.trials))
-    print(f"{count} rows of {len(laws)} controllers are equal: digests are stamped")
+    print(f"{count} rows of {len(controllers)} controllers are equal; new digests are written")
     return 0
 
 
@@ -118,7 +129,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--rows", type=int, default=300, help="rows of the table that are run again")
+    parser.add_argument("--rows", type=int, default=300, help="number of rows that are run again")
     parser.add_argument("--controller", action="append", default=[], help="file of a further controller")
     options = parser.parse_args()
     sys.exit(restamp(options.rows, options.controller))

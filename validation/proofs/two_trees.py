@@ -1,12 +1,13 @@
-"""Is this tree as exact and as fast as another one? Both are run side by side.
+"""Compare signals and speed of this working tree with those of another one.
 
     git worktree add ../before v0.2.0
-    python validation/proofs/two_trees.py ../before             signals of all cases, then pairs of loops
+    python validation/proofs/two_trees.py ../before             signals of all cases, then speed
     python validation/proofs/two_trees.py ../before --pairs 30 --skip-signals
 
-Signals: `cranectl validate` in both trees; every group of signals of every run must be the same bit for bit.
-Loops: the same runs, in processes that take turns in random order; ratio new/old of each pair, its median,
-and the median's 95 % interval by bootstrap. Exit code 1 where signals differ or an interval lies above 1.02.
+Signals: `cranectl validate` runs in both trees, and every group of signals of every run must be equal to the
+bit. Speed: both trees simulate the same runs, in processes that take turns in random order. The result is the
+median of the ratio new/old, with its 95 % interval by bootstrap. The exit code is 1 if signals differ, or if
+the whole interval is above 1.02.
 """
 
 import argparse
@@ -21,8 +22,8 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-LIMIT = 1.02
-FASTEST_OF = 3  # runs of a turn
+MAX_RATIO = 1.02  # of the time of this tree over that of the other tree
+RUNS_PER_TURN = 3  # of which the fastest counts
 
 DIGESTS = """
 import hashlib, sys
@@ -35,7 +36,7 @@ for path in sorted(Path("logs").rglob("*.mcap")):
         for group in sorted(run.groups, key=lambda group: group.name):
             print(path, plant, group.name, hashlib.sha256(run.block(group.name).tobytes()).hexdigest())
 """
-# Names changed from 0.2.0 on; whatever a tree calls them, they are the same things.
+# It supports the names of versions from 0.2.0 on.
 WORKER = """
 import inspect, sys, time
 import numpy as np
@@ -70,19 +71,19 @@ for line in sys.stdin:
 
 
 def digests(tree: Path) -> str:
-    """Return digests of what all cases of `validate` record, a line for each group."""
+    """Return digests of the signals that `validate` records, with one line for each group."""
     environment = {**os.environ, "PYTHONPATH": str(tree)}
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "cranectl", "validate"]
-        subprocess.run(command, cwd=place, env=environment, check=True, stdout=subprocess.DEVNULL)
-        read = [sys.executable, "-c", DIGESTS]
+        subprocess.run(command, cwd=folder, env=environment, check=True, stdout=subprocess.DEVNULL)
+        command = [sys.executable, "-c", DIGESTS]
         return subprocess.run(
-            read, cwd=place, env=environment, check=True, capture_output=True, text=True
+            command, cwd=folder, env=environment, check=True, capture_output=True, text=True
         ).stdout
 
 
-def ratios(old: Path, new: Path, plant: str, drive: str, pairs: int) -> np.ndarray:
-    """Return the time of the new loop over that of the old one, (pairs,)."""
+def time_ratios(old: Path, new: Path, plant: str, drive: str, pairs: int) -> np.ndarray:
+    """Return the ratios (pairs,) of the time of the new loop to that of the old one."""
     workers = [
         subprocess.Popen(
             [sys.executable, "-c", WORKER, plant, drive],
@@ -93,24 +94,24 @@ def ratios(old: Path, new: Path, plant: str, drive: str, pairs: int) -> np.ndarr
         )
         for tree in (old, new)
     ]
-    order, found = random.Random(1), []
+    order, ratios = random.Random(1), []
     for _ in range(pairs):
         times = [0.0, 0.0]
         for k in order.sample((0, 1), 2):
             worker = workers[k]
             assert worker.stdin is not None
             assert worker.stdout is not None
-            worker.stdin.write(f"{FASTEST_OF}\n")
+            worker.stdin.write(f"{RUNS_PER_TURN}\n")
             worker.stdin.flush()
             times[k] = float(worker.stdout.readline())
-        found.append(times[1] / times[0])
+        ratios.append(times[1] / times[0])
     for worker in workers:
         worker.communicate()
-    return np.array(found)
+    return np.array(ratios)
 
 
 def main() -> int:
-    """Compare both trees and return the exit code."""
+    """Compare both trees; return 1 if this one is different or slower."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -118,23 +119,21 @@ def main() -> int:
     parser.add_argument("--pairs", type=int, default=30)
     parser.add_argument("--skip-signals", action="store_true")
     options = parser.parse_args()
-    good = True
+    passed = True
     if not options.skip_signals:
         before, after = digests(options.old.resolve()), digests(ROOT)
-        good = before == after
-        text = hashlib.sha256(after.encode()).hexdigest()[:12]
-        print(f"signals: {len(after.splitlines())} blocks {'the same' if good else 'DIFFER'} ({text})")
+        passed = before == after
+        digest = hashlib.sha256(after.encode()).hexdigest()[:12]
+        print(f"signals: {len(after.splitlines())} blocks {'are equal' if passed else 'DIFFER'} ({digest})")
     for plant in ("analytic", "mujoco"):
         for drive in ("ideal", "velocity"):
-            pairs = ratios(options.old.resolve(), ROOT, plant, drive, options.pairs)
-            drawn = np.random.default_rng(1).choice(pairs, (4000, len(pairs)))
-            low, high = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
-            good &= bool(low < LIMIT)
-            print(
-                f"{plant}, {drive}: {np.median(pairs):.4f} of before, 95 % {low:.4f} to {high:.4f}",
-                flush=True,
-            )
-    return 0 if good else 1
+            ratios = time_ratios(options.old.resolve(), ROOT, plant, drive, options.pairs)
+            resamples = np.random.default_rng(1).choice(ratios, (4000, len(ratios)))
+            low, high = np.quantile(np.median(resamples, axis=1), [0.025, 0.975])
+            passed &= bool(low < MAX_RATIO)
+            median = np.median(ratios)
+            print(f"{plant}, {drive}: time new/old {median:.4f}, 95 % {low:.4f} to {high:.4f}", flush=True)
+    return 0 if passed else 1
 
 
 if __name__ == "__main__":

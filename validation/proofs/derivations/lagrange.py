@@ -1,9 +1,9 @@
-"""Derive the equations of motion from the Lagrangian and hold the code to them.
+"""Derive the equations of motion from the Lagrangian, and compare the code with them.
 
     python validation/proofs/derivations/lagrange.py
 
-Energies → Lagrange's equations → M, C, G, the mass-free cardan accelerations, the rope force. Equality with
-`cranectl.model.dynamics` is asserted at random states; identities between symbols are asserted by SymPy.
+From the energies, Lagrange's equations give M, C, G, the angular accelerations without masses, and the rope
+force. SymPy proves identities of symbols. Random states show that `cranectl.model.dynamics` agrees.
 """
 
 from collections.abc import Callable
@@ -27,17 +27,17 @@ QDD = sp.Matrix(sp.symbols("xdd_c ydd_c ldd alphadd betadd"))
 MASSES = (m_b, m_t, m_w, m_l, g)
 
 
-def plain(expression: Any) -> Any:
-    """Replace functions of time by plain symbols, highest derivative first."""
+def without_time(expression: Any) -> Any:
+    """Replace functions of time by symbols, highest derivatives first."""
     for functions, symbols in ((qdd, QDD), (qd, QD), (q, Q)):
         expression = expression.subs(list(zip(functions, symbols, strict=True)))
     return expression
 
 
 def derive() -> dict[str, Any]:
-    """Derive all that follows from the kinematics and the two energies."""
+    """Derive the equations from kinematics and energies, and return them by name."""
     x_c, y_c, length, alpha, beta = q
-    # Kinematics from the joints themselves: rotate the hanging rope by beta about -y, then by alpha about x.
+    # The kinematics follow from the joints: rotate a plumb rope by beta about -y, then by alpha about x.
     about_x = sp.rot_axis1(-alpha)
     about_minus_y = sp.rot_axis2(beta)
     rope = about_x * about_minus_y * sp.Matrix([0, 0, -length])
@@ -50,29 +50,29 @@ def derive() -> dict[str, Any]:
     lagrangian = kinetic - potential
     pairs = zip(q, qd, strict=True)
     forces = sp.Matrix([lagrangian.diff(v).diff(t) - lagrangian.diff(p) for p, v in pairs])
-    forces = plain(forces.doit())
+    forces = without_time(forces.doit())
     mass = sp.simplify(forces.jacobian(QDD))
-    gravity = plain(sp.Matrix([potential.diff(position) for position in q]))
+    gravity = without_time(sp.Matrix([potential.diff(position) for position in q]))
     velocity_terms = (forces - mass * QDD - gravity).expand()
-    acceleration = plain(load.diff(t, 2))
-    direction = plain(rope / length)
+    acceleration = without_time(load.diff(t, 2))
+    direction = without_time(rope / length)
     return {
-        "load": plain(load),
-        "load_velocity": plain(load_velocity),
-        "kinetic": plain(kinetic),
-        "potential": plain(potential),
+        "load": without_time(load),
+        "load_velocity": without_time(load_velocity),
+        "kinetic": without_time(kinetic),
+        "potential": without_time(potential),
         "mass": mass,
         "velocity_terms": velocity_terms,
         "gravity": gravity,
-        # Rows of the unactuated coordinates, solved for the cardan accelerations: the mass must drop out.
+        # The rows of the angles, solved for their accelerations; the mass must cancel.
         "cardan": sp.simplify(mass[3:, 3:].LUsolve(mass[3:, 3:] * QDD[3:, :] - forces[3:, :])),
-        # Newton: the rope force is along n; a_r = n · (z'' + g e_z).
+        # By Newton's law the rope force acts along n: a_r = n · (z'' + g e_z).
         "rope_force": sp.simplify(direction.dot(acceleration + sp.Matrix([0, 0, g]))),
     }
 
 
 def check_identities(equations: dict[str, Any]) -> None:
-    """Prove by symbols that the cardan accelerations are free of masses and are the corrected (2.12)."""
+    """Prove that the angular accelerations contain no masses, and equal the corrected (2.12)."""
     masses = {m_b, m_t, m_w, m_l}
     assert not equations["cardan"].free_symbols & masses, "the cardan accelerations depend on a mass"
     assert equations["mass"].is_symmetric()
@@ -99,7 +99,7 @@ def check_code(equations: dict[str, Any], *, samples: int = 200, seed: int = 1) 
         name: sp.lambdify([Q, QD, QDD, MASSES], expression, "numpy", cse=True)
         for name, expression in equations.items()
     }
-    worst = 0.0
+    largest = 0.0
     for _ in range(samples):
         position = rng.uniform([0.0, 0.0, 0.05, -1.4, -1.4], [2.0, 1.54, 1.4, 1.4, 1.4])
         velocity, acceleration = rng.normal(size=5), rng.normal(size=5)
@@ -111,12 +111,12 @@ def check_code(equations: dict[str, Any], *, samples: int = 200, seed: int = 1) 
             scale = max(1.0, float(np.abs(derived).max()))
             difference = float(np.abs(derived - code).max()) / scale
             assert difference < 1e-11, f"{name} differs by {difference:.1e}"
-            worst = max(worst, difference)
-    return worst
+            largest = max(largest, difference)
+    return largest
 
 
 def code_values(position: Any, velocity: Any, acceleration: Any, rig: RigParameters) -> dict[str, Any]:
-    """Return the same quantities from the code."""
+    """Return the same quantities, computed by `cranectl.model.dynamics`."""
     _, _, length, alpha, beta = position
     _, _, length_rate, alpha_rate, beta_rate = velocity
     u = acceleration[:3]
@@ -137,11 +137,11 @@ def code_values(position: Any, velocity: Any, acceleration: Any, rig: RigParamet
 
 
 def main() -> None:
-    """Derive, check, report."""
+    """Derive the equations, check them and the code, and print the largest difference."""
     equations = derive()
     check_identities(equations)
-    worst = check_code(equations)
-    print(f"equations of motion derived; cranectl.model.dynamics agrees to {worst:.1e}")
+    difference = check_code(equations)
+    print(f"cranectl.model.dynamics agrees with the derived equations to {difference:.1e}")
 
 
 if __name__ == "__main__":

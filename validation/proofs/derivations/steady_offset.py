@@ -1,25 +1,26 @@
-"""Where feedback leaves the load under constant angular accelerations, in closed form.
+"""Compute in closed form the load's offset that feedback leaves under a constant disturbance.
 
-At rest, with d_alpha, d_beta constant: the cardan equations balance gravity against the disturbance,
+The disturbance is a pair of constant angular accelerations d_alpha, d_beta. At rest, gravity balances it:
 
     sin 2 alpha = 2 d_alpha h / g          sin 2 beta = 2 d_beta h / (g cos² alpha)
 
-with h = l cos(alpha) cos(beta), the vertical drop. The drives stand still only if the tracker commands
-nothing: l'' = 0 and x_c'' = 0 give
+with the vertical drop h = l cos(alpha) cos(beta). The drives rest only if the tracker commands zero. l'' = 0
+and x_c'' = 0 give
 
     zeta = g (cos² alpha cos² beta - 1)    v_x = g p_x (zeta + g) / h        v_z = 0
 
-and since the tracker takes z_1'' = -p_x (zeta + g) for the load's acceleration, v = k_0 e - k_2 z'' gives
+The tracker computes the load's acceleration by the flat map, z_1'' = -p_x (zeta + g). So v = k_0 e - k_2 z''
+gives
 
     e_x = p_x (zeta + g) (g / h - k_2) / k_0        e_z = k_2 zeta / k_0        and likewise for y
 
-so the load hangs off by a tilt that the flat model cannot know of: it believes in a falling load. One
-equation in h remains, solved to rounding below.
+The flat map does not contain the disturbance, so it takes a leaning rope for an accelerated load. One
+equation in h remains, which is solved to rounding below.
 
-A robustifier adds v-bar = K(0) e at rest, so k_0 + K(0) stands in place of k_0: the offset shrinks by about
-S(0) = k_0 / (k_0 + K(0)). With an integrator K(0) is infinite and nothing remains. The S/KS optimum is
-all-pass, |W_s S| = gamma where W_ks K S is small, so S(0) = gamma / W_s(0) = gamma A: it stays finite because
-the weight W_s does.
+A robustifier adds v-bar = K(0) e at rest, so k_0 + K(0) replaces k_0. It reduces the offset by about
+S(0) = k_0 / (k_0 + K(0)). With an integrator K(0) is infinite, and no offset remains. The S/KS optimum is
+all-pass: |W_s S| = gamma where W_ks K S is small, so S(0) = gamma / W_s(0) = gamma A. The offset is not zero
+because W_s is finite.
 
     python validation/proofs/derivations/steady_offset.py
 """
@@ -47,9 +48,9 @@ def steady_state(
     gravity: float = 9.81,
     robustifier_gain: float = 0.0,
 ) -> dict[str, float]:
-    """Load position, angles and zeta in which the loop comes to rest.
+    """Return load position [m], angles [rad], zeta [m/s²] and rope length [m] of the loop at rest.
 
-    `desired` is z_d [m], `robustifier_gain` K(0) [1/s⁴].
+    `desired` is z_d [m], and `robustifier_gain` is K(0) [1/s⁴].
     """
     k_0, k_2 = float(gain[0]) + robustifier_gain, float(gain[2])
 
@@ -74,9 +75,9 @@ def steady_state(
     }
 
 
-def residual(found: dict[str, float], d_alpha: float, d_beta: float, gravity: float = 9.81) -> float:
-    """Return how far the cardan equations are from rest there [rad/s²]."""
-    length, alpha, beta = found["length"], found["alpha"], found["beta"]
+def residual(state: dict[str, float], d_alpha: float, d_beta: float, gravity: float = 9.81) -> float:
+    """Return the larger angular acceleration in a state of `steady_state` [rad/s²], which should be 0."""
+    length, alpha, beta = state["length"], state["alpha"], state["beta"]
     on_alpha = -gravity * sin(alpha) / (length * cos(beta)) + d_alpha
     on_beta = -gravity * cos(alpha) * sin(beta) / length + d_beta
     return max(abs(on_alpha), abs(on_beta))
@@ -85,7 +86,7 @@ def residual(found: dict[str, float], d_alpha: float, d_beta: float, gravity: fl
 if __name__ == "__main__":
     for name in ("pole-placement", "lqr", "pole-placement+hinf", "lqr+hinf"):
         design = design_controller(name)
-        at_rest = design.robustifier.static_gain
-        found = steady_state(design.gain, (1.0, 0.77, -0.7), 1.0, 1.0, robustifier_gain=at_rest)
-        sensitivity = design.gain[0] / (design.gain[0] + at_rest)
-        print(f"{name}: S(0) = {sensitivity:.4f},", {key: round(value, 4) for key, value in found.items()})
+        static_gain = design.robustifier.static_gain
+        state = steady_state(design.gain, (1.0, 0.77, -0.7), 1.0, 1.0, robustifier_gain=static_gain)
+        sensitivity = design.gain[0] / (design.gain[0] + static_gain)
+        print(f"{name}: S(0) = {sensitivity:.4f},", {key: round(value, 4) for key, value in state.items()})
