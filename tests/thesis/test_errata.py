@@ -1,4 +1,4 @@
-"""Every erratum of docs/thesis/errata.md: the printed form fails, the right one passes."""
+"""Each erratum of docs/thesis/errata.md: the printed form fails, and the right form passes."""
 
 import re
 
@@ -7,7 +7,7 @@ import numpy as np
 from cranectl.model.flatness import state_and_input
 from tests.conftest import ROOT
 from validation.thesis.errata import chapter_2, chapter_3, chapter_4, chapter_5  # noqa: F401, they register
-from validation.thesis.errata.registry import ERRATA, G, apart
+from validation.thesis.errata.registry import ERRATA, G, max_difference
 
 
 def test_printed_forms_fail_and_right_forms_pass() -> None:
@@ -17,14 +17,14 @@ def test_printed_forms_fail_and_right_forms_pass() -> None:
         assert right < 1e-9, name
 
 
-def test_every_erratum_is_in_the_table_and_only_those() -> None:
+def test_table_contains_exactly_the_checked_errata() -> None:
     page = (ROOT / "docs" / "thesis" / "errata.md").read_text(encoding="utf-8")
     listed = re.findall(r"^\| \*\*(.+?)\*\* \|", page, re.MULTILINE)
     assert listed == list(ERRATA)
 
 
-def test_3_38_is_right_in_the_order_of_3_21() -> None:
-    """Unlike (3.37): the even states are the rates of the odd ones."""
+def test_3_38_agrees_with_the_order_of_3_21() -> None:
+    """The even states are the rates of the odd ones, unlike in (3.37)."""
     rng = np.random.default_rng(2)
     coefficients = 0.1 * rng.normal(size=(3, 8))
     coefficients[:, 0] += [1.0, 0.8, -0.7]
@@ -38,4 +38,4 @@ def test_3_38_is_right_in_the_order_of_3_21() -> None:
 
     step = 1e-5
     rates = (state(step)[0::2] - state(-step)[0::2]) / (2 * step)
-    assert apart(rates, state(0.0)[1::2]) < 1e-8
+    assert max_difference(rates, state(0.0)[1::2]) < 1e-8

@@ -1,14 +1,16 @@
-"""Why do tables 5.1 and 5.3 differ from ours? Vary one thing at a time and see what each column says.
+"""Test hypotheses on why our Tables 5.1 and 5.3 differ from those of the thesis.
 
-    python validation/thesis/explain.py                  every hypothesis, under two minutes
-    python validation/thesis/explain.py --cells best     every number of the hypotheses named so
-    python validation/thesis/explain.py --noise          what Simulink's default solver adds to the runs
+    python validation/thesis/explain.py                  all hypotheses, under two minutes
+    python validation/thesis/explain.py --cells best all numbers of the hypotheses whose names contain this
+    python validation/thesis/explain.py --noise the noise that Simulink's default solver adds
 
-The loop is simulated in continuous time, as the thesis's Simulink model was, with a kernel of its own in
-which terms of plant and law can be wrong one by one. A column's score is the root mean square of its
-deviations from print over the six controllers, relative for accelerations, in mm for positions. `best` reads
-as the thesis must have: the rope's peak of table 5.1 after the second step, at 12 s, and S/KS designed for
-the printed gammas. Everything below it changes one thing against `best`.
+The loop is simulated in continuous time, as the thesis's Simulink model was. It has compiled functions of its
+own, in which each term of plant and linearising law can be wrong. The score of a column is the root mean
+square of its deviations from print over the six controllers, relative for accelerations and in mm for
+positions.
+
+The hypothesis `best` reads the rope's peak of Table 5.1 after the second step, at 12 s, and designs S/KS for
+the printed gammas. Each later hypothesis changes one thing in `best`.
 """
 
 import argparse
@@ -34,37 +36,37 @@ from cranectl.thesis.reproduction import CONTROLLERS
 
 Array = NDArray[np.float64]
 
-TABLE_STEP = 1e-3  # [s] grid of references and disturbances
-STEP = 2e-3  # [s] of the fixed-step solver, divided where the robustifier is stiff
-STEPS_OF_DISTURBANCE = (6.0, 12.0)  # [s]
-END = 20.0  # [s] where tables 5.3 and 5.4 are read
+TABLE_STEP = 1e-3  # [s] between samples of references and disturbances
+MAX_STEP = 2e-3  # [s] of the fixed-step solver; a stiff robustifier needs shorter steps
+DISTURBANCE_TIMES = (6.0, 12.0)  # [s] of the steps of d_alpha and d_beta
+READING_TIME = 20.0  # [s] of Tables 5.3 and 5.4
 
-# Terms of (2.12): 2 l a' b' sin b, 2 l' a' cos b; 2 l' b', l a'^2 sin b cos b, sin a sin b y_c''; as printed
-# 2 l a' and 2 l b'.
-RIGHT_TERMS = (1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0)
+# Factors of the terms of (2.12): 2 l a' b' sin b, 2 l' a' cos b; 2 l' b', l a'^2 sin b cos b, sin a sin b
+# y_c''; and of the printed terms 2 l a' and 2 l b'.
+CORRECT_TERMS = (1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0)
 
 
 class Loop(NamedTuple):
-    """Plant, law and controller in continuous time."""
+    """Plant, linearising law, feedback and robustifier in continuous time."""
 
-    gain: Array  # (4,)
+    gain: Array  # (4,) of the feedback
     a: Array
     b: Array
     c: Array
-    d: float
+    d: float  # a, b, c, d: robustifier of an axis
     robustified: Array  # (3,) factor of v-bar by axis
-    plant: Array  # factors of the terms of (2.12) in the plant, see RIGHT_TERMS
-    law: Array  # and in the law
-    zeta_terms: Array  # factors of zeta' in z''' and of zeta in z'', z'''
-    gravity: Array  # (2,) of plant and law
-    torque: float  # 1: the disturbance is divided by l cos b, l as (2.12) divides; 0: added to a'', b''
-    reference: Array  # (N, 15) at TABLE_STEP
-    disturbance: Array  # (N, 2)
+    plant: Array  # factors of the terms of (2.12) in the plant, see CORRECT_TERMS
+    law: Array  # factors of the same terms in the linearising law
+    zeta_terms: Array  # (2,) factors of zeta' in z''', and of zeta in z'' and z'''
+    gravity: Array  # (2,) of plant and linearising law [m/s²]
+    torque: float  # 1: (2.12) divides the disturbance by l cos b or l; 0: it is added to a'', b''
+    reference: Array  # (N, 15), every TABLE_STEP
+    disturbance: Array  # (N, 2) of a'' and b''
 
 
 @jit
 def coriolis(terms, state, rate_y):
-    """Return the numerators of (2.12) without gravity and the drive's own axis."""
+    """Return the numerators of (2.12) without gravity and without the drive of the same axis."""
     length, length_rate, a_dot, b, b_dot = state[4], state[5], state[7], state[8], state[9]
     alpha = 2.0 * length * a_dot * b_dot * sin(b) * terms[0] - 2.0 * length_rate * a_dot * cos(b) * terms[1]
     alpha -= 2.0 * length * a_dot * terms[5]
@@ -75,13 +77,16 @@ def coriolis(terms, state, rate_y):
 
 @jit
 def derivative(loop, t, x, dx, out):
-    """Compute rates of plant (10), zeta, zeta' and three robustifiers; `out`: accelerations (3), load (3)."""
+    """Compute the derivative `dx` of the states: plant (10), zeta, zeta', robustifiers of three axes.
+
+    `out` (6,) receives the drives' accelerations and the load's position.
+    """
     order = loop.a.shape[0]
-    place = (t + 1e-10) / TABLE_STEP
-    row = int(place)
+    position = (t + 1e-10) / TABLE_STEP
+    row = int(position)
     last = loop.reference.shape[0] - 1
     row = min(row, last)
-    following, weight = min(row + 1, last), place - row
+    following, weight = min(row + 1, last), position - row
     length, a, a_dot, b, b_dot, zeta, zeta_dot = x[4], x[6], x[7], x[8], x[9], x[10], x[11]
     sa, ca, sb, cb = sin(a), cos(a), sin(b), cos(b)
     g_plant, g_law = loop.gravity[0], loop.gravity[1]
@@ -94,14 +99,14 @@ def derivative(loop, t, x, dx, out):
         flat[k] *= (loop.zeta_terms[1] * zeta + g_law) / (zeta + g_law)
     for axis in range(3):
         for k in range(5):
-            wanted = (1.0 - weight) * loop.reference[row, 3 * k + axis]
-            wanted += weight * loop.reference[following, 3 * k + axis]
+            desired = (1.0 - weight) * loop.reference[row, 3 * k + axis]
+            desired += weight * loop.reference[following, 3 * k + axis]
             if k == 4:
-                v[axis] += wanted
+                v[axis] += desired
             else:
-                v[axis] += loop.gain[k] * (wanted - flat[3 * k + axis])
+                v[axis] += loop.gain[k] * (desired - flat[3 * k + axis])
             if k == 0:
-                error = wanted - flat[axis]
+                error = desired - flat[axis]
         first = 12 + axis * order
         v_bar = loop.d * error
         for i in range(order):
@@ -110,7 +115,8 @@ def derivative(loop, t, x, dx, out):
             for j in range(order):
                 dx[first + i] += loop.a[i, j] * x[first + j]
         v[axis] += loop.robustified[axis] * v_bar
-    # The angular accelerations that give v, then the drives that give those, as far as the law knows (2.12).
+    # The linearising law: angular accelerations that give v, then drives that give them by its terms of
+    # (2.12).
     lift = zeta + g_law
     p_x_ddot = -(v[0] + 2.0 * p_x_dot * zeta_dot + p_x * v[2]) / lift
     p_y_ddot = -(v[1] + 2.0 * p_y_dot * zeta_dot + p_y * v[2]) / lift
@@ -142,7 +148,7 @@ def derivative(loop, t, x, dx, out):
 
 @jit
 def start(loop):
-    """Return the state at rest on the reference."""
+    """Return the state at rest at the start of the reference."""
     x = np.zeros(12 + 3 * loop.a.shape[0])
     x[0], x[2], x[4] = loop.reference[0, 0], loop.reference[0, 1], -loop.reference[0, 2]
     return x
@@ -150,7 +156,7 @@ def start(loop):
 
 @jit
 def fixed_step(loop, end, step):
-    """Integrate by the classical Runge-Kutta method; return time, accelerations, load by step."""
+    """Integrate by the classical Runge-Kutta method; return rows of time, accelerations and load (N, 7)."""
     x, rows = start(loop), np.zeros((round(end / step) + 1, 7))
     k_1, k_2, k_3, k_4 = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
     scratch = np.zeros(6)
@@ -160,11 +166,12 @@ def fixed_step(loop, end, step):
         derivative(loop, t, x, k_1, rows[k, 1:])
         derivative(loop, t + 0.5 * step, x + 0.5 * step * k_1, k_2, scratch)
         derivative(loop, t + 0.5 * step, x + 0.5 * step * k_2, k_3, scratch)
-        derivative(loop, t + step - 1e-9, x + step * k_3, k_4, scratch)  # jumps belong to the next step
+        derivative(loop, t + step - 1e-9, x + step * k_3, k_4, scratch)  # a jump belongs to the next step
         x += step / 6.0 * (k_1 + 2.0 * k_2 + 2.0 * k_3 + k_4)
     return rows
 
 
+# Coefficients of the method of Dormand and Prince.
 STAGES = np.zeros((7, 7))
 STAGES[1, 0] = 1 / 5
 STAGES[2, :2] = 3 / 40, 9 / 40
@@ -178,7 +185,7 @@ ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 5
 
 @jit
 def ode45(loop, end, tolerance):
-    """Integrate as Simulink's ode45 does by default: automatic absolute tolerance, longest step end / 50."""
+    """Integrate as Simulink's ode45 by default: automatic absolute tolerance, steps up to end / 50."""
     x, rows = start(loop), np.zeros((100_000, 7))
     k, scratch = np.zeros((7, len(x))), np.zeros(6)
     largest, t, step, count = np.abs(x), 0.0, end / 50.0, 1
@@ -187,20 +194,20 @@ def ode45(loop, end, tolerance):
         largest = np.maximum(largest, np.abs(x))
         threshold = np.maximum(1e-6 / tolerance, largest)
         barrier = end
-        for time in STEPS_OF_DISTURBANCE:
+        for time in DISTURBANCE_TIMES:
             if t < time - 1e-9:
                 barrier = min(barrier, time)
         step = min(step, end / 50.0)
-        whole, first_try = step, True
+        full_step, first_try = step, True
         while True:
-            met = t + step >= barrier - 1e-9
-            if met:
+            reaches_barrier = t + step >= barrier - 1e-9
+            if reaches_barrier:
                 step = barrier - t
             for s in range(1, 7):
                 y = x.copy()
                 for j in range(s):
                     y += step * STAGES[s, j] * k[j]
-                early = 1e-9 if met and NODES[s] == 1.0 else 0.0
+                early = 1e-9 if reaches_barrier and NODES[s] == 1.0 else 0.0
                 derivative(loop, t + NODES[s] * step - early, y, k[s], scratch)
             error = 0.0
             for i in range(len(x)):
@@ -216,8 +223,8 @@ def ode45(loop, end, tolerance):
         derivative(loop, t, x, k[0], rows[count, 1:])
         rows[count, 0] = t
         count += 1
-        if met:
-            step = whole
+        if reaches_barrier:
+            step = full_step
         elif first_try:
             step *= min(5.0, 1.0 / max(1e-9, 1.25 * (error / tolerance) ** 0.2))
     return rows[:count]
@@ -225,71 +232,73 @@ def ode45(loop, end, tolerance):
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """What the thesis may have done otherwise than `best`; None or the default is as there."""
+    """A difference between the thesis and `best`; the defaults are those of `best`."""
 
     name: str
-    overrides: tuple[str, ...] = ()  # as `--set`, for both scenarios
-    back_off: float | None = None  # of S/KS; None: from the printed gamma
-    rope_from: float = STEPS_OF_DISTURBANCE[1] - 2.0  # [s] table 5.1 reads the rope from here
-    plant: tuple[float, ...] = RIGHT_TERMS
-    law: tuple[float, ...] = RIGHT_TERMS
+    overrides: tuple[str, ...] = ()  # settings of both scenarios, as of `--set`
+    back_off: float | None = None  # gamma of S/KS over its optimum; None: the printed gamma
+    rope_from: float = DISTURBANCE_TIMES[1] - 2.0  # [s] start of the rope's column in Table 5.1
+    plant: tuple[float, ...] = CORRECT_TERMS
+    law: tuple[float, ...] = CORRECT_TERMS
     zeta_terms: tuple[float, float] = (1.0, 1.0)
     gravity: tuple[float, float] = (9.81, 9.81)
     torque: float = 0.0
     disturbance: tuple[float, float] = (1.0, 1.0)
-    times: tuple[float, float] = STEPS_OF_DISTURBANCE
+    times: tuple[float, float] = DISTURBANCE_TIMES
     robustified: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    gain_digits: int | None = None
-    reference: Callable[[Array], Array] | None = None  # rows of the reference, altered
+    gain_digits: int | None = None  # decimals to which gains are rounded
+    reference: Callable[[Array], Array] | None = None  # changes the rows of the reference
     tolerance: float | None = None  # of ode45; None: fixed step
     modal: bool = True  # S/KS in modal form; False: as the synthesis returns it
-    sampled: float | None = None  # [s] the peaks are read from samples this far apart
+    sampled: float | None = None  # [s] between the samples from which peaks are read; None: all
 
 
 def terms(**wrong: float) -> tuple[float, ...]:
-    """Return RIGHT_TERMS with some factors replaced."""
+    """Return CORRECT_TERMS with the factors in `wrong` replaced."""
     names = ("ab", "hoist_a", "hoist_b", "centripetal", "cross", "printed_a", "printed_b")
-    return tuple(wrong.get(name, right) for name, right in zip(names, RIGHT_TERMS, strict=True))
+    return tuple(wrong.get(name, factor) for name, factor in zip(names, CORRECT_TERMS, strict=True))
 
 
-def scaled(order: int, factor: float, axes: tuple[int, ...] = (0, 1, 2)) -> Callable[[Array], Array]:
-    """Return the reference with one derivative scaled."""
+def scale_derivative(
+    order: int, factor: float, axes: tuple[int, ...] = (0, 1, 2)
+) -> Callable[[Array], Array]:
+    """Return a function that scales one derivative of the reference."""
 
-    def alter(rows: Array) -> Array:
-        altered = rows.copy()
-        altered[:, [3 * order + axis for axis in axes]] *= factor
-        return altered
+    def change(rows: Array) -> Array:
+        changed = rows.copy()
+        changed[:, [3 * order + axis for axis in axes]] *= factor
+        return changed
 
-    return alter
+    return change
 
 
-def held(period: float, orders: int) -> Callable[[Array], Array]:
-    """Return a change of the reference that holds its first derivatives as a staircase."""
+def hold(period: float, orders: int) -> Callable[[Array], Array]:
+    """Return a function that samples and holds the first `orders` derivatives of the reference."""
     n = round(period / TABLE_STEP)
 
-    def alter(rows: Array) -> Array:
-        altered = rows.copy()
-        altered[:, : 3 * orders] = rows[np.arange(len(rows)) // n * n, : 3 * orders]
-        return altered
+    def change(rows: Array) -> Array:
+        changed = rows.copy()
+        changed[:, : 3 * orders] = rows[np.arange(len(rows)) // n * n, : 3 * orders]
+        return changed
 
-    return alter
+    return change
 
 
-def chords(period: float) -> Callable[[Array], Array]:
-    """Return a change of the reference to a polygon with exact derivatives."""
+def interpolate(period: float) -> Callable[[Array], Array]:
+    """Return a function that replaces positions of the reference by a polygon, and keeps the derivatives."""
     n = round(period / TABLE_STEP)
 
-    def alter(rows: Array) -> Array:
-        altered, grid = rows.copy(), np.arange(0, len(rows), n)
+    def change(rows: Array) -> Array:
+        changed, grid = rows.copy(), np.arange(0, len(rows), n)
         for axis in range(3):
-            altered[:, axis] = np.interp(np.arange(len(rows)), grid, rows[grid, axis])
-        return altered
+            changed[:, axis] = np.interp(np.arange(len(rows)), grid, rows[grid, axis])
+        return changed
 
-    return alter
+    return change
 
 
-def path(end_x: float, radius: float, half_turns: int) -> tuple[str, ...]:
-    """Return another reading of the settled trajectory: the centre is `radius` before the line's end."""
+def other_path(end_x: float, radius: float, half_turns: int) -> tuple[str, ...]:
+    """Return settings of another settled trajectory, whose centre is at x = `end_x` - `radius`."""
     line = f"{{kind='line', to=[{end_x}, 0.77, -0.7], duration=10.0, time_law='degree-5'}}"
     arc = (
         f"{{kind='arc', centre=[{end_x - radius}, 0.77], angle={half_turns * np.pi}, duration=10.0, "
@@ -298,13 +307,12 @@ def path(end_x: float, radius: float, half_turns: int) -> tuple[str, ...]:
     return (f"reference.segments=[{line}, {arc}]",)
 
 
-EARLY = 0.0
 H = Hypothesis
 HYPOTHESES = (
-    # What explains.
-    H("first guess: rope from 0 s, S/KS at 1.005", rope_from=EARLY, back_off=1.005),
+    # The best explanation, and steps towards it.
+    H("first guess: rope from 0 s, S/KS at 1.005", rope_from=0.0, back_off=1.005),
     H("rope after the second step", back_off=1.005),
-    H("S/KS for the printed gammas", rope_from=EARLY),
+    H("S/KS for the printed gammas", rope_from=0.0),
     H("best: both"),
     # Robustifiers.
     H("S/KS at 1.001", back_off=1.001),
@@ -350,20 +358,23 @@ HYPOTHESES = (
     H("d_beta at 12.2 s", times=(6.0, 12.2)),
     H("d_alpha at 9 s", times=(9.0, 12.0)),
     # Reference.
-    H("no z_d''''", reference=scaled(4, 0.0)),
-    H("no z_d'''' in y", reference=scaled(4, 0.0, (1,))),
-    H("no z_d''' and z_d''''", reference=lambda rows: scaled(3, 0.0)(scaled(4, 0.0)(rows))),
-    H("y_d'' 9 % too large", reference=scaled(2, 1.09, (1,))),
-    H("reference held for 10 ms", reference=held(0.01, 5)),
-    H("position held for 10 ms", reference=held(0.01, 1)),
-    H("position a polygon of 50 ms", reference=chords(0.05)),
-    H("counter-clockwise", path(1.65, 0.65, 2)),
-    H("radius 0.6", path(1.65, 0.6, -2)),
-    H("radius 0.64", path(1.65, 0.64, -2)),
-    H("line to 0.6, turn about 1.25", path(0.6, -0.65, -2)),
-    H("line to 0.6, turn about 1", path(0.6, -0.4, -2)),
-    H("line to 0.6, half turn to 1.65", path(0.6, -0.525, -1)),
-    H("line to 0.6, 1.5 turns to 1.65", path(0.6, -0.525, 3)),
+    H("no z_d''''", reference=scale_derivative(4, 0.0)),
+    H("no z_d'''' in y", reference=scale_derivative(4, 0.0, (1,))),
+    H(
+        "no z_d''' and z_d''''",
+        reference=lambda rows: scale_derivative(3, 0.0)(scale_derivative(4, 0.0)(rows)),
+    ),
+    H("y_d'' 9 % too large", reference=scale_derivative(2, 1.09, (1,))),
+    H("reference held for 10 ms", reference=hold(0.01, 5)),
+    H("position held for 10 ms", reference=hold(0.01, 1)),
+    H("position a polygon of 50 ms", reference=interpolate(0.05)),
+    H("counter-clockwise", other_path(1.65, 0.65, 2)),
+    H("radius 0.6", other_path(1.65, 0.6, -2)),
+    H("radius 0.64", other_path(1.65, 0.64, -2)),
+    H("line to 0.6, turn about 1.25", other_path(0.6, -0.65, -2)),
+    H("line to 0.6, turn about 1", other_path(0.6, -0.4, -2)),
+    H("line to 0.6, half turn to 1.65", other_path(0.6, -0.525, -1)),
+    H("line to 0.6, 1.5 turns to 1.65", other_path(0.6, -0.525, 3)),
     # Solver and reading.
     H("peaks from samples of 0.05 s", sampled=0.05),
     H("peaks from samples of 0.1 s", sampled=0.1),
@@ -374,7 +385,7 @@ HYPOTHESES = (
 
 
 def printed() -> dict[str, Array]:
-    """Return the tables, rows in the order of CONTROLLERS."""
+    """Return the printed tables by name, with rows in the order of CONTROLLERS."""
     tables = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))[
         "tables"
     ]
@@ -382,13 +393,13 @@ def printed() -> dict[str, Array]:
 
 
 def printed_gammas() -> dict[str, float]:
-    """Return the norms of section 5.2.1 by controller."""
+    """Return the printed norms of section 5.2.1 by controller."""
     norms = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))["norms"]
     return {entry["controller"]: entry["gamma"] for entry in norms}
 
 
 def simulate(hypothesis: Hypothesis, scenario: Scenario, controller: str) -> Array:
-    """Simulate and return rows of time, accelerations, load."""
+    """Simulate a controller under a hypothesis; return rows of time, accelerations and load (N, 7)."""
     h = hypothesis
     settings = scenario.design
     if controller.endswith("+hinf"):
@@ -424,29 +435,30 @@ def simulate(hypothesis: Hypothesis, scenario: Scenario, controller: str) -> Arr
     if h.tolerance is not None:
         return ode45(loop, scenario.duration, h.tolerance)
     fastest = float(np.abs(np.linalg.eigvals(loop.a)).max(initial=1.0))
-    return fixed_step(loop, scenario.duration, STEP / np.ceil(0.5 * STEP * fastest))
+    return fixed_step(loop, scenario.duration, MAX_STEP / np.ceil(0.5 * MAX_STEP * fastest))
 
 
 def read_tables(hypothesis: Hypothesis) -> dict[str, Array]:
-    """Return Tables 5.1 to 5.4 under a hypothesis, as the thesis reads them: signed extremes."""
-    shape = printed()
-    tables = {name: np.zeros_like(table) for name, table in shape.items()}
-    for name, peaks, place in (("fixed-position", "5.1", "5.2"), ("settled-trajectory", "5.3", "5.4")):
+    """Return Tables 5.1 to 5.4 under a hypothesis; a peak has the sign of the printed one."""
+    print_tables = printed()
+    tables = {name: np.zeros_like(table) for name, table in print_tables.items()}
+    for name, peaks, positions in (("fixed-position", "5.1", "5.2"), ("settled-trajectory", "5.3", "5.4")):
         overrides = [o for o in hypothesis.overrides if peaks == "5.3" or not o.startswith("reference")]
         scenario = load_scenario(name, overrides=overrides)
         for i, controller in enumerate(CONTROLLERS):
             rows = simulate(hypothesis, scenario, controller)
             time, inputs, load = rows[:, 0], rows[:, 1:4], rows[:, 4:7]
-            until = END if peaks == "5.3" else scenario.duration
-            tables[place][i] = [np.interp(until, time, load[:, axis]) for axis in range(3)]
+            until = READING_TIME if peaks == "5.3" else scenario.duration
+            tables[positions][i] = [np.interp(until, time, load[:, axis]) for axis in range(3)]
             if hypothesis.sampled:
-                grid = np.arange(0.0, END + 1e-9, hypothesis.sampled)
+                grid = np.arange(0.0, READING_TIME + 1e-9, hypothesis.sampled)
                 inputs = np.array([np.interp(grid, time, inputs[:, axis]) for axis in range(3)]).T
                 time = grid
             for axis in range(3):
                 begin = hypothesis.rope_from if (peaks, axis) == ("5.1", 2) else 0.0
-                chosen = inputs[(time >= begin) & (time <= END + 1e-9), axis]
-                tables[peaks][i, axis] = chosen.max() if shape[peaks][i, axis] > 0.0 else chosen.min()
+                values = inputs[(time >= begin) & (time <= READING_TIME + 1e-9), axis]
+                is_maximum = print_tables[peaks][i, axis] > 0.0
+                tables[peaks][i, axis] = values.max() if is_maximum else values.min()
     return tables
 
 
@@ -463,24 +475,24 @@ def _rms(values: Array) -> str:
     return " ".join(f"{score:6.2f}" if score < 999.0 else "   >1k" for score in scores)
 
 
-PARTS = {"line": (1.0, 5.9), "arc": (13.0, 16.0), "rest": (23.0, 25.0)}  # [s]
+PARTS = {"line": (1.0, 5.9), "arc": (13.0, 16.0), "rest": (23.0, 25.0)}  # [s] of the settled trajectory
 
 
 def noise(controller: str, *, modal: bool) -> dict[str, Array]:
-    """Return the largest error of ode45 in accelerations [m/s²] by part of the trajectory, (3,) each."""
+    """Return the largest errors (3,) of accelerations by ode45 [m/s²], by part of the trajectory."""
     scenario = load_scenario("settled-trajectory")
     exact = simulate(Hypothesis("exact"), scenario, controller)
     rows = simulate(Hypothesis("ode45", tolerance=1e-3, modal=modal), scenario, controller)
-    true = np.array([np.interp(rows[:, 0], exact[:, 0], exact[:, 1 + axis]) for axis in range(3)]).T
+    expected = np.array([np.interp(rows[:, 0], exact[:, 0], exact[:, 1 + axis]) for axis in range(3)]).T
     errors = {}
     for part, (begin, end) in PARTS.items():
-        chosen = (rows[:, 0] > begin) & (rows[:, 0] < end)
-        errors[part] = np.abs(rows[chosen, 1:4] - true[chosen]).max(axis=0)
+        selected = (rows[:, 0] > begin) & (rows[:, 0] < end)
+        errors[part] = np.abs(rows[selected, 1:4] - expected[selected]).max(axis=0)
     return errors
 
 
 def print_noise() -> None:
-    """Print the noise of every controller, S/KS in both forms."""
+    """Print the solver's noise for every controller, with S/KS in both forms."""
     for controller in CONTROLLERS:
         for modal in (True, False) if controller.endswith("+hinf") else (True,):
             print(f"{controller}, {'modal form' if modal else 'as synthesised'}: x, y, l [m/s²]")
@@ -489,25 +501,33 @@ def print_noise() -> None:
 
 
 def main() -> int:
-    """Try and print."""
+    """Print the scores of hypotheses, or what the command line selects."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--cells", metavar="NAME", help="print every number of the hypotheses named so")
+    parser.add_argument(
+        "--cells", metavar="NAME", help="print all numbers of the hypotheses whose names contain NAME"
+    )
     parser.add_argument("--noise", action="store_true", help="print the noise of ode45 instead")
     arguments = parser.parse_args()
     if arguments.noise:
         print_noise()
         return 0
-    chosen = [h for h in HYPOTHESES if arguments.cells is None or arguments.cells in h.name]
-    smooth = [i for i, name in enumerate(CONTROLLERS) if not name.endswith("+hinf")]
-    head = ("5.1 x, y, l [%]", "5.3 x, y, l [%]", "without S/KS [%]", "5.2 x, y, z [mm]", "5.4 x, y, z [mm]")
-    print(f"{'':42} " + "  ".join(f"{title:20}" for title in head))
-    for h in chosen:
+    hypotheses = [h for h in HYPOTHESES if arguments.cells is None or arguments.cells in h.name]
+    without_hinf = [i for i, name in enumerate(CONTROLLERS) if not name.endswith("+hinf")]
+    headings = (
+        "5.1 x, y, l [%]",
+        "5.3 x, y, l [%]",
+        "without S/KS [%]",
+        "5.2 x, y, z [mm]",
+        "5.4 x, y, z [mm]",
+    )
+    print(f"{'':42} " + "  ".join(f"{title:20}" for title in headings))
+    for h in hypotheses:
         tables = read_tables(h)
-        off = deviations(tables)
-        scores = (off["5.1"], off["5.3"], off["5.3"][smooth], off["5.2"], off["5.4"])
-        print(f"{h.name:42} " + "  ".join(_rms(values) for values in scores), flush=True)
+        errors = deviations(tables)
+        columns = (errors["5.1"], errors["5.3"], errors["5.3"][without_hinf], errors["5.2"], errors["5.4"])
+        print(f"{h.name:42} " + "  ".join(_rms(values) for values in columns), flush=True)
         if arguments.cells is not None:
             for name, table in printed().items():
                 for i, controller in enumerate(CONTROLLERS):

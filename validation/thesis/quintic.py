@@ -1,8 +1,9 @@
-"""What a quintic costs where C⁴ is needed: the settled trajectory, undisturbed, with both time laws.
+"""Compare the tracking errors of a quintic and of the time law of degree 9 on the settled trajectory.
 
-The quintic's third derivative jumps at both ends of a segment. The tracker's z-dot-dot-dot cannot jump with
-it, so the error starts anew with e-dot-dot-dot = the jump, and follows the impulse response of
-1 / (s⁴ + k_3 s³ + k_2 s² + k_1 s + k_0): its peak times the largest jump is the peak of the error.
+The tracker needs a reference in C⁴, but the quintic's third derivative jumps at both ends of a segment. The
+load's third derivative cannot jump, so at each jump the third derivative of the error does. Then the error
+follows the impulse response of 1 / (s⁴ + k_3 s³ + k_2 s² + k_1 s + k_0). So the largest error is its peak
+times the largest jump. There are no disturbances.
 
     python validation/thesis/quintic.py
 """
@@ -19,28 +20,29 @@ from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
 
-LAWS = {"degree-5": 2, "degree-9": 4}  # and the continuity they have
+CONTINUITY = {"degree-5": 2, "degree-9": 4}  # of the time laws
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What one run along one time law needs."""
+    """Error and effort of a run with one time law."""
 
     max_error: float  # [m]
     max_acceleration: float  # of bridge and trolley [m/s²]
-    max_jump: float  # of any input from one sample to the next [m/s²]
+    max_jump: float  # of any input between two samples [m/s²]
 
 
 def scenario(law: str) -> Scenario:
-    """Return the settled trajectory along `law`, without disturbances."""
-    laws = [f"reference.segments.{k}.time_law='{law}'" for k in (0, 1)]
+    """Return the settled trajectory with the time law `law`, without disturbances."""
+    segments = [f"reference.segments.{k}.time_law='{law}'" for k in (0, 1)]
     return load_scenario(
-        "settled-trajectory", overrides=[*laws, f"reference.continuity={LAWS[law]}", "disturbances=[]"]
+        "settled-trajectory",
+        overrides=[*segments, f"reference.continuity={CONTINUITY[law]}", "disturbances=[]"],
     )
 
 
 def cost(law: str, controller: str, plant: str, drive: str) -> Cost:
-    """Run it."""
+    """Simulate the settled trajectory with one time law, and return its cost."""
     run = simulate_run(scenario(law), plant=plant, drive=drive, controller=controller)
     error = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
     inputs = run.block("input")[:, :3]
@@ -52,7 +54,7 @@ def cost(law: str, controller: str, plant: str, drive: str) -> Cost:
 
 
 def predicted_error(feedback: str) -> float:
-    """Predict the peak error of plain feedback along the quintic [m], without a run."""
+    """Predict the largest error of plain feedback with the quintic [m], without a simulation."""
     settings = scenario("degree-5").reference
     ends = np.cumsum([0.0, *(segment.duration for segment in settings.segments)])
     instants = np.array([ends - 1e-6, ends + 1e-6]).clip(min=0.0)
@@ -65,13 +67,15 @@ def predicted_error(feedback: str) -> float:
 
 if __name__ == "__main__":
     for feedback in ("pole-placement", "lqr"):
-        print(f"{feedback}, quintic: predicted peak error {1e3 * predicted_error(feedback):.2f} mm")
-    print("controller, drives, plant: max error [mm], peak acceleration, largest jump of an input [m/s²]")
+        print(f"{feedback}, quintic: predicted largest error {1e3 * predicted_error(feedback):.2f} mm")
+    print(
+        "controller, drives, plant: largest error [mm], largest acceleration, largest jump of an input [m/s²]"
+    )
     for name in ("pole-placement", "lqr", "lqr+hinf", "lqr+loop-shaping"):
         for drives in ("ideal", "velocity"):
-            for crane in ("analytic", "mujoco"):
-                found = [cost(law, name, crane, drives) for law in LAWS]
+            for plant in ("analytic", "mujoco"):
+                costs = [cost(law, name, plant, drives) for law in CONTINUITY]
                 texts = (
-                    f"{1e3 * c.max_error:.2f}, {c.max_acceleration:.3f}, {c.max_jump:.4f}" for c in found
+                    f"{1e3 * c.max_error:.2f}, {c.max_acceleration:.3f}, {c.max_jump:.4f}" for c in costs
                 )
-                print(f"{name}, {drives}, {crane}: " + " | ".join(texts))
+                print(f"{name}, {drives}, {plant}: " + " | ".join(texts))

@@ -1,6 +1,6 @@
-"""The vocabulary of the diagrams: block, sum, branch, signal, frame, label; on schemdraw.
+"""Draw the elements of block diagrams by schemdraw: block, sum, branch, signal, frame, label.
 
-Positions are drawing units, x to the right and y up; one unit is 36 px where a diagram has its natural width.
+Positions are in drawing units, x to the right and y up. One unit is 36 px if a diagram has its natural width.
 """
 
 import re
@@ -22,13 +22,12 @@ LINE_HEIGHT = 1.3  # of the font size
 PX_PER_UNIT = 36.0
 SUM_RADIUS = 0.2
 
-# Where a sum's sign stands, from its centre, for a signal that comes in from that side: beside the arrow, so
-# that the arrow does not run through it.
+# Position of a sign relative to the centre of its sum, by the side of the signal. It is beside the arrow.
 SIGN_OFFSET = {"W": (-0.44, -0.25), "N": (-0.26, 0.44), "S": (0.26, -0.44)}
 
-MARKS = r"[\u0300-\u036f\u20d0-\u20ff]*"  # dots and bars over the letter before
+MARKS = r"[\u0300-\u036f\u20d0-\u20ff]*"  # dots and bars over a letter
 SUBSCRIPT = re.compile(rf"_(\{{[^}}]*\}}|.{MARKS})")
-# A letter on its own is a variable and italic; letters in a row are a word, or sin, log and the like.
+# A single letter is a variable, in italics. Several letters are a word or a function such as sin.
 LETTER = "[^\\W\\d_₀-₉]"
 VARIABLE = re.compile(rf"(?<!{LETTER})({LETTER}{MARKS})(?!{LETTER})")
 GREEK_VARIABLE = re.compile(rf"([α-ω]{MARKS})")
@@ -40,19 +39,19 @@ def new_drawing() -> Drawing:
 
 
 def block(d: Drawing, centre: Point, text: str, w: float = 1.2, h: float = 1.1) -> Element:
-    """Draw a block with `text`; signals start and end at its anchors N, E, S, W (and ENE ...)."""
+    """Draw a block with `text`; signals connect to its anchors N, E, S, W."""
     box = d.add(Box(w=w, h=h, fill=BLOCK_FILL).at(centre).anchor("center"))
     label(d, centre, text)
     return box
 
 
 def integrator(d: Drawing, centre: Point) -> Element:
-    """Draw a block that integrates over time."""
+    """Draw an integrator."""
     return block(d, centre, "∫", w=0.9, h=0.9)
 
 
 def summation(d: Drawing, centre: Point, **signs: str) -> Element:
-    """Draw a sum; `signs` by the side from which the signal comes: W="+", S="−"."""
+    """Draw a sum; `signs` are by the side from which the signal comes, such as W="+", S="−"."""
     circle = d.add(Circle(r=SUM_RADIUS, fill=BLOCK_FILL).at(centre).anchor("center"))
     for side, sign in signs.items():
         dx, dy = SIGN_OFFSET[side]
@@ -61,7 +60,7 @@ def summation(d: Drawing, centre: Point, **signs: str) -> Element:
 
 
 def branch(d: Drawing, at: Point) -> None:
-    """Draw the dot where a signal parts in two."""
+    """Draw the dot at which a signal branches."""
     d.add(Dot(radius=0.07).at(at))
 
 
@@ -71,7 +70,7 @@ def signal(d: Drawing, *path: Point, arrow: str | None = "->", lw: float = LINE)
 
 
 def input_from_above(d: Drawing, end: Point, text: str) -> None:
-    """Draw a signal from outside, straight down to `end`, with its name at its start."""
+    """Draw an external signal from above down to `end`, with its name at its start."""
     signal(d, (end[0], end[1] + 1.3), end)
     label(d, (end[0], end[1] + 1.6), text)
 
@@ -82,7 +81,7 @@ def dashed(d: Drawing, *path: Point) -> None:
 
 
 def frame(d: Drawing, low: Point, high: Point, text: str = "") -> None:
-    """Draw a dashed frame around a part of the picture; `text` stands in its upper left corner."""
+    """Draw a dashed frame around a part of the picture, with `text` in its upper left corner."""
     dashed(d, low, (low[0], high[1]), high, (high[0], low[1]), low)
     label(d, (low[0] + 0.2, high[1] - 0.32), text, align="left", size=SMALL)
 
@@ -109,10 +108,10 @@ def add(d: Drawing, segment: Segment | SegmentBezier | SegmentPoly | SegmentText
 
 
 def to_svg(d: Drawing, title: str) -> str:
-    """Return the drawing as an <svg> element for a page: scalable, in the page's text colour."""
+    """Return the drawing as a scalable <svg> element in the text colour of its page."""
     svgconfig.text = "text"
     svg: ElementTree.Element = d.draw(show=False).getsvg()
-    box = [_number(float(n)) for n in svg.attrib["viewBox"].split()]
+    box = [_format(float(n)) for n in svg.attrib["viewBox"].split()]
     svg.attrib.clear()
     svg.attrib["viewBox"] = " ".join(box)
     svg.attrib["role"] = "img"
@@ -126,16 +125,16 @@ def to_svg(d: Drawing, title: str) -> str:
     name = ElementTree.Element("title")
     name.text = title
     svg.insert(0, name)
-    return re.sub(r"-?\d+\.\d{3,}", lambda n: _number(float(n[0])), ElementTree.tostring(svg, "unicode"))
+    return re.sub(r"-?\d+\.\d{3,}", lambda n: _format(float(n[0])), ElementTree.tostring(svg, "unicode"))
 
 
-def _number(value: float) -> str:
-    """Return at most two decimals: finer than a pixel, and equal on every platform."""
+def _format(value: float) -> str:
+    """Format a number with at most two decimals, which are finer than a pixel and equal on every platform."""
     return f"{round(value, 2) + 0.0:.2f}".rstrip("0").rstrip(".")
 
 
 def _clean_style(style: str) -> str:
-    """Draw solid lines without an invalid dash pattern, shorter dashes, one spelling of the colour."""
+    """Remove the invalid dash pattern of solid lines, shorten dashes, and unify the colour's spelling."""
     return (
         style.replace("stroke-dasharray:-;", "")
         .replace("stroke-dasharray:7.4,3.2", "stroke-dasharray:5,4")
@@ -144,31 +143,30 @@ def _clean_style(style: str) -> str:
 
 
 def _typeset(text: ElementTree.Element) -> None:
-    """Lay out one line: variables italic, subscripts small and low, centred without baseline keywords.
+    """Typeset one line: variables in italics, subscripts small and lowered, centred vertically.
 
-    schemdraw's own subscripts use baseline-shift and its centring dominant-baseline, which browsers treat
-    differently.
+    Browsers differ in baseline-shift and dominant-baseline, which schemdraw uses. So they are replaced.
     """
     line = "".join(text.itertext())
     size = float(text.attrib["font-size"])
     attributes = {name: text.attrib[name] for name in ("x", "fill", "font-size", "text-anchor")}
-    attributes["y"] = _number(float(text.attrib["y"]) + 1.35 * size)
+    attributes["y"] = _format(float(text.attrib["y"]) + 1.35 * size)
     text.clear()
     text.attrib.update(attributes)
     drop = 0.0
-    for i, piece in enumerate(SUBSCRIPT.split(line)):
-        subscript = i % 2 == 1
-        variables = GREEK_VARIABLE if subscript else VARIABLE
-        for j, run in enumerate(variables.split(piece.strip("{}") if subscript else piece)):
-            if not run:
+    for i, part in enumerate(SUBSCRIPT.split(line)):
+        is_subscript = i % 2 == 1
+        variables = GREEK_VARIABLE if is_subscript else VARIABLE
+        for j, letters in enumerate(variables.split(part.strip("{}") if is_subscript else part)):
+            if not letters:
                 continue
             span = ElementTree.SubElement(text, "tspan")
-            span.text = run
+            span.text = letters
             if j % 2 == 1:
                 span.attrib["font-style"] = "italic"
-            if subscript:
-                span.attrib["font-size"] = _number(0.75 * size)
-            target = 0.22 * size if subscript else 0.0
+            if is_subscript:
+                span.attrib["font-size"] = _format(0.75 * size)
+            target = 0.22 * size if is_subscript else 0.0
             if target != drop:
-                span.attrib["dy"] = _number(target - drop)
+                span.attrib["dy"] = _format(target - drop)
                 drop = target

@@ -1,4 +1,4 @@
-"""Figure 2.1: the crane, its frame and its angles, in oblique projection."""
+"""Draw Figure 2.1: the crane, its frame and its angles, in oblique projection."""
 
 import math
 
@@ -19,7 +19,7 @@ from schemdraw.flow import Circle
 
 Vector = tuple[float, float, float]
 
-# A posture with angles large enough to be seen; lengths in drawing units.
+# State of the drawn crane, with large angles; lengths in drawing units.
 LENGTH, DEPTH = 9.4, 5.0
 BRIDGE, TROLLEY, ROPE = 3.8, 2.4, 5.0
 ALPHA, BETA = math.radians(24.0), math.radians(28.0)
@@ -31,8 +31,8 @@ def project(p: Vector) -> Point:
     return (x + 0.5 * y, z + 0.4 * y)
 
 
-def hanging(alpha: float, beta: float, length: float) -> Point:
-    """Return where a rope of this length and direction ends, on paper."""
+def rope_end(alpha: float, beta: float, length: float) -> Point:
+    """Return the projected end of a rope with these angles and length."""
     return project(
         (
             BRIDGE + length * math.sin(beta),
@@ -43,7 +43,7 @@ def hanging(alpha: float, beta: float, length: float) -> Point:
 
 
 def draw_crane(d: Drawing) -> None:
-    """Figure 2.1."""
+    """Draw Figure 2.1."""
     _draw_frame(d)
     _draw_rig(d)
     _draw_angles(d)
@@ -70,7 +70,7 @@ def _draw_rig(d: Drawing) -> None:
     ):
         corners = ((-half, y_0), (half, y_0), (half, y_1), (-half, y_1))
         area(d, *(project((BRIDGE + x, y, 0.0)) for x, y in corners))
-    branch(d, hanging(0.0, 0.0, 0.0))
+    branch(d, rope_end(0.0, 0.0, 0.0))
     label(d, project((BRIDGE + 0.5, DEPTH - 0.8, 0.0)), "bridge", align="left", size=SMALL)
     label(d, project((BRIDGE + 1.0, TROLLEY, 0.0)), "trolley", align="left", size=SMALL)
 
@@ -85,22 +85,22 @@ def _draw_rig(d: Drawing) -> None:
 
 def _draw_angles(d: Drawing) -> None:
     """Draw the rope, the vertical, its projection on the bridge's plane, and both angles."""
-    start, load = hanging(0.0, 0.0, 0.0), hanging(ALPHA, BETA, ROPE)
-    in_plane = hanging(ALPHA, 0.0, ROPE * math.cos(BETA))
-    vertical = hanging(0.0, 0.0, ROPE * math.cos(BETA) * math.cos(ALPHA))
+    start, load = rope_end(0.0, 0.0, 0.0), rope_end(ALPHA, BETA, ROPE)
+    in_plane = rope_end(ALPHA, 0.0, ROPE * math.cos(BETA))
+    vertical = rope_end(0.0, 0.0, ROPE * math.cos(BETA) * math.cos(ALPHA))
     dashed(d, start, vertical, in_plane, load)
     dashed(d, start, in_plane)
     signal(d, start, load, arrow=None)
     d.add(Circle(r=0.2, fill=INK).at(load).anchor("center"))
     label(d, (load[0] + 0.4, load[1] - 0.1), "load z", align="left")
-    middle = hanging(ALPHA, BETA, 0.62 * ROPE)
+    middle = rope_end(ALPHA, BETA, 0.62 * ROPE)
     label(d, (middle[0] + 0.3, middle[1] + 0.1), "l")
 
     steps = [i / 12.0 for i in range(13)]
-    signal(d, *(hanging(ALPHA * i, 0.0, 0.5 * ROPE) for i in steps), lw=THIN)
-    signal(d, *(hanging(ALPHA, BETA * i, 0.66 * ROPE) for i in steps), lw=THIN)
+    signal(d, *(rope_end(ALPHA * i, 0.0, 0.5 * ROPE) for i in steps), lw=THIN)
+    signal(d, *(rope_end(ALPHA, BETA * i, 0.66 * ROPE) for i in steps), lw=THIN)
     for at, name in (
-        (hanging(0.5 * ALPHA, 0.0, 0.6 * ROPE), "α"),
-        (hanging(ALPHA, 0.5 * BETA, 0.56 * ROPE), "β"),
+        (rope_end(0.5 * ALPHA, 0.0, 0.6 * ROPE), "α"),
+        (rope_end(ALPHA, 0.5 * BETA, 0.56 * ROPE), "β"),
     ):
         label(d, at, name)

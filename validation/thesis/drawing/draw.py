@@ -1,9 +1,10 @@
-"""Draw the block diagrams of the thesis's page, and its crane, as SVG files that cranectl ships.
+"""Draw the figures of the thesis's page as SVG files that cranectl ships.
 
     python validation/thesis/drawing/draw.py              into validation/thesis/diagrams/
     python validation/thesis/drawing/draw.py DIRECTORY
 
-Titles and notes are in validation/thesis/diagrams.toml. The same bytes everywhere: a test compares them.
+Titles and notes are in validation/thesis/diagrams.toml. The files are equal on every platform, and a test
+compares them.
 """
 
 import argparse
@@ -38,7 +39,7 @@ DRAWINGS = {
 
 
 def main() -> None:
-    """Read the command line and draw all."""
+    """Draw all figures into the directory of the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

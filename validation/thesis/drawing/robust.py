@@ -1,4 +1,4 @@
-"""Figures 4.4 to 4.9: H-infinity standard problem, mixed sensitivity, loop shaping."""
+"""Draw Figures 4.4 to 4.9: H-infinity standard problem, mixed sensitivity, loop shaping."""
 
 from blocks import (
     LINE,
@@ -19,14 +19,14 @@ from schemdraw import Drawing, SegmentBezier
 
 FORBIDDEN = "var(--forbidden, var(--block, none))"
 
-# Control points of the two curves in 4.6, which cross 0 dB half way, and where that is.
+# Control points of both curves in Figure 4.6, and the positions at which they cross 0 dB.
 LARGEST = ((0.0, 3.3), (4.6, 1.9), (7.4, -1.9667), (12.2, -3.1))
 SMALLEST = ((0.0, 2.6), (4.0, 1.4), (5.2, -1.1667), (11.4, -3.3))
 CROSSINGS = tuple((p[0][0] + 3.0 * p[1][0] + 3.0 * p[2][0] + p[3][0]) / 8.0 for p in (SMALLEST, LARGEST))
 
 
 def draw_standard_problem(d: Drawing) -> None:
-    """Figure 4.4."""
+    """Draw Figure 4.4."""
     plant = block(d, (4.0, 0.0), "P(s)", w=2.4, h=2.1)
     controller = block(d, (4.0, -2.6), "K(s)", w=1.6)
     left, right = plant.W[0], plant.E[0]
@@ -41,7 +41,7 @@ def draw_standard_problem(d: Drawing) -> None:
 
 
 def draw_mixed_sensitivity(d: Drawing) -> None:
-    """Figure 4.5."""
+    """Draw Figure 4.5."""
     plant = block(d, (5.4, 0.0), "G(s)", w=1.6)
     error = summation(d, (7.6, 0.0), W="−", N="+")
     w_s = block(d, (10.0, 0.0), "W_s(s)", w=1.6)
@@ -69,7 +69,7 @@ def draw_mixed_sensitivity(d: Drawing) -> None:
 
 
 def draw_specifications(d: Drawing) -> None:
-    """Figure 4.6."""
+    """Draw Figure 4.6."""
     bottom, top, end = -3.7, 3.5, 12.4
     area(d, (0.0, bottom), (0.0, 1.0), (3.0, 1.0), (3.0, bottom), fill=FORBIDDEN, lw=THIN)
     area(d, (9.4, top), (9.4, -1.0), (end, -1.0), (end, top), fill=FORBIDDEN, lw=THIN)
@@ -91,34 +91,34 @@ def draw_specifications(d: Drawing) -> None:
 
 
 def draw_shaped_plant(d: Drawing) -> None:
-    """Figure 4.7."""
+    """Draw Figure 4.7."""
     frame(d, (1.5, -1.2), (9.9, 1.4), "G_s(s) = W_a G W_e")
-    _in_a_row(d, (0.0, 0.0), ("W_e", "G", "W_a"), 11.4)
+    _draw_row(d, (0.0, 0.0), ("W_e", "G", "W_a"), 11.4)
 
 
 def draw_shaped_loop(d: Drawing) -> None:
-    """Figure 4.8."""
+    """Draw Figure 4.8."""
     frame(d, (1.5, -1.2), (9.9, 1.4), "G_s(s)")
     controller = block(d, (5.7, -2.7), "K_∞", w=1.6)
-    _in_a_row(d, (0.6, 0.0), ("W_e", "G", "W_a"), 10.8, arrow=None)
+    _draw_row(d, (0.6, 0.0), ("W_e", "G", "W_a"), 10.8, arrow=None)
     signal(d, (10.8, 0.0), (10.8, -2.7), controller.E)
     signal(d, controller.W, (0.6, -2.7), (0.6, 0.0), arrow=None)
 
 
 def draw_final_controller(d: Drawing) -> None:
-    """Figure 4.9."""
+    """Draw Figure 4.9."""
     plant = block(d, (5.7, 0.0), "G", w=1.6)
     frame(d, (1.5, -3.9), (9.9, -1.3), "K(s) = W_e K_∞ W_a")
     signal(d, (0.6, 0.0), plant.W)
     label(d, (2.4, 0.3), "v̄")
     signal(d, plant.E, (10.8, 0.0), arrow=None)
     label(d, (9.0, 0.3), "z")
-    _in_a_row(d, (10.8, -2.7), ("W_a", "K_∞", "W_e"), 0.6, arrow=None)
+    _draw_row(d, (10.8, -2.7), ("W_a", "K_∞", "W_e"), 0.6, arrow=None)
     signal(d, (10.8, 0.0), (10.8, -2.7), arrow=None)
     signal(d, (0.6, 0.0), (0.6, -2.7), arrow=None)
 
 
-def _in_a_row(
+def _draw_row(
     d: Drawing, start: Point, names: tuple[str, str, str], end: float, arrow: str | None = "->"
 ) -> None:
     """Draw three blocks at fixed places between `start` and x = `end`, in the direction of the signal."""

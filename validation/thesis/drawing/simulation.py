@@ -1,4 +1,4 @@
-"""Figures 5.1 to 5.6: the simulation and the parts of the linearised crane."""
+"""Draw Figures 5.1 to 5.6: the simulation and the parts of the linearised crane."""
 
 from blocks import (
     SMALL,
@@ -15,7 +15,7 @@ from schemdraw import Drawing
 
 
 def draw_simulation(d: Drawing) -> None:
-    """Figure 5.1."""
+    """Draw Figure 5.1."""
     plan = block(d, (1.2, 0.0), "reference", w=2.4)
     record = block(d, (15.7, 0.0), "log", w=1.6)
     compare = block(d, (18.9, 0.0), "comparison", w=2.8)
@@ -41,7 +41,7 @@ def draw_simulation(d: Drawing) -> None:
 
 
 def draw_plant(d: Drawing) -> None:
-    """Figure 5.2."""
+    """Draw Figure 5.2."""
     g = block(d, (2.6, 0.0), "g(x)", w=1.4)
     total = summation(d, (5.2, 0.0), W="+", N="+", S="+")
     box = integrator(d, (7.4, 0.0))
@@ -62,7 +62,7 @@ def draw_plant(d: Drawing) -> None:
 
 
 def draw_flat_coordinates(d: Drawing) -> None:
-    """Figure 5.3."""
+    """Draw Figure 5.3."""
     rows = ((2.25, "z", "e"), (0.75, "ż", "ė"), (-0.75, "z̈", "ë"), (-2.25, "z⃛", "e⃛"))
     flat = block(d, (3.6, 0.0), "flat\ncoordinates\nΦ(x, ζ, ζ̇)", w=2.8, h=5.8)
     for y, name in ((1.5, "x"), (0.0, "ζ"), (-1.5, "ζ̇")):
@@ -79,7 +79,7 @@ def draw_flat_coordinates(d: Drawing) -> None:
 
 
 def draw_linearising_law(d: Drawing) -> None:
-    """Figure 5.4."""
+    """Draw Figure 5.4."""
     gamma = block(d, (8.2, 0.0), "γ(x, ζ)", w=2.0)
     total = summation(d, (11.4, 0.0), W="+", S="+")
     phi = block(d, (11.4, -2.4), "φ(x, ζ, ζ̇)", w=2.2, h=1.9)
@@ -109,15 +109,15 @@ def draw_linearising_law(d: Drawing) -> None:
 
 
 def draw_state_feedback(d: Drawing) -> None:
-    """Figure 5.5."""
-    _state_feedback(d)
+    """Draw Figure 5.5."""
+    _draw_state_feedback(d)
     signal(d, (7.5, -1.5), (7.5, -0.2))
     label(d, (7.5, -1.8), "v̄")
 
 
 def draw_robustified(d: Drawing) -> None:
-    """Figure 5.6."""
-    _state_feedback(d)
+    """Draw Figure 5.6."""
+    _draw_state_feedback(d)
     robustifier = block(d, (5.2, -1.6), "R(s)")
     branch(d, (3.9, 0.0))
     signal(d, (3.9, 0.0), (3.9, -1.6), robustifier.W)
@@ -125,7 +125,7 @@ def draw_robustified(d: Drawing) -> None:
     label(d, (6.6, -1.3), "v̄")
 
 
-def _state_feedback(d: Drawing) -> None:
+def _draw_state_feedback(d: Drawing) -> None:
     error = summation(d, (2.9, 0.0), W="+", S="−")
     gain = block(d, (5.2, 0.0), "K")
     total = summation(d, (7.5, 0.0), W="+", N="+", S="+")

@@ -1,4 +1,4 @@
-"""Figures 3.1, 4.2 and 4.3: the tracking loop and the linearised system under feedback."""
+"""Draw Figures 3.1, 4.2 and 4.3: the tracking loop and the linearised system under feedback."""
 
 from blocks import (
     BUS,
@@ -15,12 +15,12 @@ from blocks import (
 )
 from schemdraw import Drawing
 
-DERIVATIVES = ("z⃛", "z̈", "ż", "z")  # as they come out of the chain
-ERROR = 2.9  # where 4.2 and 4.3 form e
+DERIVATIVES = ("z⃛", "z̈", "ż", "z")  # outputs of the integrators
+ERROR_X = 2.9  # position of the sum that forms e in Figures 4.2 and 4.3
 
 
 def draw_tracking_loop(d: Drawing) -> None:
-    """Figure 3.1."""
+    """Draw Figure 3.1."""
     block(d, (0.8, 0.6), "trajectory\ngeneration", w=3.0, h=2.4)
     error = summation(d, (4.5, 0.0), W="+", S="−")
     gain = block(d, (6.1, 0.0), "K")
@@ -66,25 +66,25 @@ def draw_tracking_loop(d: Drawing) -> None:
 
 
 def draw_closed_loop(d: Drawing) -> None:
-    """Figure 4.2."""
-    total = _error_feedback(d)
-    _integrator_chain(d, total)
+    """Draw Figure 4.2."""
+    total = _draw_error_feedback(d)
+    _draw_integrators(d, total)
 
 
 def draw_extended_loop(d: Drawing) -> None:
-    """Figure 4.3."""
-    total = _error_feedback(d)
+    """Draw Figure 4.3."""
+    total = _draw_error_feedback(d)
     extra = summation(d, (8.2, 0.0), W="+", N="+")
     signal(d, total, extra.W)
     input_from_above(d, extra.N, "v̄")
-    _integrator_chain(d, extra.E)
+    _draw_integrators(d, extra.E)
     frame(d, (2.1, -2.9), (17.4, 1.15))
     label(d, (17.2, -2.55), "G(s): from v̄ to z", align="right", size=SMALL)
 
 
-def _error_feedback(d: Drawing) -> Point:
-    """Draw the part from the reference to v = z_d⁗ + K e; return where v comes out."""
-    error = summation(d, (ERROR, 0.0), W="+", S="−")
+def _draw_error_feedback(d: Drawing) -> Point:
+    """Draw the part from the reference to v = z_d⁗ + K e; return the position of v."""
+    error = summation(d, (ERROR_X, 0.0), W="+", S="−")
     gain = block(d, (4.8, 0.0), "K")
     total = summation(d, (6.7, 0.0), W="+", N="+")
     signal(d, (0.2, 0.0), error.W)
@@ -96,8 +96,8 @@ def _error_feedback(d: Drawing) -> Point:
     return (total.E[0], total.E[1])
 
 
-def _integrator_chain(d: Drawing, start: Point) -> None:
-    """Draw four integrators after `start`; their outputs go back to the error's sum."""
+def _draw_integrators(d: Drawing, start: Point) -> None:
+    """Draw four integrators after `start`; their outputs return to the sum of the error."""
     x = start[0] + 1.0
     at = start
     bus = -1.9
@@ -115,5 +115,5 @@ def _integrator_chain(d: Drawing, start: Point) -> None:
         x += 2.0
     signal(d, at, (taps[-1] + 1.2, 0.0))
     signal(d, (taps[0] - 0.3, bus), (taps[-1] + 0.3, bus), arrow=None, lw=BUS)
-    signal(d, (taps[0] - 0.3, bus), (ERROR, bus), (ERROR, -0.2))
+    signal(d, (taps[0] - 0.3, bus), (ERROR_X, bus), (ERROR_X, -0.2))
     label(d, (4.8, bus + 0.32), "z … z⃛")

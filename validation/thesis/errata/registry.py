@@ -1,9 +1,8 @@
-"""The errata of docs/thesis/errata.md by name, and what their checks share.
+"""Register checks of the errata in docs/thesis/errata.md by name, with functions that the checks share.
 
-They are run by tests/thesis/test_errata.py.
-
-A check returns (error of the printed form, error of the right form). Truth is what no equation of the thesis
-was used for: Newton's law for the load, `dynamics` that MuJoCo agrees with, SymPy, or plain differentiation.
+tests/thesis/test_errata.py runs them. A check returns (error of the printed form, error of the right form).
+The errors are relative to a truth that uses no equation of the thesis: Newton's law for the load, `dynamics`,
+which agrees with MuJoCo, SymPy, or plain differentiation.
 """
 
 from collections.abc import Callable
@@ -27,7 +26,7 @@ ERRATA: dict[str, Check] = {}
 
 
 def erratum(name: str) -> Callable[[Check], Check]:
-    """Register a check under the name that docs/thesis/errata.md lists it by."""
+    """Register a check under the name of its erratum in docs/thesis/errata.md."""
 
     def register(check: Check) -> Check:
         assert name not in ERRATA
@@ -37,37 +36,38 @@ def erratum(name: str) -> Callable[[Check], Check]:
     return register
 
 
-def apart(a: object, b: object) -> float:
+def max_difference(a: object, b: object) -> float:
+    """Return the largest difference between the elements of two arrays."""
     return float(np.abs(np.asarray(a, dtype=complex) - np.asarray(b, dtype=complex)).max())
 
 
-def beyond(value: float, tolerance: float) -> float:
-    """Return by how much a deviation exceeds its tolerance, for what the thesis prints rounded."""
+def excess_over(value: float, tolerance: float) -> float:
+    """Return the excess of a deviation over its tolerance, for numbers that the thesis prints rounded."""
     return max(0.0, float(value) - tolerance)
 
 
 def random_states(count: int) -> np.ndarray:
-    """Draw regular states, shape (count, 10), in the order of the thesis's (3.21)."""
+    """Draw regular states (count, 10), in the order of the thesis's (3.21)."""
     states = np.random.default_rng(0).uniform(-0.8, 0.8, (count, 10))
     states[:, 4] = 0.5 + 0.4 * states[:, 4]  # the rope's length, never 1 m, which would hide units
     return states
 
 
 def split(state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (q, qd) in the order x_c, y_c, l, alpha, beta."""
+    """Return q and q' (5,) in the order x_c, y_c, l, alpha, beta."""
     return state[0::2], state[1::2]
 
 
-def over_states(check: Callable[[np.ndarray], tuple[float, float]]) -> tuple[float, float]:
-    """Return the smallest error of the printed form and the largest of the right one, over random states."""
+def check_states(check: Callable[[np.ndarray], tuple[float, float]]) -> tuple[float, float]:
+    """Return the least error of the printed form and the largest of the right one, over random states."""
     errors = np.array([check(state) for state in random_states(50)])
     return float(errors[:, 0].min()), float(errors[:, 1].max())
 
 
-def manipulator(state: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return (q, qd, qdd, M, C qd, G, F) of a motion under INPUT.
+def motion_terms(state: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return (q, q', q'', M, C q', G, F) of a motion with the input INPUT.
 
-    F is the load's weight and inertia, felt by each coordinate through dr/dq, plus the drives' own inertia.
+    F is the force on each coordinate: weight and inertia of the load by dr/dq, and the inertia of the drives.
     """
     q, qd = split(state)
     m, gravity = dynamics.mass_matrix(q, RIG), dynamics.gravity_vector(q, RIG)
