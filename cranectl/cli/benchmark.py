@@ -212,13 +212,13 @@ def report_benchmark(
     cranectl benchmark report literature.parquet
     cranectl benchmark report mine --controller my_law.py:LAW --beside literature.parquet
     """
-    from cranectl.campaign.benchmark.results import begun_trials, collected
+    from cranectl.campaign.benchmark.results import collect_results, find_begun_trials
     from cranectl.campaign.benchmark.settings import read_benchmark
     from cranectl.campaign.benchmark.table import (
         check_comparable,
-        joined,
-        of_controllers,
+        join_tables,
         read_table,
+        select_controllers,
         write_table,
     )
     from cranectl.campaign.benchmark.trials import rules_of
@@ -232,13 +232,13 @@ def report_benchmark(
         judged_table = read_table(there)
         check_comparable(judged_table, {"rules": rules, "seed": settings.seed})
         judged_table = (
-            of_controllers(judged_table, tuple(map(opened, controllers))) if controllers else judged_table
+            select_controllers(judged_table, tuple(map(opened, controllers))) if controllers else judged_table
         )
     else:
         names = measured_controllers(settings, controllers, trust=trust)
-        begun = begun_trials(settings, result, names)
+        begun = find_begun_trials(settings, result, names)
         with progress_bar(len(begun), settings.name, unit="pieces", done="read") as advance:
-            judged_table = collected(
+            judged_table = collect_results(
                 settings,
                 rules,
                 result,
@@ -247,7 +247,7 @@ def report_benchmark(
                 advance=advance,
             )
     if beside is not None:
-        judged_table = joined([judged_table, read_table(_table_place(beside))])
+        judged_table = join_tables([judged_table, read_table(_table_place(beside))])
     folder = result.with_suffix("") if there.is_file() else result
     page = out or Path(f"{folder}.html" if folder.name else f"{folder.absolute().name}.html")
     results = None if beside or there.is_file() else result

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.campaign.benchmark.ranking import Judged, points_of
-from cranectl.campaign.benchmark.results import collected, run_trials
+from cranectl.campaign.benchmark.results import collect_results, run_trials
 from cranectl.campaign.benchmark.scores import undominated
 from cranectl.campaign.benchmark.settings import read_benchmark
 from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
@@ -110,7 +110,7 @@ def assert_as_shipped(judged: BenchmarkTable, trials: Sequence[Trial], directory
         ran = [
             finished.trial for finished in run_trials(list(trials), campaign, directory, engine, workers=2)
         ]
-    table = collected(
+    table = collect_results(
         BENCHMARK, rules, directory, begun=ran, tuned=FOLDER_OF_IT / "tuned", advance=lambda _: None
     )
     assert set(table.trials) == set(trials)

@@ -26,7 +26,14 @@ import pyarrow
 from pyarrow import parquet
 
 from cranectl.campaign.benchmark.settings import read_benchmark
-from cranectl.campaign.benchmark.table import BenchmarkTable, Runs, read_table, rounded, runs_of, write_table
+from cranectl.campaign.benchmark.table import (
+    BenchmarkTable,
+    Runs,
+    read_table,
+    round_metrics,
+    runs_of,
+    write_table,
+)
 from cranectl.campaign.benchmark.trials import Trial, campaign_of, rules_of
 from cranectl.campaign.benchmark.tuned import DEFAULT, code_of, tuned_settings
 from cranectl.campaign.definition import Batch
@@ -72,7 +79,7 @@ def differences(runs: Runs, table: Runs, sample: int) -> list[str]:
         phrases.append(f"{runs.status[0]}, was {table.status[sample]}")
     if runs.failed[0] != table.failed[sample]:
         phrases.append(f"failed: {runs.failed[0]}, was {table.failed[sample]}")
-    values = {name: rounded(values)[0] for name, values in runs.metrics.items()}
+    values = {name: round_metrics(values)[0] for name, values in runs.metrics.items()}
     stored = {name: np.float32(values[sample]) for name, values in table.metrics.items()}
     changed = (name for name in values if not np.array_equal(values[name], stored[name], equal_nan=True))
     return phrases + [f"{name} {values[name]:.6g}, was {stored[name]:.6g}" for name in changed]

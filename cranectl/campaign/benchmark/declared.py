@@ -1,7 +1,7 @@
-"""Read what a controller declares: its information about crane and path, and its numbers that can be tuned.
+"""Read what a controller declares: its information about crane and path, and the numbers that tuning changes.
 
-The numbers are settings of a scenario, with bounds and a logarithmic scale. They hold on the laboratory rig;
-on a similar crane each is scaled by a power of the crane's relative length, as defaults are.
+The numbers are settings of a scenario, with bounds and a logarithmic scale. They hold on the laboratory rig.
+On a similar crane each is scaled by a power of the crane's relative length, as defaults are.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,29 +21,29 @@ class Variable(NamedTuple):
 
     key: str  # dotted setting of a scenario
     start: float  # value without tuning
-    low: float  # bounds of its absolute value, both positive; it keeps the sign of `start`
+    low: float  # bounds of the absolute value, both positive; the sign is that of `start`
     high: float
-    length_power: float = 0.0
+    length_power: float = 0.0  # power of the crane's relative length by which the number scales
 
     @property
     def start_position(self) -> float:
-        """Position of `start` between the bounds, on a logarithmic scale from 0 to 1; clipped to them."""
-        inside = min(max(abs(self.start), self.low), self.high)
-        return log(inside / self.low) / log(self.high / self.low)
+        """Position of `start` between the bounds, from 0 to 1 on a logarithmic scale; clipped to them."""
+        clipped = min(max(abs(self.start), self.low), self.high)
+        return log(clipped / self.low) / log(self.high / self.low)
 
-    def at(self, position: float) -> float:
-        """Return the number at a position from 0 to 1 between the bounds, to TUNED_DIGITS digits."""
+    def value_at(self, position: float) -> float:
+        """Return the value at a position from 0 to 1 between the bounds, with TUNED_DIGITS digits."""
         size = self.low * (self.high / self.low) ** position
         return copysign(float(f"{size:.{TUNED_DIGITS}g}"), self.start)
 
-    def sized(self, value: float, length: float) -> float:
+    def scale(self, value: float, length: float) -> float:
         """Scale `value` to a crane `length` times as large as the laboratory rig."""
-        scaled = self.length_power and length != 1.0
-        return rounded(value * length**self.length_power) if scaled else value
+        is_scaled = self.length_power and length != 1.0
+        return rounded(value * length**self.length_power) if is_scaled else value
 
 
-# Bounds of the flat family's settings, by design: about a decade to each side of the thesis's values.
-DESIGNS: dict[str, dict[str, tuple[float, float]]] = {
+# Bounds of the flat family's settings, by design: about a tenth to ten times the thesis's values.
+DESIGN_BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
     "pole-placement": {f"poles.{k}": (0.8, 8.0) for k in range(4)},
     "lqr": {
         "state_weights.0": (30.0, 30_000.0),
@@ -59,7 +59,9 @@ def variables_of(name: str) -> tuple[Variable, ...]:
     controller = load_controller(checked_controller(name))
     if controller.axis_design is not None:
         default = dict(leaves({"design": DesignSettings().model_dump()}))
-        bounds = {f"design.{key}": ends for part in name.split("+") for key, ends in DESIGNS[part].items()}
+        bounds = {
+            f"design.{key}": ends for part in name.split("+") for key, ends in DESIGN_BOUNDS[part].items()
+        }
         return tuple(Variable(key, default[key], *ends, scale_of(key).length) for key, ends in bounds.items())
     return tuple(
         Variable(
@@ -74,38 +76,38 @@ def variables_of(name: str) -> tuple[Variable, ...]:
 
 
 def assignments(variables: Sequence[Variable], values: Sequence[float], length: float = 1.0) -> list[str]:
-    """Return settings `key=value` of a scenario that give a controller's `variables` their `values`.
+    """Return settings `key=value` of a scenario that set a controller's `variables` to `values`.
 
-    The crane is `length` times as large as the laboratory rig. Variables at their start value are left out,
-    except in a list, which is stated whole.
+    The values hold on the laboratory rig, and are scaled to a crane `length` times as large. Variables at
+    their start value are omitted, except in a list, which is complete.
     """
-    sized = {
-        variable.key: variable.sized(value, length) for variable, value in zip(variables, values, strict=True)
+    scaled = {
+        variable.key: variable.scale(value, length) for variable, value in zip(variables, values, strict=True)
     }
     lists: dict[str, list[float]] = {}
-    for key, value in sized.items():
-        above, _, last = key.rpartition(".")
+    for key, value in scaled.items():
+        parent, _, last = key.rpartition(".")
         if last.isdecimal():
-            lists.setdefault(above, []).append(value)
+            lists.setdefault(parent, []).append(value)
     changed = [
         variable.key for variable, value in zip(variables, values, strict=True) if value != variable.start
     ]
-    keys = dict.fromkeys(above if (above := key.rpartition(".")[0]) in lists else key for key in changed)
-    return [f"{key}={lists.get(key, sized.get(key))!r}" for key in keys]
+    keys = dict.fromkeys(parent if (parent := key.rpartition(".")[0]) in lists else key for key in changed)
+    return [f"{key}={lists.get(key, scaled.get(key))!r}" for key in keys]
 
 
 def information_class(facts: Mapping[str, Any]) -> str:
-    """Summarise `information` in one phrase: what the controller follows, measures and knows."""
-    known = facts["rig"]
-    more = {
+    """Summarise `facts` of `information` in a phrase: what the controller follows, measures and knows."""
+    rig = facts["rig"]
+    further = {
         "preview": facts["preview"] or facts["reads_path"],
-        "masses": known and any("mass" in name for name in known),
-        "drives": known and "time_constants" in known,
-        "limits": known and "limits" in known,
-        "rig not declared": known is None,
+        "masses": rig and any("mass" in name for name in rig),
+        "drives": rig and "time_constants" in rig,
+        "limits": rig and "limits" in rig,
+        "rig not declared": rig is None,
     }
     follows = "set points" if facts["follows"] == "set-point" else "path"
-    return ", ".join([follows, facts["measures"], *(name for name, is_known in more.items() if is_known)])
+    return ", ".join([follows, facts["measures"], *(name for name, is_known in further.items() if is_known)])
 
 
 def information(name: str) -> dict[str, Any]:

@@ -21,7 +21,7 @@ class Standing(NamedTuple):
     runs: int
     failures: int
     settled: float  # share of runs that settle
-    unsettled: float  # mean share of the rest phase that passes before the load has settled
+    unsettled: float  # mean share of the rest phase before the load has settled
     effort: float  # median [m/s²] over all runs; a failed run counts as inf, so half of them make it inf
     variation: float  # median of the commands' variation per second [m/s²]; failed runs count as inf
 
@@ -41,7 +41,7 @@ def checked_standing(*fields: Any) -> Standing:
 
 
 class Judged(NamedTuple):
-    """One division of a benchmark; its controllers are never compared with those of another."""
+    """Results of one division of a benchmark, whose controllers are never compared with those of another."""
 
     benchmark: Benchmark
     table: BenchmarkTable
@@ -52,15 +52,15 @@ class Judged(NamedTuple):
         return Trial(self.division, plant or self.benchmark.plant, crane_set, scenario, law)
 
     def runs(self, crane_set: str, scenario: str, law: str, plant: str = "") -> Runs | None:
-        """Return the runs of a trial, or None if it has not been run."""
+        """Return the runs of a trial of this division, or None if it has none."""
         return self.table.trials.get(self.trial(crane_set, scenario, law, plant))
 
     def shared_scenarios(self, crane_set: str) -> list[str]:
         """Return the scenarios that suit all kinds of controllers, and on which any controller has run."""
-        judged = (self.division, self.benchmark.plant, crane_set)
-        run = {trial.scenario for trial in self.table.trials if trial[:3] == judged}
+        group = (self.division, self.benchmark.plant, crane_set)
+        with_runs = {trial.scenario for trial in self.table.trials if trial[:3] == group}
         scenarios = self.benchmark.scenarios.items()
-        return [name for name, scenario in scenarios if len(scenario.suits) > 1 and name in run]
+        return [name for name, scenario in scenarios if len(scenario.suits) > 1 and name in with_runs]
 
     def ranking(self, crane_set: str) -> list[Standing]:
         """Return the standing of every controller that has run all shared scenarios on this set.
@@ -71,8 +71,8 @@ class Judged(NamedTuple):
         durations = [float(self.table.about["durations"][scenario]) for scenario in shared]
         standings = []
         for controller in self.controllers:
-            own_runs = (self.runs(crane_set, name, controller) for name in shared)
-            runs = [of_scenario for of_scenario in own_runs if of_scenario is not None]
+            by_scenario = (self.runs(crane_set, name, controller) for name in shared)
+            runs = [scenario_runs for scenario_runs in by_scenario if scenario_runs is not None]
             if shared and len(runs) == len(shared):
                 standings.append(_standing(controller, runs, durations))
         return sorted(standings, key=lambda standing: (standing.failed, standing.unsettled))
@@ -80,13 +80,13 @@ class Judged(NamedTuple):
     def unfinished(self, crane_set: str) -> list[str]:
         """Return the controllers that have runs on a set, but not on all scenarios of its ranking."""
         ranked = {standing.law for standing in self.ranking(crane_set)}
-        judged = (self.division, self.benchmark.plant, crane_set)
-        run = dict.fromkeys(trial.law for trial in self.table.trials if trial[:3] == judged)
-        return [controller for controller in run if controller not in ranked]
+        group = (self.division, self.benchmark.plant, crane_set)
+        with_runs = dict.fromkeys(trial.law for trial in self.table.trials if trial[:3] == group)
+        return [controller for controller in with_runs if controller not in ranked]
 
     @property
     def controllers(self) -> list[str]:
-        """Names of all controllers that have been run, in any division."""
+        """Names of all controllers that have runs, in any division."""
         return list(dict.fromkeys(trial.law for trial in self.table.trials))
 
     @property
@@ -117,9 +117,9 @@ def points_of(standings: Sequence[Standing]) -> Array:
 
 
 def rest_time(runs: Runs, duration: float) -> float:
-    """Return how long the path rests at its end [s], in runs of `duration` [s].
+    """Return the duration of the rest phase after the path [s], in runs of `duration` [s].
 
-    It is the whole duration if no run reached the rest.
+    It is the whole duration if no run reaches this phase.
     """
     rest = runs.metrics["rest_s"]
     return duration - (float(np.nanmin(rest)) if np.isfinite(rest).any() else 0.0)

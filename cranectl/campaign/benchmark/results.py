@@ -1,6 +1,6 @@
 """Run the trials of a benchmark, and collect their results in one table.
 
-Each trial has its own result, which is the result of a campaign, so `cranectl campaign replay` repeats runs.
+The result of a trial is that of a campaign, so `cranectl campaign replay` can repeat its runs.
 """
 
 import functools
@@ -29,7 +29,7 @@ from cranectl.support.documents import Table
 from cranectl.support.errors import InputError, MachineError
 from cranectl.support.provenance import provenance_differences
 
-ANY_CONTROLLER = FLAT_FAMILY[0]  # where it does not matter which one
+ANY_CONTROLLER = FLAT_FAMILY[0]  # stands for all where a result does not depend on the controller
 
 
 class FinishedTrial(NamedTuple):
@@ -51,19 +51,19 @@ def run_trials(
 ) -> Iterator[FinishedTrial]:
     """Run all missing batches of `trials`, `workers` trials at a time, and yield each finished trial.
 
-    The results are below `directory`. When the caller leaves the loop, finished batches stay there. Raises
+    The results are below `directory`. If the caller stops the iteration, finished batches stay there. Raises
     InputError as `open_store` and campaigns do, except for a controller that refuses the crane.
     """
-    is_left = threading.Event()
+    stopped = threading.Event()
 
     def write_missing(campaign: Campaign, store: Store) -> None:
         if store.missing:
-            with closing(engine(campaign, store.missing, stop=is_left.is_set)) as finished:
+            with closing(engine(campaign, store.missing, stop=stopped.is_set)) as finished:
                 for batch, rows in finished:
                     store.write(batch, rows)
 
     def run(trial: Trial) -> FinishedTrial:
-        if is_left.is_set():
+        if stopped.is_set():
             raise StoppedError
         campaign = campaign_for(trial)
         result_directory = directory / trial.folder
@@ -76,7 +76,7 @@ def run_trials(
                 campaign, result_directory, resume=True, despite_differences=despite_differences
             ) as store:
                 write_missing(campaign, store)
-        except MachineError:  # it says nothing about the controller, so it must not count as a refusal
+        except MachineError:  # not caused by the controller, so it must not count as a refusal
             raise
         except InputError:
             if reason := _refusal(campaign):
@@ -89,7 +89,7 @@ def run_trials(
             for future in as_completed([pool.submit(run, trial) for trial in trials]):
                 yield future.result()
         finally:
-            is_left.set()
+            stopped.set()
             pool.shutdown(cancel_futures=True)
 
 
@@ -104,10 +104,10 @@ def _finished_result(campaign: Campaign, directory: Path) -> Results | None:
         results = read_results(directory)
     except InputError:  # `open_store` repairs it or raises the error
         return None
-    wanted = manifest_of(campaign)
-    stated = {name: value for name, value in wanted.items() if name not in ("versions", "accepted")}
-    made_here = any(not provenance_differences(o.versions, wanted["versions"]) for o in results.origins)
-    return results if made_here and results.manifest | stated == results.manifest else None
+    expected = manifest_of(campaign)
+    settings = {name: value for name, value in expected.items() if name not in ("versions", "accepted")}
+    is_own = any(not provenance_differences(o.versions, expected["versions"]) for o in results.origins)
+    return results if is_own and results.manifest | settings == results.manifest else None
 
 
 def _refusal(campaign: Campaign) -> str:
@@ -123,7 +123,7 @@ def _not_run(results: Results) -> str:
     return str(results.column("reason")[0]) if set(results.column("status")) == {FAILED} else ""
 
 
-def begun_trials(benchmark: Benchmark, directory: Path, controllers: Sequence[str]) -> list[Trial]:
+def find_begun_trials(benchmark: Benchmark, directory: Path, controllers: Sequence[str]) -> list[Trial]:
     """Return all trials of these controllers that have a result below `directory`, finished or not."""
     trials = (
         trial for division in DIVISIONS for trial in trials_of(benchmark, controllers, division=division)
@@ -131,7 +131,7 @@ def begun_trials(benchmark: Benchmark, directory: Path, controllers: Sequence[st
     return [trial for trial in trials if (directory / trial.folder / MANIFEST_FILE).exists()]
 
 
-def collected(
+def collect_results(
     benchmark: Benchmark,
     rules: str,
     directory: Path,
@@ -140,23 +140,24 @@ def collected(
     tuned: Path,
     advance: Callable[[float], None],
 ) -> BenchmarkTable:
-    """Collect the finished ones of the trials `begun` below `directory`; call `advance(1)` for each trial.
+    """Collect the results below `directory` of those trials in `begun` that are finished.
 
     `rules` is the digest of the benchmark's rules, and `tuned` the directory with the numbers of tuned
-    controllers. A trial may have fewer cranes than the benchmark. Raises InputError in these cases:
+    controllers. A trial may have fewer cranes than the benchmark. Calls `advance(1)` for each trial. Raises
+    InputError in these cases:
 
     - No trial is finished, or one is damaged.
     - A trial has other cranes than the benchmark, another version of a controller, or other tuned numbers.
     """
     trials, nominal, made_by = {}, {}, {}
-    wanted_of = functools.cache(lambda trial: manifest_of(campaign_of(benchmark, trial)))
+    expected_manifest = functools.cache(lambda trial: manifest_of(campaign_of(benchmark, trial)))
     lengths = {name: crane_length(benchmark, name) for name in benchmark.scenarios}
     for trial in begun:
         advance(1.0)
         results = read_results(directory / trial.folder, unfinished=True)
         if results.missing:
             continue
-        _check_same(results, wanted_of(trial._replace(law=ANY_CONTROLLER)), trial.law)
+        _check_same(results, expected_manifest(trial._replace(law=ANY_CONTROLLER)), trial.law)
         trials[trial] = runs_of(results.column, results.campaign.settings.limits.given)
         for origin in results.origins:
             software = {
@@ -166,8 +167,8 @@ def collected(
         nominal[trial.scenario] = results.campaign.nominal
         if trial.division == "tuned":
             numbers = tuned_settings(tuned, rules, trial.law, lengths[trial.scenario], str(benchmark.file))
-            wanted = (*benchmark.set, *benchmark.scenarios[trial.scenario].set, *numbers)
-            if tuple(results.campaign.settings.set) != wanted:
+            expected = (*benchmark.set, *benchmark.scenarios[trial.scenario].set, *numbers)
+            if tuple(results.campaign.settings.set) != expected:
                 raise InputError(
                     f"{results.directory} was run with other numbers than those in {tuned}",
                     allowed="results of the numbers in that directory",
@@ -193,24 +194,26 @@ def collected(
     return BenchmarkTable(about, trials)
 
 
-def _check_same(results: Results, wanted: Table, controller: str) -> None:
-    """Raise InputError unless `results` are those of the campaign `wanted` with this `controller`.
+def _check_same(results: Results, expected: Table, controller: str) -> None:
+    """Raise InputError unless `results` have the manifest `expected` for this `controller`.
 
     Settings of the controller and the number of cranes may differ.
     """
     manifest = results.manifest
     adapted = {
         **manifest,
-        "campaign": manifest["campaign"] | {key: wanted["campaign"][key] for key in ("controllers", "runs")},
-        "scenario": manifest["scenario"] | {key: wanted["scenario"][key] for key in ("controller", "design")},
-        "runs": wanted["runs"],
+        "campaign": manifest["campaign"]
+        | {key: expected["campaign"][key] for key in ("controllers", "runs")},
+        "scenario": manifest["scenario"]
+        | {key: expected["scenario"][key] for key in ("controller", "design")},
+        "runs": expected["runs"],
     }
-    different = differences(adapted, wanted)
-    known = controller_digests([controller]).items()
-    different += [f"{controller} has changed" for o in results.origins if not known <= o.versions.items()][:1]
-    if different:
+    phrases = differences(adapted, expected)
+    digest = controller_digests([controller]).items()
+    phrases += [f"{controller} has changed" for o in results.origins if not digest <= o.versions.items()][:1]
+    if phrases:
         raise InputError(
-            f"{results.directory} was not run by this benchmark: {'; '.join(different)}",
+            f"{results.directory} was not run by this benchmark: {'; '.join(phrases)}",
             allowed="results of the present scenarios, cranes and controllers",
             remedy="run it again in another directory with --out",
         )

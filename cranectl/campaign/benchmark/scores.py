@@ -1,7 +1,7 @@
-"""Compute the scores of a benchmark; arrays (n,) have a value for each crane.
+"""Compute the scores of a benchmark from arrays (n,) with one value for each crane.
 
-A failed run counts as worse than every other run, and a run that does not settle as longer than every run
-that does. So a controller gains nothing by failing on difficult cranes.
+A failed run counts as worse than all others, and a run that does not settle as longer than all that do. So a
+controller gains nothing by failing on difficult cranes.
 """
 
 from typing import NamedTuple
@@ -11,9 +11,9 @@ import numpy as np
 from cranectl.support.arrays import Array, Mask
 from cranectl.support.consistency import check_ascending
 
-SCORE_RESAMPLES = 2000  # of the bootstrap
-LEVEL = 0.95  # of the interval of a median
-MIN_INTERVAL_VALUES = 6  # with fewer, even their whole range is no interval of the median at LEVEL
+SCORE_RESAMPLES = 2000  # number of bootstrap samples
+LEVEL = 0.95  # confidence level of the interval of a median
+MIN_INTERVAL_VALUES = 6  # the range of fewer values has a confidence level below LEVEL for the median
 ACCEPTED_FAILURES = 0.05  # share of failures at the robustness radius
 
 
@@ -28,14 +28,14 @@ class PairedDifference(NamedTuple):
 
 
 def paired_difference(values: Array, baseline: Array, seed: int) -> PairedDifference:
-    """Compare (n,) values with those of the baseline on the same cranes; NaN means no value."""
+    """Compare values (n,) with those (n,) of the baseline on the same cranes; NaN means no value."""
     difference = (values - baseline)[np.isfinite(values) & np.isfinite(baseline)]
     if not difference.size:
         return PairedDifference(0, *[float("nan")] * 4)
     generator = np.random.Generator(np.random.Philox(seed))
-    drawn = generator.integers(difference.size, size=(SCORE_RESAMPLES, difference.size))
+    samples = generator.integers(difference.size, size=(SCORE_RESAMPLES, difference.size))
     tails = [50.0 * (1.0 - LEVEL), 50.0 * (1.0 + LEVEL)]
-    low, high = np.percentile(np.median(difference[drawn], axis=1), tails)
+    low, high = np.percentile(np.median(difference[samples], axis=1), tails)
     effect = float(np.sign(difference).mean())
     check_ascending(("the interval's low end", float(low)), ("its high end", float(high)))
     return PairedDifference(difference.size, float(np.median(difference)), float(low), float(high), effect)
@@ -62,8 +62,8 @@ def median_with_failures(values: Array, failed: Mask) -> float:
 
     It is NaN if nothing is left.
     """
-    counted = np.where(failed, np.inf, values)
-    return float(np.nanmedian(counted)) if not np.isnan(counted).all() else float("nan")
+    with_failures = np.where(failed, np.inf, values)
+    return float("nan") if np.isnan(with_failures).all() else float(np.nanmedian(with_failures))
 
 
 def settled_share(settling: Array, failed: Mask) -> float:
@@ -116,10 +116,10 @@ def undominated(points: Array) -> Mask:
 
 
 def robustness_radius(factors: Array, failure_shares: Array) -> float:
-    """Return the factor on all spreads at which the share of failures passes ACCEPTED_FAILURES.
+    """Return the factor on all spreads above which the share of failures exceeds ACCEPTED_FAILURES.
 
     The share is interpolated linearly between the increasing `factors` (k,). The radius is 0 if the first
-    share is already above, and inf if none is.
+    share already exceeds it, and inf if none does.
     """
     above = np.flatnonzero(failure_shares > ACCEPTED_FAILURES)
     if not above.size:

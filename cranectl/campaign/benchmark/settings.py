@@ -12,10 +12,10 @@ from cranectl.scenario.settings import RuleError, Settings, parse_settings
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
 
-# First letters of generated sets: those that find the robustness radius, and those with one uncertainty.
-RADIUS, SINGLE = "spread-", "only-"
+# Prefixes of the names of generated sets: for the robustness radius, and with one uncertainty each.
+RADIUS_PREFIX, SINGLE_PREFIX = "spread-", "only-"
 Overrides = Annotated[tuple[str, ...], Field(strict=False)]
-NAME = r"^[a-z0-9][a-z0-9-]*$"  # such names are names of directories too
+NAME_PATTERN = r"^[a-z0-9][a-z0-9-]*$"  # because names are also names of directories
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
 Draws = Annotated[int, Field(ge=1, le=100_000)]
 Spread = Annotated[float, Field(ge=0.0, le=100.0)]
@@ -27,26 +27,30 @@ class MeasuredScenario(Settings):
 
     file: str = Field(description="name of a scenario, or path of its file from the benchmark's")
     suits: Annotated[tuple[Follows, ...], Field(strict=False, min_length=1)] = Field(
-        description="controllers of what they follow; others are not run"
+        description="what controllers must follow to run on it: path, set-point or both"
     )
     set: Overrides = Field((), description="settings of the scenario, key=value")
-    uncertain: dict[str, Any] = Field({}, description="distributions besides, or in place of, those of all")
+    uncertain: dict[str, Any] = Field(
+        {}, description="further distributions; they replace those of the benchmark"
+    )
 
 
 class CraneSet(Settings):
-    """How far cranes are from what controllers take them for."""
+    """A set of random cranes, which differ from the nominal crane that controllers know."""
 
-    spread: Spread = Field(description="factor on how far all uncertain values are from the nominal ones")
-    draws: Draws = Field(description="cranes, the same for every controller")
-    uncertain: dict[str, Any] = Field({}, description="distributions in place of those of all")
-    scenarios: Annotated[tuple[str, ...], Field(strict=False)] = Field((), description="only these, or all")
+    spread: Spread = Field(description="factor on the deviations of all uncertain values from nominal ones")
+    draws: Draws = Field(description="number of cranes, which are the same for all controllers")
+    uncertain: dict[str, Any] = Field({}, description="distributions that replace those of the benchmark")
+    scenarios: Annotated[tuple[str, ...], Field(strict=False)] = Field(
+        (), description="names of its scenarios; all if empty"
+    )
     only: Annotated[tuple[str, ...], Field(strict=False)] = Field(
-        (), description="parameters, or tables of some, that alone are uncertain, or all"
+        (), description="the only uncertain parameters, or tables of parameters; all if empty"
     )
 
 
 class Radius(Settings):
-    """By which factor on all spreads runs begin to fail."""
+    """Sets of cranes with increasing spreads, which find the spread at which runs begin to fail."""
 
     scenario: str
     spreads: Annotated[tuple[Spread, ...], Field(strict=False, min_length=2)]
@@ -54,43 +58,45 @@ class Radius(Settings):
 
 
 class Singles(Settings):
-    """What one uncertainty does by itself."""
+    """Sets of cranes with one uncertainty each, which show its effect."""
 
     scenario: str
     spread: Spread
     draws: Draws
     effects: Annotated[dict[str, Names], Field(min_length=1)] = Field(
-        description="by name: the parameters, or tables of some, that alone are uncertain"
+        description="by name: the only uncertain parameters, or tables of parameters"
     )
 
 
 class Tuning(Settings):
-    """How the numbers of a controller are found: on cranes that are never judged."""
+    """Rules for tuning the numbers of controllers, on cranes that the ranking does not use."""
 
     scenarios: Names
     spread: Spread = 1.0
-    draws: Draws = Field(description="cranes of each scenario")
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(description="of these cranes and of the search")
-    runs: Annotated[int, Field(ge=1)] = Field(description="budget of a controller, in simulated runs")
+    draws: Draws = Field(description="number of cranes per scenario")
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(description="seed of these cranes and of the search")
+    runs: Annotated[int, Field(ge=1)] = Field(description="number of simulated runs per controller")
     variation_price: Annotated[float, Field(ge=0.0)] = Field(
-        description="cost of a command that varies by g in a second"
+        description="cost of commands that vary by g per second"
     )
 
 
 class Benchmark(Settings):
-    """What is measured, by which rules."""
+    """Controllers, scenarios and cranes of a benchmark, with the rules of tuning."""
 
-    name: Annotated[str, Field(pattern=NAME)]
+    name: Annotated[str, Field(pattern=NAME_PATTERN)]
     title: str = ""
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(description="of the cranes that are judged on")
-    laws: Names = Field(description="names of controllers, or their files from the benchmark's: law.py:NAME")
-    baseline: str = Field(description="the controller with which all are compared")
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(description="seed of the cranes of the ranking")
+    laws: Names = Field(
+        description="names of controllers, or FILE.py:NAME with a path relative to the benchmark's file"
+    )
+    baseline: str = Field(description="controller with which all others are compared")
     plant: str = "mujoco"
-    second_plant: str = Field("elastic", description="on which a share of the draws is repeated")
+    second_plant: str = Field("elastic", description="plant that repeats a share of the runs")
     second_share: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
     drive: Drive = "velocity"
     set: Overrides = Field((), description="settings of every scenario, key=value")
-    uncertain: dict[str, Any] = Field(description="a table with a distribution for each uncertain parameter")
+    uncertain: dict[str, Any] = Field(description="distribution of each uncertain parameter")
     scenarios: Annotated[dict[str, MeasuredScenario], Field(min_length=1)]
     sets: Annotated[dict[str, CraneSet], Field(min_length=1)]
     radius: Radius
@@ -105,10 +111,10 @@ class Benchmark(Settings):
 
     @model_validator(mode="after")
     def _names_are_known(self) -> "Benchmark":
-        named = {self.radius.scenario, *self.tuning.scenarios}
-        named.update({self.singles.scenario} if self.singles else ())
-        named.update(name for cranes in self.sets.values() for name in cranes.scenarios)
-        unknown = named - self.scenarios.keys()
+        used = {self.radius.scenario, *self.tuning.scenarios}
+        used.update({self.singles.scenario} if self.singles else ())
+        used.update(name for cranes in self.sets.values() for name in cranes.scenarios)
+        unknown = used - self.scenarios.keys()
         if unknown:
             raise RuleError(
                 f"{', '.join(sorted(unknown))}: not a scenario of this benchmark",
@@ -132,24 +138,24 @@ class Benchmark(Settings):
                 allowed="plant and second_plant must differ",
                 remedy="name another second_plant",
             )
-        invalid = [name for name in self.sets if not re.match(NAME, name)]
+        invalid = [name for name in self.sets if not re.match(NAME_PATTERN, name)]
         if invalid:
             raise RuleError(
                 f"sets {', '.join(invalid)}",
                 allowed="names of small letters, digits and hyphens",
                 remedy="rename them",
             )
-        taken = [name for name in self.sets if name.startswith((RADIUS, SINGLE))]
-        if taken:
+        reserved = [name for name in self.sets if name.startswith((RADIUS_PREFIX, SINGLE_PREFIX))]
+        if reserved:
             raise RuleError(
-                f"sets {', '.join(taken)}",
-                allowed=f"names that do not begin with {RADIUS} or {SINGLE}, which cranectl uses itself",
+                f"sets {', '.join(reserved)}",
+                allowed=f"names that do not begin with {RADIUS_PREFIX} or {SINGLE_PREFIX}, both reserved",
                 remedy="rename them",
             )
         if self.seed == self.tuning.seed:
             raise RuleError(
                 f"tuning.seed = seed = {self.seed}",
-                allowed="tuning.seed must not be seed: controllers are not tuned on cranes that judge them",
+                allowed="tuning.seed must not be seed, because tuning must not use the cranes of the ranking",
                 remedy="change tuning.seed",
             )
         return self
@@ -161,7 +167,7 @@ def benchmark_file(name_or_path: str) -> Path:
 
 
 def read_benchmark(name_or_path: str) -> Benchmark:
-    """Read a benchmark by name or from a TOML file; raise InputError for what is wrong in it."""
+    """Read a benchmark by name or from a TOML file; raise InputError if it is missing or invalid."""
     path = benchmark_file(name_or_path)
     benchmark = parse_settings(Benchmark, read_toml(path), path.name)
     benchmark._file = path

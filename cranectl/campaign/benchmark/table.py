@@ -1,7 +1,7 @@
-"""Write and read all runs of a benchmark as one Parquet file, from which its page is made.
+"""Write and read all runs of a benchmark as one Parquet file, from which the page is made.
 
-Each run is a row with its trial, its sample and the compared metrics. The file's metadata hold, as JSON, what
-all runs of a controller or a scenario share.
+A row is a run, with its trial, its sample and the compared metrics. The metadata of the file contain facts
+about controllers and scenarios as JSON.
 """
 
 import json
@@ -58,8 +58,8 @@ class Runs:
         return Runs(self.failed[:cranes], self.status[:cranes], metrics)
 
 
-def on_common_cranes(runs: Sequence[Runs]) -> list[Runs]:
-    """Restrict each of `runs` to the cranes that all of them have."""
+def restrict_to_common_cranes(runs: Sequence[Runs]) -> list[Runs]:
+    """Return `runs` with only the cranes that all of them have."""
     cranes = min(run.failed.size for run in runs)
     return [run.first(cranes) for run in runs]
 
@@ -103,15 +103,15 @@ def write_table(path: Path, table: BenchmarkTable) -> None:
         columns["status"] += runs.status
         for name, values in runs.metrics.items():
             numbers[name].append(values)
-    arrays = {name: rounded(np.concatenate(values)) for name, values in numbers.items()}
-    whole = pyarrow.table({**columns, **arrays})
-    whole = whole.replace_schema_metadata({ABOUT: json.dumps(table.about, sort_keys=True)})
+    arrays = {name: round_metrics(np.concatenate(values)) for name, values in numbers.items()}
+    arrow = pyarrow.table({**columns, **arrays})
+    arrow = arrow.replace_schema_metadata({ABOUT: json.dumps(table.about, sort_keys=True)})
     with replacing(path) as unfinished, unfinished.open("wb") as stream:
-        parquet.write_table(whole, stream, compression="zstd", compression_level=19)
+        parquet.write_table(arrow, stream, compression="zstd", compression_level=19)
 
 
-def rounded(values: Array) -> Any:
-    """Return values rounded to four digits, as float32, which compresses well."""
+def round_metrics(values: Array) -> Any:
+    """Return values round_metrics to four digits, as float32, which compresses well."""
     scale = 10.0 ** (3 - np.floor(np.log10(np.where(np.abs(values) > 0.0, np.abs(values), 1.0))))
     return (np.round(values * scale) / scale).astype(np.float32)
 
@@ -123,11 +123,11 @@ def read_table(path: Path) -> BenchmarkTable:
 
     try:
         with open_input(path) as stream:
-            whole = parquet.read_table(stream)
-        metadata = json.loads(whole.schema.metadata[ABOUT])
+            arrow = parquet.read_table(stream)
+        metadata = json.loads(arrow.schema.metadata[ABOUT])
         about = {name: metadata[name] for name in ABOUT_KEYS}
-        keys = list(zip(*(whole[name].to_pylist() for name in Trial._fields), strict=True))
-        columns = {name: whole[name].to_numpy() for name in (*METRICS, EFFORT, VARIATION, "failed", "status")}
+        keys = list(zip(*(arrow[name].to_pylist() for name in Trial._fields), strict=True))
+        columns = {name: arrow[name].to_numpy() for name in (*METRICS, EFFORT, VARIATION, "failed", "status")}
     except (OSError, pyarrow.ArrowException, KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{path} holds no benchmark: {error}",
@@ -143,8 +143,8 @@ def read_table(path: Path) -> BenchmarkTable:
     return BenchmarkTable(about, trials)
 
 
-def joined(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
-    """Join several tables; where two have the same trial or fact, the earlier table counts.
+def join_tables(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
+    """Join several tables; if two contain the same trial or fact, the first of them is used.
 
     Raises InputError as `check_comparable` does.
     """
@@ -169,16 +169,16 @@ def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
             for controller in entries
             if controller in known
         ]
-    for name, entries, wanted in compared:
-        if entries != wanted:
+    for name, found, expected in compared:
+        if found != expected:
             raise InputError(
-                f"results whose {name} differ: {entries} and {wanted}",
+                f"results whose {name} differ: {found} and {expected}",
                 allowed="results of one benchmark with the same rules, cranes and controllers",
                 remedy="run the controllers again with this version of the benchmark",
             )
 
 
-def of_controllers(table: BenchmarkTable, controllers: Collection[str]) -> BenchmarkTable:
+def select_controllers(table: BenchmarkTable, controllers: Collection[str]) -> BenchmarkTable:
     """Return the table with the trials of `controllers` only; raise InputError if one has no trials."""
     for controller in controllers:
         if controller not in table.about["laws"]:

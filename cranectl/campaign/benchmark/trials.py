@@ -1,8 +1,7 @@
-"""Define the trials of a benchmark; a trial is a campaign of one controller.
+"""Define the trials of a benchmark; a trial is a campaign of one controller on one scenario, set and plant.
 
-It has one scenario, one set of cranes and one plant. Sample k is the same crane in all trials of a scenario
-and set, for every controller and plant. The rules have a digest, and results of different rules are never
-compared.
+Sample k is the same crane in all trials of a scenario and set, for every controller and plant. The rules have
+a digest, and results of different rules are never compared.
 """
 
 import hashlib
@@ -14,7 +13,13 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import cranectl.metrics
-from cranectl.campaign.benchmark.settings import RADIUS, SINGLE, Benchmark, CraneSet, MeasuredScenario
+from cranectl.campaign.benchmark.settings import (
+    RADIUS_PREFIX,
+    SINGLE_PREFIX,
+    Benchmark,
+    CraneSet,
+    MeasuredScenario,
+)
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.load import unchecked_campaign
 from cranectl.campaign.settings import parse_campaign
@@ -52,14 +57,14 @@ def follows(controller: str) -> str:
 
 
 def sets_of(benchmark: Benchmark) -> dict[str, CraneSet]:
-    """Return all sets of cranes: those of the ranking, of the robustness radius, and of one uncertainty."""
+    """Return all sets of cranes: for the ranking, the robustness radius, and with one uncertainty each."""
     return {**benchmark.sets, **radius_sets(benchmark), **single_sets(benchmark)}
 
 
 def radius_sets(benchmark: Benchmark) -> dict[str, CraneSet]:
     """Return the sets that find the robustness radius, the smallest spread first."""
     common: dict[str, Any] = {"draws": benchmark.radius.draws, "scenarios": (benchmark.radius.scenario,)}
-    return {f"{RADIUS}{s:g}": CraneSet(spread=s, **common) for s in benchmark.radius.spreads}
+    return {f"{RADIUS_PREFIX}{s:g}": CraneSet(spread=s, **common) for s in benchmark.radius.spreads}
 
 
 def single_sets(benchmark: Benchmark) -> dict[str, CraneSet]:
@@ -71,7 +76,7 @@ def single_sets(benchmark: Benchmark) -> dict[str, CraneSet]:
         "draws": singles.draws,
         "scenarios": (singles.scenario,),
     }
-    return {f"{SINGLE}{name}": CraneSet(only=only, **common) for name, only in singles.effects.items()}
+    return {f"{SINGLE_PREFIX}{name}": CraneSet(only=only, **common) for name, only in singles.effects.items()}
 
 
 def trials_of(
@@ -84,7 +89,7 @@ def trials_of(
 ) -> list[Trial]:
     """Return all trials of these controllers, restricted to `sets` and `scenarios` if any are named.
 
-    They are ordered by set, scenario and plant, so that trials with common data follow each other.
+    Their order is by set, scenario and plant, so that trials with common data follow each other.
     """
     known = sets_of(benchmark)
     for kind, names, allowed in (("set", sets, known), ("scenario", scenarios, benchmark.scenarios)):
@@ -149,18 +154,18 @@ def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: MeasuredScenari
     distributions = _flat(benchmark.uncertain, cranes.uncertain, measured.uncertain)
     if not cranes.only:
         return distributions
-    alone = {
+    selected = {
         name: distribution
         for name, distribution in distributions.items()
         if any(f"{name}.".startswith(f"{only}.") for only in cranes.only)
     }
-    if not alone:
+    if not selected:
         raise InputError(
             f"{', '.join(cranes.only)}: no uncertain parameter has such a name",
             allowed=", ".join(distributions),
-            remedy="name one of these, or a table of some",
+            remedy="name one of these, or a table that contains some of them",
         )
-    return alone
+    return selected
 
 
 def trial_campaign(
@@ -212,9 +217,9 @@ def scenario_source(benchmark: Benchmark, scenario: str) -> str:
 
 
 def rules_of(benchmark: Benchmark) -> str:
-    """Return a digest of all that decides a comparison, except controllers and seed.
+    """Return a digest of the rules, on which all comparisons depend; controllers and seed are no rules.
 
-    The rules are the benchmark's file, its scenarios with their rigs, and the code of the metrics without
+    Rules are the benchmark's file, its scenarios with their rigs, and the code of the metrics without
     comments and docstrings. Raises InputError for a scenario that cannot be read.
     """
     scenarios = {}

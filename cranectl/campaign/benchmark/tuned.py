@@ -1,4 +1,4 @@
-"""Write and read the files of tuning: a controller's numbers in TOML, all points of its search in Parquet."""
+"""Write and read results of tuning: a controller's numbers in TOML, the points of its search in Parquet."""
 
 import shlex
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ def tuned_files(directory: Path, controller: str) -> tuple[Path, Path]:
 
 
 def tuned_table(tuned: Tuned, benchmark: Benchmark, rules: str) -> dict[str, Any]:
-    """Return the content of the file of tuned numbers; the numbers are those on the laboratory rig."""
+    """Return the content of the file of tuned numbers, which hold on the laboratory rig."""
     points = tuned.best_points
     return {
         "law": tuned.controller,
@@ -51,9 +51,9 @@ def code_of(controller: str) -> str | None:
 def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]) -> None:
     """Write the two files of tuning; `table` is from `tuned_table`, and `files` from `tuned_files`.
 
-    Each file is written whole or not at all. A row of the points is a candidate: its index, 0 for the untuned
-    controller, then its value of each setting, its cost and its share of failures. Raises InputError if
-    writing fails.
+    Each file is written completely or not at all. A row of the points is a candidate: its index, which is 0
+    for the untuned controller, its values of the settings, its cost and its share of failures. Raises
+    InputError if writing fails.
     """
     import pyarrow
     from pyarrow import parquet
@@ -76,9 +76,9 @@ def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]
 def tuned_settings(
     directory: Path, rules: str, controller: str, length: float, benchmark: str = DEFAULT
 ) -> list[str]:
-    """Return settings `key=value` of a tuned controller.
+    """Return settings `key=value` of a tuned controller for a crane of relative size `length`.
 
-    The crane is `length` times as large as the laboratory rig. Raises InputError as `tuned_facts` does.
+    The size is relative to the laboratory rig. Raises InputError as `tuned_facts` does.
     """
     numbers = tuned_facts(directory, rules, controller, benchmark)["numbers"]
     return assignments(variables_of(controller), [value for _, value in numbers.values()], length)
@@ -102,23 +102,23 @@ def tuned_facts(directory: Path, rules: str, controller: str, benchmark: str = D
     path = directory / f"{controller}.toml"
     option = [] if benchmark == DEFAULT else ["--benchmark", benchmark]
     command = ["cranectl", "tune", controller_argument(controller), *option, "--out", str(directory)]
-    again = shlex.join(command)
+    tune_again = shlex.join(command)
     if not path.is_file():
-        raise InputError(f"{controller} is not tuned: {path} is not a file", remedy=f"tune it: {again}")
+        raise InputError(f"{controller} is not tuned: {path} is not a file", remedy=f"tune it: {tune_again}")
     table = read_toml(path)
     variables, values = variables_of(controller), dict(leaves(table.get("parameters", {})))
-    same_numbers = values.keys() == {variable.key for variable in variables}
-    if not _is_current(table, controller) or not same_numbers:
+    has_same_keys = values.keys() == {variable.key for variable in variables}
+    if not _is_current(table, controller) or not has_same_keys:
         raise InputError(
             f"{path} holds the numbers of another version of {controller}",
             allowed="numbers that were found for the present controller",
-            remedy=f"tune it again: {again}",
+            remedy=f"tune it again: {tune_again}",
         )
     if table.get("rules") != rules:
         raise InputError(
             f"{path} holds numbers that were found by the rules {table.get('rules')}, not {rules}",
             allowed="numbers that were found by the present rules of the benchmark",
-            remedy=f"tune it again: {again}",
+            remedy=f"tune it again: {tune_again}",
         )
     try:
         numbers = {variable.key: [variable.start, float(values[variable.key])] for variable in variables}
@@ -127,5 +127,5 @@ def tuned_facts(directory: Path, rules: str, controller: str, benchmark: str = D
         raise InputError(
             f"{path} is damaged: {type(error).__name__} {error}",
             allowed="a file as 'cranectl tune' has written it",
-            remedy=f"tune it again: {again}",
+            remedy=f"tune it again: {tune_again}",
         ) from None

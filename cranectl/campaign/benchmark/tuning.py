@@ -1,8 +1,11 @@
 """Tune a controller: find the numbers with the least mean cost over cranes that the ranking does not use.
 
-The search is CMA-ES (Hansen, The CMA Evolution Strategy: A Tutorial, 2016) over the logarithms of the
-numbers within their bounds. All candidates drive the same cranes. The result has every candidate, the untuned
-one first.
+The search is CMA-ES over the logarithms of the numbers within their bounds. All candidates run on the same
+cranes. The result contains every candidate, with the untuned controller first.
+
+References
+----------
+Hansen, The CMA Evolution Strategy: A Tutorial, 2016.
 """
 
 import itertools
@@ -33,23 +36,23 @@ from cranectl.status import RunStatus
 from cranectl.support.consistency import check_ascending
 from cranectl.support.errors import InputError, MachineError
 
-# Costs of a run, see `run_cost`: the limit of one that completes, and of one that stops or is refused.
-WORST, STOPPED, REFUSED = 5.0, 10.0, 20.0
-FIRST_DEVIATION = 0.2  # standard deviation of the first candidates; the bounds are 0 and 1
+# Costs of a run, see `run_cost`.
+MAX_COMPLETED, STOPPED, REFUSED = 5.0, 10.0, 20.0
+INITIAL_DEVIATION = 0.2  # standard deviation of the first candidates, between the bounds 0 and 1
 
 Advance = Callable[[int], None]  # called with the number of runs that have ended since the last call
 
 
-def run_cost(row: Row, scenario: Scenario, broken: bool, variation_price: float) -> float:
-    """Return the cost of one run of `scenario`; `broken` tells whether it broke one of its limits.
+def run_cost(row: Row, scenario: Scenario, exceeds_limit: bool, variation_price: float) -> float:
+    """Return the cost of one run of `scenario`; `exceeds_limit` is True if it exceeds one of its limits.
 
     A run that completes costs 5 c / (5 + c), which is less than 5. With a sum Σ over all drives,
     c = (rms_error_m + final_error_m) / (5 settling_tolerance) + residual_sway_about_lean_rad / 0.1
     + saturated_s / duration + variation_price Σ command_variation_m_s2 / (g duration).
 
-    A run that breaks a limit costs 5 more. A run that stops early costs 10 plus the share of the duration
-    that is missing. So a failed run always costs more, and less the later it fails. If the controller refuses
-    its numbers, each run costs 20.
+    A run that exceeds a limit costs 5 more. A run that stops early costs 10 plus the missing share of the
+    duration. So a failed run always costs more than a successful one, and less the later it stops. If the
+    controller refuses its numbers, each run costs 20.
     """
     if row["status"] != RunStatus.COMPLETED.label:
         return STOPPED + 1.0 - _number(row["end_s"]) / scenario.duration
@@ -61,11 +64,11 @@ def run_cost(row: Row, scenario: Scenario, broken: bool, variation_price: float)
         + _number(row["saturated_s"]) / scenario.duration
         + variation_price * variation / (scenario.rig.gravity * scenario.duration)
     )
-    return WORST * cost / (WORST + cost) + (WORST if broken else 0.0)
+    return MAX_COMPLETED * cost / (MAX_COMPLETED + cost) + (MAX_COMPLETED if exceeds_limit else 0.0)
 
 
 def _number(value: Any) -> float:
-    """Return a metric as a number, 0 if the run does not have it."""
+    """Return a metric as a number, which is 0 if the run does not have it."""
     return 0.0 if value is None else float(value)
 
 
@@ -138,8 +141,8 @@ class _Cranes:
     benchmark: Benchmark
     controller: str
     variables: tuple[Variable, ...]
-    campaigns: Mapping[str, Campaign]  # by scenario, of the untuned controller
-    patience: float  # [s] for a block of samples of a controller from a file
+    campaigns: Mapping[str, Campaign]  # of the untuned controller, by scenario
+    patience: float  # [s], time limit of a controller from a file for a block of samples
 
     @property
     def runs(self) -> int:
@@ -157,11 +160,13 @@ class _Cranes:
 
     def costs(self, scenario: str, rows: Sequence[Row]) -> tuple[list[float], int]:
         """Return the costs of all runs of `scenario`, and the number of failed ones."""
-        campaign, variation_weight = self.campaigns[scenario], self.benchmark.tuning.variation_price
-        bad = failed(lambda name: [row[name] for row in rows], campaign.settings.limits.given)
-        judged = zip(rows, map(bool, bad), strict=True)
-        costs = [run_cost(row, campaign.nominal, is_broken, variation_weight) for row, is_broken in judged]
-        return costs, int(bad.sum())
+        campaign, price = self.campaigns[scenario], self.benchmark.tuning.variation_price
+        failures = failed(lambda name: [row[name] for row in rows], campaign.settings.limits.given)
+        costs = [
+            run_cost(row, campaign.nominal, bool(has_failed), price)
+            for row, has_failed in zip(rows, failures, strict=True)
+        ]
+        return costs, int(failures.sum())
 
 
 def tune(
@@ -176,16 +181,16 @@ def tune(
     """Tune `controller` by the rules of `benchmark`.
 
     The budget is `runs`, by default that of the benchmark. The result does not depend on the number of
-    threads, `workers`. Each thread runs a controller from a file in a child process, which may take
-    `patience` [s] for a block. Raises InputError if the untuned controller cannot run, or if the budget is
-    too small.
+    threads, `workers`. Each thread runs a controller from a file in a child process, with a time limit of
+    `patience` [s] for a block of samples. Raises InputError if the untuned controller cannot run, or if the
+    budget is too small.
     """
     variables = variables_of(controller)
-    followed = follows(controller)
-    suited = [name for name in benchmark.tuning.scenarios if followed in benchmark.scenarios[name].suits]
+    kind = follows(controller)
+    suited = [name for name in benchmark.tuning.scenarios if kind in benchmark.scenarios[name].suits]
     if not suited:
         raise InputError(
-            f"'{controller}' follows a {followed}, and {benchmark.name} tunes on no scenario that suits it",
+            f"'{controller}' follows a {kind}, and {benchmark.name} tunes on no scenario that suits it",
             allowed="at least one scenario that suits the controller",
             remedy="add one to [tuning] of the benchmark",
         )
@@ -213,7 +218,8 @@ def tune(
         while search is not None and len(points) < evaluations:  # no other criterion ends the search
             positions = search.ask()
             candidates = [
-                tuple(v.at(p) for v, p in zip(variables, position, strict=False)) for position in positions
+                tuple(v.value_at(p) for v, p in zip(variables, position, strict=False))
+                for position in positions
             ]
             new_points = evaluate(candidates[: evaluations - len(points)], may_refuse=True)
             points += new_points
@@ -244,22 +250,22 @@ def _strategy(variables: Sequence[Variable], seed: int) -> Any:
         "verbose": -9,
         "verb_log": 0,
     }
-    return cma.CMAEvolutionStrategy(start if len(start) > 1 else [*start, 0.5], FIRST_DEVIATION, options)
+    return cma.CMAEvolutionStrategy(start if len(start) > 1 else [*start, 0.5], INITIAL_DEVIATION, options)
 
 
 @contextmanager
 def _evaluator(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Callable[..., list[Point]]]:
     """Yield a function that runs candidates in threads, which end with the `with` block."""
-    is_left = threading.Event()
+    stopped = threading.Event()
 
     def costs(scenario: str, values: Sequence[float], may_refuse: bool) -> tuple[list[float], int]:
-        if is_left.is_set():
+        if stopped.is_set():
             raise StoppedError
         try:
-            rows = cranes.rows(scenario, values, children, is_left.is_set)
-        except MachineError:  # it says nothing about the numbers
+            rows = cranes.rows(scenario, values, children, stopped.is_set)
+        except MachineError:  # not caused by the numbers
             raise
-        except (InputError, ValueError, ArithmeticError):  # the controller refuses them, or its design fails
+        except (InputError, ValueError, ArithmeticError):  # the controller refuses the numbers
             if not may_refuse:
                 raise
             runs = cranes.campaigns[scenario].runs
@@ -283,5 +289,5 @@ def _evaluator(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Call
         try:
             yield evaluate
         finally:
-            is_left.set()
+            stopped.set()
             pool.shutdown(cancel_futures=True)

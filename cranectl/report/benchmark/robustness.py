@@ -6,8 +6,8 @@ import numpy as np
 
 from cranectl.campaign.benchmark import scores
 from cranectl.campaign.benchmark.ranking import Judged
-from cranectl.campaign.benchmark.settings import RADIUS, SINGLE
-from cranectl.campaign.benchmark.table import Runs, on_common_cranes
+from cranectl.campaign.benchmark.settings import RADIUS_PREFIX, SINGLE_PREFIX
+from cranectl.campaign.benchmark.table import Runs, restrict_to_common_cranes
 from cranectl.campaign.benchmark.trials import radius_sets, single_sets
 from cranectl.campaign.table import FAILED
 from cranectl.report.benchmark.sets import COMPARED, NAMED, finite, median, named, section_of
@@ -60,8 +60,8 @@ def singles_section(judged: Judged) -> Iterator[Section]:
     if singles is None:
         return
     exact = [name for name, cranes in benchmark.sets.items() if not cranes.spread]
-    together = f"{RADIUS}{singles.spread:g}"
-    columns = {name: name.removeprefix(SINGLE) for name in single_sets(benchmark)}
+    together = f"{RADIUS_PREFIX}{singles.spread:g}"
+    columns = {name: name.removeprefix(SINGLE_PREFIX) for name in single_sets(benchmark)}
     columns = {**{name: name for name in exact[:1]}, **columns, together: "all"}
     runs_by_controller = {
         controller: {name: judged.runs(name, singles.scenario, controller) for name in columns}
@@ -134,7 +134,7 @@ def second_section(judged: Judged) -> Iterator[Section]:
         rows = []
         for controller in judged.best_first:
             pairs = [
-                on_common_cranes([first, second])
+                restrict_to_common_cranes([first, second])
                 for scenario in benchmark.scenarios
                 if (first := judged.runs(name, scenario, controller)) is not None
                 and (second := judged.runs(name, scenario, controller, benchmark.second_plant)) is not None

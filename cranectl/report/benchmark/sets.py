@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from cranectl.campaign.benchmark import scores
 from cranectl.campaign.benchmark.declared import information_class
 from cranectl.campaign.benchmark.ranking import Judged, Standing, points_of, rest_time
-from cranectl.campaign.benchmark.table import Runs, on_common_cranes
+from cranectl.campaign.benchmark.table import Runs, restrict_to_common_cranes
 from cranectl.campaign.benchmark.trials import Division
 from cranectl.campaign.summary import failure_interval
 from cranectl.report.campaign.figures import series_style
@@ -78,7 +78,7 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
     )
     controllers, tasks = [s.law for s in standings], []
     for scenario in judged.shared_scenarios(name):
-        runs = on_common_cranes(
+        runs = restrict_to_common_cranes(
             [judged.table.trials[judged.trial(name, scenario, controller)] for controller in controllers]
         )
         tasks.append(np.stack([run.task for run in runs]))  # (laws, cranes that all of them have met)
@@ -183,7 +183,7 @@ def _less(runs: Runs, baseline: Runs | None, duration: float, *, sees_path: bool
     """
     if baseline is None:
         return NOTHING * 2
-    both = on_common_cranes([runs, baseline])
+    both = restrict_to_common_cranes([runs, baseline])
     errors = times = NOTHING
     if sees_path:
         values = (np.where(r.failed, np.nan, 1e3 * r.metrics[COMPARED]) for r in both)

@@ -16,7 +16,7 @@ from cranectl.campaign.benchmark.table import (
     VARIATION,
     BenchmarkTable,
     Runs,
-    joined,
+    join_tables,
     read_table,
     write_table,
 )
@@ -101,7 +101,7 @@ def texts(shown: Table) -> Texts:
 def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     published = table(benchmark, {"first": runs(0.02), "second": runs(0.03)}, "published")
-    both = joined([published, table(benchmark, {"first": runs(0.01), "third": runs(0.05)}, "tuned")])
+    both = join_tables([published, table(benchmark, {"first": runs(0.01), "third": runs(0.05)}, "tuned")])
     by_anchor = sections(benchmark, both)
     assert list(by_anchor) == [
         "summary",
@@ -167,7 +167,7 @@ def test_the_radius_is_said_even_where_it_lies_outside(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     results = table(benchmark, {"never": runs(0.01), "always": runs(0.01, failures=RUNS)}, "published")
     wide = Trial("published", "mujoco", "spread-3", "short", "between")
-    results = joined([results, table(benchmark, {"between": runs(0.01)}, "published")])
+    results = join_tables([results, table(benchmark, {"between": runs(0.01)}, "published")])
     results = BenchmarkTable(results.about, {**results.trials, wide: runs(0.01, failures=1)})
     (shown,) = sections(benchmark, results)["published-radius"].tables
     assert [(row[0], row[2]) for row in texts(shown)] == [
@@ -261,12 +261,12 @@ def test_tables_are_joined_where_they_are_of_the_same_laws(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     one, other = (table(benchmark, {"mine": runs(error)}, "published") for error in (0.01, 0.02))
     one.about["durations"].pop("path")
-    both = joined([one, other])
+    both = join_tables([one, other])
     assert both.about["durations"] == {"short": 1.0, "path": 0.8}
     assert both.trials == one.trials
     other.about["laws"]["mine"]["file"] = "def"
     with pytest.raises(InputError, match="results whose file of mine differ: def and "):
-        joined([one, other])
+        join_tables([one, other])
 
 
 def test_a_law_has_the_same_numbers_in_all_tables(small: Path) -> None:
@@ -274,7 +274,7 @@ def test_a_law_has_the_same_numbers_in_all_tables(small: Path) -> None:
     one, other = (table(benchmark, {"mine": runs(0.01)}, "tuned") for _ in range(2))
     other.about["tuned"]["mine"] = {**one.about["tuned"]["mine"], "numbers": {"x": [1.0, 2.0]}}
     with pytest.raises(InputError, match="results whose numbers of mine differ"):
-        joined([one, other])
+        join_tables([one, other])
 
 
 def test_a_table_is_read_as_it_was_written_or_not_at_all(small: Path) -> None:

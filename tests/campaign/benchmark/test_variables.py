@@ -19,9 +19,9 @@ NEGATIVE = Variable("controller.a.k", -4.0, 1.0, 100.0, -0.5)
 
 
 def test_places_are_logarithmic_and_keep_the_sign() -> None:
-    assert [NEGATIVE.at(position) for position in (0.0, 0.5, 1.0)] == [-1.0, -10.0, -100.0]
-    assert NEGATIVE.at(NEGATIVE.start_position) == -4.0
-    assert NEGATIVE.at(1.0 / 3.0) == -4.642  # four digits: what is printed is what was run
+    assert [NEGATIVE.value_at(position) for position in (0.0, 0.5, 1.0)] == [-1.0, -10.0, -100.0]
+    assert NEGATIVE.value_at(NEGATIVE.start_position) == -4.0
+    assert NEGATIVE.value_at(1.0 / 3.0) == -4.642  # four digits: what is printed is what was run
     assert NEGATIVE._replace(start=0.0).start_position == 0.0
     assert NEGATIVE._replace(start=1e3).start_position == 1.0
 
@@ -48,7 +48,8 @@ def test_the_flat_family_is_tuned_by_its_parts() -> None:
         assert parts[f"{feedback}+loop-shaping"] == parts[feedback] + shaped
     poles, weights = variables_of("pole-placement"), variables_of("lqr")
     assert [
-        (variable.start, variable.at(0.0), variable.at(1.0), variable.length_power) for variable in poles
+        (variable.start, variable.value_at(0.0), variable.value_at(1.0), variable.length_power)
+        for variable in poles
     ] == [(-2.5, -0.8, -8.0, -0.5)] * 4
     assert [variable.length_power for variable in weights] == [-4.0, -3.0, -2.0, -1.0]
 
@@ -59,7 +60,7 @@ def test_all_within_the_bounds_is_allowed(name: str) -> None:
         name = open_controller(str(ROOT / "validation" / "benchmark" / name))
     variables = variables_of(name)
     for position in (0.0, 1.0):
-        settings = assignments(variables, [variable.at(position) for variable in variables])
+        settings = assignments(variables, [variable.value_at(position) for variable in variables])
         scenario = load_scenario("fast-diagonal", overrides=settings)
         if name not in FLAT_FAMILY:
             load_controller(name).designed(scenario.controller.parameters.get(name, {}))
