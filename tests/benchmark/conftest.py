@@ -1,4 +1,4 @@
-"""Close controllers after each test, because schemas and lists contain all open ones."""
+"""Close controllers after each test, because schemas and lists contain all open controllers."""
 
 from collections.abc import Iterator
 
@@ -8,6 +8,6 @@ from cranectl.loaders.opening import close_controllers
 
 
 @pytest.fixture(autouse=True)
-def laws_closed() -> Iterator[None]:
+def close_opened_controllers() -> Iterator[None]:
     yield
     close_controllers()

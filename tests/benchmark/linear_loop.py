@@ -1,4 +1,4 @@
-"""A controller from a file and a crane near rest as one linear system in discrete time."""
+"""Linearise the loop of a controller from a file and a crane near rest, in discrete time."""
 
 from ctypes import POINTER, c_double
 
@@ -22,7 +22,7 @@ def nominal_at(controller: Controller, length: float, **values: float) -> Nomina
     return Nominal(UNLIMITED, "ideal", PERIOD, row[np.newaxis], state, parameters)
 
 
-def crane_sampled(length: float) -> tuple[Array, Array]:
+def sampled_crane(length: float) -> tuple[Array, Array]:
     """Return Phi (10, 10) and Gamma (10, 3) of deviations from rest, for accelerations held over a period."""
     a, b = np.zeros((10, 10)), np.zeros((10, 3))
     for joint in range(5):
@@ -35,17 +35,17 @@ def crane_sampled(length: float) -> tuple[Array, Array]:
 
 
 def loop_matrix(controller: Controller, length: float, begun: int, states: int, **values: float) -> Array:
-    """Return the matrix of deviations over a sample, of the crane (10) and of the controller's memory.
+    """Return the matrix that maps deviations to those of the next sample.
 
-    The memory's first `states` numbers count. `begun` is the index of the number that is 1 after the first
-    sample.
+    Deviations are those of the crane (10,) and of the first `states` numbers in the controller's memory.
+    `begun` is the index of the number in the memory that is 1 after the first sample.
     """
     nominal = nominal_at(controller, length, **values)
     parameters, start = controller.prepare(nominal)
     start[begun] = 1.0
-    phi, hold = crane_sampled(length)
+    phi, hold = sampled_crane(length)
 
-    def advanced(deviation: Array) -> Array:
+    def advance(deviation: Array) -> Array:
         memory, command = start.copy(), np.zeros(3)
         memory[:states] += deviation[10:]
         state = nominal.state + deviation[:10]
@@ -56,17 +56,17 @@ def loop_matrix(controller: Controller, length: float, begun: int, states: int, 
 
     small = 1e-5
     units = small * np.eye(10 + states)
-    return np.array([(advanced(unit) - advanced(-unit)) / (2.0 * small) for unit in units]).T
+    return np.array([(advance(unit) - advance(-unit)) / (2.0 * small) for unit in units]).T
 
 
-def regulated(a: Array, b: Array, gain: Array, period: float) -> Array:
+def regulator_poles(a: Array, b: Array, gain: Array, period: float) -> Array:
     """Return the poles of x' = A x + b u with u = -gain·x sampled and held; b and gain have (n,)."""
     phi, hold = zero_order_hold(a, b[:, np.newaxis], period)
     poles: Array = np.linalg.eigvals(phi - np.outer(hold, gain))
     return poles
 
 
-def filtered(a: Array, c: Array, gain: Array, period: float) -> Array:
+def filter_poles(a: Array, c: Array, gain: Array, period: float) -> Array:
     """Return the poles of a filter's error: x+ = x + gain (y - C x), then x' = A x; c (m, n), gain (n, m)."""
     phi, _ = zero_order_hold(a, np.zeros((len(a), 1)), period)
     poles: Array = np.linalg.eigvals((np.eye(len(a)) - gain @ c) @ phi)
@@ -74,7 +74,10 @@ def filtered(a: Array, c: Array, gain: Array, period: float) -> Array:
 
 
 def relative_distances(poles: Array, expected: Array) -> Array:
-    """Return the distances of discrete poles from the expected ones, best paired, relative to 1 - pole."""
+    """Return the distances of discrete poles from the expected ones, relative to 1 - pole.
+
+    Poles and expected poles are paired with the least sum of distances.
+    """
     distance = np.abs(poles[:, np.newaxis] - expected)
     rows, columns = linear_sum_assignment(distance)
     relative: Array = distance[rows, columns] / np.abs(1.0 - expected[columns])

@@ -1,4 +1,4 @@
-"""Compute energies of recorded runs with the model's matrices, which the controllers do not use."""
+"""Compute energies of recorded runs from the model's matrices, which the controllers do not use."""
 
 import numpy as np
 
@@ -19,8 +19,8 @@ def rope_directions(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """Return the direction of the rope and its rate [1/s], (N, 3) each."""
     pairs = [split(state) for state in run.block("state")]
     n = [load_jacobian(q)[:, 2] for q, _ in pairs]
-    turn = [load_jacobian(q)[:, 3:] @ v[3:] / q[2] for q, v in pairs]
-    return np.array(n), np.array(turn)
+    n_rate = [load_jacobian(q)[:, 3:] @ v[3:] / q[2] for q, v in pairs]
+    return np.array(n), np.array(n_rate)
 
 
 def integral(run: Run, power: np.ndarray) -> np.ndarray:

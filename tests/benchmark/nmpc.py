@@ -1,4 +1,4 @@
-"""Build the library of `nmpc`, as its first comment says."""
+"""Build the library of `nmpc` by the command in its first comment."""
 
 import subprocess
 from pathlib import Path
@@ -10,7 +10,7 @@ from tests.pace import HANG
 FOLDER = ROOT / "validation" / "benchmark" / "nmpc"
 
 
-def built(folder: Path) -> Path:
+def build_library(folder: Path) -> Path:
     """Build the library in `folder`, and return its path."""
     library = folder / "nmpc.so"
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror", "-shared", "-fPIC"]

@@ -14,28 +14,28 @@ from tests.benchmark.linear_loop import GRAVITY, PERIOD, loop_matrix
 from tests.conftest import ROOT
 from validation.benchmark.adrc import ADRC, MEMORY
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'adrc.py'}:ADRC"
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'adrc.py'}:ADRC"
 LENGTH = 0.7
 POLE = 0.7 * sqrt(GRAVITY / LENGTH)  # w_c [1/s]
 
 
-def test_the_error_of_an_observer_has_three_equal_poles() -> None:
+def test_observer_error_has_three_equal_poles() -> None:
     bandwidth = 10.0 * POLE
     observer = make_observer(bandwidth, period=PERIOD, gravity=GRAVITY)
     chain = [1, 6, 11]  # position, velocity and disturbance of the second joint
 
-    def advanced(error: Array) -> Array:
+    def advance_error(error: Array) -> Array:
         memory = np.zeros(EXPECTED.size)
         memory[chain] = error
         correct(observer, 1, 0.0, memory)
         advance(memory, 1, 0.0, PERIOD)
         return memory[chain]
 
-    matrix = np.array([advanced(unit) for unit in np.eye(3)]).T
+    matrix = np.array([advance_error(unit) for unit in np.eye(3)]).T
     np.testing.assert_allclose(np.poly(matrix), np.poly([exp(-bandwidth * PERIOD)] * 3), rtol=1e-12)
 
 
-def test_as_observers_get_fast_the_load_has_four_poles_and_its_height_two() -> None:
+def test_load_poles_with_fast_observers() -> None:
     poles = np.linalg.eigvals(loop_matrix(ADRC, LENGTH, MEMORY.begun, MEMORY.begun, observer=60.0))
     slow = np.sort_complex(np.log(poles) / PERIOD)[-10:]
     np.testing.assert_allclose(np.poly(slow), np.poly([-POLE] * 10), rtol=0.3)
@@ -43,11 +43,11 @@ def test_as_observers_get_fast_the_load_has_four_poles_and_its_height_two() -> N
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_near_rest_the_load_moves_as_these_poles_say(plant: str) -> None:
+def test_motion_near_rest_agrees_with_poles(plant: str) -> None:
     offset = 1e-2
     rest = ["duration=4.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, {offset}]"]
     scenario = load_scenario("fixed-position", overrides=[*rest, "controller.adrc.observer=60.0"])
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
     wt, error = POLE * run.time, -run.block("error")
     expected = offset * (1.0 + wt + wt**2 / 2.0 + wt**3 / 6.0) * np.exp(-wt)
     np.testing.assert_allclose(error[:, 0], expected, atol=0.03 * offset)
@@ -58,12 +58,12 @@ def test_near_rest_the_load_moves_as_these_poles_say(plant: str) -> None:
     ("plant", "drive", "effects"),
     [("analytic", "ideal", []), ("mujoco", "velocity", []), ("mujoco", "velocity", ["effects.sensing={}"])],
 )
-def test_a_constant_disturbance_is_estimated_and_leaves_nothing(
+def test_constant_disturbance_is_estimated_and_leaves_no_error(
     plant: str, drive: str, effects: list[str]
 ) -> None:
-    """It leans the rope by b: at rest f_z = g b, and b'' = f_b = 0 because it holds the pendulum."""
+    """It leans the rope by b, so f_z = g b at rest, while b'' = f_b = 0."""
     scenario = load_scenario("fixed-position", overrides=effects)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
     late = run.time > 24.0
     state = run.block("state")[late].mean(axis=0)
     estimate = run.block("controller")[late].mean(axis=0)

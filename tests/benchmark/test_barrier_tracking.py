@@ -10,12 +10,12 @@ from tests.benchmark.mechanics import energy_above_rest, integral, rope_directio
 from tests.conftest import ROOT
 from validation.benchmark.barrier_tracking import barrier_force
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'barrier_tracking.py'}:BARRIER_TRACKING"
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'barrier_tracking.py'}:BARRIER_TRACKING"
 SIGN = np.array([1.0, 1.0, -1.0])  # the desired rope length is minus the desired height of the load
 
 
-def run_of(scenario: str, *overrides: str, plant: str, drive: str) -> Run:
-    controller = open_controller(LAW)
+def simulate(scenario: str, *overrides: str, plant: str, drive: str) -> Run:
+    controller = open_controller(CONTROLLER)
     loaded = load_scenario(scenario, overrides=overrides)
     return simulate_run(loaded, plant=plant, drive=drive, controller=controller)
 
@@ -52,7 +52,7 @@ def losses(run: Run) -> np.ndarray:
     return (viscous + numbers["friction"] * rig.gravity * rate * np.tanh(rate / soft)) @ rig.driven_masses
 
 
-def test_the_barriers_force_is_minus_its_derivative() -> None:
+def test_barrier_force_is_minus_derivative_of_barrier() -> None:
     stiffness, bound, step = 7.0, 0.4, 1e-6
     for error in (-0.39, -0.2, 0.0, 0.1, 0.35):
         low, high = ((error + side * step) ** 2 for side in (-1.0, 1.0))
@@ -62,47 +62,48 @@ def test_the_barriers_force_is_minus_its_derivative() -> None:
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_its_function_changes_as_derived_on_a_path_that_hoists(plant: str) -> None:
-    moved = ["initial.load_offset=[0.1, -0.1, 0.0]", "initial.alpha_offset=0.4", "initial.beta_offset=-0.3"]
-    often = ["control.period=0.00025", "control.physics_step=0.00025", "workspace.on_exit='record'"]
-    run = run_of("fast-diagonal", "disturbances=[]", *moved, *often, plant=plant, drive="force")
-    rig, (n, turn), length = run.scenario.rig, rope_directions(run), run.block("state")[:, 4]
+def test_lyapunov_function_has_derived_rate_while_hoisting(plant: str) -> None:
+    offsets = ["initial.load_offset=[0.1, -0.1, 0.0]", "initial.alpha_offset=0.4", "initial.beta_offset=-0.3"]
+    short_steps = ["control.period=0.00025", "control.physics_step=0.00025", "workspace.on_exit='record'"]
+    run = simulate("fast-diagonal", "disturbances=[]", *offsets, *short_steps, plant=plant, drive="force")
+    rig, (n, n_rate), length = run.scenario.rig, rope_directions(run), run.block("state")[:, 4]
     pay_out, path = -run.reference[:, 5], run.reference[:, 6:8]
-    hoisted = pay_out * (rig.gravity * (1.0 + n[:, 2]) - length * (turn**2).sum(axis=1))
-    power = rig.load_mass * (hoisted - length * (turn[:, :2] * path).sum(axis=1))
+    hoisted = pay_out * (rig.gravity * (1.0 + n[:, 2]) - length * (n_rate**2).sum(axis=1))
+    power = rig.load_mass * (hoisted - length * (n_rate[:, :2] * path).sum(axis=1))
     v = lyapunov(run)
     assert np.abs(v - v[0] - integral(run, power - losses(run))).max() < 1e-3 * v[0]
-    assert integral(run, np.abs(power))[-1] > 0.1 * v[0], "and the path does give"
+    assert integral(run, np.abs(power))[-1] > 0.1 * v[0], "the path supplies power"
     assert np.diff(v[run.time > 3.0]).max() < 0.0
     assert np.abs(errors(run)[0]).max() < bound_of(run)
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_what_crosses_the_bound_without_a_barrier_is_held_by_it(plant: str) -> None:
+def test_barrier_keeps_error_within_bound(plant: str) -> None:
     """Under this disturbance the spring alone would let the trolley move by more than the bound Z."""
-    pushed = (
+    disturbances = (
         "disturbances=[{joint='alpha', start=1.0, magnitude=4.0}, {joint='beta', start=1.0, magnitude=4.0}]"
     )
     settings = [f"controller.barrier-tracking.{setting}" for setting in ("frequency=0.4", "bound=0.1")]
     for barrier in (0.0, 0.3):
         share = f"controller.barrier-tracking.barrier={barrier}"
-        run = run_of(
-            "fixed-position", "duration=8.0", pushed, *settings, share, plant=plant, drive="velocity"
+        run = simulate(
+            "fixed-position", "duration=8.0", disturbances, *settings, share, plant=plant, drive="velocity"
         )
-        most = np.abs(errors(run)[0]).max(axis=0)
-        assert (most[1] > bound_of(run)) == (barrier == 0.0)
+        largest = np.abs(errors(run)[0]).max(axis=0)
+        assert (largest[1] > bound_of(run)) == (barrier == 0.0)
 
 
-def test_a_constant_disturbance_leaves_what_spring_and_barrier_hold() -> None:
-    run = run_of("fixed-position", "duration=80.0", plant="analytic", drive="ideal")
+def test_constant_disturbance_leaves_predicted_error() -> None:
+    run = simulate("fixed-position", "duration=80.0", plant="analytic", drive="ideal")
     late = run.time > 70.0
     rig, numbers, n = run.scenario.rig, run.design.parameters, rope_directions(run)[0][late]
-    hung = -rig.weight * n[:, 2]
-    pull = np.column_stack([hung * n[:, 0], hung * n[:, 1], hung - rig.weight]).mean(axis=0)
-    off = errors(run)[0][late].mean(axis=0)
+    tension = -rig.weight * n[:, 2]
+    pull = np.column_stack([tension * n[:, 0], tension * n[:, 1], tension - rig.weight]).mean(axis=0)
+    error = errors(run)[0][late].mean(axis=0)
     stiffness = rig.driven_masses * numbers["frequency"] ** 2 * rig.gravity / run.block("state")[0, 4]
     barrier = [
-        -barrier_force(numbers["barrier"] * k, bound_of(run), e) for k, e in zip(stiffness, off, strict=True)
+        -barrier_force(numbers["barrier"] * k, bound_of(run), e)
+        for k, e in zip(stiffness, error, strict=True)
     ]
-    np.testing.assert_allclose(stiffness * off + barrier, pull, rtol=1e-2)
-    assert np.abs(off[:2]).max() > 0.01
+    np.testing.assert_allclose(stiffness * error + barrier, pull, rtol=1e-2)
+    assert np.abs(error[:2]).max() > 0.01

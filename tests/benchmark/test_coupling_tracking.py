@@ -8,26 +8,26 @@ from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from tests.conftest import ROOT
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'coupling_tracking.py'}:COUPLING_TRACKING"
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'coupling_tracking.py'}:COUPLING_TRACKING"
 COUPLING = 2.0  # [m/s], its default; damping 4, stiffness 4: two poles at -2
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_the_coupled_error_falls_whatever_the_load_does(plant: str) -> None:
+def test_coupled_error_decays_for_any_load_motion(plant: str) -> None:
     """The solution of zeta' = -4 zeta - 4 integral of zeta, from an integral of e_0, is -4 e_0 t e^-2t."""
     offset = np.array([0.1, -0.05])
     overrides = [f"initial.load_offset=[{offset[0]}, {offset[1]}, 0.0]", "workspace.on_exit='record'"]
     scenario = load_scenario("fast-diagonal", overrides=["disturbances=[]", *overrides])
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
     coupled_error, t = run.block("controller")[:, :2], run.time[:, None]
-    assert np.abs(run.block("state")[:, [6, 8]]).max() > 0.1, "and the load does swing"
+    assert np.abs(run.block("state")[:, [6, 8]]).max() > 0.1, "the load swings"
     # Sampling every T = 1 ms causes an error of about T times the acceleration that the swing requires.
     np.testing.assert_allclose(coupled_error, -4.0 * offset * t * np.exp(-2.0 * t), atol=1e-3)
 
 
-def test_a_constant_disturbance_drives_it_away_as_the_lean_says() -> None:
+def test_constant_disturbance_causes_predicted_drift() -> None:
     scenario = load_scenario("fixed-position", overrides=["workspace.on_exit='record'"])
-    run = simulate_run(scenario, plant="analytic", drive="ideal", controller=open_controller(LAW))
+    run = simulate_run(scenario, plant="analytic", drive="ideal", controller=open_controller(CONTROLLER))
     late = run.time > run.time[-1] - 2.0
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1
     for rate, angle in ((1, 8), (3, 6)):

@@ -9,52 +9,52 @@ from cranectl.simulate import Run, simulate_run
 from tests.benchmark.mechanics import energy_above_rest, integral, rope_directions
 from tests.conftest import ROOT
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'end_effector_pd.py'}:END_EFFECTOR_PD"
-ACROSS = "reference.segments=[{kind='line', to=[1.6, 1.2, -0.7], duration=2.0}]"
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'end_effector_pd.py'}:END_EFFECTOR_PD"
+MOVE = "reference.segments=[{kind='line', to=[1.6, 1.2, -0.7], duration=2.0}]"
 
 
-def run_of(*overrides: str, plant: str, drive: str) -> Run:
+def simulate(*overrides: str, plant: str, drive: str) -> Run:
     scenario = load_scenario("fixed-position", overrides=overrides)
-    return simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
+    return simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
 
 
 def gains(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return k_p, k_d and k of x and y from the descriptions of the parameters."""
     rig, numbers, length = run.scenario.rig, run.design.parameters, run.block("state")[0, 4]
-    moved = rig.driven_masses[:2] + rig.load_mass
-    pace = numbers["frequency"] * np.sqrt(rig.gravity / length)
+    masses = rig.driven_masses[:2] + rig.load_mass
+    frequency = numbers["frequency"] * np.sqrt(rig.gravity / length)
     return (
-        pace**2 * moved,
-        2.0 * numbers["damping"] * pace * moved,
-        numbers["lead"] * length * moved[1] / moved,
+        frequency**2 * masses,
+        2.0 * numbers["damping"] * frequency * masses,
+        numbers["lead"] * length * masses[1] / masses,
     )
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_its_function_falls_by_what_the_damper_takes(plant: str) -> None:
-    run = run_of("disturbances=[]", ACROSS, plant=plant, drive="force")
+def test_lyapunov_function_falls_by_damping(plant: str) -> None:
+    run = simulate("disturbances=[]", MOVE, plant=plant, drive="force")
     rig, state, length = run.scenario.rig, run.block("state"), 0.7
     stiffness, damping, lead = gains(run)
-    n, turn = rope_directions(run)
-    shared = lead * (rig.driven_masses[:2] + rig.load_mass)
-    np.testing.assert_allclose(shared, shared[0], rtol=1e-12)
-    swing = 0.5 * length * (turn**2).sum(axis=1) + rig.gravity * (1.0 + n[:, 2])
+    n, n_rate = rope_directions(run)
+    common = lead * (rig.driven_masses[:2] + rig.load_mass)
+    np.testing.assert_allclose(common, common[0], rtol=1e-12)
+    swing = 0.5 * length * (n_rate**2).sum(axis=1) + rig.gravity * (1.0 + n[:, 2])
     coupled = state[:, [0, 2]] - [1.6, 1.2] - lead * n[:, :2]
-    v = energy_above_rest(run, state[:, 1::2]) + shared[0] * swing
-    v += 0.5 * (coupled**2 @ stiffness - rig.load_mass * length * turn[:, :2] ** 2 @ lead)
-    taken = integral(run, (state[:, [1, 3]] - lead * turn[:, :2]) ** 2 @ damping)
+    v = energy_above_rest(run, state[:, 1::2]) + common[0] * swing
+    v += 0.5 * (coupled**2 @ stiffness - rig.load_mass * length * n_rate[:, :2] ** 2 @ lead)
+    dissipated = integral(run, (state[:, [1, 3]] - lead * n_rate[:, :2]) ** 2 @ damping)
     assert np.abs(state[:, 4] - length).max() < 1e-4
-    assert np.abs(v + taken - v[0]).max() < 2e-3 * v[0]
+    assert np.abs(v + dissipated - v[0]).max() < 2e-3 * v[0]
     assert np.diff(v).max() < 1e-9 * v[0]
     assert v[-1] < 1e-3 * v[0]
-    assert np.abs(state[:, [6, 8]]).max() > 0.05, "and the load does swing"
+    assert np.abs(state[:, [6, 8]]).max() > 0.05, "the load swings"
 
 
-def test_a_constant_disturbance_leaves_what_the_lean_says() -> None:
-    run = run_of("duration=40.0", plant="analytic", drive="ideal")
+def test_constant_disturbance_leaves_predicted_error() -> None:
+    run = simulate("duration=40.0", plant="analytic", drive="ideal")
     stiffness, _, lead = gains(run)
     n, _ = rope_directions(run)
-    hung = run.scenario.rig.weight * -n[-1, 2]
-    off = run.block("state")[-1, [0, 2]] - [1.0, 0.77]
-    assert np.abs(off).min() > 0.05
-    np.testing.assert_allclose(off, (lead + hung / stiffness) * n[-1, :2], rtol=1e-3)
+    tension = run.scenario.rig.weight * -n[-1, 2]
+    error = run.block("state")[-1, [0, 2]] - [1.0, 0.77]
+    assert np.abs(error).min() > 0.05
+    np.testing.assert_allclose(error, (lead + tension / stiffness) * n[-1, :2], rtol=1e-3)

@@ -14,24 +14,24 @@ from tests.conftest import ROOT
 from tests.controller_ranges import Case, cases, check
 from tests.ranges import share_of
 
-SHARE = 16
+SHARE = 16  # one in 16 cases runs by default
 FILES = [path for path in sorted((ROOT / "validation" / "benchmark").glob("*.py")) if path.stem != "__init__"]
-LAWS = {  # by name: the reference that opens the controller, and the controller
-    law.name: (f"{path}:{symbol}", law)
+CONTROLLERS = {  # by name: the argument that opens the controller, and the controller
+    controller.name: (f"{path}:{symbol}", controller)
     for path in FILES
-    for symbol, law in vars(importlib.import_module(f"validation.benchmark.{path.stem}")).items()
-    if isinstance(law, Controller)
+    for symbol, controller in vars(importlib.import_module(f"validation.benchmark.{path.stem}")).items()
+    if isinstance(controller, Controller)
 }
-CASES = cases(law for _, law in LAWS.values())
+CASES = cases(controller for _, controller in CONTROLLERS.values())
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("case", share_of(CASES, SHARE), ids=lambda case: case[0])
-def test_a_setting_gives_finite_numbers_or_says_what_to_do(case: Case) -> None:
-    open_controller(LAWS[case[1]][0])
+def test_setting_gives_finite_numbers_or_an_error_with_remedy(case: Case) -> None:
+    open_controller(CONTROLLERS[case[1]][0])
     check(case)
 
 
-def test_every_setting_is_tried() -> None:
-    assert len(LAWS) >= len(FILES)
+def test_all_settings_have_cases() -> None:
+    assert len(CONTROLLERS) >= len(FILES)
     assert len(CASES) > 200

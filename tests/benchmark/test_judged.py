@@ -26,77 +26,81 @@ from tests.conftest import ROOT
 from tests.pace import HANG
 
 BENCHMARK = read_benchmark("literature")
-FOLDER_OF_IT = BENCHMARK.file.parent
-JUDGED = {"tuned": tuple(sets_of(BENCHMARK)), "published": ("nominal", "lab-rig")}
-BUILT = "nmpc"  # the benchmark's file does not name it, because it must be compiled first
+BENCHMARK_FOLDER = BENCHMARK.file.parent
+JUDGED_SETS = {"tuned": tuple(sets_of(BENCHMARK)), "published": ("nominal", "lab-rig")}
+COMPILED = "nmpc"  # not in the benchmark's file, because it must be compiled first
 
 
 @pytest.fixture(scope="module")
 def judged() -> BenchmarkTable:
-    return read_table(FOLDER_OF_IT / "literature.parquet")
+    return read_table(BENCHMARK_FOLDER / "literature.parquet")
 
 
 @pytest.fixture
-def laws() -> tuple[str, ...]:
+def controllers() -> tuple[str, ...]:
     return measured_controllers(BENCHMARK)
 
 
-def test_every_law_has_met_every_crane(judged: BenchmarkTable, laws: tuple[str, ...]) -> None:
+def test_table_has_every_controller_on_every_crane(
+    judged: BenchmarkTable, controllers: tuple[str, ...]
+) -> None:
     draws = {name: cranes.draws for name, cranes in sets_of(BENCHMARK).items()}
     expected = {}
     for division in DIVISIONS:
-        for trial in trials_of(BENCHMARK, laws, JUDGED[division], division=division):
+        for trial in trials_of(BENCHMARK, controllers, JUDGED_SETS[division], division=division):
             share = BENCHMARK.second_share if trial.plant == BENCHMARK.second_plant else 1.0
             expected[trial] = max(1, round(share * draws[trial.crane_set]))
             if trial.law == BENCHMARK.baseline:
-                expected[trial._replace(law=BUILT)] = expected[trial]
+                expected[trial._replace(law=COMPILED)] = expected[trial]
     assert {trial: len(runs.status) for trial, runs in judged.trials.items()} == expected
     not_simulated = defaultdict(set)
     for trial, runs in judged.trials.items():
         cranes = tuple(k for k, status in enumerate(runs.status) if status == FAILED)
         assert not (cranes and trial.crane_set in BENCHMARK.sets), trial
         not_simulated[trial[:4]].add(cranes)
-    assert all(len(cranes) == 1 for cranes in not_simulated.values()), "with no law, or with all"
+    assert all(len(cranes) == 1 for cranes in not_simulated.values()), (
+        "a crane cannot be simulated with one controller, but can with another"
+    )
 
 
-def test_it_is_of_the_laws_numbers_and_rules_that_are_here(
-    judged: BenchmarkTable, laws: tuple[str, ...]
+def test_table_belongs_to_present_controllers_numbers_and_rules(
+    judged: BenchmarkTable, controllers: tuple[str, ...]
 ) -> None:
     rules = rules_of(BENCHMARK)
     assert (judged.about["rules"], judged.about["seed"]) == (rules, BENCHMARK.seed)
-    for controller in laws:
+    for controller in controllers:
         assert judged.about["laws"][controller]["file"] == controller_digests([controller]).get(
             f"law {controller}", ""
         )
-        assert judged.about["tuned"][controller] == tuned_facts(FOLDER_OF_IT / "tuned", rules, controller)
-    built, numbers = judged.about["tuned"][BUILT], (FOLDER / "tuned" / f"{BUILT}.toml").read_text()
-    for key, (_, value) in built["numbers"].items():
+        assert judged.about["tuned"][controller] == tuned_facts(BENCHMARK_FOLDER / "tuned", rules, controller)
+    facts, numbers = judged.about["tuned"][COMPILED], (FOLDER / "tuned" / f"{COMPILED}.toml").read_text()
+    for key, (_, value) in facts["numbers"].items():
         assert f'"{key}" = {value:g}\n' in numbers
 
 
-def test_runs_come_out_as_they_are_shipped(
-    judged: BenchmarkTable, laws: tuple[str, ...], tmp_path: Path
+def test_runs_reproduce_shipped_results(
+    judged: BenchmarkTable, controllers: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """Run the first crane on both plants, and compare with the table; a change of runs needs a new table.
+    """Run the first crane on both plants, and compare with the table; if runs change, a new table is needed.
 
     Every controller runs tuned on the harbour scenario, and on one more scenario. Together these cover all
     sets of cranes in both divisions.
     """
-    trials = trials_of(BENCHMARK, laws, ("nominal",), ("harbour",), division="tuned")
-    judged_on = [(d, name) for d in DIVISIONS for name in JUDGED[d] if name in BENCHMARK.sets]
-    combinations = itertools.cycle(itertools.product(BENCHMARK.scenarios, judged_on))
-    for controller, (scenario, (division, name)) in zip(laws, combinations, strict=False):
+    trials = trials_of(BENCHMARK, controllers, ("nominal",), ("harbour",), division="tuned")
+    judged_sets = [(d, name) for d in DIVISIONS for name in JUDGED_SETS[d] if name in BENCHMARK.sets]
+    combinations = itertools.cycle(itertools.product(BENCHMARK.scenarios, judged_sets))
+    for controller, (scenario, (division, name)) in zip(controllers, combinations, strict=False):
         trials += trials_of(BENCHMARK, (controller,), (name,), (scenario,), division=division)
     assert_as_shipped(judged, trials, tmp_path)
 
 
 @pytest.mark.processor
-def test_runs_of_computed_gains_come_out_as_they_are_shipped(
-    judged: BenchmarkTable, laws: tuple[str, ...], tmp_path: Path
+def test_runs_with_computed_gains_reproduce_shipped_results(
+    judged: BenchmarkTable, controllers: tuple[str, ...], tmp_path: Path
 ) -> None:
     """These controllers compute gains by Riccati equations, matrix inequalities or H-infinity synthesis."""
     computed = ("lqr+hinf", "lqr-offset-free", "lqg", "lmi-regions", "multi-objective-hinf")
-    assert set(computed) < set(laws)
+    assert set(computed) < set(controllers)
     trials = trials_of(BENCHMARK, computed, ("nominal",), ("harbour",), division="tuned")
     assert_as_shipped(judged, [trial for trial in trials if trial.plant == BENCHMARK.plant], tmp_path)
 
@@ -104,14 +108,19 @@ def test_runs_of_computed_gains_come_out_as_they_are_shipped(
 def assert_as_shipped(judged: BenchmarkTable, trials: Sequence[Trial], directory: Path) -> None:
     """Compare the first run of each trial with the one in the table, to 1e-3."""
     rules = rules_of(BENCHMARK)
-    numbers = functools.partial(tuned_settings, FOLDER_OF_IT / "tuned", rules)
+    numbers = functools.partial(tuned_settings, BENCHMARK_FOLDER / "tuned", rules)
     campaign = functools.partial(campaign_of, BENCHMARK, most=1, tuned=numbers)
     with batch_engine(None, patience=HANG) as engine:
-        ran = [
+        finished_trials = [
             finished.trial for finished in run_trials(list(trials), campaign, directory, engine, workers=2)
         ]
     table = collect_results(
-        BENCHMARK, rules, directory, begun=ran, tuned=FOLDER_OF_IT / "tuned", advance=lambda _: None
+        BENCHMARK,
+        rules,
+        directory,
+        begun=finished_trials,
+        tuned=BENCHMARK_FOLDER / "tuned",
+        advance=lambda _: None,
     )
     assert set(table.trials) == set(trials)
     for trial, runs in table.trials.items():
@@ -121,7 +130,7 @@ def assert_as_shipped(judged: BenchmarkTable, trials: Sequence[Trial], directory
             assert values[0] == pytest.approx(shipped.metrics[name][0], rel=1e-3, nan_ok=True), (trial, name)
 
 
-def test_a_failure_can_be_looked_at_as_the_how_to_says(
+def test_failure_can_be_replayed_as_in_the_how_to(
     judged: BenchmarkTable,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -141,9 +150,9 @@ def test_a_failure_can_be_looked_at_as_the_how_to_says(
     assert f" {shipped.status[0]}," in " ".join(capsys.readouterr().out.split())
 
 
-def test_our_law_is_undominated_wherever_it_is_judged(judged: BenchmarkTable) -> None:
+def test_own_controller_is_undominated_on_all_judged_sets(judged: BenchmarkTable) -> None:
     """If this fails, docs/reference/standings.md must name the controller that is better, and why."""
-    for division, name in [(d, name) for d in DIVISIONS for name in JUDGED[d] if name in BENCHMARK.sets]:
+    for division, name in [(d, name) for d in DIVISIONS for name in JUDGED_SETS[d] if name in BENCHMARK.sets]:
         ranking = Judged(BENCHMARK, judged, division).ranking(name)
         index = [standing.law for standing in ranking].index("lqr-offset-free")
         assert undominated(points_of(ranking))[index], (division, name)

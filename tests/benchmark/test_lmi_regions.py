@@ -15,8 +15,8 @@ from cranectl.support.errors import InputError
 from tests.conftest import ROOT
 from validation.benchmark.lmi_regions import BACK_OFF, LMI_REGIONS, PUSH, SEEN, A, B, gains
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'lmi_regions.py'}:LMI_REGIONS"
-DEFAULT = tuple(float(each.default) for each in LMI_REGIONS.parameters[:4])
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'lmi_regions.py'}:LMI_REGIONS"
+DEFAULT = tuple(float(parameter.default) for parameter in LMI_REGIONS.parameters[:4])
 NO_REGION = (0.0, 1e3, 0.0)
 
 
@@ -24,9 +24,7 @@ NO_REGION = (0.0, 1e3, 0.0)
     "region", [DEFAULT[:3], (0.2, 10.0, 0.2), (1.5, 4.0, 0.95), (0.5, 1.2, 0.6), (0.1, 3.0, 0.99)]
 )
 @pytest.mark.parametrize("effort", [0.1, 1.0, 10.0])
-def test_poles_lie_in_the_region_and_the_norm_is_bounded(
-    region: tuple[float, float, float], effort: float
-) -> None:
+def test_poles_are_in_region_and_norm_is_bounded(region: tuple[float, float, float], effort: float) -> None:
     decay, radius, damping = region
     k, gamma = gains(*region, effort)
     closed = A - B @ k[np.newaxis]
@@ -39,7 +37,7 @@ def test_poles_lie_in_the_region_and_the_norm_is_bounded(
 
 
 @pytest.mark.parametrize("effort", [0.3, 1.0, 3.0])
-def test_without_a_region_the_bound_is_near_the_least_norm_of_state_feedback(effort: float) -> None:
+def test_bound_without_region_is_near_least_norm(effort: float) -> None:
     """The Riccati equation of this problem has a stabilising solution only above the least norm."""
 
     def solvable(gamma: float) -> bool:
@@ -55,7 +53,7 @@ def test_without_a_region_the_bound_is_near_the_least_norm_of_state_feedback(eff
     assert not solvable(0.99 * gamma / BACK_OFF)
 
 
-def test_a_region_that_holds_nothing_is_told() -> None:
+def test_empty_region_is_reported() -> None:
     with pytest.raises(InputError, match="without a solution"):
         gains(2.0, 1.5, 0.5, 1.0)
     with pytest.raises(InputError, match="without"):
@@ -64,12 +62,12 @@ def test_a_region_that_holds_nothing_is_told() -> None:
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 @pytest.mark.parametrize("length", [0.4, 1.2])
-def test_near_rest_the_crane_moves_as_its_poles_say(plant: str, length: float) -> None:
+def test_motion_near_rest_agrees_with_poles(plant: str, length: float) -> None:
     offset, w = 1e-4, sqrt(9.81 / length)
     rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", "reference.segments=[]"]
     overrides = ["duration=3.0", *rest, f"initial.load_offset=[{offset}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
     closed = A - B @ gains(*DEFAULT)[0][np.newaxis]
     for k in (200, 700, 1500, 3000):
         drive, _, angle, _ = expm(closed * w * run.time[k])[:, 0] * offset
@@ -77,12 +75,12 @@ def test_near_rest_the_crane_moves_as_its_poles_say(plant: str, length: float) -
         assert length * run.block("state")[k, 8] == pytest.approx(angle, abs=5e-3 * offset)
 
 
-def test_a_constant_disturbance_leaves_what_the_gains_say() -> None:
+def test_constant_disturbance_leaves_predicted_error() -> None:
     run = simulate_run(
         load_scenario("fixed-position", overrides=["duration=25.0"]),
         plant="analytic",
         drive="ideal",
-        controller=open_controller(LAW),
+        controller=open_controller(CONTROLLER),
     )
     state, k = run.block("state")[-1], gains(*DEFAULT)[0]
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1

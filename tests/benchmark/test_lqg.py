@@ -14,25 +14,25 @@ from cranectl.support.jit import jit
 from tests.benchmark.linear_loop import (
     GRAVITY,
     PERIOD,
-    filtered,
+    filter_poles,
     loop_matrix,
     nominal_at,
-    regulated,
+    regulator_poles,
     relative_distances,
 )
 from tests.conftest import ROOT
 from tests.controllers.laws import known
 from validation.benchmark.lqg import LQG, MEMORY, kalman, prepare, regulator, step
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'lqg.py'}:LQG"
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'lqg.py'}:LQG"
 
 
-_law = jit(step)
+_step = jit(step)
 
 
-def pushed_step(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
+def disturbed_step(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
     """Compute the controller's step, and add a constant acceleration of the drives [m/s²]."""
-    status = _law(parameters, measured, reference, memory, command)
+    status = _step(parameters, measured, reference, memory, command)
     command[0] += 0.3
     command[1] -= 0.2
     command[2] += 0.1
@@ -40,19 +40,19 @@ def pushed_step(parameters, measured, reference, memory, command):  # type: igno
 
 
 @pytest.mark.parametrize("length", [0.2, 0.725, 1.4])
-def test_the_poles_of_the_loop_are_those_of_regulator_and_filter(length: float) -> None:
-    beat = PERIOD * sqrt(GRAVITY / length)  # control period in units of sqrt(l/g)
+def test_loop_poles_are_those_of_regulator_and_filter(length: float) -> None:
+    period = PERIOD * sqrt(GRAVITY / length)  # in units of sqrt(l/g)
     gain, rope_gain = regulator(5.0, 0.7)
     a, c, filter_gain, rope_filter = kalman(5.0, 2.0)
 
     drive = np.array([0.0, 1.0, 0.0, -1.0])
     axis = [
-        regulated(a[np.ix_([0, 1, 3, 4], [0, 1, 3, 4])], drive, gain, beat),
-        filtered(a, c, beat * filter_gain, beat),
+        regulator_poles(a[np.ix_([0, 1, 3, 4], [0, 1, 3, 4])], drive, gain, period),
+        filter_poles(a, c, period * filter_gain, period),
     ]
     rope = [
-        regulated(np.diag([1.0], 1), drive[:2], rope_gain, beat),
-        filtered(np.diag([1.0, 1.0], 1), np.eye(3)[:1], beat * rope_filter[:, np.newaxis], beat),
+        regulator_poles(np.diag([1.0], 1), drive[:2], rope_gain, period),
+        filter_poles(np.diag([1.0, 1.0], 1), np.eye(3)[:1], period * rope_filter[:, np.newaxis], period),
     ]
     expected = np.concatenate([*axis, *axis, *rope])
     poles = np.linalg.eigvals(loop_matrix(LQG, length, MEMORY.begun, MEMORY.flat))
@@ -61,19 +61,19 @@ def test_the_poles_of_the_loop_are_those_of_regulator_and_filter(length: float) 
     assert np.abs(expected).max() < 1.0
 
 
-def test_the_ropes_filter_has_poles_of_the_modulus_asked_for() -> None:
-    """For q''' = noise the poles have a Butterworth pattern."""
+def test_rope_filter_has_poles_of_chosen_modulus() -> None:
+    """For q''' = noise the poles form a Butterworth pattern."""
     rope = kalman(7.0, 5.0)[3]
     poles = np.linalg.eigvals(np.diag([1.0, 1.0], 1) - np.outer(rope, [1.0, 0.0, 0.0]))
     np.testing.assert_allclose(np.sort_complex(poles), 7.0 * np.exp(2j * np.pi / 6 * np.array([3, 4, 2])))
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_near_rest_the_crane_moves_as_this_loop_says(plant: str) -> None:
+def test_motion_near_rest_agrees_with_loop(plant: str) -> None:
     offset = 1e-3
     overrides = ["duration=3.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
     deviation = np.zeros(25)
     deviation[0] = deviation[10] = offset
     matrix, state = loop_matrix(LQG, 0.7, MEMORY.begun, MEMORY.flat), run.block("state")
@@ -87,9 +87,9 @@ def test_near_rest_the_crane_moves_as_this_loop_says(plant: str) -> None:
     ("plant", "drive", "effects"),
     [("analytic", "ideal", []), ("mujoco", "velocity", []), ("mujoco", "velocity", ["effects.sensing={}"])],
 )
-def test_a_constant_disturbance_leaves_nothing(plant: str, drive: str, effects: list[str]) -> None:
+def test_constant_disturbance_leaves_no_error(plant: str, drive: str, effects: list[str]) -> None:
     scenario = load_scenario("fixed-position", overrides=effects)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
     late = run.time > 22.0
     assert np.abs(run.block("disturbance")[-1]).min() > 0.1
     limit = 1e-4 if effects else 1e-6  # encoders read angles in steps
@@ -97,15 +97,15 @@ def test_a_constant_disturbance_leaves_nothing(plant: str, drive: str, effects: 
     np.testing.assert_allclose(run.block("controller")[late, :2].mean(axis=0), [1.0, 1.0], rtol=1e-2)
 
 
-def test_nor_does_one_on_the_drives() -> None:
+def test_constant_disturbance_of_drives_leaves_no_error() -> None:
     scenario = load_scenario("fixed-position", overrides=["disturbances=[]", "duration=15.0"])
-    with known(replace(LQG, name="pushed", step=pushed_step)) as name:
+    with known(replace(LQG, name="disturbed", step=disturbed_step)) as name:
         run = simulate_run(scenario, plant="analytic", drive="ideal", controller=name)
     error = np.linalg.norm(run.block("error")[:, :3], axis=1)
     assert error.max() > 1e-3
     assert error[-1] < 1e-6
 
 
-def test_a_filter_too_fast_for_the_period_is_refused() -> None:
+def test_filter_too_fast_for_the_period_is_refused() -> None:
     with pytest.raises(InputError, match="'lqg' is unstable when sampled"):
         prepare(nominal_at(LQG, 0.7, drive_filter=500.0))

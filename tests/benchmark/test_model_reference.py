@@ -17,37 +17,37 @@ from tests.conftest import ROOT
 from tests.controllers.laws import known
 from validation.benchmark.model_reference import MODEL_REFERENCE, model_and_cost, step
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'model_reference.py'}:MODEL_REFERENCE"
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'model_reference.py'}:MODEL_REFERENCE"
 POLE, BOUND, LAYER = 0.7, 0.05, 0.05  # its defaults
 GRAVITY, LENGTH = 9.81, 0.7
-BEAT = sqrt(GRAVITY / LENGTH)  # [1/s]
-UNITS = np.array([LENGTH, LENGTH * BEAT, 1.0, BEAT])  # of the model's four numbers
-PUSH = 0.3  # [m/s²]
+FREQUENCY_UNIT = sqrt(GRAVITY / LENGTH)  # [1/s]
+UNITS = np.array([LENGTH, LENGTH * FREQUENCY_UNIT, 1.0, FREQUENCY_UNIT])  # of the model's four numbers
+DISTURBANCE = 0.3  # [m/s²] of the bridge
 
-_law = jit(step)
+_step = jit(step)
 
 
-def pushed_step(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
-    """Compute the controller's step, and add 0.3 m/s² to the acceleration of the bridge."""
-    status = _law(parameters, measured, reference, memory, command)
-    command[0] += PUSH
+def disturbed_step(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
+    """Compute the controller's step, and add DISTURBANCE to the acceleration of the bridge."""
+    status = _step(parameters, measured, reference, memory, command)
+    command[0] += DISTURBANCE
     return status
 
 
-def rest_under(drive_push: float, load_push: float) -> Array:
+def error_at_rest(drive_disturbance: float, load_disturbance: float) -> Array:
     """Return the error (4,) at rest under constant disturbances of drive [g] and angle [g/l]."""
     _, b, gain, cost = model_and_cost(POLE)
 
-    def standing(drive: float) -> tuple[float, Array]:
-        error = np.array([drive, 0.0, load_push, 0.0])
+    def residual(drive: float) -> tuple[float, Array]:
+        error = np.array([drive, 0.0, load_disturbance, 0.0])
         sigma = b @ cost @ error
-        return drive_push - gain @ error - BOUND * sigma / (abs(sigma) + LAYER), error
+        return drive_disturbance - gain @ error - BOUND * sigma / (abs(sigma) + LAYER), error
 
-    return standing(brentq(lambda drive: standing(drive)[0], -5.0, 5.0, xtol=1e-12))[1]
+    return residual(brentq(lambda drive: residual(drive)[0], -5.0, 5.0, xtol=1e-12))[1]
 
 
 @pytest.mark.parametrize("pole", [0.3, 0.7, 2.0])
-def test_the_model_has_its_poles_and_a_lyapunov_function(pole: float) -> None:
+def test_model_has_its_poles_and_a_lyapunov_function(pole: float) -> None:
     closed, _, _, cost = model_and_cost(pole)
     np.testing.assert_allclose(np.poly(closed), np.poly([-pole] * 4), rtol=1e-12)
     np.testing.assert_allclose(closed.T @ cost + cost @ closed, -np.eye(4), atol=1e-9 * np.abs(cost).max())
@@ -55,24 +55,24 @@ def test_the_model_has_its_poles_and_a_lyapunov_function(pole: float) -> None:
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_undisturbed_the_crane_moves_as_the_model_does(plant: str) -> None:
+def test_undisturbed_crane_moves_as_the_model(plant: str) -> None:
     offset = 1e-2
     overrides = ["duration=4.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
     closed, start = model_and_cost(POLE)[0], np.array([offset / LENGTH, 0.0, 0.0, 0.0])
     for k in (0, 300, 1000, 3000):
-        expected = expm(BEAT * run.time[k] * closed) @ start
+        expected = expm(FREQUENCY_UNIT * run.time[k] * closed) @ start
         deviation = (run.block("state")[k, [0, 1, 8, 9]] - [1.0, 0.0, 0.0, 0.0]) / UNITS
         np.testing.assert_allclose(deviation, expected, atol=5e-3 * start[0])
     assert np.abs(run.block("controller")[:, :4] / UNITS).max() < 1e-3 * start[0]
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_the_function_falls_at_every_sample_after_a_pulse_until_the_bound(plant: str) -> None:
+def test_lyapunov_function_falls_after_a_pulse_down_to_its_bound(plant: str) -> None:
     pulse = '[{joint="beta", start=0.5, end=0.7, magnitude=4.0}]'
     scenario = load_scenario("fixed-position", overrides=["duration=8.0", f"disturbances={pulse}"])
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
     cost = model_and_cost(POLE)[3]
     error = run.block("controller")[:, :4] / UNITS
     function = np.einsum("ki,ij,kj->k", error, cost, error)
@@ -83,26 +83,26 @@ def test_the_function_falls_at_every_sample_after_a_pulse_until_the_bound(plant:
     assert function[-1] < 1e-3 * function[after].max()
 
 
-def test_a_matched_push_leaves_what_the_equation_says_and_no_more_than_the_bound() -> None:
+def test_matched_disturbance_leaves_predicted_error_within_bound() -> None:
     scenario = load_scenario("fixed-position", overrides=["disturbances=[]"])
-    with known(replace(MODEL_REFERENCE, name="pushed", step=pushed_step)) as name:
+    with known(replace(MODEL_REFERENCE, name="disturbed", step=disturbed_step)) as name:
         run = simulate_run(scenario, plant="analytic", drive="ideal", controller=name)
     error = run.block("controller")[:, :4] / UNITS
-    expected = rest_under(PUSH / GRAVITY, 0.0)
+    expected = error_at_rest(DISTURBANCE / GRAVITY, 0.0)
     np.testing.assert_allclose(error[-1], expected, atol=1e-3 * abs(expected[0]))
     cost = model_and_cost(POLE)[3]
     function = np.einsum("ki,ij,kj->k", error, cost, error)
-    assert PUSH / GRAVITY < BOUND
+    assert DISTURBANCE / GRAVITY < BOUND
     assert function.max() < 2.0 * BOUND * LAYER * np.linalg.eigvalsh(cost).max()
-    # Without the robust term the error of the feedback would be twice this limit.
-    assert abs(expected[0]) < 0.5 * PUSH / GRAVITY / POLE**4
+    # Without the robust term, the error would be twice this limit.
+    assert abs(expected[0]) < 0.5 * DISTURBANCE / GRAVITY / POLE**4
 
 
 @pytest.mark.parametrize(("plant", "drive"), [("analytic", "ideal"), ("mujoco", "velocity")])
-def test_a_constant_disturbance_on_the_load_is_not_matched(plant: str, drive: str) -> None:
+def test_constant_disturbance_of_load_leaves_predicted_error(plant: str, drive: str) -> None:
     scenario = load_scenario("fixed-position")
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
     error = run.block("controller")[-1, :4] / UNITS
-    expected = rest_under(0.0, np.arcsin(LENGTH / GRAVITY))
+    expected = error_at_rest(0.0, np.arcsin(LENGTH / GRAVITY))
     np.testing.assert_allclose(error, expected, atol=2e-2 * abs(expected[0]))
-    assert abs(expected[0] + expected[2]) > 0.01, "and the load is off"
+    assert abs(expected[0] + expected[2]) > 0.01, "an error of the load remains"

@@ -9,26 +9,26 @@ from cranectl.simulate import Run, simulate_run
 from tests.conftest import ROOT
 from validation.benchmark.mppi import GIVEN, KNOTS, MEMORY, STEPS, cost, normal, plan, uniform
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'mppi.py'}:MPPI"
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'mppi.py'}:MPPI"
 
 
-def run_of(*overrides: str, plant: str, scenario: str = "fixed-position") -> Run:
+def simulate(*overrides: str, plant: str, scenario: str = "fixed-position") -> Run:
     crane = load_scenario(scenario, overrides=overrides)
-    return simulate_run(crane, plant=plant, drive="velocity", controller=open_controller(LAW))
+    return simulate_run(crane, plant=plant, drive="velocity", controller=open_controller(CONTROLLER))
 
 
 def test_random_numbers_are_those_of_park_and_miller() -> None:
-    """Park and Miller give this check of an implementation: from 1, number 10 000 is 1043618065."""
+    """Park and Miller give this check of an implementation: from seed 1, number 10 000 is 1043618065."""
     memory = np.array([1.0])
     for _ in range(10_000):
         uniform(memory)
     assert memory[MEMORY.seed] == 1043618065.0
-    drawn = np.array([normal(memory) for _ in range(40_000)])
-    moments = [np.mean(drawn**k) for k in (1, 2, 3, 4)]
+    samples = np.array([normal(memory) for _ in range(40_000)])
+    moments = [np.mean(samples**k) for k in (1, 2, 3, 4)]
     np.testing.assert_allclose(moments, [0.0, 1.0, 0.0, 3.0], atol=0.1)
 
 
-def test_the_average_is_the_one_that_a_quadratic_cost_has() -> None:
+def test_average_agrees_with_closed_form_for_quadratic_cost() -> None:
     """Normal weights and normal paths give the precision 1/s² + H/T, with H the cost's second derivative."""
     noise, gravity, temperature = 0.1, 9.81, 0.02
     parameters = GIVEN.array(
@@ -48,24 +48,26 @@ def test_the_average_is_the_one_that_a_quadratic_cost_has() -> None:
     expected = np.linalg.solve(precision + curve / temperature, precision @ planned - slope / temperature)
     average, memory = planned.copy(), np.array([1.0])
     plan(parameters, lengths, start, push, average, memory, 100_000)
-    assert np.abs(expected - planned).max() > 0.4, "it is another plan"
+    assert np.abs(expected - planned).max() > 0.4, "the average differs from the previous plan"
     np.testing.assert_allclose(average, expected, atol=0.03)
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_a_push_that_an_observer_tells_of_leaves_little(plant: str) -> None:
+def test_observed_disturbance_leaves_small_error(plant: str) -> None:
     with_observer, without_observer = (
-        run_of(*more, plant=plant) for more in (["effects.sensing.angle_noise=0.0"], ["duration=25.0"])
+        simulate(*more, plant=plant) for more in (["effects.sensing.angle_noise=0.0"], ["duration=25.0"])
     )
-    off = [np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (with_observer, without_observer)]
-    assert off[0] < 0.005
-    assert off[1] > 0.05
+    errors = [
+        np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (with_observer, without_observer)
+    ]
+    assert errors[0] < 0.005
+    assert errors[1] > 0.05
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_it_brings_the_load_back_and_repeats(plant: str) -> None:
+def test_load_returns_and_runs_repeat(plant: str) -> None:
     overrides = ["disturbances=[]", "duration=6.0", "initial.load_offset=[0.1, -0.05, 0.02]"]
-    first, second = (run_of(*overrides, plant=plant) for _ in range(2))
+    first, second = (simulate(*overrides, plant=plant) for _ in range(2))
     late = np.linalg.norm(first.block("error")[first.time > 5.0, :3], axis=1)
     assert late.max() < 0.003
     np.testing.assert_array_equal(first.table, second.table)

@@ -12,8 +12,8 @@ from cranectl.simulate import simulate_run
 from tests.conftest import ROOT
 from validation.benchmark.multi_objective_hinf import BACK_OFF, MULTI_OBJECTIVE_HINF, ORDER, controller
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'multi_objective_hinf.py'}:MULTI_OBJECTIVE_HINF"
-DEFAULT = tuple(float(each.default) for each in MULTI_OBJECTIVE_HINF.parameters[:3])
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'multi_objective_hinf.py'}:MULTI_OBJECTIVE_HINF"
+DEFAULT = tuple(float(parameter.default) for parameter in MULTI_OBJECTIVE_HINF.parameters[:3])
 CRANE = control.ss([[0, 1, 0], [-1, 0, 1], [0, 0, 0]], [[0], [0], [1]], [[1, 0, 0]], 0.0)
 OMEGA = np.sort(np.concatenate([np.logspace(-5, 4, 40_001), np.linspace(0.5, 2.0, 20_001)]))
 
@@ -26,17 +26,17 @@ def norms(k: np.ndarray, crane: np.ndarray, s: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("bounds", [DEFAULT, (1.0, 0.2, 0.5), (10.0, 5.0, 0.5), (2.0, 0.2, 5.0)])
-def test_each_norm_keeps_to_its_bound(bounds: tuple[float, float, float]) -> None:
+def test_norms_are_within_their_bounds(bounds: tuple[float, float, float]) -> None:
     k, gamma = controller(*bounds)
     s = 1j * OMEGA
     ratios = norms(k(s), 1.0 / (s * (s**2 + 1.0)), s) / (gamma * np.array([1.0, *bounds]))
     assert ratios.max() <= BACK_OFF
-    assert ratios.max() > 0.6, "and one Lyapunov function for all gives not too much away"
+    assert ratios.max() > 0.6, "one common Lyapunov function is not too conservative"
     assert control.feedback(CRANE * k, 1.0).poles().real.max() < 0.0
 
 
 @pytest.mark.parametrize("period", [0.001, 0.01, 0.1])
-def test_of_order_two_and_sampled_it_keeps_to_them_too(period: float) -> None:
+def test_sampled_controller_keeps_bounds_with_order_two(period: float) -> None:
     """The period is in units of sqrt(l/g), and the crane is discretised for an input held over it."""
     k, gamma = controller(*DEFAULT)
     assert k.nstates == ORDER == 2
@@ -51,13 +51,13 @@ def test_of_order_two_and_sampled_it_keeps_to_them_too(period: float) -> None:
 
 @pytest.mark.parametrize(("plant", "drive"), [("analytic", "ideal"), ("mujoco", "velocity")])
 @pytest.mark.parametrize("length", [0.4, 1.2])
-def test_near_rest_the_load_moves_as_the_loop_says(plant: str, drive: str, length: float) -> None:
-    """The load starts beside its path, and the drives lag between set-point and velocity."""
+def test_motion_near_rest_agrees_with_loop(plant: str, drive: str, length: float) -> None:
+    """The load has an initial error, and the drives lag between set-point and velocity."""
     offset, w, lag = 1e-4, sqrt(9.81 / length), 0.02
     rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", "reference.segments=[]"]
     overrides = ["duration=4.0", *rest, f"initial.load_offset=[{offset}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
     lagging = control.ss([[-1.0 / (w * lag)]], [[1.0 / (w * lag)]], [[1.0]], 0.0)
     loop = controller(*DEFAULT)[0] * lagging * CRANE
     expected = control.step_response(control.feedback(1.0, loop), w * run.time).outputs
@@ -67,8 +67,8 @@ def test_near_rest_the_load_moves_as_the_loop_says(plant: str, drive: str, lengt
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_a_constant_disturbance_leaves_nothing(plant: str) -> None:
+def test_constant_disturbance_leaves_no_error(plant: str) -> None:
     scenario = load_scenario("fixed-position")
-    run = simulate_run(scenario, plant=plant, drive="velocity", controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive="velocity", controller=open_controller(CONTROLLER))
     assert np.abs(run.block("state")[-1, [6, 8]]).min() > 0.05, "the rope leans both ways"
     assert np.abs(run.block("error")[-1, :2]).max() < 1e-5

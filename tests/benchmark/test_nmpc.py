@@ -7,17 +7,22 @@ from cranectl import open_controller
 from cranectl.campaign.benchmark.declared import information, variables_of
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
-from tests.benchmark.nmpc import FOLDER, built
+from tests.benchmark.nmpc import FOLDER, build_library
 
-BESIDE = ["disturbances=[]", "duration=8.0", "reference.start=[1.0, 0.77, -0.7]", "reference.segments=[]"]
+WITH_OFFSET = [
+    "disturbances=[]",
+    "duration=8.0",
+    "reference.start=[1.0, 0.77, -0.7]",
+    "reference.segments=[]",
+]
 
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return str(built(tmp_path_factory.mktemp("nmpc")))
+    return str(build_library(tmp_path_factory.mktemp("nmpc")))
 
 
-def run_of(library: str, *overrides: str, plant: str, drive: str = "velocity") -> Run:
+def simulate(library: str, *overrides: str, plant: str, drive: str = "velocity") -> Run:
     controller = open_controller(library)
     numbers = [override.replace("nmpc.", "controller.nmpc.") for override in overrides]
     scenario = load_scenario("fixed-position", overrides=numbers)
@@ -25,11 +30,11 @@ def run_of(library: str, *overrides: str, plant: str, drive: str = "velocity") -
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_it_keeps_to_its_limits_and_brings_the_load_back(library: str, plant: str) -> None:
+def test_limits_hold_while_load_returns(library: str, plant: str) -> None:
     """For 0.5 m the limits act: 0.05 g and 0.1 sqrt(g l)."""
     limits = ["nmpc.acceleration=0.05", "nmpc.speed=0.1", "nmpc.effort=1"]
-    run = run_of(
-        library, *BESIDE, *limits, "initial.load_offset=[0.5, -0.4, 0.0]", plant=plant, drive="ideal"
+    run = simulate(
+        library, *WITH_OFFSET, *limits, "initial.load_offset=[0.5, -0.4, 0.0]", plant=plant, drive="ideal"
     )
     acceleration, speed = np.abs(run.block("input")[:, :2]).max(), np.abs(run.block("state")[:, [1, 3]]).max()
     assert acceleration == pytest.approx(0.05 * 9.81, rel=1e-9)
@@ -40,15 +45,17 @@ def test_it_keeps_to_its_limits_and_brings_the_load_back(library: str, plant: st
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_a_push_that_an_observer_tells_of_leaves_little(library: str, plant: str) -> None:
-    with_observer = run_of(library, "effects.sensing.angle_noise=0.0", plant=plant)
-    without_observer = run_of(library, plant=plant)
-    off = [np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (with_observer, without_observer)]
-    assert off[0] < 0.004
-    assert off[1] > 0.02
+def test_observed_disturbance_leaves_small_error(library: str, plant: str) -> None:
+    with_observer = simulate(library, "effects.sensing.angle_noise=0.0", plant=plant)
+    without_observer = simulate(library, plant=plant)
+    errors = [
+        np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (with_observer, without_observer)
+    ]
+    assert errors[0] < 0.004
+    assert errors[1] > 0.02
 
 
-def test_a_harbour_crane_arrives(library: str) -> None:
+def test_harbour_crane_reaches_its_target(library: str) -> None:
     """Its numbers are relative to g and l, and its horizon is proportional to the control period."""
     names = ("limits", "rope", "body", "friction", "sensing", "delay", "wind")
     effects = [f"effects.{name}={{}}" for name in names]
@@ -57,13 +64,13 @@ def test_a_harbour_crane_arrives(library: str) -> None:
     assert np.linalg.norm(run.block("error")[-1, :3]) < harbour.metrics.settling_tolerance
 
 
-def test_it_declares_to_read_gravity_alone(library: str) -> None:
+def test_controller_declares_that_it_reads_only_gravity(library: str) -> None:
     """It gets no other number of the rig: see `test_a_library_gets_what_it_declares_to_read`."""
     facts = information(open_controller(library))
     assert (facts["rig"], facts["preview"]) == (["gravity"], 1000)
 
 
-def test_what_tuning_may_change_stays_between_its_bounds(library: str) -> None:
+def test_defaults_are_between_bounds_of_tuning(library: str) -> None:
     variables = variables_of(open_controller(library))
     keys = [variable.key.removeprefix("controller.nmpc.") for variable in variables]
     assert keys == ["rate", "effort", "acceleration", "speed"]

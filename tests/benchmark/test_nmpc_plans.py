@@ -1,4 +1,4 @@
-"""Compare `nmpc` with CasADi: its model is what CasADi writes now, and its plans are those of IPOPT."""
+"""Compare `nmpc` with CasADi: the model is that which CasADi writes now, and plans are those of IPOPT."""
 
 import ctypes
 from pathlib import Path
@@ -7,7 +7,7 @@ import casadi
 import numpy as np
 import pytest
 
-from tests.benchmark.nmpc import FOLDER, built
+from tests.benchmark.nmpc import FOLDER, build_library
 from validation.benchmark.nmpc.model import functions, write
 
 N, EVERY, GRAVITY, PERIOD = 40, 25, 9.81, 0.025
@@ -15,16 +15,16 @@ RATE, EFFORT = 0.3, 0.03
 PUSH = np.array([0.3, -0.4])
 
 
-def test_the_model_is_what_casadi_writes(tmp_path: Path) -> None:
+def test_model_is_what_casadi_writes(tmp_path: Path) -> None:
     write(tmp_path)
     (first, *now), (_, *then) = (
         (folder / "model.c").read_text().splitlines() for folder in (tmp_path, FOLDER)
     )
-    assert "CasADi" in first, "which tells its version, and that alone may differ"
+    assert "CasADi" in first, "the first line has CasADi's version, which may differ"
     assert now == then
 
 
-def improved(
+def improve_plan(
     library: Path, limits: np.ndarray, state: np.ndarray, path: np.ndarray, times: int
 ) -> np.ndarray:
     """Return inputs (N, 3) after `times` iterations from zero; `path` (N, 6) has position and velocity."""
@@ -37,7 +37,7 @@ def improved(
     return plan[:, :3]
 
 
-def found_by_ipopt(limits: np.ndarray, state: np.ndarray, path: np.ndarray) -> np.ndarray:
+def solve_by_ipopt(limits: np.ndarray, state: np.ndarray, path: np.ndarray) -> np.ndarray:
     """Solve the same problem with states as unknowns too, other derivatives and an interior-point method."""
     slope, load = functions()
     opti, length = casadi.Opti(), state[4]
@@ -47,8 +47,8 @@ def found_by_ipopt(limits: np.ndarray, state: np.ndarray, path: np.ndarray) -> n
     for k in range(N):
         middle = x[:, k] + 0.5 * PERIOD * slope(x[:, k], u[:, k], PUSH, GRAVITY)[0]
         opti.subject_to(x[:, k + 1] == x[:, k] + PERIOD * slope(middle, u[:, k], PUSH, GRAVITY)[0])
-        off = load(x[:, k + 1])[0] - path[k]
-        cost += casadi.sumsqr(off[:3]) / length**2 + RATE * casadi.sumsqr(off[3:]) / (GRAVITY * length)
+        error = load(x[:, k + 1])[0] - path[k]
+        cost += casadi.sumsqr(error[:3]) / length**2 + RATE * casadi.sumsqr(error[3:]) / (GRAVITY * length)
         cost += EFFORT * casadi.sumsqr(u[:, k]) / GRAVITY**2
         opti.subject_to(opti.bounded(-limits[0] * GRAVITY, u[:, k], limits[0] * GRAVITY))
         largest = limits[1] * np.sqrt(GRAVITY * length)
@@ -62,19 +62,19 @@ def found_by_ipopt(limits: np.ndarray, state: np.ndarray, path: np.ndarray) -> n
 @pytest.mark.parametrize(
     ("limits", "binding"), [((1.0, 1.0), ()), ((0.1, 1.0), (0,)), ((1.0, 0.15), (1,)), ((0.1, 0.1), (0, 1))]
 )
-def test_plans_are_those_that_ipopt_finds(
+def test_plans_agree_with_ipopt(
     tmp_path: Path, limits: tuple[float, float], binding: tuple[int, ...]
 ) -> None:
-    """The start swings and the path hoists; the controller does one iteration per plan, this test many."""
+    """The load swings first, and the path hoists. The test iterates often, the controller once per plan."""
     state = np.array([0.3, 0.1, 0.4, -0.05, 0.9, 0.0, 0.1, -0.3, -0.15, 0.2])
     share = np.linspace(1.0 / N, 1.0, N)[:, None]
     path = np.hstack([[0.3, 0.4, -0.9] + share * [0.3, 0.1, 0.2], np.tile([0.3, 0.1, 0.2], (N, 1))])
-    expected = found_by_ipopt(np.array(limits), state, path)
-    plans = improved(built(tmp_path), np.array(limits), state, path, 20)
+    expected = solve_by_ipopt(np.array(limits), state, path)
+    plans = improve_plan(build_library(tmp_path), np.array(limits), state, path, 20)
     np.testing.assert_allclose(plans, expected, atol=2e-4)
     speeds = state[1:6:2] + PERIOD * np.cumsum(expected, axis=0)
-    reached = (
+    used = (
         np.abs(expected).max() / (limits[0] * GRAVITY),
         np.abs(speeds).max() / (limits[1] * np.sqrt(GRAVITY * 0.9)),
     )
-    assert [k for k in (0, 1) if reached[k] > 0.999] == list(binding)
+    assert [k for k in (0, 1) if used[k] > 0.999] == list(binding)

@@ -13,18 +13,21 @@ from tests.benchmark.linear_loop import GRAVITY, PERIOD, nominal_at
 from tests.conftest import ROOT
 from validation.benchmark.partial_linearisation import LINEARISATION, polynomial, prepare
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'partial_linearisation.py'}:LINEARISATION"
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'partial_linearisation.py'}:LINEARISATION"
 POSITION, SWING, SHARE = 0.45, 1.8, 0.3  # its defaults
-STILL = ["duration=4.0", "disturbances=[]"]
+UNDISTURBED = ["duration=4.0", "disturbances=[]"]
 
 
-def run_of(*overrides: str, plant: str, drive: str, believed: str = "") -> Run:
+def simulate(*overrides: str, plant: str, drive: str, assumed: str = "") -> Run:
+    """Simulate a run whose controller assumes a rig with the setting `assumed`, or the actual rig."""
     scenario = load_scenario("fixed-position", overrides=overrides)
-    nominal = load_scenario("fixed-position", overrides=[*overrides, believed]) if believed else None
-    return simulate_run(scenario, nominal=nominal, plant=plant, drive=drive, controller=open_controller(LAW))
+    nominal = load_scenario("fixed-position", overrides=[*overrides, assumed]) if assumed else None
+    return simulate_run(
+        scenario, nominal=nominal, plant=plant, drive=drive, controller=open_controller(CONTROLLER)
+    )
 
 
-def missed(run: Run) -> float:
+def acceleration_error(run: Run) -> float:
     """Return the largest relative difference between the drives' accelerations and the requested ones."""
     rates, requested = run.block("state")[:, [1, 3, 5]], run.block("controller")[:, :3]
     middle = 0.5 * (requested[1:] + requested[:-1])
@@ -32,15 +35,15 @@ def missed(run: Run) -> float:
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_the_drives_are_linear_whatever_the_swing_if_masses_are_believed_rightly(plant: str) -> None:
-    swung = ["initial.alpha_offset=0.5", "initial.beta_offset=-0.6"]
-    assert missed(run_of(*STILL, *swung, plant=plant, drive="force")) < 0.01
-    wrong = run_of(*STILL, *swung, plant=plant, drive="force", believed="rig.load_mass=1.5")
-    assert missed(wrong) > 0.1
+def test_drives_are_linear_for_any_swing_with_right_masses(plant: str) -> None:
+    initial_swing = ["initial.alpha_offset=0.5", "initial.beta_offset=-0.6"]
+    assert acceleration_error(simulate(*UNDISTURBED, *initial_swing, plant=plant, drive="force")) < 0.01
+    wrong = simulate(*UNDISTURBED, *initial_swing, plant=plant, drive="force", assumed="rig.load_mass=1.5")
+    assert acceleration_error(wrong) > 0.1
 
 
 @pytest.mark.parametrize("length", [0.2, 0.7, 1.4])
-def test_the_loop_has_the_polynomial_of_the_page(length: float) -> None:
+def test_loop_has_documented_polynomial(length: float) -> None:
     """The determinant of l b'' = -g b - v and e'' = v follows from the three numbers."""
     pole = sqrt(GRAVITY / length)
     drive = [1.0, 2.0 * POSITION * pole, (POSITION * pole) ** 2]
@@ -50,7 +53,7 @@ def test_the_loop_has_the_polynomial_of_the_page(length: float) -> None:
     np.testing.assert_allclose(determinant / length, polynomial(POSITION, SWING, SHARE) * scale, rtol=1e-12)
 
 
-def test_what_is_refused_is_what_is_unstable() -> None:
+def test_exactly_unstable_settings_are_refused() -> None:
     refused = 0
     for position in (0.2, 0.5, 1.0, 2.0):
         for swing in (0.5, 1.0, 2.0):
@@ -67,9 +70,9 @@ def test_what_is_refused_is_what_is_unstable() -> None:
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_near_rest_the_drive_moves_as_the_polynomial_says(plant: str) -> None:
+def test_motion_near_rest_agrees_with_polynomial(plant: str) -> None:
     offset, length = 1e-3, 0.7
-    run = run_of(*STILL, f"initial.load_offset=[{offset}, 0.0, 0.0]", plant=plant, drive="force")
+    run = simulate(*UNDISTURBED, f"initial.load_offset=[{offset}, 0.0, 0.0]", plant=plant, drive="force")
     pole = sqrt(GRAVITY / length)
     roots = np.roots(polynomial(POSITION, SWING, SHARE))
     # e and its first three derivatives at the start, with times in sqrt(l/g): e'' = -a² e, b'' = a² e/l.
@@ -81,8 +84,8 @@ def test_near_rest_the_drive_moves_as_the_polynomial_says(plant: str) -> None:
 
 
 @pytest.mark.parametrize(("plant", "drive"), [("analytic", "ideal"), ("mujoco", "velocity")])
-def test_a_constant_disturbance_leaves_what_its_lean_says(plant: str, drive: str) -> None:
-    state = run_of(plant=plant, drive=drive).block("state")[-1]
+def test_constant_disturbance_leaves_predicted_error(plant: str, drive: str) -> None:
+    state = simulate(plant=plant, drive=drive).block("state")[-1]
     for joint, angle, start in ((0, 8, 1.0), (2, 6, 0.77)):
         assert abs(state[angle]) > 0.05
         expected = SHARE * (SWING**2 - 1.0) * state[4] * state[angle] / POSITION**2

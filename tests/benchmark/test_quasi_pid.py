@@ -9,28 +9,28 @@ from cranectl.simulate import Run, simulate_run
 from tests.benchmark.mechanics import energy_above_rest, integral
 from tests.conftest import ROOT
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'quasi_pid.py'}:QUASI_PID"
-ACROSS = "reference.segments=[{kind='line', to=[1.6, 1.2, -0.7], duration=2.0}]"
-WHERE, LENGTH, GRAVITY = [0, 2], 0.7, 9.81
-PACE = np.sqrt(GRAVITY / LENGTH)
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'quasi_pid.py'}:QUASI_PID"
+MOVE = "reference.segments=[{kind='line', to=[1.6, 1.2, -0.7], duration=2.0}]"
+DRIVES, LENGTH, GRAVITY = [0, 2], 0.7, 9.81  # indices of bridge and trolley in the state
+FREQUENCY_UNIT = np.sqrt(GRAVITY / LENGTH)
 WEIGHT = GRAVITY * np.array([9.5, 3.5])  # [N] of bridge, trolley and load, and of trolley and load
 
 
-def run_of(*overrides: str, plant: str, drive: str) -> Run:
-    controller = open_controller(LAW)
+def simulate(*overrides: str, plant: str, drive: str) -> Run:
+    controller = open_controller(CONTROLLER)
     scenario = load_scenario("fixed-position", overrides=["workspace.on_exit='record'", *overrides])
     return simulate_run(scenario, plant=plant, drive=drive, controller=controller)
 
 
 @pytest.mark.parametrize("integral_gain", [0.0, 0.01])
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_its_function_changes_as_derived_and_falls_without_the_integral(
+def test_lyapunov_function_has_derived_rate_and_falls_without_integral(
     plant: str, integral_gain: float
 ) -> None:
-    chosen = f"controller.quasi-pid.integral={integral_gain}"
-    run = run_of("disturbances=[]", ACROSS, chosen, plant=plant, drive="force")
+    setting = f"controller.quasi-pid.integral={integral_gain}"
+    run = simulate("disturbances=[]", MOVE, setting, plant=plant, drive="force")
     numbers, state, summed = run.design.parameters, run.block("state"), run.block("controller")[:, :2]
-    error, rate = (state[:, WHERE] - [1.6, 1.2]) / LENGTH, state[:, [1, 3]] / (PACE * LENGTH)
+    error, rate = (state[:, DRIVES] - [1.6, 1.2]) / LENGTH, state[:, [1, 3]] / (FREQUENCY_UNIT * LENGTH)
     cross = numbers["cross"]
     summed = np.vstack([[0.0, 0.0], summed[:-1]])  # a step logs the sum for the next sample
     integral_term = cross * (cross * error + summed)
@@ -38,19 +38,19 @@ def test_its_function_changes_as_derived_and_falls_without_the_integral(
         np.cosh(integral_term)
     )
     v = energy_above_rest(run, state[:, 1::2]) + LENGTH * potential @ WEIGHT
-    damper = numbers["damper"] + numbers["swing"] * np.tanh(state[:, [9, 7]] / PACE) ** 2
+    damper = numbers["damper"] + numbers["swing"] * np.tanh(state[:, [9, 7]] / FREQUENCY_UNIT) ** 2
     power = damper * rate * np.tanh(rate) - integral_gain / cross * np.tanh(integral_term) * np.tanh(error)
-    taken = integral(run, PACE * LENGTH * power @ WEIGHT)
-    assert np.abs(v + taken - v[0]).max() < 5e-3 * v[0]
-    assert np.abs(state[:, [6, 8]]).max() > 0.1, "and the load does swing"
+    dissipated = integral(run, FREQUENCY_UNIT * LENGTH * power @ WEIGHT)
+    assert np.abs(v + dissipated - v[0]).max() < 5e-3 * v[0]
+    assert np.abs(state[:, [6, 8]]).max() > 0.1, "the load swings"
     if integral_gain == 0.0:
         assert np.diff(v).max() < 1e-9 * v[0]
 
 
-def test_its_force_keeps_its_bound_however_far_the_target() -> None:
+def test_force_is_bounded_for_any_target() -> None:
     far = "reference.segments=[{kind='line', to=[100.0, -50.0, -0.7], duration=20.0}]"
     ranges = ["rig.bridge_range=[-2000.0, 2000.0]", "rig.trolley_range=[-2000.0, 2000.0]"]
-    run = run_of("duration=20.0", "disturbances=[]", far, *ranges, plant="analytic", drive="force")
+    run = simulate("duration=20.0", "disturbances=[]", far, *ranges, plant="analytic", drive="force")
     numbers = run.design.parameters
     bound = sum(numbers[name] for name in ("spring", "damper", "swing", "integral")) * WEIGHT
     force = np.abs(run.block("command")[:, :2])
@@ -58,9 +58,9 @@ def test_its_force_keeps_its_bound_however_far_the_target() -> None:
     assert (force.max(axis=0) > 0.1 * WEIGHT).all()
 
 
-def test_a_constant_disturbance_is_held_without_an_error_of_the_drive() -> None:
+def test_constant_disturbance_leaves_no_error_of_drive() -> None:
     """The leaning rope pulls with 0.7 N, and the integral can hold 5.6 and 2.1 N."""
-    run = run_of("duration=200.0", "controller.quasi-pid.integral=0.06", plant="analytic", drive="ideal")
+    run = simulate("duration=200.0", "controller.quasi-pid.integral=0.06", plant="analytic", drive="ideal")
     state = run.block("state")
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1
-    assert np.abs(state[-1, WHERE] - [1.0, 0.77]).max() < 1e-2
+    assert np.abs(state[-1, DRIVES] - [1.0, 0.77]).max() < 1e-2

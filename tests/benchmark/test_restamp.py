@@ -17,22 +17,23 @@ ROWS = 2
 def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BenchmarkTable:
     """Return the shipped table, restricted to two controllers, and redirect `restamp` to a copy."""
     table = read_table(restamp.TABLE)
-    laws = ["lqr", "lqr-integral"]
-    monkeypatch.setattr(restamp, "measured_controllers", lambda *_args, **_settings: laws)
-    for law in laws:
-        restamp.stamp_numbers(law, "old", restamp.NUMBERS[0], tmp_path)
+    controllers = ["lqr", "lqr-integral"]
+    monkeypatch.setattr(restamp, "measured_controllers", lambda *_args, **_settings: controllers)
+    for controller in controllers:
+        restamp.stamp_numbers(controller, "old", restamp.NUMBERS[0], tmp_path)
     monkeypatch.setattr(restamp, "NUMBERS", (tmp_path,))
     monkeypatch.setattr(restamp, "TABLE", tmp_path / "table.parquet")
     return replace(table, about={**table.about, "rules": "old"})
 
 
-def written(table: BenchmarkTable) -> bytes:
+def write(table: BenchmarkTable) -> bytes:
+    """Write the table to the redirected file, and return its bytes."""
     restamp.write_table(restamp.TABLE, table)
     return restamp.TABLE.read_bytes()
 
 
-def test_equal_rows_are_stamped(table: BenchmarkTable) -> None:
-    written(table)
+def test_equal_rows_get_new_digests(table: BenchmarkTable) -> None:
+    write(table)
     assert restamp.restamp(ROWS, []) == 0
     stamped, rules = read_table(restamp.TABLE), restamp.rules_of(restamp.BENCHMARK)
     assert stamped.about == {**table.about, "rules": rules}
@@ -48,18 +49,18 @@ def test_nothing_is_written_if_one_digit_differs(
     metrics = {name: values.copy() for name, values in table.trials[trial].metrics.items()}
     metrics["rms_error_m"][sample] *= 1.001
     changed = replace(table, trials={**table.trials, trial: replace(table.trials[trial], metrics=metrics)})
-    before = written(changed)
+    before = write(changed)
     assert restamp.restamp(ROWS, []) == 1
     assert "rms_error_m" in capsys.readouterr().out
     assert restamp.TABLE.read_bytes() == before
     assert all(read_toml(numbers)["rules"] == "old" for numbers in restamp.NUMBERS[0].glob("*.toml"))
 
 
-def test_a_run_that_ends_otherwise_differs(table: BenchmarkTable) -> None:
+def test_run_with_another_outcome_differs(table: BenchmarkTable) -> None:
     runs = next(iter(table.trials.values()))
-    one = runs.first(1)
-    assert restamp.differences(one, runs, 0) == []
-    stopped = replace(one, failed=~one.failed, status=("slack-rope",))
+    run = runs.first(1)
+    assert restamp.differences(run, runs, 0) == []
+    stopped = replace(run, failed=~run.failed, status=("slack-rope",))
     assert len(restamp.differences(stopped, runs, 0)) == 2
-    nothing = {name: np.full(1, np.nan) for name in one.metrics}
-    assert restamp.differences(replace(one, metrics=nothing), runs, 0)
+    missing = {name: np.full(1, np.nan) for name in run.metrics}
+    assert restamp.differences(replace(run, metrics=missing), runs, 0)

@@ -11,7 +11,7 @@ pytestmark = pytest.mark.processor
 
 
 @pytest.mark.parametrize("rows", [1, 2, 5])
-def test_the_largest_eigenvalue(rows: int) -> None:
+def test_largest_eigenvalue(rows: int) -> None:
     """It is the least t for which M - t <= 0; a second inequality does not act."""
     matrix = np.random.default_rng(rows).standard_normal((rows, rows))
     matrix = matrix + matrix.T
@@ -19,7 +19,7 @@ def test_the_largest_eigenvalue(rows: int) -> None:
     assert least[0, 0] == pytest.approx(np.linalg.eigvalsh(matrix)[-1], rel=1e-7)
 
 
-def test_a_matrix_of_each_shape() -> None:
+def test_matrices_of_both_shapes() -> None:
     """The symmetric X >= M with least trace is M; Y equals its target because the norm is minimised."""
     target = np.arange(6.0).reshape(2, 3)
     matrix = np.array([[2.0, -0.5, 0.3], [-0.5, 1.0, 0.2], [0.3, 0.2, 3.0]])
@@ -33,14 +33,14 @@ def test_a_matrix_of_each_shape() -> None:
     np.testing.assert_allclose(y, target, atol=1e-6)
 
 
-def test_what_has_no_solution_is_told() -> None:
+def test_infeasible_problem_is_reported() -> None:
     """An unstable system has no Lyapunov function."""
     a = np.array([[0.1, 1.0], [0.0, -1.0]])
     with pytest.raises(InputError, match="without a solution: PrimalInfeasible"):
         minimise(lambda _: 0.0, lambda p: [a @ p + p @ a.T + np.eye(2), -p], 2)
 
 
-def test_the_centre_between_two_matrices() -> None:
+def test_centre_between_two_matrices() -> None:
     """The product det(X) det(M - X) is largest at X = M/2, and (y - a)(b - y) is largest in the middle."""
     matrix = np.array([[2.0, -0.5, 0.3], [-0.5, 1.0, 0.2], [0.3, 0.2, 3.0]])
     x, y = analytic_centre(lambda x, y: [-x, x - matrix, y - 7.0, 3.0 - y], 3, (1, 1))
@@ -49,7 +49,7 @@ def test_the_centre_between_two_matrices() -> None:
 
 
 @pytest.mark.parametrize("inequalities", [lambda x: [-x], lambda x: [x - 1.0, 1.0 - x]])
-def test_a_set_without_a_centre_is_refused(inequalities: Inequalities) -> None:
+def test_set_without_centre_is_refused(inequalities: Inequalities) -> None:
     """Neither a half line nor a point has a centre."""
     with pytest.raises(InputError, match="without"):
         analytic_centre(inequalities, (1, 1))

@@ -15,13 +15,13 @@ from cranectl.scenario.similarity import completed_rig
 from cranectl.support.arrays import Array
 from cranectl.support.jit import address_of
 
-LAWS = [law for law in read_benchmark("literature").laws if ".py:" in law]
+CONTROLLERS = [name for name in read_benchmark("literature").laws if ".py:" in name]
 LENGTH, MASS, PERIOD = 25.0, 1000.0, 1e-3
 SMALL = RigParameters()
 LARGE = RigParameters(
     **completed_rig({"rope_range": [0.05 * LENGTH, 1.4 * LENGTH], "load_mass": MASS, "rated_load": MASS})
 )
-SAMPLES, PREVIEWED = 60, 4  # fewer for controllers with preview, which plan at every sample
+SAMPLES, PREVIEW_SAMPLES = 60, 4  # fewer for controllers with preview, which plan at every sample
 Step = ctypes.CFUNCTYPE(ctypes.c_int64, *[POINTER(c_double)] * 5)
 
 
@@ -46,7 +46,7 @@ def commands(controller: Controller, rig: RigParameters, length: float, mass: fl
     time = np.sqrt(length)
     of_state = np.array([*[length, length / time] * 3, *[1.0, 1.0 / time] * 2, *[1.0 / time**2] * 2])
     of_path = np.repeat([length / time**k for k in range(5)], 3)
-    samples = PREVIEWED if controller.preview else SAMPLES
+    samples = PREVIEW_SAMPLES if controller.preview else SAMPLES
     reference = path(samples + controller.preview, moves=controller.follows == "path") * of_path
     measurements = states(samples, 1.0 if controller.measures == "state" else 0.02) * of_state
     values = {number.name: number.sized(number.default, length) for number in controller.parameters}
@@ -68,8 +68,8 @@ def commands(controller: Controller, rig: RigParameters, length: float, mass: fl
     return result / units[controller.command]
 
 
-@pytest.mark.parametrize("reference", LAWS)
-def test_a_law_does_the_same_on_a_similar_crane(reference: str) -> None:
+@pytest.mark.parametrize("reference", CONTROLLERS)
+def test_controller_commands_the_same_on_similar_cranes(reference: str) -> None:
     (name,) = measured_controllers(read_benchmark("literature"), [reference])
     controller = load_controller(name)
     small, large = commands(controller, SMALL, 1.0, 1.0), commands(controller, LARGE, LENGTH, MASS)

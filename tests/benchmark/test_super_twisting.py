@@ -14,69 +14,69 @@ from tests.conftest import ROOT
 from tests.controllers.laws import known
 from validation.benchmark.super_twisting import SUPER_TWISTING, slopes, step
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'super_twisting.py'}:SUPER_TWISTING"
-POINT = ["duration=8.0", "disturbances=[]", "reference.start=[1.0, 0.77, -0.7]", "reference.segments=[]"]
-PUSH = 0.3  # [m/s²]
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'super_twisting.py'}:SUPER_TWISTING"
+HOLD = ["duration=8.0", "disturbances=[]", "reference.start=[1.0, 0.77, -0.7]", "reference.segments=[]"]
+DISTURBANCE = 0.3  # [m/s²] of the bridge
 
-_law = jit(step)
+_step = jit(step)
 
 
-def run_of(scenario: str, *overrides: str, plant: str = "analytic", drive: str = "ideal") -> Run:
+def simulate(scenario: str, *overrides: str, plant: str = "analytic", drive: str = "ideal") -> Run:
     return simulate_run(
         load_scenario(scenario, overrides=overrides),
         plant=plant,
         drive=drive,
-        controller=open_controller(LAW),
+        controller=open_controller(CONTROLLER),
     )
 
 
 @pytest.mark.parametrize("length", [0.05, 0.7, 1.4, 40.0])
-def test_on_its_surface_all_three_poles_are_one(length: float) -> None:
+def test_poles_on_surface_are_equal(length: float) -> None:
     """While s is zero, the loop is e'' = -lambda e' + kappa b' with l b'' = -g b - e''."""
     g, pole = 9.81, sqrt(9.81 / (3.0 * length))
-    forgets, sways = slopes(length, g)
-    polynomial = np.polyadd(np.polymul([length, 0.0, g], [1.0, forgets]), [sways, 0.0, 0.0])
+    lambda_, kappa = slopes(length, g)
+    polynomial = np.polyadd(np.polymul([length, 0.0, g], [1.0, lambda_]), [kappa, 0.0, 0.0])
     np.testing.assert_allclose(polynomial / length, np.poly([-pole] * 3), rtol=1e-12)
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_the_surface_is_reached_in_finite_time_and_kept(plant: str) -> None:
-    run = run_of("fixed-position", *POINT, "initial.load_offset=[0.05, -0.03, 0.02]", plant=plant)
+def test_surface_is_reached_in_finite_time_and_kept(plant: str) -> None:
+    run = simulate("fixed-position", *HOLD, "initial.load_offset=[0.05, -0.03, 0.02]", plant=plant)
     surface = np.abs(run.block("controller")[:, :3])
     assert surface[0].min() > 0.02
     # With samples every T = 1 ms, the step k_1 |s|^(1/2) T overshoots zero below |s| = k_1² T².
     assert surface[run.time > 0.5].max() < (1.5e-3) ** 2
-    # On it deviations decay as (1 + pt + (pt)²/2) e^-pt, the slowest decay with three poles at -p.
+    # On the surface deviations decay as (1 + pt + (pt)²/2) e^-pt, the slowest decay with three poles at -p.
     late = np.linalg.norm(run.block("error")[:, :3], axis=1)[run.time >= 6.0]
     assert late.max() < 1e-4
 
 
-def pushed_step(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
-    """Compute the controller's step, and add PUSH to the acceleration of the bridge."""
-    status = _law(parameters, measured, reference, memory, command)
-    command[0] += PUSH
+def disturbed_step(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
+    """Compute the controller's step, and add DISTURBANCE to the acceleration of the bridge."""
+    status = _step(parameters, measured, reference, memory, command)
+    command[0] += DISTURBANCE
     return status
 
 
 @pytest.mark.parametrize("twist_gain", [1.1, 1e-6])
-def test_only_its_integral_reaches_the_surface_against_a_push_on_the_drives(twist_gain: float) -> None:
-    """Without the integral, -k_1 |s|^(1/2) balances the disturbance at s = (PUSH/k_1)²."""
-    number = f"controller.pushed.twist_gain={twist_gain}"
-    scenario = load_scenario("fixed-position", overrides=[*POINT, number])
-    with known(replace(SUPER_TWISTING, name="pushed", step=pushed_step)) as name:
+def test_integral_rejects_constant_disturbance_of_drives(twist_gain: float) -> None:
+    """Without the integral, -k_1 |s|^(1/2) balances the disturbance at s = (DISTURBANCE/k_1)²."""
+    number = f"controller.disturbed.twist_gain={twist_gain}"
+    scenario = load_scenario("fixed-position", overrides=[*HOLD, number])
+    with known(replace(SUPER_TWISTING, name="disturbed", step=disturbed_step)) as name:
         run = simulate_run(scenario, plant="analytic", drive="ideal", controller=name)
     surface = np.abs(run.block("controller")[run.time > 4.0, 0])
     if twist_gain == 1.1:
         assert surface.max() < (1.5e-3) ** 2
     else:
-        assert surface[-1] == pytest.approx((PUSH / 1.5) ** 2, rel=1e-3)
+        assert surface[-1] == pytest.approx((DISTURBANCE / 1.5) ** 2, rel=1e-3)
 
 
-def test_a_constant_disturbance_leaves_what_the_surface_says() -> None:
-    run = run_of("fixed-position", "duration=20.0")
+def test_constant_disturbance_leaves_predicted_error() -> None:
+    run = simulate("fixed-position", "duration=20.0")
     state = run.block("state")[-1]
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1
     for joint, angle, start in ((0, 8, 1.0), (2, 6, 0.77)):
         assert state[joint] - start == pytest.approx(8.0 * state[4] * state[angle], rel=1e-3)
-    off = np.linalg.norm(run.block("error")[-1, :2])
-    assert off == pytest.approx(9.0 * state[4] * np.hypot(state[6], state[8]), rel=2e-3)
+    error = np.linalg.norm(run.block("error")[-1, :2])
+    assert error == pytest.approx(9.0 * state[4] * np.hypot(state[6], state[8]), rel=2e-3)

@@ -11,12 +11,12 @@ from cranectl.simulate import simulate_run
 from tests.conftest import ROOT
 from validation.benchmark.swing_damping_servo import gains
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'swing_damping_servo.py'}:SWING_DAMPING_SERVO"
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'swing_damping_servo.py'}:SWING_DAMPING_SERVO"
 POLE = 2.5  # [1/s], its default
 
 
 @pytest.mark.parametrize("length", [0.05, 0.7, 1.4, 40.0])
-def test_all_four_poles_are_one(length: float) -> None:
+def test_all_four_poles_are_equal(length: float) -> None:
     g = 9.81
     k_p, k_d, k_b, k_w = gains(length, g, POLE)
     servo = np.polymul([length, 0.0, g], [1.0, k_d, k_p])
@@ -26,13 +26,13 @@ def test_all_four_poles_are_one(length: float) -> None:
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 @pytest.mark.parametrize("length", [0.4, 0.725, 1.2])
-def test_near_rest_the_drive_moves_as_these_poles_say(plant: str, length: float) -> None:
+def test_motion_near_rest_agrees_with_poles(plant: str, length: float) -> None:
     """The error e starts at e_0 at rest with a plumb rope, and follows from the polynomial (r + p)⁴."""
     offset, g = 1e-4, 9.81
     rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", "reference.segments=[]"]
     overrides = ["duration=4.0", *rest, f"initial.load_offset=[{offset}, 0.0, 0.0]"]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
     k_p, k_d, k_b, k_w = gains(length, g, POLE)
     # e and its derivatives at 0 follow from the equations; e(t) = (c0 + c1 t + c2 t² + c3 t³) e^-pt.
     e = [offset, 0.0, -k_p * offset]

@@ -18,7 +18,7 @@ from tests.conftest import ROOT
 
 FILE = benchmark_file("literature")
 TUNED = FILE.parent / "tuned"
-DRAWN_BY = "57cf443f1637e6b"  # the first 15 digits of the commit
+DRAWING_COMMIT = "57cf443f1637e6b"  # first 15 digits of its hash, from which the seed follows
 
 
 @pytest.fixture(scope="module")
@@ -26,27 +26,23 @@ def benchmark() -> Benchmark:
     return read_benchmark("literature")
 
 
-def laws_of(benchmark: Benchmark) -> tuple[str, ...]:
-    return measured_controllers(benchmark)
-
-
-def test_its_rules_are_those_by_which_all_its_laws_were_tuned(benchmark: Benchmark) -> None:
-    """A change of rules, metrics or a controller's file needs new numbers."""
-    laws, rules = laws_of(benchmark), rules_of(benchmark)
-    for controller in laws:
+def test_controllers_were_tuned_by_present_rules(benchmark: Benchmark) -> None:
+    """If rules, metrics or a controller's file change, new numbers are needed."""
+    controllers, rules = measured_controllers(benchmark), rules_of(benchmark)
+    for controller in controllers:
         tuned_settings(TUNED, rules, controller, 1.0)
-    assert {path.stem for path in TUNED.glob("*.toml")} == set(laws)
+    assert {path.stem for path in TUNED.glob("*.toml")} == set(controllers)
 
 
-def test_every_law_had_the_same_budget_and_every_point_is_there(benchmark: Benchmark) -> None:
-    searched = {
+def test_controllers_had_equal_budgets_and_all_points_are_stored(benchmark: Benchmark) -> None:
+    keys_by_controller = {
         controller: [variable.key for variable in variables_of(controller)]
-        for controller in laws_of(benchmark)
+        for controller in measured_controllers(benchmark)
     }
-    built = FOLDER / "tuned"
-    searched["nmpc"] = list(read_toml(built / "nmpc.toml")["parameters"])
-    for controller, keys in searched.items():
-        stem = (built if controller == "nmpc" else TUNED) / controller
+    compiled = FOLDER / "tuned"
+    keys_by_controller["nmpc"] = list(read_toml(compiled / "nmpc.toml")["parameters"])
+    for controller, keys in keys_by_controller.items():
+        stem = (compiled if controller == "nmpc" else TUNED) / controller
         table, points = (
             read_toml(stem.with_suffix(".toml")),
             parquet.read_table(stem.with_suffix(".parquet")),
@@ -63,11 +59,11 @@ def test_every_law_had_the_same_budget_and_every_point_is_there(benchmark: Bench
         assert table["parameters"] == {key: float(f"{best_point[key]:.4g}") for key in keys}
 
 
-def test_our_law_and_its_numbers_are_those_of_the_commit_that_drew_the_cranes(benchmark: Benchmark) -> None:
-    """A change of what they compute needs a new draw of cranes, on which all controllers are judged again.
+def test_own_controller_is_that_of_the_commit_that_drew_the_cranes(benchmark: Benchmark) -> None:
+    """If they compute something else, new cranes must be drawn, and all controllers run again.
 
-    Only names have changed since that commit. `make restamp` showed it: rows of the judged table, run again,
-    are equal to the bit.
+    Only names have changed since that commit: `make restamp` ran rows of the judged table again, and they
+    were equal to the bit.
     """
     file, numbers = (
         "cranectl/controllers/lqr_offset_free.py",
@@ -76,13 +72,15 @@ def test_our_law_and_its_numbers_are_those_of_the_commit_that_drew_the_cranes(be
     code, parameters = (ROOT / file).read_bytes(), read_toml(ROOT / numbers)["parameters"]
     assert hashlib.sha256(syntax_of(code)).hexdigest().startswith("e575a43703eea441")
     assert list(parameters.values()) == [9.88, 4.0, 1.993, 2.462]
-    assert benchmark.seed == int(DRAWN_BY, 16)
-    if of_commit(file):
-        assert parse_toml(of_commit(numbers).decode(), numbers)["parameters"] == parameters
-        assert str(benchmark.seed).encode() not in of_commit("validation/benchmark/literature.toml")
+    assert benchmark.seed == int(DRAWING_COMMIT, 16)
+    if file_at_commit(file):
+        assert parse_toml(file_at_commit(numbers).decode(), numbers)["parameters"] == parameters
+        assert str(benchmark.seed).encode() not in file_at_commit("validation/benchmark/literature.toml")
 
 
-def of_commit(name: str) -> bytes:
+def file_at_commit(name: str) -> bytes:
     """Return the file at the commit that drew the cranes; empty without history."""
-    shown = subprocess.run(["git", "show", f"{DRAWN_BY}:{name}"], cwd=ROOT, capture_output=True, check=False)
+    shown = subprocess.run(
+        ["git", "show", f"{DRAWING_COMMIT}:{name}"], cwd=ROOT, capture_output=True, check=False
+    )
     return shown.stdout

@@ -12,22 +12,22 @@ from cranectl.simulate import simulate_run
 from tests.conftest import ROOT
 from validation.benchmark.two_degree_of_freedom import BACK_OFF, TWO_DOF, controller, model
 
-LAW = f"{ROOT / 'validation' / 'benchmark' / 'two_degree_of_freedom.py'}:TWO_DOF"
-GAIN, SPEED, RHO = (float(each.default) for each in TWO_DOF.parameters[:3])
+CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'two_degree_of_freedom.py'}:TWO_DOF"
+GAIN, SPEED, RHO = (float(parameter.default) for parameter in TWO_DOF.parameters[:3])
 CRANE = control.ss([[0, 1, 0], [-1, 0, 1], [0, 0, 0]], [[0], [0], [1]], [[1, 0, 0]], 0.0)
 OMEGA = np.logspace(-3, 4, 20_001)
 
 
-def swept() -> tuple[np.ndarray, ...]:
+def frequency_responses() -> tuple[np.ndarray, ...]:
     """Return the shaped plant, K_1 and K_2 from SB10AD, and the model, over all frequencies."""
     s = 1j * OMEGA
     k = controller(GAIN, SPEED, RHO)[1].controller(s)
     return GAIN / (s * (s**2 + 1.0)), k[0, 0], k[0, 1], (SPEED / (s + SPEED)) ** 3
 
 
-def test_the_norm_is_what_was_asked_for() -> None:
+def test_norm_agrees_with_synthesis() -> None:
     """The sweep is from (r, phi) to (u, x, rho (x - rho T_ref r)), normalised by |M|² = 1/(1 + |G|²)."""
-    g, k_1, k_2, model = swept()
+    g, k_1, k_2, model = frequency_responses()
     synthesis = controller(GAIN, SPEED, RHO)[1]
     sensitivity, m = 1.0 / (1.0 - g * k_2), 1.0 / np.sqrt(1.0 + np.abs(g) ** 2)
     followed = g * sensitivity * k_1 * RHO
@@ -45,7 +45,7 @@ def test_the_norm_is_what_was_asked_for() -> None:
     assert 1.0 / norm > 0.25
 
 
-def closed(speed: float, rho: float, lag: float = 0.0) -> control.StateSpace:
+def closed_loop(speed: float, rho: float, lag: float = 0.0) -> control.StateSpace:
     """Return the loop from r to x with lagging drives, in units of sqrt(l/g) and l."""
     k, _ = controller(GAIN, speed, rho)
     driven = control.ss([[-1.0 / lag]], [[1.0 / lag]], [[1.0]], 0.0) * CRANE if lag else CRANE
@@ -53,42 +53,42 @@ def closed(speed: float, rho: float, lag: float = 0.0) -> control.StateSpace:
 
 
 @pytest.mark.parametrize("speed", [0.5, 0.7, 1.0])
-def test_the_more_is_paid_for_it_the_closer_it_follows_its_model(speed: float) -> None:
+def test_larger_weight_gives_closer_tracking_of_model(speed: float) -> None:
     time = np.linspace(0.0, 20.0, 2001)
     desired = control.step_response(model(speed), time).outputs
-    off = []
+    errors = []
     for rho in (0.3, 1.0, 3.0):
-        loop = closed(speed, rho)
+        loop = closed_loop(speed, rho)
         assert loop.poles().real.max() < -0.05
         assert loop.dcgain() == pytest.approx(1.0, abs=1e-9)
-        off.append(np.abs(control.step_response(loop, time).outputs - desired).max())
-    assert off[0] > off[1] > off[2]
-    assert off[1] < 0.2
+        errors.append(np.abs(control.step_response(loop, time).outputs - desired).max())
+    assert errors[0] > errors[1] > errors[2]
+    assert errors[1] < 0.2
 
 
-# The engine's servos give way to the pull of the load by up to 0.1 mm of 20 mm.
+# The load's pull displaces the engine's velocity drives by up to 0.1 mm of 20 mm.
 @pytest.mark.parametrize(
-    ("plant", "drive", "within"), [("analytic", "ideal", 2e-5), ("mujoco", "velocity", 1.2e-4)]
+    ("plant", "drive", "tolerance"), [("analytic", "ideal", 2e-5), ("mujoco", "velocity", 1.2e-4)]
 )
 @pytest.mark.parametrize("length", [0.4, 1.2])
-def test_the_load_moves_as_the_loop_says(plant: str, drive: str, within: float, length: float) -> None:
+def test_motion_on_a_path_agrees_with_loop(plant: str, drive: str, tolerance: float, length: float) -> None:
     """The request is T_ref⁻¹ of a short path, and the drives lag between set-point and velocity."""
     w, lag = sqrt(9.81 / length), 0.02
     path = f"reference.segments=[{{kind='line', to=[1.02, 0.77, {-length}], duration=2.0}}]"
     overrides = ["duration=6.0", "disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", path]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
     pole, rows = w * SPEED, run.reference[:, 0::3] - [1.0, 0.0, 0.0, 0.0, 0.0]
     requested = rows[:, :4] @ [1.0, 3.0 / pole, 3.0 / pole**2, 1.0 / pole**3]
-    expected = control.forced_response(closed(SPEED, RHO, w * lag), w * run.time, requested).outputs
+    expected = control.forced_response(closed_loop(SPEED, RHO, w * lag), w * run.time, requested).outputs
     load = rows[:, 0] - run.block("error")[:, 0]
-    assert np.abs(load - rows[:, 0]).max() > 5e-4, "which is not the path itself"
-    np.testing.assert_allclose(load, expected, atol=within)
+    assert np.abs(load - rows[:, 0]).max() > 5e-4, "the loop does not follow the path exactly"
+    np.testing.assert_allclose(load, expected, atol=tolerance)
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_a_constant_disturbance_leaves_nothing(plant: str) -> None:
+def test_constant_disturbance_leaves_no_error(plant: str) -> None:
     scenario = load_scenario("fixed-position")
-    run = simulate_run(scenario, plant=plant, drive="velocity", controller=open_controller(LAW))
+    run = simulate_run(scenario, plant=plant, drive="velocity", controller=open_controller(CONTROLLER))
     assert np.abs(run.block("state")[-1, [6, 8]]).min() > 0.05, "the rope leans both ways"
     assert np.abs(run.block("error")[-1, :2]).max() < 1e-4

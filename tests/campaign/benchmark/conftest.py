@@ -1,4 +1,4 @@
-"""A benchmark of a second, two laws, and few cranes."""
+"""Provide a benchmark with a scenario of one second, two controllers and few cranes."""
 
 from collections.abc import Iterator
 from pathlib import Path

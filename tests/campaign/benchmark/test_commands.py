@@ -1,4 +1,4 @@
-"""Test `cranectl benchmark`: from a file to a page, repeated, and together with results of others."""
+"""Test `cranectl benchmark`: from a file to a page, repeated runs, results of others."""
 
 import json
 import re
@@ -28,13 +28,13 @@ def titles_of(page: Path) -> list[str]:
     return re.findall("<h2>(.*?)</h2>", page.read_text(encoding="utf-8"))
 
 
-def test_what_the_page_suggests(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every crane fails, and a controller from a file is named by its file."""
+def test_commands_on_the_page_run(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every crane fails, so the page suggests to replay runs; a controller from a file needs its file."""
     small.with_name("short.toml").write_text(SHORT.replace("0.05", "0.0"))
     (tmp_path / "some where").mkdir()
     monkeypatch.chdir(tmp_path / "some where")
-    only = ["--set-of-cranes", "nominal", "--scenario", "short"]
-    assert main(["benchmark", "run", "../small.toml", "--trust", "--out", "the out", *only]) == 0
+    selection = ["--set-of-cranes", "nominal", "--scenario", "short"]
+    assert main(["benchmark", "run", "../small.toml", "--trust", "--out", "the out", *selection]) == 0
     close_controllers()
     report = ["benchmark", "report", "the out", "--benchmark", "../small.toml", "--trust"]
     assert main([*report, "--out", "the page.html"]) == 0
@@ -45,18 +45,18 @@ def test_what_the_page_suggests(small: Path, tmp_path: Path, monkeypatch: pytest
         assert execute(command) == 0, command
 
 
-def test_nothing_is_touched_where_an_unknown_controller_is_tuned(
+def test_tuning_an_unknown_controller_touches_no_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The name is checked before its files, which would be outside of --out for this name."""
+    """The name is checked before the files, which would be outside of --out for this name."""
     monkeypatch.setattr(
-        "cranectl.campaign.benchmark.tuned.check_place", lambda *_, **__: pytest.fail("tried")
+        "cranectl.campaign.benchmark.tuned.check_place", lambda *_, **__: pytest.fail("files are checked")
     )
     assert main(["tune", f"{tmp_path}/", "--out", str(tmp_path)]) == 2
     assert "unknown controller" in capsys.readouterr().err
 
 
-def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_benchmark_runs_from_file_to_page(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, page, table = (small.with_name(name) for name in ("out", "page.html", "all.parquet"))
     run = ["benchmark", "run", str(small), "--trust", "--out", str(out), "--workers", "2"]
     assert main(run) == 0
@@ -66,15 +66,17 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     missing.unlink()
     damaged.write_bytes(parts[damaged][:-100])
     capsys.readouterr()
-    assert main([*run, "--workers", "1"]) == 0, "goes on with what is missing"
+    assert main([*run, "--workers", "1"]) == 0, "the command continues with missing parts"
     output = " ".join(capsys.readouterr().err.split())
     assert f"{damaged.parent.parent.relative_to(out)}: {damaged.name} was damaged" in output
-    assert {path: path.read_bytes() for path in out.rglob("*.parquet")} == parts, "the same, whoever runs it"
+    assert {path: path.read_bytes() for path in out.rglob("*.parquet")} == parts, (
+        "results do not depend on the number of workers"
+    )
 
     written = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
     assert main(run) == 0
     assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == written, (
-        "what is whole is left alone"
+        "complete results are not written again"
     )
 
     report = ["benchmark", "report", str(out), "--benchmark", str(small), "--trust", "--out", str(page)]
@@ -104,15 +106,15 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
     ]
     assert "set points" in page.read_text(encoding="utf-8")
 
-    # What was written reads as what was measured, to four digits.
+    # The written table agrees with the results to four digits.
     written = read_table(table)
     assert len(written.trials) == len(parts)
-    alone = small.with_name("alone.html")
-    mine = ["benchmark", "report", str(out), "--benchmark", str(small), "--controller", "lqr-integral"]
-    assert main([*mine, "--beside", str(table), "--out", str(alone)]) == 0
-    assert "servo" in alone.read_text(encoding="utf-8")
+    other_page = small.with_name("other.html")
+    own = ["benchmark", "report", str(out), "--benchmark", str(small), "--controller", "lqr-integral"]
+    assert main([*own, "--beside", str(table), "--out", str(other_page)]) == 0
+    assert "servo" in other_page.read_text(encoding="utf-8")
 
-    # The table alone gives the page again, without the code of any law.
+    # The table alone gives the same page, without the code of any controller.
     close_controllers()
     capsys.readouterr()
     assert main(["benchmark", "report", str(table), "--benchmark", str(small), "--json", "-"]) == 0
@@ -129,7 +131,7 @@ def test_from_a_file_to_a_page(small: Path, capsys: pytest.CaptureFixture[str]) 
         assert np.isfinite(runs.metrics["rms_error_m"]).all()
 
 
-def test_a_cluster_runs_the_same(small: Path, cluster: "LocalCluster") -> None:
+def test_cluster_gives_the_same_results(small: Path, cluster: "LocalCluster") -> None:
     run = ["benchmark", "run", str(small), "--trust", "--set-of-cranes", "nominal", "--draws", "1"]
     here, there = small.with_name("here"), small.with_name("there")
     assert main([*run, "--scheduler", cluster.scheduler_address, "--out", str(there)]) == 0
@@ -139,11 +141,11 @@ def test_a_cluster_runs_the_same(small: Path, cluster: "LocalCluster") -> None:
     assert {path.relative_to(there): path.read_bytes() for path in there.rglob("*.parquet")} == parts
 
 
-def test_what_a_table_of_other_rules_is_refused_for(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_table_with_other_rules_is_refused(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, table = small.with_name("out"), small.with_name("all.parquet")
-    of = ["--controller", "lqr-integral"]
-    run = ["benchmark", "run", str(small), *of, "--set-of-cranes", "nominal", "--out", str(out)]
-    report = ["benchmark", "report", str(out), "--benchmark", str(small), *of]
+    controller = ["--controller", "lqr-integral"]
+    run = ["benchmark", "run", str(small), *controller, "--set-of-cranes", "nominal", "--out", str(out)]
+    report = ["benchmark", "report", str(out), "--benchmark", str(small), *controller]
     assert main(run) == 0
     assert main([*report, "--table", str(table)]) == 0
     small.write_text(small.read_text().replace("draws = 6", "draws = 7"))
@@ -162,17 +164,17 @@ def test_what_a_table_of_other_rules_is_refused_for(small: Path, capsys: pytest.
         ("servo.py", 'damper on each drive",', 'damper, on each drive",', "servo has changed"),
     ],
 )
-def test_a_page_tells_of_this_benchmark_only(
+def test_results_of_another_benchmark_are_refused(
     small: Path, file: str, before: str, after: str, phrase: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = small.with_name("out")
-    law = ["--controller", f"{small.with_name('servo.py')}:SERVO"]
+    controller = ["--controller", f"{small.with_name('servo.py')}:SERVO"]
     restricted = ["--set-of-cranes", "wide", "--scenario", "short", "--draws", "2"]
-    report = ["benchmark", "report", str(out), "--benchmark", str(small), *law]
-    assert main(["benchmark", "run", str(small), *law, *restricted, "--out", str(out)]) == 0
-    assert main(report) == 0, "fewer cranes are the first of the same"
+    report = ["benchmark", "report", str(out), "--benchmark", str(small), *controller]
+    assert main(["benchmark", "run", str(small), *controller, *restricted, "--out", str(out)]) == 0
+    assert main(report) == 0, "the first cranes of the set are enough"
     page = out.with_suffix(".html").read_text(encoding="utf-8")
-    assert "no runs of lqr-integral are here" in page, "the baseline"
+    assert "no runs of lqr-integral are here" in page, "the baseline has no runs"
     text = small.with_name(file).read_text()
     assert before in text
     small.with_name(file).write_text(text.replace(before, after))
@@ -183,10 +185,10 @@ def test_a_page_tells_of_this_benchmark_only(
     assert phrase in error
 
 
-def test_what_others_made_is_not_gone_on_with(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A changed controller is other software; limits only judge runs, so they may change."""
-    law, out = small.with_name("servo.py"), small.with_name("out")
-    run = ["benchmark", "run", str(small), "--controller", f"{law}:SERVO", "--set-of-cranes", "nominal"]
+def test_results_of_other_software_are_not_continued(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A changed controller is other software. Limits only judge runs, so they may change."""
+    file, out = small.with_name("servo.py"), small.with_name("out")
+    run = ["benchmark", "run", str(small), "--controller", f"{file}:SERVO", "--set-of-cranes", "nominal"]
     run += ["--out", str(out)]
     manifest = out / "published" / "mujoco" / "nominal" / "short" / "servo" / "campaign.json"
     assert main(run) == 0
@@ -194,7 +196,7 @@ def test_what_others_made_is_not_gone_on_with(small: Path, capsys: pytest.Captur
     scenario.write_text(scenario.read_text().replace("final_error_m = 0.05", "final_error_m = 0.06"))
     assert main(run) == 0
     assert json.loads(manifest.read_text())["campaign"]["limits"]["final_error_m"] == 0.06
-    law.write_text(law.read_text().replace('damper on each drive",', 'damper, on each drive",'))
+    file.write_text(file.read_text().replace('damper on each drive",', 'damper, on each drive",'))
     close_controllers()
     assert main(run) == 2
     assert "was made by other software" in capsys.readouterr().err
@@ -202,18 +204,20 @@ def test_what_others_made_is_not_gone_on_with(small: Path, capsys: pytest.Captur
     assert len(json.loads(manifest.read_text())["accepted"]) == 1
 
 
-def test_code_runs_only_where_somebody_asked_for_it(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_code_of_a_benchmark_runs_only_with_trust(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["benchmark", "run", str(small), "--out", str(small.with_name("out"))]) == 2
     assert "no file runs code by itself" in capsys.readouterr().err
     assert main(["benchmark", "report", str(small.parent), "--benchmark", str(small), "--trust"]) == 2
     assert "holds no finished result" in capsys.readouterr().err
 
 
-def test_what_cannot_be_measured_is_told(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_names_and_empty_selections_are_reported(
+    small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = small.with_name("out")
-    where = ["--set-of-cranes", "nominal", "--scenario", "short"]
+    selection = ["--set-of-cranes", "nominal", "--scenario", "short"]
     run = ["benchmark", "run", str(small), "--out", str(out)]
-    assert main([*run, *where, "--controller", "nobody"]) == 2
+    assert main([*run, *selection, "--controller", "nobody"]) == 2
     assert "unknown controller 'nobody'" in capsys.readouterr().err
     assert main(["benchmark", "report", str(out), "--benchmark", str(small), "--controller", "nobody"]) == 2
     assert "unknown controller 'nobody'" in capsys.readouterr().err
@@ -221,22 +225,22 @@ def test_what_cannot_be_measured_is_told(small: Path, capsys: pytest.CaptureFixt
     assert "none of the sets of cranes has a scenario" in capsys.readouterr().err
 
 
-def test_a_law_that_refuses_a_crane_keeps_no_other_from_running(
+def test_other_controllers_run_if_one_refuses_the_crane(
     small: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    law = small.with_name("servo.py")
-    law.write_text(
-        law.read_text().replace("def prepare(nominal):", "def prepare(nominal):\n    raise InputError('no')")
+    file = small.with_name("servo.py")
+    file.write_text(
+        file.read_text().replace("def prepare(nominal):", "def prepare(nominal):\n    raise InputError('no')")
     )
     out = small.with_name("out")
     run = ["benchmark", "run", str(small), "--trust", "--set-of-cranes", "nominal", "--out", str(out)]
     assert main(run) == 3
     assert "could not be run: servo on short: no" in capsys.readouterr().out
     with_results = {path.parent.name for path in out.rglob("campaign.json")}
-    assert with_results == {"lqr-integral"}, "nothing of it is left to stand in the way"
+    assert with_results == {"lqr-integral"}, "the refused controller leaves no files"
 
 
-def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tuned_controllers_run_with_tuned_numbers(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     servo = ["--controller", f"{small.with_name('servo.py')}:SERVO"]
     tuned, out = small.with_name("tuned"), small.with_name("out")
     run = ["benchmark", "run", str(small), *servo, "--set-of-cranes", "nominal", "--out", str(out)]
@@ -252,7 +256,7 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
     expected = {key.rpartition(".")[2]: value for key, value in leaves(tuned_numbers["parameters"])}
     assert manifest["scenario"]["controller"]["servo"] == expected
 
-    # Both divisions on one page, what tuning gave with them, from the table alone too.
+    # The page has both divisions and the results of tuning, also if it is made from the table alone.
     assert main(run) == 0
     table, page = small.with_name("all.parquet"), small.with_name("out.html")
     report = ["benchmark", "report", str(out), "--benchmark", str(small), *servo, "--json", "-"]
@@ -292,18 +296,18 @@ def test_tuned_laws_run_with_what_tuning_found(small: Path, capsys: pytest.Captu
     assert "found by the rules" in capsys.readouterr().err
     small.write_text(text)
 
-    # Another law of the same name is not judged by these numbers.
-    law = small.with_name("servo.py")
-    law.write_text(law.read_text().replace('damper on each drive",', 'damper, on each drive",'))
+    # Another controller of the same name does not run with these numbers.
+    file = small.with_name("servo.py")
+    file.write_text(file.read_text().replace('damper on each drive",', 'damper, on each drive",'))
     close_controllers()
     assert main([*run, "--division", "tuned"]) == 2
     assert "another version of servo" in capsys.readouterr().err
 
 
-def test_the_judged_table_is_known_by_its_name_in_a_checkout(
+def test_judged_table_is_found_by_name_in_a_checkout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The name works as in the how-to if there is no such file; a file of that name counts first."""
+    """The name works as in the how-to. A file of that name takes precedence."""
     monkeypatch.chdir(tmp_path)
     restricted = ["--set-of-cranes", "nominal", "--scenario", "pulse", "--draws", "1"]
     assert main(["benchmark", "run", "--controller", "pid", *restricted, "--out", "mine"]) == 0
@@ -315,10 +319,10 @@ def test_the_judged_table_is_known_by_its_name_in_a_checkout(
     assert "literature.parquet holds no benchmark" in capsys.readouterr().err
 
 
-def test_without_the_judged_table_the_message_says_where_it_is(
+def test_error_tells_where_the_judged_table_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """An installed wheel has no judged table; a copy from a checkout works by its path."""
+    """An installed package has no judged table. A copy from a checkout works by its path."""
     installed = tmp_path / "installed"
     installed.mkdir()
     shutil.copy(BENCHMARK_DIRECTORY / "literature.toml", installed)
@@ -333,6 +337,6 @@ def test_without_the_judged_table_the_message_says_where_it_is(
 
 
 @pytest.mark.parametrize("path", ["", ".", "/", ".."])
-def test_a_place_without_a_name_is_no_table_that_comes_with_cranectl(path: str) -> None:
-    """Reading it raises the error; here it once ended the command with an internal error."""
+def test_path_without_a_name_is_not_the_judged_table(path: str) -> None:
+    """Reading it raises the error; finding it must not raise an internal error."""
     assert _table_place(Path(path)) == Path(path)

@@ -1,4 +1,4 @@
-"""Test the benchmark's page with invented results: separate divisions, right numbers, named gaps."""
+"""Test the benchmark's page with artificial results: separate divisions, numbers, missing results."""
 
 import math
 from collections.abc import Mapping
@@ -42,7 +42,7 @@ Texts = list[list[str]]
 
 
 def runs(error: float, failures: int = 0, effort: float = 1.0) -> Runs:
-    """Return eight runs with errors from `error` upwards, of which the last `failures` failed."""
+    """Return eight runs with errors from `error` upwards; the last `failures` of them failed."""
     metrics = {**dict.fromkeys(METRICS, 0.1), EFFORT: effort, VARIATION: 1.0}
     columns = {name: np.full(RUNS, value) for name, value in metrics.items()}
     columns["rms_error_m"] = error + 1e-3 * np.arange(RUNS)
@@ -50,7 +50,7 @@ def runs(error: float, failures: int = 0, effort: float = 1.0) -> Runs:
     return Runs(np.arange(RUNS) >= RUNS - failures, ("completed",) * RUNS, columns)
 
 
-def table(benchmark: Benchmark, laws: Mapping[str, Runs], *divisions: Division) -> BenchmarkTable:
+def table(benchmark: Benchmark, controllers: Mapping[str, Runs], *divisions: Division) -> BenchmarkTable:
     """Return a table in which each controller has the same runs in every trial of `divisions`."""
     tuned = {
         "runs": 40,
@@ -63,15 +63,15 @@ def table(benchmark: Benchmark, laws: Mapping[str, Runs], *divisions: Division) 
         "seed": 3,
         "made_by": [{"cranectl": "1.0", "machine": "a"}, {"cranectl": "1.1", "machine": "a"}],
         "durations": {"short": 1.0, "path": 0.8},
-        "laws": {law: {**FACTS, "file": ""} for law in laws},
-        "tuned": dict.fromkeys(laws, tuned) if "tuned" in divisions else {},
+        "laws": {controller: {**FACTS, "file": ""} for controller in controllers},
+        "tuned": dict.fromkeys(controllers, tuned) if "tuned" in divisions else {},
     }
     trials = {
-        Trial(division, plant, name, "short", law): runs_of_law
+        Trial(division, plant, name, "short", controller): controller_runs
         for division in divisions
         for name in sets_of(benchmark)
         for plant in ("mujoco", "analytic")
-        for law, runs_of_law in laws.items()
+        for controller, controller_runs in controllers.items()
     }
     return BenchmarkTable(about, trials)
 
@@ -83,22 +83,22 @@ def sections(benchmark: Benchmark, results: BenchmarkTable) -> dict[str, Section
     return {section.anchor: section for section in page.sections}
 
 
-def test_a_page_with_our_own_controller_opens_with_its_advantages(small: Path) -> None:
+def test_page_with_own_controller_starts_with_its_advantages(small: Path) -> None:
     benchmark = read_benchmark(str(small))
-    ours, others = (
-        list(sections(benchmark, table(benchmark, dict.fromkeys(laws, runs(0.02)), "published")))
-        for laws in (("first", "lqr-offset-free"), ("first", "second"))
+    with_own, without_own = (
+        list(sections(benchmark, table(benchmark, dict.fromkeys(names, runs(0.02)), "published")))
+        for names in (("first", "lqr-offset-free"), ("first", "second"))
     )
-    assert ours[0] == "caveats"
-    assert "caveats" not in others
-    assert ours[-1] == others[-1] == "versions", "digests come last"
+    assert with_own[0] == "caveats"
+    assert "caveats" not in without_own
+    assert with_own[-1] == without_own[-1] == "versions", "digests come last"
 
 
 def texts(shown: Table) -> Texts:
     return [[cell.text for cell in row] for row in shown.rows]
 
 
-def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
+def test_divisions_share_a_page_but_no_table(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     published = table(benchmark, {"first": runs(0.02), "second": runs(0.03)}, "published")
     both = join_tables([published, table(benchmark, {"first": runs(0.01), "third": runs(0.05)}, "tuned")])
@@ -115,7 +115,7 @@ def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
         "versions",
     ]
     for anchor, section in by_anchor.items():
-        # The table of the rules has all that a controller knows, each kind in a column.
+        # The table of the rules has columns for all that a controller knows, so it needs no summary of it.
         assert all(shown.headings[:2] == ("controller", "knows") for shown in section.tables) is (
             anchor != "rules"
         )
@@ -141,17 +141,19 @@ def test_divisions_are_on_one_page_and_never_in_one_table(small: Path) -> None:
     ]
 
 
-def test_single_effects_of_the_five_best_are_shown_and_the_others_folded(small: Path) -> None:
+def test_single_effects_show_five_best_and_fold_others(small: Path) -> None:
     benchmark = read_benchmark(str(small))
-    laws = {f"law-{k}": runs(0.01 * k, failures=(k == 2) + 5 * (k == 6)) for k in (6, 5, 4, 3, 2, 1)}
-    results = table(benchmark, laws, "published")
-    alone = Trial("published", "mujoco", "only-load", "short", "law-3")
+    controllers = {
+        f"controller-{k}": runs(0.01 * k, failures=(k == 2) + 5 * (k == 6)) for k in (6, 5, 4, 3, 2, 1)
+    }
+    results = table(benchmark, controllers, "published")
+    alone = Trial("published", "mujoco", "only-load", "short", "controller-3")
     results = BenchmarkTable(results.about, {**results.trials, alone: runs(0.2, failures=1)})
     failed, errors, failed_others, errors_others = sections(benchmark, results)["published-single"].tables
     assert [head.split("\n")[-1] for head in failed.headings[2:]] == ["nominal", "load", "sensing", "all"]
-    order = ["law-1", "law-3", "law-4", "law-5", "law-2"]
+    order = ["controller-1", "controller-3", "controller-4", "controller-5", "controller-2"]
     assert [row[0] for row in texts(failed)] == [row[0] for row in texts(errors)] == order
-    assert [row[0] for row in texts(failed_others)] == ["law-6"]
+    assert [row[0] for row in texts(failed_others)] == ["controller-6"]
     assert failed_others.folded
     assert errors_others.folded
     assert not failed.folded
@@ -159,11 +161,11 @@ def test_single_effects_of_the_five_best_are_shown_and_the_others_folded(small: 
     assert texts(errors)[1][2:] == ["33.5", "204", "33.5", "33.5"]
     assert texts(errors_others)[0][2:] == ["fails"] * 4
     assert "only-" not in "".join(sections(benchmark, results)["published-radius"].tables[0].headings), (
-        "the radius is over wider sets only"
+        "the radius uses only sets with a spread"
     )
 
 
-def test_the_radius_is_said_even_where_it_lies_outside(small: Path) -> None:
+def test_radius_outside_the_measured_spreads_is_shown(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     results = table(benchmark, {"never": runs(0.01), "always": runs(0.01, failures=RUNS)}, "published")
     wide = Trial("published", "mujoco", "spread-3", "short", "between")
@@ -177,13 +179,13 @@ def test_the_radius_is_said_even_where_it_lies_outside(small: Path) -> None:
     ]
 
 
-def test_a_crane_that_cannot_be_simulated_is_no_failure_of_a_law(small: Path) -> None:
+def test_crane_that_cannot_be_simulated_is_no_failure(small: Path) -> None:
     """Crane 3 could not be simulated with any controller; crane 2 failed with one, which counts."""
     benchmark = read_benchmark(str(small))
     results = table(benchmark, {"first": runs(0.01), "second": runs(0.02)}, "published")
-    for law, failed in (("first", (2, 3)), ("second", (3,))):
+    for controller, failed in (("first", (2, 3)), ("second", (3,))):
         status = tuple("failed" if k in failed else "completed" for k in range(RUNS))
-        trial = Trial("published", "mujoco", "spread-3", "short", law)
+        trial = Trial("published", "mujoco", "spread-3", "short", controller)
         stopped = Runs(np.isin(np.arange(RUNS), failed), status, results.trials[trial].metrics)
         results = BenchmarkTable(results.about, {**results.trials, trial: stopped})
     section = sections(benchmark, results)["published-radius"]
@@ -193,7 +195,7 @@ def test_a_crane_that_cannot_be_simulated_is_no_failure_of_a_law(small: Path) ->
     )
 
 
-def test_failures_are_named_by_division_with_what_shows_them(small: Path) -> None:
+def test_failures_are_listed_by_division_with_commands(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     results = table(benchmark, {"first": runs(0.01, failures=1)}, "tuned", "published")
     tuned, published = sections(benchmark, results)["failures"].tables
@@ -203,26 +205,30 @@ def test_failures_are_named_by_division_with_what_shows_them(small: Path) -> Non
         assert texts(shown)[0] == ["first", "path, state", "nominal", "short", "7", "beyond a limit", command]
     results.about["laws"]["first"]["file"] = "abc"
     for shown in sections(benchmark, results)["failures"].tables:
-        assert texts(shown)[0][-1].endswith("--run 7 --controller FILE"), "the law of a file asks for it"
+        assert texts(shown)[0][-1].endswith("--run 7 --controller FILE"), (
+            "a controller from a file needs its file"
+        )
 
 
-def test_a_law_without_effort_is_on_no_front(small: Path) -> None:
-    """A controller that could not run at all has no effort, which must not make it better than others."""
+def test_controller_without_effort_is_dominated(small: Path) -> None:
+    """A controller that cannot run has no effort, which must not make it better than others."""
     benchmark = read_benchmark(str(small))
-    laws = {"first": runs(0.01), "broken": runs(0.02, failures=RUNS, effort=math.nan)}
-    results = table(benchmark, laws, "published")
+    controllers = {"first": runs(0.01), "broken": runs(0.02, failures=RUNS, effort=math.nan)}
+    results = table(benchmark, controllers, "published")
     points = points_of(Judged(benchmark, results, "published").ranking("wide"))
     np.testing.assert_array_equal(points, [[0.1 / 0.9, 1.0, 0.0], [1.0, math.inf, 1.0]])
     shown = sections(benchmark, results)
     assert [row[0] for row in texts(shown["summary"].tables[0])] == ["first"]
-    assert [row[2] for row in texts(shown["published-wide"].tables[0])] == ["yes", "first"], "who is ahead"
+    assert [row[2] for row in texts(shown["published-wide"].tables[0])] == ["yes", "first"], (
+        "the dominating controller"
+    )
 
 
-def test_most_that_fail_have_no_effort_to_boast_of(small: Path) -> None:
-    """In all medians, the small effort of a failed run is no merit of its controller."""
+def test_failed_runs_do_not_lower_the_effort(small: Path) -> None:
+    """The small effort of a failed run does not improve any median."""
     benchmark = read_benchmark(str(small))
-    lazy = runs(0.01, failures=5, effort=0.1)
-    results = table(benchmark, {"lqr-integral": runs(0.02), "lazy": lazy}, "published")
+    failing = runs(0.01, failures=5, effort=0.1)
+    results = table(benchmark, {"lqr-integral": runs(0.02), "failing": failing}, "published")
     shown = sections(benchmark, results)
     assert [row[2] for row in texts(shown["published-wide"].tables[0])] == ["yes", "lqr-integral"]
     standing, _, scenario = (texts(shown_table)[1] for shown_table in shown["published-wide"].tables)
@@ -233,11 +239,11 @@ def test_most_that_fail_have_no_effort_to_boast_of(small: Path) -> None:
     assert second[-1] == "0"
 
 
-def test_laws_meet_on_the_cranes_that_all_of_them_have(small: Path) -> None:
+def test_controllers_are_compared_on_common_cranes(small: Path) -> None:
     """One controller may have run on the first cranes only, and a set-point controller has no path error."""
     benchmark = read_benchmark(str(small))
-    laws = {"mine": runs(0.01).first(6), "lqr-integral": runs(0.02), "other": runs(0.03)}
-    results = table(benchmark, laws, "published")
+    controllers = {"mine": runs(0.01).first(6), "lqr-integral": runs(0.02), "other": runs(0.03)}
+    results = table(benchmark, controllers, "published")
     results.about["laws"]["mine"] = {**FACTS, "file": "", "follows": "set-point"}
     trial = Trial("published", "mujoco", "wide", "short", "other")
     results.trials[trial._replace(scenario="path")] = results.trials.pop(trial)  # type: ignore[attr-defined,index]
@@ -246,18 +252,16 @@ def test_laws_meet_on_the_cranes_that_all_of_them_have(small: Path) -> None:
     assert shown.paragraphs[0].endswith("Not shown, since scenarios are missing: other.")
     scenario = {row[0]: row for row in texts(shown.tables[2])}["mine"]
     assert scenario[7:] == ["", "", "", "", "-0.10", "-0.10 to -0.10", "-1.00"]
-    assert texts(sections(benchmark, results)["published-second"].tables[0])[0][2] == "6", (
-        "of what runs there"
-    )
+    assert texts(sections(benchmark, results)["published-second"].tables[0])[0][2] == "6", "number of runs"
     for trial in [trial for trial in results.trials if trial.law == "mine" and trial.plant == "mujoco"]:
         results.trials[trial] = runs(0.01).first(5)  # type: ignore[index]
     shown = sections(benchmark, results)
     scenario = {row[0]: row for row in texts(shown["published-wide"].tables[2])}["mine"]
-    assert scenario[7:] == [""] * 7, "of five cranes not even the range is an interval of 95 %"
+    assert scenario[7:] == [""] * 7, "five cranes are too few for an interval of 95 %"
     assert texts(shown["published-second"].tables[0])[0][2] == "5"
 
 
-def test_tables_are_joined_where_they_are_of_the_same_laws(small: Path) -> None:
+def test_tables_of_different_controllers_are_not_joined(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     one, other = (table(benchmark, {"mine": runs(error)}, "published") for error in (0.01, 0.02))
     one.about["durations"].pop("path")
@@ -269,7 +273,7 @@ def test_tables_are_joined_where_they_are_of_the_same_laws(small: Path) -> None:
         join_tables([one, other])
 
 
-def test_a_law_has_the_same_numbers_in_all_tables(small: Path) -> None:
+def test_tables_with_different_numbers_are_not_joined(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     one, other = (table(benchmark, {"mine": runs(0.01)}, "tuned") for _ in range(2))
     other.about["tuned"]["mine"] = {**one.about["tuned"]["mine"], "numbers": {"x": [1.0, 2.0]}}
@@ -277,7 +281,7 @@ def test_a_law_has_the_same_numbers_in_all_tables(small: Path) -> None:
         join_tables([one, other])
 
 
-def test_a_table_is_read_as_it_was_written_or_not_at_all(small: Path) -> None:
+def test_table_is_read_as_written_or_refused(small: Path) -> None:
     results = table(read_benchmark(str(small)), {"first": runs(0.01, failures=1)}, "tuned")
     file = small.with_name("made.parquet")
     write_table(file, results)
@@ -304,8 +308,8 @@ def test_classes_of_information() -> None:
     assert information("flat-velocity")["rig"] == ["gravity", "time_constants"]
 
 
-def test_a_controller_without_a_declaration_is_shown_so(small: Path) -> None:
-    """What it reads is not guessed; a force command implies that the loop uses masses."""
+def test_missing_declaration_is_shown(small: Path) -> None:
+    """The page does not guess what it reads. For force commands the loop uses masses."""
     with known(replace(FOLLOWING, name="silent", reads=None)) as name:
         silent = information(name)
     assert (silent["rig"], silent["reads_path"]) == (None, None)

@@ -1,4 +1,4 @@
-"""Compare scores with results computed by hand."""
+"""Compare scores with values computed by hand."""
 
 import math
 
@@ -10,7 +10,7 @@ from cranectl.campaign.benchmark import scores
 NAN = math.nan
 
 
-def test_paired_differences_are_over_the_cranes_that_both_master() -> None:
+def test_paired_differences_use_cranes_on_which_both_have_values() -> None:
     baseline = np.array([1.0, 2.0, 3.0, NAN, 5.0])
     own = baseline - np.array([0.5, 0.5, 0.5, 0.5, -0.1])
     own[0] = NAN
@@ -24,16 +24,16 @@ def test_paired_differences_are_over_the_cranes_that_both_master() -> None:
     assert scores.paired_difference(np.full(5, NAN), baseline, seed=1).cranes == 0
 
 
-def test_the_interval_of_the_median_covers_it_as_often_as_it_says() -> None:
+def test_interval_of_median_has_its_confidence_level() -> None:
     generator = np.random.Generator(np.random.Philox(5))
-    inside = 0
+    covered = 0
     for trial in range(200):
         difference = scores.paired_difference(generator.normal(0.3, 1.0, 50), np.zeros(50), seed=trial)
-        inside += difference.low <= 0.3 <= difference.high
-    assert 0.90 <= inside / 200 <= 0.99
+        covered += difference.low <= 0.3 <= difference.high
+    assert 0.90 <= covered / 200 <= 0.99
 
 
-def test_what_does_not_settle_counts_to_the_end_and_failures_too() -> None:
+def test_unsettled_and_failed_runs_count_as_whole_rest_phase() -> None:
     settling, failed = np.array([0.0, 2.0, NAN, 1.0]), np.array([False, False, False, True])
     assert scores.unsettled_share(settling, failed, 4.0) == pytest.approx((0.0 + 2.0 + 4.0 + 4.0) / 16.0)
     assert scores.settled_share(settling, failed) == 0.5
@@ -49,13 +49,13 @@ def test_profiles_have_failures_at_infinity() -> None:
     np.testing.assert_array_equal(shares, [[0.25, 0.5, 0.5], [0.5, 0.75, 0.75]])
 
 
-def test_the_front_keeps_what_no_other_is_better_than() -> None:
+def test_front_contains_undominated_points() -> None:
     points = np.array([[1.0, 5.0], [2.0, 2.0], [2.0, 2.0], [3.0, 2.0], [5.0, 1.0]])
     assert scores.undominated(points).tolist() == [True, True, True, False, True]
     assert np.argwhere(scores.dominates(points)).tolist() == [[1, 3], [2, 3]]
 
 
-def test_the_radius_lies_where_a_twentieth_fails() -> None:
+def test_radius_is_where_five_percent_fail() -> None:
     spreads = np.array([1.0, 2.0, 4.0])
     assert scores.robustness_radius(spreads, np.array([0.0, 0.0, 0.2])) == pytest.approx(2.5)
     assert scores.robustness_radius(spreads, np.array([0.1, 0.0, 0.2])) == 0.0

@@ -1,4 +1,4 @@
-"""Every controller drives the same cranes; the list of trials is complete."""
+"""All controllers run on the same cranes, and the list of trials is complete."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from cranectl.support import resources
 from cranectl.support.errors import InputError
 
 
-def test_the_cranes_are_the_same_for_every_law_plant_and_number_of_them(small: Path) -> None:
+def test_cranes_are_the_same_for_all_controllers_plants_and_counts(small: Path) -> None:
     benchmark, servo = (
         read_benchmark(str(small)),
         open_controller(str(small.with_name("servo.py")) + ":SERVO"),
@@ -32,23 +32,25 @@ def test_the_cranes_are_the_same_for_every_law_plant_and_number_of_them(small: P
         np.testing.assert_array_equal(sample_values(other, 0, runs), cranes[:runs])
 
 
-def test_a_wider_set_has_the_same_cranes_farther_out(small: Path) -> None:
+def test_wider_set_has_the_same_cranes_with_larger_deviations(small: Path) -> None:
     benchmark = read_benchmark(str(small))
-    at = {
+    campaigns = {
         name: campaign_of(benchmark, Trial("published", "mujoco", name, "short", "pid"))
         for name in ("spread-1", "spread-3", "nominal")
     }
-    (one, three), none = (sample_values(at[n], 0, 4) for n in ("spread-1", "spread-3")), at["nominal"]
+    one, three = (sample_values(campaigns[name], 0, 4) for name in ("spread-1", "spread-3"))
+    nominal = campaigns["nominal"]
     mass, delay, seed = (
-        none.names.index(n) for n in ("rig.load_mass", "effects.delay.seconds", "effects.sensing.seed")
+        nominal.names.index(name)
+        for name in ("rig.load_mass", "effects.delay.seconds", "effects.sensing.seed")
     )
     np.testing.assert_allclose(three[:, mass], one[:, mass] ** 3, rtol=1e-12)
     assert np.ptp(one[:, delay]) > 0.0
-    assert set(sample_values(none, 0, 2)[:, mass]) == {1.0}
+    assert set(sample_values(nominal, 0, 2)[:, mass]) == {1.0}
     np.testing.assert_array_equal(three[:, seed], one[:, seed])
 
 
-def test_distributions_of_sets_and_scenarios_come_before_those_of_all(small: Path) -> None:
+def test_distributions_of_sets_and_scenarios_replace_common_ones(small: Path) -> None:
     benchmark = read_benchmark(str(small))
     wide = campaign_of(benchmark, Trial("published", "mujoco", "wide", "path", "pid"))
     values = dict(zip(wide.names, sample_values(wide, 0, 6).T, strict=True))
@@ -58,48 +60,48 @@ def test_distributions_of_sets_and_scenarios_come_before_those_of_all(small: Pat
     assert wide.settings.limits.given == {"final_error_m": 0.05}
 
 
-def test_laws_run_where_it_suits_them(small: Path) -> None:
+def test_controllers_run_on_suitable_scenarios(small: Path) -> None:
     benchmark, servo = (
         read_benchmark(str(small)),
         open_controller(str(small.with_name("servo.py")) + ":SERVO"),
     )
     trials = trials_of(benchmark, ("lqr-integral", servo))
     assert len(trials) == len(set(trials)) == 2 * 2 * 3 + 2 * 2 + 2 * 2
-    assert not [p for p in trials if p.law == servo and p.scenario == "path"]
-    chosen = trials_of(benchmark, ("lqr-integral",), ("nominal",), ("path",))
-    assert chosen == [
+    assert not [trial for trial in trials if trial.law == servo and trial.scenario == "path"]
+    selected = trials_of(benchmark, ("lqr-integral",), ("nominal",), ("path",))
+    assert selected == [
         Trial("published", plant, "nominal", "path", "lqr-integral") for plant in ("mujoco", "analytic")
     ]
     with pytest.raises(InputError, match="unknown set of small 'narrow'"):
         trials_of(benchmark, ("lqr-integral",), ("narrow",))
 
 
-def test_one_uncertainty_alone(small: Path) -> None:
-    """The draws are those of the full set, so that the effect of each uncertainty can be compared."""
+def test_sets_with_one_uncertainty(small: Path) -> None:
+    """The values are those of the full set, so that effects of uncertainties can be compared."""
     benchmark = read_benchmark(str(small))
 
-    def drawn(crane_set: str) -> tuple[tuple[str, ...], np.ndarray]:
+    def sample(crane_set: str) -> tuple[tuple[str, ...], np.ndarray]:
         campaign = campaign_of(benchmark, Trial("published", "mujoco", crane_set, "short", "lqr-integral"))
         return campaign.names, sample_values(campaign, 0, campaign.runs)
 
-    names, together = drawn("spread-3")
+    names, full = sample("spread-3")
     for name, parameter in (("only-load", "rig.load_mass"), ("only-sensing", "effects.sensing.seed")):
-        alone, values = drawn(name)
-        assert (alone, len(values)) == ((parameter,), 3)
-        np.testing.assert_array_equal(values[:, 0], together[:3, names.index(parameter)])
-    wrong = benchmark.model_copy(
+        single, values = sample(name)
+        assert (single, len(values)) == ((parameter,), 3)
+        np.testing.assert_array_equal(values[:, 0], full[:3, names.index(parameter)])
+    unknown = benchmark.model_copy(
         update={"singles": benchmark.singles.model_copy(update={"effects": {"wind": ("effects.wind",)}})}
     )
     with pytest.raises(InputError, match=r"effects\.wind: no uncertain parameter has such a name"):
-        campaign_of(wrong, Trial("published", "mujoco", "only-wind", "short", "lqr-integral"))
+        campaign_of(unknown, Trial("published", "mujoco", "only-wind", "short", "lqr-integral"))
 
 
-def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
+def test_rules_exclude_controllers_and_seed(small: Path) -> None:
     def rules() -> str:
         return rules_of(read_benchmark(str(small)))
 
     first, scenario = rules(), small.parent / "short.toml"
-    for file, old, new, same in (
+    for file, old, new, is_same in (
         (small, "seed = 3", "seed = 4", True),
         (small, '["lqr-integral", "servo.py:SERVO"]', '["lqr"]', True),
         (small, "spread = 2.0", "spread = 2.5", False),
@@ -111,7 +113,7 @@ def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
         text = file.read_text()
         assert old in text
         file.write_text(text.replace(old, new))
-        assert (rules() == first) is same, new
+        assert (rules() == first) is is_same, new
         file.write_text(text)
 
 
@@ -125,7 +127,7 @@ def test_the_rules_are_all_but_laws_and_seed(small: Path) -> None:
         ("[sets.wide]", "[sets.spread-2]", "names that do not begin with spread- or only-"),
     ],
 )
-def test_rules_that_would_not_judge_are_refused(small: Path, old: str, new: str, message: str) -> None:
+def test_invalid_rules_are_refused(small: Path, old: str, new: str, message: str) -> None:
     text = small.read_text()
     assert old in text
     small.write_text(text.replace(old, new))
@@ -134,7 +136,7 @@ def test_rules_that_would_not_judge_are_refused(small: Path, old: str, new: str,
 
 
 @pytest.mark.parametrize("name", resources.toml_names(resources.BENCHMARK_DIRECTORY))
-def test_those_that_come_with_cranectl_can_be_run(name: str) -> None:
+def test_shipped_benchmarks_can_be_run(name: str) -> None:
     benchmark = read_benchmark(name)
     assert benchmark.baseline in benchmark.laws
     for trial in trials_of(benchmark, ("lqr-integral",)):

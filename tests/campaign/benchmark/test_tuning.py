@@ -1,4 +1,4 @@
-"""Test tuning: cost computed by hand, same result for any number of threads, better numbers, all points."""
+"""Test tuning: cost by hand, equal results for any number of threads, better numbers, stored points."""
 
 import json
 import os
@@ -25,11 +25,11 @@ from cranectl.planning import load_scenario
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
 from cranectl.support.errors import InputError, MachineError
-from tests.benchmark.conftest import laws_closed
+from tests.benchmark.conftest import close_opened_controllers
 from tests.campaign.benchmark.tiny import write_tiny
 from tests.cli.suggestions import execute, suggested_commands
 
-__all__ = ["laws_closed"]
+__all__ = ["close_opened_controllers"]
 
 COMPLETED: dict[str, Any] = {
     "status": "completed",
@@ -50,7 +50,7 @@ def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Benchmark:
     return write_tiny(tmp_path)
 
 
-def test_the_cost_of_a_run() -> None:
+def test_cost_of_a_run() -> None:
     settings = ["duration=10.0", "disturbances=[]", "metrics.settling_tolerance=0.02", "rig.gravity=10.0"]
     scenario = load_scenario("fixed-position", overrides=settings)
     cost = 0.05 / 0.1 + 0.1 + 0.05 + 0.02 * 200.0 / 100.0
@@ -66,32 +66,30 @@ def test_the_cost_of_a_run() -> None:
         assert run_cost(stopped, scenario, True, 0.02) == 10.75
 
 
-def test_a_tuned_law_is_better_and_every_point_is_kept(tiny: Benchmark) -> None:
-    law = open_controller("mine.py:LAW")
-    done: list[int] = []
-    alone = tune(tiny, law, workers=1, advance=done.append)
-    assert alone == tune(tiny, law, workers=2)
-    assert len(alone.points) == sum(done) / 2 == 20
-    assert alone.points[0].values == (1.0, -2.0)
-    assert len({point.values for point in alone.points}) == 20
-    untuned, half, full = alone.best_points.values()
-    assert untuned == alone.points[0]
-    assert half.cost == min(point.cost for point in alone.points[:10])
-    assert full.cost == min(point.cost for point in alone.points) < half.cost < 0.9 * untuned.cost
-    for variable, values in zip(alone.variables, np.array([p.values for p in alone.points]).T, strict=True):
+def test_tuning_improves_controller_and_keeps_all_points(tiny: Benchmark) -> None:
+    controller = open_controller("mine.py:MINE")
+    runs: list[int] = []
+    result = tune(tiny, controller, workers=1, advance=runs.append)
+    assert result == tune(tiny, controller, workers=2)
+    assert len(result.points) == sum(runs) / 2 == 20
+    assert result.points[0].values == (1.0, -2.0)
+    assert len({point.values for point in result.points}) == 20
+    untuned, half, full = result.best_points.values()
+    assert untuned == result.points[0]
+    assert half.cost == min(point.cost for point in result.points[:10])
+    assert full.cost == min(point.cost for point in result.points) < half.cost < 0.9 * untuned.cost
+    for variable, values in zip(result.variables, np.array([p.values for p in result.points]).T, strict=True):
         assert np.all((np.abs(values) >= variable.low) & (np.abs(values) <= variable.high))
 
 
-def test_what_is_written_gives_the_same_cost_again(
-    tiny: Benchmark, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["tune", "mine.py:LAW", "--benchmark", "tiny.toml", "--runs", "13", "--out", "out"]) == 2
+def test_written_numbers_give_the_same_cost(tiny: Benchmark, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tune", "mine.py:MINE", "--benchmark", "tiny.toml", "--runs", "13", "--out", "out"]) == 2
     assert "--trust" in capsys.readouterr().err
-    command = ["tune", "mine.py:LAW", "--benchmark", "tiny.toml", "--trust", "--out", "out", "--runs", "13"]
-    assert main([*command, "--json", "told.json"]) == 0
+    command = ["tune", "mine.py:MINE", "--benchmark", "tiny.toml", "--trust", "--out", "out", "--runs", "13"]
+    assert main([*command, "--json", "output.json"]) == 0
     assert "controller.mine.stiffness" in capsys.readouterr().out
     written, points = read_toml(Path("out/mine.toml")), parquet.read_table("out/mine.parquet")
-    output = json.loads(Path("told.json").read_text())
+    output = json.loads(Path("output.json").read_text())
     assert output.pop("files") == ["out/mine.toml", "out/mine.parquet"]
     assert written == output
     assert (written["law"], written["benchmark"], written["seed"]) == ("mine", "tiny", 7)
@@ -112,20 +110,37 @@ def test_what_is_written_gives_the_same_cost_again(
     assert np.mean(broken) == written["failed"]["full"]
 
 
-@pytest.mark.parametrize("state", ["absent", "of another law", "by other rules", "damaged"])
+@pytest.mark.parametrize("state", ["absent", "of another controller", "by other rules", "damaged"])
 @pytest.mark.usefixtures("tiny")
-def test_the_command_that_tunes_again_does(state: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """The command names the controller's file and the benchmark, whatever their names are."""
-    Path("mine.py").rename("my law.py")
+def test_suggested_command_tunes_again(state: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The command quotes the names of the controller's file and of the benchmark."""
+    Path("mine.py").rename("my controller.py")
     Path("tiny.toml").rename("the tiny.toml")
-    run = ["benchmark", "run", "the tiny.toml", "--controller", "my law.py:LAW", "--division", "tuned"]
+    run = [
+        "benchmark",
+        "run",
+        "the tiny.toml",
+        "--controller",
+        "my controller.py:MINE",
+        "--division",
+        "tuned",
+    ]
     run += ["--tuned", "my numbers", "--set-of-cranes", "nominal", "--out", "out"]
     if state != "absent":
-        tune = ["tune", "my law.py:LAW", "--benchmark", "the tiny.toml", "--runs", "4", "--out", "my numbers"]
+        tune = [
+            "tune",
+            "my controller.py:MINE",
+            "--benchmark",
+            "the tiny.toml",
+            "--runs",
+            "4",
+            "--out",
+            "my numbers",
+        ]
         assert main(tune) == 0
         file, key = (
             Path("my numbers/mine.toml"),
-            {"of another law": "code", "by other rules": "rules"}.get(state),
+            {"of another controller": "code", "by other rules": "rules"}.get(state),
         )
         text = file.read_text()
         file.write_text(
@@ -139,7 +154,7 @@ def test_the_command_that_tunes_again_does(state: str, capsys: pytest.CaptureFix
     assert main(run) == 0
 
 
-def test_numbers_that_a_law_refuses_cost_the_most(tiny: Benchmark) -> None:
+def test_refused_numbers_have_the_largest_cost(tiny: Benchmark) -> None:
     tuned = tune(tiny, open_controller("mine.py:REFUSES"))
     refused = [point for point in tuned.points if point.values[0] > 12.0]
     assert 0 < len(refused) < 20
@@ -147,7 +162,7 @@ def test_numbers_that_a_law_refuses_cost_the_most(tiny: Benchmark) -> None:
     assert all(point.cost < 11.0 for point in tuned.points if point not in refused)
 
 
-def test_a_law_that_never_returns_costs_its_run(tiny: Benchmark) -> None:
+def test_controller_that_never_returns_has_the_cost_of_a_stop(tiny: Benchmark) -> None:
     tuned = tune(tiny, open_controller("mine.py:HANGS"), runs=10, patience=0.5)
     hanging = [point for point in tuned.points if point.values[0] > 1.0005]
     assert 0 < len(hanging) < len(tuned.points) == 5
@@ -156,7 +171,7 @@ def test_a_law_that_never_returns_costs_its_run(tiny: Benchmark) -> None:
 
 
 @pytest.mark.usefixtures("tiny")
-def test_a_law_with_nothing_to_tune_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+def test_controller_without_variables_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["tune", "./mine.py:STIFF", "--benchmark", "tiny.toml", "--out", "out"]) == 0
     assert "stiff has nothing to tune" in capsys.readouterr().out
     written = read_toml(Path("out/stiff.toml"))
@@ -165,23 +180,23 @@ def test_a_law_with_nothing_to_tune_says_so(capsys: pytest.CaptureFixture[str]) 
     assert len(set(written["cost"].values())) == 1
 
 
-def test_what_cannot_be_tuned(tiny: Benchmark, monkeypatch: pytest.MonkeyPatch) -> None:
-    law = open_controller("mine.py:LAW")
+def test_tuning_errors(tiny: Benchmark, monkeypatch: pytest.MonkeyPatch) -> None:
+    controller = open_controller("mine.py:MINE")
     with pytest.raises(InputError, match="a budget of 3 runs") as too_few:
-        tune(tiny, law, runs=3)
+        tune(tiny, controller, runs=3)
     assert "4 runs or more" in str(too_few.value)
-    with pytest.raises(InputError, match="'wanders' follows a set-point, and tiny tunes on no scenario"):
-        tune(tiny, open_controller("mine.py:WANDERS"))
+    with pytest.raises(InputError, match="'points' follows a set-point, and tiny tunes on no scenario"):
+        tune(tiny, open_controller("mine.py:POINTS"))
     refused = tiny.model_copy(update={"set": ("controller.mine.damping=13.0",)})
     with pytest.raises(InputError, match="too much damping"):
-        tune(refused, law)
+        tune(refused, controller)
     monkeypatch.setitem(sys.modules, "cma", None)
     with pytest.raises(InputError, match="tuning needs pycma") as absent:
-        tune(tiny, law)
+        tune(tiny, controller)
     assert "pip install 'cranectl[tune]'" in str(absent.value)
 
 
-def test_a_path_that_only_begins_in_the_package_is_not_trusted(tmp_path: Path) -> None:
+def test_path_that_leaves_the_package_is_not_trusted(tmp_path: Path) -> None:
     write_tiny(tmp_path)
     folder = resources.BENCHMARK_DIRECTORY
     file = folder / os.path.relpath(tmp_path / "tiny.toml", folder.resolve())
@@ -189,13 +204,11 @@ def test_a_path_that_only_begins_in_the_package_is_not_trusted(tmp_path: Path) -
         measured_controllers(read_benchmark(str(file)))
 
 
-def test_numbers_that_the_machine_cannot_run_are_not_taken_for_refused(
-    tiny: Benchmark, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def planned(*_: object) -> None:
+def test_machine_errors_are_not_refusals(tiny: Benchmark, monkeypatch: pytest.MonkeyPatch) -> None:
+    def exhaust_memory(*_: object) -> None:
         raise MemoryError
 
     controller = tune(tiny, "pid", runs=10).controller
-    monkeypatch.setattr("cranectl.campaign.worker.plan_run", planned)
+    monkeypatch.setattr("cranectl.campaign.worker.plan_run", exhaust_memory)
     with pytest.raises(MachineError, match="MemoryError"):
         tune(tiny, controller, runs=10)

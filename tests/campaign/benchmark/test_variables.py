@@ -1,4 +1,4 @@
-"""Test the numbers that tuning may change, with the bounds that controllers declare."""
+"""Test the numbers that tuning may change, and their declared bounds."""
 
 import pytest
 
@@ -10,34 +10,34 @@ from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.planning import load_scenario
 from cranectl.scenario.similarity import size_of
 from cranectl.support.errors import InputError
-from tests.benchmark.conftest import laws_closed
+from tests.benchmark.conftest import close_opened_controllers
 from tests.conftest import ROOT
 
-__all__ = ["laws_closed"]
+__all__ = ["close_opened_controllers"]
 
 NEGATIVE = Variable("controller.a.k", -4.0, 1.0, 100.0, -0.5)
 
 
-def test_places_are_logarithmic_and_keep_the_sign() -> None:
+def test_positions_are_logarithmic_and_keep_the_sign() -> None:
     assert [NEGATIVE.value_at(position) for position in (0.0, 0.5, 1.0)] == [-1.0, -10.0, -100.0]
     assert NEGATIVE.value_at(NEGATIVE.start_position) == -4.0
-    assert NEGATIVE.value_at(1.0 / 3.0) == -4.642  # four digits: what is printed is what was run
+    assert NEGATIVE.value_at(1.0 / 3.0) == -4.642  # four digits, so that the printed value is the used one
     assert NEGATIVE._replace(start=0.0).start_position == 0.0
     assert NEGATIVE._replace(start=1e3).start_position == 1.0
 
 
-def test_a_law_is_tuned_where_it_says() -> None:
+def test_variables_are_those_that_the_controller_declares() -> None:
     names = [variable.key for variable in variables_of("lqr-integral")]
-    declared = [variable for variable in load_controller("lqr-integral").parameters if variable.search]
-    assert names == [f"controller.lqr-integral.{variable.name}" for variable in declared]
+    declared = [parameter for parameter in load_controller("lqr-integral").parameters if parameter.search]
+    assert names == [f"controller.lqr-integral.{parameter.name}" for parameter in declared]
     assert [(variable.low, variable.high) for variable in variables_of("lqr-integral")] == [
-        e.search for e in declared
+        parameter.search for parameter in declared
     ]
     with pytest.raises(InputError, match="unknown controller 'lrq'"):
         variables_of("lrq")
 
 
-def test_the_flat_family_is_tuned_by_its_parts() -> None:
+def test_variables_of_the_flat_family_are_those_of_its_parts() -> None:
     parts = {name: [variable.key for variable in variables_of(name)] for name in FLAT_FAMILY}
     assert parts["pole-placement"] == [f"design.poles.{k}" for k in range(4)]
     assert parts["lqr"] == [f"design.state_weights.{k}" for k in range(4)]
@@ -55,7 +55,7 @@ def test_the_flat_family_is_tuned_by_its_parts() -> None:
 
 
 @pytest.mark.parametrize("name", sorted({*FLAT_FAMILY, *read_benchmark("literature").laws}))
-def test_all_within_the_bounds_is_allowed(name: str) -> None:
+def test_values_at_both_bounds_are_allowed(name: str) -> None:
     if ":" in name:
         name = open_controller(str(ROOT / "validation" / "benchmark" / name))
     variables = variables_of(name)
@@ -68,7 +68,7 @@ def test_all_within_the_bounds_is_allowed(name: str) -> None:
         assert 0.0 < variable.low <= abs(variable.start) <= variable.high
 
 
-def test_numbers_reach_a_scenario_scaled_to_its_crane() -> None:
+def test_values_are_scaled_to_the_crane_of_a_scenario() -> None:
     poles = variables_of("pole-placement")
     start = [variable.start for variable in poles]
     assert assignments(poles, start) == []

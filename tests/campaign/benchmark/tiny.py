@@ -1,4 +1,4 @@
-"""A benchmark that takes seconds, and a controller with one number that matters."""
+"""Write a benchmark that takes seconds, with a file of simple controllers."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
 TINY = """\
 name = "tiny"
 seed = 1
-laws = ["mine.py:LAW"]
+laws = ["mine.py:MINE"]
 baseline = "lqr-integral"
 plant = "analytic"
 set = ["duration=2.5"]
@@ -57,14 +57,14 @@ def step(parameters, measured, reference, memory, command):
         command[axis] = parameters[0] * (target - measured[2 * axis]) - parameters[1] * measured[2 * axis + 1]
     return 0
 """
-LAW = f"""\
+CONTROLLERS = f"""\
 {STEP}
 def prepare(nominal):
     if nominal.parameters["damping"] > 12.0:
         raise InputError("too much damping")
     return np.array([nominal.parameters["stiffness"], -nominal.parameters["damper"]]), np.zeros(1)
 
-LAW = Controller(
+MINE = Controller(
     "mine", "a spring and a damper on each drive", step, prepare,
     parameters=(
         Parameter("stiffness", 1.0, "1/s²", "spring", 0.0, 1e4, search=(0.5, 50.0), length_power=-1.0),
@@ -72,7 +72,7 @@ LAW = Controller(
         Parameter("damping", 1.0, "1/s", "refused where large", 0.0, 1e4),
     ),
 )
-STIFF = Controller("stiff", "without search", step, prepare, parameters=(
+STIFF = Controller("stiff", "without numbers to tune", step, prepare, parameters=(
     Parameter("stiffness", 16.0, "1/s²", "spring"), Parameter("damper", -8.0, "1/s", "damper"),
     Parameter("damping", 1.0, "1/s", "refused where large"),
 ))
@@ -86,14 +86,14 @@ def hang(parameters, measured, reference, memory, command):
     command[0] = command[1] = command[2] = 0.0
     return 0
 
-HANGS = Controller("hangs", "where it is stiff it never returns", hang, prepare, parameters=LAW.parameters)
-WANDERS = Controller("wanders", "of set points", step, prepare, follows="set-point",
-                     parameters=LAW.parameters)
+HANGS = Controller("hangs", "never returns if it is stiff", hang, prepare, parameters=MINE.parameters)
+POINTS = Controller("points", "follows set-points", step, prepare, follows="set-point",
+                    parameters=MINE.parameters)
 """
 
 
 def write_tiny(directory: Path) -> Benchmark:
     """Write `tiny.toml`, its scenario and its controllers into `directory`, and read it."""
-    for name, text in (("tiny.toml", TINY), ("move.toml", MOVE), ("mine.py", LAW)):
+    for name, text in (("tiny.toml", TINY), ("move.toml", MOVE), ("mine.py", CONTROLLERS)):
         (directory / name).write_text(text, encoding="utf-8")
     return read_benchmark(str(directory / "tiny.toml"))
