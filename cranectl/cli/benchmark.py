@@ -148,7 +148,7 @@ def run_benchmark(
     numbers = functools.partial(
         tuned_settings, tuned or settings.file.parent / "tuned", rules, benchmark=benchmark
     )
-    campaign = functools.partial(campaign_of, settings, most=draws, tuned=numbers)
+    campaign = functools.partial(campaign_of, settings, max_cranes=draws, tuned=numbers)
     with batch_engine(scheduler, patience) as engine, progress(*BAR) as shown:
         task = shown.add_task(settings.name, total=len(trials))
         done = run_trials(

@@ -109,7 +109,7 @@ def assert_as_shipped(judged: BenchmarkTable, trials: Sequence[Trial], directory
     """Compare the first run of each trial with the one in the table, to 1e-3."""
     rules = rules_of(BENCHMARK)
     numbers = functools.partial(tuned_settings, BENCHMARK_FOLDER / "tuned", rules)
-    campaign = functools.partial(campaign_of, BENCHMARK, most=1, tuned=numbers)
+    campaign = functools.partial(campaign_of, BENCHMARK, max_cranes=1, tuned=numbers)
     with batch_engine(None, patience=HANG) as engine:
         finished_trials = [
             finished.trial for finished in run_trials(list(trials), campaign, directory, engine, workers=2)

@@ -38,8 +38,10 @@ def acceleration_error(run: Run) -> float:
 def test_drives_are_linear_for_any_swing_with_right_masses(plant: str) -> None:
     initial_swing = ["initial.alpha_offset=0.5", "initial.beta_offset=-0.6"]
     assert acceleration_error(simulate(*UNDISTURBED, *initial_swing, plant=plant, drive="force")) < 0.01
-    wrong = simulate(*UNDISTURBED, *initial_swing, plant=plant, drive="force", assumed="rig.load_mass=1.5")
-    assert acceleration_error(wrong) > 0.1
+    with_wrong_mass = simulate(
+        *UNDISTURBED, *initial_swing, plant=plant, drive="force", assumed="rig.load_mass=1.5"
+    )
+    assert acceleration_error(with_wrong_mass) > 0.1
 
 
 @pytest.mark.parametrize("length", [0.2, 0.7, 1.4])

@@ -107,10 +107,10 @@ def compare_log_with_library(repeats: int) -> list[Measurement]:
     ratios, rates = [], []
     with tempfile.TemporaryDirectory() as folder:
         for _ in range(repeats + 1):
-            ours = time_call(lambda: write_log(Path(folder) / "ours.mcap", runs, every=4))
-            library = time_call(lambda: _write_prebuilt(Path(folder) / "library.mcap", prebuilt))
-            ratios.append(library / ours)
-            rates.append(count / ours)
+            own_time = time_call(lambda: write_log(Path(folder) / "ours.mcap", runs, every=4))
+            library_time = time_call(lambda: _write_prebuilt(Path(folder) / "library.mcap", prebuilt))
+            ratios.append(library_time / own_time)
+            rates.append(count / own_time)
         path = Path(folder) / "ours.mcap"
         size = path.stat().st_size / 1e6
         all_signals = [time_call(lambda: read_log(path)) for _ in range(repeats + 1)]

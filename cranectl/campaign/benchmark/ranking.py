@@ -47,13 +47,13 @@ class Judged(NamedTuple):
     table: BenchmarkTable
     division: Division
 
-    def trial(self, crane_set: str, scenario: str, law: str, plant: str = "") -> Trial:
+    def trial(self, crane_set: str, scenario: str, controller: str, plant: str = "") -> Trial:
         """Return a trial of this division, by default on the benchmark's first plant."""
-        return Trial(self.division, plant or self.benchmark.plant, crane_set, scenario, law)
+        return Trial(self.division, plant or self.benchmark.plant, crane_set, scenario, controller)
 
-    def runs(self, crane_set: str, scenario: str, law: str, plant: str = "") -> Runs | None:
+    def runs(self, crane_set: str, scenario: str, controller: str, plant: str = "") -> Runs | None:
         """Return the runs of a trial of this division, or None if it has none."""
-        return self.table.trials.get(self.trial(crane_set, scenario, law, plant))
+        return self.table.trials.get(self.trial(crane_set, scenario, controller, plant))
 
     def shared_scenarios(self, crane_set: str) -> list[str]:
         """Return the scenarios that suit all kinds of controllers, and on which any controller has run."""

@@ -150,29 +150,29 @@ def join_tables(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
     """
     first, *others = tables
     about, trials = dict(first.about), dict(first.trials)
-    for other in others:
-        check_comparable(other, about)
-        trials = {**other.trials, **trials}
-        about |= {name: {**other.about[name], **about[name]} for name in ("durations", "laws", "tuned")}
-        more = [software for software in other.about["made_by"] if software not in about["made_by"]]
-        about["made_by"] = [*about["made_by"], *more]
+    for table in others:
+        check_comparable(table, about)
+        trials = {**table.trials, **trials}
+        about |= {name: {**table.about[name], **about[name]} for name in ("durations", "laws", "tuned")}
+        new_software = [item for item in table.about["made_by"] if item not in about["made_by"]]
+        about["made_by"] = [*about["made_by"], *new_software]
     return BenchmarkTable(about, trials)
 
 
 def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
     """Raise InputError unless rules, seed, controller files and tuned numbers of `table` equal `about`."""
     compared = [(name, table.about[name], about[name]) for name in ("rules", "seed")]
-    for part, what in (("laws", "file"), ("tuned", "numbers")):
-        entries, known = table.about[part], about.get(part, {})
+    for part, fact in (("laws", "file"), ("tuned", "numbers")):
+        facts, expected_facts = table.about[part], about.get(part, {})
         compared += [
-            (f"{what} of {controller}", entries[controller][what], known[controller][what])
-            for controller in entries
-            if controller in known
+            (f"{fact} of {controller}", facts[controller][fact], expected_facts[controller][fact])
+            for controller in facts
+            if controller in expected_facts
         ]
-    for name, found, expected in compared:
-        if found != expected:
+    for name, actual, expected in compared:
+        if actual != expected:
             raise InputError(
-                f"results whose {name} differ: {found} and {expected}",
+                f"results whose {name} differ: {actual} and {expected}",
                 allowed="results of one benchmark with the same rules, cranes and controllers",
                 remedy="run the controllers again with this version of the benchmark",
             )

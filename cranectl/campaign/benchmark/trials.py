@@ -114,16 +114,16 @@ def campaign_of(
     benchmark: Benchmark,
     trial: Trial,
     *,
-    most: int | None = None,
+    max_cranes: int | None = None,
     tuned: Callable[[str, float], Sequence[str]] = lambda _controller, _length: (),
 ) -> Campaign:
-    """Return the campaign of `trial` with at most `most` cranes.
+    """Return the campaign of `trial` with at most `max_cranes` cranes.
 
     `tuned(name, length)` returns the settings of a tuned controller, on a crane `length` times as large as
     the laboratory rig. Raises InputError as `unchecked_campaign`.
     """
     cranes = sets_of(benchmark)[trial.crane_set]
-    draws = cranes.draws if most is None else min(most, cranes.draws)
+    draws = cranes.draws if max_cranes is None else min(max_cranes, cranes.draws)
     if trial.plant == benchmark.second_plant:
         draws = max(1, round(benchmark.second_share * draws))
     numbers: Sequence[str] = ()

@@ -22,12 +22,12 @@ def test_cranes_are_the_same_for_all_controllers_plants_and_counts(small: Path) 
     first = campaign_of(benchmark, Trial("published", "mujoco", "wide", "short", "lqr-integral"))
     cranes = sample_values(first, 0, first.runs)
     assert len(cranes) == 6
-    for trial, most, runs in (
+    for trial, max_cranes, runs in (
         (Trial("published", "mujoco", "wide", "short", servo), None, 6),
         (Trial("published", "mujoco", "wide", "short", servo), 3, 3),
         (Trial("published", "analytic", "wide", "short", "lqr-integral"), None, 2),
     ):
-        other = campaign_of(benchmark, trial, most=most)
+        other = campaign_of(benchmark, trial, max_cranes=max_cranes)
         assert other.runs == runs
         np.testing.assert_array_equal(sample_values(other, 0, runs), cranes[:runs])
 

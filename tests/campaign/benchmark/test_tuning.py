@@ -104,10 +104,13 @@ def test_written_numbers_give_the_same_cost(tiny: Benchmark, capsys: pytest.Capt
     tuned_benchmark = tiny.model_copy(update={"set": (*tiny.set, *settings)})
     campaign = tuning_campaign(tuned_benchmark, "move", "mine")
     rows = Worker(Prepared(campaign)).run_batch(Batch("analytic", "mine", 0, 2))
-    broken = [float(str(row["final_error_m"])) > 0.2 for row in rows]
-    costs = [run_cost(row, campaign.nominal, bad, 0.02) for row, bad in zip(rows, broken, strict=True)]
+    failures = [float(str(row["final_error_m"])) > 0.2 for row in rows]
+    costs = [
+        run_cost(row, campaign.nominal, exceeds_limit, 0.02)
+        for row, exceeds_limit in zip(rows, failures, strict=True)
+    ]
     assert np.mean(costs) == written["cost"]["full"]
-    assert np.mean(broken) == written["failed"]["full"]
+    assert np.mean(failures) == written["failed"]["full"]
 
 
 @pytest.mark.parametrize("state", ["absent", "of another controller", "by other rules", "damaged"])
