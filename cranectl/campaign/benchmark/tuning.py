@@ -160,10 +160,10 @@ class _Cranes:
 
     def costs(self, scenario: str, rows: Sequence[Row]) -> tuple[list[float], int]:
         """Return the costs of all runs of `scenario`, and the number of failed ones."""
-        campaign, price = self.campaigns[scenario], self.benchmark.tuning.variation_price
+        campaign, penalty = self.campaigns[scenario], self.benchmark.tuning.variation_price
         failures = failed(lambda name: [row[name] for row in rows], campaign.settings.limits.given)
         costs = [
-            run_cost(row, campaign.nominal, bool(has_failed), price)
+            run_cost(row, campaign.nominal, bool(has_failed), penalty)
             for row, has_failed in zip(rows, failures, strict=True)
         ]
         return costs, int(failures.sum())
