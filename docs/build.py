@@ -48,6 +48,7 @@ BUILT = {  # pages that only the site has, by section
     ],
 }
 LINK = re.compile(r"(\]\(|^\[[^\]]+\]: )(?!https?:|#|mailto:)([^)\s#]+)", re.MULTILINE)
+PICTURE = re.compile(r"<img\b[^>]*>")
 SECTION = re.compile(r"^\*\*(.+)\*\*\n\n((?:[-  ].*\n)+)", re.MULTILINE)
 
 
@@ -140,6 +141,22 @@ def stage(source: Path) -> None:
         file.write(toctree([*menu, "contributing.md", "changes.md", "pages.md"]))
 
 
+def undescribed_pictures(directory: Path) -> list[str]:
+    """Return the pictures of all pages that have no description of at least three words.
+
+    Sphinx-gallery takes the titles of a figure, or the name of its script if there is none. A thumbnail needs
+    no description because its title stands below it.
+    """
+    found = []
+    for page in sorted(directory.rglob("*.html")):
+        for element in PICTURE.findall(page.read_text(encoding="utf-8")):
+            attributes = dict(re.findall(r'(\w+)="([^"]*)"', element))
+            source, words = attributes["src"], attributes.get("alt", "").split()
+            if len(words) < 3 and not source.endswith("thumb.png"):
+                found.append(f"{page.relative_to(directory).as_posix()}: {source}")
+    return found
+
+
 def build(directory: Path, gallery: bool = True) -> None:
     """Write the site into `directory`, with the examples of the gallery. A warning is an error."""
     source = directory.parent / f"{directory.name}-source"
@@ -153,6 +170,10 @@ def build(directory: Path, gallery: bool = True) -> None:
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
     sphinx = [sys.executable, "-m", "sphinx", *options, source, directory]
     subprocess.run(sphinx, check=True, env={**os.environ, "PATH": path})
+    if undescribed := undescribed_pictures(directory):
+        sys.exit(
+            "\n".join(["pictures without a description (alt text, or title of a figure):", *undescribed])
+        )
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import numpy as np
 import cranectl
 
 figure, axes = plt.subplots(2, 1, figsize=(8, 6), sharex=True, layout="constrained")
+figure.suptitle("Three controllers against two disturbances")
 for axis, name in zip(axes, ["fixed-position", "settled-trajectory"], strict=True):
     scenario = cranectl.load_scenario(name)
     for controller in ["pole-placement", "lqr+hinf", "lqr+loop-shaping"]:

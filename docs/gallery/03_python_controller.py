@@ -13,12 +13,9 @@ import numpy as np
 
 import cranectl
 
-LAW = '''
+SERVO = """
 class Servo:
-    """Spring and damper on each drive; bridge and trolley give way to the swinging rope."""
-
     parameters = {"stiffness": 4.0, "damping": 4.0, "sway": 1.0}
-    memory = 0
 
     @staticmethod
     def step(parameters, measured, reference, memory, command):
@@ -30,16 +27,14 @@ class Servo:
         command[0] += parameters[2] * measured[9]  # beta swings along x
         command[1] += parameters[2] * measured[7]  # alpha swings along y
         return 0
-'''
-Path("servo.py").write_text(LAW, encoding="utf-8")
+"""
+Path("servo.py").write_text(SERVO, encoding="utf-8")
 name = cranectl.open_controller("servo.py:Servo")
-
 figure, axis = plt.subplots(figsize=(8, 4), layout="constrained")
 for sway in [0.0, 0.5, 1.0]:
     scenario = cranectl.load_scenario("fast-diagonal", overrides=[f"controller.servo.sway={sway}"])
     run = cranectl.simulate_run(scenario, plant="mujoco", controller=name, drive="velocity")
-    angle = np.degrees(np.linalg.norm(run.angles, axis=1))
-    axis.plot(run.time, angle, label=f"sway = {sway:g} m/s")
-axis.set(xlabel="time [s]", ylabel="rope off the vertical [°]")
+    axis.plot(run.time, np.degrees(np.linalg.norm(run.angles, axis=1)), label=f"sway = {sway:g} m/s")
+axis.set(title="Giving way ends the swing", xlabel="time [s]", ylabel="rope off the vertical [°]")
 axis.legend()
 plt.show()

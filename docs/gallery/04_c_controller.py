@@ -21,7 +21,6 @@ print(Path("servo_c.c").read_text(encoding="utf-8"))
 
 # %%
 # The library is used like any other controller, also beside others.
-
 name = cranectl.open_controller("servo_c.so")
 figure, axis = plt.subplots(figsize=(8, 4), layout="constrained")
 scenario = cranectl.load_scenario("fast-diagonal")
@@ -29,6 +28,6 @@ for controller in [name, "pid", "lqr"]:
     run = cranectl.simulate_run(scenario, plant="mujoco", controller=controller, drive="velocity")
     error = np.linalg.norm(run.block("error")[:, :3], axis=1)
     axis.plot(run.time, 1000.0 * error, label=controller)
-axis.set(xlabel="time [s]", ylabel="load off its path [mm]")
+axis.set(title="The C controller beside two others", xlabel="time [s]", ylabel="load off its path [mm]")
 axis.legend()
 plt.show()

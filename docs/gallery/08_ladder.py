@@ -13,7 +13,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 command = "cranectl ladder fast-diagonal --controller lqr+loop-shaping --json ladder.json --out ladder.mcap"
-print(subprocess.run(command.split(), check=True, text=True, stdout=subprocess.PIPE).stdout)
+print(subprocess.check_output(command.split(), text=True))
 
 # %%
 # Friction moves the load most on this motion. Another engine moves it by less than a nanometre: the
@@ -24,6 +24,6 @@ names = [level["level"] for level in levels]
 moved = [1000.0 * level["cumulative"]["max"] for level in levels]
 figure, axis = plt.subplots(figsize=(8, 4), layout="constrained")
 axis.bar(names, moved)
-axis.set(ylabel="load moved by this level [mm]")
+axis.set(title="What each effect costs on a fast diagonal", ylabel="load moved by this level [mm]")
 axis.tick_params(axis="x", rotation=45)
 plt.show()

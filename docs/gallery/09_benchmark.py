@@ -16,9 +16,9 @@ import matplotlib.pyplot as plt
 names = "servo.py:Servo,lqr-integral,pid"
 run = f"cranectl benchmark run --controller {names} --set-of-cranes nominal --draws 2 --out trial"
 run += " --scenario pulse --scenario hoist-and-go"
-subprocess.run(run.split(), check=True)
+subprocess.check_call(run.split())
 report = f"cranectl benchmark report trial --controller {names} --json trial.json"
-subprocess.run(report.split(), check=True)
+print(subprocess.check_output(report.split(), text=True))
 
 # %%
 # A run is settled when the load stays within 10 mm of its target. Here only ``lqr-integral`` gets
@@ -26,6 +26,7 @@ subprocess.run(report.split(), check=True)
 
 rows = json.loads(Path("trial.json").read_text(encoding="utf-8"))["divisions"]["published"]["nominal"]
 figure, axes = plt.subplots(1, 2, figsize=(8, 3), sharey=True, layout="constrained")
+figure.suptitle("What a controller reaches, and what it spends")
 laws = [row["law"] for row in rows]
 axes[0].barh(laws, [100.0 * row["unsettled"] for row in rows])
 axes[0].set(xlabel="time at rest that passes unsettled [%]")

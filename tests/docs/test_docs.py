@@ -147,6 +147,13 @@ def test_every_column_of_a_table_has_a_heading(page: Path) -> None:
     assert [row for row in headings if any(not cell.strip() for cell in row.split("|"))] == []
 
 
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name)
+def test_every_picture_has_a_description(page: Path) -> None:
+    """A screen reader reads it in place of the picture."""
+    descriptions = re.findall(r"!\[(.*?)\]", page.read_text(encoding="utf-8"), re.DOTALL)
+    assert [text for text in descriptions if len(text.split()) < 5] == []
+
+
 def test_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 90
 
