@@ -14,6 +14,29 @@ from viewer.studio import accessibility_violations, poll_until
 COUNT_LABELS = """all => all.map(svg => [...svg.querySelectorAll("[data-part^=axes]")].at(-1)
     .querySelectorAll(".zoomed > g > text").length)"""
 SHOWN_WINDOWS = "all => all.flatMap(svg => svg.plots.map(plot => plot.shown))"
+FIND_CUT_TEXTS = """all => all.filter(text => {
+    const box = text.getBoundingClientRect();
+    return box.left < 0 || box.right > innerWidth;
+}).map(text => text.textContent)"""
+CAMPAIGN = """
+name = "narrow"
+scenario = "fixed-position"
+controllers = ["lqr", "lqr+hinf"]
+plants = ["analytic", "elastic"]
+drive = "velocity"
+sampling = "saltelli"
+runs = 32
+set = ["duration=2", "disturbances=[]"]
+
+[uncertain.rig]
+load_mass = { distribution = "uniform", low = 0.5, high = 1.5 }
+bridge_time_constant = { distribution = "log-uniform", low = 0.01, high = 0.04 }
+"""
+PAGE_COMMANDS = {  # commands that write a page, by its name
+    "campaign": ("campaign run narrow.toml --out narrow", "campaign report narrow --out campaign.html"),
+    "ladder": ("ladder fixed-position --set duration=2 --set disturbances=[] --report ladder.html",),
+    "advice": ("advise fixed-position --set duration=2 --set disturbances=[] --report advice.html",),
+}
 
 
 @pytest.fixture
@@ -84,3 +107,23 @@ def test_the_first_screen_fits_and_is_accessible(page: Page, scheme: str) -> Non
         box = part.bounding_box()
         assert box is not None
         assert box["y"] + box["height"] <= 900
+
+
+@pytest.mark.parametrize("name", PAGE_COMMANDS)
+def test_pages_of_campaigns_and_rigs_fit(
+    name: str, chromium: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("narrow.toml").write_text(CAMPAIGN, encoding="utf-8")
+    for command in PAGE_COMMANDS[name]:
+        assert main(command.split()) == exit_codes.GOOD, command
+    for scheme in ("light", "dark"):
+        page = chromium.new_page(color_scheme=scheme)  # type: ignore[arg-type]
+        page.on("pageerror", lambda error: pytest.fail(str(error)))
+        page.goto((tmp_path / f"{name}.html").as_uri())
+        assert page.title()
+        for width in (1440, 1024, 390):
+            page.set_viewport_size({"width": width, "height": 900})
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert page.locator("figure:not(.alone) svg text").evaluate_all(FIND_CUT_TEXTS) == []
+            assert accessibility_violations(page) == []

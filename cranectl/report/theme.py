@@ -19,12 +19,15 @@ from cycler import cycler
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from cranectl.support.colours import COLOURS, LIGHT
 from cranectl.support.errors import InputError
 from cranectl.support.files import replacing
 
 WIDTH = 6.4  # [in] of most figures
+LETTER = 5.2  # [pt], mean width of the letters of labels
 SERIES = tuple(role for role in COLOURS if role.startswith("series"))
 STAND_IN = {role: f"#0f1e{k:02x}" for k, role in enumerate(COLOURS)}
 UNDATED: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
@@ -77,6 +80,24 @@ def styled() -> Iterator[None]:
 def spaced(handles: Iterable[Artist]) -> float:
     """Return the space between columns of a legend, in letters; labels of small pages are 30 % longer."""
     return max(3.0, 1.0 + 0.17 * max(len(str(handle.get_label())) for handle in handles))
+
+
+def make_room(figure: Figure, labels: Iterable[str]) -> None:
+    """Leave room on the left for labels of rows; those of small pages are 30 % longer."""
+    engine, longest = figure.get_layout_engine(), max(map(len, labels), default=0)
+    if isinstance(engine, ConstrainedLayoutEngine):
+        left = 0.3 * longest * LETTER / (72.0 * figure.get_figwidth())
+        engine.set(rect=(left, 0.0, 1.0 - left, 1.0))
+
+
+def label_log_axis(axes: Axes) -> None:
+    """Label few places of a logarithmic x-axis, also where it spans less than a decade."""
+    low, high = axes.get_xlim()
+    subs = (1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)
+    short = high < 10.0 * low
+    axes.xaxis.set_major_locator(MaxNLocator(3) if short else LogLocator(subs=subs, numticks=6))
+    axes.xaxis.set_major_formatter("{x:.3g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def css_variables(dark: bool) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from cranectl.campaign.distributions import LogUniform
@@ -21,7 +21,7 @@ from cranectl.campaign.statistics import empirical_distribution, equal_bins, qua
 from cranectl.campaign.summary import EFFORT, MAIN_METRICS, MEASURE, Group, failure_interval
 from cranectl.metrics import low_is_bad
 from cranectl.report.campaign.tables import METRIC_LABELS, metric_name, number, parameter_label
-from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas
+from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, label_log_axis, make_room
 from cranectl.support.arrays import Array, Mask
 
 Rows = NDArray[np.intp]
@@ -113,6 +113,7 @@ def two_plants(pairs: Sequence[Pair]) -> Figure:
         x, share = empirical_distribution(difference[~np.isnan(difference)])
         last.step(x[x > 0.0], share[x > 0.0], where="post", label=pair.first.controller, **series_style(k))
     last.set(xscale="log", ylim=(0.0, 1.02), xlabel="|difference| [m]", ylabel="share of samples")
+    label_log_axis(last)
     last.legend()
     return figure
 
@@ -165,9 +166,12 @@ def correlation_fields(correlations: Correlations, order: Sequence[int]) -> Figu
     axes.set_xticks(
         range(len(correlations.metrics)), [metric_name(m).replace(" ", "\n") for m in correlations.metrics]
     )
-    axes.set_yticks(range(len(order)), [correlations.parameters[k].removeprefix("effects.") for k in order])
+    names = [_row_name(correlations.parameters[k]) for k in order]
+    axes.set_yticks(range(len(order)), names)
+    make_room(figure, names)
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
+    axes.tick_params(axis="x", labelsize=7.5)
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
     labels = {RISES: "rises, ρ", FALLS: "falls, ρ", BENT: "∪ neither, but differs, η"}
@@ -203,7 +207,7 @@ def failure_rates(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: S
 
 def sobol_bars(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure:
     """Draw first-order and total indices of the largest error with intervals, a panel for each controller."""
-    figure, panels = _rows_figure(len(parts), len(parameters))
+    figure, panels = _rows_figure(len(parts), parameters)
     rows = np.arange(len(parameters))
     for axes, part in zip(panels, parts, strict=True):
         indices = part.sobol[MEASURE]
@@ -224,7 +228,7 @@ def sobol_bars(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Fig
 
 def tornado(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure:
     """Draw how much the ends of each parameter change the largest error of the nominal run."""
-    figure, panels = _rows_figure(len(parts), len(parameters))
+    figure, panels = _rows_figure(len(parts), parameters)
     for axes, part in zip(panels, parts, strict=True):
         nominal = float(part.group.metrics[MEASURE][0])
         for row, parameter in enumerate(parameters):
@@ -290,9 +294,7 @@ def _over_parameters(
         axes.margins(x=0.02)
         if isinstance(campaign.parameters[column].distribution, LogUniform):
             axes.set_xscale("log")
-            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axes.xaxis.set_major_formatter("{x:g}")
-            axes.xaxis.set_minor_formatter(NullFormatter())
+            label_log_axis(axes)
     for axes in panels[len(columns) :]:
         axes.set_visible(False)
     for axes in panels[::2]:
@@ -302,13 +304,19 @@ def _over_parameters(
     return figure
 
 
-def _rows_figure(panels: int, rows: int) -> tuple[Figure, list[Axes]]:
-    figure, grid = canvas(1.2 * WIDTH, 1.2 + 0.34 * rows, 1, panels, sharey=True, squeeze=False)
+def _rows_figure(panels: int, names: Sequence[str]) -> tuple[Figure, list[Axes]]:
+    figure, grid = canvas(1.2 * WIDTH, 1.2 + 0.34 * len(names), 1, panels, sharey=True, squeeze=False)
+    make_room(figure, [_row_name(name) for name in names])
     return figure, list(grid.flat)
 
 
+def _row_name(parameter: str) -> str:
+    """Return the name of a parameter at its row of a figure."""
+    return parameter.removeprefix("effects.")
+
+
 def _name_rows(panels: Sequence[Axes], parameters: Sequence[str]) -> None:
-    panels[0].set_yticks(range(len(parameters)), [name.removeprefix("effects.") for name in parameters])
+    panels[0].set_yticks(range(len(parameters)), [_row_name(name) for name in parameters])
     panels[0].set_ylim(len(parameters) - 0.5, -0.5)
     for axes in panels:
         axes.grid(visible=False, axis="y")

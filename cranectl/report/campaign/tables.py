@@ -43,8 +43,13 @@ def parameter_label(campaign: Campaign, name: str) -> str:
 
 
 def number(value: float | None, digits: int = 3, form: str = "") -> str:
-    """Return a number as text, with `digits` digits or in `form`; a dash without a number."""
-    return "–" if value is None or value != value else format(value, form or f".{digits}g")
+    """Return a number as text, with `digits` digits or in `form`; a dash without a number.
+
+    Numbers below a million have no exponent, so that tensions and masses of large cranes are readable.
+    """
+    if value is None or value != value:
+        return "–"
+    return format(value, form) if form else f"{float(f'{value:.{digits}g}'):g}"
 
 
 def percent(share: float | None) -> str:
@@ -159,9 +164,9 @@ def worst_table(analysis: Analysis) -> Table:
     """Return a table of runs to look at, with the commands that replay them."""
     rows = []
     for run in analysis.worst:
-        replay = "cannot be replayed"
+        replay = Cell("cannot be replayed")
         if run.status != FAILED:
-            replay = replay_command(analysis.results, run.sample, run.controller, run.plant)
+            replay = Cell(replay_command(analysis.results, run.sample, run.controller, run.plant), "code")
         ended = Cell(run.status, "" if run.status == "completed" else "bad")
         numbers = f"{run.end_s:g}", number(run.max_error_m, 4)
         rows.append(cells(run.plant, run.controller, run.why, replay, str(run.sample), ended, *numbers))
@@ -261,7 +266,7 @@ def disagreements(analysis: Analysis, pairs: Sequence[Pair]) -> Table:
     rows = []
     for pair in pairs:
         for sample, difference in pair.agreement.largest:
-            replay = replay_command(analysis.results, sample, pair.first.controller)
+            replay = Cell(replay_command(analysis.results, sample, pair.first.controller), "code")
             errors = (number(group.metrics[MEASURE][sample], 4) for group in (pair.first, pair.second))
             rows.append(cells(pair.first.controller, replay, str(sample), *errors, f"{difference:+.3g}"))
     one, other = pairs[0].first.plant, pairs[0].second.plant

@@ -17,7 +17,7 @@ from cranectl.analysis.ladder import LevelResult, load_difference
 from cranectl.analysis.levels import BASE
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.rig import tables
-from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, spaced
+from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, make_room, spaced
 from cranectl.scenario import Scenario
 from cranectl.support.colours import LIGHT
 
@@ -105,6 +105,7 @@ def deviation_dots(
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set(xlim=(1e3 * LEAST, None), xlabel="largest deviation of the load [mm]")
     axes.set_yticks(rows, names)
+    make_room(drawing, names)
     axes.set_ylim(len(names) - 0.5, -0.5)
     drawing.legend(loc="outside upper center", ncols=3, columnspacing=spaced(axes.lines))
     return drawing
@@ -138,7 +139,7 @@ def certificate_figure(certificate: Certificate, loops: Loops, colours: Mapping[
     for axes in (left, right):
         axes.set_ylim(0.0, 1.02)
         axes.grid(visible=True, linewidth=0.4)
-        axes.legend(frameon=False, fontsize=7.5)
+        axes.legend(frameon=False, fontsize=7.5, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3)
     return figure
 
 
