@@ -63,6 +63,6 @@ def render_command(
     runs = {name: layer.run for name, layer in layers.items()}
     with progress_bar(max(run.end_s for run in runs.values()), out.name, done="drawn") as advance:
         shown = draw_runs(runs, settings, progress=advance)
-    what = f"picture at {shown:g} s" if settings.ending == ".png" else f"video of {shown:g} s"
+    what = f"picture at {shown:g} s" if settings.suffix == ".png" else f"video of {shown:g} s"
     Screen().print(f"{what}: {out}")
     return exit_codes.GOOD

@@ -1,4 +1,4 @@
-"""Words on the picture: what is run, the time, how far off the load is, what the lines mean."""
+"""Text on pictures: scenario, time, error of the load, and a legend."""
 
 from collections.abc import Callable
 from functools import lru_cache, partial
@@ -12,34 +12,34 @@ from cranectl.scenario.drawn_size import drawn_trail
 from cranectl.support.colours import LIGHT, SLACK_ROPE
 from cranectl.support.units import difference_in
 
-SMOOTH = 4
-PLATE = (255, 255, 255, 175)  # under the legend
+SUPERSAMPLING = 4  # of symbols, since Pillow draws shapes with hard edges
+PLATE_COLOUR = (255, 255, 255, 175)  # behind the legend
 _FONTS = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
 
 Pen = ImageDraw.ImageDraw
-Placed = tuple[str, tuple[float, float]]  # a text and where it is [px]
-# Draws a sign of the legend: at which height, how wide, at which scale.
-Sign = Callable[[Pen, float, float, float], None]
+ScaleLabel = tuple[str, tuple[float, float]]  # a text and its position [px]
+# Draws a symbol of the legend at a height, with a width and a scale.
+Symbol = Callable[[Pen, float, float, float], None]
 
 
 @lru_cache
 def font(size: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """Return the font that Matplotlib brings, so that pictures look the same everywhere."""
+    """Return the font that ships with Matplotlib, so that pictures look the same everywhere."""
     return ImageFont.truetype(_FONTS / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"), size)
 
 
 class Caption:
-    """Draws itself onto pictures of one timeline and size."""
+    """Draws text and legend onto pictures of one timeline and size."""
 
-    def __init__(self, timeline: Timeline, width: int, height: int, scale: Placed) -> None:
+    def __init__(self, timeline: Timeline, width: int, height: int, scale: ScaleLabel) -> None:
         self._timeline = timeline
         self._width = width
-        # Letters shrink with the picture, but must stay legible.
+        # Letters shrink with the picture, but stay legible.
         self._unit = max(min(width / 960.0, height / 720.0), 0.62)
         self._fixed = self._fixed_parts(width, height, scale)
 
     def draw(self, picture: Image.Image, time: float) -> None:
-        """Draw what is fixed, and what belongs to `time` [s]."""
+        """Draw the fixed parts and the readings at `time` [s]."""
         picture.paste(self._fixed, (0, 0), self._fixed)
         pen = ImageDraw.Draw(picture)
         right, y = self._width - self._px(24), self._px(18)
@@ -49,7 +49,7 @@ class Caption:
             pen.text((right, y), text, LIGHT[role], font(self._px(15)), anchor="ra")
             y += self._px(21)
 
-    def _fixed_parts(self, width: int, height: int, scale: Placed) -> Image.Image:
+    def _fixed_parts(self, width: int, height: int, scale: ScaleLabel) -> Image.Image:
         layer = Image.new("RGBA", (width, height), (255, 255, 255, 0))
         pen = ImageDraw.Draw(layer)
         left, run = self._px(24), self._timeline.main.run
@@ -60,31 +60,39 @@ class Caption:
             (18, run.scenario.name, "ink", font(self._px(24), bold=True)),
             (52, subtitle, "muted", font(self._px(15))),
         ):
-            pen.text((left, self._px(y)), _shortened(text, letters, 0.62 * width), LIGHT[role], letters)
+            pen.text((left, self._px(y)), _shorten(text, letters, 0.62 * width), LIGHT[role], letters)
         length, (right, middle) = scale
         pen.text((right + self._px(8), middle), length, LIGHT["ink"], font(self._px(15)), anchor="lm")
         rows = legend(self._timeline)
-        step, sign_width = self._px(23), self._px(30)
+        step, symbol_width = self._px(23), self._px(30)
         top = height - self._px(14) - step * len(rows)
         letters, gap = font(self._px(14)), self._px(8)
         right = left + self._px(40) + max(round(letters.getlength(text)) for _, text in rows)
         plate = (left - gap, top - gap // 2, right + gap, height - self._px(14) + gap // 2)
-        pen.rounded_rectangle(plate, radius=gap, fill=PLATE)  # the crane may be behind
-        # Pillow draws shapes with hard edges: drawn large and made small they are smooth.
-        signs = Image.new("RGBA", (sign_width * SMOOTH, step * len(rows) * SMOOTH), (255, 255, 255, 0))
-        for k, (sign, text) in enumerate(rows):
+        pen.rounded_rectangle(plate, radius=gap, fill=PLATE_COLOUR)  # the crane may be behind
+        symbols = Image.new(
+            "RGBA", (symbol_width * SUPERSAMPLING, step * len(rows) * SUPERSAMPLING), (255, 255, 255, 0)
+        )
+        for k, (symbol, text) in enumerate(rows):
             middle = (k + 0.5) * step
-            sign(ImageDraw.Draw(signs), middle * SMOOTH, sign_width * SMOOTH, self._unit * SMOOTH)
+            symbol(
+                ImageDraw.Draw(symbols),
+                middle * SUPERSAMPLING,
+                symbol_width * SUPERSAMPLING,
+                self._unit * SUPERSAMPLING,
+            )
             corner = left + self._px(40), top + middle
             pen.text(corner, text, LIGHT["ink"], letters, anchor="lm")
-        layer.alpha_composite(signs.resize((sign_width, step * len(rows)), Image.Resampling.BOX), (left, top))
+        layer.alpha_composite(
+            symbols.resize((symbol_width, step * len(rows)), Image.Resampling.BOX), (left, top)
+        )
         return layer
 
     def _px(self, length: float) -> int:
         return round(length * self._unit)
 
 
-def _shortened(text: str, letters: ImageFont.FreeTypeFont, width: float) -> str:
+def _shorten(text: str, letters: ImageFont.FreeTypeFont, width: float) -> str:
     if letters.getlength(text) <= width:
         return text
     length = next(n for n in range(len(text), -1, -1) if letters.getlength(text[:n] + "…") <= width)
@@ -92,7 +100,7 @@ def _shortened(text: str, letters: ImageFont.FreeTypeFont, width: float) -> str:
 
 
 def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
-    """Return the texts at `time` [s], each with the role of its colour."""
+    """Return the texts at `time` [s], each with its role in the palette."""
     errors = {track.label: track.error[track.row(time)] for track in timeline.tracks}
     main, worst = timeline.main.label, max(errors, key=errors.__getitem__)
     labels = dict.fromkeys((main, worst)) if timeline.by_label else (main,)
@@ -101,32 +109,32 @@ def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
         for label in labels
     ]
     if (distance := timeline.distance(time)) is not None:
-        far = difference_in(distance, "m")
-        apart = f"others up to {far} away" if timeline.by_label else f"plants apart by {far}"
-        lines.append((apart, "muted"))
+        text = difference_in(distance, "m")
+        text = f"others up to {text} away" if timeline.by_label else f"plants apart by {text}"
+        lines.append((text, "muted"))
     stops = {track.label: track.run.status.label for track in timeline.tracks if track.stopped(time)}
     if len(stops) == len(timeline.tracks) and len(set(stops.values())) == 1:
         return [*lines, (f"stopped: {next(iter(stops.values()))}", "limit")]
     return lines + [(f"{name} stopped: {label}", "limit") for name, label in stops.items()]
 
 
-def legend(timeline: Timeline) -> list[tuple[Sign, str]]:
-    """Return the signs of what is to be seen, and what they mean."""
-    signs: list[tuple[Sign, str]] = []
+def legend(timeline: Timeline) -> list[tuple[Symbol, str]]:
+    """Return the symbols of the drawn objects, each with its meaning."""
+    symbols: list[tuple[Symbol, str]] = []
     alone = f", last {drawn_trail(timeline.main.run.scenario.rig):.0f} s"
     for track in timeline.tracks:
-        colour, width = (track.colour + "66", 9) if track.ghost else (track.colour, 3)
-        role = alone if len(timeline.tracks) == 1 else ": ghost" if track.ghost else ": solid"
+        colour, width = (track.colour + "66", 9) if track.is_ghost else (track.colour, 3)
+        role = alone if len(timeline.tracks) == 1 else ": ghost" if track.is_ghost else ": solid"
         name = track.label if timeline.by_label else f"{track.label} plant"
-        signs.append((partial(_line, colour=colour, width=width), f"{name}{role}"))
-    signs.append((_ball, "where the load should be"))
+        symbols.append((partial(_line, colour=colour, width=width), f"{name}{role}"))
+    symbols.append((_ball, "where the load should be"))
     if len(timeline.path_dashes):
-        signs.append((_dashed, "its whole path"))
+        symbols.append((_dashed, "its whole path"))
     if any(track.run.scenario.forced or track.run.block("disturbance").any() for track in timeline.tracks):
-        signs.append((_arrow, "disturbance"))
+        symbols.append((_arrow, "disturbance"))
     if any(track.nearly_slack.any() for track in timeline.tracks):
-        signs.append((partial(_line, colour=SLACK_ROPE), "rope nearly slack"))
-    return signs
+        symbols.append((partial(_line, colour=SLACK_ROPE), "rope nearly slack"))
+    return symbols
 
 
 def _line(pen: Pen, middle: float, right: float, unit: float, *, colour: str, width: float = 3) -> None:

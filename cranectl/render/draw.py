@@ -1,6 +1,6 @@
-"""From the runs of a log to a file of whole pictures: the scene, its caption, the plots beside it.
+"""Draw the runs of a log into a picture or video: the scene with its caption, and plots beside it.
 
-PNG and GIF by Pillow, MP4 by PyAV.
+Pillow writes PNG and GIF, PyAV writes MP4.
 """
 
 import re
@@ -25,27 +25,27 @@ from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.files import replacing, writing
 
 CAMERAS = ("overview", "side", "top")
-LIMITS = {"fps": (1.0, 60.0), "speed": (0.01, 100.0)}
-SMALLEST, LARGEST = {False: (400, 300), True: (720, 360)}, (3840, 2160)  # by whether there are plots
-USUAL = {  # sizes by whether it is a GIF and whether there are plots
+OPTION_RANGES = {"fps": (1.0, 60.0), "speed": (0.01, 100.0)}
+MIN_SIZES, MAX_SIZE = {False: (400, 300), True: (720, 360)}, (3840, 2160)  # keys: with plots
+DEFAULT_SIZES = {  # keys: (GIF, with plots)
     (False, False): (960, 720),
     (False, True): (1440, 720),
     (True, False): (480, 360),
     (True, True): (900, 450),
 }
-PLOTS_SHARE = 3  # plots take the third part of the width
-LONGEST_GIF = 3000  # pictures, which are held in memory
-PALETTE_SAMPLES = 6  # pictures from which a GIF takes its colours
+PLOTS_SHARE = 3  # plots take a third of the width
+MAX_GIF_PICTURES = 3000  # which are kept in memory
+PALETTE_SAMPLES = 6  # pictures that determine the palette of a GIF
 
 Paint = Callable[[float], Image.Image]
 Progress = Callable[[float], None]
-# Small enough to send, no loss that is seen; 4:2:0 pixels and this profile play everywhere.
+# Small files without visible loss; 4:2:0 pixels and this profile play everywhere.
 H264 = {"crf": "20", "preset": "veryfast", "profile": "high"}
-PIXELS = "yuv420p"
-BT709 = 1  # the colours of high definition, in FFmpeg's numbering of matrices, primaries and curves
-LIMITED = 1  # luma from 16 to 235, as players expect
-COLOURS = 256
-HUNDREDTHS = 100  # of a second, in which GIF counts time
+PIXEL_FORMAT = "yuv420p"
+BT709 = 1  # FFmpeg's number of HD colours, for matrix, primaries and transfer curve
+LIMITED_RANGE = 1  # FFmpeg's number of luma from 16 to 235, as players expect
+MAX_GIF_COLOURS = 256
+TICKS_PER_SECOND = 100  # in which GIF counts time
 
 
 @dataclass(frozen=True)
@@ -57,13 +57,13 @@ class RenderSettings:
     height: int
     camera: str
     plots: bool
-    time: float | None  # [s] of a still; None: when the load is farthest from its reference
+    time: float | None  # of a still [s]; None: when the load is farthest from its reference
     fps: float
-    speed: float  # simulated seconds in a second of video
+    speed: float  # simulated seconds per second of video
 
     @property
-    def ending(self) -> str:
-        """Of the file: `.png` is one picture, `.gif` and `.mp4` show the whole run."""
+    def suffix(self) -> str:
+        """Suffix of the file: `.png` is one picture, `.gif` and `.mp4` show the whole run."""
         return self.out.suffix.lower()
 
 
@@ -77,61 +77,80 @@ def render_settings(
     fps: float | None = None,
     speed: float | None = None,
 ) -> RenderSettings:
-    """Fill in the defaults; raises InputError for what cannot be drawn. `out` ends as one of VIDEOS."""
-    ending = out.suffix.lower()
+    """Return settings with defaults filled in; raise InputError for impossible ones.
+
+    `out` ends in .png, .gif or .mp4.
+    """
+    suffix = out.suffix.lower()
     if camera not in CAMERAS:
         raise unknown_name("camera", camera, CAMERAS)
-    if ending == ".png" and (fps is not None or speed is not None):
+    if suffix == ".png" and (fps is not None or speed is not None):
         raise InputError(
-            f"{out} is a still, it has no --fps or --speed",
+            f"{out} is a still, which has no --fps or --speed",
             allowed="--fps and --speed with .mp4 and .gif",
             remedy="choose a moment with --time",
         )
-    if ending != ".png" and time is not None:
+    if suffix != ".png" and time is not None:
         raise InputError(
             f"{out} shows the whole run, not --time {time:g}",
             allowed="--time with .png",
             remedy="leave out --time, or name a .png",
         )
     for name, value in (("fps", fps), ("speed", speed)):
-        low, high = LIMITS[name]
+        low, high = OPTION_RANGES[name]
         if value is not None and not low <= value <= high:
             raise InputError(
                 f"--{name} {value:g}", allowed=f"{low:g} to {high:g}", remedy=f"choose another --{name}"
             )
-    usual_fps = 10.0 if ending == ".gif" else 25.0
-    width, height = _parsed_size(size, SMALLEST[plots]) if size else USUAL[ending == ".gif", plots]
-    return RenderSettings(out, width, height, camera, plots, time, fps or usual_fps, speed or 1.0)
+    default_fps = 10.0 if suffix == ".gif" else 25.0
+    width, height = _parse_size(size, MIN_SIZES[plots]) if size else DEFAULT_SIZES[suffix == ".gif", plots]
+    return RenderSettings(out, width, height, camera, plots, time, fps or default_fps, speed or 1.0)
 
 
-def _parsed_size(text: str, smallest: tuple[int, int]) -> tuple[int, int]:
+def _parse_size(text: str, smallest: tuple[int, int]) -> tuple[int, int]:
     match = re.fullmatch(r"(\d{1,5})[xX×](\d{1,5})", text.strip())
     size = (int(match[1]), int(match[2])) if match else (0, 0)
-    fits = all(low <= side <= high for low, side, high in zip(smallest, size, LARGEST, strict=True))
+    fits = all(low <= side <= high for low, side, high in zip(smallest, size, MAX_SIZE, strict=True))
     if not fits or size[0] % 2 or size[1] % 2:
         raise InputError(
             f"--size {text}",
-            allowed="WIDTHxHEIGHT in pixels, even numbers from {}x{} to {}x{}".format(*smallest, *LARGEST),
+            allowed="WIDTHxHEIGHT in pixels, even numbers from {}x{} to {}x{}".format(*smallest, *MAX_SIZE),
             remedy="for example --size 1280x720",
         )
     return size
 
 
 def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progress | None = None) -> float:
-    """Draw the runs of a log into `settings.out`; returns the time [s] of a still, or how much a video shows.
+    """Draw the runs of a log into `settings.out`.
 
-    `progress` gets the simulated seconds that each picture adds. Raises InputError for a time outside the
-    run, a GIF too long, no OpenGL, no encoder, or a place that cannot be written.
+    Parameters
+    ----------
+    runs : mapping
+        Runs by plant or label.
+    settings : RenderSettings
+    progress : callable, optional
+        Called with the simulated seconds that each picture adds.
+
+    Returns
+    -------
+    float
+        Time of the last picture [s].
+
+    Raises
+    ------
+    InputError
+        For a time outside the run, a GIF that is too long, no OpenGL, no encoder, or a file that cannot be
+        written.
     """
     timeline = timeline_of(runs)
     times = _times(timeline, settings)
-    if settings.ending == ".mp4":
+    if settings.suffix == ".mp4":
         check_encoder()
     with writing(settings.out), _painter(timeline, settings) as paint, replacing(settings.out) as part:
         pictures = _pictures(paint, times, progress)
-        if settings.ending == ".png":
+        if settings.suffix == ".png":
             next(pictures).save(part, format="png", optimize=True)
-        elif settings.ending == ".gif":
+        elif settings.suffix == ".gif":
             samples = [paint(time) for time in np.linspace(0.0, timeline.duration, PALETTE_SAMPLES)]
             write_gif(part, pictures, len(times), settings.fps, samples)
         else:
@@ -140,7 +159,7 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
 
 
 def draw_worst_moment(runs: Mapping[str, Run]) -> tuple[float, Image.Image]:
-    """Return when the load is farthest from its reference [s], and a picture of that moment."""
+    """Return the time at which the load is farthest from its reference [s], and its picture."""
     timeline = timeline_of(runs)
     with _painter(timeline, render_settings(Path("worst.png"))) as paint:
         return timeline.worst_time, paint(timeline.worst_time)
@@ -148,7 +167,7 @@ def draw_worst_moment(runs: Mapping[str, Run]) -> tuple[float, Image.Image]:
 
 @contextmanager
 def _painter(timeline: Timeline, settings: RenderSettings) -> Iterator[Paint]:
-    """Yield a function that paints the picture at a time [s], with plots at its right."""
+    """Yield a function that paints the picture at a time [s], with plots on the right."""
     check_engine()
     from cranectl.render.scene import renderer  # imports the engine
 
@@ -172,13 +191,13 @@ def _painter(timeline: Timeline, settings: RenderSettings) -> Iterator[Paint]:
 
 
 def _times(timeline: Timeline, settings: RenderSettings) -> Array:
-    """Return when the pictures are [s]."""
-    if settings.ending != ".png":
+    """Return the times of the pictures [s]."""
+    if settings.suffix != ".png":
         times = timeline.times(settings.fps, settings.speed)
-        if settings.ending == ".gif" and len(times) > LONGEST_GIF:
+        if settings.suffix == ".gif" and len(times) > MAX_GIF_PICTURES:
             raise InputError(
                 f"a GIF of {len(times)} pictures",
-                allowed=f"up to {LONGEST_GIF}",
+                allowed=f"up to {MAX_GIF_PICTURES}",
                 remedy="choose a higher --speed or a lower --fps, or an .mp4",
             )
         return times
@@ -202,49 +221,51 @@ def _pictures(paint: Paint, times: Array, progress: Progress | None) -> Iterator
 def write_gif(
     path: Path, pictures: Iterable[Image.Image], count: int, fps: float, samples: Sequence[Image.Image]
 ) -> None:
-    """Write an endless loop of `count` pictures with the palette of `samples`, so that nothing flickers."""
+    """Write an endless loop of `count` pictures, with one palette from `samples` so that nothing flickers."""
     montage = Image.new("RGB", (samples[0].width, samples[0].height * len(samples)))
     for k, sample in enumerate(samples):
         montage.paste(sample, (0, k * sample.height))
-    # Thin lines are too few pixels to get colours of their own, but a legend says what they mean.
+    # Thin lines have too few pixels to get palette entries, but the legend needs their colours.
     accents = [round(255 * part) for colour in (*LIGHT.values(), SLACK_ROPE) for part in rgb(colour)]
     palette = Image.new("P", (1, 1))
-    palette.putpalette((montage.quantize(COLOURS - len(accents) // 3).getpalette() or []) + accents)
+    palette.putpalette((montage.quantize(MAX_GIF_COLOURS - len(accents) // 3).getpalette() or []) + accents)
     reduced = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
-    ends = [round(HUNDREDTHS * (k + 1) / fps) for k in range(count)]
-    milliseconds = [1000 // HUNDREDTHS * (end - start) for start, end in zip([0, *ends], ends, strict=False)]
+    ends = [round(TICKS_PER_SECOND * (k + 1) / fps) for k in range(count)]
+    milliseconds = [
+        1000 // TICKS_PER_SECOND * (end - start) for start, end in zip([0, *ends], ends, strict=False)
+    ]
     first = next(reduced)
-    with path.open("wb") as stream:  # Pillow would leave a file of its own open if it is interrupted
+    with path.open("wb") as stream:  # an interrupt would leave a file open that Pillow opened
         first.save(stream, format="gif", save_all=True, append_images=reduced, duration=milliseconds, loop=0)
 
 
 def check_encoder() -> None:
-    """Raise InputError if there is no PyAV to encode a video with."""
+    """Raise InputError if PyAV, which encodes videos, is missing."""
     try:
         import av  # noqa: F401
     except ImportError as error:
         raise InputError(
             f"no encoder for .mp4: {error}",
-            allowed=".gif and .png without it",
+            allowed=".gif and .png without an encoder",
             remedy="pip install 'cranectl[video]' (PyAV, which brings FFmpeg)",
         ) from None
 
 
 def write_mp4(path: Path, pictures: Iterable[Image.Image], fps: float, size: tuple[int, int]) -> None:
-    """Write a video in H.264 that plays while it loads."""
+    """Write an H.264 video that plays while it loads."""
     import av
     from av.video.reformatter import ColorRange, Colorspace
 
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
         stream = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001), options=H264)
         stream.width, stream.height = size
-        stream.pix_fmt = PIXELS
-        stream.color_range, stream.colorspace = LIMITED, BT709
+        stream.pix_fmt = PIXEL_FORMAT
+        stream.color_range, stream.colorspace = LIMITED_RANGE, BT709
         stream.color_primaries, stream.color_trc = BT709, BT709
 
         def encode(picture: Image.Image) -> None:
             frame = av.VideoFrame.from_ndarray(np.asarray(picture), format="rgb24").reformat(
-                format=PIXELS, dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG
+                format=PIXEL_FORMAT, dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG
             )
             container.mux(stream.encode(frame))
 

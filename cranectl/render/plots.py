@@ -1,4 +1,4 @@
-"""Key plots beside the picture: drawn once by Matplotlib, with a cursor that moves from frame to frame."""
+"""Plots beside the picture: drawn once by Matplotlib, with a cursor that moves from picture to picture."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,11 +18,11 @@ from cranectl.support.colours import LIGHT
 from cranectl.support.units import scaled
 
 DPI = 100.0
-USUAL = (480.0, 720.0)  # [px], for which sizes are given; others are scaled
-SMALLEST = 0.8  # scale at which letters are still legible
+REFERENCE_SIZE = (480.0, 720.0)  # [px], at scale 1
+MIN_LETTER_SCALE = 0.8  # at which letters are legible
 PADDING = 0.09  # [in]
 HEADROOM = 0.15  # of a panel's height, for the names of disturbances
-LEAST_DISTANCE = 1e-14  # [m]; less is rounding, and has no logarithm at 0
+MIN_DISTANCE = 1e-14  # [m] on a logarithmic axis; smaller distances are rounding
 _STYLE: dict[Any, Any] = {
     "axes.edgecolor": LIGHT["muted"],
     "axes.grid": True,
@@ -49,13 +49,13 @@ _STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Curve:
-    """One line: times [s] and values, both (N,)."""
+    """One line of times [s] and values, both (N,)."""
 
     colour: str
     time: Array
     values: Array
-    wide: bool = False  # pale and below the others: the ghost
-    dashed: bool = False
+    is_wide: bool = False  # and pale, below the others: a ghost
+    is_dashed: bool = False
 
 
 @dataclass(frozen=True)
@@ -66,14 +66,14 @@ class Panel:
     curves: list[Curve]
     shown: tuple[float, float]
     limit: float | None = None
-    logarithmic: bool = False
+    is_logarithmic: bool = False
 
 
 class Plots:
-    """The strip of diagrams of one timeline; draws itself with its cursor."""
+    """The strip of diagrams of one timeline, with a cursor."""
 
     def __init__(self, timeline: Timeline, width: int, height: int) -> None:
-        scale = max(min(width / USUAL[0], height / USUAL[1]), SMALLEST)
+        scale = max(min(width / REFERENCE_SIZE[0], height / REFERENCE_SIZE[1]), MIN_LETTER_SCALE)
         self._dot, self._cursor = 4.0 * scale, max(1, round(scale))  # [px]
         with rc_context(_STYLE):
             figure = Figure(
@@ -88,7 +88,7 @@ class Plots:
                 axes.set_xlim(0.0, timeline.duration or 1.0)
             self._drawn[-1][1].set_xlabel("time [s]")
             canvas.draw()
-        # Matplotlib rounds sizes its own way; the strip must have the size that was asked for.
+        # Matplotlib may round to another size.
         self._background = Image.new("RGB", (width, height), "white")
         self._background.paste(Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3]))
 
@@ -101,7 +101,7 @@ class Plots:
             x = round(float(axes.transData.transform((time, panel.shown[1]))[0]))
             pen.line((x, top, x, bottom), fill=LIGHT["ink"], width=self._cursor)
             for curve in panel.curves:
-                if curve.wide:
+                if curve.is_wide:
                     continue
                 row = int(np.argmin(np.abs(curve.time - time)))
                 x_value, y_value = axes.transData.transform((curve.time[row], curve.values[row]))
@@ -112,30 +112,30 @@ class Plots:
 def _panels(timeline: Timeline) -> list[Panel]:
     weight = timeline.main.run.scenario.rig.weight
     alpha = _curves(timeline, lambda track: np.degrees(track.run.signal("state.alpha")))
-    beta = _curves(timeline, lambda track: np.degrees(track.run.signal("state.beta")), dashed=True)
+    beta = _curves(timeline, lambda track: np.degrees(track.run.signal("state.beta")), is_dashed=True)
     tension = _curves(timeline, lambda track: track.run.signal("load.rope_tension"))
     error, range_n = _curves(timeline, lambda track: track.error), (0.0, 1.1 * weight)
     panels = [
-        _told("load off its reference [{}]", "m", error, (0.0, 1e-3)),
+        _scaled_panel("load off its reference [{}]", "m", error, (0.0, 1e-3)),
         Panel("rope angles α, β (dashed) [°]", alpha + beta, (-1.0, 1.0)),
-        _told("rope tension [{}], red: nearly slack", "N", tension, range_n, NEARLY_SLACK * weight),
+        _scaled_panel("rope tension [{}], red: nearly slack", "N", tension, range_n, NEARLY_SLACK * weight),
     ]
     if timeline.distances:
-        ghosts = [track for track in timeline.tracks if track.ghost]
-        told_apart = timeline.by_label or len(ghosts) > 1
+        ghosts = [track for track in timeline.tracks if track.is_ghost]
+        one_colour_each = timeline.by_label or len(ghosts) > 1
         curves = [
-            Curve(ghost.colour if told_apart else LIGHT["ink"], time, far.clip(LEAST_DISTANCE))
+            Curve(ghost.colour if one_colour_each else LIGHT["ink"], time, far.clip(MIN_DISTANCE))
             for ghost, (time, far) in zip(ghosts, timeline.distances, strict=True)
         ]
-        title = f"distance from {timeline.main.label} [m]" if told_apart else "plants apart [m]"
-        panels.append(Panel(title, curves, (LEAST_DISTANCE, 1e-6), logarithmic=True))
+        title = f"distance from {timeline.main.label} [m]" if one_colour_each else "plants apart [m]"
+        panels.append(Panel(title, curves, (MIN_DISTANCE, 1e-6), is_logarithmic=True))
     return panels
 
 
-def _told(
+def _scaled_panel(
     title: str, unit: str, curves: list[Curve], shown: tuple[float, float], limit: float | None = None
 ) -> Panel:
-    """Return a diagram in the unit that suits its largest value."""
+    """Return a panel in the unit that suits its largest value."""
     largest = max(shown[1], *(float(curve.values.max()) for curve in curves))
     factor, prefixed = scaled(unit, largest)
     curves = [replace(curve, values=factor * curve.values) for curve in curves]
@@ -143,32 +143,33 @@ def _told(
     return Panel(title.format(prefixed), curves, (factor * low, factor * high), limit and factor * limit)
 
 
-def _curves(timeline: Timeline, values: Callable[[Track], Array], *, dashed: bool = False) -> list[Curve]:
-    """Return one curve of each run, ghosts first; wide where two should be equal."""
-    tracks = sorted(timeline.tracks, key=lambda track: not track.ghost)
-    wide = not timeline.by_label
+def _curves(timeline: Timeline, values: Callable[[Track], Array], *, is_dashed: bool = False) -> list[Curve]:
+    """Return one curve per run, ghosts first, which are wide except in overlays."""
+    tracks = sorted(timeline.tracks, key=lambda track: not track.is_ghost)
+    is_wide = not timeline.by_label
     return [
-        Curve(track.colour, track.run.time, values(track), wide and track.ghost, dashed) for track in tracks
+        Curve(track.colour, track.run.time, values(track), is_wide and track.is_ghost, is_dashed)
+        for track in tracks
     ]
 
 
 def _draw(axes: Axes, panel: Panel) -> None:
-    if panel.logarithmic:
+    if panel.is_logarithmic:
         axes.set_yscale("log")
     if panel.limit is not None:
         axes.axhline(panel.limit, color=LIGHT["limit"], linewidth=0.9, linestyle=(0, (2, 2)))
     for curve in panel.curves:
-        width, opacity = (4.5, 0.35) if curve.wide else (1.3, 1.0)
-        style: dict[str, Any] = {"linestyle": (0, (4, 2)) if curve.dashed else "-", "alpha": opacity}
+        width, opacity = (4.5, 0.35) if curve.is_wide else (1.3, 1.0)
+        style: dict[str, Any] = {"linestyle": (0, (4, 2)) if curve.is_dashed else "-", "alpha": opacity}
         axes.plot(curve.time, curve.values, color=curve.colour, linewidth=width, **style)
     low, high = min(axes.get_ylim()[0], panel.shown[0]), max(axes.get_ylim()[1], panel.shown[1])
-    axes.set_ylim(low, high if panel.logarithmic else high + HEADROOM * (high - low))
+    axes.set_ylim(low, high if panel.is_logarithmic else high + HEADROOM * (high - low))
     axes.set_title(panel.title)
 
 
 def _mark_disturbances(axes: Axes, timeline: Timeline, *, named: bool) -> None:
     line: dict[str, Any] = {"color": LIGHT["series-4"], "linewidth": 0.9}
-    names, above = {"alpha": "push on α", "beta": "push on β"}, axes.get_xaxis_transform()
+    names, above = {"alpha": "disturbance on α", "beta": "disturbance on β"}, axes.get_xaxis_transform()
     for disturbance in timeline.main.run.scenario.disturbances:
         axes.axvline(disturbance.start, **line)
         if disturbance.end is not None:
@@ -179,7 +180,7 @@ def _mark_disturbances(axes: Axes, timeline: Timeline, *, named: bool) -> None:
 
 
 def _dot(strip: Image.Image, centre: tuple[float, float], radius: float, colour: str) -> None:
-    """Draw a smooth dot with a white rim: Pillow's own circles have hard edges."""
+    """Draw a smooth dot with a white rim, since Pillow's own circles have hard edges."""
     half = int(radius) + 2
     large = Image.new("L", (8 * half, 8 * half))
     x, y = (round(value) for value in centre)

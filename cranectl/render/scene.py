@@ -1,4 +1,4 @@
-"""The crane as MuJoCo's renderer draws it, with what a run adds: a ghost, trails, the path, disturbances."""
+"""The crane drawn by MuJoCo's renderer, with ghosts, trails, the path and disturbances of runs."""
 
 import contextlib
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cranectl.plants.mujoco.geometry import ASPECT, FLOOR, NEAR_POST, drawn_spec
 from cranectl.plants.mujoco.model import state_addresses
-from cranectl.render.opengl import drawing
+from cranectl.render.opengl import drawing_context
 from cranectl.render.timeline import Timeline, Track
 from cranectl.scenario.drawn_size import drawn_box, drawn_reach, drawn_scale
 from cranectl.scenario.rig import RigParameters
@@ -22,24 +22,24 @@ Colour = tuple[float, float, float]
 
 MAX_GEOMS = 5000
 GHOST = 0.45  # opacity
-# Lengths of the laboratory's rig, to be multiplied by a rig's scale.
-HALO = 0.006  # [m] by which a ghost is larger, to be seen around the solid crane where they coincide
-BEHIND = 0.03  # [m] by which a ghost stands farther from the camera, so that it does not dye the solid crane
+# Lengths for the laboratory's rig, which are multiplied by a rig's scale.
+GHOST_HALO = 0.006  # [m] by which a ghost is larger, so that it shows around a solid crane in the same place
+GHOST_OFFSET = 0.03  # [m] by which a ghost is farther from the camera, so as not to tint the solid crane
 ROPE_WIDTH = 0.006  # [m]
 TAUT_COLOUR, SLACK_COLOUR = rgb(LIGHT["ink"]), rgb(SLACK_ROPE)
-ARROW_LENGTH, ARROW_WIDTH = 0.25, 0.012  # [m] for 1 rad/s², of a rope in scale; [m]
+ARROW_LENGTH, ARROW_WIDTH = 0.25, 0.012  # [m] for 1 rad/s² at the scaled rope; [m]
 LONGEST_ARROW = 0.6  # [m]
-MARKER = 0.024  # [m], radius of the point where the load should be
-ABOVE_FLOOR = 0.001  # [m]
-DISC = (0.05, 0.0005, 0.0)  # [m], radius and half the height
+MARKER_RADIUS = 0.024  # [m], of the load's reference
+SHADOW_HEIGHT = 0.001  # [m] above the floor
+SHADOW_SIZE = (0.05, 0.0005, 0.0)  # radius and half the height [m]
 FILED_NEAR_POST = "post_10"  # between the overview's camera and the load
 NEAR_POST_OPACITY = 0.35
-BAR_OUTSIDE, BAR_TICK = 0.2, 0.03  # [m] from the rig to the scale bar; half a tick at its ends
+BAR_DISTANCE, BAR_TICK = 0.2, 0.03  # [m] from the rig to the scale bar; half a tick at its ends
 ALONG_Z = np.eye(3).ravel()
 LINE, SPHERE, ARROW, CYLINDER, BOX = (
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}")) for kind in ("LINE", "SPHERE", "ARROW", "CYLINDER", "BOX")
 )
-OBSTACLE = 0.45  # opacity: a load behind one is seen
+OBSTACLE_OPACITY = 0.45  # so that a load behind an obstacle is visible
 
 
 @contextlib.contextmanager
@@ -52,22 +52,22 @@ def renderer(timeline: Timeline, camera: str, width: int, height: int) -> Iterat
             if post.name.startswith((NEAR_POST, FILED_NEAR_POST)):
                 colour = model.mat_rgba[int(post.matid[0])][:3]
                 post.rgba, post.matid = (*colour, NEAR_POST_OPACITY), -1
-    with drawing(model, width, height) as context:
+    with drawing_context(model, width, height) as context:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
         yield Renderer(model, context, timeline, camera)
 
 
 class Renderer:
-    """Draws moments of a timeline; only inside `renderer`."""
+    """Draws moments of a timeline; valid only inside `renderer`."""
 
     def __init__(self, model: Any, context: Any, timeline: Timeline, camera: str) -> None:
         self._model, self._context, self._timeline = model, context, timeline
         rig = timeline.main.run.scenario.rig
         self._scale, self._floor = drawn_scale(rig), -rig.rope_range[1]
         self._size = model.vis.global_.offwidth, model.vis.global_.offheight
-        self._line = min(self._size[0] / 480.0, self._size[1] / 360.0)  # [px]
-        # The solid crane first: the scene begins with it and with what does not move.
-        tracks = sorted(timeline.tracks, key=lambda track: track.ghost)
+        self._line_width = min(self._size[0] / 480.0, self._size[1] / 360.0)  # [px]
+        # The solid crane comes first, since it sets up the scene with all static objects.
+        tracks = sorted(timeline.tracks, key=lambda track: track.is_ghost)
         rigs = {track.run.scenario.rig for track in tracks} - {rig}
         models = {rig: model, **{other: _model(other, *self._size) for other in rigs}}
         self._tracks = [
@@ -81,7 +81,7 @@ class Renderer:
         self._eye = np.array(model.camera(camera).pos)
         self._bar, self._tick = _scale_bar(rig, top=camera == "top")
         self._scene = mujoco.MjvScene(model, MAX_GEOMS)
-        # They would take longer than all the rest, and clutter the floor.
+        # These would take most of the time and clutter the floor.
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._scene.flags[flag] = False
 
@@ -97,7 +97,7 @@ class Renderer:
 
     @property
     def scale_label(self) -> tuple[str, tuple[float, float]]:
-        """The length of the scale bar, and where pictures have its right end (x right, y down) [px]."""
+        """Length of the scale bar, and the position of its right end in pictures (x right, y down) [px]."""
         camera = self._camera.fixedcamid
         x, y, z = self._model.cam_mat0[camera].reshape(3, 3).T @ (self._bar[1] - self._eye)
         width, height = self._size
@@ -111,7 +111,7 @@ class Renderer:
             data.qpos[self._addresses] = track.run.block("state")[row, 0::2]
             mujoco.mj_forward(model, data)
             rope = SLACK_COLOUR if track.nearly_slack[row] else TAUT_COLOUR
-            if track.ghost:
+            if track.is_ghost:
                 self._add_ghost(track, model, data, rope)
             else:
                 self._set_solid(data, rope)
@@ -119,10 +119,10 @@ class Renderer:
                 self._add_reference(track, row)
             self._add_trail(track, row)
         for start, end in (self._bar, *np.stack([self._bar - self._tick, self._bar + self._tick], axis=1)):
-            self._connect(LINE, 2.0 * self._line, start, end, (*rgb(LIGHT["ink"]), 1.0))
+            self._connect(LINE, 2.0 * self._line_width, start, end, (*rgb(LIGHT["ink"]), 1.0))
         for box in self._timeline.main.run.scenario.obstacles:
             low, high = np.array(box.low), np.array(box.high)
-            self._add(BOX, 0.5 * (high - low), 0.5 * (low + high), (*rgb(LIGHT["muted"]), OBSTACLE))
+            self._add(BOX, 0.5 * (high - low), 0.5 * (low + high), (*rgb(LIGHT["muted"]), OBSTACLE_OPACITY))
 
     def _set_solid(self, data: Any, rope: Colour) -> None:
         self._model.material("rope").rgba = (*rope, 1.0)
@@ -137,51 +137,51 @@ class Renderer:
             geom.rgba = (*(rope if is_rope else rgb(track.colour)), GHOST)
             geom.matid = -1
             geom.transparent = 1
-            geom.size = geom.size + HALO * self._scale
+            geom.size = geom.size + GHOST_HALO * self._scale
             geom.pos = self._behind(geom.pos)
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and model.geom(geom.objid).name.startswith(NEAR_POST):
-                geom.rgba[3] = 0.0  # the solid crane's is seen through
+                geom.rgba[3] = 0.0  # hidden, as the solid crane's is transparent
 
     def _add_disturbance(self, track: Track, data: Any, row: int) -> None:
         load = track.run.load_position[row]
         for joint, magnitude in zip(("alpha", "beta"), track.run.block("disturbance")[row], strict=True):
             if magnitude:
                 hinge = self._model.joint(joint).id
-                push = np.cross(data.xaxis[hinge], load - data.xanchor[hinge])
-                self._add_arrow(load, push * (self._scale * magnitude / np.linalg.norm(push)))
+                acceleration = np.cross(data.xaxis[hinge], load - data.xanchor[hinge])
+                self._add_arrow(load, acceleration * (self._scale * magnitude / np.linalg.norm(acceleration)))
         self._add_arrow(load, track.run.load_force[row] / track.run.scenario.rig.load_mass)
 
-    def _add_arrow(self, load: Array, push: Array) -> None:
-        """Add an arrow for a disturbance that accelerates the load by `push` [m/s²]."""
-        size = float(np.linalg.norm(push))
+    def _add_arrow(self, load: Array, acceleration: Array) -> None:
+        """Add an arrow for the `acceleration` of the load by a disturbance [m/s²]."""
+        size = float(np.linalg.norm(acceleration))
         if size > 0.0:
-            end = load + push / size * self._scale * min(ARROW_LENGTH * size, LONGEST_ARROW)
+            end = load + acceleration / size * self._scale * min(ARROW_LENGTH * size, LONGEST_ARROW)
             self._connect(ARROW, ARROW_WIDTH * self._scale, load, end, (*rgb(LIGHT["series-4"]), 1.0))
 
     def _add_reference(self, track: Track, row: int) -> None:
         load, target = track.run.load_position[row], track.run.reference[row, :3]
         green = (*rgb(LIGHT["series-3"]), 1.0)
         for start, end in self._timeline.path_dashes:
-            self._connect(LINE, self._line, start, end, (*rgb(LIGHT["ink"]), 0.8))
-        self._connect(LINE, self._line, load, target, green)
-        self._add(SPHERE, (MARKER * self._scale, 0.0, 0.0), target, green)
-        # In the place of a shadow: where the load is above the floor.
-        below = (load[0], load[1], self._floor + ABOVE_FLOOR * self._scale)
-        self._add(CYLINDER, self._scale * np.array(DISC), below, (0.0, 0.0, 0.0, 0.3))
+            self._connect(LINE, self._line_width, start, end, (*rgb(LIGHT["ink"]), 0.8))
+        self._connect(LINE, self._line_width, load, target, green)
+        self._add(SPHERE, (MARKER_RADIUS * self._scale, 0.0, 0.0), target, green)
+        # A disc below the load in place of a shadow.
+        below = (load[0], load[1], self._floor + SHADOW_HEIGHT * self._scale)
+        self._add(CYLINDER, self._scale * np.array(SHADOW_SIZE), below, (0.0, 0.0, 0.0, 0.3))
 
     def _add_trail(self, track: Track, row: int) -> None:
         points = track.trail(row)
-        width, opacity = (5.0, GHOST) if track.ghost else (1.7, 1.0)
-        if track.ghost:
+        width, opacity = (5.0, GHOST) if track.is_ghost else (1.7, 1.0)
+        if track.is_ghost:
             points = np.array([self._behind(point) for point in points])
         shades = opacity * np.linspace(0.1, 1.0, len(points))[1:]
         for shade, start, end in zip(shades, points, points[1:], strict=False):
-            self._connect(LINE, width * self._line, start, end, (*rgb(track.colour), shade))
+            self._connect(LINE, width * self._line_width, start, end, (*rgb(track.colour), shade))
 
     def _behind(self, point: Array) -> Array:
         sight = point - self._eye
-        moved: Array = point + BEHIND * self._scale * sight / np.linalg.norm(sight)
-        return moved
+        shifted: Array = point + GHOST_OFFSET * self._scale * sight / np.linalg.norm(sight)
+        return shifted
 
     def _add(self, kind: int, size: Any, position: Any, rgba: Any) -> Any:
         geom = self._scene.geoms[self._scene.ngeom]
@@ -189,7 +189,7 @@ class Renderer:
         vectors = np.array(size, float), np.array(position, float)
         mujoco.mjv_initGeom(geom, kind, *vectors, ALONG_Z, np.array(rgba, np.float32))
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR
-        # Left by the engine as the memory was before, and it decides how a geom is drawn.
+        # The engine leaves these fields uninitialised, but they affect how a geom is drawn.
         geom.objtype, geom.objid = mujoco.mjtObj.mjOBJ_UNKNOWN, -1
         geom.transparent = rgba[3] < 1.0
         return geom
@@ -197,43 +197,43 @@ class Renderer:
     def _connect(self, kind: int, width: float, start: Any, end: Any, rgba: Any) -> None:
         geom = self._add(kind, np.zeros(3), np.zeros(3), rgba)
         mujoco.mjv_connector(geom, kind, width, np.array(start, float), np.array(end, float))
-        if kind == ARROW:  # MuJoCo draws them at half their length
+        if kind == ARROW:  # MuJoCo draws arrows at half their length
             geom.size = geom.size * (1.0, 1.0, 2.0)
 
 
 def _scale_bar(rig: RigParameters, *, top: bool) -> tuple[Array, Array]:
     """Return the ends (2, 3) of a bar along the bridge's travel, and half a tick (3,) [m].
 
-    It lies beside the rig, where nothing else is: on the floor, or as high as the rig for the view from the
-    top. It is as long as the largest of 1, 2 and 5 times powers of ten within a third of the travel.
+    It lies beside the rig on the floor, or at the rig's height for the view from the top. Its length is the
+    largest of 1, 2 and 5 times powers of ten within a third of the travel.
     """
     scale, (low, high), (start, end) = drawn_scale(rig), drawn_box(rig), rig.bridge_range
-    most = (end - start) / 3.0
-    power = 10.0 ** np.floor(np.log10(most))
-    length = max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= most)
-    y, z = low[1] - BAR_OUTSIDE * scale, high[2] if top else low[2]
+    limit = (end - start) / 3.0
+    power = 10.0 ** np.floor(np.log10(limit))
+    length = max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= limit)
+    y, z = low[1] - BAR_DISTANCE * scale, high[2] if top else low[2]
     tick = np.array([0.0, 1.0, 0.0] if top else [0.0, 0.0, 1.0])
     return np.array([(end - length, y, z), (end, y, z)]), BAR_TICK * scale * tick
 
 
 def _model(rig: RigParameters, width: int, height: int) -> Any:
-    """Return the rig's model for a picture of this size."""
+    """Return the rig's model for pictures of this size."""
     spec = drawn_spec(rig)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
-    # Of round shapes; more is not seen, and is drawn in software.
+    # Few facets of round shapes are invisible, and fast in software.
     spec.visual.quality.numslices, spec.visual.quality.numstacks = 18, 10
     spec.visual.quality.shadowsize = 0
     spec.tendon("rope").width = ROPE_WIDTH * drawn_scale(rig)
-    _light(spec, drawn_reach(rig))
+    _set_light(spec, drawn_reach(rig))
     model = spec.compile()
-    # Cameras have a vertical angle: a picture less wide than theirs would cut the rig off at its sides.
+    # Cameras have a fixed vertical angle, so narrow pictures need a wider one to show the whole rig.
     widening = max(1.0, ASPECT * height / width)
     model.cam_fovy[:] = np.degrees(2.0 * np.arctan(np.tan(np.radians(model.cam_fovy) / 2.0) * widening))
     return model
 
 
-def _light(spec: Any, reach: float) -> None:
-    """Set even light, a wide floor and a pale sky, on which lines and letters stand out."""
+def _set_light(spec: Any, reach: float) -> None:
+    """Set even light, a wide floor and a pale sky, so that lines and letters stand out."""
     for name, direction, diffuse in (("key", (0.25, 0.35, -1.0), 0.55), ("fill", (-0.6, 0.5, -0.4), 0.25)):
         light = spec.light(name)
         light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL

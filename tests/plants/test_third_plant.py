@@ -134,7 +134,7 @@ def test_a_log_has_the_differences_of_each_plant(log: Path) -> None:
 def test_pictures_and_pages_show_all(log: Path) -> None:
     runs = cranectl.read_log(log)
     timeline = timeline_of(runs)
-    assert [(track.label, track.ghost) for track in timeline.tracks] == [
+    assert [(track.label, track.is_ghost) for track in timeline.tracks] == [
         ("analytic", True), ("elastic", True), ("MuJoCo", False), ("tons of bricks", True),
     ]  # fmt: skip
     farthest = max(

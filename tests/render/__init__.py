@@ -1,4 +1,4 @@
-"""Drawn on one thread: with several, Mesa was once seen to draw one moment in two ways."""
+"""Draw on one thread: with several, Mesa once drew one moment in two ways."""
 
 import os
 

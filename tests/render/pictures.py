@@ -1,4 +1,4 @@
-"""Pictures to look at in tests: drawn small, and where in them a point of space is."""
+"""Small pictures for tests, and the pixels of points in space."""
 
 import functools
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ WIDTH, HEIGHT = 480, 360
 
 @functools.cache
 def moving_run(plant: str) -> Run:
-    """The first 14 s of the thesis's trajectory: under way, pushed from 6 s and from 12 s on."""
+    """Return the first 14 s of the thesis's trajectory, with disturbances from 6 s and from 12 s on."""
     shorter = ["duration=14", "reference.segments.1.duration=4"]
     return simulate_run(
         load_scenario("settled-trajectory", overrides=shorter), plant=plant, controller="lqr"
@@ -33,13 +33,13 @@ def both_runs() -> dict[str, Run]:
 def draw(
     runs: Mapping[str, Run], time: float, camera: str = "overview", size: tuple[int, int] = (WIDTH, HEIGHT)
 ) -> np.ndarray:
-    """What the scene shows, without words and plots, as signed numbers (height, width, 3)."""
+    """Draw the scene without caption and plots, as signed numbers (height, width, 3)."""
     with renderer(timeline_of(runs), camera, *size) as scene:
         return scene.draw(time).astype(int)
 
 
 def pixel(point: np.ndarray, camera: str = "overview", scale: int = 1) -> tuple[int, int]:
-    """Row and column of a point of space, by the camera of the model file; `scale` is of the picture."""
+    """Return row and column of a point in space in a picture of `scale`, by the camera of the model file."""
     model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
     eye = model.camera(camera)
     turned = np.zeros(9)
@@ -51,32 +51,32 @@ def pixel(point: np.ndarray, camera: str = "overview", scale: int = 1) -> tuple[
 
 
 def patch(picture: np.ndarray, point: np.ndarray, camera: str = "overview") -> np.ndarray:
-    """Mean colour of the nine pixels around a point of space."""
+    """Return the mean colour of the nine pixels around a point in space."""
     row, column = pixel(point, camera)
     return picture[row - 1 : row + 2, column - 1 : column + 2].mean(axis=(0, 1))
 
 
 def is_load(picture: np.ndarray) -> np.ndarray:
-    """Which pixels are of the red load."""
+    """Return the mask of pixels of the red load."""
     red, green, blue = np.moveaxis(picture, -1, 0)
     return (red > 110) & (green < 70) & (blue < 70)
 
 
 def is_arrow(picture: np.ndarray) -> np.ndarray:
-    """Which pixels are of the purple arrow of a disturbance."""
+    """Return the mask of pixels of the purple arrow of a disturbance."""
     red, green, blue = np.moveaxis(picture, -1, 0)
     return (red > green + 40) & (blue > green + 40)
 
 
-def moved(run: Run, x: float) -> Run:
-    """The run with bridge and load shifted along x."""
+def shift_run(run: Run, x: float) -> Run:
+    """Return the run with bridge and load shifted along x."""
     table = run.table.copy()
     table[:, [0, LOAD_COLUMN]] += x
     return replace(run, table=table)
 
 
-def enlarged(run: Run, times: float) -> Run:
-    """The run of a rig of the same shape, so many times as large; its rope turns as much slower."""
+def enlarge_run(run: Run, times: float) -> Run:
+    """Return the run of a rig that is `times` as large, whose disturbances are smaller by that factor."""
     rig = run.scenario.rig
     ranges = {
         n: tuple(times * np.array(getattr(rig, n))) for n in ("bridge_range", "trolley_range", "rope_range")
@@ -91,6 +91,6 @@ def enlarged(run: Run, times: float) -> Run:
     return result
 
 
-def at(run: Run, time: float) -> int:
-    """The sample at `time`."""
+def sample_at(run: Run, time: float) -> int:
+    """Return the index of the sample at `time`."""
     return int(np.searchsorted(run.time, time))

@@ -48,14 +48,14 @@ def test_the_same_log_gives_the_same_png(capsys: pytest.CaptureFixture[str]) -> 
         assert (picture.format, picture.size, picture.mode) == ("PNG", (400, 300), "RGB")
 
 
-def test_a_png_is_of_the_largest_error_unless_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_png_shows_the_largest_error_by_default(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["render", "run.mcap", "a.png", *SMALL]) == 0
     run = read_log("run.mcap")["mujoco"]
     worst = run.time[np.argmax(np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1))]
     assert f"picture at {worst:g} s" in capsys.readouterr().out
 
 
-def test_plots_take_the_right_third_and_leave_the_scene_as_it_is() -> None:
+def test_plots_take_the_right_third_and_leave_the_scene_unchanged() -> None:
     assert main(["render", "run.mcap", "a.png", "--size", "400x360", "--time", "0.5"]) == 0
     assert main(["render", "run.mcap", "b.png", "--size", "600x360", "--time", "0.5", "--plots"]) == 2
     assert main(["render", "run.mcap", "b.png", "--size", "720x360", "--time", "0.5", "--plots"]) == 0
@@ -66,7 +66,7 @@ def test_plots_take_the_right_third_and_leave_the_scene_as_it_is() -> None:
         assert (colours(both)[:, 480:] > 250).all(axis=2).mean() > 0.5
 
 
-def test_an_mp4_plays_everywhere_and_shows_what_was_drawn() -> None:
+def test_an_mp4_has_a_common_format_and_shows_the_drawn_pictures() -> None:
     assert main(["render", "run.mcap", "run.mp4", *SMALL]) == 0
     with av.open("run.mp4") as container:
         (stream,) = container.streams
@@ -183,7 +183,7 @@ def test_without_the_encoder_only_videos_are_refused(
 
 
 @pytest.mark.parametrize("name", ["run.mp4", "run.gif"])
-def test_what_is_interrupted_leaves_the_old_file_and_nothing_else(name: str) -> None:
+def test_an_interrupted_command_leaves_only_the_old_file(name: str) -> None:
     old = b"GIF89a" if name.endswith(".gif") else b"\0\0\0\x20ftypisom"
     Path(name).write_bytes(old)
     pictures = 0

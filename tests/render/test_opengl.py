@@ -14,11 +14,11 @@ from tests.shadowing_modules import write_shadowing_modules
 
 DRAW = """
 from cranectl.support.errors import InputError
-from cranectl.render.opengl import check_engine, drawing
+from cranectl.render.opengl import check_engine, drawing_context
 try:
     check_engine()
     import mujoco
-    with drawing(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16) as context:
+    with drawing_context(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16) as context:
         print("drawn")
 except InputError as error:
     print(error)
@@ -42,14 +42,14 @@ def hidden(folder: Path, *libraries: str) -> str:
 
 
 @pytest.mark.parametrize("named", ["egl", "osmesa"])
-def test_the_backend_that_is_named_is_the_only_one_tried(named: str, tmp_path: Path) -> None:
+def test_only_the_requested_backend_is_tried(named: str, tmp_path: Path) -> None:
     done = elsewhere(["-c", DRAW], LD_LIBRARY_PATH=hidden(tmp_path, *EGL, *OSMESA), MUJOCO_GL=named)
     assert f"Tried MUJOCO_GL={named}: its library is missing\nallowed:" in done.stdout
     assert "apt-get install libegl1 libgl1-mesa-dri, or libosmesa6" in done.stdout
 
 
 @pytest.mark.parametrize("broken", ["missing", "without a driver"])
-def test_where_egl_does_not_work_osmesa_draws(broken: str, tmp_path: Path) -> None:
+def test_osmesa_draws_if_egl_does_not_work(broken: str, tmp_path: Path) -> None:
     how = (
         {"LD_LIBRARY_PATH": hidden(tmp_path, *EGL)}
         if broken == "missing"
@@ -66,7 +66,7 @@ def test_a_mujoco_gl_that_cannot_draw_here_is_refused(named: str) -> None:
     assert f"MUJOCO_GL={named}: " in done.stdout, done.stderr
 
 
-def test_the_command_says_all_that_was_tried_and_writes_nothing(tmp_path: Path, short: Scenario) -> None:
+def test_the_command_reports_all_backends_and_writes_nothing(tmp_path: Path, short: Scenario) -> None:
     for folder in ("lib", "work"):
         (tmp_path / folder).mkdir()
     out, none = tmp_path / "work" / "run.png", {"LD_LIBRARY_PATH": hidden(tmp_path / "lib", *EGL, *OSMESA)}
@@ -81,7 +81,7 @@ def test_the_command_says_all_that_was_tried_and_writes_nothing(tmp_path: Path, 
 def test_a_module_of_the_working_directory_is_not_run_to_look_for_opengl(tmp_path: Path) -> None:
     """Only the child could run it: `-P` keeps it from this process."""
     imported = write_shadowing_modules(tmp_path)
-    script = "from cranectl.render import opengl; print(opengl._failure('egl'))"
+    script = "from cranectl.render import opengl; print(opengl._probe_backend('egl'))"
     done = subprocess.run(
         [sys.executable, "-P", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
     )

@@ -45,7 +45,7 @@ def test_the_cursor_moves_evenly_with_time() -> None:
     assert set(changed) <= {c + k for c in columns[:2] for k in range(-9, 10)}
 
 
-def test_each_plant_has_its_colour_and_the_pair_a_panel_of_its_distance() -> None:
+def test_each_plant_has_its_colour_and_a_pair_has_a_panel_of_distance() -> None:
     pair = strip(Plots(timeline_of(both_runs()), *SIZE), 1.0)
     alone = strip(Plots(timeline_of({"analytic": moving_run("analytic")}), *SIZE), 1.0)
     assert has(pair, MUJOCO).sum() > 500

@@ -16,16 +16,16 @@ from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
 from tests.render.pictures import (
     HEIGHT,
     WIDTH,
-    at,
     both_runs,
     draw,
-    enlarged,
+    enlarge_run,
     is_arrow,
     is_load,
-    moved,
     moving_run,
     patch,
     pixel,
+    sample_at,
+    shift_run,
 )
 
 ANALYTIC, MUJOCO = (LIGHT[PLANTS[name].colour] for name in ("analytic", "mujoco"))
@@ -49,17 +49,17 @@ def test_the_cameras_are_those_of_the_model() -> None:
 def test_the_load_is_drawn_where_the_log_says(camera: str, time: float, seen: int) -> None:
     run = moving_run("mujoco")
     red = is_load(draw({"mujoco": run}, time, camera))
-    row, column = pixel(run.load_position[at(run, time)], camera)
+    row, column = pixel(run.load_position[sample_at(run, time)], camera)
     rows, columns = np.nonzero(red)
     assert len(rows) > seen
     assert np.hypot(np.median(rows) - row, np.median(columns) - column) < 2.5
-    assert not red[pixel(run.load_position[at(run, 7.0)], camera)]
+    assert not red[pixel(run.load_position[sample_at(run, 7.0)], camera)]
 
 
-def test_from_above_the_trolley_is_over_the_load() -> None:
+def test_the_trolley_is_at_its_place_from_above() -> None:
     run = moving_run("mujoco")
     picture = draw({"mujoco": run}, 5.0, "top")
-    row = at(run, 5.0)
+    row = sample_at(run, 5.0)
     trolley = np.array([*run.block("state")[row, [0, 2]], 0.153])
     assert nearness(patch(picture, trolley, "top"), "#26599e") > 0.5
     assert nearness(patch(picture, trolley + np.array([0.3, 0.0, 0.0]), "top"), "#26599e") < 0.2
@@ -67,18 +67,18 @@ def test_from_above_the_trolley_is_over_the_load() -> None:
 
 def test_moving_the_load_moves_its_pixels_and_nothing_of_the_frame() -> None:
     run = moving_run("mujoco")
-    before, after = (draw({"mujoco": r}, 5.0, "side") for r in (run, moved(run, 0.3)))
+    before, after = (draw({"mujoco": r}, 5.0, "side") for r in (run, shift_run(run, 0.3)))
     columns = [np.nonzero(is_load(picture))[1].mean() for picture in (before, after)]
-    row = at(run, 5.0)
-    places = [pixel(r.load_position[row], "side")[1] for r in (run, moved(run, 0.3))]
+    row = sample_at(run, 5.0)
+    places = [pixel(r.load_position[row], "side")[1] for r in (run, shift_run(run, 0.3))]
     assert columns[1] - columns[0] == pytest.approx(places[1] - places[0], abs=1.5)
     post = np.array([-0.10, -0.145, -0.9])
     assert (patch(before, post, "side") == patch(after, post, "side")).all()
 
 
 def test_the_other_plant_is_a_ghost_only_where_it_is_drawn() -> None:
-    solid, other = moving_run("mujoco"), moved(moving_run("analytic"), -0.35)
-    place = other.load_position[at(other, 5.0)]
+    solid, other = moving_run("mujoco"), shift_run(moving_run("analytic"), -0.35)
+    place = other.load_position[sample_at(other, 5.0)]
     pair = draw({"analytic": other, "mujoco": solid}, 5.0)
     alone = draw({"mujoco": solid}, 5.0)
     assert nearness(patch(pair, place), ANALYTIC) > 0.25
@@ -89,7 +89,7 @@ def test_the_other_plant_is_a_ghost_only_where_it_is_drawn() -> None:
 
 
 def test_a_ghost_has_the_shape_of_its_own_rig() -> None:
-    solid, other = moving_run("mujoco"), moved(moving_run("mujoco"), -0.35)
+    solid, other = moving_run("mujoco"), shift_run(moving_run("mujoco"), -0.35)
     heavy = other.scenario.rig.model_copy(update={"load_mass": 8.0})
     heavier = replace(other, scenario=other.scenario.model_copy(update={"rig": heavy}))
     empty = draw({"solid": solid}, 5.0)
@@ -108,7 +108,7 @@ def test_the_solid_crane_of_an_overlay_has_the_colour_of_its_bridge_in_the_legen
 
 def test_where_the_plants_agree_the_ghost_is_a_rim_around_the_solid_load() -> None:
     runs = both_runs()
-    load = runs["mujoco"].load_position[at(runs["mujoco"], 5.0)]
+    load = runs["mujoco"].load_position[sample_at(runs["mujoco"], 5.0)]
     pair, alone = (draw(r, 5.0, "side", (3 * WIDTH, 3 * HEIGHT)) for r in (runs, {"mujoco": runs["mujoco"]}))
     for picture, rim in ((pair, True), (alone, False)):
         centre, edge = (picture[pixel(load - (0.0, 0.0, offset), "side", 3)] for offset in (0.0, 0.054))
@@ -119,7 +119,7 @@ def test_where_the_plants_agree_the_ghost_is_a_rim_around_the_solid_load() -> No
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_one_plant_alone_is_solid(plant: str) -> None:
-    assert not timeline_of({plant: moving_run(plant)}).main.ghost
+    assert not timeline_of({plant: moving_run(plant)}).main.is_ghost
     assert is_load(draw({plant: moving_run(plant)}, 2.0)).sum() > 30
 
 
@@ -129,7 +129,7 @@ def test_the_rope_turns_red_before_it_is_slack(tension: float, slack: bool) -> N
     table = run.table.copy()
     table[:, TENSION_COLUMN] = tension
     picture = draw({"mujoco": replace(run, table=table)}, 5.0, "side")
-    row = at(run, 5.0)
+    row = sample_at(run, 5.0)
     x, y = run.signal("state.bridge_position")[row], run.signal("state.trolley_position")[row]
     middle = (np.array([x, y, 0.0]) + run.load_position[row]) / 2.0
     line, column = pixel(middle, "side")
@@ -149,7 +149,7 @@ def test_arrows_are_drawn_while_a_disturbance_acts() -> None:
 def test_the_marker_is_where_the_load_should_be() -> None:
     run = moving_run("mujoco")
     picture = draw({"mujoco": run}, 9.0)
-    row = at(run, 9.0)
+    row = sample_at(run, 9.0)
     assert nearness(patch(picture, run.reference[row, :3]), LIGHT["series-3"]) > 0.5
     assert nearness(patch(picture, run.load_position[row]), LIGHT["series-3"]) < 0.0
 
@@ -157,15 +157,15 @@ def test_the_marker_is_where_the_load_should_be() -> None:
 def test_the_path_is_dashed_and_the_trail_is_behind_the_load() -> None:
     run = moving_run("mujoco")
     picture = draw({"mujoco": run}, 4.9)
-    ahead = run.reference[at(run, 6.2) : at(run, 9.0) : 10, :3]
+    ahead = run.reference[sample_at(run, 6.2) : sample_at(run, 9.0) : 10, :3]
     dark = [min(picture[row - 1 : row + 2, column].max(axis=1)) < 165 for row, column in map(pixel, ahead)]
     assert 0.3 < np.mean(dark) < 0.9
     off_path = [picture[row + 12, column].max() < 165 for row, column in map(pixel, ahead)]
     assert np.mean(off_path) < 0.1  # a post of the frame
-    trail = run.load_position[at(run, 4.0) : at(run, 4.5) : 10]
+    trail = run.load_position[sample_at(run, 4.0) : sample_at(run, 4.5) : 10]
     tints = [nearness(patch(picture, point), MUJOCO) for point in trail]
     assert np.median(tints) > 0.25
-    old = run.load_position[at(run, 0.1) : at(run, 0.6) : 10]
+    old = run.load_position[sample_at(run, 0.1) : sample_at(run, 0.6) : 10]
     assert np.median([nearness(patch(picture, point), MUJOCO) for point in old]) < 0.1
 
 
@@ -184,9 +184,11 @@ def test_narrow_pictures_show_the_whole_rig() -> None:
 
 @pytest.mark.parametrize(("times", "length"), [(1.0, 0.5), (2.25, 1.0), (0.1, 0.05)])
 @pytest.mark.parametrize("camera", CAMERAS)
-def test_a_bar_tells_the_scale(camera: str, times: float, length: float) -> None:
+def test_the_scale_bar_has_its_stated_length_and_place(camera: str, times: float, length: float) -> None:
     """At the place and as long as it says, in a round number."""
-    with renderer(timeline_of({"": enlarged(moving_run("mujoco"), times)}), camera, WIDTH, HEIGHT) as scene:
+    with renderer(
+        timeline_of({"": enlarge_run(moving_run("mujoco"), times)}), camera, WIDTH, HEIGHT
+    ) as scene:
         picture, (text, (x, y)) = scene.draw(0.0), scene.scale_label
     assert text == f"{length:g} m"
     height = 0.225 if camera == "top" else -1.4
@@ -200,7 +202,7 @@ def test_a_bar_tells_the_scale(camera: str, times: float, length: float) -> None
     assert [dark(share) for share in (-0.05, 0.03, 0.35, 0.65, 0.97)] == [False, True, True, True, True]
 
 
-def test_a_load_behind_the_near_post_is_seen() -> None:
+def test_a_load_behind_the_near_post_is_visible() -> None:
     model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
     eye, post = model.camera("overview").pos, model.geom("post_10").pos
     place = eye + (0.77 - eye[1]) / (post[1] - eye[1]) * (post - eye)
@@ -212,9 +214,11 @@ def test_a_load_behind_the_near_post_is_seen() -> None:
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
-def test_a_larger_rig_is_as_well_seen(camera: str) -> None:
+def test_a_larger_rig_looks_like_the_small_one(camera: str) -> None:
     runs = both_runs()
-    filed, large = (draw(r, 8.0, camera) for r in (runs, {p: enlarged(run, 2.5) for p, run in runs.items()}))
+    filed, large = (
+        draw(r, 8.0, camera) for r in (runs, {p: enlarge_run(run, 2.5) for p, run in runs.items()})
+    )
     assert is_load(large).sum() == pytest.approx(is_load(filed).sum(), rel=0.05)
     assert is_arrow(large).sum() == pytest.approx(is_arrow(filed).sum(), rel=0.05)
     # A trail is of five times as many seconds, in which this run, as slow as the small one, gets farther.
@@ -228,7 +232,7 @@ def test_the_same_moment_is_the_same_picture() -> None:
     assert (first != later).any()
 
 
-def test_what_memory_held_before_is_not_seen() -> None:
+def test_uninitialised_fields_of_geoms_do_not_affect_pictures() -> None:
     """The engine does not clear the geoms of a scene."""
     runs = both_runs()
     with renderer(timeline_of(runs), "overview", WIDTH, HEIGHT) as scene:

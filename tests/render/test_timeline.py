@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cranectl.render.caption import legend, readings
-from cranectl.render.timeline import MOST_DASHES, dashes, timeline_of
+from cranectl.render.timeline import MAX_DASHES, dashes, timeline_of
 from cranectl.scenario.drawn_size import FILED_TRAIL
 from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN
 from cranectl.simulate import Run
@@ -14,12 +14,12 @@ from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from cranectl.support.units import quantity
 from tests import conftest
-from tests.render.pictures import at, both_runs, moved, moving_run
+from tests.render.pictures import both_runs, moving_run, sample_at, shift_run
 
 
 def cut(run: Run, time: float, status: RunStatus = RunStatus.SLACK_ROPE) -> Run:
     """The run as if it had stopped at `time`."""
-    last = at(run, time)
+    last = sample_at(run, time)
     return conftest.cut(run, last + 1, end_ns=int(run.time_ns[last]), status=status)
 
 
@@ -36,10 +36,10 @@ def test_pictures_are_evenly_spaced_and_the_last_is_the_end(
     assert (times[0], times[-1]) == (0.0, 14.0)
 
 
-def test_mujoco_is_solid_and_analytic_its_ghost_only_as_a_pair() -> None:
+def test_mujoco_is_solid_and_analytic_is_a_ghost_only_in_a_pair() -> None:
     runs = both_runs()
     timeline = timeline_of(runs)
-    assert [(track.run.plant, track.ghost) for track in timeline.tracks] == [
+    assert [(track.run.plant, track.is_ghost) for track in timeline.tracks] == [
         ("analytic", True),
         ("mujoco", False),
     ]
@@ -57,11 +57,11 @@ def test_a_still_shows_the_largest_error() -> None:
     assert timeline.main.error[timeline.main.row(timeline.worst_time)] == distance.max()
     assert distance.max() > 2.0 * np.median(distance)
     later = replace(run, table=run.table.copy())
-    later.table[at(run, 9.0), LOAD_COLUMN] += 1.0
+    later.table[sample_at(run, 9.0), LOAD_COLUMN] += 1.0
     assert timeline_of({"mujoco": run, "analytic": later}).worst_time == pytest.approx(9.0, abs=0.01)
 
 
-def test_the_trail_is_of_the_last_seconds() -> None:
+def test_the_trail_covers_the_last_seconds() -> None:
     track = timeline_of({"mujoco": moving_run("mujoco")}).main
     for time, since in ((9.0, 9.0 - FILED_TRAIL), (2.0, 0.0)):
         trail = track.trail(track.row(time))
@@ -78,11 +78,11 @@ def test_dashes_lie_on_the_path_and_are_never_too_many() -> None:
     assert np.allclose(np.linalg.norm(drawn, axis=2), 1.0, atol=1e-4)
     assert 0.5 < lengths.sum() / (2.0 * np.pi) < 0.6
     long = np.tile(circle, (100, 1))
-    assert MOST_DASHES * 0.9 < len(dashes(long)) <= MOST_DASHES + 1
+    assert MAX_DASHES * 0.9 < len(dashes(long)) <= MAX_DASHES + 1
     assert len(dashes(np.ones((5, 3)))) == 0
 
 
-def test_samples_that_are_nowhere_are_not_drawn() -> None:
+def test_samples_without_a_finite_position_are_left_out() -> None:
     run = moving_run("mujoco")
     table = run.table.copy()
     table[-3:, LOAD_COLUMN], table[-4, 0] = np.nan, 1e9
@@ -91,8 +91,8 @@ def test_samples_that_are_nowhere_are_not_drawn() -> None:
     assert np.isfinite(timeline.main.error).all()
 
 
-def test_words_say_how_far_off_and_apart_and_why_it_stopped() -> None:
-    solid, other = moving_run("mujoco"), moved(moving_run("analytic"), 0.25)
+def test_readings_give_error_distance_and_stop() -> None:
+    solid, other = moving_run("mujoco"), shift_run(moving_run("analytic"), 0.25)
     timeline = timeline_of({"analytic": cut(other, 8.0), "mujoco": solid})
     off = f"{1e6 * timeline.main.error[timeline.main.row(5.0)]:.3g} µm"
     assert readings(timeline, 5.0) == [
@@ -105,21 +105,21 @@ def test_words_say_how_far_off_and_apart_and_why_it_stopped() -> None:
     assert len(readings(timeline_of({"mujoco": solid}), 14.0)) == 1
 
 
-def test_runs_of_an_overlay_are_told_by_their_labels() -> None:
-    first, other = moving_run("mujoco"), replace(moved(moving_run("mujoco"), 0.25), drive="velocity")
+def test_runs_of_an_overlay_are_named_by_their_labels() -> None:
+    first, other = moving_run("mujoco"), replace(shift_run(moving_run("mujoco"), 0.25), drive="velocity")
     timeline = timeline_of({"soft": first, "stiff": other})
-    assert [(track.label, track.ghost) for track in timeline.tracks] == [("soft", False), ("stiff", True)]
+    assert [(track.label, track.is_ghost) for track in timeline.tracks] == [("soft", False), ("stiff", True)]
     assert len({track.colour for track in timeline.tracks}) == 2
     off = f"{1e6 * timeline.main.error[timeline.main.row(5.0)]:.3g} µm"
     far = timeline.tracks[1].error[timeline.tracks[1].row(5.0)]
-    told = [text for text, _ in readings(timeline, 5.0)]
-    assert told == [f"soft off by {off}", f"stiff off by {quantity(far, 'm')}", "others up to 250 mm away"]
+    lines = [text for text, _ in readings(timeline, 5.0)]
+    assert lines == [f"soft off by {off}", f"stiff off by {quantity(far, 'm')}", "others up to 250 mm away"]
     texts = [text for _, text in legend(timeline)]
     assert {"soft: solid", "stiff: ghost"} <= {*texts}
     assert not any("plant" in text for text in texts)
 
 
-def test_the_legend_names_what_is_there_and_nothing_else() -> None:
+def test_the_legend_names_exactly_what_is_drawn() -> None:
     run = moving_run("mujoco")
     table = run.table.copy()
     table[5, TENSION_COLUMN] = 0.1
