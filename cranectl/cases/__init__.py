@@ -1,1 +1,1 @@
-"""One scenario, controller and drive on the plants, judged; many at once."""
+"""Run cases of one scenario, controller and drive on several plants, judge them, and run many at once."""

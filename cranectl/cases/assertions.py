@@ -1,4 +1,4 @@
-"""What tests assert of the closed loops that they ran, and how a log is judged by its golden one.
+"""Assertions for tests of closed loops, and regressions of a log against a golden log.
 
 A failed assertion names signal, time, size and limit.
 """
@@ -38,8 +38,8 @@ from cranectl.support.errors import InputError
 from cranectl.support.provenance import provenance, provenance_differences
 from cranectl.support.units import quantity
 
-SHOWN_SIGNALS = 3  # signals of a run that is not the golden one
-GOLDEN_SAMPLES = 50  # at least: where deterministic runs differ, they do so from then on
+MAX_SHOWN_SIGNALS = 3  # of a run that differs from its golden run
+GOLDEN_SAMPLES = 50  # at least; once deterministic runs differ, they stay different
 
 Arguments = ParamSpec("Arguments")
 
@@ -48,14 +48,14 @@ class CaseRuns(dict[str, Run]):
     """The runs of a case, by plant."""
 
     def __init__(self, case: Case) -> None:
-        """Simulate the runs; raise InputError for wrong input and KeyboardInterrupt on an interrupt."""
+        """Simulate the runs; raise InputError for wrong input, and KeyboardInterrupt if interrupted."""
         super().__init__({run.plant: run for run in simulate_case(case, prepare_case(case))})
         if any(run.status == RunStatus.INTERRUPTED for run in self.values()):
             raise KeyboardInterrupt
         self.case = case
 
     def __repr__(self) -> str:
-        """Return a short text: pytest shows it with every failure."""
+        """Return a short text, since pytest shows it with every failure."""
         return f"{self.case.scenario.name}, {self.case.controller}, {self.case.drive} drives"
 
     def write(self, path: Path) -> Path:
@@ -63,14 +63,14 @@ class CaseRuns(dict[str, Run]):
         return write_log(path, list(self.values()))
 
     def write_golden(self, path: Path) -> Path:
-        """Write a log that is small enough to be kept beside the code; raise LogError."""
+        """Write a log that is small enough for a repository; raise LogError."""
         scenario = self.case.scenario
         samples = round(scenario.duration * NANOSECONDS / scenario.period_ns)
         return write_log(path, list(self.values()), every=max(samples // GOLDEN_SAMPLES, 1))
 
 
-def briefly(function: Callable[Arguments, None]) -> Callable[Arguments, None]:
-    """Make errors of `function` about its arguments point at the line that calls it."""
+def without_traceback(function: Callable[Arguments, None]) -> Callable[Arguments, None]:
+    """Make assertions and input errors of `function` point at the line that calls it."""
 
     @functools.wraps(function)
     def asserting(*args: Arguments.args, **kwargs: Arguments.kwargs) -> None:
@@ -83,7 +83,7 @@ def briefly(function: Callable[Arguments, None]) -> Callable[Arguments, None]:
     return asserting
 
 
-@briefly
+@without_traceback
 def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: float | None = None) -> None:
     """Assert that the plants agree and that their runs ended as the scenario expects.
 
@@ -108,17 +108,17 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
         )
     is_limited = load_m is not None or angle_rad is not None
     case = runs.case
-    known = {} if is_limited else limits_for(case.scenario, case.drive, case.plants)
-    faults, hints = _endings(runs), []
+    standard_limits = {} if is_limited else limits_for(case.scenario, case.drive, case.plants)
+    faults, hints = _unexpected_ends(runs), []
     for a, b in pairs:
         comparison = compare_runs(a, b, signals=("state.alpha", "state.beta"))
-        limits = known.get((a.plant, b.plant)) or _given(runs, load_m, angle_rad)
+        limits = standard_limits.get((a.plant, b.plant)) or _stated_limits(runs, load_m, angle_rad)
         agreement = judge(a, b, limits=limits, comparison=comparison)
         if isinstance(limits, NoLimits):
             raise InputError(
-                f"nobody knows how far the plants may differ: {limits.reason}",
-                allowed="scenarios, controllers and drives of which it is known, or limits of your own",
-                remedy="say how far, as assert_agree(runs, load_m=0.01, angle_rad=0.02)",
+                f"no limits of agreement are known for this case: {limits.reason}",
+                allowed="scenarios, controllers and drives with known limits, or limits of your own",
+                remedy="give limits, as in assert_agree(runs, load_m=0.01, angle_rad=0.02)",
             )
         position = (
             "load position",
@@ -139,10 +139,10 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
         if not agreement.passed and not is_limited:
             step = judge_steps((a, b), limits).curing_step_s
             hints += [] if step is None else [f"they agree with control.physics_step = {step:g}"]
-    _fail_for(faults, hints)
+    _raise_for(faults, hints)
 
 
-@briefly
+@without_traceback
 def assert_limits(runs: CaseRuns, **limits: float) -> None:
     """Assert that every run keeps its limits and ended as the scenario expects.
 
@@ -160,29 +160,45 @@ def assert_limits(runs: CaseRuns, **limits: float) -> None:
     InputError
         For unknown metrics, and if there is no limit at all.
     """
-    faults = _endings(runs)
+    faults = _unexpected_ends(runs)
     stated = given_limits(limits, "assert_limits")
-    for plant, own in limits_of(runs.case.scenario, runs).items():
-        limits_to_keep = {**own, **stated}
+    for plant, plant_limits in limits_of(runs.case.scenario, runs).items():
+        limits_to_keep = {**plant_limits, **stated}
         if not limits_to_keep:
             raise InputError(
                 f"no limit for the run of {plant}",
                 allowed="[limits] in the scenario, or arguments of assert_limits",
-                remedy="say what the run must keep, as assert_limits(runs, max_error_m=0.05)",
+                remedy="give limits, as in assert_limits(runs, max_error_m=0.05)",
             )
         for verdict in judge_limits(run_metrics(runs[plant]), limits_to_keep):
             if not verdict.kept:
                 since = broken_since(runs[plant], verdict)
                 when = "" if since is None else f", from {since:g} s on"
                 faults.append(f"{plant} {verdict.fault}{when}")
-    _fail_for(faults)
+    _raise_for(faults)
 
 
-@briefly
+@without_traceback
 def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None:
-    """Assert that the runs are those of `golden_log` within `tolerances`, a name or a TOML file.
+    """Assert that the runs agree with those of a golden log.
 
-    Raises InputError for tolerances and logs that cannot be read, and as `judge_regression`.
+    Parameters
+    ----------
+    runs : CaseRuns
+        New runs.
+    golden_log : Path
+        Log of the golden runs.
+    tolerances : str
+        Name of shipped tolerances, or a TOML file.
+
+    Raises
+    ------
+    AssertionError
+        If a run differs by more than the tolerances.
+    InputError
+        For tolerances that cannot be read, and runs that cannot be compared.
+    LogError
+        For a log that cannot be read.
     """
     golden, limits = read_log(golden_log), load_tolerances(tolerances)
     faults = [f"only golden or only new: {plant}" for plant in sorted(golden.keys() ^ runs.keys())]
@@ -196,20 +212,20 @@ def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None
         failed = worst_first(s for s in verdict.signals if not s.passed)
         faults += [
             f"{plant} differs from golden in {_difference(s.signal, s.unit, s.max_abs, s.at_s, s.limit)}"
-            for s in failed[:SHOWN_SIGNALS]
+            for s in failed[:MAX_SHOWN_SIGNALS]
         ]
-        if len(failed) > SHOWN_SIGNALS:
-            faults.append(f"and in {len(failed) - SHOWN_SIGNALS} more signals")
+        if len(failed) > MAX_SHOWN_SIGNALS:
+            faults.append(f"and in {len(failed) - MAX_SHOWN_SIGNALS} more signals")
         differing = [f"golden and new differ in {field}" for field in differing_fields(old, new)]
     if faults:
         versions = provenance_differences(describe_log(golden_log).versions, provenance(), word="new")
         software = [f"golden was made by other software: {version}" for version in versions]
-        where = f"golden: {golden_log}; where the new run is right, pytest --cranectl-update keeps it"
-        _fail_for(faults, [*differing, *software, where])
+        where = f"golden: {golden_log}; if the new run is right, pytest --cranectl-update keeps it"
+        _raise_for(faults, [*differing, *software, where])
 
 
-def _given(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> AgreementLimits:
-    """Return the stated limits for every pair; stops may differ by the lag of the slowest drive."""
+def _stated_limits(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> AgreementLimits:
+    """Return limits for every pair from arguments; ends may differ by the lag of the slowest drive."""
     return AgreementLimits(
         load_m=inf if load_m is None else load_m,
         angle_rad=inf if angle_rad is None else angle_rad,
@@ -218,7 +234,7 @@ def _given(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> Agr
     )
 
 
-def _endings(runs: CaseRuns) -> list[str]:
+def _unexpected_ends(runs: CaseRuns) -> list[str]:
     """Return a sentence for each run that did not end as expected."""
     return [
         f"{run.plant} ends with {run.status.label} at {run.end_s:g} s, expected {run.scenario.expected}"
@@ -231,27 +247,27 @@ def _difference(signal: str, unit: str, size: float, at_s: float, limit: float) 
     return f"{signal} by {quantity(size, unit)} at {at_s:g} s, limit {quantity(limit, unit)}"
 
 
-def _fail_for(faults: Sequence[str], hints: Sequence[str] = ()) -> None:
+def _raise_for(faults: Sequence[str], hints: Sequence[str] = ()) -> None:
     """Raise AssertionError if there are faults."""
     if faults:
         raise AssertionError("\n".join([*faults, *hints]))
 
 
 class Regression(NamedTuple):
-    """What came of it."""
+    """Result of judging a log against a golden log."""
 
     verdicts: list[RegressionVerdict]
-    unshared: dict[str, Path]  # plants that only one log has, and which
+    unshared: dict[str, Path]  # log of each plant that only one log has
     differing_fields: list[str]
     software_differences: list[str]
 
     @property
     def passed(self) -> bool:
-        """Whether every plant that both have keeps its limits."""
+        """Whether every shared plant keeps its tolerances."""
         return all(verdict.passed for verdict in self.verdicts)
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data."""
+        """Return the result as plain data."""
         return {
             "passed": self.passed,
             "differing_fields": self.differing_fields,
@@ -261,7 +277,7 @@ class Regression(NamedTuple):
 
 
 def regression_of(new_log: Path, golden_log: Path, tolerances: Tolerances) -> Regression:
-    """Judge `new_log`; raises InputError for logs that cannot be read or have no plant in common."""
+    """Judge `new_log` against `golden_log`; raise InputError for logs without a common plant, or LogError."""
     new, golden = read_log(new_log), read_log(golden_log)
     shared = [plant for plant in new if plant in golden]
     if not shared:
@@ -277,12 +293,12 @@ def regression_of(new_log: Path, golden_log: Path, tolerances: Tolerances) -> Re
 
 
 def software_differences(log: Path, other: Path) -> list[str]:
-    """Return which software differences may explain different numbers in two logs."""
+    """Return differences of software that may explain different numbers in two logs."""
     return provenance_differences(describe_log(log).versions, describe_log(other).versions, word="other")
 
 
 def nothing_shared() -> InputError:
-    """Return the error of two logs that cannot be compared."""
+    """Return the error for two logs without a common plant."""
     return InputError(
         "the logs share no plant",
         allowed="logs of the same plant",

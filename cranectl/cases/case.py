@@ -1,4 +1,4 @@
-"""A case: one scenario, controller and drive on any plants, simulated, logged and judged."""
+"""A case: one scenario, controller and drive on several plants, simulated, logged and judged."""
 
 import traceback
 from collections.abc import Callable, Iterable, Sequence
@@ -30,27 +30,27 @@ Keep = Literal["all", "failed", "none"]
 
 @dataclass(frozen=True)
 class Case:
-    """What to run and where to log it."""
+    """A case to run, and its log."""
 
     scenario: Scenario
     controller: str
     drive: Drive
     plants: tuple[str, ...]
     log: Path
-    source: str  # how its scenario was asked for: its name or its file
-    keep: Keep = "all"  # which logs stay
+    source: str  # name or file of the scenario, as requested
+    keep: Keep = "all"  # logs to keep
     pairwise: bool = False  # whether every plant is compared with every other
-    patience: float = BLOCK_TIMEOUT  # [s] for a block of a run with a law from outside
+    patience: float = BLOCK_TIMEOUT  # [s] for a block of a run with an external controller
 
     @property
     def simulated_seconds(self) -> float:
-        """Simulated time of all its runs, for progress."""
+        """Simulated time of all runs [s]."""
         return self.scenario.duration * len(self.plants)
 
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What remains of a run once its log is written."""
+    """Summary of a run after its log is written."""
 
     scenario: str
     controller: str
@@ -58,26 +58,26 @@ class RunSummary:
     drive: str
     status: RunStatus
     end_s: float
-    log: Path | None  # None: it is not kept
+    log: Path | None  # None if it is not kept
     metrics: RunMetrics | None
-    limits: tuple[LimitVerdict, ...] = ()  # that its scenario asks of it
-    beyond_drives: str = ""  # what its drives could not do, had they limits
+    limits: tuple[LimitVerdict, ...] = ()  # of its scenario
+    beyond_drives: str = ""  # commands that drives with limits could not follow, in words
 
     @property
     def limits_kept(self) -> bool | None:
-        """None: nothing is asked of it."""
+        """Whether all limits are kept, or None without limits."""
         return all(verdict.kept for verdict in self.limits) if self.limits else None
 
     @classmethod
     def of(cls, run: Run, log: Path | None) -> "RunSummary":
-        """Summarise a run that is in `log`; raise InputError for limits that no run can have."""
+        """Summarise a run that is in `log`; raise InputError for impossible limits."""
         metrics, stated = run_metrics(run), limits_of(run.scenario, [run.plant])[run.plant]
         names = run.scenario.name, run.design.name, run.plant, run.drive
         limits, beyond = judge_limits(metrics, stated), beyond_drives(run)
         return cls(*names, run.status, run.end_s, log, metrics, limits, beyond)
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data."""
+        """Return the summary as plain data."""
         return {
             **vars(self),
             "status": self.status.label,
@@ -106,7 +106,7 @@ def judged_limits(runs: Sequence[RunSummary]) -> list[tuple[RunSummary, LimitVer
 
 @dataclass(frozen=True)
 class PairDifference:
-    """Two plants of a case."""
+    """Differences of two plants in a case."""
 
     agreement: Agreement
     max_tension_error_n: float
@@ -114,16 +114,16 @@ class PairDifference:
 
 @dataclass(frozen=True)
 class CaseResult:
-    """Outcome of a case; agreements of plants that have samples, if the reference plant has."""
+    """Result of a case."""
 
     runs: tuple[RunSummary, ...]
-    agreements: tuple[Agreement, ...]
-    expected: str  # how its runs should have ended
-    pairs: tuple[PairDifference, ...] = ()  # each plant with each other, where that was asked for
+    agreements: tuple[Agreement, ...]  # of plants with samples, if the reference plant has samples
+    expected: str  # status in which runs should end
+    pairs: tuple[PairDifference, ...] = ()  # all pairs of plants, if requested
 
     @property
     def log(self) -> Path | None:
-        """Where its runs are, if they are kept."""
+        """The log of its runs, or None if it is not kept."""
         return self.runs[0].log
 
     @property
@@ -140,17 +140,17 @@ class CaseResult:
 
     @property
     def plants_agree(self) -> bool:
-        """As far as that can be judged."""
+        """Whether no judged pair of plants disagrees."""
         return all(agreement.passed is not False for agreement in self.agreements)
 
     @property
     def limits_kept(self) -> bool:
-        """Whether all runs keep all limits that are asked of them."""
+        """Whether all runs keep all their limits."""
         return all(run.limits_kept is not False for run in self.runs)
 
     @property
     def other_failures(self) -> str:
-        """What else than agreement is not as it should be, for people; empty if nothing."""
+        """Failures other than disagreement, in words; empty if there are none."""
         faults = {"ended otherwise": not self.as_expected, "limits broken": not self.limits_kept}
         return ", ".join(name for name, present in faults.items() if present)
 
@@ -162,15 +162,15 @@ class CaseResult:
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a case has no result."""
+    """The reason why a case has no result."""
 
-    reason: str  # for people, one line or more
-    bad_input: bool  # else nobody foresaw it
-    trace: str = ""  # where in the program, unless it is bad input
+    reason: str
+    bad_input: bool  # else it is unexpected
+    trace: str = ""  # traceback of an unexpected error
 
     @classmethod
     def of(cls, error: Exception) -> "Failure":
-        """Return the failure that `error` means."""
+        """Return the failure for `error`."""
         if isinstance(error, InputError):
             return cls(str(error), bad_input=True)
         text = " ".join(describe_error(error).split())
@@ -189,9 +189,9 @@ def make_case(
     pairwise: bool = False,
     patience: float = BLOCK_TIMEOUT,
 ) -> Case:
-    """Make a case; by default with the controller, plants and log that the scenario implies.
+    """Make a case, by default with the scenario's controller, plants and log.
 
-    Raises InputError for plants that cannot be run and for limits that the scenario cannot have.
+    Raises InputError for plants that cannot run and for impossible limits.
     """
     plants = plants_to_run(plants)
     limits_of(scenario, plants)
@@ -206,10 +206,10 @@ def default_log(directory: Path, scenario: Scenario, controller: str, drive: str
 
 
 def check_logs_differ(cases: Sequence[Case]) -> None:
-    """Raise InputError if two cases have one log: the later one would replace the earlier one's."""
-    places: dict[Path, Case] = {}
+    """Raise InputError if two cases share a log, since the later case would overwrite it."""
+    by_log: dict[Path, Case] = {}
     for case in cases:
-        other = places.setdefault(case.log.resolve(), case)
+        other = by_log.setdefault(case.log.resolve(), case)
         if other is not case:
             raise InputError(
                 f"{other.source} and {case.source} would share the log {case.log}",
@@ -219,7 +219,7 @@ def check_logs_differ(cases: Sequence[Case]) -> None:
 
 
 def prepare_case(case: Case) -> dict[str, Any]:
-    """Return what all runs of a case share, for `simulate_run`; raises InputError for a wrong case."""
+    """Return the arguments of `simulate_run` that all runs of a case share; raise InputError."""
     design = controller_design(case.controller, case.scenario)
     check_runs(case.scenario, design, case.drive, len(case.plants), logged=case.keep != "none")
     plan = plan_scenario(case.scenario)
@@ -230,7 +230,7 @@ def prepare_case(case: Case) -> dict[str, Any]:
 def simulate_case(
     case: Case, shared: dict[str, Any], *, progress: Callable[[float], None] | None = None
 ) -> list[Run]:
-    """Return a run on each plant, by what `prepare_case` has made; an interrupted one is the last."""
+    """Return a run on each plant with arguments from `prepare_case`; an interrupted run is the last."""
     runs: list[Run] = []
     for plant in case.plants:
         runs.append(simulate_run(case.scenario, plant=plant, progress=progress, **shared))
@@ -240,10 +240,10 @@ def simulate_case(
 
 
 def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult:
-    """Simulate, log, compare.
+    """Simulate, log and judge a case.
 
-    `progress` is called with simulated seconds. Raises InputError for wrong input, before anything is
-    simulated. An interrupted run is logged and ends the case.
+    `progress` is called with simulated seconds. Raises InputError for wrong input, before any simulation. An
+    interrupted run is logged and ends the case.
     """
     shared = prepare_case(case)
     if case.keep != "none":
@@ -277,7 +277,7 @@ def _pair_differences(runs: Sequence[Run]) -> tuple[PairDifference, ...]:
 
 
 def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:
-    """Do as `run_case`, but return errors as failures: one case must not end the others."""
+    """Run a case as `run_case` does, but return errors as failures, so that other cases can go on."""
     try:
         return tried_again(lambda: run_case(case, progress=progress))
     except Exception as error:

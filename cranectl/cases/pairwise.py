@@ -1,4 +1,4 @@
-"""Every plant against every other over all cases, and each by itself: how much of it is its own steps."""
+"""Compare every plant with every other over all cases, and each with itself at finer steps."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -18,14 +18,14 @@ from cranectl.simulate import make_plant, simulate_run
 from cranectl.support.arrays import Array
 from cranectl.support.consistency import check_ascending
 
-SWING_S = 20.0  # of the free swing whose energy is watched
-SWING = (0.3, -0.2)  # [rad] from which it starts
-ORDER_ROUNDING = 1e-14  # of the rope's length: smaller differences have no order
+SWING_DURATION = 20.0  # [s] of the free swing that shows the energy drift
+SWING_ANGLES = (0.3, -0.2)  # at its start [rad]
+ORDER_ROUNDING = 1e-14  # of the rope's length; smaller differences are rounding, which has no order
 
 
 @dataclass(frozen=True)
 class WorstPair:
-    """Two plants with the same drives: how far apart they are at most, and where."""
+    """Largest differences of two plants with the same drives over all cases."""
 
     drive: str
     plant: str
@@ -36,7 +36,7 @@ class WorstPair:
     load_m: float
     angle_rad: float
     tension_n: float
-    scenario: str  # where the loads are farthest apart
+    scenario: str  # in which the loads are farthest apart
     controller: str
 
     def __post_init__(self) -> None:
@@ -48,26 +48,26 @@ class WorstPair:
 
 @dataclass(frozen=True)
 class PlantAlone:
-    """One plant in the case in which it is farthest from another with the same kind of drives."""
+    """Convergence of one plant in the case in which it is farthest from another with the same drives."""
 
     plant: str
     drive: str
     scenario: str
     controller: str
-    step_error_m: float  # how far its load moves when its steps are a quarter as long
-    order: float  # by which that falls with the step; NaN where rounding is all there is
-    energy_drift: float  # of a free swing of 20 s with locked drives, of m g l
+    step_error_m: float  # largest change of the load's position with steps a quarter as long
+    order: float  # of convergence; NaN where differences are rounding
+    energy_drift: float  # of a free swing of 20 s with locked drives, as a share of m g l
 
 
 @dataclass(frozen=True)
 class Pairwise:
-    """What `validate --pairwise` tells."""
+    """Result of `validate --pairwise`."""
 
     pairs: tuple[WorstPair, ...]
     plants: tuple[PlantAlone, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data; what is not a number is null."""
+        """Return the result as plain data, with null for NaN."""
         plants = [asdict(plant) for plant in self.plants]
         for plant in plants:
             plant["order"] = plant["order"] if isfinite(plant["order"]) else None
@@ -75,19 +75,19 @@ class Pairwise:
 
 
 def pairwise(validation: Validation) -> Pairwise:
-    """Summarise all pairs of plants in `validation`; the worst cases run again with finer steps."""
+    """Summarise all pairs of plants in `validation`, and run the worst cases again with finer steps."""
     by_pair: dict[tuple[str, str, str], list[tuple[PairDifference, Case]]] = {}
     for case, result in validation.results:
         for pair in result.pairs:
             agreement = pair.agreement
             key = (agreement.drive, agreement.plant, agreement.reference)
             by_pair.setdefault(key, []).append((pair, case))
-    worst = {key: max(pairs, key=lambda entry: _size(entry[0])) for key, pairs in by_pair.items()}
-    rows = tuple(_worst(key, [pair for pair, _ in pairs]) for key, pairs in by_pair.items())
+    worst = {key: max(pairs, key=lambda entry: _distance_of(entry[0])) for key, pairs in by_pair.items()}
+    rows = tuple(_summarise_pair(key, [pair for pair, _ in pairs]) for key, pairs in by_pair.items())
     cases: dict[tuple[str, str], tuple[float, Case]] = {}
     for (drive, *plants), (pair, case) in worst.items():
         for plant in plants:
-            size = _size(pair)
+            size = _distance_of(pair)
             if size > cases.get((plant, drive), (-1.0, case))[0]:
                 cases[plant, drive] = (size, case)
     drift: dict[str, float] = {}
@@ -101,12 +101,12 @@ def pairwise(validation: Validation) -> Pairwise:
     return Pairwise(rows, tuple(alone))
 
 
-def _size(pair: PairDifference) -> float:
+def _distance_of(pair: PairDifference) -> float:
     return float(np.nan_to_num(pair.agreement.max_load_error_m, nan=np.inf))
 
 
-def _worst(key: tuple[str, str, str], pairs: Sequence[PairDifference]) -> WorstPair:
-    farthest = max(pairs, key=_size).agreement
+def _summarise_pair(key: tuple[str, str, str], pairs: Sequence[PairDifference]) -> WorstPair:
+    farthest = max(pairs, key=_distance_of).agreement
     return WorstPair(
         *key,
         cases=len(pairs),
@@ -123,30 +123,30 @@ def _worst(key: tuple[str, str, str], pairs: Sequence[PairDifference]) -> WorstP
 def convergence(plant: str, case: Case) -> tuple[float, float]:
     """Return the change of the load with steps a quarter as long [m], and the order of convergence."""
     runs = []
-    for times in (1, 2, 4):
-        scenario = with_finer_steps(case.scenario, times)
+    for factor in (1, 2, 4):
+        scenario = with_finer_steps(case.scenario, factor)
         if scenario is None:
             return nan, nan
         runs.append(simulate_run(scenario, plant=plant, drive=case.drive, controller=case.controller))
-    coarse, fine, all_of_it = (
+    coarse, fine, total = (
         compare_runs(runs[a], runs[b], signals=()).max_load_error_m for a, b in ((0, 1), (1, 2), (0, 2))
     )
     rounding = ORDER_ROUNDING * case.scenario.rig.rope_range[1]
-    return all_of_it, log2(coarse / fine) if fine > rounding else nan
+    return total, log2(coarse / fine) if fine > rounding else nan
 
 
 def energy_drift(plant: str, scenario: Scenario) -> float:
-    """Return the largest change of energy over m g l in a free swing of 20 s with locked drives."""
+    """Return the largest change of energy in a free swing of 20 s with locked drives, as a share of m g l."""
     rigid = scenario.model_copy(update={"effects": type(scenario.effects)(), "disturbances": ()})
     crane = make_plant(plant, rigid, "ideal")
     (x, y), lengths = np.mean(rigid.rig.workspace[:2], axis=1), rigid.rig.rope_range
     state, load = np.zeros(10), np.zeros(7)
-    state[[BRIDGE, TROLLEY, ROPE, ALPHA, BETA]] = x, y, 0.5 * sum(lengths), *SWING
+    state[[BRIDGE, TROLLEY, ROPE, ALPHA, BETA]] = x, y, 0.5 * sum(lengths), *SWING_ANGLES
     crane.reset(state)
-    still: tuple[Array, Array, Array] = (np.zeros(3), np.zeros(2), np.zeros(6))
+    no_input: tuple[Array, Array, Array] = (np.zeros(3), np.zeros(2), np.zeros(6))
     energies = []
-    for _ in range(round(SWING_S * NANOSECONDS / rigid.period_ns)):
-        crane.advance(*still, load)
+    for _ in range(round(SWING_DURATION * NANOSECONDS / rigid.period_ns)):
+        crane.advance(*no_input, load)
         speed = load[VELOCITY : VELOCITY + 3]
         energies.append(0.5 * float(speed @ speed) + rigid.rig.gravity * float(load[Z]))
     return float(np.ptp(energies) / (rigid.rig.gravity * state[ROPE]))

@@ -1,4 +1,4 @@
-"""A validation: many cases and what came of each, as tables, JSON, JUnit XML and pages tell it."""
+"""A validation: the results of many cases, for tables, JSON, JUnit XML and pages."""
 
 import math
 import shlex
@@ -18,20 +18,20 @@ from cranectl.support.consistency import check_sum
 from cranectl.support.units import difference_in, quantity, scaled
 
 PLANTS = "plants"  # key of a difference between plants
-Kind = Literal["passed", "failed", "error"]  # error: there is no result
+Kind = Literal["passed", "failed", "error"]  # error: no result
 
 
 class Verdict(NamedTuple):
-    """What came of a case; of a scenario that cannot be loaded there is one, without controller and drive."""
+    """Verdict on a case, or without controller and drive on a scenario that cannot be loaded."""
 
-    scenario: str  # as it was asked for
+    scenario: str  # name or file, as requested
     controller: str
     drive: str
     plants: tuple[str, ...]
     kind: Kind
-    faults: tuple[str, ...]  # a sentence each, none if it passed
-    log: str  # empty if there is none
-    overrun: float = math.inf  # how many times a limit its worst value is; inf if it did not end as expected
+    faults: tuple[str, ...]  # sentences, none if it passed
+    log: str  # empty without a log
+    overrun: float = math.inf  # largest ratio of a value to its limit; inf for an unexpected end
 
     def command(self, options: Sequence[str]) -> str:
         """Return the command that runs this case alone, with `options` of the validation."""
@@ -42,7 +42,7 @@ class Verdict(NamedTuple):
 
 
 class CaseVerdict(NamedTuple):
-    """A case, what came of it, and the verdict; a scenario that cannot be loaded has only the last."""
+    """A case with its result and verdict; a scenario that cannot be loaded has only a verdict."""
 
     verdict: Verdict
     case: Case | None
@@ -50,17 +50,17 @@ class CaseVerdict(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Controller and drives in words."""
+        """Controller and drives, in words."""
         return f"{self.verdict.controller} with {self.verdict.drive} drives"
 
     @property
     def badness(self) -> tuple[bool, float]:
-        """What sorts cases, the worst last."""
+        """Key that sorts cases, the worst last."""
         return self.verdict.kind != "passed", self.verdict.overrun
 
 
 class JudgedValue(NamedTuple):
-    """A value beside its limit, in one unit."""
+    """A value and its limit, in one unit."""
 
     key: str  # name of a metric, or PLANTS
     name: str
@@ -72,7 +72,7 @@ class JudgedValue(NamedTuple):
 
     @property
     def fault(self) -> str:
-        """A sentence on a value that does not keep its limit; the name says all where there is no value."""
+        """A sentence on a value that exceeds its limit, or the name alone if there is no value."""
         if not self.limit:
             return f"{self.name}."
         return f"{self.name} is {self.measured or 'missing'}, the limit is {self.limit}."
@@ -80,7 +80,7 @@ class JudgedValue(NamedTuple):
 
 @dataclass(frozen=True)
 class Validation:
-    """Cases with their outcome, and why scenarios could not be loaded, by how they were asked for."""
+    """Cases with their outcome, and failures to load scenarios, by the requested name or file."""
 
     cases: tuple[Case, ...]
     outcome: CasesOutcome
@@ -88,44 +88,44 @@ class Validation:
     plants: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        """Raise InconsistentError unless every case has ended in one way."""
+        """Raise InconsistentError unless every case has exactly one outcome."""
         failed = sum(isinstance(result, Failure) for result in self.outcome.results)
         lost = sum(result is None for result in self.outcome.results)
         check_sum("the number of cases", len(self.cases), (len(self.finished), failed, lost))
 
     @property
     def results(self) -> list[tuple[Case, CaseResult]]:
-        """Of the cases that have one."""
+        """Cases with a result."""
         return [(case, result) for case, result in self._pairs() if isinstance(result, CaseResult)]
 
     @property
     def finished(self) -> list[CaseResult]:
-        """Of the cases that have a result."""
+        """Results of finished cases."""
         return [result for result in self.outcome.results if isinstance(result, CaseResult)]
 
     @property
     def runs(self) -> list[RunSummary]:
-        """Of all finished cases."""
+        """Runs of all finished cases."""
         return [run for result in self.finished for run in result.runs]
 
     @property
     def agreements(self) -> list[Agreement]:
-        """Of all finished cases."""
+        """Agreements of all finished cases."""
         return [agreement for result in self.finished for agreement in result.agreements]
 
     @property
     def other_failures(self) -> list[str]:
-        """Of each agreement's case, what else is wrong with it, or nothing."""
+        """Other failures of each agreement's case, in words or empty."""
         return [result.other_failures for result in self.finished for _ in result.agreements]
 
     @property
     def lost(self) -> list[Case]:
-        """Cases that an interrupt kept from running, or whose worker died."""
+        """Cases without result, because of an interrupt or a dead worker."""
         return [case for case, result in self._pairs() if result is None]
 
     @property
     def failures(self) -> list[tuple[str, Case | None, Failure]]:
-        """What could not be run, by how its scenario was asked for; without a case the whole scenario."""
+        """Failures with the requested scenario and the case, which is None for a whole scenario."""
         failed: list[tuple[str, Case | None, Failure]] = [
             (name, None, failure) for name, failure in self.unloaded.items()
         ]
@@ -134,12 +134,12 @@ class Validation:
 
     @property
     def why_lost(self) -> str:
-        """The reason that all that is lost has."""
+        """The common reason of all lost cases."""
         return "interrupted before it ran" if self.outcome.interrupted else "its worker process died"
 
     @property
     def verdicts(self) -> list[Verdict]:
-        """One a case, scenarios that cannot be loaded first."""
+        """One verdict per case, after those on scenarios that cannot be loaded."""
         verdicts = [
             Verdict(name, "", "", self.plants, "error", (failure.reason,), "")
             for name, failure in self.unloaded.items()
@@ -161,7 +161,7 @@ class Validation:
         return Verdict(case.source, case.controller, case.drive, case.plants, kind, faults, log, overrun)
 
     def to_json(self, *, passed: bool) -> dict[str, Any]:
-        """Return plain data."""
+        """Return the validation as plain data."""
         return {
             "passed": passed,
             "runs": [run.to_json() for run in self.runs],
@@ -185,7 +185,7 @@ class Validation:
 
 def _overrun(result: CaseResult) -> float:
     """Return the largest ratio of a judged value to its limit."""
-    apart = [
+    agreements = [
         value / limit if value == value else math.inf
         for agreement in result.agreements
         for value, limit in (
@@ -195,7 +195,7 @@ def _overrun(result: CaseResult) -> float:
         if limit is not None
     ]
     limits = [limit.overrun for run in result.runs for limit in run.limits]
-    return max([*apart, *limits], default=0.0) if result.as_expected else math.inf
+    return max([*agreements, *limits], default=0.0) if result.as_expected else math.inf
 
 
 def _faults(result: CaseResult) -> Iterator[str]:
@@ -218,7 +218,7 @@ def _faults(result: CaseResult) -> Iterator[str]:
 
 
 def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:
-    """Return JUnit XML, a test case for each case, its class the scenario; equal verdicts, equal text."""
+    """Return JUnit XML with a test case per verdict in a class per scenario; equal verdicts, equal text."""
     count = {kind: sum(verdict.kind == kind for verdict in verdicts) for kind in ("failed", "error")}
     totals = {"tests": str(len(verdicts)), "failures": str(count["failed"]), "errors": str(count["error"])}
     root = ElementTree.Element("testsuites", totals)
@@ -243,7 +243,7 @@ def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:
 
 
 def _printable(text: str) -> str:
-    """Replace characters that XML cannot hold."""
+    """Replace characters that XML does not allow."""
     return "".join(char if char in "\n\t" or ord(char) >= 0x20 else "?" for char in text)
 
 
@@ -258,7 +258,7 @@ def judged_values(result: CaseResult) -> Iterator[JudgedValue]:
 
 
 def _judged_limit(limit: LimitVerdict, plant: str) -> JudgedValue:
-    """Return a limit on a metric in a unit for people; `plant` is told if it is not the reference plant."""
+    """Return a limit on a metric in a readable unit; `plant` is named if it is not empty."""
     metric = next(metric for metric in all_metrics() if metric.name == limit.metric)
     factor, unit = scaled(metric.unit, max(abs(limit.value or 0.0), limit.limit))
     if metric.unit == "rad":
@@ -273,17 +273,17 @@ def _judged_limit(limit: LimitVerdict, plant: str) -> JudgedValue:
 
 
 def _judged_agreement(agreement: Agreement) -> JudgedValue:
-    """Return the difference of two plants, in position, or in angle where that is farther from its limit."""
+    """Return the difference of two plants in position or in angle, whichever is nearer to its limit."""
     pairs = (
         ("positions", agreement.max_load_error_m, agreement.limit_m, "m"),
         ("angles", agreement.max_angle_error_rad, agreement.limit_rad, "rad"),
     )
     ratios = [math.inf if math.isnan(value) else value / (limit or math.inf) for _, value, limit, _ in pairs]
-    what, value, limit, unit = pairs[ratios.index(max(ratios))]
+    quantities, value, limit, unit = pairs[ratios.index(max(ratios))]
     if agreement.passed is False and max(ratios) <= 1.0:
         plants = f"{agreement.plant} and {agreement.reference}"
         name = f"The runs on {plants} end in different ways, or at different times"
         return JudgedValue(PLANTS, name, "", "", kept=False, overrun=math.inf, sign="")
-    name = f"Difference of {what} between {agreement.plant} and {agreement.reference}"
+    name = f"Difference of {quantities} between {agreement.plant} and {agreement.reference}"
     texts = quantity(limit or 0.0, unit), difference_in(value, unit)
     return JudgedValue(PLANTS, name, *texts, agreement.passed is not False, max(ratios))

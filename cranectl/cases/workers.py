@@ -1,4 +1,4 @@
-"""Run many cases at once, each in a worker process; order of results is the order of cases."""
+"""Run many cases at once in worker processes; results have the order of the cases."""
 
 import importlib
 import multiprocessing
@@ -22,11 +22,11 @@ from cranectl.support.children import Child, ChildError, requests, safe_path, sp
 from cranectl.support.errors import TRIES
 from cranectl.support.interrupts import interrupts_blocked, interrupts_wait
 
-# Loaded once, before workers are forked; without it each worker would import for two seconds.
-PRELOADED = ["control", "mujoco", "numba", "cranectl.cases.workers", "cranectl.design.loop_shaping"]
+# Loaded once before workers are forked, which saves each worker two seconds of imports.
+PRELOADED_MODULES = ["control", "mujoco", "numba", "cranectl.cases.workers", "cranectl.design.loop_shaping"]
 
 Done = Callable[[Case], None]  # called after each case
-Result = CaseResult | Failure | None  # None: an interrupt kept the case from running, or its worker died
+Result = CaseResult | Failure | None  # None after an interrupt or if its worker died
 
 
 def available_cores() -> int:
@@ -35,25 +35,25 @@ def available_cores() -> int:
 
 
 class CasesOutcome(NamedTuple):
-    """What came of each case."""
+    """Results of all cases."""
 
     results: list[Result]
     interrupted: bool
 
 
 def run_cases(cases: Sequence[Case], *, jobs: int, done: Done | None = None) -> CasesOutcome:
-    """Run all cases, each with a log of its own, in up to `jobs` processes; `done` is called after each.
+    """Run all cases, each with its own log, in up to `jobs` processes; call `done` after each case.
 
-    Ctrl-C, SIGTERM and SIGHUP end all workers after they have closed their logs; the cases they were at
-    say so in their results. A case that cannot be run is a failure, the others run.
+    Ctrl-C, SIGTERM and SIGHUP end all workers after they have closed their logs. The results of their cases
+    state the interrupt. A case that cannot run becomes a failure, and the others go on.
     """
     jobs = 1 if runs_alone(case.controller for case in cases) else min(jobs, len(cases))
     if jobs <= 1:
-        return _one_by_one(cases, done)
-    return _in_workers(cases, jobs, done)
+        return _run_in_order(cases, done)
+    return _run_in_workers(cases, jobs, done)
 
 
-def _one_by_one(cases: Sequence[Case], done: Done | None) -> CasesOutcome:
+def _run_in_order(cases: Sequence[Case], done: Done | None) -> CasesOutcome:
     results: list[Result] = [None] * len(cases)
     for k, case in enumerate(cases):
         try:
@@ -67,20 +67,20 @@ def _one_by_one(cases: Sequence[Case], done: Done | None) -> CasesOutcome:
     return CasesOutcome(results, interrupted=False)
 
 
-def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> CasesOutcome:
+def _run_in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> CasesOutcome:
     results: list[Result] = [None] * len(cases)
     try:
         context = _worker_context()
     except KeyboardInterrupt:  # before any run began
         return CasesOutcome(results, interrupted=True)
-    stop, own = threading.Event(), threading.local()
+    stop, per_thread = threading.Event(), threading.local()
     workers: list[_Worker] = []
 
     def run(case: Case) -> Result:
-        if not hasattr(own, "worker"):
-            own.worker = _Worker(context, stop)
-            workers.append(own.worker)
-        worker: _Worker = own.worker
+        if not hasattr(per_thread, "worker"):
+            per_thread.worker = _Worker(context, stop)
+            workers.append(per_thread.worker)
+        worker: _Worker = per_thread.worker
         return worker.run(case)
 
     def collect() -> None:
@@ -94,7 +94,7 @@ def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> CasesOut
     indices: dict[Future[Result], int] = {}
     with ThreadPoolExecutor(jobs) as pool:
         try:
-            with interrupts_wait():  # or a part of the cases would have no result
+            with interrupts_wait():  # else some cases would never be submitted
                 indices |= {pool.submit(run, case): k for k, case in enumerate(cases)}
             collect()
         except KeyboardInterrupt:
@@ -110,7 +110,7 @@ def _in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> CasesOut
 
 
 class _Worker:
-    """A process that runs cases for one thread; where it dies the case has another one."""
+    """A process that runs cases for one thread; if it dies, its case runs again in a new process."""
 
     def __init__(self, context: BaseContext, stop: threading.Event) -> None:
         self._context, self._stop = context, stop
@@ -122,7 +122,7 @@ class _Worker:
             if self._stop.is_set():
                 return None
             with suppress(ChildError):
-                self._child = self._child or self._started()
+                self._child = self._child or self._start_child()
                 self._child.send(case)
                 result: Result = self._child.receive(inf, self._pass_on_stop)
                 return result
@@ -133,8 +133,8 @@ class _Worker:
         if self._child is not None:
             self._child.end()
 
-    def _started(self) -> Child:
-        return spawn_child(_work, OPEN.share(), _plant_modules(), context=self._context, daemon=False)
+    def _start_child(self) -> Child:
+        return spawn_child(_serve_cases, OPEN.share(), _plant_modules(), context=self._context, daemon=False)
 
     def _pass_on_stop(self) -> None:
         if self._child is not None and self._stop.is_set() and not self._is_stopping:
@@ -143,33 +143,33 @@ class _Worker:
 
 
 def _worker_context() -> BaseContext:
-    """Return how workers start: forked from a server that has loaded everything, if possible."""
+    """Return the start method of workers: forked from a server with all modules loaded, if possible."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([*PRELOADED, *_plant_modules()])
-    # Signals go to the whole process group, also while the server loads: all but the parent are deaf to them.
+    context.set_forkserver_preload([*PRELOADED_MODULES, *_plant_modules()])
+    # Signals go to the whole process group, also while the server loads; only the parent may react to them.
     for helper in (resource_tracker, forkserver):
-        with safe_path(), interrupts_blocked():  # for each anew: the tracker unblocks some of them
+        with safe_path(), interrupts_blocked():  # once per helper, since the tracker unblocks some signals
             helper.ensure_running()
-    # The server answers once it has loaded everything; an interrupt need not wait for that.
-    first = context.Process(target=os.getpid)
+    # The server answers once it has loaded everything; an interrupt may end this wait.
+    warm_up = context.Process(target=os.getpid)
     with safe_path():
-        first.start()
-    first.join()
+        warm_up.start()
+    warm_up.join()
     return context
 
 
 def _plant_modules() -> tuple[str, ...]:
-    """Return the modules of the plants that are run by default, some of which register their plants."""
+    """Return the modules of default plants, some of which register their plants."""
     return tuple(entry.where.partition(":")[0] for entry in PLANTS.values() if entry.by_default)
 
 
-def _work(connection: Connection, shared: SharedControllers, plants: tuple[str, ...]) -> None:
-    """Run cases in a worker, which ends in order when asked to.
+def _serve_cases(connection: Connection, shared: SharedControllers, plants: tuple[str, ...]) -> None:
+    """Run cases in a worker until the parent asks it to end.
 
-    `shared`: controllers of files, which it knows as its parent does. `plants`: modules, which the server
-    that workers are forked from did not find where only this process has its parent's search path.
+    `shared` are the parent's controllers from files. `plants` are modules that the server may not have found,
+    since only this process has the parent's search path.
     """
     for module in plants:
         with suppress(ImportError):
@@ -177,7 +177,7 @@ def _work(connection: Connection, shared: SharedControllers, plants: tuple[str, 
     open_again(shared)
 
     def interrupt_if_asked(_seconds: float) -> None:
-        if connection.poll():  # while a case runs the parent sends nothing else
+        if connection.poll():  # while a case runs, the parent sends only requests to stop
             raise KeyboardInterrupt
 
     for case in requests(connection):

@@ -1,4 +1,4 @@
-"""Many cases at once: the same results as one by one, and an honest end when told to stop or one dies."""
+"""Many cases at once: the same results as one by one, and correct reports of interrupts and dead workers."""
 
 import contextlib
 import dataclasses
@@ -37,12 +37,12 @@ def cases(directory: Path, *overrides: str) -> list[Case]:
 
 
 def test_workers_write_the_same_bytes_as_one_process(tmp_path: Path) -> None:
-    seen: list[str] = []
-    alone = run_cases(cases(tmp_path / "1"), jobs=1, done=lambda case: seen.append(case.controller))
-    together = run_cases(cases(tmp_path / "3"), jobs=3, done=lambda case: seen.append(case.controller))
+    finished: list[str] = []
+    alone = run_cases(cases(tmp_path / "1"), jobs=1, done=lambda case: finished.append(case.controller))
+    together = run_cases(cases(tmp_path / "3"), jobs=3, done=lambda case: finished.append(case.controller))
     assert not alone.interrupted
     assert not together.interrupted
-    assert sorted(seen) == sorted(["pole-placement", "lqr", "lqr+hinf"] * 2)
+    assert sorted(finished) == sorted(["pole-placement", "lqr", "lqr+hinf"] * 2)
     for a, b in zip(alone.results, together.results, strict=True):
         assert isinstance(a, CaseResult)
         assert isinstance(b, CaseResult)
@@ -51,7 +51,7 @@ def test_workers_write_the_same_bytes_as_one_process(tmp_path: Path) -> None:
         assert a.agreements == b.agreements
 
 
-def test_wrong_input_in_a_worker_reaches_the_caller(tmp_path: Path) -> None:
+def test_wrong_input_in_a_worker_becomes_a_failure(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for result in run_cases(cases(tmp_path / "file"), jobs=2).results:
         assert isinstance(result, Failure)
@@ -61,13 +61,13 @@ def test_wrong_input_in_a_worker_reaches_the_caller(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_what_goes_wrong_in_one_case_leaves_the_others(tmp_path: Path, jobs: int) -> None:
-    """One that cannot be designed, and one that fails as nobody foresaw."""
-    good, unforeseen, _ = cases(tmp_path)
-    unforeseen = dataclasses.replace(unforeseen, drive=None)
+def test_a_failed_case_leaves_the_others_unaffected(tmp_path: Path, jobs: int) -> None:
+    """One case cannot be designed, another one fails unexpectedly."""
+    good, unexpected, _ = cases(tmp_path)
+    unexpected = dataclasses.replace(unexpected, drive=None)
     wrong = dataclasses.replace(good, controller="lqg", log=tmp_path / "wrong.mcap")
-    seen: list[Case] = []
-    outcome = run_cases([wrong, unforeseen, good], jobs=jobs, done=seen.append)
+    finished: list[Case] = []
+    outcome = run_cases([wrong, unexpected, good], jobs=jobs, done=finished.append)
     first, second, third = outcome.results
     assert isinstance(first, Failure)
     assert (first.bad_input, first.trace) == (True, "")
@@ -77,7 +77,7 @@ def test_what_goes_wrong_in_one_case_leaves_the_others(tmp_path: Path, jobs: int
     assert second.trace.endswith(f"{second.reason}\n")
     assert isinstance(third, CaseResult)
     assert third.passed
-    assert len(seen) == 3
+    assert len(finished) == 3
     assert not outcome.interrupted
 
 
@@ -89,7 +89,7 @@ def test_two_cases_of_one_log_are_refused(tmp_path: Path) -> None:
     check_logs_differ([first, second, third])
 
 
-def test_errors_survive_the_way_between_processes() -> None:
+def test_errors_can_be_pickled() -> None:
     for kind in (InputError, LogError):
         error = pickle.loads(pickle.dumps(kind("a", allowed="b", remedy="c")))
         assert type(error) is kind
@@ -100,9 +100,9 @@ VALIDATE = ["-m", "cranectl", "validate", "fixed-position", "--set", "duration=1
 
 
 def descendants(pid: int) -> list[tuple[int, int]]:
-    """All descendants of a process with their generation: 1 for its children."""
-    found = subprocess.run(["ps", "-eo", "pid=,ppid="], capture_output=True, text=True, check=True).stdout
-    pairs = [tuple(map(int, line.split())) for line in found.splitlines()]
+    """Return all descendants of a process with their generation, which is 1 for its children."""
+    output = subprocess.run(["ps", "-eo", "pid=,ppid="], capture_output=True, text=True, check=True).stdout
+    pairs = [tuple(map(int, line.split())) for line in output.splitlines()]
     tree = [(pid, 0)]
     for parent, age in tree:
         tree += [(child, age + 1) for child, its_parent in pairs if its_parent == parent]
@@ -120,17 +120,17 @@ def wait_until(condition, timeout: float = HANG) -> None:
         time.sleep(0.05)
 
 
-def validating(directory: Path) -> subprocess.Popen[str]:
-    """`cranectl validate` in a session of its own."""
+def start_validation(directory: Path) -> subprocess.Popen[str]:
+    """Start `cranectl validate` in its own session."""
     return subprocess.Popen(
         [sys.executable, *VALIDATE], cwd=directory, start_new_session=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
 
 
-def started(directory: Path) -> tuple[subprocess.Popen[str], Path]:
-    """The same, once one of its twelve cases has ended and others are simulated."""
-    process, logs = validating(directory), directory / "logs" / "fixed-position"
+def start_and_wait(directory: Path) -> tuple[subprocess.Popen[str], Path]:
+    """Start it and wait until one of its twelve cases has ended."""
+    process, logs = start_validation(directory), directory / "logs" / "fixed-position"
     wait_until(lambda: any(logs.glob("*.mcap")))
     return process, logs
 
@@ -139,8 +139,8 @@ def started(directory: Path) -> tuple[subprocess.Popen[str], Path]:
 def test_a_signal_ends_all_workers_and_closes_their_logs(
     tmp_path: Path, sent: signal.Signals, to_group: bool
 ) -> None:
-    """Sent to the parent alone, as `kill` does, or to all, as a terminal and service managers do."""
-    process, logs = started(tmp_path)
+    """The signal goes to the parent alone, as from `kill`, or to all, as from a terminal."""
+    process, logs = start_and_wait(tmp_path)
     workers = children(process.pid)
     (os.killpg if to_group else os.kill)(process.pid, sent)
     out, error = process.communicate(timeout=HANG)
@@ -158,9 +158,9 @@ def test_a_signal_ends_all_workers_and_closes_their_logs(
 
 
 @pytest.mark.parametrize("generation", [1, 2])
-def test_an_interrupt_in_the_first_seconds(tmp_path: Path, generation: int) -> None:
-    """While the server that forks workers loads, or while the first worker starts."""
-    process = validating(tmp_path)
+def test_an_interrupt_during_startup_leaves_no_file(tmp_path: Path, generation: int) -> None:
+    """The interrupt comes while the server of workers loads, or while the first worker starts."""
+    process = start_validation(tmp_path)
     wait_until(lambda: any(age == generation for _, age in descendants(process.pid)))
     os.killpg(process.pid, signal.SIGINT)
     _, error = process.communicate(timeout=HANG)
@@ -170,7 +170,7 @@ def test_an_interrupt_in_the_first_seconds(tmp_path: Path, generation: int) -> N
 
 
 def kill_a_worker() -> bool:
-    """Kill one of the processes that this one's server of workers has forked; False if there is none."""
+    """Kill a worker of this process, or return False if there is none."""
     server = forkserver._forkserver._forkserver_pid
     workers = [pid for pid in children(server) if _is_worker(pid)] if server else []
     if workers:
@@ -180,12 +180,12 @@ def kill_a_worker() -> bool:
     return False
 
 
-def validated(*more: str) -> int:
-    """The exit code of the same command in this process."""
+def validate(*more: str) -> int:
+    """Run the same command in this process and return its exit code."""
     return main([*VALIDATE[2:], "--drive", "velocity", *more])
 
 
-def test_what_a_worker_that_dies_was_at_is_run_again(
+def test_the_case_of_a_dead_worker_runs_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -196,14 +196,14 @@ def test_what_a_worker_that_dies_was_at_is_run_again(
 
     with ThreadPoolExecutor() as pool:
         killing = pool.submit(kill_one)
-        assert validated() == 0
+        assert validate() == 0
         killing.result()
     out = capsys.readouterr().out
     assert "died" not in out
     assert "validation passed" in out
 
 
-def test_workers_that_die_again_and_again_are_reported(
+def test_cases_whose_workers_die_repeatedly_are_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -216,7 +216,7 @@ def test_workers_that_die_again_and_again_are_reported(
     with ThreadPoolExecutor() as pool:
         pool.submit(kill_all)
         try:
-            assert validated() == 70
+            assert validate() == 70
         finally:
             ended.set()
     captured = capsys.readouterr()
@@ -226,7 +226,7 @@ def test_workers_that_die_again_and_again_are_reported(
 
 
 def _is_worker(pid: int) -> bool:
-    """The resource tracker has no thread that watches the parent; workers have."""
+    """Return True for workers, which have a thread that watches the parent, unlike the resource tracker."""
     try:
         return len(list(Path(f"/proc/{pid}/task").iterdir())) > 1
     except OSError:  # it has just ended
@@ -234,7 +234,7 @@ def _is_worker(pid: int) -> bool:
 
 
 def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
-    process, _ = started(tmp_path)
+    process, _ = start_and_wait(tmp_path)
     workers = children(process.pid)
     assert workers
     process.kill()
@@ -245,7 +245,7 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
 def test_a_module_of_the_working_directory_is_not_run_in_workers(tmp_path: Path) -> None:
     imported = write_shadowing_modules(tmp_path)
     command = [str(Path(sys.executable).parent / "cranectl"), "validate", "fixed-position", "--jobs", "2"]
-    short = ["--controller", "lqr", *(f"--set={each}" for each in SHORT)]
+    short = ["--controller", "lqr", *(f"--set={override}" for override in SHORT)]
     done = subprocess.run([*command, *short], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert imported.read_text() == ""
     assert done.returncode == 0, done.stderr

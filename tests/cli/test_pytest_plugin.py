@@ -78,7 +78,7 @@ def test_wrong_questions(runs, closed_loop):
         (lambda: assert_agree(free), "a run of mujoco only"),
         (lambda: assert_limits(free), "no limit for the run of mujoco"),
         (lambda: assert_limits(free, max_errr_m=1.0), "unknown key 'max_errr_m'"),
-        (lambda: assert_agree(sensed), "nobody knows how far"),
+        (lambda: assert_agree(sensed), "no limits of agreement are known"),
         (lambda: closed_loop("hop.toml"), "hop.toml"),
     ):
         with pytest.raises(InputError, match=found):
