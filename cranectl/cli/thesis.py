@@ -39,7 +39,7 @@ def run_thesis(screen: Screen, report: Path | None, figure_directory: Path | Non
     screen.print_each(printed_tables(result).values())
     screen.print_each(result.notes())
     verdict = (
-        f"{result.in_short}; ? marks the fitted tolerances" if result.passed else "see the numbers in red"
+        f"{result.summary}; ? marks the fitted tolerances" if result.passed else "see the numbers in red"
     )
     screen.print(f"{PASSED if result.passed else FAILED}: {verdict}")
     if report is not None and figures is not None:

@@ -1,1 +1,1 @@
-"""The thesis behind cranectl: its tables computed again, and its figures."""
+"""Reproduce the tables and figures of the thesis behind cranectl."""

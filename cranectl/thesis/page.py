@@ -1,8 +1,8 @@
-"""Printed and computed tables of the thesis, and a page with its figures, numbered as in the thesis.
+"""A page with the thesis's tables, printed and computed, and its figures, numbered as in the thesis.
 
-The diagrams of model, controllers and simulation are drawn anew, with right signs and our symbols.
-`validation/thesis/drawing/draw.py` draws them in the page's text colour. A page may set the CSS variables
---block (fill of blocks, none by default) and --forbidden (fill of the bounds in 4.6, as blocks).
+`validation/thesis/drawing/draw.py` draws the diagrams of model, controllers and simulation with correct signs
+and our symbols, in the page's text colour. A page may set the CSS variables --block (fill of blocks, none by
+default) and --forbidden (fill of the bounds in 4.6, by default as blocks).
 """
 
 from collections.abc import Iterable
@@ -32,24 +32,24 @@ from cranectl.thesis.reproduction import (
     controller_name,
 )
 
-# First figure of a scenario: the load in space; two figures a family follow, one for each feedback.
+# Number of a scenario's first figure, the load in space. Per family, one figure for each feedback follows.
 FIRST_FIGURE = {"fixed-position": 10, "settled-trajectory": 29}
-# Of each diagram its title, and a note: what it shows, and what the thesis prints wrongly.
+# Title and note of each diagram; the note includes misprints of the thesis.
 DIAGRAMS: dict[str, dict[str, str]] = read_toml(resources.THESIS_DIRECTORY / "diagrams.toml")
 DIAGRAM_DIRECTORY = resources.THESIS_DIRECTORY / "diagrams"
 SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "velocity\ndrives"}
-FAMILY_ORDER = tuple(name for name in FAMILIES if name != "space")
+FAMILY_NAMES = tuple(name for name in FAMILIES if name != "space")
 
 
 class ChapterFigures:
-    """Draw the figures of chapter 5 while its runs come in, so that few runs are in memory at once."""
+    """Draws the figures of chapter 5 as runs finish, so that few runs are in memory at once."""
 
     def __init__(self) -> None:
         self.figures: dict[str, list[Figure]] = {name: [] for name in FIRST_FIGURE}
         self._runs: dict[tuple[str, str], Run] = {}  # (robustifier, source)
 
     def watch(self, source: str, run: Run) -> None:
-        """Take one run; draw figures as soon as all runs of its feedback are there."""
+        """Add a run, and draw its figures once all runs of its feedback are complete."""
         feedback, _, robustifier = run.design.name.partition("+")
         self._runs[robustifier, source] = run
         if len(self._runs) == len(ROBUSTIFIERS) * len(SOURCES):
@@ -57,8 +57,8 @@ class ChapterFigures:
             self._runs = {}
 
     def of(self, scenario: str) -> tuple[Figure, ...]:
-        """Return the figures of a scenario by number."""
-        return tuple(sorted(self.figures[scenario], key=lambda figure: _place(figure.number)))
+        """Return the figures of a scenario, sorted by number."""
+        return tuple(sorted(self.figures[scenario], key=lambda figure: _figure_key(figure.number)))
 
 
 def gain_table(reproduction: Reproduction) -> Table:
@@ -77,8 +77,13 @@ def robustifier_table(reproduction: Reproduction) -> Table:
     for name, design in reproduction.designs.items():
         if design.gamma_achieved is not None:
             pole, gain = design.robustifier.fastest_mode
-            left = design.gain[0] / (design.gain[0] + design.robustifier.static_gain)
-            numbers = (_text(design.gamma_achieved), _text(left), _text(pole, ".4g"), _text(gain, ".4g"))
+            offset = design.gain[0] / (design.gain[0] + design.robustifier.static_gain)
+            numbers = (
+                _format(design.gamma_achieved),
+                _format(offset),
+                _format(pole, ".4g"),
+                _format(gain, ".4g"),
+            )
             rows.append(cells(controller_name(name), *numbers))
     return Table(
         "Robustifiers, one axis",
@@ -90,7 +95,7 @@ def robustifier_table(reproduction: Reproduction) -> Table:
 
 
 def printed_tables(reproduction: Reproduction) -> dict[str, Table]:
-    """Return the thesis's tables by number, printed values beside computed ones."""
+    """Return the thesis's tables by number, with printed and computed values."""
     return {name: _comparison(table) for name, table in reproduction.tables.items()}
 
 
@@ -102,18 +107,18 @@ def _comparison(table: ThesisTable) -> Table:
     )
     headings = ("controller", "", "printed", *SOURCE_NAMES.values(), "difference", "tolerance")
     unexplained = any(not number.explained for row in table.rows.values() for number in row.values())
-    note = "Differences marked ? have a tolerance that nobody can explain yet." if unexplained else ""
+    note = "Differences marked ? have a tolerance without an explanation." if unexplained else ""
     return Table(table.title, headings, rows, labels=2, note=note)
 
 
 def _numbers(number: Number) -> list[str | Cell]:
-    ours = [_text(number.ours[source]) if source in number.ours else "–" for source in SOURCES]
-    mark = "bad" if not number.within else "good" if number.explained else "open"
-    difference = _text(number.difference, "+.4f") + ("" if number.explained else " ?")
-    return [_text(number.printed), *ours, Cell(difference, mark), _text(number.tolerance)]
+    computed = [_format(number.computed[source]) if source in number.computed else "–" for source in SOURCES]
+    mark = "bad" if not number.is_within else "good" if number.explained else "open"
+    difference = _format(number.difference, "+.4f") + ("" if number.explained else " ?")
+    return [_format(number.printed), *computed, Cell(difference, mark), _format(number.tolerance)]
 
 
-def _text(value: float, form: str = ".4f") -> str:
+def _format(value: float, form: str = ".4f") -> str:
     return f"{value:{form}}".replace("-", "−")
 
 
@@ -121,7 +126,7 @@ def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: 
     """Return the whole page."""
     tables = printed_tables(reproduction)
     return Page(
-        title=f"The thesis, run again: {reproduction.in_short}",
+        title=f"The thesis, run again: {reproduction.summary}",
         lead="Chapter 5 of J. L. Zárate Moya, Tracking Controller Design for a Nonlinear Model of a Gantry "
         "Crane (TU Ilmenau / PUCP, 2015), on two plants that know nothing of each other: the analytic model "
         "and MuJoCo.",
@@ -164,13 +169,13 @@ def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: 
 
 
 def _summary(reproduction: Reproduction) -> Section:
-    """Return the section that counts the printed numbers; what nobody can explain is folded."""
+    """Return the section that counts the printed numbers; unexplained differences are folded."""
     count = (
         f"The thesis prints {len([*reproduction.numbers()])} numbers, which are compared with the analytic "
-        f"plant and with MuJoCo's: {reproduction.in_short}. A fitted tolerance allows for a difference that "
+        f"plant and with MuJoCo's: {reproduction.summary}. A fitted tolerance allows for a difference that "
         "nobody can explain yet."
     )
-    rows = tuple(cells(", ".join(places), why) for why, places in reproduction.open_points.items())
+    rows = tuple(cells(", ".join(numbers), why) for why, numbers in reproduction.open_points.items())
     title = f"What nobody can explain: {len(rows)} differences"
     table = Table(title, ("table and column", "what is known"), rows, labels=2, folded=True)
     sentences = (f"{text[0].upper()}{text[1:]}." for text in reproduction.unnoticed)
@@ -188,19 +193,22 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
     shown = {label: runs[robustifier, "mujoco"] for robustifier, label in ROBUSTIFIERS.items()}
     scenario = next(iter(shown.values())).scenario
     first, offset = FIRST_FIGURE[scenario.name], list(FEEDBACK).index(feedback)
-    places = {name: first + 1 + 2 * k + offset for k, name in enumerate(FAMILY_ORDER)}
+    numbers = {name: first + 1 + 2 * k + offset for k, name in enumerate(FAMILY_NAMES)}
     if offset == 0:
-        places["space"] = first
+        numbers["space"] = first
     ideal, velocity = (
         [(runs[r, "analytic"], runs[r, source]) for r in ROBUSTIFIERS]
         for source in ("mujoco", "mujoco_velocity")
     )
-    for name, position in places.items():
+    for name, position in numbers.items():
         family = FAMILIES[name]
-        apart = agreement(family, ideal, "Analytic and MuJoCo curves differ by at most")
-        text = f"{caption(family, shown)} {apart}, {agreement(family, velocity, 'with velocity drives by')}."
-        more = {"alone": name == "space", "number": f"5.{position}"}
-        yield Figure.drawn(f"{family.title}, {FEEDBACK[feedback]}", text, family.draw, family, curves, **more)
+        difference = agreement(family, ideal, "Analytic and MuJoCo curves differ by at most")
+        with_lag = agreement(family, velocity, "with velocity drives by")
+        text = f"{caption(family, shown)} {difference}, {with_lag}."
+        options = {"alone": name == "space", "number": f"5.{position}"}
+        yield Figure.drawn(
+            f"{family.title}, {FEEDBACK[feedback]}", text, family.draw, family, curves, **options
+        )
 
 
 def _diagrams(first: str, end: str) -> tuple[Figure, ...]:
@@ -208,7 +216,7 @@ def _diagrams(first: str, end: str) -> tuple[Figure, ...]:
     return tuple(
         Figure(texts["title"], diagram_svg(number), texts["note"], number=number)
         for number, texts in DIAGRAMS.items()
-        if _place(first) <= _place(number) < _place(end)
+        if _figure_key(first) <= _figure_key(number) < _figure_key(end)
     )
 
 
@@ -217,7 +225,7 @@ def diagram_svg(number: str) -> str:
     return (DIAGRAM_DIRECTORY / f"{number}.svg").read_text(encoding="utf-8").rstrip()
 
 
-def _place(number: str) -> tuple[int, ...]:
+def _figure_key(number: str) -> tuple[int, ...]:
     """Return (chapter, figure), by which figures are sorted."""
     return tuple(int(part) for part in number.split("."))
 

@@ -1,4 +1,4 @@
-"""Printed and computed numbers of the thesis: norms, and tables 5.1 to 5.4 on two plants."""
+"""Printed and computed numbers of the thesis: norms, and Tables 5.1 to 5.4 on two plants."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -16,18 +16,18 @@ from cranectl.simulate import Run, plan_scenario, simulate_run
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
 
-# The six controllers of the thesis and what it calls them; others that cranectl may have are not in it.
+# The six controllers of the thesis, with its names; cranectl has more.
 FEEDBACK = {"pole-placement": "pole placement", "lqr": "LQR"}
 ROBUSTIFIERS = {"": "feedback alone", "hinf": "S/KS", "loop-shaping": "loop shaping"}
 CONTROLLERS = tuple(f"{feedback}+{r}".rstrip("+") for feedback in FEEDBACK for r in ROBUSTIFIERS)
-# Where the numbers of a row come from, in the order of columns.
+# Plant and drive of each computed column.
 SOURCES: dict[str, tuple[str, Drive]] = {
     "analytic": ("analytic", "ideal"),
     "mujoco": ("mujoco", "ideal"),
     "mujoco_velocity": ("mujoco", "velocity"),
 }
-JUDGED = ("analytic", "mujoco")  # the thesis simulates ideal drives
-SYMBOLS = {  # of the tables' columns
+JUDGED_SOURCES = ("analytic", "mujoco")  # the thesis simulates ideal drives
+SYMBOLS = {  # of columns
     "bridge_acceleration": "ẍ_c",
     "trolley_acceleration": "ÿ_c",
     "rope_acceleration": "l̈",
@@ -40,29 +40,31 @@ SYMBOLS = {  # of the tables' columns
 
 @dataclass(frozen=True)
 class Number:
-    """One printed number and the computed ones."""
+    """A printed number and the computed ones."""
 
     printed: float
-    ours: dict[str, float]  # by source
+    computed: dict[str, float]  # by source
     tolerance: float  # absolute
     explained: bool
     reason: str
-    decimals: int | None = None  # printed, where print alone may differ: ours must give the same digits
+    decimals: int | None = None  # printed; if set, computed numbers must have the same printed digits
 
     @property
-    def judged(self) -> list[float]:
-        """The computed numbers of the judged sources."""
-        return [self.ours[source] for source in JUDGED if source in self.ours]
+    def judged_values(self) -> list[float]:
+        """The computed numbers that are judged."""
+        return [self.computed[source] for source in JUDGED_SOURCES if source in self.computed]
 
     @property
     def difference(self) -> float:
         """The largest difference from the printed number, with its sign."""
-        return max((value - self.printed for value in self.judged), key=abs)
+        return max((value - self.printed for value in self.judged_values), key=abs)
 
     @property
-    def within(self) -> bool:
-        """Whether all computed numbers are within the tolerance, and have the printed digits."""
-        digits = self.decimals is None or all(prints_as(v, self.printed, self.decimals) for v in self.judged)
+    def is_within(self) -> bool:
+        """Whether all computed numbers are within the tolerance and have the printed digits."""
+        digits = self.decimals is None or all(
+            prints_as(v, self.printed, self.decimals) for v in self.judged_values
+        )
         return digits and abs(self.difference) <= self.tolerance
 
 
@@ -79,7 +81,7 @@ class ThesisTable:
 
 @dataclass(frozen=True)
 class Departure:
-    """A run of the thesis that leaves the rig."""
+    """A run of the thesis that leaves the workspace of the rig."""
 
     scenario: str
     controller: str
@@ -91,11 +93,11 @@ class Reproduction:
     """Chapter 5, run again."""
 
     designs: dict[str, Design]  # by controller, of the last scenario
-    tables: dict[str, ThesisTable]  # by number; "norms" is a table too
+    tables: dict[str, ThesisTable]  # by number, or "norms"
     departures: tuple[Departure, ...]
 
     def numbers(self) -> Iterator[tuple[str, str, str, Number]]:
-        """Yield (table, controller, column, number) of everything printed."""
+        """Yield (table, controller, column, number) of all printed numbers."""
         for name, table in self.tables.items():
             for controller, numbers in table.rows.items():
                 for column, number in numbers.items():
@@ -103,34 +105,34 @@ class Reproduction:
 
     @property
     def gains(self) -> dict[str, list[float]]:
-        """State feedback by name; not printed in the thesis."""
+        """State feedback gains by name, which the thesis does not print."""
         return {name: design.gain.tolist() for name, design in self.designs.items() if "+" not in name}
 
     @property
     def passed(self) -> bool:
-        """Whether every printed number is within its tolerance."""
-        return all(number.within for *_, number in self.numbers())
+        """Whether all computed numbers are within their tolerances."""
+        return all(number.is_within for *_, number in self.numbers())
 
     @property
-    def in_short(self) -> str:
-        """How many printed numbers are explained, within fitted tolerances, or out of tolerance."""
-        within = [number.explained for *_, number in self.numbers() if number.within]
-        outside = sum(not number.within for *_, number in self.numbers())
+    def summary(self) -> str:
+        """Counts of printed numbers that are explained, within fitted tolerances, or out of tolerance."""
+        within = [number.explained for *_, number in self.numbers() if number.is_within]
+        outside = sum(not number.is_within for *_, number in self.numbers())
         text = f"{sum(within)} explained, {len(within) - sum(within)} within fitted tolerances"
         return f"{text}, {outside} out of tolerance" if outside else text
 
     @property
     def open_points(self) -> dict[str, list[str]]:
-        """Tables and columns of the numbers that nobody can explain, by what is known about them."""
-        places: dict[str, dict[str, None]] = {}
+        """Tables and columns of unexplained numbers, by what is known about them."""
+        columns: dict[str, dict[str, None]] = {}
         for name, _, column, number in self.numbers():
             if not number.explained:
-                places.setdefault(number.reason, {})[f"{name} {SYMBOLS[column]}"] = None
-        return {reason: list(of_reason) for reason, of_reason in places.items()}
+                columns.setdefault(number.reason, {})[f"{name} {SYMBOLS[column]}"] = None
+        return {reason: list(of_reason) for reason, of_reason in columns.items()}
 
     @property
     def unnoticed(self) -> list[str]:
-        """Sentences on what the thesis did not notice."""
+        """Sentences on runs that leave the rig, which the thesis did not notice."""
         return [
             f"the thesis did not notice that on {d.scenario} {d.controller} drives {d.violation.signal} out "
             f"of the rig, from {d.violation.first_time_s:g} s on, by up to {d.violation.max_excess_m:.3f} m"
@@ -138,7 +140,7 @@ class Reproduction:
         ]
 
     def notes(self) -> list[str]:
-        """Return what the tables do not say: gains, unexplained numbers, what the thesis did not notice."""
+        """Return notes on gains, unexplained numbers and runs that leave the rig."""
         gains = (
             f"gains of {name} (not printed in the thesis): {', '.join(f'{gain:.5g}' for gain in values)}"
             for name, values in self.gains.items()
@@ -147,13 +149,13 @@ class Reproduction:
         return [*gains, *unexplained, *self.unnoticed]
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data."""
+        """Return the reproduction as plain data."""
         tables = {
             name: [_row_json(controller, numbers) for controller, numbers in table.rows.items()]
             for name, table in self.tables.items()
         }
         numbers = [(f"{name} {column}", number) for name, _, column, number in self.numbers()]
-        unexplained = {f"{where}: {number.reason}" for where, number in numbers if not number.explained}
+        unexplained = {f"{name}: {number.reason}" for name, number in numbers if not number.explained}
         fields = ("signal", "first_time_s", "max_excess_m")
         return {
             "passed": self.passed,
@@ -162,9 +164,9 @@ class Reproduction:
             "tables": tables,
             "unexplained": sorted(unexplained),
             "departures": [
-                {"scenario": d.scenario, "controller": d.controller}
-                | {name: getattr(d.violation, name) for name in fields}
-                for d in self.departures
+                {"scenario": departure.scenario, "controller": departure.controller}
+                | {name: getattr(departure.violation, name) for name in fields}
+                for departure in self.departures
             ],
         }
 
@@ -174,10 +176,18 @@ def reproduce(
 ) -> Reproduction:
     """Run chapter 5 again.
 
-    `progress` is called with each run's name and its simulated seconds, `watch` with its source and the run:
-    scenario by scenario, controller by controller, in the order of `SOURCES`.
+    Parameters
+    ----------
+    progress : callable, optional
+        Called after each run with its name and simulated time [s].
+    watch : callable, optional
+        Called with source and run, by scenario, then by controller, in the order of `SOURCES`.
+
+    Returns
+    -------
+    Reproduction
     """
-    printed, tolerances = _read("printed.toml"), _read("tolerances.toml")
+    printed, tolerances = _read_data("printed.toml"), _read_data("tolerances.toml")
     tables: dict[str, dict[str, Any]] = printed["tables"]
     scenarios = _scenarios(tables)
     norms = {entry["controller"]: entry["gamma"] for entry in printed["norms"]}
@@ -191,7 +201,7 @@ def reproduce(
         for source, (plant, drive) in SOURCES.items():
             run = simulate_run(scenario, plant=plant, drive=drive, design=design, plan=plan)
             read = (name for name, table in tables.items() if table["scenario"] == scenario.name)
-            readings |= {(name, controller, source): _readings(run, tables[name]) for name in read}
+            readings |= {(name, controller, source): _read_columns(run, tables[name]) for name in read}
             if watch is not None:
                 watch(source, run)
             if progress is not None:
@@ -203,9 +213,9 @@ def reproduce(
         rows: dict[str, Numbers] = {controller: {} for controller in table["rows"]}
         for controller, column in product(rows, table["columns"]):
             value = table["rows"][controller][table["columns"].index(column)]
-            ours = {source: readings[name, controller, source][column] for source in SOURCES}
+            computed = {source: readings[name, controller, source][column] for source in SOURCES}
             tolerance = tolerances["tables"][name][column]
-            rows[controller][column] = _number(value, ours, tolerance, controller)
+            rows[controller][column] = _number(value, computed, tolerance, controller)
         reproduced[name] = ThesisTable(f"Table {name}, p. {table['page']}: {table['title']}", rows)
     return Reproduction(designs, reproduced, tuple(departures))
 
@@ -217,19 +227,19 @@ def controller_name(name: str) -> str:
 
 
 def prints_as(value: float, printed: float, decimals: int) -> bool:
-    """Return True if `value`, rounded or cut off to `decimals`, is what was printed."""
+    """Return True if `value`, rounded or truncated to `decimals`, equals the printed number."""
     size, unit = abs(value), 10.0**-decimals
     digits = round(abs(printed) / unit)
     return value * printed >= 0.0 and digits in (math.floor(size / unit), math.floor(size / unit + 0.5))
 
 
 def total_simulated_seconds() -> float:
-    """Return the simulated time of all runs of `reproduce`."""
-    seconds = sum(scenario.duration for scenario in _scenarios(_read("printed.toml")["tables"]))
+    """Return the simulated time of all runs of `reproduce` [s]."""
+    seconds = sum(scenario.duration for scenario in _scenarios(_read_data("printed.toml")["tables"]))
     return seconds * len(CONTROLLERS) * len(SOURCES)
 
 
-def _read(name: str) -> dict[str, Any]:
+def _read_data(name: str) -> dict[str, Any]:
     return read_toml(resources.THESIS_DIRECTORY / name)
 
 
@@ -238,7 +248,7 @@ def _scenarios(tables: dict[str, dict[str, Any]]) -> list[Scenario]:
 
 
 def _settings(scenario: Scenario, controller: str, norms: dict[str, float]) -> DesignSettings:
-    """Return the design settings; S/KS is designed for the printed norm, not near the optimum."""
+    """Return the design settings, for S/KS with the printed norm instead of one near the optimum."""
     settings = scenario.design
     if not controller.endswith("+hinf"):
         return settings
@@ -246,10 +256,10 @@ def _settings(scenario: Scenario, controller: str, norms: dict[str, float]) -> D
     return settings.model_copy(update={"hinf": hinf})
 
 
-def _readings(run: Run, table: dict[str, Any]) -> dict[str, float]:
-    """Return what a table reads from one run: signed extremes of inputs, the load at the end.
+def _read_columns(run: Run, table: dict[str, Any]) -> dict[str, float]:
+    """Return the columns of a table from one run: extremes of inputs, and the load at the end.
 
-    An extreme is the maximum where print is positive, else the minimum.
+    An extreme is the maximum if the printed number is positive, else the minimum.
     """
     readings = {}
     for column, value in zip(table["columns"], table["rows"][run.design.name], strict=True):
@@ -264,7 +274,7 @@ def _readings(run: Run, table: dict[str, Any]) -> dict[str, float]:
 def _norms(
     printed: list[dict[str, Any]], tolerances: dict[str, Any], settings: DesignSettings
 ) -> ThesisTable:
-    """Return the smallest norms of the designs beside those of section 5.2.1."""
+    """Return the smallest norms of the designs and those of section 5.2.1."""
     rows = {}
     for entry in printed:
         controller = entry["controller"]
@@ -275,22 +285,25 @@ def _norms(
     return ThesisTable("H∞ norms γ, section 5.2.1", rows)
 
 
-def _number(printed: float, ours: dict[str, float], column: dict[str, Any], controller: str) -> Number:
+def _number(printed: float, computed: dict[str, float], column: dict[str, Any], controller: str) -> Number:
     tolerance = column.get("rows", {}).get(controller, column)
     decimals = tolerance.get("decimals")
     allowed = tolerance.get("absolute", tolerance.get("relative", 0.0) * abs(printed))
     if decimals is not None:
         allowed = 10.0**-decimals
-    return Number(printed, ours, allowed, tolerance["explained"], tolerance["reason"], decimals)
+    return Number(printed, computed, allowed, tolerance["explained"], tolerance["reason"], decimals)
 
 
 def _row_json(controller: str, numbers: Numbers) -> dict[str, Any]:
-    sources = next(iter(numbers.values())).ours
+    sources = next(iter(numbers.values())).computed
     return {
         "controller": controller,
         "printed": {column: number.printed for column, number in numbers.items()},
-        **{source: {column: number.ours[source] for column, number in numbers.items()} for source in sources},
+        **{
+            source: {column: number.computed[source] for column, number in numbers.items()}
+            for source in sources
+        },
         "difference": {column: number.difference for column, number in numbers.items()},
         "tolerance": {column: number.tolerance for column, number in numbers.items()},
-        "within": all(number.within for number in numbers.values()),
+        "within": all(number.is_within for number in numbers.values()),
     }

@@ -1,4 +1,4 @@
-"""What the thesis says in words, put to both plants."""
+"""Claims of the thesis in words, tested on both plants."""
 
 import runpy
 

@@ -1,4 +1,4 @@
-"""Diagrams: every picture of the thesis is there, with its labels and signs, fit to be put into a page."""
+"""Diagrams of the thesis: complete, with correct labels and signs, and fit for a page."""
 
 import re
 import subprocess
@@ -15,7 +15,7 @@ DRAW = ROOT / "validation" / "thesis" / "drawing" / "draw.py"
 
 SVG = "{http://www.w3.org/2000/svg}"
 
-# Every text of every picture as it reads: subscripts lose their underscore.
+# Every text of every diagram; subscripts lose their underscore, and ~ is a blank.
 TEXTS = {
     "2.1": "x y z x_c y_c l α β bridge trolley load~z",
     "3.1": "trajectory generation z_d~…~z⃛_d z_d⁗ e K v v₃ ∫ ∫ ζ̇ ζ dynamic extension linearising~law "
@@ -46,7 +46,7 @@ def texts(svg: ElementTree.Element) -> Counter[str]:
 
 
 def colours(svg: ElementTree.Element) -> set[str]:
-    """Every value of a fill or stroke, in attributes and styles."""
+    """Return all values of fill and stroke, in attributes and styles."""
     found = set()
     for shape in svg.iter():
         style = dict(part.split(":", 1) for part in shape.get("style", "").split(";") if part)
@@ -57,7 +57,7 @@ def colours(svg: ElementTree.Element) -> set[str]:
 
 
 def points(shape: ElementTree.Element) -> list[tuple[float, float]]:
-    """The corners of a shape, or its centre and radius as corners."""
+    """Return the corners of a shape, or of the box around a circle."""
     if shape.tag == f"{SVG}circle":
         x, y, r = (float(shape.attrib[name]) for name in ("cx", "cy", "r"))
         return [(x - r, y - r), (x + r, y + r)]
@@ -67,13 +67,13 @@ def points(shape: ElementTree.Element) -> list[tuple[float, float]]:
     return list(zip(numbers[::2], numbers[1::2], strict=True))
 
 
-def test_all_figures_that_are_drawn_here() -> None:
+def test_every_diagram_has_a_title_and_a_note() -> None:
     assert list(DIAGRAMS) == list(TEXTS)
     assert all(texts["title"] and texts["note"].endswith(".") for texts in DIAGRAMS.values())
 
 
-def test_the_shipped_files_are_what_is_drawn_today(tmp_path: Path) -> None:
-    """In another process: drawing depends on nothing but its sources."""
+def test_the_shipped_diagrams_are_those_that_the_program_draws(tmp_path: Path) -> None:
+    """Drawn in another process, since drawing depends on its sources only."""
     subprocess.run([sys.executable, str(DRAW), str(tmp_path)], cwd=ROOT, check=True)
     drawn, shipped = (
         {path.name: path.read_text(encoding="utf-8") for path in place.iterdir()}
@@ -83,14 +83,14 @@ def test_the_shipped_files_are_what_is_drawn_today(tmp_path: Path) -> None:
     assert drawn == shipped, "run `python validation/thesis/drawing/draw.py`"
 
 
-def test_every_label_and_sign_is_there_and_no_other() -> None:
+def test_each_diagram_has_exactly_its_labels_and_signs() -> None:
     for number, svg in PICTURES.items():
         expected = Counter(word.replace("~", " ").replace("_", "") for word in TEXTS[number].split(" "))
         assert texts(svg) == expected, number
 
 
 def test_the_error_is_reference_minus_measurement() -> None:
-    """The minus stands where the load's coordinates come in: from below in a loop, else from the left."""
+    """The minus is where the load's coordinates enter: from below in a loop, else from the left."""
     for number in ("3.1", "4.2", "4.3", "4.5", "5.3", "5.5", "5.6"):
         svg = PICTURES[number]
         sums = [c for c in svg.iter(f"{SVG}circle") if float(c.attrib["r"]) > 5.0]
@@ -106,7 +106,7 @@ def test_the_error_is_reference_minus_measurement() -> None:
                 assert 12.0 < below < 25.0, number
 
 
-def test_each_scales_and_has_a_name() -> None:
+def test_each_diagram_scales_and_has_a_title() -> None:
     for number, svg in PICTURES.items():
         assert svg.tag == f"{SVG}svg"
         assert svg.get("role") == "img"
@@ -117,14 +117,14 @@ def test_each_scales_and_has_a_name() -> None:
         assert 200.0 < float(width) < 780.0, number
 
 
-def test_each_takes_its_colours_from_the_page() -> None:
+def test_each_diagram_takes_its_colours_from_the_page() -> None:
     fills = {"currentColor", "none", "var(--block, none)", "var(--forbidden, var(--block, none))"}
     for number, svg in PICTURES.items():
         assert "currentColor" in colours(svg) <= fills, number
 
 
-def test_each_can_stand_beside_the_others_in_a_page() -> None:
-    """No identifiers that could clash, nothing from elsewhere, no declaration of its own."""
+def test_each_diagram_can_share_a_page_with_others() -> None:
+    """It has no identifiers, external references, styles, scripts or declarations."""
     for number in PICTURES:
         text = diagram_svg(number)
         assert text.startswith("<svg "), number
@@ -132,7 +132,7 @@ def test_each_can_stand_beside_the_others_in_a_page() -> None:
         assert re.findall(r"https?://[^\"]*", text) == [SVG.strip("{}")], number
 
 
-def test_nothing_is_cut_off() -> None:
+def test_no_shape_of_a_diagram_is_cut_off() -> None:
     for number, svg in PICTURES.items():
         left, top, width, height = (float(n) for n in svg.attrib["viewBox"].split())
         for x, y in (point for shape in svg for point in points(shape)):

@@ -10,7 +10,7 @@ from validation.thesis.errata import chapter_2, chapter_3, chapter_4, chapter_5 
 from validation.thesis.errata.registry import ERRATA, G, max_difference
 
 
-def test_printed_forms_fail_and_right_forms_pass() -> None:
+def test_printed_forms_fail_and_corrected_forms_pass() -> None:
     for name, erratum in ERRATA.items():
         printed, right = erratum()
         assert printed > 1e-3, name

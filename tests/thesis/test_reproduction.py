@@ -107,7 +107,7 @@ def continuous_extremes(controller: str) -> dict[str, float]:
     }
 
 
-def test_what_print_is_said_to_explain_it_explains() -> None:
+def test_differences_attributed_to_rounded_print_are_rounding() -> None:
     """Ours, rounded or cut off, is the printed number; of Table 5.1 in continuous time, as is said."""
     checked = 0
     for table, controller, column, number in reproduction()[0].numbers():
@@ -117,14 +117,14 @@ def test_what_print_is_said_to_explain_it_explains() -> None:
             assert prints(continuous_extremes(controller)[column], number.printed, 4), (controller, column)
         else:
             for plant in ("analytic", "mujoco"):
-                ours = number.ours.get(plant, number.ours["analytic"])
+                computed = number.computed.get(plant, number.computed["analytic"])
                 decimals = 4 if table == "norms" else 2
-                assert prints(ours, number.printed, decimals), (table, controller, column, ours)
+                assert prints(computed, number.printed, decimals), (table, controller, column, computed)
         checked += 1
     assert checked == 1 + 8 + 18 + 13
 
 
-def test_no_time_of_reading_explains_the_open_cells_of_table_5_4() -> None:
+def test_no_single_time_explains_the_open_cells_of_table_5_4() -> None:
     """At 20 s three are open beside loop shaping on pole placement's; at no other time do all print right."""
     right: dict[tuple[str, int], set[float]] = {}
     for controller in set(TABLE_5_4) - {"pole-placement+loop-shaping"}:
@@ -138,19 +138,19 @@ def test_no_time_of_reading_explains_the_open_cells_of_table_5_4() -> None:
     assert not set.intersection(*right.values())
 
 
-def test_a_number_that_print_alone_may_move_must_print_the_same() -> None:
+def test_a_number_with_printed_decimals_must_have_the_same_digits() -> None:
     number = Number(-0.71, {"analytic": -0.7053}, 0.01, True, "printed to 0.01", 2)
-    assert number.within
-    for within, ours in ((True, -0.7199), (False, -0.7037), (False, -0.7201), (False, 0.71)):
-        assert replace(number, ours={"analytic": ours}).within is within, ours
-    assert replace(number, ours={"analytic": -0.7037}, decimals=None).within
+    assert number.is_within
+    for within, computed in ((True, -0.7199), (False, -0.7037), (False, -0.7201), (False, 0.71)):
+        assert replace(number, computed={"analytic": computed}).is_within is within, computed
+    assert replace(number, computed={"analytic": -0.7037}, decimals=None).is_within
 
 
-def test_both_plants_give_the_same_tables_and_the_drives_nearly() -> None:
+def test_both_plants_give_the_same_tables_and_velocity_drives_nearly() -> None:
     for table, _, _, number in reproduction()[0].numbers():
         if table != "norms":
-            assert number.ours["mujoco"] == pytest.approx(number.ours["analytic"], abs=1e-5)
-            assert number.ours["mujoco_velocity"] == pytest.approx(number.ours["analytic"], abs=0.03)
+            assert number.computed["mujoco"] == pytest.approx(number.computed["analytic"], abs=1e-5)
+            assert number.computed["mujoco_velocity"] == pytest.approx(number.computed["analytic"], abs=0.03)
 
 
 def test_the_rope_column_of_table_5_1_is_read_after_the_second_step_for_the_printed_gammas() -> None:
@@ -176,11 +176,11 @@ def test_a_number_out_of_tolerance_fails() -> None:
     for sign in (1.0, -1.0):
         number = row["gamma"]
         wrong = replace(number, printed=number.printed + sign * 3.0 * number.tolerance)
-        assert not wrong.within
+        assert not wrong.is_within
         broken = replace(norms, rows={**norms.rows, controller: {"gamma": wrong}})
         failed = replace(result, tables={**result.tables, "norms": broken})
         assert not failed.passed
-        assert failed.in_short.endswith("within fitted tolerances, 1 out of tolerance")
+        assert failed.summary.endswith("within fitted tolerances, 1 out of tolerance")
 
 
 def test_the_run_that_leaves_the_rig_is_reported() -> None:
@@ -191,7 +191,9 @@ def test_the_run_that_leaves_the_rig_is_reported() -> None:
 
 
 @pytest.mark.usefixtures("in_empty_directory")
-def test_command_line_and_json(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_prints_tables_and_writes_json(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("cranectl.thesis.reproduction.reproduce", lambda *_: reproduction()[0])
     assert main(["thesis", "--json", "thesis.json"]) == 0
     out = capsys.readouterr().out
