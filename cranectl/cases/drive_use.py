@@ -1,4 +1,4 @@
-"""Compare what a run commands of its drives with what they can do."""
+"""Compare the commands of a run with the limits of its drives."""
 
 from itertools import product
 from typing import NamedTuple
@@ -12,27 +12,27 @@ UNITS = {"acceleration": "m/s²", "velocity": "m/s"}
 
 
 class DriveUse(NamedTuple):
-    """The largest command to a drive beside what the drive can do."""
+    """The largest command to a drive, and the drive's limit."""
 
     axis: str  # bridge, trolley or winch
     unit: str  # m/s² of an acceleration, m/s of a velocity
     commanded: float
     limit: float
-    is_assumed: bool = False  # whether the limit is scaled from the laboratory rig
+    is_assumed: bool = False  # True if the limit is scaled from the laboratory rig
 
     @property
     def share(self) -> float:
-        """The share of the limit; above 1 the drive cannot follow."""
+        """Command as a share of the limit; above 1 the drive cannot follow."""
         return self.commanded / self.limit
 
 
 def drive_uses(run: Run) -> list[DriveUse]:
-    """Return what a run commands of its drives, the largest share of a limit first; needs a sample."""
-    able, scenario = run.scenario.drive_limits, run.scenario
+    """Return the largest commands of a run with samples, in descending order of their share of the limit."""
+    limits, scenario = run.scenario.drive_limits, run.scenario
     assumed = assumed_settings(scenario.rig, scenario.effects)
     commanded = np.abs(np.hstack([run.block("input")[:, :3], run.block("state")[:, 1:6:2]])).max(axis=0)
     kinds = product(("acceleration", "velocity"), ("bridge", "trolley", "winch"))
-    pairs = zip(commanded.tolist(), (*able.acceleration, *able.velocity), strict=True)
+    pairs = zip(commanded.tolist(), (*limits.acceleration, *limits.velocity), strict=True)
     uses = [
         DriveUse(axis, UNITS[kind], *pair, f"{scenario.drive_limits_key}.{kind}" in assumed)
         for (kind, axis), pair in zip(kinds, pairs, strict=True)
@@ -41,17 +41,17 @@ def drive_uses(run: Run) -> list[DriveUse]:
 
 
 def beyond_drives(run: Run) -> str:
-    """Return the largest command beyond the drives' limits, if the run does not limit it; else ""."""
+    """Describe the largest command beyond the drives' limits in a run without them, else return ""."""
     if run.scenario.effects.limits is not None or run.status.stopped or not len(run.time_ns):
         return ""
     uses = drive_uses(run)
     axis, unit, commanded, limit, is_assumed = worst = uses[0]
     if worst.share <= 1.0:
         return ""
-    said = (
+    text = (
         f"asks {commanded:.3g} {unit} of the {axis}, {worst.share:.3g} times what its drive can do"
         f"{f' (assumed: {limit:.3g} {unit})' if is_assumed else ''}: give the move more time"
     )
-    if any(use.share > 1.0 for use in uses if use.unit == "m/s"):  # with limits it might be refused
-        return said
-    return f"{said}, or see what comes of it with --drive velocity --plants mujoco --set effects.limits={{}}"
+    if any(use.share > 1.0 for use in uses if use.unit == "m/s"):  # a run with limits might be refused
+        return text
+    return f"{text}, or see what comes of it with --drive velocity --plants mujoco --set effects.limits={{}}"

@@ -47,7 +47,7 @@ def _tell_overlay(
     """Print what the runs of an overlay are; return it as plain data."""
     from cranectl.cases.case import RunSummary
     from cranectl.log.events import origins
-    from cranectl.planning.review import with_claims
+    from cranectl.planning.review import add_claims
     from cranectl.report.run.differences import what_differs
     from cranectl.report.run.tables import run_table
     from cranectl.support.provenance import other_software
@@ -55,7 +55,7 @@ def _tell_overlay(
     runs = {label: layer.run for label, layer in layers.items()}
     made_of: dict[str, list[str]] = {}
     for label, run in runs.items():
-        for name, origin in origins(with_claims(run.scenario)).items():
+        for name, origin in origins(add_claims(run.scenario)).items():
             made_of.setdefault(f"{name}: {origin}", []).append(label)
     software = other_software({label: layer.versions for label, layer in layers.items()})
     for name, text in (
@@ -79,7 +79,7 @@ def _tell_plants(
     """Print what the runs of one scenario are, and how they agree; return it as plain data."""
     from cranectl.compare.agreement import against_reference, judge, least_good
     from cranectl.log.events import origins
-    from cranectl.planning.review import with_claims
+    from cranectl.planning.review import add_claims
     from cranectl.report.run.differences import settings_table
     from cranectl.support.provenance import provenance, provenance_differences
     from cranectl.support.units import difference_text
@@ -96,7 +96,7 @@ def _tell_plants(
         ("scenario", f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name),
         ("design", design),
         *((r.plant, f"{r.status.label} at {r.end_s:g} s, {len(r.time_ns)} samples") for r in run_list),
-        *(("reference", f"{name}: {origin}") for name, origin in origins(with_claims(scenario)).items()),
+        *(("reference", f"{name}: {origin}") for name, origin in origins(add_claims(scenario)).items()),
         ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),

@@ -45,16 +45,16 @@ def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, scree
     cranectl plan fast-diagonal-shortest --bound
     cranectl plan fast-diagonal-shortest --set planning.share=0.8 --json -
     """
-    from cranectl.planning import planned
-    from cranectl.planning.review import least_durations, reviews
+    from cranectl.planning import plan_motions
+    from cranectl.planning.review import estimate_least_durations, reviews
     from cranectl.report.plan import plan_json, plan_tables
     from cranectl.scenario.effects import EFFECTS
     from cranectl.scenario.load import scenario_file
 
     written, directory = request.read(), scenario_file(str(request.source)).parent
-    ready = planned(written, directory)
+    ready = plan_motions(written, directory)
     reviewed = reviews(ready)
-    least = least_durations(ready, written, directory) if bound and reviewed else ()
+    least = estimate_least_durations(ready, written, directory) if bound and reviewed else ()
     if plot is not None and not reviewed:
         raise InputError(
             f"nothing to draw: all segments of {ready.name} say themselves when the load is where",

@@ -13,7 +13,7 @@ from cranectl.controllers.registry import controller_names, controller_of
 from cranectl.design import ControllerDesign
 from cranectl.live.hand_limits import hand_limits
 from cranectl.reference import build_trajectory
-from cranectl.reference.driven import HandLimits, asked_at, at_rest, derivatives, drive
+from cranectl.reference.driven import HandLimits, commands_at, derivatives, drive, rest_state
 from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
 from cranectl.scenario.disturbances import Disturbance
 from cranectl.scenario.recorded import MOST_CHANGES, SETTLING_TIME, Driven
@@ -62,7 +62,7 @@ class Hand:
         self._end = round(MAX_DURATION / self._period) - self._rest
         if sample >= self._end:
             raise _too_late()
-        self._state, self._asked = at_rest(self._start), RELEASED
+        self._state, self._asked = rest_state(self._start), RELEASED
         self.table = np.empty(
             (self._end + self._rest + 1, 15)
         )  # by sample since the start, filled up to the newest sample
@@ -79,7 +79,7 @@ class Hand:
 
     def rows(self, index: NDArray[np.intp]) -> Array:
         """Return the reference at the next samples `index` (n,) since the start: shape (n, 15)."""
-        requests = asked_at([(0, self._asked), (self._end, RELEASED)], index)
+        requests = commands_at([(0, self._asked), (self._end, RELEASED)], index)
         states = drive(self.limits, self._period, self._state, requests)
         rows = derivatives(self.limits, states).reshape(len(index), 15)
         self.table[index[index < len(self.table)]] = rows[index < len(self.table)]

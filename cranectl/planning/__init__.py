@@ -1,4 +1,4 @@
-"""Motions in minimum time within limits that are proven at all times, and scenarios with such motions."""
+"""Plan motions in minimum time within limits that are proven to hold at all times."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,7 +24,7 @@ def load_scenario(
     Returns
     -------
     Scenario
-        The scenario.
+        The scenario with planned segments.
 
     Raises
     ------
@@ -37,17 +37,16 @@ def load_scenario(
     2.5
     """
     scenario = read_scenario(name_or_path, rig=rig, overrides=overrides)
-    return planned(scenario, scenario_file(name_or_path).parent)
+    return plan_motions(scenario, scenario_file(name_or_path).parent)
 
 
-def planned(scenario: Scenario, directory: Path = Path()) -> Scenario:
-    """Return the scenario with segments that say when the load is where, in place of those that do not.
+def plan_motions(scenario: Scenario, directory: Path = Path()) -> Scenario:
+    """Return the scenario with a planned motion in place of every segment that leaves its timing open.
 
-    `directory`: where the scenario's file is, to which files that it names are relative. Raises InputError
-    for what cannot be planned.
+    Names of files are relative to `directory`. Raises InputError for segments that cannot be planned.
     """
     if scenario.reference.planned:
         return scenario
-    from cranectl.planning.plan import with_planned_segments  # most scenarios need no planner
+    from cranectl.planning.plan import plan_segments  # slow to import, and seldom needed
 
-    return with_planned_segments(scenario, directory)
+    return plan_segments(scenario, directory)

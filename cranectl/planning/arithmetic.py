@@ -1,8 +1,8 @@
 """Two kinds of numbers over arrays: intervals, rounded outwards, and numbers that carry their gradient.
 
-An interval is what an expression gives for any point of its operands'. +, -, *, / and the square root of IEEE
-754 are rounded to nearest, so the number next to it on the outer side bounds the exact result. Gradients are
-forward differentiation.
+The interval of an expression contains its values for all points of its operands. IEEE 754 rounds +, -, *, /
+and the square root to nearest, so the next floating-point number outwards bounds the exact result. Gradients
+come from forward differentiation.
 """
 
 from collections.abc import Sequence
@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.reference.geometry import expand_about, gathered, padded, select_between, shifted_powers
+from cranectl.reference.geometry import expand_about, gather, pad, select_between, shift_powers
 from cranectl.reference.series import Series
 from cranectl.support.arrays import Array
 
-LIBRARY_ERROR = 1e-15  # of a cosine, and of the sum that it is in: four times what NumPy's are off at most
+LIBRARY_ERROR = 1e-15  # of NumPy's sine and cosine and a sum with them: four times the largest error
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,38 +57,38 @@ class Interval:
     __rmul__ = __mul__
 
     def __truediv__(self, other: "Operand") -> "Interval":
-        """Return the quotients: all numbers where the divisor's interval holds zero."""
+        """Return the quotients, which are all real numbers where the divisor contains zero."""
         other = interval(other)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             inverse = _outwards(1.0 / other.high, 1.0 / other.low)
-        whole = (other.low <= 0.0) & (other.high >= 0.0)
-        inverse = Interval(np.where(whole, -np.inf, inverse.low), np.where(whole, np.inf, inverse.high))
+        has_zero = (other.low <= 0.0) & (other.high >= 0.0)
+        inverse = Interval(np.where(has_zero, -np.inf, inverse.low), np.where(has_zero, np.inf, inverse.high))
         with np.errstate(invalid="ignore", over="ignore"):
-            return whole_for_nan(self * inverse)
+            return unbound_nan(self * inverse)
 
     def sqrt(self) -> "Interval":
-        """Return the square roots of what in it is not negative."""
+        """Return the square roots of the numbers that are not negative."""
         low, high = np.sqrt(np.maximum(self.low, 0.0)), np.sqrt(np.maximum(self.high, 0.0))
         return Interval(np.maximum(np.nextafter(low, -np.inf), 0.0), np.nextafter(high, np.inf))
 
     def cos(self) -> "Interval":
-        """Enclose the cosines of angles far below 1e15: that of the middle, at most as far as the angle."""
-        return self._turned(np.cos)
+        """Enclose the cosines of angles far below 1e15, which differ by no more than the angles do."""
+        return self._enclose_wave(np.cos)
 
     def sin(self) -> "Interval":
         """Enclose the sines, as `cos` does."""
-        return self._turned(np.sin)
+        return self._enclose_wave(np.sin)
 
-    def _turned(self, function: np.ufunc) -> "Interval":
+    def _enclose_wave(self, function: np.ufunc) -> "Interval":
         middle = 0.5 * (self.low + self.high)
-        reach = np.nextafter(np.maximum(self.high - middle, middle - self.low), np.inf) + LIBRARY_ERROR
+        radius = np.nextafter(np.maximum(self.high - middle, middle - self.low), np.inf) + LIBRARY_ERROR
         value = function(middle)
         return Interval(
-            np.maximum(value - reach, -1.0 - LIBRARY_ERROR), np.minimum(value + reach, 1.0 + LIBRARY_ERROR)
+            np.maximum(value - radius, -1.0 - LIBRARY_ERROR), np.minimum(value + radius, 1.0 + LIBRARY_ERROR)
         )
 
-    def meet(self, other: "Interval") -> "Interval":
-        """Return the numbers that both hold."""
+    def intersect(self, other: "Interval") -> "Interval":
+        """Return the numbers that both intervals contain."""
         return Interval(np.maximum(self.low, other.low), np.minimum(self.high, other.high))
 
 
@@ -96,7 +96,7 @@ Operand = Interval | Array | float
 
 
 def interval(number: Operand) -> Interval:
-    """Return a number as the interval of itself."""
+    """Return a number as an interval of zero width."""
     if isinstance(number, Interval):
         return number
     exact = np.asarray(number, dtype=np.float64)
@@ -112,8 +112,8 @@ def _outwards(low: Array, high: Array) -> Interval:
     return Interval(np.nextafter(low, -np.inf), np.nextafter(high, np.inf))
 
 
-def whole_for_nan(number: Interval) -> Interval:
-    """Return the interval with infinity in place of each end that is not a number."""
+def unbound_nan(number: Interval) -> Interval:
+    """Replace each end that is not a number by infinity."""
     return Interval(
         np.where(np.isnan(number.low), -np.inf, number.low),
         np.where(np.isnan(number.high), np.inf, number.high),
@@ -122,32 +122,32 @@ def whole_for_nan(number: Interval) -> Interval:
 
 @expand_about.register
 def _(s: Interval, coefficients: Array, count: int) -> list[Series]:
-    """Expand about the middle, and from there as far as the interval: what is far away cancels."""
+    """Expand about the middle, then about all of the interval, so that large terms cancel."""
     s = s[:, None]
     middle = 0.5 * (s.low + s.high)
-    about, step = shifted_powers(list(coefficients), Interval(middle, middle) - 0.5), s - middle
-    found = []
+    about, step = shift_powers(list(coefficients), Interval(middle, middle) - 0.5), s - middle
+    expanded = []
     for k in range(min(count, len(about))):
         value = about[-1] * float(comb(len(about) - 1, k))
         for j in range(len(about) - 2, k - 1, -1):
             value = value * step + about[j] * float(comb(j, k))
-        found.append(value)
-    return [[coefficient[:, axis] for coefficient in padded(found, count)] for axis in range(3)]
+        expanded.append(value)
+    return [[coefficient[:, axis] for coefficient in pad(expanded, count)] for axis in range(3)]
 
 
 @select_between.register
 def _(s: Interval, low: float, high: float) -> tuple[NDArray[np.intp], Interval]:
-    where = np.flatnonzero((s.low <= high) & (s.high >= low))
-    return where, s[where].meet(Interval(np.array(low), np.array(high)))
+    index = np.flatnonzero((s.low <= high) & (s.high >= low))
+    return index, s[index].intersect(Interval(np.array(low), np.array(high)))
 
 
-@gathered.register
-def _(like: Interval, found: list[tuple[NDArray[np.intp], Interval]]) -> Interval:
-    """Return the hull where a point is on several segments."""
+@gather.register
+def _(like: Interval, parts: list[tuple[NDArray[np.intp], Interval]]) -> Interval:
+    """Return the hull where a point lies on several segments."""
     low, high = np.full(len(like.low), np.inf), np.full(len(like.low), -np.inf)
-    for where, part in found:
-        low[where] = np.minimum(low[where], part.low)
-        high[where] = np.maximum(high[where], part.high)
+    for index, part in parts:
+        low[index] = np.minimum(low[index], part.low)
+        high[index] = np.maximum(high[index], part.high)
     return Interval(low, high)
 
 
@@ -204,7 +204,7 @@ class Gradient:
 
 
 def inputs(columns: Array) -> list[Gradient]:
-    """Return each column of (N, M) as an input of its own."""
+    """Return each column of (N, M) as an independent input."""
     unit = np.eye(columns.shape[1])
     return [
         Gradient(column, np.broadcast_to(row, (len(column), len(row))))
@@ -214,12 +214,12 @@ def inputs(columns: Array) -> list[Gradient]:
 
 @expand_about.register
 def _(s: Gradient, coefficients: Array, count: int) -> list[Series]:
-    found = padded(shifted_powers(list(coefficients), s.value[:, None] - 0.5), count + 1)
-    slopes = [(k + 1) * power for k, power in enumerate(found[1:])]
+    expanded = pad(shift_powers(list(coefficients), s.value[:, None] - 0.5), count + 1)
+    slopes = [(k + 1) * power for k, power in enumerate(expanded[1:])]
     return [
         [
             Gradient(value[:, axis], slope[:, axis, None] * s.slope)
-            for value, slope in zip(found, slopes, strict=False)
+            for value, slope in zip(expanded, slopes, strict=False)
         ]
         for axis in range(3)
     ]
@@ -227,11 +227,11 @@ def _(s: Gradient, coefficients: Array, count: int) -> list[Series]:
 
 @select_between.register
 def _(s: Gradient, low: float, high: float) -> tuple[NDArray[np.intp], Gradient]:
-    where, _ = select_between(s.value, low, high)
-    return where, s[where]
+    index, _ = select_between(s.value, low, high)
+    return index, s[index]
 
 
-@gathered.register
-def _(like: Gradient, found: list[tuple[NDArray[np.intp], Gradient]]) -> Gradient:
-    values, slopes = ([(where, getattr(part, name)) for where, part in found] for name in ("value", "slope"))
-    return Gradient(gathered(like.value, values), gathered(np.empty(like.slope.shape), slopes))
+@gather.register
+def _(like: Gradient, parts: list[tuple[NDArray[np.intp], Gradient]]) -> Gradient:
+    values, slopes = ([(index, getattr(part, name)) for index, part in parts] for name in ("value", "slope"))
+    return Gradient(gather(like.value, values), gather(np.empty(like.slope.shape), slopes))

@@ -1,7 +1,6 @@
-"""Choose how much of its neighbours the blend of a corner takes, `reference.geometry`.
+"""Choose the length of the blend at each corner (`reference.geometry`).
 
-At equal lengths path and blend are at most `blend` apart, by enclosures: no point of the one is further than
-that from the other.
+Enclosures prove that path and blend are at most `blend` apart at equal lengths.
 """
 
 from collections.abc import Sequence
@@ -9,93 +8,96 @@ from collections.abc import Sequence
 import numpy as np
 
 from cranectl.planning.arithmetic import Interval
-from cranectl.reference.geometry import LineOrArc, blend, derivatives_at, parts_of
+from cranectl.reference.geometry import LineOrArc, blend_corner, derivatives_at, parts_of
 from cranectl.reference.series import Number, Series
 from cranectl.scenario import Segment
 from cranectl.scenario.along_path import MINIMUM_TIME, Arc, BlendedPath, Line
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-STRETCHES = 128  # of half a blend, on each of which its distance is enclosed
-PRECISION = 1e-3  # of what a blend takes
-SPARE = 0.99  # of a tolerance, for what enclosures add
+HALF_BLEND_PIECES = 128  # on each of which the distance of half a blend is enclosed
+LENGTH_PRECISION = 1e-3  # relative, of a blend's length
+ENCLOSURE_RESERVE = 0.99  # of a tolerance that samples may use, since enclosures are larger
 SQUARES_ROUNDING = 1e-12  # of squares, their sum and its root
-STRAIGHT_BACK = np.deg2rad(170.0)  # a turn from which on a corner cannot be blended
+MAX_TURN = np.deg2rad(170.0)  # of a corner that can be blended
 
 
-def deviation(before: LineOrArc, after: LineOrArc, taken: float, *, enclosed: bool = True) -> float:
-    """Return how far blend and path are apart at equal lengths [m]: a bound by enclosures, or at samples."""
-    smooth = blend(before, after, taken)
-    edges = np.linspace(0.0, 0.5, STRETCHES + 1)
-    middle, reach = 0.5 * (edges[:-1] + edges[1:]), Interval(-edges[1:2], edges[1:2]) * 0.51
+def deviation(before: LineOrArc, after: LineOrArc, length: float, *, enclosed: bool = True) -> float:
+    """Return the largest distance of blend and path at equal lengths [m]: a proven bound, or at samples."""
+    smooth = blend_corner(before, after, length)
+    edges = np.linspace(0.0, 0.5, HALF_BLEND_PIECES + 1)
+    middle, width = 0.5 * (edges[:-1] + edges[1:]), Interval(-edges[1:2], edges[1:2]) * 0.51
     largest = 0.0
-    for part, begin, offset in ((before, 0.0, 1.0 - taken / before.length), (after, 0.5, 0.0)):
-        scale = 2.0 * taken / part.length
+    for part, begin, offset in ((before, 0.0, 1.0 - length / before.length), (after, 0.5, 0.0)):
+        scale = 2.0 * length / part.length
 
-        def between(u: Number, one: Number) -> list[Series]:
+        def difference(u: Number, one: Number) -> list[Series]:
             along = [(u - begin) * scale + offset, one * scale]  # noqa: B023
             both = zip(smooth([[u, one]]), part([along]), strict=True)  # noqa: B023
             return [[a - b for a, b in zip(x, y, strict=True)] for x, y in both]
 
-        at, one = middle + begin, np.ones(STRETCHES)
+        centre, one = middle + begin, np.ones(HALF_BLEND_PIECES)
         if enclosed:
-            there, ones = Interval(at, at), Interval(one, one)
-            whole = between(there + reach, ones)
-            values = [a[0] + b[1] * reach for a, b in zip(between(there, ones), whole, strict=True)]
+            centres, ones = Interval(centre, centre), Interval(one, one)
+            whole = difference(centres + width, ones)
+            values = [a[0] + b[1] * width for a, b in zip(difference(centres, ones), whole, strict=True)]
             squares = sum(np.maximum(np.abs(value.low), np.abs(value.high)) ** 2 for value in values)
         else:
-            squares = sum(axis[0] ** 2 for axis in between(at, one))
+            squares = sum(axis[0] ** 2 for axis in difference(centre, one))
         largest = max(largest, float(np.sqrt(squares.max())))
     return largest * (1.0 + SQUARES_ROUNDING)
 
 
 def check_corner(before: LineOrArc, after: LineOrArc, where: str) -> None:
-    """Raise InputError for a corner that leads back the way that it came."""
+    """Raise InputError for a corner at which the path turns back."""
     directions = derivatives_at(before, 1.0)[1], derivatives_at(after, 0.0)[1]
     turn = float(np.arctan2(np.linalg.norm(np.cross(*directions)), np.dot(*directions)))
-    if turn > STRAIGHT_BACK:
+    if turn > MAX_TURN:
         raise InputError(
-            f"{where} turns back by {np.rad2deg(turn):.4g} degrees, and is to be blended",
-            allowed=f"turns of up to {np.rad2deg(STRAIGHT_BACK):.0f} degrees",
+            f"{where} turns back by {np.rad2deg(turn):.4g} degrees and cannot be blended",
+            allowed=f"turns of up to {np.rad2deg(MAX_TURN):.0f} degrees",
             remedy="leave blend out there, so that the load stops, or move the corner",
         )
 
 
-def longest(before: LineOrArc, after: LineOrArc, tolerance: float) -> float:
-    """Return what a blend may take of both parts [m]: as samples allow, then less until enclosures do."""
+def choose_blend_length(before: LineOrArc, after: LineOrArc, tolerance: float) -> float:
+    """Return the length of both parts that a blend replaces [m], as large as `tolerance` [m] allows.
 
-    def is_near(taken: float) -> bool:
-        return deviation(before, after, taken, enclosed=False) < SPARE * tolerance
+    Samples give a first length, which is reduced until enclosures confirm it.
+    """
+
+    def is_near(length: float) -> bool:
+        return deviation(before, after, length, enclosed=False) < ENCLOSURE_RESERVE * tolerance
 
     low, high = 0.0, 0.5 * min(before.length, after.length)
     if is_near(high):
         low = high
-    while high - low > PRECISION * high:
+    while high - low > LENGTH_PRECISION * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if is_near(middle) else (low, middle)
     while deviation(before, after, low) > tolerance:
-        low *= SPARE
+        low *= ENCLOSURE_RESERVE
     return low
 
 
 def check_follower(segment: Segment | None, where: str) -> None:
-    """Raise InputError where a blend cannot lead over to what follows it."""
+    """Raise InputError where the segment after a blend cannot be joined to it."""
     if isinstance(segment, Line | Arc) and segment.time_law == MINIMUM_TIME:
         return
-    timed = " whose time is given" if isinstance(segment, Line | Arc) else ""
-    what = "nothing" if segment is None else f"a segment of kind '{segment.kind}'{timed}"
+    timing = " whose time is given" if isinstance(segment, Line | Arc) else ""
+    follower = "nothing" if segment is None else f"a segment of kind '{segment.kind}'{timing}"
     raise InputError(
-        f"{where} has a blend, and what follows is {what}",
+        f"{where} has a blend, but {follower} follows",
         allowed="a blend before a line or an arc with time_law = 'minimum-time'",
         remedy="leave blend out there, so that the load stops",
     )
 
 
 def path_with_blends(segments: Sequence[Line | Arc], start: Array, where: str) -> BlendedPath:
-    """Join segments by blends that are as long as their tolerances allow; raises InputError."""
+    """Join segments by blends as long as their tolerances allow; raise InputError for impossible corners."""
     parts = parts_of(segments, start, where)
-    taken = []
+    lengths = []
     for index, (before, after, segment) in enumerate(zip(parts, parts[1:], segments, strict=False)):
         check_corner(before, after, f"{where}: corner {index + 1}")
-        taken.append(longest(before, after, segment.blend))
-    return BlendedPath(kind="path", parts=tuple(segments), taken=tuple(taken), time_law=MINIMUM_TIME)
+        lengths.append(choose_blend_length(before, after, segment.blend))
+    return BlendedPath(kind="path", parts=tuple(segments), taken=tuple(lengths), time_law=MINIMUM_TIME)

@@ -1,4 +1,4 @@
-"""What is known to be impossible before anything is solved: what was found, is allowed, is to be done."""
+"""Refuse impossible motions before anything is solved, with the reason, the allowed range and a remedy."""
 
 from math import sqrt
 from typing import NoReturn
@@ -11,16 +11,15 @@ from cranectl.scenario.settings import MAX_DURATION
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-MAX_TRIED_DURATION = 1e4  # [s]: what is longer than a run may be can still be made faster
+MAX_TRIED_DURATION = 1e4  # [s]; longer than a run may be, since the search may still find a faster motion
 REMEDIES = {
     "load": "move the point, or widen planning.load_box or lessen planning.clearance",
     "bridge": "move the point, or change rig.bridge_range",
     "trolley": "move the point, or change rig.trolley_range",
     "rope": "move the point, or change rig.rope_range",
 }
-
-# What a limit is called by its user, and where it is set, by the end of its name.
-RATES = {
+# The user's words for a limit, and the key that sets it, by the end of the limit's name.
+LIMIT_KEYS = {
     " set-point": ("the velocity of the {axis}", "{drives}.velocity"),
     " set-point's rate": ("the acceleration of the {axis}", "{drives}.acceleration"),
     " force": ("the force on the {axis}", "{drives}.force"),
@@ -33,30 +32,29 @@ RATES = {
 def check_point(point: Array, limits: Limits, what: str) -> None:
     """Raise InputError where the load cannot hang at rest at `point` (x, y, z) [m]."""
     coordinates = ", ".join(f"{value:g}" for value in point)
-    still = motion([[np.array([value]), *[np.zeros(1)] * 5] for value in point], limits.gravity)
-    for constraint in constraints(still, limits):
+    rest = motion([[np.array([value]), *[np.zeros(1)] * 5] for value in point], limits.gravity)
+    for constraint in constraints(rest, limits):
         value = float(constraint.series[0][0])
         if value > constraint.high + PROOF_MARGIN or value < constraint.low - PROOF_MARGIN:
-            _cannot_hang(constraint, value, limits, f"{what}, ({coordinates}),")
+            _raise_unreachable(constraint, value, limits, f"{what}, ({coordinates}),")
     for box in limits.obstacles:
-        most = float(clearance(still, box, limits.radius).max())
-        if most < -PROOF_MARGIN:
+        widest = float(clearance(rest, box, limits.radius).max())
+        if widest < -PROOF_MARGIN:
             raise InputError(
                 f"{what}, ({coordinates}), is in the obstacle '{box.name}', "
                 "or nearer to it than the load's radius "
                 f"of {limits.radius:g} m, or the rope is",
-                allowed=f"points at least {-most:.3g} m further away, or above "
+                allowed=f"points at least {-widest:.3g} m further away, or above "
                 f"{box.high[2] + limits.radius:g} m",
                 remedy="move the point or the obstacle",
             )
 
 
-def _cannot_hang(constraint: Constraint, value: float, limits: Limits, what: str) -> NoReturn:
+def _raise_unreachable(constraint: Constraint, value: float, limits: Limits, what: str) -> NoReturn:
     subject = constraint.name.split()[0]
     if constraint.name.endswith("force"):
         raise InputError(
-            f"the winch may pull with {constraint.high:.3g} N, and the load weighs {-value:.3g} N: "
-            "it cannot even be held",
+            f"the winch may pull with {constraint.high:.3g} N, but the load weighs {-value:.3g} N",
             allowed=f"a load of less than {constraint.high / limits.gravity:.3g} kg, or a stronger winch",
             remedy=f"correct rig.load_mass or {limits.drives}.force, or raise planning.share",
         )
@@ -67,8 +65,8 @@ def _cannot_hang(constraint: Constraint, value: float, limits: Limits, what: str
     )
 
 
-def check_way_over(height: float, limits: Limits, what: str) -> None:
-    """Raise InputError where the load cannot be lifted to `height` [m], over an obstacle."""
+def check_height_over(height: float, limits: Limits, what: str) -> None:
+    """Raise InputError where the load cannot be lifted to `height` [m] to pass over an obstacle."""
     highest = min(float(limits.load[2, 1]), -float(limits.axes[2, 0]))
     if height > highest:
         tallest = max(limits.obstacles, key=lambda box: box.high[2])
@@ -77,25 +75,25 @@ def check_way_over(height: float, limits: Limits, what: str) -> None:
             f"the load of radius {limits.radius:g} m would have to be lifted to {height:.3g} m",
             allowed=f"up to {highest:.3g} m: rope_range begins at {limits.axes[2, 0]:g} m, the load's box "
             f"ends at {limits.load[2, 1]:g} m",
-            remedy="lower the obstacle, or go round it by points in via",
+            remedy="lower the obstacle, or pass around it by points in via",
         )
 
 
 def least_times(start: Array, end: Array, limits: Limits) -> list[float]:
-    """Return what bridge, trolley and winch would need without a load from rest to rest [s].
+    """Return the durations that bridge, trolley and winch would need without a load from rest to rest [s].
 
-    No motion within the limits can take less: each axis goes its way under its set-point's limits alone.
+    They are lower bounds, since each axis moves under the limits of its set-point alone.
     """
     times = []
     for i, travel in enumerate(np.abs(end - start)):
         distance, speed, rate = float(travel), float(limits.velocity[i]), float(limits.acceleration[i])
-        ramp = distance < speed**2 / rate
-        times.append(2.0 * sqrt(distance / rate) if ramp else distance / speed + speed / rate)
+        is_short = distance < speed**2 / rate  # full speed is not reached
+        times.append(2.0 * sqrt(distance / rate) if is_short else distance / speed + speed / rate)
     return times
 
 
 def check_least_time(start: Array, end: Array, limits: Limits, where: str) -> None:
-    """Raise InputError where the drives alone need longer from `start` to `end` (3,) than a run may last."""
+    """Raise InputError where the drives alone need longer than a run may last, from `start` to `end` (3,)."""
     times = least_times(start, end, limits)
     k = int(np.argmax(times))
     if times[k] > MAX_DURATION:
@@ -105,42 +103,42 @@ def check_least_time(start: Array, end: Array, limits: Limits, where: str) -> No
 
 
 def check_duration(duration: float, name: str, limits: Limits, where: str) -> None:
-    """Raise InputError for a motion longer than a run may last, which the limit `name` allows no faster."""
+    """Raise InputError for a motion of `duration` [s] that limit `name` makes longer than a run may last."""
     if duration > MAX_DURATION:
         raise too_long(duration, name, limits, f"{where} takes")
 
 
 def too_long(duration: float, name: str, limits: Limits, takes: str) -> InputError:
-    """Return the error for a motion of `duration` [s], which the limit `name` allows no faster."""
+    """Return the error for a motion of `duration` [s] that limit `name` makes too long."""
     axis = name.split()[0]
     words, key = next(
-        (quantity for ending, quantity in RATES.items() if name.endswith(ending)), (name, "the limits")
+        (quantity for ending, quantity in LIMIT_KEYS.items() if name.endswith(ending)), (name, "the limits")
     )
     length = f"{duration:.4g} s" if np.isfinite(duration) else f"more than {MAX_TRIED_DURATION:g} s"
     return InputError(
         f"{takes} {length}: {words.format(axis=axis)} allows no less",
         allowed=f"motions of at most {MAX_DURATION:g} s, as long as a run may last",
-        remedy=f"raise {key.format(drives=limits.drives)}, or ask for a shorter way",
+        remedy=f"raise {key.format(drives=limits.drives)}, or choose a shorter path",
     )
 
 
 def check_excesses(excesses: dict[str, float], limits: Limits, what: str) -> None:
-    """Raise InputError for a path on which limits are broken however slowly it is driven.
+    """Raise InputError for a path that exceeds limits however slowly it is driven.
 
-    `excesses`: by how much, in parts of each limit; empty where none is.
+    `excesses` has the excess over each exceeded limit as a share of it.
     """
     if not excesses:
         return
     worst = max(excesses, key=lambda name: excesses[name])
-    away = excesses[worst] * limits.size
+    distance = excesses[worst] * limits.size
     if worst in {box.key for box in limits.obstacles}:
-        problem = f"it comes {away:.3g} m too near to the {worst}"
+        problem = f"it comes {distance:.3g} m too near to the {worst}"
     elif worst in (*AXES, *(f"load {axis}" for axis in "xyz")):
-        problem = f"{worst} is beyond its range by {away:.3g} m"
+        problem = f"{worst} is beyond its range by {distance:.3g} m"
     else:
         problem = f"{worst} is exceeded by {excesses[worst]:.3g} of it"
     raise InputError(
         f"{what} cannot be driven however slowly: {problem}",
         allowed="a path along which the load can hang at rest everywhere",
-        remedy="take kind = 'move', which finds a way, or another path",
+        remedy="use kind = 'move', which finds a path, or another path",
     )

@@ -1,11 +1,11 @@
-"""What a motion is limited by, and the constraints that they make, as functions of the load's motion.
+"""Limits of a motion, and the constraints that they impose, as functions of the load's motion.
 
 With the rope's slopes p = (p_x, p_y), horizontal over vertical, and its drop h = -z_3 (`model.flatness`)
 
     p = -(z_1'', z_2'') / (z_3'' + g)    x_c = z_1 - p_x h    y_c = z_2 - p_y h    l = h sqrt(1 + |p|²)
 
-and derivatives follow as series do. Written over any kind of number, so that solvers and proof share it;
-tests hold it against `model.flatness` and `model.dynamics`.
+and derivatives follow by arithmetic of series. The functions accept any kind of number, so that solver and
+proof share them. Tests compare them with `model.flatness` and `model.dynamics`.
 """
 
 from math import tan
@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.reference.series import Series, differentiated, over, plus, root, times
+from cranectl.reference.series import Series, add, differentiate, divide, multiply, take_root
 from cranectl.scenario import Scenario, Segment
 from cranectl.scenario.drawn_size import drawn_load_radius
 from cranectl.support.arrays import Array
 
-SHARE, SHARE_WITH_SENSING = 0.95, 0.88  # of limits: measured, docs/explanation/planning.md
-FIXED = 1e-3  # of its length, by which a rope that is to be constant may vary
+SHARE, SHARE_WITH_SENSING = 0.95, 0.88  # of limits that plans may use, see docs/explanation/planning.md
+ROPE_TOLERANCE = 1e-3  # of its length, by which a constant rope may vary
 SIDES = ("x-", "x+", "y-", "y+", "above")
 AXES = ("bridge", "trolley", "rope")
 
@@ -33,14 +33,14 @@ class Box(NamedTuple):
 
     @property
     def key(self) -> str:
-        """Return its name among those of the constraints."""
+        """Name of the obstacle among the constraints."""
         return f"obstacle '{self.name}'"
 
 
 class Limits(NamedTuple):
-    """Of a motion of the load; those of drives, lean and tension times the share."""
+    """Limits of a motion of the load; drives, lean and tension are reduced to the planned share."""
 
-    drives: str  # the table of the scenario that says what drives can do
+    drives: str  # key of the scenario's table of drive limits
     gravity: float  # [m/s²]
     lag: Array  # (3,) of the set-points w = v + lag u [s]
     velocity: Array  # (3,) |w| [m/s]
@@ -50,15 +50,15 @@ class Limits(NamedTuple):
     masses: Array  # (4,) bridge with trolley, trolley, winch, load [kg]
     lean: float  # tangent of the largest angle from the vertical
     tension: tuple[float, float]  # [N]
-    load: Array  # (3, 2) where it may be [m]
+    load: Array  # (3, 2) ranges of the load [m]
     axes: Array  # (3, 2) ranges of bridge, trolley, rope [m]
     radius: float  # of the load [m]
     obstacles: tuple[Box, ...]
-    size: float  # of the motion, by which excesses of positions are measured [m]
+    size: float  # of the motion, the scale of excesses of positions [m]
 
 
 def limits_of(scenario: Scenario) -> Limits:
-    """Return the limits of a scenario's crane for planning, with any kind of drive."""
+    """Return the limits of a scenario's crane for planning, for all kinds of drives."""
     rig, planning = scenario.rig, scenario.planning
     share = share_of(scenario)
     drives = scenario.drive_limits
@@ -86,9 +86,9 @@ def limits_of(scenario: Scenario) -> Limits:
 
 
 def key_of(segment: Segment, start: Array, scenario: Scenario) -> str:
-    """Equal for what is planned and proven the same; `start` (3,) [m]."""
-    deciding = scenario.model_dump_json(include={"planning", "obstacles", "rig", "effects", "control"})
-    return f"{segment.model_dump_json()}{start.tolist()}{deciding}"
+    """Return a key that is equal for segments with equal plans and proofs; `start` (3,) [m]."""
+    settings = scenario.model_dump_json(include={"planning", "obstacles", "rig", "effects", "control"})
+    return f"{segment.model_dump_json()}{start.tolist()}{settings}"
 
 
 def share_of(scenario: Scenario) -> float:
@@ -99,17 +99,17 @@ def share_of(scenario: Scenario) -> float:
 
 
 class Constraint(NamedTuple):
-    """Something that must lie between two bounds."""
+    """A quantity that must lie between two bounds."""
 
     name: str
     series: Series
     low: float
     high: float
-    scale: float  # a typical size, by which excesses are measured
+    scale: float  # unit of excesses
 
 
 class Motion(NamedTuple):
-    """Series of the load and of what follows from it."""
+    """Series of the load, and of the crane's motion that follows from it."""
 
     load: list[Series]  # x, y, z
     slopes: list[Series]  # p_x, p_y
@@ -120,86 +120,92 @@ class Motion(NamedTuple):
 
 def motion(load: list[Series], gravity: float) -> Motion:
     """Compute the crane's motion from the load's series of n >= 5 coefficients; results have n - 2."""
-    x, y, z = (differentiated(series, 2) for series in load)
+    x, y, z = (differentiate(series, 2) for series in load)
     lift = [z[0] + gravity, *z[1:]]
-    p_x, p_y = ([-c for c in over(a, lift)] for a in (x, y))
+    p_x, p_y = ([-c for c in divide(a, lift)] for a in (x, y))
     drop = [-c for c in load[2]]
-    squares = plus(times(p_x, p_x), times(p_y, p_y))
-    secant = root([squares[0] + 1.0, *squares[1:]])
+    squares = add(multiply(p_x, p_x), multiply(p_y, p_y))
+    secant = take_root([squares[0] + 1.0, *squares[1:]])
     bridge, trolley = (
-        plus(position, [-c for c in times(slope, drop)])
+        add(position, [-c for c in multiply(slope, drop)])
         for position, slope in zip(load[:2], (p_x, p_y), strict=True)
     )
-    return Motion(load, [p_x, p_y], [bridge, trolley, times(secant, drop)], [x, y, lift], secant)
+    return Motion(load, [p_x, p_y], [bridge, trolley, multiply(secant, drop)], [x, y, lift], secant)
 
 
-def constraints(moved: Motion, limits: Limits) -> list[Constraint]:
-    """Return all constraints but the obstacles; infinite limits are left out."""
+def constraints(crane_motion: Motion, limits: Limits) -> list[Constraint]:
+    """Return all constraints except obstacles and infinite limits."""
     result = [
         Constraint(f"load {axis}", series, low, high, limits.size)
-        for axis, series, (low, high) in zip("xyz", moved.load, limits.load.tolist(), strict=True)
+        for axis, series, (low, high) in zip("xyz", crane_motion.load, limits.load.tolist(), strict=True)
     ]
-    lean2 = plus(times(moved.slopes[0], moved.slopes[0]), times(moved.slopes[1], moved.slopes[1]))
+    lean2 = add(
+        multiply(crane_motion.slopes[0], crane_motion.slopes[0]),
+        multiply(crane_motion.slopes[1], crane_motion.slopes[1]),
+    )
     result.append(Constraint("lean of the rope", lean2, -np.inf, limits.lean**2, limits.lean**2))
     bridge_mass, trolley_mass, winch_mass, mass = limits.masses.tolist()
-    tension = [c * mass for c in times(moved.secant, moved.acceleration[2])]
+    tension = [c * mass for c in multiply(crane_motion.secant, crane_motion.acceleration[2])]
     weight = mass * limits.gravity
     result.append(Constraint("tension of the rope", tension, *limits.tension, weight))
-    rates = [differentiated(axis, 2) for axis in moved.axes]
+    rates = [differentiate(axis, 2) for axis in crane_motion.axes]
     forces = [
-        plus([c * bridge_mass for c in rates[0]], [c * mass for c in moved.acceleration[0]]),
-        plus([c * trolley_mass for c in rates[1]], [c * mass for c in moved.acceleration[1]]),
-        plus([c * winch_mass for c in rates[2]], [-c for c in tension]),
+        add([c * bridge_mass for c in rates[0]], [c * mass for c in crane_motion.acceleration[0]]),
+        add([c * trolley_mass for c in rates[1]], [c * mass for c in crane_motion.acceleration[1]]),
+        add([c * winch_mass for c in rates[2]], [-c for c in tension]),
     ]
     for i, (axis, (low, high)) in enumerate(zip(AXES, limits.axes.tolist(), strict=True)):
-        series, rate = moved.axes[i], rates[i]
-        setpoint = plus(differentiated(series, 1), [c * float(limits.lag[i]) for c in rate])
+        series, rate = crane_motion.axes[i], rates[i]
+        setpoint = add(differentiate(series, 1), [c * float(limits.lag[i]) for c in rate])
         result += [
             Constraint(axis, series, low, high, limits.size),
             _symmetric(f"{axis} set-point", setpoint, limits.velocity[i]),
-            _symmetric(f"{axis} set-point's rate", differentiated(setpoint, 1), limits.acceleration[i]),
+            _symmetric(f"{axis} set-point's rate", differentiate(setpoint, 1), limits.acceleration[i]),
             _symmetric(f"{axis} force", forces[i], limits.force[i]),
-            _symmetric(f"{axis} jerk", differentiated(rate, 1), limits.jerk[i]),
+            _symmetric(f"{axis} jerk", differentiate(rate, 1), limits.jerk[i]),
         ]
     return [
         constraint for constraint in result if np.isfinite(constraint.low) or np.isfinite(constraint.high)
     ]
 
 
-def excesses(moved: Motion, limits: Limits) -> dict[str, Array]:
-    """Return the excess over each limit at each point (N,), as a share of it; negative is slack."""
+def excesses(crane_motion: Motion, limits: Limits) -> dict[str, Array]:
+    """Return the excess over each limit at each point (N,), as a share of it; negative values are slack."""
     by_name = {
         constraint.name: np.maximum(
             constraint.series[0] - constraint.high, constraint.low - constraint.series[0]
         )
         / constraint.scale
-        for constraint in constraints(moved, limits)
+        for constraint in constraints(crane_motion, limits)
     }
     for box in limits.obstacles:
-        by_name[box.key] = -np.max(clearance(moved, box, limits.radius), axis=0) / limits.size
+        by_name[box.key] = -np.max(clearance(crane_motion, box, limits.radius), axis=0) / limits.size
     return by_name
 
 
-def clearance(moved: Motion, box: Box, radius: float) -> Array:
-    """Return the clearance on each of SIDES of a box at each point, (5, N) [m]; negative: too near."""
+def clearance(crane_motion: Motion, box: Box, radius: float) -> Array:
+    """Return the clearance on each of SIDES of a box at each point, (5, N) [m]; negative is too near."""
     return np.array(
-        [np.min([distance[0] for distance in clear_of(moved, box, radius, side)], axis=0) for side in SIDES]
+        [
+            np.min([distance[0] for distance in side_distances(crane_motion, box, radius, side)], axis=0)
+            for side in SIDES
+        ]
     )
 
 
-def clear_of(moved: Motion, box: Box, radius: float, side: str) -> list[Series]:
+def side_distances(crane_motion: Motion, box: Box, radius: float, side: str) -> list[Series]:
     """Return distances [m] that must not be negative for load and rope to pass a box on `side`.
 
-    Above: the load. Beside: the load, and the rope where it passes the height of the top, below which it
-    lies between these two points.
+    Above the box, the distance of the load counts. Beside it, the distances of the load and of the rope at
+    the height of the box's top count, since the rope below lies between these two points.
     """
-    x, y, z = moved.load
+    x, y, z = crane_motion.load
     if side == "above":
         return [[z[0] - (box.high[2] + radius), *z[1:]]]
     axis = 0 if side[0] == "x" else 1
     position = (x, y)[axis]
     below_top = [float(box.high[2]) - z[0], *(-c for c in z[1:])]
-    passing = plus(position, [-c for c in times(moved.slopes[axis], below_top)])
+    passing = add(position, [-c for c in multiply(crane_motion.slopes[axis], below_top)])
     if side[1] == "-":
         face = float(box.low[axis])
         return [

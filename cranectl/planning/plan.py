@@ -1,4 +1,4 @@
-"""Plan the segments of a scenario: in minimum time, or as short as the law of degree 9 can be."""
+"""Plan the segments of a scenario in minimum time, or in the shortest duration of the law of degree 9."""
 
 import itertools
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from cranectl.planning.blends import check_follower, path_with_blends
 from cranectl.planning.checks import check_duration, check_least_time, check_point
-from cranectl.planning.limits import FIXED, Limits, key_of, limits_of, share_of
+from cranectl.planning.limits import ROPE_TOLERANCE, Limits, key_of, limits_of, share_of
 from cranectl.planning.minimum_time import (
     SPANS,
     FastestMotion,
@@ -21,11 +21,15 @@ from cranectl.planning.minimum_time import (
     minimum_time,
 )
 from cranectl.planning.problem import Task
-from cranectl.planning.review import claim_of
-from cranectl.planning.route import passages_of, rounded, stops
-from cranectl.planning.shortest import about_shortest, limiting, shortest
-from cranectl.reference.geometry import Straight, geometry_of, parts_of, place
-from cranectl.reference.given import samples, way_points
+from cranectl.planning.review import claim_for
+from cranectl.planning.route import add_stops, find_passages, round_corners
+from cranectl.planning.shortest import (
+    estimate_shortest_duration,
+    find_limiting_constraint,
+    find_shortest_duration,
+)
+from cranectl.reference.geometry import Straight, geometry_of, parts_of, position_at
+from cranectl.reference.point_splines import fit_samples, interpolate_way_points
 from cranectl.reference.sanity import check_length
 from cranectl.reference.time_laws import PLANNED_DEGREE, time_law_of
 from cranectl.reference.trajectory import end_point
@@ -46,36 +50,36 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.support.kept import kept
 
-GUESS_OFFSET = 0.1  # share of a move's length by which the first guess bulges aside and up, as cranes swing
-LEAST_MOVE = 1e-6  # [m] from one point of a move to the next
-RANGE_SCALE = 0.1  # share of a motion's length that counts as one whole excess over a range
+GUESS_OFFSET = 0.1  # of a move's length, by which the first guess bulges aside and up
+MIN_MOVE = 1e-6  # [m] from one point of a move to the next
+RANGE_SCALE = 0.1  # of a motion's length, the unit of excesses over ranges
 _PLANS: TypeAdapter[list[tuple[Segment, str]]] = TypeAdapter(list[tuple[Segment, str]])  # with claims
 _SEGMENTS: dict[str, list[Segment]] = {}
 
 
-def with_planned_segments(scenario: Scenario, directory: Path) -> Scenario:
+def plan_segments(scenario: Scenario, directory: Path) -> Scenario:
     """Return the scenario with every segment planned or read from its file, and blended lines joined."""
     segments: list[Segment] = []
-    here = np.array(scenario.reference.start)
-    blended: list[Line | Arc] = []  # with what follows
+    point = np.array(scenario.reference.start)
+    to_blend: list[Line | Arc] = []  # into the next segment
     requested = scenario.reference.segments
     for index, segment in enumerate(requested):
         if isinstance(segment, Line | Arc) and segment.blend:
             follower = requested[index + 1] if index + 1 < len(requested) else None
             check_follower(follower, f"reference.segments.{index}")
-            blended.append(segment)
+            to_blend.append(segment)
             continue
-        where = f"reference.segments.{index - len(blended)}"
-        if blended and isinstance(segment, Line | Arc):
-            segment, blended = path_with_blends([*blended, segment], here, where), []
-        ready = [segment] if is_planned(segment) else _prepare(segment, here, scenario, directory, where)
+        where = f"reference.segments.{index - len(to_blend)}"
+        if to_blend and isinstance(segment, Line | Arc):
+            segment, to_blend = path_with_blends([*to_blend, segment], point, where), []
+        ready = [segment] if is_planned(segment) else _prepare(segment, point, scenario, directory, where)
         for planned in ready:
             segments.append(planned)
-            here = end_point(planned, here)
+            point = end_point(planned, point)
     length = sum(map(seconds, segments))
     check_length(length, scenario, f"{scenario.name}: the segments last", "leave segments out")
     reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
-    # What the plan was made with stays, whatever effects are added to a run of it.
+    # The share of the plan stays, even if a run adds effects.
     planning = scenario.planning.model_copy(update={"share": share_of(scenario)})
     return scenario.model_copy(update={"reference": reference, "planning": planning})
 
@@ -84,9 +88,9 @@ def _prepare(
     segment: Segment, start: Array, scenario: Scenario, directory: Path, where: str
 ) -> Sequence[Segment]:
     if isinstance(segment, Samples):
-        return [samples(segment, start, scenario, directory, where)]
+        return [fit_samples(segment, start, scenario, directory, where)]
     if isinstance(segment, WayPoints):
-        ready = way_points(segment, start, scenario, directory, where)
+        ready = interpolate_way_points(segment, start, scenario, directory, where)
         if all(map(is_planned, ready)):
             return ready
         (segment,) = ready
@@ -97,7 +101,7 @@ def _prepare(
 def _plan_segment(
     segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str
 ) -> list[Segment]:
-    """Return the segment with its duration and time law, or what replaces it: a spline, or lines with stops.
+    """Return the segment with its duration and time law, or a spline or lines with stops in its place.
 
     Raises InputError where no motion keeps the limits. Plans are stored on disk and used again.
     """
@@ -127,7 +131,7 @@ def _plan_as_json(segment: Along | Spline | Move, start: Array, scenario: Scenar
         segments = [plan_along(segment, start, scenario, where)]
     plans = []
     for planned in segments:
-        plans.append((planned, claim_of(planned, start, scenario)))
+        plans.append((planned, claim_for(planned, start, scenario)))
         start = end_point(planned, start)
     return _PLANS.dump_json(plans).decode()
 
@@ -135,24 +139,28 @@ def _plan_as_json(segment: Along | Spline | Move, start: Array, scenario: Scenar
 def plan_along(segment: Along | Spline, start: Array, scenario: Scenario, where: str) -> Along | Spline:
     """Plan a segment on a given path.
 
-    A segment in minimum time gets the time law that the search finds. Any other segment, and one for which
-    nothing faster is found, gets the law of degree 9. Raises InputError for a motion that takes too long.
+    A segment in minimum time gets the time law that the search finds. Any other segment, or one for which the
+    search finds nothing faster, gets the law of degree 9. Raises InputError for a motion that takes too long.
     """
     geometry = geometry_of(segment, start, where)
     limits = limits_of(scenario)._replace(size=RANGE_SCALE * geometry.length)
     check_point(start, limits, f"{where}: its start")
-    end = place(geometry, 1.0)
+    end = position_at(geometry, 1.0)
     check_point(end, limits, f"{where}: its end")
     check_least_time(start, end, limits, where)
     quickest = np.inf
     if segment.time_law == MINIMUM_TIME:
-        motion = _faster(along_path(geometry, limits, about_shortest(geometry, limits, where)), scenario)
+        motion = _find_faster(
+            along_path(geometry, limits, estimate_shortest_duration(geometry, limits, where)), scenario
+        )
         if motion and motion.duration <= MAX_DURATION:
-            return _with_law(segment, motion)
+            return _set_time_law(segment, motion)
         quickest = motion.duration if motion else np.inf
-    duration = shortest(geometry, limits, where)
-    check_duration(min(duration, quickest), limiting(geometry, limits, duration), limits, where)
-    return _timed(segment, duration, "degree-9")
+    duration = find_shortest_duration(geometry, limits, where)
+    check_duration(
+        min(duration, quickest), find_limiting_constraint(geometry, limits, duration), limits, where
+    )
+    return _set_duration(segment, duration, "degree-9")
 
 
 def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, where: str) -> list[Segment]:
@@ -167,16 +175,16 @@ def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, whe
     time_laws = [
         (time_law_of(part), seconds(part), path.length) for part, path in zip(stopping, parts, strict=True)
     ]
-    motion = _faster(along_parts(geometry, limits, time_laws), scenario)
-    return [_with_law(segment, motion)] if motion and motion.duration <= MAX_DURATION else list(stopping)
+    motion = _find_faster(along_parts(geometry, limits, time_laws), scenario)
+    return [_set_time_law(segment, motion)] if motion and motion.duration <= MAX_DURATION else list(stopping)
 
 
-def _with_law(segment: Along | Spline, motion: FastestMotion) -> Along | Spline:
+def _set_time_law(segment: Along | Spline, motion: FastestMotion) -> Along | Spline:
     time_law = SplineLaw(coefficients=tuple(np.clip(motion.coefficients[:, 0], 0.0, 1.0).tolist()))
-    return _timed(segment, motion.duration, time_law)
+    return _set_duration(segment, motion.duration, time_law)
 
 
-def _timed(segment: Along | Spline, duration: float, time_law: SplineLaw | str) -> Along | Spline:
+def _set_duration(segment: Along | Spline, duration: float, time_law: SplineLaw | str) -> Along | Spline:
     key = "lasts" if isinstance(segment, Spline) else "duration"
     return segment.model_copy(update={key: duration, "time_law": time_law})
 
@@ -184,27 +192,30 @@ def _timed(segment: Along | Spline, duration: float, time_law: SplineLaw | str) 
 def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
     """Plan a free motion: the fastest spline that is found, else lines with stops.
 
-    Raises InputError for a motion that takes too long, and with `constant_rope` instead of returning lines.
+    Raises InputError for a motion that takes too long. With `constant_rope` it also raises instead of
+    returning lines, along which the rope's length varies.
     """
-    points = _points_of(segment, start)
+    points = _distinct_points(segment, start)
     size = float(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(points)))
     limits = limits_of(scenario)._replace(size=RANGE_SCALE * size)
     _check_move(segment, points, limits, where)
-    corners = stops(points, limits, where)
+    corners = add_stops(points, limits, where)
     lines = [Straight(begin, end) for begin, end in itertools.pairwise(corners)]
-    durations = [shortest(geometry, limits, where) for geometry in lines]
+    durations = [find_shortest_duration(geometry, limits, where) for geometry in lines]
     quickest = longest = sum(durations)
     if segment.duration is None:
-        motion = _faster(free_motion(segment, points, corners, limits, longest), scenario)
+        motion = _find_faster(free_motion(segment, points, corners, limits, longest), scenario)
         if motion and motion.duration <= MAX_DURATION:
-            return [_spline(segment, motion)]
+            return [_spline_segment(segment, motion)]
         quickest = motion.duration if motion else longest
     slowest = int(np.argmax(durations))
-    check_duration(quickest, limiting(lines[slowest], limits, durations[slowest]), limits, where)
-    if segment.constant_rope:  # on straight lines it is not: the trolley swings out beside the load
+    check_duration(
+        quickest, find_limiting_constraint(lines[slowest], limits, durations[slowest]), limits, where
+    )
+    if segment.constant_rope:
         raise InputError(
             f"{where}: no motion with constant_rope is found that takes at most {longest:.4g} s, as straight "
-            "lines do with a rope that varies",
+            "lines with a varying rope do",
             allowed="limits of [planning] and of drives that leave room for it",
             remedy="leave constant_rope out, or relax planning.tension and the other limits",
         )
@@ -214,14 +225,14 @@ def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> li
     ]
 
 
-def _points_of(segment: Move, start: Array) -> list[Array]:
-    """Return start, via points and end of a move, each (3,), without points equal to the one before."""
+def _distinct_points(segment: Move, start: Array) -> list[Array]:
+    """Return start, via points and end of a move, each (3,), without consecutive duplicates."""
     points = [start, *map(np.array, segment.via), np.array(segment.to)]
-    moved = [after for before, after in itertools.pairwise(points) if not np.array_equal(before, after)]
-    return [start, *moved]
+    distinct = [after for before, after in itertools.pairwise(points) if not np.array_equal(before, after)]
+    return [start, *distinct]
 
 
-def _spline(segment: Move, motion: FastestMotion) -> Spline:
+def _spline_segment(segment: Move, motion: FastestMotion) -> Spline:
     breaks = np.linspace(0.0, motion.duration, len(motion.coefficients) - PLANNED_DEGREE + 1)
     return Spline(
         kind="spline",
@@ -241,25 +252,25 @@ def _check_move(segment: Move, points: Sequence[Array], limits: Limits, where: s
             remedy='to stay in place use kind = "hold"',
         )
     nearest = min(float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(points))
-    if nearest < LEAST_MOVE:
+    if nearest < MIN_MOVE:
         raise InputError(
             f"{where} moves by {nearest:.3g} m from one of its points to the next",
-            allowed=f"at least {LEAST_MOVE:g} m: less takes no time that control periods can show",
+            allowed=f"at least {MIN_MOVE:g} m, since shorter moves take less than a control period",
             remedy="move the point away, or leave it out",
         )
     names = ["start", *["point in via"] * (len(points) - 2), "end"]
     for name, point in zip(names, points, strict=True):
         check_point(point, limits, f"{where}: its {name}")
     heights = [float(point[2]) for point in points]
-    if segment.constant_rope and np.ptp(heights) > FIXED * abs(heights[0]):
+    if segment.constant_rope and np.ptp(heights) > ROPE_TOLERANCE * abs(heights[0]):
         raise InputError(
             f"{where}: constant_rope with points at heights from {min(heights):g} to {max(heights):g} m",
-            allowed="points of one height, at which the load hangs at rest on one length of rope",
+            allowed="points of one height, where the load hangs at rest on one length of rope",
             remedy="leave constant_rope out, or make the heights equal",
         )
-    along = points[-1][:2] - points[0][:2]
-    aside = [abs(float(along[0] * (p - points[0])[1] - along[1] * (p - points[0])[0])) for p in points[1:-1]]
-    if segment.plane and max(aside, default=0.0) > 1e-9 * float(along @ along):
+    x, y = travel = points[-1][:2] - points[0][:2]
+    aside = [abs(float(x * (p - points[0])[1] - y * (p - points[0])[0])) for p in points[1:-1]]
+    if segment.plane and max(aside, default=0.0) > 1e-9 * float(travel @ travel):
         raise InputError(
             f"{where}: plane = true with a point in via beside the plane through start and end",
             allowed="points in the vertical plane through start and end",
@@ -274,20 +285,20 @@ def free_motion(
     """Return the task of a move through `points`, first guessed along `corners`."""
     start, end = points[0], points[-1]
     if segment.constant_rope:
-        rope = -start[2] * (1.0 + FIXED * np.array([-1.0, 1.0]))
+        rope = -start[2] * (1.0 + ROPE_TOLERANCE * np.array([-1.0, 1.0]))
         limits = limits._replace(axes=np.vstack([limits.axes[:2], rope]))
-    guess = rounded(corners)
+    guess = round_corners(corners)
     along = np.array([*(end - start)[:2], 0.0])
     along = along / np.linalg.norm(along) if along.any() else np.array([1.0, 0.0, 0.0])
     aside, up = np.array([-along[1], along[0], 0.0]), np.array([0.0, 0.0, 1.0])
     directions = np.array([along, up]) if segment.plane else np.eye(3)
-    out = aside * (not segment.plane) + up * (not segment.constant_rope)
-    bump = GUESS_OFFSET / RANGE_SCALE * limits.size * out
+    direction = aside * (not segment.plane) + up * (not segment.constant_rope)
+    bump = GUESS_OFFSET / RANGE_SCALE * limits.size * direction
     guess += np.sin(np.pi * np.linspace(0.0, 1.0, len(guess)))[:, None] ** 4 * bump
     guess = np.clip(guess, *limits.load.T)
     via = points[1:-1]
-    passed = [float(np.argmin(np.linalg.norm(guess - point, axis=1)) / len(guess)) for point in via]
-    passages, instants = passages_of(guess, limits, len(via))
+    via_instants = [float(np.argmin(np.linalg.norm(guess - point, axis=1)) / len(guess)) for point in via]
+    passages, instants = find_passages(guess, limits, len(via))
     return Task(
         start=np.zeros(len(directions)),
         end=directions @ (end - start),
@@ -298,16 +309,13 @@ def free_motion(
         spans=SPANS,
         via=tuple(directions @ (point - start) for point in via),
         passages=passages,
-        instants=(*passed, *instants),
+        instants=(*via_instants, *instants),
     )
 
 
-def _faster(task: Task, scenario: Scenario) -> FastestMotion | None:
-    """Return a motion that is faster than the task's first duration, or None.
-
-    It has `planning.refinement` times the task's spans.
-    """
-    if not np.isfinite(task.duration):  # there is no finite guess
+def _find_faster(task: Task, scenario: Scenario) -> FastestMotion | None:
+    """Search with `planning.refinement` times the task's spans; return None if no motion is faster."""
+    if not np.isfinite(task.duration):  # no finite guess exists
         return None
     refined = minimum_time(replace(task, spans=scenario.planning.refinement * task.spans))
     return refined if refined and refined.duration < task.duration else None

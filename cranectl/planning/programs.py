@@ -1,9 +1,13 @@
-"""Sequential convex programs: limits linearised, the duration made less step by step within a trust region.
+"""Minimise the duration by sequential convex programming within a trust region.
 
-Each step solves a quadratic program by Clarabel: the duration, a small weight on the mean square of what the
-drives do (else axes that do not decide the duration wander), and the Hessian of the limits that act, where it
-is convex along them. An excess over a limit costs, so that a step is always possible. After arXiv 2205.00754;
-a solver's status is believed, not its numbers.
+Each step solves a quadratic program by Clarabel with linearised limits. Its objective is the sum of
+
+- the duration,
+- a small weight on the mean square of the efforts, without which axes that do not limit the duration wander,
+- the Hessian of the active limits where it is convex along them,
+- a penalty on excesses, so that a step is always feasible.
+
+The method follows arXiv 2205.00754. A solution counts only if the solver's status says that it is solved.
 """
 
 from dataclasses import dataclass
@@ -17,34 +21,36 @@ from scipy import sparse
 from cranectl.planning.problem import Linearisation, Problem
 from cranectl.support.arrays import Array
 
-EFFORT_WEIGHT = 1e-2  # of the mean square of the drives' shares of their limits, in durations
-PENALTIES = 6.0, 24.0  # on the largest excess in parts of its limit, in durations
+EFFORT_WEIGHT = 1e-2  # of the mean square of the efforts, in durations
+PENALTIES = 6.0, 24.0  # on the largest excess as a share of its limit, in durations
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.1, 1.0, 1e-6  # of the trust region, in sizes of the unknowns
 MAX_CORRECTIONS = 4  # of a step
 MAX_STEPS = 80
-MIN_GAIN = 2e-5  # of a step, in durations; less is not worth another
-SADDLE = 1e-2  # second derivative, in durations and sizes of the unknowns, that is worth leaving
-SADDLE_STEP = 1.0  # way from a saddle, in sizes of the unknowns
-MIN_MULTIPLIER = 1e-6  # of a limit that acts
-FEASIBLE = 1e-3  # excess that is left, in parts of a limit, of a solution
+MIN_GAIN = 2e-5  # of a step, in durations; a smaller gain ends the descent
+SADDLE_CURVATURE = 1e-2  # negative curvature that makes a saddle, in durations and sizes of the unknowns
+SADDLE_STEP = 1.0  # away from a saddle, in sizes of the unknowns
+MIN_MULTIPLIER = 1e-6  # of an active limit
+FEASIBILITY_TOLERANCE = 1e-3  # excess of a solution, as a share of a limit
 
 
 class Solution(NamedTuple):
-    """What was found."""
+    """Result of a solver."""
 
     x: Array
     solved: bool
-    penalty: float = 0.0  # on excesses, with which it was found, in durations
+    penalty: float = 0.0  # on excesses in the last descent, in durations
 
 
-def solve(problem: Problem, x: Array, sizes: Array, least_penalty: float = PENALTIES[0]) -> Solution:
-    """Find the x of least duration near the one given; `sizes` (unknowns,) are what is a long way for each.
+def solve(problem: Problem, x: Array, sizes: Array, min_penalty: float = PENALTIES[0]) -> Solution:
+    """Find the x of least duration near `x`; `sizes` (unknowns,) scale the steps.
 
-    A small penalty on excesses allows long steps, one that is too small leaves some: then it is raised.
+    A small penalty on excesses allows long steps. It is raised if excesses remain.
     """
-    unit = problem.duration(x)
-    for penalty in (candidate for candidate in PENALTIES if candidate >= least_penalty):
-        merit = Merit(problem, sizes, unit, effort=EFFORT_WEIGHT * unit, excess=penalty * unit)
+    time_scale = problem.duration(x)
+    for penalty in (candidate for candidate in PENALTIES if candidate >= min_penalty):
+        merit = Merit(
+            problem, sizes, time_scale, effort=EFFORT_WEIGHT * time_scale, excess=penalty * time_scale
+        )
         minimum = _minimise(merit, x)._replace(penalty=penalty)
         x = minimum.x
         if minimum.solved:
@@ -54,62 +60,62 @@ def solve(problem: Problem, x: Array, sizes: Array, least_penalty: float = PENAL
 
 @dataclass(frozen=True)
 class Merit:
-    """What is made less [s]: the duration, and weights on the mean square of efforts, on the largest excess.
+    """Merit function [s]: the duration plus weights on the mean square effort and on the largest excess.
 
     Moves are in sizes of the unknowns.
     """
 
     problem: Problem
     sizes: Array
-    unit: float  # a duration
+    time_scale: float  # [s]
     effort: float
     excess: float
 
     def value(self, x: Array) -> tuple[float, Array]:
         """Return the merit [s] and the excesses."""
         excess, efforts = self.problem.values(x)
-        most = max(0.0, float(excess.max()))
+        largest = max(0.0, float(excess.max()))
         effort = self.effort * float(np.mean(efforts**2))
-        return self.problem.duration(x) + effort + self.excess * most, excess
+        return self.problem.duration(x) + effort + self.excess * largest, excess
 
-    def near(self, x: Array) -> Linearisation:
-        """Return the problem near x, by moves."""
-        linearised = self.problem.linearised(x)
+    def linearise(self, x: Array) -> Linearisation:
+        """Return the problem linearised at x, with slopes with respect to moves."""
+        linearised = self.problem.linearise(x)
         return linearised._replace(
             slope=linearised.slope * self.sizes, effort_slope=linearised.effort_slope * self.sizes
         )
 
-    def predicted(self, x: Array, near: Linearisation, hessian: Array, move: Array) -> float:
-        """Return what the program takes the merit after `move` for."""
-        at, efforts = self.problem.width, near.efforts
+    def predict(self, x: Array, linearised: Linearisation, hessian: Array, move: Array) -> float:
+        """Return the merit after `move` as the quadratic program predicts it [s]."""
+        at, efforts = self.problem.width, linearised.efforts
         duration = float(x[at] + self.sizes[at] * move[at])
-        mean = np.mean(efforts**2) + 2.0 * efforts @ (near.effort_slope @ move) / len(efforts)
-        excess = max(0.0, float((near.excess + near.slope @ move).max()))
+        mean = np.mean(efforts**2) + 2.0 * efforts @ (linearised.effort_slope @ move) / len(efforts)
+        excess = max(0.0, float((linearised.excess + linearised.slope @ move).max()))
         return float(duration + self.effort * mean + self.excess * excess + 0.5 * move @ hessian @ move)
 
-    def hessian(self, x: Array, near: Linearisation, multipliers: Array) -> tuple[Array, Array]:
-        """Return the Hessian of the efforts, and of the limits that act along them where it is convex.
+    def hessian(self, x: Array, linearised: Linearisation, multipliers: Array) -> tuple[Array, Array]:
+        """Return the Hessian of the efforts and the convex part of that of the active limits along them.
 
-        And the direction of what is not convex, or zeros.
+        Also return a direction of negative curvature, or zeros if there is none.
         """
-        slope = near.effort_slope
+        slope = linearised.effort_slope
         hessian: Array = 2.0 * self.effort / len(slope) * slope.T @ slope
         if not multipliers.any():
             return hessian, np.zeros(len(x))
-        whole = self.problem.curvature(x, multipliers) * np.outer(self.sizes, self.sizes)
-        _, size, directions = np.linalg.svd(near.slope[multipliers > 0.0])
+        whole = self.problem.hessian_of(x, multipliers) * np.outer(self.sizes, self.sizes)
+        _, size, directions = np.linalg.svd(linearised.slope[multipliers > 0.0])
         along = directions[np.count_nonzero(size > 1e-8 * size[0]) :].T
         values, vectors = np.linalg.eigh(along.T @ whole @ along)
         basis = along @ vectors
         total, directions = np.linalg.eigh(along.T @ (whole + hessian) @ along)
-        falls = total[:1] < -SADDLE * self.unit
-        downhill = along @ directions[:, :1] @ falls
+        is_downhill = total[:1] < -SADDLE_CURVATURE * self.time_scale
+        downhill = along @ directions[:, :1] @ is_downhill
         hessian += (basis * np.maximum(values, 0.0)) @ basis.T
         return hessian, downhill
 
 
 def _minimise(merit: Merit, x: Array) -> Solution:
-    """Descend to a minimum: leave a saddle, as motions in a plane often are, along its negative curvature."""
+    """Descend to a minimum; leave a saddle, such as many motions in a plane, along its negative curvature."""
     minimum, downhill = _descend(merit, x, MAX_STEPS)
     if not minimum.solved or not downhill.any():
         return minimum
@@ -119,34 +125,36 @@ def _minimise(merit: Merit, x: Array) -> Solution:
 
 
 def _descend(merit: Merit, x: Array, max_steps: int) -> tuple[Solution, Array]:
-    """Go to where no step gains enough; return also along what the merit falls there by its Hessian, or 0."""
+    """Descend until no step gains enough; return also a direction of negative curvature there, or zeros."""
     radius = FIRST_STEP
-    near, multipliers = merit.near(x), np.zeros(0)
+    linearised, multipliers = merit.linearise(x), np.zeros(0)
     value, _ = merit.value(x)
-    hessian, downhill = merit.hessian(x, near, multipliers)
-    enough = MIN_GAIN * merit.problem.duration(x)
-    chosen = np.zeros(len(near.excess), dtype=bool)
+    hessian, downhill = merit.hessian(x, linearised, multipliers)
+    min_gain = MIN_GAIN * merit.problem.duration(x)
+    working_set = np.zeros(len(linearised.excess), dtype=bool)
     for _ in range(max_steps):
-        step = _program(merit, near, near.excess, hessian, radius=radius, chosen=chosen)
+        step = _program(merit, linearised, linearised.excess, hessian, radius=radius, working_set=working_set)
         if step is None:
             return Solution(x, solved=False), downhill
         move, multipliers = step
-        gain = value - merit.predicted(x, near, hessian, move)
-        if gain < enough:
+        gain = value - merit.predict(x, linearised, hessian, move)
+        if gain < min_gain:
             break
         reached, excess = merit.value(x + merit.sizes * move)
         for _ in range(MAX_CORRECTIONS):
             if reached < value - 0.7 * gain:
                 break
-            # The same slopes with the excess that the step has: a correction of second order.
-            left = excess - near.slope @ move
-            corrected = _program(merit, near, left, hessian, radius=radius, chosen=chosen)
+            # Second-order correction: the same slopes, with the excess after the step.
+            remaining = excess - linearised.slope @ move
+            corrected = _program(
+                merit, linearised, remaining, hessian, radius=radius, working_set=working_set
+            )
             if corrected is None:
                 break
-            other, there = merit.value(x + merit.sizes * corrected[0])
-            if other >= reached:
+            corrected_value, corrected_excess = merit.value(x + merit.sizes * corrected[0])
+            if corrected_value >= reached:
                 break
-            move, reached, excess = corrected[0], other, there
+            move, reached, excess = corrected[0], corrected_value, corrected_excess
         ratio = (value - reached) / gain
         if ratio < 0.3:
             radius = 0.4 * min(radius, float(np.abs(move).max()))
@@ -156,53 +164,53 @@ def _descend(merit: Merit, x: Array, max_steps: int) -> tuple[Solution, Array]:
             break
         if ratio > 0.1:
             x, value = x + merit.sizes * move, reached
-            chosen[:] = multipliers > 0.0
-            near = merit.near(x)
-            hessian, downhill = merit.hessian(x, near, multipliers)
-    return Solution(x, float(near.excess.max()) < FEASIBLE), downhill
+            working_set[:] = multipliers > 0.0
+            linearised = merit.linearise(x)
+            hessian, downhill = merit.hessian(x, linearised, multipliers)
+    return Solution(x, float(linearised.excess.max()) < FEASIBILITY_TOLERANCE), downhill
 
 
 def _program(
     merit: Merit,
-    near: Linearisation,
+    linearised: Linearisation,
     excess: Array,
     hessian: Array,
     *,
     radius: float,
-    chosen: NDArray[np.bool_],
+    working_set: NDArray[np.bool_],
 ) -> tuple[Array, Array] | None:
-    """Return the best move within `radius`, and the multiplier of each limit; None where none was found.
+    """Return the best move within `radius` and the multiplier of each limit, or None if the solver fails.
 
-    Few limits act: those that a solution without them breaks are put in, and it is solved again. `chosen` are
-    those to begin with, and is brought up to date.
+    Few limits are active. The program begins with the limits in `working_set`, adds those that its solution
+    exceeds, and is solved again. `working_set` is updated in place.
     """
     n = len(merit.sizes)
-    linear = 2.0 * merit.effort / len(near.efforts) * (near.effort_slope.T @ near.efforts)
+    linear = 2.0 * merit.effort / len(linearised.efforts) * (linearised.effort_slope.T @ linearised.efforts)
     linear[merit.problem.width] += merit.sizes[merit.problem.width]  # the duration
     quadratic = sparse.csc_matrix(np.triu(np.pad(hessian, (0, 1))))
     cost = np.append(linear, merit.excess)
     box = np.vstack([np.eye(n + 1)[:n], -np.eye(n + 1)])
     bounds = np.append(np.full(2 * n, radius), 0.0)
-    chosen[np.argpartition(-excess, n)[:n]] = True
+    working_set[np.argpartition(-excess, n)[:n]] = True
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     while True:
-        rows = np.flatnonzero(chosen)
-        limits = np.hstack([near.slope[rows], np.full((len(rows), 1), -1.0)])
+        rows = np.flatnonzero(working_set)
+        limits = np.hstack([linearised.slope[rows], np.full((len(rows), 1), -1.0)])
         matrix = sparse.csc_matrix(np.vstack([limits, box]))
         right = np.concatenate([-excess[rows], bounds])
         cones = [clarabel.NonnegativeConeT(len(right))]
-        answer = clarabel.DefaultSolver(quadratic, cost, matrix, right, cones, settings).solve()
-        if answer.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
+        result = clarabel.DefaultSolver(quadratic, cost, matrix, right, cones, settings).solve()
+        if result.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
             return None
-        move = np.array(answer.x)
-        left = excess + near.slope @ move[:n] - move[n]
-        left[rows] = -np.inf
-        worst = np.argpartition(-left, n)[:n]
-        worst = worst[left[worst] > 1e-7]
+        move = np.array(result.x)
+        remaining = excess + linearised.slope @ move[:n] - move[n]
+        remaining[rows] = -np.inf
+        worst = np.argpartition(-remaining, n)[:n]
+        worst = worst[remaining[worst] > 1e-7]
         if not len(worst):
             break
-        chosen[worst] = True
+        working_set[worst] = True
     multipliers = np.zeros(len(excess))
-    multipliers[rows] = np.array(answer.z)[: len(rows)]
+    multipliers[rows] = np.array(result.z)[: len(rows)]
     return move[:n], np.where(multipliers > MIN_MULTIPLIER, multipliers, 0.0)

@@ -1,4 +1,4 @@
-"""What a planned motion is worth: its proof, the limits that act and when, what no crane could be under."""
+"""Review planned motions: proof, active limits over time, and lower bounds of the duration."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.planning import planned
+from cranectl.planning import plan_motions
 from cranectl.planning.checks import least_times
 from cranectl.planning.limits import Constraint, constraints, key_of, limits_of, motion
 from cranectl.planning.problem import ToLoad, series_along
 from cranectl.planning.proof import Proof, prove
-from cranectl.planning.shortest import COEFFICIENTS, GUESS_DEGREE
+from cranectl.planning.shortest import DEGREE_9_COEFFICIENTS, TIME_LAW_DEGREE
 from cranectl.reference.geometry import geometry_of, parts_of
 from cranectl.reference.time_laws import PLANNED_DEGREE, spline
 from cranectl.reference.trajectory import end_point
@@ -21,10 +21,10 @@ from cranectl.scenario.segments import Spline, seconds
 from cranectl.support.arrays import Array
 from cranectl.support.consistency import check_ascending
 
-ACTS = 0.98  # of a limit, from which on it counts as acting
-TIME_ROUNDING = 1e-3  # relative; a plan may exceed a limit by the tolerance of its proof
+ACTIVE_SHARE = 0.98  # of a limit, above which it counts as active
+TIME_ROUNDING = 1e-3  # relative; a plan may exceed limits by the tolerance of its proof
 REVIEW_SAMPLES = 501
-_PROOFS: dict[str, Proof] = {}  # each once in a process: log, report and screen ask for the same
+_PROOFS: dict[str, Proof] = {}  # shared by log, report and screen
 
 
 class SegmentCurve(NamedTuple):
@@ -36,8 +36,8 @@ class SegmentCurve(NamedTuple):
     to_load: ToLoad | None
 
 
-class Acting(NamedTuple):
-    """A limit, and from when to when a motion is at it [s] from the segment's start."""
+class ActiveLimit(NamedTuple):
+    """A limit and the interval in which it is active [s], from the segment's start."""
 
     name: str
     start: float
@@ -45,104 +45,105 @@ class Acting(NamedTuple):
 
 
 class Review(NamedTuple):
-    """Of one planned segment."""
+    """Review of one planned segment."""
 
     segment: int
-    planned: str  # what was asked for, in words
-    start: float  # [s] in the run
+    description: str  # of the request, in words
+    start: float  # in the run [s]
     duration: float  # [s]
-    least: float  # that the drives would need without a load [s]
-    acting: tuple[Acting, ...]
+    least: float  # duration that the drives would need without a load [s]
+    active: tuple[ActiveLimit, ...]
     proof: Proof
     time: Array  # (N,) [s] from the segment's start
     shares: dict[str, Array]  # of each limit, (N,)
     path: Array  # (N, 3) of the load [m]
-    marked: Array  # (M, 3) corners that are blended, or points that are passed, but for the ends [m]
+    marked_points: Array  # (M, 3) blended corners or way points, without both ends [m]
 
     @property
     def tightest(self) -> tuple[str, float]:
-        """Return the limit with the smallest slack that is proven, and the slack in parts of it."""
+        """The limit with the smallest proven slack, and the slack as a share of it."""
         return min(self.proof.slack.items(), key=lambda item: item[1])
 
     @property
-    def by_limit(self) -> dict[str, list[Acting]]:
-        """Return the limits that act, those that do so longest first."""
-        by_name: dict[str, list[Acting]] = {}
-        for acting in self.acting:
-            by_name.setdefault(acting.name, []).append(acting)
-        lasting = {name: sum(time.end - time.start for time in times) for name, times in by_name.items()}
-        return {name: by_name[name] for name in sorted(by_name, key=lambda name: -lasting[name])}
+    def active_by_limit(self) -> dict[str, list[ActiveLimit]]:
+        """The active limits by name, in descending order of their total time."""
+        by_name: dict[str, list[ActiveLimit]] = {}
+        for active in self.active:
+            by_name.setdefault(active.name, []).append(active)
+        total = {name: sum(time.end - time.start for time in times) for name, times in by_name.items()}
+        return {name: by_name[name] for name in sorted(by_name, key=lambda name: -total[name])}
 
     @property
-    def in_short(self) -> str:
-        """Return a line about the plan."""
+    def summary(self) -> str:
+        """The plan in one line."""
         name, slack = self.tightest
-        at = ", ".join(
-            f"{limit} for {sum(stretch.end - stretch.start for stretch in times):.2f} s"
-            for limit, times in self.by_limit.items()
+        active = ", ".join(
+            f"{limit} for {sum(time.end - time.start for time in times):.2f} s"
+            for limit, times in self.active_by_limit.items()
         )
         proven = f"proven on {self.proof.pieces} pieces, smallest slack {slack:.2g} of {name}"
         proven = proven if self.proof.is_valid else "NOT proven"
-        return f"{self.planned}, {self.duration:.3f} s; {proven}; at {at}"
+        return f"{self.description}, {self.duration:.3f} s; {proven}; at {active}"
 
 
 def reviews(scenario: Scenario) -> list[Review]:
-    """Review all segments of a scenario that were planned, and none of others."""
-    result, here, begins = [], np.array(scenario.reference.start), 0.0
+    """Review all planned segments of a scenario."""
+    result, point, start_time = [], np.array(scenario.reference.start), 0.0
     for index, segment in enumerate(scenario.reference.segments):
-        if request := in_words(segment):
-            result.append(_review(scenario, index, request, segment, start=here, begins=begins))
-        here, begins = end_point(segment, here), begins + seconds(segment)
+        if request := describe_planning(segment):
+            result.append(_review(scenario, index, request, segment, start=point, start_time=start_time))
+        point, start_time = end_point(segment, point), start_time + seconds(segment)
     return result
 
 
-def with_claims(scenario: Scenario) -> Scenario:
-    """Return the scenario whose planned segments carry the reviews of today, in short."""
+def add_claims(scenario: Scenario) -> Scenario:
+    """Return the scenario whose planned segments carry summaries of their reviews."""
     segments = list(scenario.reference.segments)
     for review in reviews(scenario):
         segment = segments[review.segment]
         assert isinstance(segment, Plannable)
-        segments[review.segment] = segment.claiming(review.in_short)
+        segments[review.segment] = segment.claiming(review.summary)
     reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
     return scenario.model_copy(update={"reference": reference})
 
 
-def claim_of(segment: Segment, start: Array, scenario: Scenario) -> str:
-    """Return the review, in short, of a segment that was planned from `start` (3,) [m]; else nothing."""
-    request = in_words(segment)
-    return _review(scenario, 0, request, segment, start=start, begins=0.0).in_short if request else ""
+def claim_for(segment: Segment, start: Array, scenario: Scenario) -> str:
+    """Return the summary of the review of a segment planned from `start` (3,) [m], else an empty text."""
+    request = describe_planning(segment)
+    return _review(scenario, 0, request, segment, start=start, start_time=0.0).summary if request else ""
 
 
-def least_durations(plan: Scenario, requested: Scenario, directory: Path = Path()) -> tuple[float, ...]:
+def estimate_least_durations(
+    plan: Scenario, requested: Scenario, directory: Path = Path()
+) -> tuple[float, ...]:
     """Estimate the least duration of each segment [s] with any knots, from the `plan` of `requested`.
 
-    With T(n) of n knot spans it is T(2n) - (T(n) - T(2n)). What knots cost falls as 1/n, so this is near the
-    shortest motion of all, whose drives' accelerations jump: measured 0.3 % above it, 1.5 % over an obstacle
-    (docs/explanation/planning.md). An estimate, since each plan is the best near its guess. Raises InputError
-    for what cannot be planned.
+    The duration T(n) of plans with n knot spans exceeds its limit by a term in 1/n, so the estimate is
+    T(2n) - (T(n) - T(2n)). It was measured 0.3 % above the shortest motion, 1.5 % over an obstacle
+    (docs/explanation/planning.md). Raises InputError for segments that cannot be planned.
     """
     finer = requested.planning.model_copy(update={"refinement": 2 * requested.planning.refinement})
-    plans = plan, planned(requested.model_copy(update={"planning": finer}), directory)
+    plans = plan, plan_motions(requested.model_copy(update={"planning": finer}), directory)
     coarse, fine = ([seconds(segment) for segment in plan.reference.segments] for plan in plans)
-    if len(coarse) != len(fine):  # one of them stops on its way
+    if len(coarse) != len(fine):  # one of the plans has stops
         return (float("nan"),) * len(coarse)
     return tuple(2.0 * b - a for a, b in zip(coarse, fine, strict=True))
 
 
-def in_words(segment: Segment) -> str:
-    """Say how a segment was planned; nothing if it was not."""
+def describe_planning(segment: Segment) -> str:
+    """Describe how a segment was planned, or return an empty text if it was not."""
     if isinstance(segment, Spline) and segment.made_from.get("kind") == "move":
         return "a move in minimum time"
     if not isinstance(getattr(segment, "time_law", None), SplineLaw):
         return ""
     if isinstance(segment, BlendedPath):
         return "a path with blended corners in minimum time"
-    passed = isinstance(segment, Spline) and segment.made_from
-    return f"{'way points' if passed else f'a given {segment.kind}'} in minimum time"
+    has_points = isinstance(segment, Spline) and segment.made_from
+    return f"{'way points' if has_points else f'a given {segment.kind}'} in minimum time"
 
 
 def curve_of(segment: Segment, start: Array) -> SegmentCurve:
-    """Return a moving segment of the package's own kinds as a spline of coordinates."""
+    """Return a segment with a motion, of a kind of the package, as a spline of coordinates."""
     if isinstance(segment, Spline) and segment.time_law is None:
         return SegmentCurve(np.array(segment.breaks), np.array(segment.coefficients), segment.degree, None)
     assert isinstance(segment, Line | Arc | BlendedPath | Spline)
@@ -152,11 +153,11 @@ def curve_of(segment: Segment, start: Array) -> SegmentCurve:
         coefficients = np.array(segment.time_law.coefficients)[:, None]
         spans = len(coefficients) - PLANNED_DEGREE
         return SegmentCurve(np.linspace(0.0, duration, spans + 1), coefficients, PLANNED_DEGREE, to_load)
-    return SegmentCurve(np.array([0.0, duration]), COEFFICIENTS, GUESS_DEGREE, to_load)
+    return SegmentCurve(np.array([0.0, duration]), DEGREE_9_COEFFICIENTS, TIME_LAW_DEGREE, to_load)
 
 
 def _review(
-    scenario: Scenario, index: int, request: str, segment: Segment, *, start: Array, begins: float
+    scenario: Scenario, index: int, request: str, segment: Segment, *, start: Array, start_time: float
 ) -> Review:
     limits, curve = limits_of(scenario), curve_of(segment, start)
     duration = seconds(segment)
@@ -168,10 +169,10 @@ def _review(
         constraint.name: _share(constraint)
         for constraint in constraints(motion(load, limits.gravity), limits)
     }
-    acting = [
-        Acting(name, float(time[a]), float(time[b]))
+    active = [
+        ActiveLimit(name, float(time[a]), float(time[b]))
         for name, share in shares.items()
-        for a, b in _stretches(share >= ACTS)
+        for a, b in _intervals(share >= ACTIVE_SHARE)
     ]
     least = float(max(least_times(path[0], path[-1], limits)))
     check_duration(least, duration, request)
@@ -180,26 +181,26 @@ def _review(
         _PROOFS[key] = prove(*curve[:3], limits, curve.to_load)
     return Review(
         segment=index,
-        planned=request,
-        start=begins,
+        description=request,
+        start=start_time,
         duration=duration,
         least=least,
-        acting=tuple(sorted(acting, key=lambda stretch: stretch.start)),
+        active=tuple(sorted(active, key=lambda limit: limit.start)),
         proof=_PROOFS[key],
         time=time,
         shares=shares,
         path=path,
-        marked=_asked(segment, start),
+        marked_points=_marked_points(segment, start),
     )
 
 
 def check_duration(least: float, duration: float, request: str) -> None:
-    """Raise InconsistentError for a motion that is quicker than the drives can be without a load."""
+    """Raise InconsistentError for a motion that is faster than the drives alone."""
     bound = ("the least time of the drives without a load", least)
     check_ascending(bound, (f"the planned duration of {request}", duration), rounding=TIME_ROUNDING)
 
 
-def _asked(segment: Segment, start: Array) -> Array:
+def _marked_points(segment: Segment, start: Array) -> Array:
     if isinstance(segment, BlendedPath):
         return np.array([part.start for part in parts_of(segment.parts, start)[1:]])
     if isinstance(segment, Spline) and segment.time_law is not None:
@@ -210,7 +211,7 @@ def _asked(segment: Segment, start: Array) -> Array:
 
 
 def _share(constraint: Constraint) -> Array:
-    """Return the share of a range, one at either end and none in its middle, or of a one-sided limit."""
+    """Return the used share of a limit; of a range it is one at both ends and zero in the middle."""
     one_sided = not np.isfinite(constraint.low)
     middle, half = 0.5 * (constraint.low + constraint.high), 0.5 * (constraint.high - constraint.low)
     share: Array = (
@@ -219,6 +220,6 @@ def _share(constraint: Constraint) -> Array:
     return share
 
 
-def _stretches(acting: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], acting.astype(int), [0]])))
+def _intervals(active: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], active.astype(int), [0]])))
     return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]

@@ -1,4 +1,4 @@
-"""The shortest rest-to-rest motion by the law of degree 9 along a given path: what a plan begins with."""
+"""Find the shortest rest-to-rest motion by the time law of degree 9, with which a plan begins."""
 
 from collections.abc import Callable
 
@@ -13,53 +13,55 @@ from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import time_law
 from cranectl.scenario.settings import MAX_DURATION
 
-GUESS_DEGREE = 9
-COEFFICIENTS = np.repeat([0.0, 1.0], 5)[:, None]  # of the law as one Bernstein polynomial
+TIME_LAW_DEGREE = 9
+DEGREE_9_COEFFICIENTS = np.repeat([0.0, 1.0], 5)[:, None]  # of the time law as one Bernstein polynomial
 SAMPLES = 201
-SLOWLY = 1e4  # [s]: as good as at rest
-REST_DURATION = 1e9  # [s]: not even limits of crawling drives are felt
+NEAR_REST_DURATION = 1e4  # [s], of a motion with negligible accelerations
+REST_DURATION = 1e9  # [s], of a motion that even crawling drives can follow
 MIN_TRIED_DURATION = 1e-3  # [s]
-FASTER = 0.9  # than the shortest: what is broken then is what limits it
-LONGER = 1.0005  # by which a duration that could not be proven is made longer, the next time twice as much
+PROBE_SHARE = 0.9  # of the shortest duration, at which the most exceeded limit is the limiting one
+RETRY_FACTOR = 1.0005  # of a duration that could not be proven; its increase doubles at each retry
 
 
-def shortest(geometry: Geometry, limits: Limits, where: str) -> float:
-    """Return the shortest duration [s] that is proven; infinite above MAX_TRIED_DURATION.
+def find_shortest_duration(geometry: Geometry, limits: Limits, where: str) -> float:
+    """Return the shortest proven duration [s], or infinity above MAX_TRIED_DURATION.
 
-    Raises InputError where no duration keeps the limits.
+    Raises InputError if the path exceeds limits even at rest.
     """
-    duration = about_shortest(geometry, limits, where)
+    duration = estimate_shortest_duration(geometry, limits, where)
     if duration == np.inf:
         return duration
-    longer = LONGER
-    while not (proof := prove_law(geometry, limits, duration)).is_valid:
-        if longer == LONGER:
-            at_rest = prove_law(geometry, limits, REST_DURATION)
-            check_excesses(_largest(at_rest, limits), limits, where)
-        duration *= longer
-        longer = longer**2
+    factor = RETRY_FACTOR
+    while not (proof := prove_time_law(geometry, limits, duration)).is_valid:
+        if factor == RETRY_FACTOR:
+            at_rest = prove_time_law(geometry, limits, REST_DURATION)
+            check_excesses(_largest_excesses(at_rest, limits), limits, where)
+        duration *= factor
+        factor = factor**2
         if duration > MAX_TRIED_DURATION:
-            check_excesses(_largest(proof, limits), limits, where)
+            check_excesses(_largest_excesses(proof, limits), limits, where)
     return duration
 
 
-def about_shortest(geometry: Geometry, limits: Limits, where: str) -> float:
-    """Return what `shortest` does, by samples: no longer than what is proven."""
-    at_rest = exceeded(geometry, limits, REST_DURATION)
+def estimate_shortest_duration(geometry: Geometry, limits: Limits, where: str) -> float:
+    """Return a lower estimate of `shortest`, from samples."""
+    at_rest = peak_excesses(geometry, limits, REST_DURATION)
     check_excesses({name: excess for name, excess in at_rest.items() if excess > 0.0}, limits, where)
 
     def is_kept(duration: float) -> bool:
-        return max(exceeded(geometry, limits, duration).values()) <= 0.0
+        return max(peak_excesses(geometry, limits, duration).values()) <= 0.0
 
     if is_kept(MAX_DURATION):
-        return bisected(is_kept, MIN_TRIED_DURATION, MAX_DURATION, 1e-6)
+        return bisect_duration(is_kept, MIN_TRIED_DURATION, MAX_DURATION, 1e-6)
     return (
-        bisected(is_kept, MAX_DURATION, MAX_TRIED_DURATION, 1e-6) if is_kept(MAX_TRIED_DURATION) else np.inf
+        bisect_duration(is_kept, MAX_DURATION, MAX_TRIED_DURATION, 1e-6)
+        if is_kept(MAX_TRIED_DURATION)
+        else np.inf
     )
 
 
-def _largest(proof: Proof, limits: Limits) -> dict[str, float]:
-    """Return the largest excess over each limit that is not proven, in parts of it."""
+def _largest_excesses(proof: Proof, limits: Limits) -> dict[str, float]:
+    """Return the largest excess over each limit that is not proven, as a share of it."""
     sizes = {box.key: limits.size for box in limits.obstacles}
     largest: dict[str, float] = {}
     for violation in proof.violations:
@@ -68,28 +70,28 @@ def _largest(proof: Proof, limits: Limits) -> dict[str, float]:
     return largest
 
 
-def limiting(geometry: Geometry, limits: Limits, duration: float) -> str:
-    """Return the name of the limit that a faster motion would break first."""
-    over = exceeded(geometry, limits, FASTER * duration)
+def find_limiting_constraint(geometry: Geometry, limits: Limits, duration: float) -> str:
+    """Return the name of the limit that a faster motion would exceed first."""
+    over = peak_excesses(geometry, limits, PROBE_SHARE * duration)
     return max(over, key=lambda name: over[name])
 
 
-def bisected(is_kept: Callable[[float], bool], low: float, high: float, precision: float) -> float:
-    """Return the least duration [s] that is kept, to a relative precision; `high` is taken to be kept."""
+def bisect_duration(is_kept: Callable[[float], bool], low: float, high: float, precision: float) -> float:
+    """Return the least duration [s] for which `is_kept` holds, as for `high`, to a relative precision."""
     while high / low > 1.0 + precision:
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if is_kept(middle) else (middle, high)
     return high
 
 
-def prove_law(geometry: Geometry, limits: Limits, duration: float) -> Proof:
-    """Prove the limits of a motion by the law of degree 9."""
-    return prove(np.array([0.0, duration]), COEFFICIENTS, GUESS_DEGREE, limits, geometry)
+def prove_time_law(geometry: Geometry, limits: Limits, duration: float) -> Proof:
+    """Prove the limits of a motion by the time law of degree 9."""
+    return prove(np.array([0.0, duration]), DEGREE_9_COEFFICIENTS, TIME_LAW_DEGREE, limits, geometry)
 
 
-def exceeded(geometry: Geometry, limits: Limits, duration: float) -> dict[str, float]:
-    """Return the most over each limit at samples, in parts of it; below zero: what is left."""
+def peak_excesses(geometry: Geometry, limits: Limits, duration: float) -> dict[str, float]:
+    """Return the peak excess over each limit at samples, as a share of it; negative values are slack."""
     progress = time_law("degree-9", np.linspace(0.0, 1.0, SAMPLES), ORDERS)
     in_time = progress * (duration ** -np.arange(float(ORDERS)))[:, None]
-    moved = motion(geometry([from_derivatives(list(in_time))]), limits.gravity)
-    return {name: float(over.max()) - PROOF_MARGIN for name, over in excesses(moved, limits).items()}
+    crane_motion = motion(geometry([from_derivatives(list(in_time))]), limits.gravity)
+    return {name: float(over.max()) - PROOF_MARGIN for name, over in excesses(crane_motion, limits).items()}

@@ -1,15 +1,17 @@
-"""What a hand asks of the load, made a motion that is C⁴ whatever is asked, and when.
+"""Filter velocity commands of a joystick into a motion of the load that is always C⁴.
 
-The wish, a velocity, passes four equal lags and an integral, on each axis
+On each axis the velocity command v passes four equal lags and an integrator:
 
-    lag_1' = omega (wish - lag_1)    lag_2' = omega (lag_1 - lag_2)    …    z' = lag_4
+    lag_1' = omega (v - lag_1)    lag_2' = omega (lag_1 - lag_2)    …    z' = lag_4
 
-so z'''' = omega³ (lag_1 - 3 lag_2 + 3 lag_3 - lag_4) is continuous. Released now, the load comes to rest at
+So z'''' = omega³ (lag_1 - 3 lag_2 + 3 lag_3 - lag_4) is continuous. If the command becomes zero now, the load
+comes to rest at the stopping point
 
     stop = z + (lag_1 + lag_2 + lag_3 + lag_4) / omega
 
-Since stop' = wish and z is stop behind the four lags, a mean of where stop has been, z never leaves a box in
-which stop is kept; and it is kept there by cutting the wish of the sample that would lead out of it.
+Its rate is stop' = v, and z is stop filtered by the four lags: a weighted mean of past stopping points. So z
+stays in any box that contains all stopping points. A command that would move the stopping point out of the
+box is reduced.
 """
 
 import functools
@@ -25,96 +27,99 @@ from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
 STATES = 5  # of an axis: z, lag_1 … lag_4
-ASKED = 4  # columns of what is asked at a sample: 1 for a point or 0 for a velocity, and x, y, z of it
-SAME_SAMPLE = 1e-9  # [s] of a sample is the sample
+COMMAND_SIZE = 4  # numbers of a command: 1 for a point or 0 for a velocity, then its x, y, z
+SAMPLE_TOLERANCE = 1e-9  # [s]; a time this close to a sample counts as the sample
 
 
 class HandLimits(NamedTuple):
-    """How fast the filter is, and within what it keeps the load."""
+    """Speed of the filter, and the box that contains all stopping points."""
 
     bandwidth: float  # omega [rad/s]
-    speed: Array  # (3,) the largest wish on each axis [m/s]
-    low: Array  # (3,) corner of the box for stop [m]
+    speed: Array  # (3,) largest velocity command on each axis [m/s]
+    low: Array  # (3,) corner of the box [m]
     high: Array  # (3,)
 
 
 @dataclass(frozen=True)
 class DrivenPath:
-    """A load that was driven from rest at `start`, and then released."""
+    """Motion of a load that was driven from rest at `start`, and then released."""
 
     start: Array  # (3,) [m]
     limits: HandLimits
-    period: float  # of the samples at which wishes change [s]
-    changes: tuple[tuple[int, tuple[float, ...]], ...]  # from which sample on what was asked, ASKED numbers
+    period: float  # of the samples at which commands change [s]
+    changes: tuple[tuple[int, tuple[float, ...]], ...]  # (first sample, command), in order
     duration: float
 
     @functools.cached_property
     def _states(self) -> Array:
-        """At every sample, at rest at the last: shape (N + 1, 3, STATES)."""
+        """States at all samples, at rest at the last: shape (N + 1, 3, STATES)."""
         samples = round(self.duration / self.period)
-        requests = asked_at(self.changes, np.arange(samples + 1))
-        state = at_rest(self.start)
-        states = drive(self.limits, self.period, state, requests)
-        states[-1] = at_rest(stop_of(self.limits, states[-1:])[0])
+        commands = commands_at(self.changes, np.arange(samples + 1))
+        state = rest_state(self.start)
+        states = drive(self.limits, self.period, state, commands)
+        states[-1] = rest_state(stopping_points(self.limits, states[-1:])[0])
         return states
 
     def sample(self, time: Array) -> Array:
-        """Sample the path; exactly what was driven at the samples, and as exact between them."""
-        index = np.floor((np.asarray(time) + SAME_SAMPLE) / self.period).astype(int)
+        """Return position and four derivatives, exact to rounding at samples and between them."""
+        index = np.floor((np.asarray(time) + SAMPLE_TOLERANCE) / self.period).astype(int)
         index = index.clip(0, len(self._states) - 1)
         states = self._states[index]
-        for k in np.flatnonzero(time - index * self.period > SAME_SAMPLE):
+        for k in np.flatnonzero(time - index * self.period > SAMPLE_TOLERANCE):
             states[k] = self._between(index[k], float(time[k] - index[k] * self.period))
         return derivatives(self.limits, states)
 
     def _between(self, sample: int, seconds: float) -> Array:
-        requests = asked_at(self.changes, np.array([sample]))
+        commands = commands_at(self.changes, np.array([sample]))
         state = self._states[sample].copy()
         velocity = np.empty(3)
-        _heed(*self.limits, self.period, state, requests[0], velocity)
-        moved: Array = np.column_stack([state, velocity]) @ transition(self.limits.bandwidth, seconds).T
-        return moved
+        _limit_velocities(*self.limits, self.period, state, commands[0], velocity)
+        next_state: Array = np.column_stack([state, velocity]) @ transition(self.limits.bandwidth, seconds).T
+        return next_state
 
 
-def at_rest(point: Array) -> Array:
+def rest_state(point: Array) -> Array:
     """Return the state of a load at rest at `point` (3,): shape (3, STATES)."""
     state = np.zeros((3, STATES))
     state[:, 0] = point
     return state
 
 
-def asked_at(changes: Sequence[tuple[int, tuple[float, ...]]], samples: NDArray[np.intp]) -> Array:
-    """Return the command at `samples` (n,), where `changes` hold from their sample on, in order."""
+def commands_at(changes: Sequence[tuple[int, tuple[float, ...]]], samples: NDArray[np.intp]) -> Array:
+    """Return the command that holds at each of `samples` (n,), from `changes` in ascending order."""
     first = [-1, *(sample for sample, _ in changes)]
-    requests = np.array([(0.0,) * ASKED, *(command for _, command in changes)])
-    rows: Array = requests[np.searchsorted(first, samples, side="right") - 1]
+    commands = np.array([(0.0,) * COMMAND_SIZE, *(command for _, command in changes)])
+    rows: Array = commands[np.searchsorted(first, samples, side="right") - 1]
     return rows
 
 
-def drive(limits: HandLimits, period: float, state: Array, requests: Array) -> Array:
-    """Move `state` (3, STATES) on by a sample for each row of `requests` (n, ASKED).
+def drive(limits: HandLimits, period: float, state: Array, commands: Array) -> Array:
+    """Advance `state` (3, STATES) in place by one sample for each row of `commands` (n, COMMAND_SIZE).
 
-    Returns the states at those samples, before what is asked there acts: shape (n, 3, STATES).
+    Return the states before each command acts: shape (n, 3, STATES).
     """
-    states = np.empty((len(requests), 3, STATES))
-    _drive(*limits, period, transition(limits.bandwidth, period), state, requests, states)
+    states = np.empty((len(commands), 3, STATES))
+    _drive(*limits, period, transition(limits.bandwidth, period), state, commands, states)
     return states
 
 
 @functools.lru_cache(maxsize=8)
 def transition(bandwidth: float, seconds: float) -> Array:
-    """Return the next state from (state, held wish) of an axis, exactly: shape (STATES, STATES + 1)."""
+    """Return the exact matrix from an axis's (state, constant velocity command) to its next state.
+
+    Its shape is (STATES, STATES + 1).
+    """
     chain = np.zeros((STATES + 1, STATES + 1))
     chain[0, 4] = 1.0
     for lag in range(1, STATES):
         chain[lag, lag] = -bandwidth
         chain[lag, lag - 1 if lag > 1 else STATES] = bandwidth
-    moves: Array = expm(seconds * chain)[:STATES]
-    return moves
+    matrix: Array = expm(seconds * chain)[:STATES]
+    return matrix
 
 
-def stop_of(limits: HandLimits, states: Array) -> Array:
-    """Return where loads in `states` (n, 3, STATES) come to rest if they are released: shape (n, 3)."""
+def stopping_points(limits: HandLimits, states: Array) -> Array:
+    """Return where loads in `states` (n, 3, STATES) come to rest once released: shape (n, 3) [m]."""
     stop: Array = states[..., 0] + states[..., 1:].sum(axis=-1) / limits.bandwidth
     return stop
 
@@ -138,49 +143,49 @@ def _drive(
     low: Array,
     high: Array,
     period: float,
-    moves: Array,
+    transitions: Array,
     state: Array,
-    requests: Array,
+    commands: Array,
     states: Array,
 ) -> None:
     velocity, new = np.empty(3), np.empty(STATES)
-    for k in range(requests.shape[0]):
+    for k in range(commands.shape[0]):
         states[k] = state
-        _heed(bandwidth, speed, low, high, period, state, requests[k], velocity)
+        _limit_velocities(bandwidth, speed, low, high, period, state, commands[k], velocity)
         for axis in range(3):
             for i in range(STATES):
-                new[i] = moves[i, STATES] * velocity[axis]
+                new[i] = transitions[i, STATES] * velocity[axis]
                 for j in range(STATES):
-                    new[i] += moves[i, j] * state[axis, j]
+                    new[i] += transitions[i, j] * state[axis, j]
             state[axis] = new
 
 
 @jit
-def _heed(
+def _limit_velocities(
     bandwidth: float,
     speed: Array,
     low: Array,
     high: Array,
     period: float,
     state: Array,
-    requests: Array,
+    command: Array,
     velocity: Array,
 ) -> None:
-    """Write the velocities for the next period into `velocity`: as asked, but no further than the box.
+    """Write the velocities for the next period into `velocity`, reduced so that stop stays in the box.
 
-    To a point stop goes straight, as fast as the slowest axis lets it, and arrives within a sample.
+    Towards a commanded point stop moves straight, at the pace of the slowest axis, and arrives on a sample.
     """
-    left = period
+    duration = period
     for axis in range(3):
         stop = _stop(bandwidth, state[axis])
-        left = max(left, abs(requests[1 + axis] - stop) / speed[axis])
+        duration = max(duration, abs(command[1 + axis] - stop) / speed[axis])
     for axis in range(3):
         stop = _stop(bandwidth, state[axis])
-        wanted = (requests[1 + axis] - stop) / left if requests[0] > 0.0 else requests[1 + axis]
-        velocity[axis] = min(max(wanted, (low[axis] - stop) / period), (high[axis] - stop) / period)
+        commanded = (command[1 + axis] - stop) / duration if command[0] > 0.0 else command[1 + axis]
+        velocity[axis] = min(max(commanded, (low[axis] - stop) / period), (high[axis] - stop) / period)
 
 
 @jit
 def _stop(bandwidth: float, axis: Array) -> float:
-    way: float = axis[0] + (axis[1] + axis[2] + axis[3] + axis[4]) / bandwidth
-    return way
+    stop: float = axis[0] + (axis[1] + axis[2] + axis[3] + axis[4]) / bandwidth
+    return stop

@@ -1,4 +1,4 @@
-"""Motions of the load from files: CSV, Parquet, logs of cranectl; in SI units, as their segment maps them."""
+"""Read motions of the load from CSV, Parquet and logs of cranectl, in SI units and the crane's axes."""
 
 import hashlib
 import io
@@ -14,57 +14,57 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.files import open_input
 
-MAX_TABLE_BYTES = 32 * 2**20  # of a table; ten minutes of samples at 1 kHz take 24 MiB as text
-MCAP = b"\x89MCAP"
-FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
-FACTORS |= {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0}
+MAX_TABLE_BYTES = 32 * 2**20  # ten minutes of samples at 1 kHz take 24 MiB as text
+MCAP_MAGIC = b"\x89MCAP"
+SI_FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
+SI_FACTORS |= {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0}
 AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """What a file says of the load, and the file."""
+    """Columns of a file, and the file itself."""
 
-    columns: Mapping[str, Array]  # by what they are: time [s], x, y, z [m], speed [m/s]; each (N,)
+    columns: Mapping[str, Array]  # by kind: time [s], x, y, z [m], speed [m/s]; each (N,)
     file: str
     sha256: str
-    held: bytes  # what a log attaches: the file, or of a log these columns, as Parquet
+    content: bytes  # attached to logs of runs: the file, or for a log these columns as Parquet
 
     @property
     def points(self) -> Array:
-        """(N, 3) [m]."""
+        """Positions (N, 3) [m]."""
         return np.column_stack([self.columns[axis] for axis in AXES])
 
     @property
     def source(self) -> Source:
-        """The file, for the segment made from it."""
-        return Source(file=self.file, sha256=self.sha256, held=digest(self.held))
+        """The file, for the segment that is made from it."""
+        return Source(file=self.file, sha256=self.sha256, held=sha256_of(self.content))
 
 
-def digest(content: bytes) -> str:
-    """Return the SHA-256 of the file."""
+def sha256_of(content: bytes) -> str:
+    """Return the SHA-256 of `content` in hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()
 
 
-def read_motion(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -> RecordedMotion:
-    """Read the columns `wanted` of the file at `path`; raise InputError or LogError.
+def read_motion(path: Path, settings: FromFile, kinds: Sequence[str], where: str) -> RecordedMotion:
+    """Read the columns `kinds` of the file at `path`, some of time, x, y, z, speed.
 
-    `wanted`: of time, x, y, z, speed.
+    Raises InputError for a file or settings that do not fit, and LogError for a damaged log.
     """
-    _check_used(settings, wanted, where)
+    _check_settings_are_used(settings, kinds, where)
     where = f"{where}: {path}"
     try:
         with open_input(path, piped=MAX_TABLE_BYTES + 1) as file:
-            begins = file.read(len(MCAP))
-            content = b"" if begins == MCAP else begins + file.read(MAX_TABLE_BYTES + 1)
+            magic = file.read(len(MCAP_MAGIC))
+            content = b"" if magic == MCAP_MAGIC else magic + file.read(MAX_TABLE_BYTES + 1)
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise InputError(
             f"cannot read {where}: {error}",
             allowed="a CSV or Parquet file, or a log",
             remedy="name such a file",
         ) from None
-    if begins == MCAP:
-        return _logged(path, settings, wanted, where)
+    if magic == MCAP_MAGIC:
+        return _read_log(path, settings, kinds, where)
     if not content:
         raise InputError(f"{where} is empty", allowed="samples of a motion", remedy="record it again")
     if len(content) > MAX_TABLE_BYTES:
@@ -75,46 +75,46 @@ def read_motion(path: Path, settings: FromFile, wanted: Sequence[str], where: st
         )
     if "topic" in settings.model_fields_set:
         raise InputError(
-            f"{where} is a table, and topic = '{settings.topic}' is given",
-            allowed="a topic of a log",
+            f"{where} is a table, but topic = '{settings.topic}' is set",
+            allowed="a topic for logs only",
             remedy="leave out topic",
         )
-    columns = _of_table(content, settings, wanted, where)
-    return RecordedMotion(_signed(columns, settings), path.name, digest(content), content)
+    columns = _read_table(content, settings, kinds, where)
+    return RecordedMotion(_apply_signs(columns, settings), path.name, sha256_of(content), content)
 
 
-def _check_used(settings: FromFile, wanted: Sequence[str], where: str) -> None:
-    """Raise InputError for a column, or its unit, that is given and not `wanted`."""
+def _check_settings_are_used(settings: FromFile, kinds: Sequence[str], where: str) -> None:
+    """Raise InputError if settings name a column or unit that is not among `kinds`."""
     default = FromFile()
-    stated = [
+    unused = [
         f"{table}.{kind}"
         for kind in ("time", "speed")
         for table in ("columns", "units")
-        if kind not in wanted
+        if kind not in kinds
         and getattr(getattr(settings, table), kind) != getattr(getattr(default, table), kind)
     ]
-    if stated:
+    if unused:
         raise InputError(
-            f"{where}: {' and '.join(stated)}, which changes nothing: what is read is {', '.join(wanted)}",
+            f"{where}: {' and '.join(unused)} would change nothing: only {', '.join(kinds)} are read",
             allowed="columns that are read, and their units",
-            remedy=f"leave out {' and '.join(stated)}",
+            remedy=f"leave out {' and '.join(unused)}",
         )
 
 
-def _quantity(kind: str) -> str:
+def _quantity_of(kind: str) -> str:
     return "length" if kind in AXES else kind
 
 
-def _in_si(kind: str, column: FileColumn, settings: FromFile, where: str) -> Array:
-    """Return a column in SI; raise InputError if its unit is not given, or another than the file says."""
-    quantity, stated_unit = _quantity(kind), column.unit
+def _convert_to_si(kind: str, column: FileColumn, settings: FromFile, where: str) -> Array:
+    """Return a column in SI units; raise InputError if its unit is unknown or contradicts the file."""
+    quantity, stated_unit = _quantity_of(kind), column.unit
     name, unit = getattr(settings.columns, kind), getattr(settings.units, quantity)
-    allowed = _units_of(quantity)
+    allowed = _allowed_units(quantity)
     if unit is None and not stated_unit:
         raise InputError(
             f"{where}: the unit of {quantity} is not given",
             allowed=f"units.{quantity}: {', '.join(allowed)}",
-            remedy=f"say in what it is, units = {{{quantity} = '{allowed[0]}', …}}: a guess could err",
+            remedy=f"set units = {{{quantity} = '{allowed[0]}', …}}; cranectl does not guess units",
         )
     if stated_unit and stated_unit not in allowed:
         raise InputError(
@@ -124,45 +124,45 @@ def _in_si(kind: str, column: FileColumn, settings: FromFile, where: str) -> Arr
         )
     if stated_unit and (unit or stated_unit) != stated_unit:
         raise InputError(
-            f"{where}: units.{quantity} = '{unit}', where the file says that '{name}' is in '{stated_unit}'",
+            f"{where}: units.{quantity} = '{unit}', but the file says that '{name}' is in '{stated_unit}'",
             allowed=f"the unit of the file, one of {', '.join(allowed)}",
             remedy=f"leave out units.{quantity}, or correct the file",
         )
-    return FACTORS[stated_unit or unit] * column.values
+    return SI_FACTORS[stated_unit or unit] * column.values
 
 
-def _units_of(quantity: str) -> list[str]:
-    """Return the units that a quantity of a file can have."""
+def _allowed_units(quantity: str) -> list[str]:
+    """Return the units that a file can have for a quantity."""
     allowed: list[str] = Units.model_json_schema()["properties"][quantity]["anyOf"][0]["enum"]
     return allowed
 
 
-def _of_table(content: bytes, settings: FromFile, wanted: Sequence[str], where: str) -> dict[str, Array]:
-    """Return the columns `wanted` of a CSV or Parquet file in SI; a number in place of a name is constant."""
-    columns = {kind: getattr(settings.columns, kind) for kind in wanted}
-    named = {kind: name for kind, name in columns.items() if isinstance(name, str)}
-    read = read_columns(content, named, {kind: _units_of(_quantity(kind)) for kind in named}, where)
+def _read_table(content: bytes, settings: FromFile, kinds: Sequence[str], where: str) -> dict[str, Array]:
+    """Return columns of a CSV or Parquet file in SI units; a number as name makes a constant column."""
+    columns = {kind: getattr(settings.columns, kind) for kind in kinds}
+    names = {kind: name for kind, name in columns.items() if isinstance(name, str)}
+    read = read_columns(content, names, {kind: _allowed_units(_quantity_of(kind)) for kind in names}, where)
     rows = len(next(iter(read.values())).values) if read else 0
     constant = {
-        kind: FileColumn(np.full(rows, value), "") for kind, value in columns.items() if kind not in named
+        kind: FileColumn(np.full(rows, value), "") for kind, value in columns.items() if kind not in names
     }
-    return {kind: _in_si(kind, {**read, **constant}[kind], settings, where) for kind in wanted}
+    return {kind: _convert_to_si(kind, {**read, **constant}[kind], settings, where) for kind in kinds}
 
 
-def _signed(columns: dict[str, Array], settings: FromFile) -> dict[str, Array]:
+def _apply_signs(columns: dict[str, Array], settings: FromFile) -> dict[str, Array]:
     signs = dict(zip(AXES, settings.signs, strict=True))
     return {kind: signs.get(kind, 1) * values for kind, values in columns.items()}
 
 
-def _logged(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -> RecordedMotion:
+def _read_log(path: Path, settings: FromFile, kinds: Sequence[str], where: str) -> RecordedMotion:
     """Read the motion from a log, which states its units."""
     from cranectl.mcap_columns.contents import opened
     from cranectl.mcap_columns.rows import decode_table, read_rows, signal_names
 
-    if "speed" in wanted:
+    if "speed" in kinds:
         raise InputError(
-            f"{where} is a log: it has times, no speeds at points",
-            allowed="times",
+            f"{where} is a log, which has times but no speeds at points",
+            allowed="the times of a log",
             remedy="leave out columns.speed",
         )
     topic = f"/{settings.topic.removeprefix('/')}"
@@ -171,8 +171,8 @@ def _logged(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -
         for name in ("columns", "units"):
             if getattr(settings, name).model_fields_set:
                 raise InputError(
-                    f"{where} is a log, whose columns and units are its own, and {name} is given",
-                    allowed="topic, signs and offset",
+                    f"{where} is a log, which has its own columns and units, but {name} is set",
+                    allowed="topic, signs and offset for logs",
                     remedy=f"leave out {name}",
                 )
         fields = {
@@ -199,7 +199,7 @@ def _logged(path: Path, settings: FromFile, wanted: Sequence[str], where: str) -
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
     positions = {axis: rows[:, names.index(f"load_{axis}")] for axis in AXES}
     positions["time"] = 1e-9 * (columns[number].time_ns - columns[number].time_ns[0])
-    return RecordedMotion(_signed(positions, settings), path.name, sha256, _as_parquet(positions))
+    return RecordedMotion(_apply_signs(positions, settings), path.name, sha256, _as_parquet(positions))
 
 
 def _as_parquet(columns: Mapping[str, Array]) -> bytes:

@@ -1,8 +1,8 @@
-"""Splines over time through points, or near samples; at rest at both ends to the fourth derivative.
+"""Splines over time through points, or near samples, that rest at both ends up to the fourth derivative.
 
-Coefficients that are equal, five at each end, make that rest exact. Through points: degree 9, a knot at each.
-Near samples: least squares, degree 7 on uniform knots, in the span of which z'''' is the cubic it needs to be
-continuous with its rate. How many knots is decided by what such a spline says of samples that it did not see.
+Five equal coefficients at each end make the rest exact. Through points the degree is 9, with a knot at each
+point. Near samples it is a least-squares fit of degree 7 on uniform knots, so that z'''' is a continuous
+piecewise cubic. Cross-validation chooses the number of knots.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,26 +14,24 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from cranectl.reference.normal_equations import DEGREE, TIED, DesignMatrix, free_coefficients
+from cranectl.reference.normal_equations import DEGREE, REST_COEFFICIENTS, DesignMatrix, free_indices
 from cranectl.reference.time_laws import spline
 from cranectl.support.arrays import Array
 
-THROUGH, NEAR = 9, DEGREE  # degrees
-FREE = 4  # derivatives from this one on vanish at the ends of a path
-LEAST_SPANS = 4  # with fewer nothing but start and end is free
-FOLDS = 10
-LEFT_OUT_SAMPLES = (
-    5  # samples left out together, so that noise with some memory cannot foretell its neighbour
-)
-GROWTH = 1.2  # from one number of spans to the next that is tried
-RISES = 3  # worse by GROWTH so many times in a row: finer knots only follow noise
-DRAWS = 200
-RIDGE = 1e-13
-BAND = 0.975  # quantile: of the magnitude's upper end
+INTERPOLATION_DEGREE = 9
+NATURAL_ORDER = 4  # derivatives from this order on vanish at the ends of a path
+MIN_SPANS = 4  # with fewer, only start and end are free
+FOLDS = 10  # of the cross-validation
+FOLD_BLOCK = 5  # consecutive samples in one fold, so that correlated noise does not predict left-out samples
+SPANS_GROWTH = 1.2  # from one number of spans to the next that is tried, and of an error that counts as worse
+MAX_WORSE = 3  # worse numbers of spans in a row, after which finer knots only follow noise
+NOISE_DRAWS = 200
+RIDGE = 1e-13  # of the largest diagonal element, added where a fold holds all samples of a span
+BAND_QUANTILE = 0.975  # of magnitudes: the upper end of a band of 95 %
 
 
-def through_points(time: Array, points: Array) -> tuple[BSpline, float]:
-    """Compute the spline of degree 9 through `points` at `time`, with a knot at each and rest at its ends.
+def interpolate_points(time: Array, points: Array) -> tuple[BSpline, float]:
+    """Compute the spline of degree 9 through `points` at `time`, with a knot at each, at rest at both ends.
 
     Parameters
     ----------
@@ -44,16 +42,16 @@ def through_points(time: Array, points: Array) -> tuple[BSpline, float]:
     -------
     curve : BSpline
     error : float
-        Bound of what rounding may have changed in a coefficient [m].
+        Bound on the rounding error of any coefficient [m].
     """
-    curve, error = _interpolate(time, points, THROUGH, range(1, TIED))
+    curve, error = _interpolate(time, points, INTERPOLATION_DEGREE, range(1, REST_COEFFICIENTS))
     coefficients = curve.c.copy()
-    coefficients[:TIED], coefficients[-TIED:] = points[0], points[-1]
-    return spline(time, coefficients, THROUGH), error
+    coefficients[:REST_COEFFICIENTS], coefficients[-REST_COEFFICIENTS:] = points[0], points[-1]
+    return spline(time, coefficients, INTERPOLATION_DEGREE), error
 
 
-def path_through(parameter: Array, points: Array) -> tuple[BSpline, float]:
-    """Compute the natural spline of degree 7 through `points`, with a knot at each, moving at its ends.
+def interpolate_path(parameter: Array, points: Array) -> tuple[BSpline, float]:
+    """Compute the natural spline of degree 7 through `points`, with a knot at each, not at rest at its ends.
 
     Parameters
     ----------
@@ -64,16 +62,16 @@ def path_through(parameter: Array, points: Array) -> tuple[BSpline, float]:
     -------
     curve : BSpline
     error : float
-        Bound of what rounding may have changed in a coefficient [m].
+        Bound on the rounding error of any coefficient [m].
     """
-    if len(points) < FREE:  # a polynomial of lower degree, which needs no more
-        knots = np.concatenate([[parameter[0]] * NEAR, parameter, [parameter[-1]] * NEAR])
-        means = [knots[k + 1 : k + NEAR + 1].mean() for k in range(len(knots) - NEAR - 1)]
-        at = np.clip(means, parameter[0], parameter[-1])
+    if len(points) < NATURAL_ORDER:  # a polynomial of lower degree
+        knots = np.concatenate([[parameter[0]] * DEGREE, parameter, [parameter[-1]] * DEGREE])
+        means = [knots[k + 1 : k + DEGREE + 1].mean() for k in range(len(knots) - DEGREE - 1)]
+        sites = np.clip(means, parameter[0], parameter[-1])
         lower, error = _interpolate(parameter, points, len(points) - 1, ())
-        curve = make_interp_spline(at, lower(at), k=NEAR, t=knots)
+        curve = make_interp_spline(sites, lower(sites), k=DEGREE, t=knots)
     else:
-        curve, error = _interpolate(parameter, points, NEAR, range(FREE, NEAR))
+        curve, error = _interpolate(parameter, points, DEGREE, range(NATURAL_ORDER, DEGREE))
     curve.c[0], curve.c[-1] = points[0], points[-1]
     return curve, error
 
@@ -83,8 +81,8 @@ def _interpolate(
 ) -> tuple[BSpline, float]:
     """Interpolate with derivatives of these `orders` zero at both ends; bound the coefficients' error.
 
-    The bound is eps |A^-1| |A| |c|, by Skeel (J. ACM 26, 1979), for the collocation matrix A. It does not
-    depend on how the rounding of one processor happens to fall, as a residual does.
+    The bound is eps |A^-1| |A| |c|, by Skeel (J. ACM 26, 1979), for the collocation matrix A. Unlike a
+    residual, it is the same on all processors.
     """
     count, conditions = len(points), len(orders)
 
@@ -94,7 +92,7 @@ def _interpolate(
 
     zero = np.zeros((conditions, 3))
     curve = solve(points, zero, zero)
-    curve.c += solve(points - curve(parameter), zero, zero).c  # the matrix's rows differ much in size
+    curve.c += solve(points - curve(parameter), zero, zero).c  # refined, since rows of A differ much in size
     units = np.eye(count + 2 * conditions)
     inverse = solve(units[:count], units[count : count + conditions], units[count + conditions :]).c
     size = np.abs(curve.c)
@@ -106,7 +104,7 @@ def _interpolate(
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordedSamples:
     """Samples of a motion that rests at its start and end; time from 0 [s], points (N, 3) [m]."""
 
     time: Array
@@ -114,7 +112,7 @@ class Recorded:
 
     @cached_property
     def _block(self) -> NDArray[np.int64]:
-        return np.arange(len(self.time), dtype=np.int64) // LEFT_OUT_SAMPLES
+        return np.arange(len(self.time), dtype=np.int64) // FOLD_BLOCK
 
     @cached_property
     def _fold(self) -> NDArray[np.int64]:
@@ -123,95 +121,94 @@ class Recorded:
     def _design(self, spans: int) -> DesignMatrix:
         return DesignMatrix.of(self.time, _breaks(self.time[-1], spans))
 
-    def left_out(self, spans: int) -> Array:
-        """Return the mean square distance [m²] of each fold from the spline near all the others, (FOLDS,)."""
+    def cross_validate(self, spans: int) -> Array:
+        """Return the mean square error [m²] of each fold's samples, predicted from all others: (FOLDS,)."""
         design = self._design(spans)
-        grams = design.banded(self._fold, FOLDS)
-        sides = design.times(self._fold, FOLDS, self.points)
+        grams = design.gram_bands(self._fold, FOLDS)
+        sides = design.right_sides(self._fold, FOLDS, self.points)
         gram, side = grams.sum(axis=0), sides.sum(axis=0)
         coefficients = np.empty_like(sides)
         for k in range(FOLDS):
             remaining = gram - grams[k]
-            remaining[NEAR] += RIDGE * gram[NEAR].max()  # where a fold has all samples of a span
+            remaining[DEGREE] += RIDGE * gram[DEGREE].max()
             coefficients[k] = _solve(cholesky_banded(remaining), side - sides[k])
-        away = ((design.at(self._fold, coefficients) - self.points) ** 2).sum(axis=1)
-        return np.array([away[self._fold == k].mean() for k in range(FOLDS)])
+        squares = ((design.evaluate(self._fold, coefficients) - self.points) ** 2).sum(axis=1)
+        return np.array([squares[self._fold == k].mean() for k in range(FOLDS)])
 
-    def best_spans(self, most: int, good: float) -> int:
-        """Return the fewest spans that predict left-out samples as well as the best, within its error.
+    def choose_spans(self, max_spans: int, target_error: float) -> int:
+        """Return the fewest spans whose cross-validation error is not significantly above the least.
 
-        Nothing finer is tried once the error is below `good` [m], or has risen for long.
+        The search stops when the error is below `target_error` [m], or has been worse several times in a row.
         """
         tried: list[tuple[int, Array]] = []
-        rises = 0
-        for spans in _numbers_of_spans(min(most, len(self.time) // 3)):
-            tried.append((spans, self.left_out(spans)))
+        worse_in_a_row = 0
+        for spans in _numbers_of_spans(min(max_spans, len(self.time) // 3)):
+            tried.append((spans, self.cross_validate(spans)))
             least = min(error.mean() for _, error in tried)
-            rises = rises + 1 if tried[-1][1].mean() > GROWTH * least else 0
-            if least < good**2 or rises == RISES:
+            worse_in_a_row = worse_in_a_row + 1 if tried[-1][1].mean() > SPANS_GROWTH * least else 0
+            if least < target_error**2 or worse_in_a_row == MAX_WORSE:
                 break
         best = min((error for _, error in tried), key=np.mean)
         for spans, error in tried:
-            worse = error - best
-            if worse.mean() <= worse.std(ddof=1) / np.sqrt(FOLDS):
+            excess = error - best
+            if excess.mean() <= excess.std(ddof=1) / np.sqrt(FOLDS):
                 return spans
-        raise AssertionError("the best is as good as itself")
+        raise AssertionError("no number of spans is as good as the best")
 
-    def fitted(self, spans: int, start: Array | None = None) -> "Fit":
-        """Fit a spline of `spans` to the samples; it begins at `start` (3,) [m] if that is stated."""
-        design, whole = self._design(spans), np.zeros_like(self._block)
-        known = 0 if start is None else 1
-        fixed = np.zeros((known, 3)) if start is None else start[np.newaxis]
-        rest, side = design, self.points
+    def fit(self, spans: int, start: Array | None = None) -> "SplineFit":
+        """Fit a spline of `spans` to the samples, which begins at `start` (3,) [m] if that is given."""
+        design, one_group = self._design(spans), np.zeros_like(self._block)
+        fixed = np.zeros((0, 3)) if start is None else start[np.newaxis]
+        unknown, target = design, self.points
         if start is not None:
-            rest, fixed_part = design.without_first(), np.zeros((1, design.columns, 3))
+            unknown, fixed_part = design.without_first(), np.zeros((1, design.columns, 3))
             fixed_part[0, 0] = start
-            side = self.points - design.at(whole, fixed_part)
-        factor = cholesky_banded(rest.banded(whole, 1)[0])
-        free = np.vstack([fixed, _solve(factor, rest.times(whole, 1, side)[0])])
-        del side
-        residual = self.points - design.at(whole, free[np.newaxis])
-        del design, whole
+            target = self.points - design.evaluate(one_group, fixed_part)
+        factor = cholesky_banded(unknown.gram_bands(one_group, 1)[0])
+        free = np.vstack([fixed, _solve(factor, unknown.right_sides(one_group, 1, target)[0])])
+        del target
+        residual = self.points - design.evaluate(one_group, free[np.newaxis])
+        del design, one_group
         breaks = _breaks(self.time[-1], spans)
-        # Signs at random, a block together: keeps how large the noise was there, and for how long it lasts.
-        random, signs = np.random.default_rng(0), np.empty((self._block[-1] + 1, DRAWS), dtype=np.int8)
-        for k in range(DRAWS):
+        # Wild bootstrap: random signs of whole blocks keep the size of the noise and its correlation.
+        random, signs = np.random.default_rng(0), np.empty((self._block[-1] + 1, NOISE_DRAWS), dtype=np.int8)
+        for k in range(NOISE_DRAWS):
             signs[:, k] = random.choice([-1, 1], size=len(signs))
-        sums = rest.signed_times(self._block, signs, residual)
-        drawn = [
+        sums = unknown.signed_right_sides(self._block, signs, residual)
+        deviations = [
             np.vstack([np.zeros_like(fixed), _solve(factor, np.ascontiguousarray(sums[:, :, k]))])
-            for k in range(DRAWS)
+            for k in range(NOISE_DRAWS)
         ]
-        tied = free_coefficients(spans)
+        index = free_indices(spans)
         curves = [
-            spline(breaks, coefficients[tied], NEAR)
-            for coefficients in (free, *(free + new for new in drawn))
+            spline(breaks, coefficients[index], DEGREE)
+            for coefficients in (free, *(free + deviation for deviation in deviations))
         ]
-        return Fit(curves[0], residual, tuple(curves[1:]))
+        return SplineFit(curves[0], residual, tuple(curves[1:]))
 
 
 @dataclass(frozen=True)
-class Fit:
-    """A spline near samples, and others that it could as well be, given its residuals."""
+class SplineFit:
+    """A spline near samples, and alternatives that are as likely given its residuals."""
 
     curve: BSpline
     residual: Array  # (N, 3) [m]
-    drawn: tuple[BSpline, ...]
+    alternatives: tuple[BSpline, ...]
 
     @property
     def residual_rms(self) -> float:
-        """Of the distance [m]."""
+        """Root mean square distance of the samples from the spline [m]."""
         return float(np.sqrt((self.residual**2).sum(axis=1).mean()))
 
     def snap(self, time: Array) -> tuple[float, float]:
-        """Return the peak of z'''' over `time`, and half its band of 95 % where that is widest [m/s⁴]."""
-        own = self.curve.derivative(4)(time)
-        away = np.abs([curve.derivative(4)(time) - own for curve in self.drawn])
-        return float(np.abs(own).max()), float(np.quantile(away, BAND, axis=0).max())
+        """Return the peak of z'''' over `time`, and the largest half width of its band of 95 % [m/s⁴]."""
+        snap = self.curve.derivative(4)(time)
+        deviations = np.abs([curve.derivative(4)(time) - snap for curve in self.alternatives])
+        return float(np.abs(snap).max()), float(np.quantile(deviations, BAND_QUANTILE, axis=0).max())
 
     def start_error(self) -> Array:
         """Return the standard error of the first point (3,) [m]."""
-        error: Array = np.std([curve.c[0] for curve in self.drawn], axis=0)
+        error: Array = np.std([curve.c[0] for curve in self.alternatives], axis=0)
         return error
 
 
@@ -224,8 +221,8 @@ def _breaks(end: float, spans: int) -> Array:
     return np.linspace(0.0, end, spans + 1)
 
 
-def _numbers_of_spans(most: int) -> Iterator[int]:
-    spans = LEAST_SPANS
-    while spans <= max(most, LEAST_SPANS):
+def _numbers_of_spans(max_spans: int) -> Iterator[int]:
+    spans = MIN_SPANS
+    while spans <= max(max_spans, MIN_SPANS):
         yield spans
-        spans = max(spans + 1, int(GROWTH * spans))
+        spans = max(spans + 1, int(SPANS_GROWTH * spans))

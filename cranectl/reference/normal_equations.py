@@ -1,7 +1,7 @@
 """Normal equations of least squares with splines, summed sample by sample in compiled loops.
 
-A sample touches `ORDER` neighbouring basis functions only. So a row of the design matrix is `ORDER` numbers
-and the column of the first; a million samples take seconds, where sparse matrices take minutes.
+Only `ORDER` neighbouring basis functions are nonzero at a sample. So a row of the design matrix A is stored
+as `ORDER` numbers and the column of the first. A million samples take seconds, with sparse matrices minutes.
 """
 
 from typing import NamedTuple, Self
@@ -16,14 +16,14 @@ from cranectl.support.jit import jit
 
 DEGREE = 7
 ORDER = DEGREE + 1
-AT_ONCE = 2**16  # samples whose rows are computed together, so that they take little memory
-TIED = 5  # coefficients at each end that are one free coefficient
+BATCH_SIZE = 2**16  # samples whose rows are computed together, to save memory
+REST_COEFFICIENTS = 5  # equal coefficients at each end, which make the motion rest there
 
 Integers = NDArray[np.int64]
 
 
 class DesignMatrix(NamedTuple):
-    """What each free coefficient of a spline contributes to each sample."""
+    """The design matrix A: the value of each free basis function of a spline at each sample."""
 
     first: Integers  # (N,) column of the first number of each row
     values: Array  # (N, ORDER)
@@ -31,57 +31,57 @@ class DesignMatrix(NamedTuple):
 
     @classmethod
     def of(cls, time: Array, breaks: Array) -> Self:
-        """Return that of a spline of degree 7 on `breaks`, the coefficients of each end tied, at `time`."""
-        free = free_coefficients(len(breaks) - 1)
+        """Return the matrix at `time` of a spline of degree 7 on `breaks` that rests at both ends."""
+        free = free_indices(len(breaks) - 1)
         knots = spline(breaks, np.zeros(len(free)), DEGREE).t
         first, values = np.empty(len(time), dtype=np.int64), np.empty((len(time), ORDER))
-        for start in range(0, len(time), AT_ONCE):
-            part = slice(start, start + AT_ONCE)
-            rows = BSpline.design_matrix(time[part], knots, DEGREE)
+        for start in range(0, len(time), BATCH_SIZE):
+            batch = slice(start, start + BATCH_SIZE)
+            rows = BSpline.design_matrix(time[batch], knots, DEGREE)
             column = rows.indices.reshape(-1, ORDER)[:, 0].astype(np.int64)
-            first[part], values[part] = _tied(column, rows.data, free)
+            first[batch], values[batch] = _merge_columns(column, rows.data, free)
         return cls(first, values, int(free[-1]) + 1)
 
     def without_first(self) -> Self:
-        """Return it without the first column, which only the first rows have."""
+        """Return the matrix without its first column, which is nonzero in the first rows only."""
         values, early = self.values.copy(), int(np.count_nonzero(self.first == 0))
         values[:early, :-1], values[:early, -1] = self.values[:early, 1:], 0.0
         return self._replace(first=np.maximum(self.first - 1, 0), values=values, columns=self.columns - 1)
 
-    def banded(self, group: Integers, groups: int) -> Array:
-        """Return A'A of each group's rows, upper diagonals as SciPy has them (groups, ORDER, columns)."""
-        bands = _banded(self.first, self.values, group, np.zeros((groups, ORDER, self.columns + ORDER)))
+    def gram_bands(self, group: Integers, groups: int) -> Array:
+        """Return A'A of each group's rows, as upper bands in SciPy's form (groups, ORDER, columns)."""
+        bands = _sum_products(self.first, self.values, group, np.zeros((groups, ORDER, self.columns + ORDER)))
         return bands[:, :, : self.columns]
 
-    def times(self, group: Integers, groups: int, points: Array) -> Array:
-        """Return A' `points` (N, 3) of the rows of each group (groups, columns, 3)."""
+    def right_sides(self, group: Integers, groups: int, points: Array) -> Array:
+        """Return A' `points` (N, 3) of each group's rows (groups, columns, 3)."""
         sums = np.zeros((groups, self.columns + ORDER, 3))
-        side = _times(self.first, self.values, group, points, sums)
+        side = _sum_sides(self.first, self.values, group, points, sums)
         return side[:, : self.columns]
 
-    def signed_times(self, block: Integers, signs: NDArray[np.int8], points: Array) -> Array:
-        """Return A' (`signs` of the sample's block times `points`) for each draw (columns, 3, draws).
+    def signed_right_sides(self, block: Integers, signs: NDArray[np.int8], points: Array) -> Array:
+        """Return A' `points`, each multiplied by the sign of its block, for each draw (columns, 3, draws).
 
         `signs` (blocks, draws) holds 1 and -1.
         """
         sums = np.zeros((self.columns + ORDER, 3, signs.shape[1]))
-        side = _signed_times(self.first, self.values, block, signs, points, sums)
+        side = _sum_signed_sides(self.first, self.values, block, signs, points, sums)
         return side[: self.columns]
 
-    def at(self, group: Integers, coefficients: Array) -> Array:
-        """Return A `coefficients` (groups, columns, 3), each row with those of its group (N, 3)."""
+    def evaluate(self, group: Integers, coefficients: Array) -> Array:
+        """Return A times the `coefficients` (groups, columns, 3) of each row's group: (N, 3)."""
         padded = np.concatenate([coefficients, np.zeros((len(coefficients), ORDER, 3))], axis=1)
-        return _at(self.first, self.values, group, padded, np.zeros((len(group), 3)))
+        return _evaluate(self.first, self.values, group, padded, np.zeros((len(group), 3)))
 
 
-def free_coefficients(spans: int) -> NDArray[np.intp]:
-    """Return which free coefficient each coefficient is (spans + DEGREE,)."""
+def free_indices(spans: int) -> NDArray[np.intp]:
+    """Return the index of the free coefficient that determines each coefficient (spans + DEGREE,)."""
     count = spans + DEGREE
-    return np.clip(np.arange(count) - (TIED - 1), 0, count - 2 * TIED + 1)
+    return np.clip(np.arange(count) - (REST_COEFFICIENTS - 1), 0, count - 2 * REST_COEFFICIENTS + 1)
 
 
 @jit
-def _tied(column: Integers, data: Array, free: NDArray[np.intp]) -> tuple[Integers, Array]:
+def _merge_columns(column: Integers, data: Array, free: NDArray[np.intp]) -> tuple[Integers, Array]:
     first, values = np.empty(len(column), dtype=np.int64), np.zeros((len(column), ORDER))
     for i in range(len(column)):
         first[i] = free[column[i]]
@@ -91,7 +91,7 @@ def _tied(column: Integers, data: Array, free: NDArray[np.intp]) -> tuple[Intege
 
 
 @jit
-def _banded(first: Integers, values: Array, group: Integers, sums: Array) -> Array:
+def _sum_products(first: Integers, values: Array, group: Integers, sums: Array) -> Array:
     for i in range(len(first)):
         for a in range(ORDER):
             for b in range(a, ORDER):
@@ -100,7 +100,7 @@ def _banded(first: Integers, values: Array, group: Integers, sums: Array) -> Arr
 
 
 @jit
-def _times(first: Integers, values: Array, group: Integers, points: Array, sums: Array) -> Array:
+def _sum_sides(first: Integers, values: Array, group: Integers, points: Array, sums: Array) -> Array:
     for i in range(len(first)):
         for k in range(ORDER):
             for axis in range(3):
@@ -109,7 +109,7 @@ def _times(first: Integers, values: Array, group: Integers, points: Array, sums:
 
 
 @jit
-def _signed_times(
+def _sum_signed_sides(
     first: Integers, values: Array, block: Integers, signs: NDArray[np.int8], points: Array, sums: Array
 ) -> Array:
     for i in range(len(first)):
@@ -123,7 +123,9 @@ def _signed_times(
 
 
 @jit
-def _at(first: Integers, values: Array, group: Integers, coefficients: Array, values_at: Array) -> Array:
+def _evaluate(
+    first: Integers, values: Array, group: Integers, coefficients: Array, values_at: Array
+) -> Array:
     for i in range(len(first)):
         for k in range(ORDER):
             for axis in range(3):

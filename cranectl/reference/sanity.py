@@ -1,4 +1,4 @@
-"""What a given motion must be: numbers, times that increase, no holes, no longer or faster than there is."""
+"""Check motions from files and points: finite, ordered, without gaps or jumps, feasible for the drives."""
 
 from collections.abc import Sequence
 
@@ -13,25 +13,24 @@ from cranectl.signals import ACCELERATION, Z
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-LEAST_SAMPLES = 50  # ten folds of five to leave out
-NEAR_END = 10  # samples, or more within 0.1 s
-# Coordinates of a map and seconds since 1970 are less; of these a double still tells 0.02 µm and 0.1 ms.
-MAX_DISTANCE, LATEST = 1e8, 1e12  # [m], [s]
-GAP = 5.0  # of the usual step
-# [m/s²]; of a load, between three neighbours: four times what a drive's ramp usually is
-HARDEST = 16.0
-# Of the distances of samples from the line between their neighbours 80 % are smaller than this quantile, for
-# normal noise 1.3 standard deviations; eight of them are ten of those, whatever a tenth of jumps adds.
-USUAL, BEYOND = 0.8, 8.0
+MIN_SAMPLES = 50  # ten folds of five samples
+END_SAMPLES = 10  # from which rest at an end is judged, or all within 0.1 s if these are more
+# Map coordinates and seconds since 1970 are smaller; a double resolves 0.02 µm and 0.1 ms of these limits.
+MAX_COORDINATE, MAX_TIME = 1e8, 1e12  # [m], [s]
+MAX_STEP_RATIO = 5.0  # of a time step to the median step
+MAX_RAMP = 16.0  # [m/s²] of the load between neighbouring samples, four times a usual ramp of a drive
+# A jump is a distance from the line between neighbours above 8 times the 80 % quantile of these distances.
+# For normal noise that is ten standard deviations; jumps in a tenth of the samples hardly change it.
+JUMP_QUANTILE, JUMP_RATIO = 0.8, 8.0
 DRIVES = ("bridge", "trolley", "rope")
-UPPER = 0.975  # quantile of what motions ask that the samples could as well mean
+DEMAND_QUANTILE = 0.975  # of the peaks of all motions that the samples may mean
 UNITS = {"velocity": "m/s", "acceleration": "m/s²"}
 
 
 def check_length(length: float, scenario: Scenario, what: str, otherwise: str) -> None:
-    """Raise InputError for a reference longer than its run; `what` and a length [s] begin its message.
+    """Raise InputError for a reference of `length` [s] that is longer than its run.
 
-    `otherwise`: what can be done in place of a longer run.
+    The message begins with `what` and the length. The remedy is a longer run, or `otherwise`.
     """
     if length <= scenario.duration * (1.0 + 1e-12):
         return
@@ -48,26 +47,27 @@ def check_length(length: float, scenario: Scenario, what: str, otherwise: str) -
 
 
 def check_numbers(time: Array, points: Array, where: str) -> None:
-    """Raise InputError for NaN, infinity, what is too far away, and times that do not increase."""
-    wrong = np.flatnonzero(~np.isfinite(np.column_stack([time, points])).all(axis=1))
-    if len(wrong):
+    """Raise InputError for NaN, infinity, numbers beyond all cranes, and times that do not increase."""
+    invalid = np.flatnonzero(~np.isfinite(np.column_stack([time, points])).all(axis=1))
+    if len(invalid):
         raise InputError(
-            f"{where}: sample {wrong[0] + 1} is no number: time {time[wrong[0]]:g} s, "
-            f"x, y, z = {_told(points[wrong[0]])}"
-            + (f", and {len(wrong) - 1} more" if len(wrong) > 1 else ""),
+            f"{where}: sample {invalid[0] + 1} is no number: time {time[invalid[0]]:g} s, "
+            f"x, y, z = {_point_text(points[invalid[0]])}"
+            + (f", and {len(invalid) - 1} more" if len(invalid) > 1 else ""),
             allowed="numbers in all rows",
             remedy="leave these rows out, or record the motion again",
         )
-    far = np.flatnonzero((np.abs(points) > MAX_DISTANCE).any(axis=1) | (np.abs(time) > LATEST))
+    far = np.flatnonzero((np.abs(points) > MAX_COORDINATE).any(axis=1) | (np.abs(time) > MAX_TIME))
     if len(far):
         raise InputError(
-            f"{where}: sample {far[0] + 1} is at {time[far[0]]:g} s, x, y, z = {_told(points[far[0]])} m",
-            allowed=f"at most {MAX_DISTANCE:g} m and {LATEST:g} s from zero",
+            f"{where}: sample {far[0] + 1} is at {time[far[0]]:g} s, "
+            f"x, y, z = {_point_text(points[far[0]])} m",
+            allowed=f"at most {MAX_COORDINATE:g} m and {MAX_TIME:g} s from zero",
             remedy="correct the units, or record the motion again",
         )
-    late = np.flatnonzero(np.diff(time) <= 0.0)
-    if len(late):
-        k = late[0]
+    unordered = np.flatnonzero(np.diff(time) <= 0.0)
+    if len(unordered):
+        k = unordered[0]
         raise InputError(
             f"{where}: time does not increase: sample {k + 1} is at {time[k]:.9g} s, "
             f"the next at {time[k + 1]:.9g} s",
@@ -77,57 +77,58 @@ def check_numbers(time: Array, points: Array, where: str) -> None:
 
 
 def check_samples(time: Array, points: Array, tolerance: float, where: str) -> None:
-    """Raise InputError for too few samples, gaps and jumps; `tolerance` [m]: a jump of no concern."""
-    if len(time) < LEAST_SAMPLES:
+    """Raise InputError for too few samples, gaps, jumps larger than `tolerance` [m], and ends in motion."""
+    if len(time) < MIN_SAMPLES:
         raise InputError(
             f"{where}: {len(time)} samples",
-            allowed=f"at least {LEAST_SAMPLES}, of which a tenth at a time is left out to choose the knots",
+            allowed=f"at least {MIN_SAMPLES} samples, since tenths of them are left out to choose the knots",
             remedy='record more often, or take them as points: kind = "waypoints"',
         )
     steps = np.diff(time)
-    usual, longest = float(np.median(steps)), int(np.argmax(steps))
-    if steps[longest] > GAP * usual:
+    median, longest = float(np.median(steps)), int(np.argmax(steps))
+    if steps[longest] > MAX_STEP_RATIO * median:
         raise InputError(
             f"{where}: a gap of {steps[longest]:.3g} s after {time[longest]:.6g} s, where the usual "
-            f"step is {usual:.3g} s",
-            allowed=f"steps of at most {GAP:g} times the usual one",
+            f"step is {median:.3g} s",
+            allowed=f"steps of at most {MAX_STEP_RATIO:g} times the usual one",
             remedy="fill it in, or cut the file there into two",
         )
     before, after = steps[:-1], steps[1:]
     between = (after[:, np.newaxis] * points[:-2] + before[:, np.newaxis] * points[2:]) / (before + after)[
         :, np.newaxis
     ]
-    off = np.linalg.norm(points[1:-1] - between, axis=1)
-    bound = tolerance + 0.5 * HARDEST * before * after + BEYOND * np.quantile(off, USUAL)
-    worst = int(np.argmax(off / bound))
-    if off[worst] > bound[worst]:
+    distance = np.linalg.norm(points[1:-1] - between, axis=1)
+    limit = tolerance + 0.5 * MAX_RAMP * before * after + JUMP_RATIO * np.quantile(distance, JUMP_QUANTILE)
+    worst = int(np.argmax(distance / limit))
+    if distance[worst] > limit[worst]:
         raise InputError(
-            f"{where}: a jump at {time[worst + 1]:.6g} s: sample {worst + 2} lies {1e3 * off[worst]:.3g} mm "
-            "beside the line between its neighbours",
-            allowed=f"at most {1e3 * bound[worst]:.3g} mm there: {HARDEST:g} m/s² and the noise of this file",
+            f"{where}: a jump at {time[worst + 1]:.6g} s: sample {worst + 2} lies "
+            f"{1e3 * distance[worst]:.3g} mm beside the line between its neighbours",
+            allowed=f"at most {1e3 * limit[worst]:.3g} mm there, for {MAX_RAMP:g} m/s² and this file's noise",
             remedy="leave such samples out, or record the motion again",
         )
     check_rest(time, points, tolerance, where)
 
 
 def check_rest(time: Array, points: Array, tolerance: float, where: str) -> None:
-    """Raise InputError for samples that begin or end in motion: a spline at rest there could not be near."""
-    count = max(NEAR_END, int(np.searchsorted(time, time[0] + 0.1)))
+    """Raise InputError for samples that begin or end in motion, since the spline near them rests there."""
+    count = max(END_SAMPLES, int(np.searchsorted(time, time[0] + 0.1)))
     for end, part in (("begin", slice(None, count)), ("end", slice(-count, None))):
-        own = time[part] - time[part].mean()
-        away = points[part] - points[part].mean(axis=0)
-        speed = own @ away / (own @ own)
-        noise = np.linalg.norm((away - np.outer(own, speed)).std(axis=0))
-        moved = np.linalg.norm(speed) * np.ptp(own)
-        if moved > tolerance + 4.0 * np.sqrt(12.0 / count) * noise:  # its standard error
+        centred_time = time[part] - time[part].mean()
+        centred = points[part] - points[part].mean(axis=0)
+        velocity = centred_time @ centred / (centred_time @ centred_time)
+        noise = np.linalg.norm((centred - np.outer(centred_time, velocity)).std(axis=0))
+        travel = np.linalg.norm(velocity) * np.ptp(centred_time)
+        standard_error = np.sqrt(12.0 / count) * noise
+        if travel > tolerance + 4.0 * standard_error:
             raise InputError(
-                f"{where}: the samples {end} in motion, with {np.linalg.norm(speed):.3g} m/s",
+                f"{where}: the samples {end} in motion, with {np.linalg.norm(velocity):.3g} m/s",
                 allowed="a motion from rest to rest",
                 remedy="record it with a rest before and after, or cut it there",
             )
 
 
-def _told(point: Array) -> str:
+def _point_text(point: Array) -> str:
     return ", ".join(f"{number:g}" for number in point)
 
 
@@ -138,12 +139,22 @@ def check_demand(
     time: Array | None = None,
     begins: float = 0.0,
 ) -> None:
-    """Raise InputError where velocity or acceleration of a set-point is beyond `effects.limits`.
+    """Raise InputError where velocity or acceleration of a set-point exceeds the drives' limits.
 
-    Without such an effect the rig's numbers of it count. `curves`: one motion, or many that it could as well
-    be, of which the upper end of their peaks counts. `time` (N,) [s]: where it is looked at, by default at
-    each control sample; `begins` [s]: when the motion begins in its segment. A motion with a slack rope has
-    no set-points: it is refused where it is run.
+    The limits are those of `effects.limits`, or of the rig without that effect. A motion with a slack rope
+    has no set-points. It passes here, and its run is refused.
+
+    Parameters
+    ----------
+    curves : sequence of BSpline
+        One motion, or several that are equally likely, whose upper quantile of peaks counts.
+    scenario : Scenario
+    where : str
+        Beginning of error messages.
+    time : (N,) array, optional
+        Times to look at [s], by default every control sample.
+    begins : float
+        When the motion begins in its segment [s].
     """
     if time is None:
         time = np.arange(0.0, curves[0].t[-1], scenario.control.period)
@@ -152,11 +163,11 @@ def check_demand(
         return
     limits = scenario.drive_limits
     allowed = np.array([limits.velocity, limits.acceleration])
-    peaks = np.quantile(np.abs(demands).max(axis=2), UPPER if len(demands) > 1 else 1.0, axis=0)
-    beyond = np.argwhere(peaks > allowed)
-    if not len(beyond):
+    peaks = np.quantile(np.abs(demands).max(axis=2), DEMAND_QUANTILE if len(demands) > 1 else 1.0, axis=0)
+    exceeded = np.argwhere(peaks > allowed)
+    if not len(exceeded):
         return
-    kind, drive = beyond[0]
+    kind, drive = exceeded[0]
     quantity, unit = list(UNITS.items())[kind]
     when = begins + time[int(np.argmax(np.abs(demands[0][kind, :, drive])))]
     key = f"{scenario.drive_limits_key}.{quantity}"
@@ -172,7 +183,7 @@ def check_demand(
 
 
 def _demand(curve: BSpline, scenario: Scenario, time: Array) -> Array | None:
-    """Return velocity, acceleration of the set-points w = v + tau u (2, N, 3); None with a slack rope."""
+    """Return velocity and acceleration (2, N, 3) of the set-points w = v + tau u; None for a slack rope."""
     rows = np.hstack([derivative(time) for derivative in derivatives(curve)])
     gravity = scenario.rig.gravity
     if (rows[:, ACCELERATION + Z] <= -gravity).any() or (rows[:, Z] >= 0.0).any():

@@ -1,7 +1,7 @@
 """Truncated Taylor series in time over any kind of number: floats, gradients, intervals, symbols.
 
-A series is the list of its coefficients f, f', f''/2!, f'''/3!, … so that products are Cauchy's. Numbers need
-+, -, *, /, and a square root: NumPy arrays, `planning.arithmetic`'s, CasADi's expressions.
+A series is the list of its coefficients f, f', f''/2!, f'''/3!, …, so that products are Cauchy products.
+Numbers need +, -, *, / and a square root: NumPy arrays, those of `planning.arithmetic`, CasADi's expressions.
 """
 
 from collections.abc import Sequence
@@ -19,29 +19,29 @@ def from_derivatives(values: Sequence[Number]) -> Series:
     return [value * (1.0 / factorial(order)) for order, value in enumerate(values)]
 
 
-def differentiated(series: Series, times: int) -> Series:
+def differentiate(series: Series, times: int) -> Series:
     """Return the series of a derivative, shorter by `times` coefficients."""
     for _ in range(times):
         series = [series[k] * float(k) for k in range(1, len(series))]
     return series
 
 
-def shifted(series: Series, by: float) -> Series:
-    """Add a constant."""
-    return [series[0] + by, *series[1:]]
+def add_constant(series: Series, constant: float) -> Series:
+    """Return the series plus a constant."""
+    return [series[0] + constant, *series[1:]]
 
 
-def plus(a: Series, b: Series) -> Series:
+def add(a: Series, b: Series) -> Series:
     """Add two series; the sum has the length of the shorter one."""
     return [x + y for x, y in zip(a, b, strict=False)]
 
 
-def times(a: Series, b: Series) -> Series:
+def multiply(a: Series, b: Series) -> Series:
     """Return the Cauchy product, with the length of the shorter series."""
     return [_dot(a[: n + 1], b[n::-1] if n else b[:1]) for n in range(min(len(a), len(b)))]
 
 
-def over(a: Series, b: Series) -> Series:
+def divide(a: Series, b: Series) -> Series:
     """Return the quotient, with the length of the shorter series."""
     quotient: Series = []
     for n in range(min(len(a), len(b))):
@@ -50,7 +50,7 @@ def over(a: Series, b: Series) -> Series:
     return quotient
 
 
-def root(a: Series) -> Series:
+def take_root(a: Series) -> Series:
     """Return the square root of a series."""
     first = square_root(a[0])
     coefficients: Series = [first]
@@ -65,8 +65,8 @@ def square_root(number: Number) -> Number:
     return np.sqrt(number) if isinstance(number, float | np.ndarray) else number.sqrt()
 
 
-def turned(angle: Series) -> tuple[Series, Series]:
-    """Return cosine and sine as series, by their rates: c' = -s a', s' = c a'."""
+def cosine_and_sine(angle: Series) -> tuple[Series, Series]:
+    """Return the series of cosine and sine of an angle a, from c' = -s a' and s' = c a'."""
     first = angle[0]
     if isinstance(first, float | np.ndarray):
         cosine, sine = [np.cos(first)], [np.sin(first)]

@@ -1,6 +1,6 @@
-"""Columns of numbers from CSV and Parquet files, with what the files say of their units.
+"""Read columns of numbers and their units from CSV and Parquet files.
 
-Nothing is taken from a file by guess: what cannot be one of its columns is refused in the words of the file.
+Nothing is guessed: a column that is not clear is refused, in the words of the file.
 """
 
 import contextlib
@@ -17,24 +17,26 @@ from cranectl.support.arrays import Array
 from cranectl.support.documents import format_of
 from cranectl.support.errors import InputError, unknown_name
 
-MOST_ROWS = 2_000_000
-SEPARATORS = ";\t,"  # the first of those that a line has equally often: a comma may be decimal
-PARQUET = b"PAR1"
-TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s], of time stamps
-EXACT_INTEGERS = 2**53  # beyond, a float is not every whole number
-# What units are called in the headers and metadata of other tools.
-ALIASES = {"sec": "s", "second": "s", "seconds": "s", "m/sec": "m/s"}
-ALIASES |= {f"{m}{end}": unit for unit, m in (("m", "met"), ("cm", "centimet"), ("mm", "millimet"))
+MAX_FILE_ROWS = 2_000_000
+SEPARATORS = ";\t,"  # by priority where a line has them equally often, since a comma may be decimal
+PARQUET_MAGIC = b"PAR1"
+TICK_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s], of time stamps
+MAX_EXACT_INTEGER = 2**53  # up to here a float represents every integer
+# Names of units in the headers and metadata of other tools.
+UNIT_ALIASES = {"sec": "s", "second": "s", "seconds": "s", "m/sec": "m/s"}
+UNIT_ALIASES |= {f"{m}{end}": unit for unit, m in (("m", "met"), ("cm", "centimet"), ("mm", "millimet"))
             for end in ("er", "re", "ers", "res")}  # fmt: skip
-# Units that a header can name and that are not read here, by the first that is.
-OTHER_UNITS = {
+# Units that headers may name but that cannot be read, by the first unit of the same quantity.
+FOREIGN_UNITS = {
     "s": ("min", "minutes", "h", "hours"),
     "m": ("in", "inch", "inches", "ft", "foot", "feet", "yd", "um", "µm", "km"),
     "m/s": ("cm/s", "km/h", "in/s", "ft/s", "mm/min"),
 }
-ALLOWED = "a CSV file with the names of its columns in the first line, a Parquet file, or a log of cranectl"
-_COMMENT = re.compile(r"\s*(#|//|%|sep=.$)")  # the last is Excel's
-# A single letter after '_' is no unit: x_m may be what was measured.
+ALLOWED_FILES = (
+    "a CSV file with the names of its columns in the first line, a Parquet file, or a log of cranectl"
+)
+_COMMENT = re.compile(r"\s*(#|//|%|sep=.$)")  # Excel writes the last
+# A single letter after '_' is no unit: x_m may mean the measured x.
 _UNIT = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$|/\s*(\w+)\s*$|_(mm|ms|us|ns)$")
 
 
@@ -42,89 +44,99 @@ class FileColumn(NamedTuple):
     """One column of a file."""
 
     values: Array  # (N,)
-    unit: str  # as the file says; empty if it does not
+    unit: str  # as stated in the file, else empty
 
 
 def read_columns(
-    content: bytes, named: Mapping[str, str], units: Mapping[str, Sequence[str]], where: str
+    content: bytes, column_names: Mapping[str, str], units: Mapping[str, Sequence[str]], where: str
 ) -> dict[str, FileColumn]:
-    """Return the columns of a file by what they are.
+    """Return the columns of a file by kind.
 
     Parameters
     ----------
     content : bytes
-        Of the file.
-    named : mapping
-        The name of each column by what it is: time, x, y, z, speed.
+        Content of the file.
+    column_names : mapping
+        Name of the column of each kind: time, x, y, z, speed.
     units : mapping
-        The units that each can have, which may stand in brackets behind its name.
+        Allowed units of each kind, one of which may stand in brackets behind a column's name.
     where : str
-        What errors begin with.
+        Beginning of error messages.
+
+    Returns
+    -------
+    dict
+        Columns by kind.
 
     Raises
     ------
     InputError
-        For another kind of file, a column that is missing or no numbers, and rows of other lengths.
+        For another kind of file, a column that is missing or holds no numbers, and rows of different lengths.
     """
     import pyarrow as pa
 
-    packed = content.startswith(PARQUET)
-    if not packed and (kind := format_of(content)):
+    is_parquet = content.startswith(PARQUET_MAGIC)
+    if not is_parquet and (kind := format_of(content)):
         raise InputError(
-            f"{where} is {kind}", allowed=ALLOWED, remedy="save it as CSV in UTF-8, or as Parquet"
+            f"{where} is {kind}", allowed=ALLOWED_FILES, remedy="save it as CSV in UTF-8, or as Parquet"
         )
     try:
-        read = _parquet if packed else _csv
-        table, unit_texts = read(content, named, where)
+        read = _read_parquet if is_parquet else _read_csv
+        table, stated_units = read(content, column_names, where)
         columns = {
-            kind: _numbers(
-                kind, name, table[name], unit_texts.get(name) or _unit_of(name, units[kind]), where
+            kind: _to_numbers(
+                kind, name, table[name], stated_units.get(name) or _unit_of(name, units[kind]), where
             )
-            for kind, name in named.items()
+            for kind, name in column_names.items()
         }
     except (pa.ArrowException, KeyError, OSError, ValueError, IndexError) as error:
         raise InputError(
-            f"cannot read {where}: {error}", allowed=ALLOWED, remedy="write the file again"
+            f"cannot read {where}: {error}", allowed=ALLOWED_FILES, remedy="write the file again"
         ) from None
     del table
-    pa.default_memory_pool().release_unused()  # it keeps as much as the numbers take
+    pa.default_memory_pool().release_unused()  # else it keeps as much memory as the numbers take
     return columns
 
 
 def _unit_of(name: str, units: Sequence[str]) -> str:
-    """Return the unit in a name such as 'x [mm]', 'x (mm)', 'x/mm' or 'x_mm', if it is one of a quantity.
+    """Return the unit in a name such as 'x [mm]', 'x (mm)', 'x/mm' or 'x_mm', or "" if there is none.
 
-    `units`: those of the quantity that are read.
+    `units` are the readable units of the column's quantity.
     """
     match = _UNIT.search(name)
-    unit = known_unit(next(filter(None, match.groups()), "")) if match else ""
-    return unit if unit in (*units, *OTHER_UNITS[units[0]]) else ""
+    unit = canonical_unit(next(filter(None, match.groups()), "")) if match else ""
+    return unit if unit in (*units, *FOREIGN_UNITS[units[0]]) else ""
 
 
-def known_unit(unit: str) -> str:
-    """Return a unit by the name that it has here."""
-    return ALIASES.get(unit.lower(), unit)
+def canonical_unit(unit: str) -> str:
+    """Return the name that cranectl uses for a unit."""
+    return UNIT_ALIASES.get(unit.lower(), unit)
 
 
-def _numbers(kind: str, name: str, column: Any, unit: str, where: str) -> FileColumn:
+def _to_numbers(kind: str, name: str, column: Any, unit: str, where: str) -> FileColumn:
     import pyarrow as pa
 
-    if kind == "time" and _is_instant(column.type):
+    if kind == "time" and _is_time(column.type):
         ticks = column.cast(pa.int64()).to_numpy()
-        return FileColumn((ticks - ticks[:1]) * TICKS[column.type.unit], "s")
+        return FileColumn((ticks - ticks[:1]) * TICK_SECONDS[column.type.unit], "s")
     if not _is_number(column.type):
         raise InputError(
-            f"{where}: column '{name}' holds {_said(column)}",
+            f"{where}: column '{name}' holds {_describe_column(column)}",
             allowed="numbers" + (", or time stamps as in ISO 8601" if kind == "time" else ""),
             remedy="write numbers, with a point before decimals, or with ; between columns and a comma",
         )
     values = (column.cast(pa.float64()) if pa.types.is_decimal(column.type) else column).to_numpy()
-    if values.dtype.kind in "iu" and kind == "time" and len(values) and abs(int(values[0])) > EXACT_INTEGERS:
-        values = values - values[0]  # only differences of times count
+    if (
+        values.dtype.kind in "iu"
+        and kind == "time"
+        and len(values)
+        and abs(int(values[0])) > MAX_EXACT_INTEGER
+    ):
+        values = values - values[0]  # as integers: only differences of times count
     return FileColumn(values.astype(np.float64), unit)
 
 
-def _is_instant(kind: Any) -> bool:
+def _is_time(kind: Any) -> bool:
     import pyarrow as pa
 
     return bool(pa.types.is_timestamp(kind) or pa.types.is_duration(kind))
@@ -136,8 +148,8 @@ def _is_number(kind: Any) -> bool:
     return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind))
 
 
-def _said(column: Any) -> str:
-    """Return what a column without numbers holds: the first value that is none, or the type."""
+def _describe_column(column: Any) -> str:
+    """Describe a column without numbers: its first value that is no number, or its type."""
     import pyarrow as pa
 
     if pa.types.is_null(column.type):
@@ -157,20 +169,20 @@ def _is_numeric(cell: str) -> bool:
     return False
 
 
-def _parquet(content: bytes, named: Mapping[str, str], where: str) -> tuple[Any, dict[str, str]]:
-    """Read only the columns asked for, and these only if they are numbers: what is packed can be huge."""
+def _read_parquet(content: bytes, column_names: Mapping[str, str], where: str) -> tuple[Any, dict[str, str]]:
+    """Read the requested columns after a check of types, since compressed text can be huge."""
     import pyarrow as pa
     from pyarrow import parquet
 
     file = parquet.ParquetFile(pa.BufferReader(content))
-    if file.metadata.num_rows > MOST_ROWS:
-        raise ValueError(f"it has {file.metadata.num_rows} rows, more than {MOST_ROWS}")
+    if file.metadata.num_rows > MAX_FILE_ROWS:
+        raise ValueError(f"it has {file.metadata.num_rows} rows, more than {MAX_FILE_ROWS}")
     schema = file.schema_arrow
-    _check_names(schema.names, named, where)
+    _check_names(schema.names, column_names, where)
     units = {}
-    for kind, name in named.items():
+    for kind, name in column_names.items():
         field = schema.field(name)
-        if not (_is_number(field.type) or (kind == "time" and _is_instant(field.type))):
+        if not (_is_number(field.type) or (kind == "time" and _is_time(field.type))):
             raise InputError(
                 f"{where}: column '{name}' holds values of the type {field.type}",
                 allowed="numbers" + (", time stamps or durations" if kind == "time" else ""),
@@ -178,11 +190,11 @@ def _parquet(content: bytes, named: Mapping[str, str], where: str) -> tuple[Any,
             )
         metadata = {key.lower(): value for key, value in (field.metadata or {}).items()}
         unit = metadata.get(b"unit") or metadata.get(b"units") or b""
-        units[name] = known_unit(unit.decode("utf-8", "replace").strip())
-    return file.read(columns=list(named.values())), units
+        units[name] = canonical_unit(unit.decode("utf-8", "replace").strip())
+    return file.read(columns=list(column_names.values())), units
 
 
-def _csv(content: bytes, named: Mapping[str, str], where: str) -> tuple[Any, dict[str, str]]:
+def _read_csv(content: bytes, column_names: Mapping[str, str], where: str) -> tuple[Any, dict[str, str]]:
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
 
@@ -192,19 +204,19 @@ def _csv(content: bytes, named: Mapping[str, str], where: str) -> tuple[Any, dic
         line = content[: error.start].count(b"\n") + 1
         raise InputError(
             f"{where} is no text in UTF-8: byte {error.start}, in line {line}",
-            allowed=ALLOWED,
+            allowed=ALLOWED_FILES,
             remedy="save it as CSV in UTF-8, or as Parquet",
         ) from None
-    names, separator, first = _header(lines, where)
-    _check_names(names, named, where)
+    names, separator, first = _read_header(lines, where)
+    _check_names(names, column_names, where)
     text = "\n".join(lines[first:])
-    del lines  # a million texts take more memory than all else
+    del lines  # a million strings take more memory than everything else
     point = re.compile(rf"(?:^|{separator})[ +-]*\d*\.\d*(?:[eE][+-]?\d+)? *(?:{separator}|$)", re.MULTILINE)
-    commas = separator != "," and not point.search(text)
-    wrong: list[Any] = []
+    has_decimal_comma = separator != "," and not point.search(text)
+    invalid_rows: list[Any] = []
 
-    def refuse(row: Any) -> str:
-        wrong.append(row)
+    def record_invalid(row: Any) -> str:
+        invalid_rows.append(row)
         return "error"
 
     try:
@@ -212,18 +224,19 @@ def _csv(content: bytes, named: Mapping[str, str], where: str) -> tuple[Any, dic
             arrow_csv.read_csv(
                 pa.BufferReader(text.encode()),
                 read_options=arrow_csv.ReadOptions(column_names=names, use_threads=False),
-                parse_options=arrow_csv.ParseOptions(delimiter=separator, invalid_row_handler=refuse),
+                parse_options=arrow_csv.ParseOptions(delimiter=separator, invalid_row_handler=record_invalid),
                 convert_options=arrow_csv.ConvertOptions(
-                    decimal_point="," if commas else ".", include_columns=list(dict.fromkeys(named.values()))
+                    decimal_point="," if has_decimal_comma else ".",
+                    include_columns=list(dict.fromkeys(column_names.values())),
                 ),
             )
             if text.strip()
-            else pa.table({name: pa.nulls(0) for name in named.values()})
+            else pa.table({name: pa.nulls(0) for name in column_names.values()})
         )
     except pa.ArrowInvalid:
-        if not wrong:
+        if not invalid_rows:
             raise
-        row = wrong[0]
+        row = invalid_rows[0]
         where_in_file = f"line {first + row.number}" if row.number else "a line"
         raise InputError(
             f"{where}: {where_in_file} has {row.actual_columns} cells, "
@@ -235,51 +248,50 @@ def _csv(content: bytes, named: Mapping[str, str], where: str) -> tuple[Any, dic
     return table, {}
 
 
-def _header(lines: Sequence[str], where: str) -> tuple[list[str], str, int]:
-    """Return the names, the separator, and how many lines come before the numbers."""
+def _read_header(lines: Sequence[str], where: str) -> tuple[list[str], str, int]:
+    """Return the column names, the separator, and the number of lines before the numbers."""
     first = next((k for k, line in enumerate(lines) if line.strip() and not _COMMENT.match(line)), len(lines))
     rows = [line for line in lines[first : first + 2] if line.strip()]
     line = rows[0] if rows else ""
     separator = max(SEPARATORS, key=line.count)
-    cells = _cells(line, separator)
+    cells = _split_cells(line, separator)
     if cells and not all(map(_is_numeric, cells)):
-        return _whole(cells, line, where), separator, first + 1
-    for before in reversed(range(first)):  # the last comment may be the line of names
-        comment = _COMMENT.sub("", lines[before], count=1)
-        named = _cells(comment, max(SEPARATORS, key=comment.count))
-        if comment.strip() and (len(named) == len(cells) or not cells):
+        return _check_separator(cells, line, where), separator, first + 1
+    if first:  # the last comment may be the line of names
+        comment = _COMMENT.sub("", lines[first - 1], count=1)
+        names = _split_cells(comment, max(SEPARATORS, key=comment.count))
+        if comment.strip() and (len(names) == len(cells) or not cells):
             separator = separator if cells else max(SEPARATORS, key=comment.count)
-            return _whole(named, comment, where), separator, first
-        break
-    if [cell.strip() for cell in cells] == [str(k) for k in range(len(cells))]:  # of pandas without names
+            return _check_separator(names, comment, where), separator, first
+    if cells == [str(k) for k in range(len(cells))]:  # pandas writes these for unnamed columns
         return cells, separator, first + 1
     begins = "begins with a comment and " if first else ""
     example = separator.join(("time", "x", "y", "z"))
     raise InputError(
         f"{where} {begins}has no line of names: its first line of cells is '{line[:60]}'",
-        allowed=ALLOWED,
+        allowed=ALLOWED_FILES,
         remedy=f"write a line of names before it, such as {example}",
     )
 
 
-def _cells(line: str, separator: str) -> list[str]:
+def _split_cells(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader(io.StringIO(line), delimiter=separator), [])]
 
 
-def _whole(names: list[str], line: str, where: str) -> list[str]:
-    """Return `names`; raise InputError where blanks or bars seem to part them, which CSV has not."""
+def _check_separator(names: list[str], line: str, where: str) -> list[str]:
+    """Return `names`; raise InputError where blanks or bars seem to separate them."""
     if len(names) == 1 and len(re.split(r"[|\s]+", names[0])) > 2:
         raise InputError(
-            f"{where}: blanks or bars part the names in its first line, '{line[:60]}'",
+            f"{where}: blanks or bars separate the names in its first line, '{line[:60]}'",
             allowed="a comma, a semicolon or a tab between columns",
             remedy="write the file with one of these between its columns",
         )
     return names
 
 
-def _check_names(names: Sequence[str], named: Mapping[str, str], where: str) -> None:
+def _check_names(names: Sequence[str], column_names: Mapping[str, str], where: str) -> None:
     counts = Counter(names)
-    for kind, name in named.items():
+    for kind, name in column_names.items():
         if name not in counts:
             constant = ", with a number if all rows have the same" if kind in "xyz" else ""
             remedy = f"map it: columns = {{{kind} = '…'}}{constant}"
@@ -290,6 +302,6 @@ def _check_names(names: Sequence[str], named: Mapping[str, str], where: str) -> 
         if counts[name] > 1:
             raise InputError(
                 f"{where}: {counts[name]} columns are called '{name}'",
-                allowed="one column of each name that is asked for",
+                allowed="one column of each requested name",
                 remedy="give the others another name",
             )

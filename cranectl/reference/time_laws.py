@@ -1,7 +1,7 @@
-"""How far along a path a motion is: s(tau) from 0 to 1 over 0 <= tau <= 1, at rest at both ends.
+"""Time laws: the path coordinate s(tau) from 0 to 1 over 0 <= tau <= 1, at rest at both ends.
 
-`degree-9`: position and four derivatives given at each end, so rest-to-rest motions are C⁴, which the tracker
-needs. `degree-5`: the thesis's quintic (4.3), C² only, for reproduction. What was planned has a spline.
+`degree-9` vanishes up to the fourth derivative at both ends, so that rest-to-rest motions are C⁴, as the
+tracker needs. `degree-5` is the quintic (4.3) of the thesis, C² only. Planned motions have a spline.
 """
 
 import functools
@@ -13,12 +13,10 @@ from cranectl.scenario.along_path import AlongPath, SplineLaw
 from cranectl.scenario.segments import Spline
 from cranectl.support.arrays import Array
 
-# Derivatives that vanish at both ends.
-REST_DERIVATIVES = {"degree-9": 4, "degree-5": 2}
+REST_DERIVATIVES = {"degree-9": 4, "degree-5": 2}  # number of derivatives that vanish at both ends
 
-
-Law = str | tuple[float, ...]  # a name, or the coefficients of a spline that was planned
-PLANNED_DEGREE = 7  # with simple knots C⁶: also the fifth derivative, which the drives feel, is continuous
+Law = str | tuple[float, ...]  # a name, or the coefficients of a planned spline
+PLANNED_DEGREE = 7  # with simple knots C⁶, so the fifth derivative, which acts on the drives, is continuous
 
 
 def time_law_of(segment: AlongPath | Spline) -> Law:
@@ -30,7 +28,7 @@ def time_law_of(segment: AlongPath | Spline) -> Law:
 
 @functools.lru_cache(maxsize=256)
 def _polynomials(law: Law) -> tuple[BPoly | BSpline, ...]:
-    """Return the time law and four derivatives; named ones in the Bernstein basis, exact at both ends."""
+    """Return the time law and four derivatives; named laws in the Bernstein basis, exact at both ends."""
     if isinstance(law, str):
         rest = [0.0] * REST_DERIVATIVES[law]
         curve = BPoly.from_derivatives([0.0, 1.0], [[0.0, *rest], [1.0, *rest]])
@@ -41,7 +39,7 @@ def _polynomials(law: Law) -> tuple[BPoly | BSpline, ...]:
 
 
 def spline(breaks: Array, coefficients: Array, degree: int) -> BSpline:
-    """Return the B-spline with simple knots at `breaks`; coefficients (n,) or (n, 3)."""
+    """Return the B-spline with simple knots at `breaks` and `coefficients` (n,) or (n, 3)."""
     ends = (np.full(degree, breaks[0]), breaks, np.full(degree, breaks[-1]))
     return BSpline(np.concatenate(ends), coefficients, degree, extrapolate=False)
 
@@ -52,12 +50,12 @@ def derivatives(curve: BPoly | BSpline, orders: int = 5) -> tuple[BPoly | BSplin
 
 
 def time_law(law: Law, tau: Array, orders: int = 5) -> Array:
-    """Return s and its first derivatives with respect to tau, shape (orders, len(tau)); orders up to 6."""
+    """Return s and its derivatives with respect to tau, shape (orders, len(tau)), for up to 6 orders."""
     curves = _polynomials(law)
     return np.array([curve(tau) for curve in (*curves, curves[4].derivative())[:orders]])
 
 
 def progress(law: Law, time: Array, duration: float) -> Array:
-    """Return the time law and its derivatives in real time, shape (5, N)."""
+    """Return s and four derivatives with respect to `time` (N,) [s]: shape (5, N)."""
     scale = duration ** -np.arange(5.0)
     return scale[:, np.newaxis] * time_law(law, np.clip(time / duration, 0.0, 1.0))

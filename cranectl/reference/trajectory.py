@@ -1,7 +1,4 @@
-"""Desired load trajectories: segments with their start point fixed, one after the other, and how smooth.
-
-They give desired load positions and derivatives over time.
-"""
+"""Desired load trajectories: a sequence of segments, sampled with derivatives, and checked for jumps."""
 
 import functools
 from dataclasses import dataclass
@@ -19,17 +16,17 @@ from cranectl.scenario.segments import AddedSegment, Hold, Spline, added_kinds, 
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-# A jump this large, relative to the largest value of that derivative (at least 1), is no rounding.
-JUMP_TOLERANCE = 1e-9
+JUMP_TOLERANCE = 1e-9  # of the largest value of a derivative, or of 1; smaller jumps are rounding
+SAMPLE_TOLERANCE = 1e-9  # [s]; joints are sums of decimal durations, and a sample this close counts as at it
 _ORDINALS = ("position", "first derivative", "second derivative", "third derivative", "fourth derivative")
 
 
 class Path(Protocol):
-    """A segment with its start point fixed."""
+    """Motion of the load on one segment, from its start point."""
 
     @property
     def duration(self) -> float:
-        """Length in time [s]."""
+        """Duration [s]."""
 
     def sample(self, time: Array) -> Array:
         """Return position and four derivatives at local times in [0, duration] [s]: shape (N, 5, 3)."""
@@ -60,7 +57,7 @@ class LinePath:
     def sample(self, time: Array) -> Array:
         s = progress(self.time_law, time, self.duration)
         rows = s.T[:, :, np.newaxis] * (self.end - self.start)
-        # Exact at both ends: the next segment and the hold start where the line was told to go.
+        # Exact at both ends, where the next segment starts.
         rows[:, 0] = (1.0 - s[0])[:, np.newaxis] * self.start + s[0][:, np.newaxis] * self.end
         return rows
 
@@ -120,7 +117,7 @@ class SplinePath:
     def sample(self, time: Array) -> Array:
         time = np.clip(time, 0.0, self.duration)
         rows = np.stack([curve(time) for curve in self._curves], axis=1)
-        # What rounding leaves of derivatives at rest would be a jump.
+        # Derivatives at rest must be exactly zero: what rounding leaves would be a jump.
         rows[time == 0.0] = HoldPath(self.coefficients[0], 1.0).sample(np.zeros(1))
         rows[time == self.duration] = HoldPath(self.coefficients[-1], 1.0).sample(np.zeros(1))
         return rows
@@ -128,7 +125,7 @@ class SplinePath:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Segments one after the other; after the last its end point is held."""
+    """A sequence of segments, after which the load stays at the last end point."""
 
     start: Array
     paths: tuple[Path, ...]
@@ -141,18 +138,18 @@ class Trajectory:
     def sample(self, time: Array) -> Array:
         """Return desired load position and four derivatives (N, 15): (z, z', z'', z''', z'''').
 
-        At a joint the later segment counts. `time` [s] from 0.
+        `time` (N,) counts from 0 [s]. At a joint the later segment counts.
         """
         time = np.asarray(time, dtype=np.float64)
         rows = np.zeros((len(time), 5, 3))
         index, joints = self._segment_at(time), self.joints
         for k, path in enumerate((*self.paths, self._final_hold())):
-            chosen = index == k
-            rows[chosen] = path.sample(time[chosen] - joints[k])
+            mask = index == k
+            rows[mask] = path.sample(time[mask] - joints[k])
         return rows.reshape(len(time), 15)
 
     def set_points(self, time: Array) -> Array:
-        """Return the end of the segment at `time` [s], at rest: rows (N, 15) for a set-point controller."""
+        """Return the end point of the segment at `time` (N,) [s], at rest: (N, 15), for set-point control."""
         rows = np.zeros((len(time), 15))
         ends = np.array([_end_of(path) for path in (*self.paths, self._final_hold())])
         rows[:, :3] = ends[self._segment_at(time)]
@@ -160,11 +157,10 @@ class Trajectory:
 
     def _segment_at(self, time: Array) -> NDArray[np.intp]:
         """Return the index of the path that runs at `time`; at a joint the later one counts."""
-        # Joints are sums of decimal durations: meet the sample that is meant, a nanosecond early.
-        return np.searchsorted(self.joints - 1e-9, time, side="right") - 1
+        return np.searchsorted(self.joints - SAMPLE_TOLERANCE, time, side="right") - 1
 
     def jumps(self) -> list[tuple[float, int, float]]:
-        """Return discontinuities: (time [s], derivative order, size), the start from rest included."""
+        """Return discontinuities as (time [s], derivative order, size), also at the start from rest."""
         jumps = []
         before = HoldPath(self.start, 1.0).sample(np.array([1.0]))[0]
         for time, path in zip(self.joints, (*self.paths, self._final_hold()), strict=True):
@@ -184,16 +180,16 @@ class Trajectory:
 
 
 def build_trajectory(settings: ReferenceSettings) -> Trajectory:
-    """Build the trajectory of a scenario whose segments are `planned`.
+    """Build the trajectory of a scenario whose segments are all planned.
 
-    Raises InputError for segments of no length and for jumps in derivatives that
-    `settings.continuity` requires to be continuous.
+    Raises InputError for segments of zero length, and for jumps in derivatives up to order
+    `settings.continuity`.
     """
     start = np.array(settings.start)
     paths: list[Path] = []
     for index, segment in enumerate(settings.segments):
-        here = _end_of(paths[-1]) if paths else start
-        paths.append(_build_path(segment, here, f"reference.segments.{index}"))
+        begin = _end_of(paths[-1]) if paths else start
+        paths.append(_build_path(segment, begin, f"reference.segments.{index}"))
     trajectory = Trajectory(start, tuple(paths))
     _check_continuity(trajectory, settings.continuity)
     return trajectory
@@ -220,13 +216,13 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
     if isinstance(segment, AddedSegment):
         added: Path = added_kinds()[segment.kind].path(segment.settings, start)
         return added
-    assert isinstance(segment, Arc), f"{segment.kind}: not planned"
+    assert isinstance(segment, Arc), f"segment of kind {segment.kind} is not planned"
     check_moves(segment, start, where)
     return ArcPath(start, np.array(segment.centre), segment.angle, seconds(segment), time_law_of(segment))
 
 
 def end_point(segment: Segment, start: Array) -> Array:
-    """Return where a segment that is planned and starts at `start` ends (x, y, z) [m]."""
+    """Return the end point (x, y, z) [m] of a planned segment that begins at `start`."""
     return _end_of(_build_path(segment, start, "segment"))
 
 
@@ -236,11 +232,11 @@ def _end_of(path: Path) -> Array:
 
 
 def _check_continuity(trajectory: Trajectory, continuity: int) -> None:
-    broken = [jump for jump in trajectory.jumps() if jump[1] <= continuity]
-    if not broken:
+    jumps = [jump for jump in trajectory.jumps() if jump[1] <= continuity]
+    if not jumps:
         return
-    listed = ", ".join(f"{_ORDINALS[order]} by {size:.3g} at {time:g} s" for time, order, size in broken)
-    lowest = min(order for _, order, _ in broken)
+    listed = ", ".join(f"{_ORDINALS[order]} by {size:.3g} at {time:g} s" for time, order, size in jumps)
+    lowest = min(order for _, order, _ in jumps)
     opt_out = f", or accept it with reference.continuity = {lowest - 1}" if lowest > 0 else ""
     raise InputError(
         f"the reference jumps: {listed}",

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from cranectl.planning.limits import AXES
-from cranectl.planning.review import ACTS, Review
+from cranectl.planning.review import ACTIVE_SHARE, Review
 from cranectl.report.table import Table, cells
 from cranectl.scenario import Scenario
 from cranectl.scenario.segments import seconds
@@ -45,7 +45,7 @@ def plan_tables(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[
         if review is not None:
             name, slack = review.tightest
             alone = f"{review.least:.3f}" if review.least else ""
-            what, more = review.planned, [alone, str(review.proof.pieces), f"{slack:.2g} of {name}"]
+            what, more = review.description, [alone, str(review.proof.pieces), f"{slack:.2g} of {name}"]
             more += [f"{least[index]:.3f}, {duration / least[index] - 1.0:.1%}"] if least else []
         rows.append(cells(str(index), what, f"{begins:.3f}", f"{duration:.3f}", *more))
         begins += duration
@@ -59,19 +59,19 @@ def plan_tables(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[
         headings.append("least with any knots\n[s], gap")
         note += " Least with any knots: an estimate from this plan and one with twice as many knots."
     tables = [Table("", tuple(headings), tuple(rows), labels=2, note=note if reviewed else "")]
-    acting = [
+    active = [
         cells(
             str(review.segment),
             name,
-            ", ".join(f"{stretch.start:.2f}–{stretch.end:.2f}" for stretch in stretches),
+            ", ".join(f"{time.start:.2f}–{time.end:.2f}" for time in times),
         )
         for review in reviewed
-        for name, stretches in review.by_limit.items()
+        for name, times in review.active_by_limit.items()
     ]
-    if acting:
-        title = f"Limits that act, at {100 * ACTS:g} % or more of what may be used"
+    if active:
+        title = f"Limits that act, at {100 * ACTIVE_SHARE:g} % or more of what may be used"
         limits = "segment", "limit", "when, from the segment's start [s]"
-        tables.append(Table(title, limits, tuple(acting), labels=3, folded=True))  # the figure shows them
+        tables.append(Table(title, limits, tuple(active), labels=3, folded=True))  # the figure shows them
     return tables
 
 
@@ -83,7 +83,7 @@ def plan_json(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[fl
         "segments": [
             {
                 "segment": review.segment,
-                "planned": review.planned,
+                "planned": review.description,
                 "start_s": review.start,
                 "duration_s": review.duration,
                 "drives_alone_s": review.least,
@@ -91,7 +91,7 @@ def plan_json(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[fl
                 "proven": review.proof.is_valid,
                 "pieces": review.proof.pieces,
                 "slack": review.proof.slack,
-                "acting": [stretch._asdict() for stretch in review.acting],
+                "acting": [stretch._asdict() for stretch in review.active],
             }
             for review in reviewed
         ],
@@ -100,7 +100,7 @@ def plan_json(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[fl
 
 def plan_figure(reviewed: Sequence[Review], scenario: Scenario) -> Figure:
     """Draw which limits act when, the use of each limit over time, and small the load's path."""
-    acting = list(dict.fromkeys(name for review in reviewed for name in review.by_limit))
+    acting = list(dict.fromkeys(name for review in reviewed for name in review.active_by_limit))
     bars = 0.6 + 0.2 * len(acting)  # [in] high
     figure = Figure(figsize=(10.0, 5.0 + bars), layout="constrained")
     left, right = figure.subfigures(1, 2, width_ratios=(2.1, 1.0), squeeze=False)[0]
@@ -129,13 +129,13 @@ def plan_figure(reviewed: Sequence[Review], scenario: Scenario) -> Figure:
 def _draw_acting(axes: Axes, reviewed: Sequence[Review], acting: Sequence[str]) -> None:
     """Draw a bar for each stretch of time in which a limit acts, a row for each limit."""
     for review in reviewed:
-        for stretch in review.acting:
+        for stretch in review.active:
             length = max(stretch.end - stretch.start, review.duration / len(review.time))
             place = review.start + stretch.start, acting.index(stretch.name)
             axes.barh(place[1], length, left=place[0], height=0.6, color=LIMIT_COLOUR)
     axes.set_yticks(range(len(acting)), acting)
     axes.set_ylim(len(acting) - 0.4, -0.6)
-    axes.set_title(f"limits that act: {100 * ACTS:g} % or more is used", loc="left", fontsize=9)
+    axes.set_title(f"limits that act: {100 * ACTIVE_SHARE:g} % or more is used", loc="left", fontsize=9)
     axes.grid(visible=False, axis="y")
     axes.margins(x=0.0)
 
@@ -146,7 +146,7 @@ def _draw_path(axes: Axes, reviewed: Sequence[Review], scenario: Scenario, verti
         line = review.path[:, [0, vertical]].T
         axes.plot(*line, color=f"C{k}")
         axes.plot(*line[:, [0, -1]], ".", color=f"C{k}")
-        axes.plot(*review.marked[:, [0, vertical]].T, "x", color=edge, markersize=4)
+        axes.plot(*review.marked_points[:, [0, vertical]].T, "x", color=edge, markersize=4)
     for box in scenario.obstacles:
         low, high = np.array(box.low)[[0, vertical]], np.array(box.high)[[0, vertical]]
         axes.add_patch(Rectangle(tuple(low), *(high - low), color=edge, alpha=0.4))

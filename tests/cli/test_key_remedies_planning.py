@@ -45,8 +45,8 @@ CHECKS, PLAN, BLENDS = (f"planning/{name}.py" for name in ("checks", "plan", "bl
 PATH = "scenario/along_path.py"
 LOAD = "move the point, or widen planning.load_box or lessen planning.clearance"
 WEAK = "correct rig.load_mass or {}.force, or raise planning.share"
-OVER = "lower the obstacle, or go round it by points in via"
-LONG = "raise {}, or ask for a shorter way"
+OVER = "lower the obstacle, or pass around it by points in via"
+LONG = "raise {}, or choose a shorter path"
 STAY, HOLD = 'to stay in place use kind = "hold"', 'reference.segments=[{kind = "hold", duration=1.0}]'
 ROPE = "leave constant_rope out, or make the heights equal"
 PLANE = "leave plane out, or move the point"
@@ -136,7 +136,7 @@ CASES = [
     Case(CHECKS, LONG, [line(FAR), "planning.lean=1e-6"], [line(FAR), "planning.lean=0.1"]),
     Case(
         CHECKS,
-        "take kind = 'move', which finds a way, or another path",
+        "use kind = 'move', which finds a path, or another path",
         [line(FAR), obstacle(-0.4)],
         [move(FAR), obstacle(-0.4)],
     ),

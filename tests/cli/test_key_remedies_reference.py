@@ -95,7 +95,7 @@ EVEN = "[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.2,0.77,-0.7],[1.4,0.77,-0.7]"
 QUICK, FASTER = "times=[0, 0.6, 1.2]", "velocity=[3.0, 3.0, 3.0]"
 HARDER = "acceleration=[30.0, 30.0, 30.0]"
 NO_FORCE = ["--drive", "velocity", "effects.limits.force=[1e9, 1e9, 1e9]"]
-F, T, G, S = (f"reference/{name}.py" for name in ("files", "tables", "given", "sanity"))
+F, T, G, S = (f"reference/{name}.py" for name in ("files", "tables", "point_splines", "sanity"))
 UNITS = "leave out units.{}, or correct the file"
 ENCODING = "save it as CSV in UTF-8, or as Parquet"
 MAP = "map it: columns = {{} = '…'}{}"
@@ -104,7 +104,7 @@ REST = "leave out {}; to rest there, give times in place of speeds"
 STOP = "leave out {}; to stop there, end the segment there and begin another"
 BEGIN = "reference.start = [{}] if it is the first segment, or move there before, or offset = '{}'"
 SIGNS = "signs = [1, 1, -1] if the file counts z downwards; or offset = '{}' if it counts from elsewhere"
-SPANS = "leave out spans: it is chosen then, or take fewer"
+SPANS = "leave out spans, which is chosen then, or take fewer"
 OFTEN = 'record more often, or take them as points: kind = "waypoints"'
 DEMAND = "give the motion more time, or raise {} if the drive can do more"
 CASES = [
@@ -113,7 +113,7 @@ CASES = [
     Case(F, "record it again", points("empty.csv"), points()),
     Case(
         F,
-        "say in what it is, units = {{} = '{}', …}: a guess could err",
+        "set units = {{} = '{}', …}; cranectl does not guess units",
         points(units="units={time='s'}"),
         points(),
     ),
@@ -157,7 +157,7 @@ CASES = [
         points("flat.csv"),
         points("flat.csv", IN_SI, "columns={z=-0.7}"),
     ),
-    Case(G, 'near more than that passes kind = "samples"', points("many.csv"), samples("many.csv")),
+    Case(G, 'for a spline near more points use kind = "samples"', points("many.csv"), samples("many.csv")),
     Case(G, "add or remove some", through("times=[0, 3]"), through("times=[0, 3, 6]")),
     Case(G, ZERO_SPEED, through("speed=[0, 0, 0.1]"), through("speed=[0, 0.1, 0.1]")),
     Case(G, ZERO_SPEED, through("speed=[0, 0, 0.1]"), through("times=[0, 3, 6]")),

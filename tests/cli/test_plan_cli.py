@@ -8,7 +8,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
-from cranectl.planning import load_scenario, planned
+from cranectl.planning import load_scenario, plan_motions
 from cranectl.simulate import simulate_run
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -58,7 +58,7 @@ def test_a_log_is_simulated_again_without_planning(monkeypatch: pytest.MonkeyPat
     assert main(["run", "across.toml", "--plants", "analytic", "--out", "across.mcap"]) == 0
     run = read_log("across.mcap")["analytic"]
     monkeypatch.delattr("cranectl.planning.programs.solve")
-    scenario = planned(run.scenario)
+    scenario = plan_motions(run.scenario)
     assert scenario is run.scenario
     repeated = simulate_run(scenario, plant="analytic", design=run.design)
     every = scenario.log.every

@@ -1,13 +1,14 @@
-"""Shortest motions by direct transcription in joint coordinates: what a planner can gain at most.
+"""Lower bounds of durations: shortest motions by direct transcription in joint coordinates.
 
-Independent of the package: the equations of motion, and the joints of a path that is given, are written anew.
-Where the path is free the controls are held accelerations of the drives, or, with a lag, of their set-points
-w = v + lag u, so v' = (w - v) / lag. Where it is given, z = z(s), the highest derivative of s(t) is held.
+The bounds are independent of the package, with their own equations of motion and of the joints along a path.
+For free motions the controls are piecewise constant accelerations of the drives or, with a lag, of their
+set-points w = v + lag u, so v' = (w - v) / lag. Along a path z = z(s), the highest derivative of s(t) is
+piecewise constant.
 
-States are limited at the nodes: between them the lean is exceeded by 2 mrad at most, and along a path, where
-the drives' accelerations are not held, one limit by 5 % at worst: limits in the middles too cost 0.01 % of
-the duration. Durations converge from above: those of `bound` are at most 0.42 % longer than those of
-`python -m tests.planning.bang_bang 120`. Other first guesses end at the same four digits.
+Limits hold at the nodes. Between them the lean exceeds its limit by at most 2 mrad. Along a path, one limit
+is exceeded by 5 % at worst; limits at midpoints too would cost 0.01 % of the duration. Durations converge
+from above: those of `bound` are at most 0.42 % longer than those of `python -m tests.planning.bang_bang 120`.
+Other first guesses give the same four digits.
 """
 
 import sys
@@ -19,13 +20,13 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-# No status but Solve_Succeeded is taken for success: none that is acceptable only.
+# Only Solve_Succeeded counts as success, so acceptable solutions are switched off.
 IPOPT = {"print_level": 0, "sb": "yes", "tol": 1e-7, "max_iter": 1000, "acceptable_iter": 0}
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Of bridge, trolley, winch, and of the load; by default the laboratory's, for a load of 1 kg."""
+    """Limits of bridge, trolley, winch and load, by default of the laboratory's rig with a load of 1 kg."""
 
     velocity: tuple[float, ...] = (1.0, 1.0, 0.6)  # [m/s], of the set-points
     acceleration: tuple[float, ...] = (4.0, 4.0, 6.0)  # [m/s²], of the set-points
@@ -37,14 +38,14 @@ class Limits:
     load_high: tuple[float, ...] = (1.95, 1.49, -0.05)
     joints_low: tuple[float, ...] = (0.0, 0.0, 0.05)
     joints_high: tuple[float, ...] = (2.0, 1.54, 1.4)
-    masses: tuple[float, ...] = (8.5, 2.5, 0.4)  # [kg], what each drive moves but the load
+    masses: tuple[float, ...] = (8.5, 2.5, 0.4)  # [kg], moved by each drive, without the load
     load_mass: float = 1.0
     gravity: float = 9.81
 
 
 @dataclass(frozen=True)
 class Wall:
-    """Across the way in x, as wide as the rig; a load of `radius` and its rope keep clear of it."""
+    """A wall across x, as wide as the rig, that a load of `radius` and its rope must not touch."""
 
     low: float  # [m], x
     high: float
@@ -54,7 +55,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Move:
-    """From rest to rest, by whatever path; before, over and behind the wall if there is one."""
+    """A motion from rest to rest on any path; before, over and behind a wall if there is one."""
 
     start: tuple[float, float, float]  # [m]
     end: tuple[float, float, float]
@@ -63,9 +64,9 @@ class Move:
 
 @dataclass(frozen=True)
 class Along:
-    """From rest to rest along the path z(s), s from 0 to 1."""
+    """A motion from rest to rest along the path z(s), s from 0 to 1."""
 
-    place: Callable[[ca.SX], ca.SX]  # (3,) [m]
+    position: Callable[[ca.SX], ca.SX]  # (3,) [m]
 
 
 def _line(s: ca.SX) -> ca.SX:
@@ -89,37 +90,39 @@ CASES: dict[str, Move | Along] = {
 
 
 class Model(NamedTuple):
-    """What the transcription needs, in CasADi's symbols."""
+    """Symbols of CasADi for the transcription."""
 
-    state: ca.SX  # at rest zeros but for the joints, or but for s
+    state: ca.SX  # at rest zero, except for the joints or s
     control: ca.SX
     rate: ca.SX  # of the state [1/s]
     joints: ca.SX  # (x_c, y_c, l) [m]
     load: ca.SX  # [m]
     acceleration: ca.SX  # of the joints [m/s²]
-    rows: tuple[ca.SX, np.ndarray, np.ndarray]  # what is limited, its lower and upper bound
+    rows: tuple[ca.SX, np.ndarray, np.ndarray]  # constraints with lower and upper bounds
 
 
 def model_of(case: Move | Along, limits: Limits) -> Model:
-    """Of the crane, or of its motion along a path."""
+    """Return the model of the crane, or of its motion along a path."""
     return _free(limits) if isinstance(case, Move) else _along(case, limits)
 
 
 def _free(limits: Limits) -> Model:
-    """State: joints, alpha, beta; their rates; with a lag the set-points."""
+    """Return the model with the state (joints, alpha, beta; their rates; with a lag the set-points)."""
     joints, angles, velocity, rates, setpoint, control = (ca.SX.sym("q", n) for n in (3, 2, 3, 2, 3, 3))
     u = (setpoint - velocity) / limits.lag if limits.lag else control
     (a, b), (a_rate, b_rate) = ca.vertsplit(angles), ca.vertsplit(rates)
     length, rope_rate, g = joints[2], velocity[2], limits.gravity
     sin_a, cos_a, sin_b, cos_b = ca.sin(a), ca.cos(a), ca.sin(b), ca.cos(b)
-    a_push = 2 * length * a_rate * b_rate * sin_b - g * sin_a - 2 * rope_rate * a_rate * cos_b - cos_a * u[1]
-    b_push = sin_a * sin_b * u[1] - cos_b * u[0] - g * cos_a * sin_b - 2 * rope_rate * b_rate
-    b_push -= length * a_rate**2 * sin_b * cos_b
+    a_forcing = (
+        2 * length * a_rate * b_rate * sin_b - g * sin_a - 2 * rope_rate * a_rate * cos_b - cos_a * u[1]
+    )
+    b_forcing = sin_a * sin_b * u[1] - cos_b * u[0] - g * cos_a * sin_b - 2 * rope_rate * b_rate
+    b_forcing -= length * a_rate**2 * sin_b * cos_b
     n = ca.vertcat(sin_b, cos_b * sin_a, -cos_a * cos_b)
     load = ca.vertcat(joints[:2], 0) + length * n
     pull = length * ((a_rate * cos_b) ** 2 + b_rate**2) - g * n[2] - u[0] * n[0] - u[1] * n[1] - u[2]
     state = ca.vertcat(joints, angles, velocity, rates)
-    rate = ca.vertcat(velocity, rates, u, a_push / (length * cos_b), b_push / length)
+    rate = ca.vertcat(velocity, rates, u, a_forcing / (length * cos_b), b_forcing / length)
     if not limits.lag:
         rows = _rows(limits, joints, load, velocity, u, u, n, pull)
         return Model(state, control, rate, joints, load, u, rows)
@@ -128,14 +131,14 @@ def _free(limits: Limits) -> Model:
 
 
 def _along(path: Along, limits: Limits) -> Model:
-    """State: s and its derivatives to the third, with a lag to the fourth; the control is the next."""
+    """Return the model with the state s, s', s'', s''' (with a lag also s'''') and the next as control."""
     state, control = ca.SX.sym("s", 5 if limits.lag else 4), ca.SX.sym("control")
     rate = ca.vertcat(state[1:], control)
 
     def dot(expression: ca.SX) -> ca.SX:
         return ca.jtimes(expression, state, rate)
 
-    load = path.place(state[0])
+    load = path.position(state[0])
     force = dot(dot(load)) + np.array([0.0, 0.0, limits.gravity])  # of the rope, per mass
     slope = force[:2] / force[2]
     joints = ca.vertcat(load[:2] - load[2] * slope, -load[2] * ca.sqrt(1 + ca.sumsqr(slope)))
@@ -149,7 +152,7 @@ def _along(path: Along, limits: Limits) -> Model:
 def _rows(
     limits: Limits, joints: ca.SX, load: ca.SX, w: ca.SX, w_dot: ca.SX, u: ca.SX, n: ca.SX, pull: ca.SX
 ) -> tuple[ca.SX, np.ndarray, np.ndarray]:
-    """What is limited and its bounds; `pull` is the tension per mass of the load [m/s²]."""
+    """Return constraints and bounds; `pull` is the tension per mass of the load [m/s²]."""
     rows = [
         (joints, limits.joints_low, limits.joints_high),
         (load, limits.load_low, limits.load_high),
@@ -166,9 +169,9 @@ def _rows(
 
 
 def sides_of(wall: Wall, model: Model) -> list[ca.SX]:
-    """What must not be negative before, over and behind the wall: of the load, of the rope at its top."""
+    """Return expressions that must not be negative before, over and behind the wall, for load and rope."""
     x, (load_x, _, load_z) = model.joints[0], ca.vertsplit(model.load)
-    # Where the rope passes the top, times -load_z; a load above the top is clear by more than its rope leans.
+    # Position of the rope at the wall's top, times -load_z.
     rope = x * (wall.top - load_z) - load_x * wall.top
     before = ca.vertcat(wall.low - wall.radius - load_x, -wall.low * load_z - rope)
     behind = ca.vertcat(load_x - wall.high - wall.radius, rope + wall.high * load_z)
@@ -176,7 +179,7 @@ def sides_of(wall: Wall, model: Model) -> list[ca.SX]:
 
 
 def _guess(case: Move | Along, states: int, nodes: int, seconds: float) -> np.ndarray:
-    """A smooth motion (states, nodes) to begin with, at rest at its ends."""
+    """Return a smooth initial guess (states, nodes), at rest at both ends."""
     law = np.polynomial.Polynomial([0, 0, 0, 0, 0, 126, -420, 540, -315, 70])
     share = np.linspace(0.0, 1.0, nodes)
     s = np.array([law.deriv(k)(share) / seconds**k for k in range(5)])
@@ -184,10 +187,10 @@ def _guess(case: Move | Along, states: int, nodes: int, seconds: float) -> np.nd
     if isinstance(case, Along):
         return s[:states]
     guess, bump = np.zeros((states, nodes)), np.sin(pi * share) ** 2
-    start, end = (np.array(place) * (1.0, 1.0, -1.0) for place in (case.start, case.end))
+    start, end = (np.array(point) * (1.0, 1.0, -1.0) for point in (case.start, case.end))
     guess[:3] = start[:, None] + np.outer(end - start, s[0])
     guess[5:8] = np.outer(end - start, s[1])
-    guess[1, 1:-1] += 0.05 * bump[1:-1]  # swinging sideways is shorter, and the plane between is a saddle
+    guess[1, 1:-1] += 0.05 * bump[1:-1]  # sideways swing is faster, and the motion in the plane is a saddle
     if case.wall:
         guess[2, 1:-1] -= (case.wall.top + case.wall.radius - case.start[2]) * bump[1:-1]
     return guess
@@ -195,7 +198,7 @@ def _guess(case: Move | Along, states: int, nodes: int, seconds: float) -> np.nd
 
 @dataclass(frozen=True)
 class Optimum:
-    """What IPOPT found."""
+    """Solution of IPOPT."""
 
     duration: float  # [s]
     times: np.ndarray  # of the nodes [s]
@@ -204,7 +207,7 @@ class Optimum:
 
 
 def _runge_kutta(rate: ca.Function, state: ca.SX, control: ca.SX, step: ca.SX) -> ca.SX:
-    """The state after a step, by the classical method of order four in two halves."""
+    """Return the state after a step, by two half steps of the classical method of order four."""
     h = step / 2
     for _ in range(2):
         k1 = rate(state, control)
@@ -214,54 +217,54 @@ def _runge_kutta(rate: ca.Function, state: ca.SX, control: ca.SX, step: ca.SX) -
     return state
 
 
-def _shares(legs: int, each: int) -> np.ndarray:
-    """Of its leg's duration, of each step, (legs x each,); finer towards the ends, where a lag needs it."""
-    middle = (np.arange(legs * each) + 0.5) / (legs * each)
-    weights = (0.5 + np.sin(pi * middle)).reshape(legs, each)
+def _shares(passages: int, steps: int) -> np.ndarray:
+    """Return each step's share of its passage (passages x steps,), finer towards the ends."""
+    middle = (np.arange(passages * steps) + 0.5) / (passages * steps)
+    weights = (0.5 + np.sin(pi * middle)).reshape(passages, steps)
     return (weights / weights.sum(axis=1, keepdims=True)).ravel()
 
 
 def optimum(case: Move | Along, limits: Limits, intervals: int) -> Optimum:
-    """The shortest motion with so many controls.
+    """Return the shortest motion with `intervals` controls.
 
     Raises RuntimeError with IPOPT's status unless it is Solve_Succeeded.
     """
     model = model_of(case, limits)
     sides = sides_of(case.wall, model) if isinstance(case, Move) and case.wall else [ca.SX(0, 1)]
-    seconds, each = (2.0 if isinstance(case, Move) else 5.0), intervals // len(sides)
-    steps = each * len(sides)
+    seconds, steps_per_side = (2.0 if isinstance(case, Move) else 5.0), intervals // len(sides)
+    steps = steps_per_side * len(sides)
     x_, u_, h = model.state, model.control, ca.SX.sym("h")
     rate = ca.Function("rate", [x_, u_], [model.rate])
     step = ca.Function("step", [x_, u_, h], [_runge_kutta(rate, x_, u_, h)])
 
     opti = ca.Opti()
     x, u = opti.variable(x_.numel(), steps + 1), opti.variable(u_.numel(), steps)
-    legs = opti.variable(1, len(sides))  # duration of each, on one side of a wall [s]
-    shares = _shares(len(sides), each)
-    opti.minimize(ca.sum2(legs))
-    opti.subject_to(opti.bounded(0.02, legs, 60.0))
-    opti.subject_to(
-        x[:, 1:] == step.map(steps)(x[:, :-1], u, ca.kron(legs, ca.DM.ones(1, each)) * shares[None])
-    )
+    passages = opti.variable(1, len(sides))  # durations on each side of a wall [s]
+    shares = _shares(len(sides), steps_per_side)
+    opti.minimize(ca.sum2(passages))
+    opti.subject_to(opti.bounded(0.02, passages, 60.0))
+    lengths = ca.kron(passages, ca.DM.ones(1, steps_per_side)) * shares[None]
+    opti.subject_to(x[:, 1:] == step.map(steps)(x[:, :-1], u, lengths))
     _limit(opti, model, x, u)
-    for leg, side in enumerate(sides):
-        clear = ca.Function("clear", [x_], [side]).map(each + 1)
+    for k, side in enumerate(sides):
+        clear = ca.Function("clear", [x_], [side]).map(steps_per_side + 1)
         if side.numel():
-            opti.subject_to(ca.vec(clear(x[:, leg * each : (leg + 1) * each + 1])) >= 0)
+            nodes = x[:, k * steps_per_side : (k + 1) * steps_per_side + 1]
+            opti.subject_to(ca.vec(clear(nodes)) >= 0)
     guess = _guess(case, x_.numel(), steps + 1, seconds)
     opti.subject_to(x[:, 0] == guess[:, 0])
     opti.subject_to(x[:, -1] == guess[:, -1])
     opti.set_initial(x, guess)
-    opti.set_initial(legs, seconds / len(sides))
+    opti.set_initial(passages, seconds / len(sides))
     opti.solver("ipopt", {"expand": True, "print_time": False}, IPOPT)
-    found = opti.solve()
-    durations = np.atleast_1d(found.value(legs))
-    times = np.append(0.0, np.cumsum(np.repeat(durations, each) * shares))
-    return Optimum(float(durations.sum()), times, found.value(x), np.atleast_2d(found.value(u)))
+    solution = opti.solve()
+    durations = np.atleast_1d(solution.value(passages))
+    times = np.append(0.0, np.cumsum(np.repeat(durations, steps_per_side) * shares))
+    return Optimum(float(durations.sum()), times, solution.value(x), np.atleast_2d(solution.value(u)))
 
 
 def _limit(opti: ca.Opti, model: Model, x: ca.MX, u: ca.MX) -> None:
-    """The limits at the nodes; of what jumps with the control on both sides of each."""
+    """Add the limits at the nodes, on both sides of a node for expressions that jump with the control."""
     rows, low, high = model.rows
     jumps = np.array(ca.which_depends(rows, model.control, 1, True))
     still = ca.Function("still", [model.state], [rows[np.flatnonzero(~jumps).tolist()]])
@@ -272,7 +275,7 @@ def _limit(opti: ca.Opti, model: Model, x: ca.MX, u: ca.MX) -> None:
 
 
 def bound(case: Move | Along, limits: Limits) -> float:
-    """Duration of the shortest motion [s], in 1 to 5 s."""
+    """Return the duration of the shortest motion [s]; this takes 1 to 5 s."""
     return optimum(case, limits, 60 if isinstance(case, Move) else 80).duration
 
 

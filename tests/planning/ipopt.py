@@ -1,6 +1,6 @@
-"""An oracle of the planner: IPOPT through CasADi, with exact derivatives and no line in common.
+"""An independent solver for the planner's problems: IPOPT through CasADi, with exact derivatives.
 
-It finds the durations that `programs` does, to 1e-4, in six times its time.
+It finds the durations of `programs` to 1e-4, in six times the time.
 """
 
 from typing import Any
@@ -9,18 +9,21 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import BSpline
 
-from cranectl.planning.problem import ORDERS, Problem, Sampled
-from cranectl.planning.programs import EFFORT_WEIGHT, FEASIBLE, Solution
+from cranectl.planning.problem import ORDERS, Problem, SampleGroup
+from cranectl.planning.programs import EFFORT_WEIGHT, FEASIBILITY_TOLERANCE, Solution
 from cranectl.support.arrays import Array
 
-# Only Solve_Succeeded is success. An adaptive barrier takes a fifth of the steps of a monotone one.
+# Only Solve_Succeeded counts. An adaptive barrier takes a fifth of the steps of a monotone one.
 OPTIONS = {"print_level": 0, "sb": "yes", "tol": 1e-7, "max_iter": 500, "acceptable_iter": 0}
 OPTIONS |= {"mu_strategy": "adaptive"}
-SHORTEST, LONGEST = 0.05, 20.0  # of the first duration: below zero limits would hold again
+SHORTEST, LONGEST = (
+    0.05,
+    20.0,
+)  # bounds of the duration, as shares of the first one; limits hold below zero too
 
 
 def solve(problem: Problem, x: Array, sizes: Array, penalty: float = 0.0) -> Solution:
-    """Solve as `programs.solve` does; limits are not weighted, so return `penalty` as it is."""
+    """Solve as `programs.solve` does, with hard limits; return `penalty` unchanged."""
     at, unit = problem.width, problem.duration(x)
     scaled = ca.MX.sym("x", len(x))
     unknowns = x + sizes * scaled
@@ -29,10 +32,10 @@ def solve(problem: Problem, x: Array, sizes: Array, penalty: float = 0.0) -> Sol
     for group in problem.groups:
         jets = _jets(problem, group, unknowns)
         limits, effort, fixed = _rows(problem, group)
-        rows.append(ca.vec(limits.map(len(group.parts))(jets)))
-        equal.append(np.tile(fixed, len(group.parts)))
-        efforts = effort.map(len(group.parts))(jets) if efforts is None else efforts
-    order, slope = problem.in_order(x)
+        rows.append(ca.vec(limits.map(len(group.fractions))(jets)))
+        equal.append(np.tile(fixed, len(group.fractions)))
+        efforts = effort.map(len(group.fractions))(jets) if efforts is None else efforts
+    order, slope = problem.order_excesses(x)
     rows.append(order + ca.DM(slope * sizes) @ scaled)
     equal.append(np.zeros(len(order), dtype=bool))
     cost = unknowns[at] / unit + EFFORT_WEIGHT * ca.sumsqr(efforts) / efforts.numel()
@@ -45,26 +48,26 @@ def solve(problem: Problem, x: Array, sizes: Array, penalty: float = 0.0) -> Sol
         {"expand": False, "print_time": False, "error_on_fail": False, "ipopt": OPTIONS},
     )
     lowest = np.where(np.concatenate(equal), 0.0, -np.inf)
-    answer = solver(x0=np.zeros(len(x)), lbx=low, ubx=high, lbg=lowest, ubg=0.0)
-    told = solver.stats()
-    found = x + sizes * answer["x"].full().ravel()
-    excess = float(problem.linearised(found).excess.max())
-    solved = told["return_status"] == "Solve_Succeeded" and excess < FEASIBLE
-    return Solution(found, solved, penalty)
+    result = solver(x0=np.zeros(len(x)), lbx=low, ubx=high, lbg=lowest, ubg=0.0)
+    solution = x + sizes * result["x"].full().ravel()
+    excess = float(problem.linearise(solution).excess.max())
+    solved = solver.stats()["return_status"] == "Solve_Succeeded" and excess < FEASIBILITY_TOLERANCE
+    return Solution(solution, solved, penalty)
 
 
-def _rows(problem: Problem, group: Sampled) -> tuple[Any, Any, Array]:
-    """Of the jet at a sample: what is at most zero, the efforts; which of the former are to be zero."""
+def _rows(problem: Problem, group: SampleGroup) -> tuple[Any, Any, Array]:
+    """Return limits (at most zero) and efforts by the jet at a sample, and which limits are equations."""
     jet = ca.SX.sym("jet", ORDERS * len(problem.task.start))
     limits, efforts, fixed = [], [], []
-    for each in group.bounded(problem.series_of(ca.vertsplit(jet))):
-        value = each.constraint.series[0] * (each.sign / each.constraint.scale)
-        if each.bound is None:
+    for bounded in group.bounded(problem.series_of(ca.vertsplit(jet))):
+        constraint = bounded.constraint
+        value = constraint.series[0] * (bounded.sign / constraint.scale)
+        if bounded.bound is None:
             efforts.append(value)
             continue
-        equal = each.constraint.low == each.constraint.high
-        if not equal or each.sign > 0.0:  # one equation in place of two inequalities, which have no inside
-            limits.append(value - each.bound * each.sign / each.constraint.scale)
+        equal = constraint.low == constraint.high
+        if not equal or bounded.sign > 0.0:  # one equation replaces two inequalities without interior
+            limits.append(value - bounded.bound * bounded.sign / constraint.scale)
             fixed.append(equal)
     return (
         ca.Function("limits", [jet], [ca.vertcat(*limits)]),
@@ -73,26 +76,26 @@ def _rows(problem: Problem, group: Sampled) -> tuple[Any, Any, Array]:
     )
 
 
-def _jets(problem: Problem, group: Sampled, unknowns: Any) -> Any:
-    """Derivatives of the coordinates in time at the samples, (ORDERS * d, N)."""
+def _jets(problem: Problem, group: SampleGroup, unknowns: Any) -> Any:
+    """Return derivatives of the coordinates in time at the samples, (ORDERS * d, N)."""
     d, at = len(problem.task.start), problem.width
     free, duration = ca.reshape(unknowns[:at], d, at // d), unknowns[at]
     ends = [np.tile(end[:, None], (1, problem.free.start)) for end in (problem.task.start, problem.task.end)]
     coefficients = ca.horzcat(ends[0], free, ends[1])  # (d, spans + degree)
     if group.by_instant.any():
-        parts = group.parts + ca.DM(group.by_instant) @ unknowns[at + 1 :]
-        parts = ca.fmin(ca.fmax(parts, 0.0), 1.0).T
-        shapes = [coefficients @ _basis(curve, len(group.parts))(parts) for curve in problem.curves]
+        fractions = group.fractions + ca.DM(group.by_instant) @ unknowns[at + 1 :]
+        fractions = ca.fmin(ca.fmax(fractions, 0.0), 1.0).T
+        shapes = [coefficients @ _basis(curve, len(group.fractions))(fractions) for curve in problem.curves]
     else:
-        basis = problem.basis(group.parts)
+        basis = problem.basis(group.fractions)
         shapes = [coefficients @ ca.sparsify(ca.DM(basis[:, order].T)) for order in range(ORDERS)]
     return ca.vertcat(*(shape / duration**order for order, shape in enumerate(shapes)))
 
 
 def _basis(curve: BSpline, count: int) -> Any:
-    """One derivative of the basis functions at so many parts of the duration, (1, count) to (n, count).
+    """Return a function from `count` fractions (1, count) to a derivative of the basis (n, count).
 
-    CasADi's splines with symbolic coefficients lack derivatives by them: these have fixed ones.
+    CasADi's splines with symbolic coefficients cannot be differentiated by them, so these are fixed.
     """
     size = len(curve.t) - curve.k - 1
     part = ca.MX.sym("part")

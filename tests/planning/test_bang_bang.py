@@ -1,4 +1,4 @@
-"""The oracle of the planner against closed forms, the package's equations, and itself."""
+"""The lower bounds of durations, against closed forms, the package's equations and finer controls."""
 
 from dataclasses import replace
 from math import sqrt
@@ -25,31 +25,31 @@ from tests.planning.bang_bang import (
 from tests.planning.tasks import share
 
 HOIST = Move((1.0, 0.77, -1.0), (1.0, 0.77, -0.5))
-COARSE = 30  # controls, where some per mille of the duration do not matter
+COARSE = 30  # controls, enough for some per mille of the duration
 
 
-def test_the_equations_of_motion_are_the_packages() -> None:
+def test_the_equations_of_motion_are_those_of_the_package() -> None:
     model = model_of(HOIST, Limits(force=(1.0, 1.0, 1.0)))
     evaluated = ca.Function("f", [model.state, model.control], [model.rate[8:], model.rows[0][-3:]])
     inputs = np.random.default_rng(1).uniform(-5.0, 5.0, (100, 3))
     masses = axis_masses(RigParameters())
     for row, u in zip(random_states(100), inputs, strict=True):
         accelerations, forces = evaluated(np.concatenate([row[0:10:2], row[1:10:2]]), u)
-        wanted = angular_accelerations(row[4], row[5], *row[6:], *u[:2], masses.gravity)
-        np.testing.assert_allclose(accelerations.full().ravel(), wanted, rtol=1e-12, atol=1e-12)
+        expected = angular_accelerations(row[4], row[5], *row[6:], *u[:2], masses.gravity)
+        np.testing.assert_allclose(accelerations.full().ravel(), expected, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(
             forces.full().ravel(), drive_forces(masses, row, *u), rtol=1e-12, atol=1e-12
         )
 
 
-def test_load_and_rope_are_beside_a_wall_or_over_it() -> None:
+def test_side_expressions_tell_whether_load_and_rope_clear_a_wall() -> None:
     wall = replace(WALL, radius=0.05)
     model = model_of(HOIST, Limits())
     sides = ca.Function("sides", [model.state], [*sides_of(wall, model), model.load])
     seen = set()
     for row in random_states(2000):
         before, over, behind, load = (
-            each.full().ravel() for each in sides(np.concatenate([row[0:10:2], row[1:10:2]]))
+            side.full().ravel() for side in sides(np.concatenate([row[0:10:2], row[1:10:2]]))
         )
         x, z = load[0], load[2]
         assert (over >= 0).all() == (z >= wall.top + wall.radius)
@@ -72,7 +72,7 @@ def test_load_and_rope_are_beside_a_wall_or_over_it() -> None:
             Limits(velocity=(1.0, 1.0, 9.0), force=(60.0, 40.0, 12.0), lean=1e-3),
             sqrt(2 * 0.5 * (1.4 / (12 - 9.81) + 1 / 6)),
         ),
-        # A rope that may pull with 1.2 weights, and a load that falls freely but for 0.5.
+        # A tension of up to 1.2 weights, and at least 0.5 weights while the load falls.
         (
             Limits(velocity=(1.0, 1.0, 9.0), tension=(0.5, 1.2), lean=1e-3),
             sqrt(2 * 0.5 / 9.81 * (1 / 0.2 + 1 / 0.5)),
@@ -80,16 +80,17 @@ def test_load_and_rope_are_beside_a_wall_or_over_it() -> None:
     ],
     ids=["acceleration", "velocity", "force", "tension"],
 )
-def test_a_hoist_takes_as_long_as_it_must(limits: Limits, seconds: float) -> None:
-    found = optimum(HOIST, limits, COARSE).duration
-    assert seconds * (1 - 1e-5) <= found <= seconds * 1.005  # of IPOPT; a switch within a step
+def test_the_duration_of_hoisting_is_the_closed_form(limits: Limits, seconds: float) -> None:
+    duration = optimum(HOIST, limits, COARSE).duration
+    # IPOPT's tolerance below; above, the switch lies within a step.
+    assert seconds * (1 - 1e-5) <= duration <= seconds * 1.005
 
 
 @pytest.mark.parametrize(
     ("case", "lag", "seconds"),
     share(
         [
-            # Of an earlier transcription, other code, with 60 to 240 controls.
+            # From an earlier, independent transcription with 60 to 240 controls.
             ("b", 0.02, 1.673),
             ("d, line", 0.0, 2.1985),
             ("c", 0.0, 1.8821),
@@ -98,7 +99,7 @@ def test_a_hoist_takes_as_long_as_it_must(limits: Limits, seconds: float) -> Non
             ("b", 0.0, 1.6419),
             ("c", 0.02, 1.915),
             ("d, turn", 0.0, 3.6580),
-            # Of this one with 120 controls: nobody else has these.
+            # From this transcription with 120 controls.
             ("c, load of 0.05 m", 0.0, 2.1174),
             ("d, line", 0.02, 2.2321),
             ("d, turn", 0.02, 3.6951),
@@ -118,7 +119,7 @@ def test_the_controls_bring_the_crane_to_rest_within_its_limits(lag: float) -> N
     state, excess = found.states[:, 0], 0.0
     for k, control in enumerate(found.controls.T):
         span = tuple(found.times[k : k + 2])
-        flown = solve_ivp(
+        integrated = solve_ivp(
             lambda _, x, c=control: rate(x, c).full().ravel(),
             span,
             state,
@@ -126,15 +127,15 @@ def test_the_controls_bring_the_crane_to_rest_within_its_limits(lag: float) -> N
             atol=1e-10,
             t_eval=np.linspace(*span, 8),
         )
-        values = rows(flown.y, control).full()
+        values = rows(integrated.y, control).full()
         below, above = model.rows[1][:, None] - values, values - model.rows[2][:, None]
-        excess, state = max(excess, below.max(), above.max()), flown.y[:, -1]
+        excess, state = max(excess, below.max(), above.max()), integrated.y[:, -1]
     # Measured: the steps miss by 1e-6 and, with a lag, 3e-5; limits are exceeded between nodes by 1.3e-4.
     assert np.abs(state - found.states[:, -1]).max() < 1e-4
     assert excess < 1e-3
 
 
-def test_what_follows_a_path_obeys_the_equations_of_motion() -> None:
+def test_a_motion_along_a_path_obeys_the_equations_of_motion() -> None:
     limits = Limits()
     case, free = CASES["d, turn"], model_of(HOIST, limits)
     assert isinstance(case, Along)
@@ -151,20 +152,20 @@ def test_what_follows_a_path_obeys_the_equations_of_motion() -> None:
             chain = np.array([*start, control[0]]) / [1.0, 1.0, 2.0, 6.0, 24.0]
             return np.array([np.polynomial.Polynomial(chain).deriv(j)(t) for j in range(4)])
 
-        flown = solve_ivp(
+        integrated = solve_ivp(
             lambda t, x, s=s, c=control: rate(x, inputs(s(t), c)).full().ravel(),
             (0.0, seconds),
             state,
             rtol=1e-10,
             atol=1e-10,
         )
-        state = flown.y[:, -1]
-        place = joints(found.states[:, k + 1])[1].full().ravel()
-        # An open loop near a hanging pendulum keeps what the solver leaves, 1e-7 of s, and integration.
-        np.testing.assert_allclose(load(state).full().ravel(), place, atol=1e-5)
+        state = integrated.y[:, -1]
+        position = joints(found.states[:, k + 1])[1].full().ravel()
+        # The open loop keeps errors of the solver, 1e-7 of s, and of integration.
+        np.testing.assert_allclose(load(state).full().ravel(), position, atol=1e-5)
 
 
-def test_looser_limits_are_made_use_of() -> None:
+def test_looser_limits_give_shorter_durations() -> None:
     case = CASES["a"]
     with_all = optimum(case, Limits(), COARSE).duration
     for looser in (
@@ -175,6 +176,6 @@ def test_looser_limits_are_made_use_of() -> None:
         assert optimum(case, looser, COARSE).duration < 0.98 * with_all
 
 
-def test_the_solvers_trouble_is_an_error() -> None:
+def test_a_failure_of_the_solver_raises_an_error() -> None:
     with pytest.raises(RuntimeError, match="Infeasible_Problem_Detected"):
         optimum(HOIST, Limits(load_high=(1.95, 1.49, -0.6)), COARSE)

@@ -1,6 +1,6 @@
-"""Plans with the default share in closed loop: what is left for feedback is enough, on every plant.
+"""Plans with the default share in closed loop: feedback has enough reserve on every plant.
 
-Each plan is needed by one test only, so that it is made once.
+Each plan is needed by one test only, so it is made once.
 """
 
 import numpy as np
@@ -12,20 +12,20 @@ from cranectl.scenario import Scenario
 from validation.proofs.minimum_times import CASES, ROUGH_EFFECTS, scenario, simulate_plan
 
 LIMITS = "effects.limits={}"
-AT_MOST = {"a": 5e-3, "b": 5e-3}  # [m], free motions in the open
-AS_PREDICTED = 0.2
-SELDOM = 0.05  # [s]
+MAX_ERROR = {"a": 5e-3, "b": 5e-3}  # [m], of free motions without obstacles
+PREDICTION_TOLERANCE = 0.2
+MAX_SATURATION = 0.05  # [s]
 
 
-def predicted(plan: Scenario) -> float:
-    """Largest error of the load with velocity drives that `cranectl budget` foretells [m].
+def predicted_error(plan: Scenario) -> float:
+    """Return the largest error of the load with velocity drives that `cranectl budget` predicts [m].
 
-    That of the sampled ideal run and, to first order, what is added up to the drives' limits.
+    It is the error of the sampled ideal run plus first-order contributions up to the drives' limits.
     """
     nominal = nominal_run(plan, "lqr")
     error = nominal.run.block("load")[:, :3] - nominal.run.reference[:, :3]
     for prediction in predict_levels(nominal):
-        if prediction.level != "sampled":  # which the ideal run has already
+        if prediction.level != "sampled":  # already in the ideal run
             error = error + prediction.load
         if prediction.level == "limits":
             break
@@ -33,35 +33,35 @@ def predicted(plan: Scenario) -> float:
 
 
 def without_force_limits(plan: Scenario) -> Scenario:
-    """The same motion for the analytic plant, which does not know such limits."""
+    """Return the same motion for the analytic plant, which does not support force limits."""
     assert plan.effects.limits
     limits = plan.effects.limits.model_copy(update={"force": (1e9,) * 3})
     return plan.model_copy(update={"effects": plan.effects.model_copy(update={"limits": limits})})
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_the_load_errs_as_predicted_and_no_drive_saturates(case: str) -> None:
+def test_the_error_is_as_predicted_and_no_drive_saturates(case: str) -> None:
     plan = scenario(case, LIMITS)
-    most = predicted(plan)
+    expected = predicted_error(plan)
     analytic = simulate_plan(without_force_limits(plan), "analytic")
-    for found in (analytic, *(simulate_plan(plan, plant) for plant in ("elastic", "mujoco"))):
-        assert found.saturated_s == 0.0
-        assert found.max_error_m <= AT_MOST.get(case[0], np.inf)
-        assert found.max_error_m == pytest.approx(most, rel=AS_PREDICTED)
+    for metrics in (analytic, *(simulate_plan(plan, plant) for plant in ("elastic", "mujoco"))):
+        assert metrics.saturated_s == 0.0
+        assert metrics.max_error_m <= MAX_ERROR.get(case[0], np.inf)
+        assert metrics.max_error_m == pytest.approx(expected, rel=PREDICTION_TOLERANCE)
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_feedback_from_encoders_has_enough_left_despite_delay_and_friction(case: str) -> None:
+def test_feedback_from_encoders_seldom_saturates_despite_delay_and_friction(case: str) -> None:
     plan = scenario(case, LIMITS, *ROUGH_EFFECTS)
     for plant in ("elastic", "mujoco"):  # the analytic one has no friction of its axes
-        assert simulate_plan(plan, plant).saturated_s < SELDOM
+        assert simulate_plan(plan, plant).saturated_s < MAX_SATURATION
 
 
-def test_a_plan_that_forgets_the_drives_lag_saturates() -> None:
-    """So that the tests above can fail."""
+def test_a_plan_without_the_drives_lag_saturates() -> None:
+    """This shows that the tests above can fail."""
     case = next(iter(CASES))
     plan = scenario(case, LIMITS, "control.lag_compensation=false")
-    asked = plan.control.model_copy(update={"lag_compensation": True})
-    found = simulate_plan(plan.model_copy(update={"control": asked}), "mujoco")
-    assert found.saturated_s > 2 * SELDOM
-    assert found.max_error_m > AT_MOST[case[0]]
+    compensated = plan.control.model_copy(update={"lag_compensation": True})
+    metrics = simulate_plan(plan.model_copy(update={"control": compensated}), "mujoco")
+    assert metrics.saturated_s > 2 * MAX_SATURATION
+    assert metrics.max_error_m > MAX_ERROR[case[0]]

@@ -1,4 +1,4 @@
-"""The planner's own solver against another with derivatives of another make."""
+"""The planner's own solver against IPOPT with independent derivatives."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from cranectl.planning.problem import Task
 from tests.planning import ipopt
 from tests.planning.tasks import move
 
-FEW = 12  # spans: IPOPT takes a tenth of the time that it does for 24
+FEW = 12  # spans; IPOPT takes ten times as long for 24
 
 
 @pytest.mark.parametrize(
@@ -23,11 +23,11 @@ def test_both_solvers_find_the_same_duration(task: Task) -> None:
     own, other = minimum_time(coarse, programs.solve), minimum_time(coarse, ipopt.solve)
     assert own
     assert other
-    # Measured: 1e-5 and less, where both sample alike; which samples are added differs.
+    # Measured: at most 1e-5 with the same samples, but the added samples differ.
     assert own.duration == pytest.approx(other.duration, rel=1e-3)
 
 
-def test_trouble_is_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_of_the_solver_yields_no_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(ipopt.OPTIONS, "max_iter", 40)
-    monkeypatch.setitem(ipopt.OPTIONS, "tol", 1e-30)  # feasible by then, and not known to be the best
+    monkeypatch.setitem(ipopt.OPTIONS, "tol", 1e-30)  # feasible, but not known to be optimal
     assert minimum_time(replace(move("a"), spans=FEW), ipopt.solve) is None

@@ -1,4 +1,4 @@
-"""Blended paths and way points in minimum time: limits at fine samples, smoothness, what they gain, logs."""
+"""Blended paths and way points in minimum time: limits at fine samples, smoothness, durations and logs."""
 
 import functools
 from math import cos, sin
@@ -9,7 +9,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
-from cranectl.planning import load_scenario, planned
+from cranectl.planning import load_scenario, plan_motions
 from cranectl.planning.limits import excesses, limits_of, motion
 from cranectl.planning.plan import plan_with_blends
 from cranectl.planning.problem import ORDERS
@@ -44,75 +44,81 @@ ARCS = (
 
 
 @functools.cache
-def scenario(path: tuple[str, ...], blend: float, timed: str = MINIMUM) -> Scenario:
+def scenario(path: tuple[str, ...], blend: float, timing: str = MINIMUM) -> Scenario:
     return load_scenario(
-        "fixed-position", overrides=[*told(path, blend, timed), "duration=15.0", "disturbances=[]"]
+        "fixed-position", overrides=[*path_overrides(path, blend, timing), "duration=15.0", "disturbances=[]"]
     )
 
 
-def told(path: tuple[str, ...], blend: float, timed: str = MINIMUM) -> list[str]:
+def path_overrides(path: tuple[str, ...], blend: float, timing: str = MINIMUM) -> list[str]:
     start, *texts = path
-    blends = [f"{timed}, blend={blend}" if blend and k + 1 < len(texts) else timed for k in range(len(texts))]
-    segments = ", ".join(text % each for text, each in zip(texts, blends, strict=True))
+    blends = [
+        f"{timing}, blend={blend}" if blend and k + 1 < len(texts) else timing for k in range(len(texts))
+    ]
+    segments = ", ".join(text % blend_text for text, blend_text in zip(texts, blends, strict=True))
     return [f"reference.start={start}", f"reference.segments=[{segments}]"]
 
 
-def lasts(of: Scenario) -> float:
+def duration_of(of: Scenario) -> float:
     return sum(map(seconds, of.reference.segments))
 
 
-def worst(of: Scenario, segment: Segment) -> float:
-    """Of the first segment, over any limit at fine samples, in parts of it."""
+def largest_excess(of: Scenario, segment: Segment) -> float:
+    """Return the largest excess of the first segment over any limit at fine samples, as a share of it."""
     curve = curve_of(segment, np.array(of.reference.start))
     along = spline(curve.breaks, curve.coefficients, curve.degree)
-    at = np.linspace(0.0, curve.breaks[-1], SAMPLES)
-    rows = [along.derivative(k)(at)[:, 0] if k else along(at)[:, 0] for k in range(ORDERS)]
+    time = np.linspace(0.0, curve.breaks[-1], SAMPLES)
+    rows = [along.derivative(k)(time)[:, 0] if k else along(time)[:, 0] for k in range(ORDERS)]
     assert curve.to_load is not None
     limits = limits_of(of)
     over = excesses(motion(curve.to_load([from_derivatives(rows)]), limits.gravity), limits)
-    return max(float(each.max()) for each in over.values())
+    return max(float(values.max()) for values in over.values())
 
 
 @pytest.mark.parametrize(("path", "blend"), [(THESIS, 0.05), (THESIS, 0.1), (SQUARE, 0.04), (ARCS, 0.03)])
 def test_a_blended_path_is_within_limits_and_faster_than_with_stops(
     path: tuple[str, ...], blend: float
 ) -> None:
-    found = scenario(path, blend)
-    (segment,) = found.reference.segments
+    planned = scenario(path, blend)
+    (segment,) = planned.reference.segments
     assert isinstance(segment, BlendedPath)
-    (review,) = reviews(found)
+    (review,) = reviews(planned)
     assert review.proof.is_valid
-    assert worst(found, segment) < 1e-9
-    assert lasts(found) < lasts(scenario(path, 0.0)) < lasts(scenario(path, 0.0, "duration='shortest'"))
-    coarse, fine = (steps_of_fourth_derivative(found, count) for count in (20_001, 40_001))
-    assert fine < 0.6 * coarse  # what is continuous steps by half; a jump stays
+    assert largest_excess(planned, segment) < 1e-9
+    assert (
+        duration_of(planned)
+        < duration_of(scenario(path, 0.0))
+        < duration_of(scenario(path, 0.0, "duration='shortest'"))
+    )
+    coarse, fine = (steps_of_fourth_derivative(planned, count) for count in (20_001, 40_001))
+    assert fine < 0.6 * coarse  # steps of a continuous function halve; a jump stays
 
 
 def steps_of_fourth_derivative(of: Scenario, count: int) -> float:
-    samples = build_trajectory(of.reference).sample(np.linspace(0.0, lasts(of), count))
+    samples = build_trajectory(of.reference).sample(np.linspace(0.0, duration_of(of), count))
     return float(np.abs(np.diff(samples[:, 12:], axis=0)).max())
 
 
-def test_the_thesis_s_path_is_as_fast_as_the_page_says() -> None:
-    found = [lasts(scenario(THESIS, blend)) for blend in (0.0, 0.05, 0.1)]
-    assert found == pytest.approx([6.121, 5.826, 5.431], rel=2e-3)
+def test_durations_of_the_thesis_s_path_are_those_of_the_documentation() -> None:
+    planned = [duration_of(scenario(THESIS, blend)) for blend in (0.0, 0.05, 0.1)]
+    assert planned == pytest.approx([6.121, 5.826, 5.431], rel=2e-3)
 
 
 def test_a_blended_path_may_last_as_long_as_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = scenario(THESIS, 0.05)
-    (segment,) = found.reference.segments
+    planned = scenario(THESIS, 0.05)
+    (segment,) = planned.reference.segments
     assert isinstance(segment, BlendedPath)
-    start, stopping = np.array(found.reference.start), iter(2 * scenario(THESIS, 0.0).reference.segments)
+    start, stopping = np.array(planned.reference.start), iter(2 * scenario(THESIS, 0.0).reference.segments)
     monkeypatch.setattr("cranectl.planning.plan.plan_along", lambda *_: next(stopping))
     for excess, kinds in ((0.0, ["path"]), (1e-9, ["line", "arc"])):
-        monkeypatch.setattr("cranectl.planning.plan.MAX_DURATION", lasts(found) - excess)
-        assert [part.kind for part in plan_with_blends(segment, start, found, "it")] == kinds
+        monkeypatch.setattr("cranectl.planning.plan.MAX_DURATION", duration_of(planned) - excess)
+        assert [part.kind for part in plan_with_blends(segment, start, planned, "it")] == kinds
 
 
-def test_where_a_stop_is_faster_the_load_stops() -> None:
-    found = scenario(THESIS, 0.005)
-    assert [segment.kind for segment in found.reference.segments] == ["line", "arc"]
-    assert lasts(found) == lasts(scenario(THESIS, 0.0))
+def test_the_load_stops_at_a_corner_if_that_is_faster() -> None:
+    planned = scenario(THESIS, 0.005)
+    assert [segment.kind for segment in planned.reference.segments] == ["line", "arc"]
+    assert duration_of(planned) == duration_of(scenario(THESIS, 0.0))
 
 
 POINTS = ((0.4, 0.5, -0.6), (0.8, 0.9, -0.5), (1.3, 0.9, -0.7), (1.4, 0.5, -0.6))
@@ -122,46 +128,46 @@ ROUND = tuple(
 )
 
 
-def through(points: tuple[tuple[float, ...], ...], timed: str = MINIMUM) -> Scenario:
-    asked = [f"reference.start={list(points[0])}", "duration=60.0", "disturbances=[]"]
-    way = f"{{kind='waypoints', points={list(map(list, points))}, {timed}}}"
-    return load_scenario("fixed-position", overrides=[*asked, f"reference.segments=[{way}]"])
+def way_point_scenario(points: tuple[tuple[float, ...], ...], timing: str = MINIMUM) -> Scenario:
+    overrides = [f"reference.start={list(points[0])}", "duration=60.0", "disturbances=[]"]
+    segment = f"{{kind='waypoints', points={list(map(list, points))}, {timing}}}"
+    return load_scenario("fixed-position", overrides=[*overrides, f"reference.segments=[{segment}]"])
 
 
 @pytest.mark.parametrize("points", [POINTS[:2], POINTS[:3], POINTS, ROUND], ids=["2", "3", "4", "13"])
 def test_way_points_are_passed_in_minimum_time(points: tuple[tuple[float, ...], ...]) -> None:
-    found = through(points)
-    (segment,) = found.reference.segments
+    planned = way_point_scenario(points)
+    (segment,) = planned.reference.segments
     assert isinstance(segment, Spline)
     assert isinstance(segment.time_law, SplineLaw)
-    (review,) = reviews(found)
+    (review,) = reviews(planned)
     assert review.proof.is_valid
-    assert worst(found, segment) < 1e-9
+    assert largest_excess(planned, segment) < 1e-9
     time = np.linspace(0.0, segment.duration, 20_001)
-    trajectory = build_trajectory(found.reference)
+    trajectory = build_trajectory(planned.reference)
     samples = trajectory.sample(time)
     for point in points:
         nearest = np.clip(np.argmin(np.linalg.norm(samples[:, :3] - point, axis=1)), 1, 19_999)
         fine = trajectory.sample(np.linspace(time[nearest - 1], time[nearest + 1], 20_001))
         assert np.linalg.norm(fine[:, :3] - point, axis=1).min() < 1e-7  # samples are 1e-8 s apart
-    assert steps_of_fourth_derivative(found, 40_001) < 0.6 * steps_of_fourth_derivative(found, 20_001)
+    assert steps_of_fourth_derivative(planned, 40_001) < 0.6 * steps_of_fourth_derivative(planned, 20_001)
     stops = [f"{{kind='line', to={list(point)}, %s}}" for point in points[1:]]
-    if len(points) < 5:  # dozens of stops take longer by far, and longer to plan
-        assert segment.duration < 1.03 * lasts(scenario((str(list(points[0])), *stops), 0.0))
+    if len(points) < 5:  # dozens of stops take much longer, also to plan
+        assert segment.duration < 1.03 * duration_of(scenario((str(list(points[0])), *stops), 0.0))
     assert trajectory.jumps() == []
 
 
 @pytest.mark.usefixtures("in_empty_directory")
 @pytest.mark.parametrize("path", ["blended", "way points"])
-def test_a_log_holds_the_path_and_runs_again_to_the_bit(path: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = told(SQUARE, 0.04)
+def test_a_log_contains_the_path_and_replays_to_the_bit(path: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    overrides = path_overrides(SQUARE, 0.04)
     if path == "way points":
         np.savetxt("points.csv", POINTS, delimiter=",", header="x,y,z", comments="")
-        asked = [
+        overrides = [
             f"reference.start={list(POINTS[0])}",
             f"reference.segments=[{{kind='waypoints', file='points.csv', units={{length='m'}}, {MINIMUM}}}]",
         ]
-    toml = "\n".join(['name = "path"', "duration = 8.0", *asked])
+    toml = "\n".join(['name = "path"', "duration = 8.0", *overrides])
     Path("path.toml").write_text(toml)
     assert main(["run", "path.toml", "--plants", "analytic", "--out", "path.mcap"]) == 0
     if path == "way points":
@@ -175,8 +181,8 @@ def test_a_log_holds_the_path_and_runs_again_to_the_bit(path: str, monkeypatch: 
     if isinstance(segment, BlendedPath):
         assert [part.blend for part in segment.parts] == [0.04, 0.04, 0.0]
     monkeypatch.delattr("cranectl.planning.programs.solve")
-    monkeypatch.delattr("cranectl.planning.blends.longest")
-    assert planned(run.scenario) is run.scenario
+    monkeypatch.delattr("cranectl.planning.blends.choose_blend_length")
+    assert plan_motions(run.scenario) is run.scenario
     again = simulate_run(run.scenario, plant="analytic", design=run.design)
     every = run.scenario.log.every
     assert np.array_equal(again.reference[::every], run.reference)

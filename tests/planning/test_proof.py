@@ -1,6 +1,6 @@
-"""The certificate: refutes what is broken for a millisecond, accepts what is not, and is quick.
+"""Proofs refute motions that exceed a limit for a millisecond, accept others, and are fast.
 
-PLAN_CASES=200 takes as many of the 1000 spoiled splines.
+PLAN_CASES=200 takes that many of the 1000 splines.
 """
 
 import time
@@ -13,10 +13,10 @@ from cranectl.planning.limits import (
     SIDES,
     Box,
     Limits,
-    clear_of,
     constraints,
     limits_of,
     motion,
+    side_distances,
 )
 from cranectl.planning.minimum_time import minimum_time
 from cranectl.planning.proof import Proof, prove
@@ -24,7 +24,7 @@ from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import spline
 from tests.planning.tasks import CASES_OF_1000, move, scenario
 
-SPANS, DURATION, HALF = 8, 3.0, 0.5e-3  # [s]: half of the window in which a limit is broken
+SPANS, DURATION, HALF = 8, 3.0, 0.5e-3  # [s]; half of the window in which a limit is exceeded
 BREAKS = np.linspace(0.0, DURATION, SPANS + 1)
 WIDE = limits_of(scenario())._replace(
     velocity=np.full(3, 1e2),
@@ -44,20 +44,20 @@ KINDS += [f"box {side}" for side in SIDES]
 
 
 def random_spline(random: np.random.Generator) -> np.ndarray:
-    """Coefficients of a motion from rest to rest, (spans + degree, 3)."""
+    """Return coefficients of a motion from rest to rest, (spans + degree, 3)."""
     inner = random.uniform([0.7, 0.6, -0.8], [1.3, 1.0, -0.5], (SPANS + 7 - 8, 3))
     return np.concatenate([inner[[0] * 4], inner, inner[[-1] * 4]])
 
 
-def values(kind: str, coefficients: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """What a limit of that kind bounds from above."""
+def values(kind: str, coefficients: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return the quantity that a limit of that kind bounds from above."""
     curve = spline(BREAKS, coefficients, 7)
-    rows = [curve.derivative(k)(at) if k else curve(at) for k in range(6)]
-    moved = motion([from_derivatives([row[:, j] for row in rows]) for j in range(3)], WIDE.gravity)
+    rows = [curve.derivative(k)(time) if k else curve(time) for k in range(6)]
+    crane_motion = motion([from_derivatives([row[:, j] for row in rows]) for j in range(3)], WIDE.gravity)
     if kind.startswith("box"):
         box = Box("box", *np.zeros((2, 3)))
-        return -np.min([d[0] for d in clear_of(moved, box, WIDE.radius, kind[4:])], axis=0)
-    by_name = {each.name: each.series[0] for each in constraints(moved, WIDE)}
+        return -np.min([d[0] for d in side_distances(crane_motion, box, WIDE.radius, kind[4:])], axis=0)
+    by_name = {c.name: c.series[0] for c in constraints(crane_motion, WIDE)}
     name, _, side = kind.rpartition(" ")
     if side in ("low", "high") and name in by_name:
         return by_name[name] * (1.0 if side == "high" else -1.0)
@@ -65,17 +65,17 @@ def values(kind: str, coefficients: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def limits_with(kind: str, bound: float) -> Limits:
-    """Wide ones, but for this one."""
+    """Return wide limits, except for one of this kind."""
     name, _, side = kind.rpartition(" ")
     if kind.startswith("lean"):
         return WIDE._replace(lean=np.sqrt(bound))
     if kind.startswith("tension"):
         return WIDE._replace(tension=(-bound, 1e3) if side == "low" else (-1e3, bound))
-    if kind.startswith("box"):  # wider than the crane, but for its face
+    if kind.startswith("box"):  # beyond the crane, except for one face
         low, high, i = np.full(3, -50.0), np.full(3, 50.0), 2 if side == "above" else "xy".index(side[0])
         (low if side[-1] == "-" else high)[i] = bound if side[-1] == "-" else -bound
         if i < 2:
-            high[2] = 0.0  # a rope is beside it if it is where its top is, as in `values`
+            high[2] = 0.0  # the rope counts at the height of the top, as in `values`
         return WIDE._replace(obstacles=(Box("box", low, high),))
     if side in ("low", "high"):
         field, i = ("load", "xyz".index(name[-1])) if name.startswith("load") else ("axes", AXES.index(name))
@@ -88,19 +88,19 @@ def limits_with(kind: str, bound: float) -> Limits:
     return WIDE._replace(**{SYMMETRIC[what]: column})
 
 
-def spoiled(kind: str, coefficients: np.ndarray) -> tuple[float, float, float] | None:
-    """A bound that is exceeded in one window of a millisecond only, the peak, and when it is."""
+def find_short_excess(kind: str, coefficients: np.ndarray) -> tuple[float, float, float] | None:
+    """Return a bound that is exceeded for one millisecond only, the peak, and its time."""
     coarse = np.linspace(0.0, DURATION, 6001)
     peak = coarse[np.argmax(values(kind, coefficients, coarse))]
     near = np.clip(peak + np.linspace(-1.0, 1.0, 801) * HALF, 0.0, DURATION)
     highest = values(kind, coefficients, near)
     when, most = float(near[np.argmax(highest)]), float(highest.max())
     if not HALF < when < DURATION - HALF:
-        return None  # at rest it is broken for longer
+        return None  # at rest it is exceeded for longer
     bound = float(values(kind, coefficients, np.array([when - HALF, when + HALF])).max())
     outside = values(kind, coefficients, coarse[np.abs(coarse - when) > HALF])
-    enough = most - bound > 1e-8 * max(1.0, abs(bound))  # ten times what a proof lets pass
-    return (bound, most, when) if enough and (outside <= bound).all() else None
+    is_large = most - bound > 1e-8 * max(1.0, abs(bound))  # ten times the tolerance of proofs
+    return (bound, most, when) if is_large and (outside <= bound).all() else None
 
 
 def proof(coefficients: np.ndarray, limits: Limits) -> Proof:
@@ -108,43 +108,46 @@ def proof(coefficients: np.ndarray, limits: Limits) -> Proof:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_broken_for_a_millisecond_is_refuted(kind: str) -> None:
-    """1000 splines in all; a sampling each millisecond, half of one off the peak, finds nothing in any."""
+def test_a_limit_exceeded_for_a_millisecond_is_refuted(kind: str) -> None:
+    """Samples at each millisecond, half of one beside the peak, would find no excess in any spline."""
     random, seen = np.random.default_rng(KINDS.index(kind)), 0
     while seen < -(-CASES_OF_1000 // len(KINDS)):
         coefficients = random_spline(random)
-        found = spoiled(kind, coefficients)
-        if found is None:
+        result = find_short_excess(kind, coefficients)
+        if result is None:
             continue
-        bound, most, when = found
+        bound, most, when = result
         seen += 1
-        spoiled_, mended = limits_with(kind, bound), limits_with(kind, most + 1e-3 * max(1.0, abs(most)))
-        refuted = proof(coefficients, spoiled_)
+        exceeded_limits, kept_limits = (
+            limits_with(kind, bound),
+            limits_with(kind, most + 1e-3 * max(1.0, abs(most))),
+        )
+        refuted = proof(coefficients, exceeded_limits)
         assert not refuted.is_valid
-        for broken in refuted.violations:
-            assert broken.certain
-            assert broken.start - HALF < when < broken.end + HALF
-            assert broken.name.split()[0] in f"obstacle {kind}"
-        assert seen % 4 or proof(coefficients, mended).is_valid  # a quarter, for time
+        for violation in refuted.violations:
+            assert violation.certain
+            assert violation.start - HALF < when < violation.end + HALF
+            assert violation.name.split()[0] in f"obstacle {kind}"
+        assert seen % 4 or proof(coefficients, kept_limits).is_valid  # a quarter, for time
 
 
-def test_a_proof_is_quick_beside_the_plan() -> None:
-    """0.12 s of one processor for 940 pieces; here as a ratio, since machines differ."""
+def test_a_proof_is_fast_compared_with_planning() -> None:
+    """It takes 0.12 s of one processor for 940 pieces; a ratio is tested, since machines differ."""
     task = move("b")
     begun = time.process_time()
-    found = minimum_time(task)
+    result = minimum_time(task)
     planning = time.process_time() - begun
-    assert found
-    breaks, spent = np.linspace(0.0, found.duration, task.spans + 1), []
+    assert result
+    breaks, spent = np.linspace(0.0, result.duration, task.spans + 1), []
     for _ in range(5):
         begun = time.process_time()
-        assert prove(breaks, found.coefficients, 7, task.limits).is_valid
+        assert prove(breaks, result.coefficients, 7, task.limits).is_valid
         spent.append(time.process_time() - begun)
     assert min(spent) < 0.25 * planning
 
 
-def test_what_cannot_be_enclosed_is_not_proven() -> None:
-    """A rope that hangs slack for a moment has no slope then."""
+def test_a_motion_without_enclosures_is_not_proven() -> None:
+    """A rope that is slack for a moment has no slope then."""
     coefficients = random_spline(np.random.default_rng(1))
     coefficients[7, 2] += 3.0
     refuted = proof(coefficients, WIDE)

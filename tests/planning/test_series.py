@@ -1,4 +1,4 @@
-"""Series against closed forms: exact in small fractions, else to rounding."""
+"""Arithmetic of series against closed forms, exact or to rounding."""
 
 from math import cosh, factorial, sinh
 
@@ -12,53 +12,55 @@ ROUNDING = 1e-14
 
 
 def product(*factors: list[float]) -> list[float]:
-    """Of polynomials, cut to their length."""
-    found = np.ones(1)
+    """Return the product of polynomials, truncated to the length of the first."""
+    result = np.ones(1)
     for factor in factors:
-        found = np.convolve(found, factor)
-    return found[: len(factors[0])].tolist()
+        result = np.convolve(result, factor)
+    return result[: len(factors[0])].tolist()
 
 
 def test_derivatives_become_coefficients_and_are_differentiated() -> None:
     values = [3.0, -5.0, 7.0, 11.0, -13.0]
-    found = series.from_derivatives(values)
-    assert found == pytest.approx([value / factorial(k) for k, value in enumerate(values)], rel=ROUNDING)
-    assert series.differentiated(found, 0) == found
+    coefficients = series.from_derivatives(values)
+    assert coefficients == pytest.approx(
+        [value / factorial(k) for k, value in enumerate(values)], rel=ROUNDING
+    )
+    assert series.differentiate(coefficients, 0) == coefficients
     for times in (1, 2, 3):
-        rates = series.differentiated(found, times)
+        rates = series.differentiate(coefficients, times)
         assert rates == pytest.approx(series.from_derivatives(values[times:]), rel=ROUNDING)
 
 
 def test_sums_are_as_long_as_the_shorter_one() -> None:
-    assert series.plus(A, B[:3]) == [6.0, -2.0, -1.5]
-    assert series.shifted(A, 0.5) == [2.5, *A[1:]]
+    assert series.add(A, B[:3]) == [6.0, -2.0, -1.5]
+    assert series.add_constant(A, 0.5) == [2.5, *A[1:]]
 
 
 @pytest.mark.parametrize("length", [1, 2, 3, 5])
 def test_products_quotients_and_roots_undo_each_other(length: int) -> None:
     a, b = A[:length], B[:length]
-    assert series.times(a, B) == pytest.approx(product(a, b), rel=ROUNDING)
-    assert product(series.over(A, b), b) == pytest.approx(a, rel=ROUNDING)
-    assert product(series.root(b), series.root(b)) == pytest.approx(b, rel=ROUNDING)
-    assert series.root(b)[0] == series.square_root(4.0) == 2.0
+    assert series.multiply(a, B) == pytest.approx(product(a, b), rel=ROUNDING)
+    assert product(series.divide(A, b), b) == pytest.approx(a, rel=ROUNDING)
+    assert product(series.take_root(b), series.take_root(b)) == pytest.approx(b, rel=ROUNDING)
+    assert series.take_root(b)[0] == series.square_root(4.0) == 2.0
     assert series.square_root(np.array([9.0])).tolist() == [3.0]
 
 
-def test_a_turn_is_that_of_complex_numbers() -> None:
-    """Of e^(i a) at a = a0 + a1 t + …, term by term of its powers."""
+def test_cosine_and_sine_are_those_of_complex_exponentials() -> None:
+    """Compare with e^(i a) at a = a0 + a1 t + …, summed over its powers."""
     angle = [0.7, -1.3, 0.4, 0.9, -0.2]
     power, whole = np.array([1.0 + 0.0j, 0, 0, 0, 0]), np.zeros(5, dtype=complex)
     for k in range(5):
         whole += power / factorial(k)
         power = np.convolve(power, 1j * np.array([0.0, *angle[1:]]))[:5]
     whole *= np.exp(1j * angle[0])
-    cosine, sine = series.turned(angle)
+    cosine, sine = series.cosine_and_sine(angle)
     assert cosine == pytest.approx(whole.real.tolist(), abs=ROUNDING)
     assert sine == pytest.approx(whole.imag.tolist(), abs=ROUNDING)
 
 
 class Symbol:
-    """A number that is no float: of an imaginary argument, so that another function shows."""
+    """A number with functions of its own: those of an imaginary argument."""
 
     def __init__(self, value: float) -> None:
         self.value = value
@@ -76,6 +78,6 @@ class Symbol:
         return self.value * factor
 
 
-def test_functions_of_other_numbers_are_their_own() -> None:
-    assert series.turned([Symbol(0.5)]) == ([cosh(0.5)], [sinh(0.5)])
+def test_other_kinds_of_numbers_use_their_own_functions() -> None:
+    assert series.cosine_and_sine([Symbol(0.5)]) == ([cosh(0.5)], [sinh(0.5)])
     assert series.square_root(Symbol(2.0)) == 14.0

@@ -1,4 +1,4 @@
-"""Whether a straight line is clear of obstacles, decided at all its points; motions that are too long."""
+"""Straight lines beside obstacles, decided exactly, and motions that take too long."""
 
 import re
 
@@ -8,8 +8,8 @@ import pytest
 from cranectl.planning import load_scenario
 from cranectl.planning.limits import Box, limits_of
 from cranectl.planning.proof import PROOF_MARGIN
-from cranectl.planning.route import depth, is_blocked
-from cranectl.planning.shortest import shortest
+from cranectl.planning.route import is_blocked, obstacle_depth
+from cranectl.planning.shortest import find_shortest_duration
 from cranectl.reference.geometry import Straight
 from cranectl.scenario import Scenario
 from cranectl.scenario.segments import seconds
@@ -21,43 +21,43 @@ WALL = ([0.8, 0.4, -1.4], [1.2, 0.8, -0.7])
 
 
 def planned(start: list[float], segment: str, *more: str) -> Scenario:
-    asked = [f"reference.start={start}", f"reference.segments=[{{{segment}}}]", "disturbances=[]"]
-    return load_scenario("fixed-position", overrides=[*asked, "duration=600", *more])
+    overrides = [f"reference.start={start}", f"reference.segments=[{{{segment}}}]", "disturbances=[]"]
+    return load_scenario("fixed-position", overrides=[*overrides, "duration=600", *more])
 
 
 def box(low: list[float], high: list[float]) -> str:
     return f"obstacles=[{{name='wall', low={low}, high={high}}}]"
 
 
-def slices(start: np.ndarray, end: np.ndarray, wall: Box, radius: float) -> bool:
-    """Return True if a line meets the box grown by the radius, cutting it off at face after face."""
+def meets_grown_box(start: np.ndarray, end: np.ndarray, wall: Box, radius: float) -> bool:
+    """Return True if a line meets the box grown by the radius, by clipping it at all faces."""
     low, high = 0.0, 1.0
     lowest = [*(wall.low[:2] - radius), -np.inf]
-    for at, to, least, most in zip(start, end, lowest, wall.high + radius, strict=True):
-        crossings = sorted([(least - at) / (to - at), (most - at) / (to - at)])
+    for a, b, least, most in zip(start, end, lowest, wall.high + radius, strict=True):
+        crossings = sorted([(least - a) / (b - a), (most - a) / (b - a)])
         low, high = max(low, crossings[0]), min(high, crossings[1])
     return low < high
 
 
-def test_a_line_is_blocked_where_it_leads_into_an_obstacle_however_short_that_is() -> None:
+def test_a_line_is_blocked_exactly_if_it_enters_an_obstacle() -> None:
     limits = limits_of(planned([0.4, 0.4, -0.9], "kind='hold', duration=1.0"))
     wall = Box("wall", np.array(WALL[0]), np.array(WALL[1]))
     limits = limits._replace(obstacles=(wall,), size=0.1)
     random = np.random.default_rng(5)
     corners = wall.low - limits.radius, wall.high + limits.radius
-    found = []
+    blocked = []
     for k in range(2000):
         edge = np.array([random.choice(axis) for axis in zip(*corners, strict=True)])
         edge[2] = corners[1][2]
         edge[random.integers(3)] += random.uniform(-0.3, 0.3)
         near = edge + random.normal(0.0, 10.0 ** random.uniform(-8.0, -1.0), 3)
-        way, part = random.uniform(-0.3, 0.3, 3), random.uniform(0.0, 1.0)
-        start, end = near - part * way, near + (1.0 - part) * way
-        deep = depth(start, end, wall, limits.radius)
+        travel, share = random.uniform(-0.3, 0.3, 3), random.uniform(0.0, 1.0)
+        start, end = near - share * travel, near + (1.0 - share) * travel
+        deep = obstacle_depth(start, end, wall, limits.radius)
         if abs(deep) > 10.0 * PROOF_MARGIN:
-            found.append(is_blocked(start, end, limits))
-            assert found[-1] == slices(start, end, wall, limits.radius) == (deep > 0.0), k
-    assert 500 < sum(found) < 1500
+            blocked.append(is_blocked(start, end, limits))
+            assert blocked[-1] == meets_grown_box(start, end, wall, limits.radius) == (deep > 0.0), k
+    assert 500 < sum(blocked) < 1500
 
 
 @pytest.mark.parametrize("inward", [1e-3, 1e-7, -1e-7])
@@ -65,20 +65,20 @@ def test_a_line_past_a_corner_is_proven_unless_it_is_blocked(inward: float) -> N
     limits = limits_of(planned([0.4, 0.4, -0.9], "kind='hold', duration=1.0"))
     wall = Box("wall", np.array(WALL[0]), np.array(WALL[1]))
     limits = limits._replace(obstacles=(wall,), size=0.02)
-    at, way = np.array([0.75 + inward, 0.35 + inward, -1.0]), np.array([0.15, -0.1, 0.0])
-    start, end = at - 0.4 * way, at + 0.6 * way
-    assert depth(start, end, wall, limits.radius) == pytest.approx(inward, rel=1e-6)
+    corner, travel = np.array([0.75 + inward, 0.35 + inward, -1.0]), np.array([0.15, -0.1, 0.0])
+    start, end = corner - 0.4 * travel, corner + 0.6 * travel
+    assert obstacle_depth(start, end, wall, limits.radius) == pytest.approx(inward, rel=1e-6)
     if is_blocked(start, end, limits):
-        with pytest.raises(InputError) as told:
-            shortest(Straight(start, end), limits, "it")
-        near = re.search(r"it comes (\S+) m too near to the obstacle 'wall'", told.value.found)
+        with pytest.raises(InputError) as error:
+            find_shortest_duration(Straight(start, end), limits, "it")
+        near = re.search(r"it comes (\S+) m too near to the obstacle 'wall'", error.value.found)
         assert near
         assert float(near[1]) <= 1.01 * inward  # of three digits
     else:
-        assert shortest(Straight(start, end), limits, "it") < np.inf
+        assert find_shortest_duration(Straight(start, end), limits, "it") < np.inf
 
 
-def test_a_move_is_lifted_over_a_corner_that_is_met_for_a_moment_only() -> None:
+def test_a_move_is_lifted_over_a_corner_that_it_would_graze() -> None:
     corner = box([1.4403, 0.1818, -1.4], [1.5598, 0.3006, -0.7557])
     move = "kind='move', to=[1.4576, 0.1519, -0.5523], duration='shortest'"
     first, second = planned([1.5956, 0.4421, -0.7768], move, corner).reference.segments
@@ -99,7 +99,7 @@ def test_a_load_may_touch_an_obstacle(start: list[float], end: list[float]) -> N
     assert seconds(segments[0]) < 3.0
 
 
-def test_points_that_are_given_twice_are_passed_once() -> None:
+def test_repeated_points_of_a_move_are_passed_once() -> None:
     move = "kind='move', to=[0.8, 0.5, -0.7], via=[{via}], duration='shortest'"
     start, via, end = [0.4, 0.5, -0.6], [0.6, 0.6, -0.6], [0.8, 0.5, -0.7]
     once = planned(start, move.format(via=via))
@@ -120,14 +120,14 @@ FAR = "to=[1.6, 1.0, -0.9]"
         ("kind='arc', centre=[0.7, 0.5], angle=6.0, duration='shortest'", 0.0019, " s: the velocity of the"),
     ],
 )
-def test_a_motion_longer_than_a_run_is_told_with_what_decides_it(
+def test_a_motion_longer_than_a_run_is_refused_with_the_limiting_quantity(
     segment: str, speed: float, found: str
 ) -> None:
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as error:
         planned([0.4, 0.5, -0.6], segment, f"effects.limits.velocity=[{speed}, {speed}, 0.6]", *SLOW)
-    assert found in told.value.found
-    assert told.value.allowed.startswith("motions of at most 600 s")
-    assert told.value.remedy == "raise effects.limits.velocity, or ask for a shorter way"
+    assert found in error.value.found
+    assert error.value.allowed.startswith("motions of at most 600 s")
+    assert error.value.remedy == "raise effects.limits.velocity, or choose a shorter path"
     quick = segment.split(", time_law")[0].split(", duration")[0] + ", duration='shortest'"
     assert planned([0.4, 0.5, -0.6], quick, "effects.limits.velocity=[0.6, 0.6, 0.6]", *SLOW)
 
@@ -141,10 +141,10 @@ def test_a_motion_longer_than_a_run_is_told_with_what_decides_it(
 )
 def test_the_limit_that_makes_a_motion_long_is_named(limit: str, remedied: str, name: str) -> None:
     line = f"kind='line', {FAR}, duration='shortest'"
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as error:
         planned([0.4, 0.5, -0.6], line, limit)
-    assert name in told.value.found
-    assert f"raise {limit.split('=')[0]}" in told.value.remedy
+    assert name in error.value.found
+    assert f"raise {limit.split('=')[0]}" in error.value.remedy
     assert planned([0.4, 0.5, -0.6], line, remedied)
 
 
@@ -156,16 +156,20 @@ def test_the_limit_that_makes_a_motion_long_is_named(limit: str, remedied: str, 
         ([300.0, 300.0], [], "leave segments out"),
     ],
 )
-def test_a_run_that_is_too_short_is_told_how_long_it_may_be(
+def test_a_run_that_is_too_short_is_refused_with_the_required_duration(
     holds: list[float], settings: list[str], remedy: str
 ) -> None:
     line = f"{{kind='line', {FAR}, duration='shortest'}}"
-    rests = ", ".join(f"{{kind='hold', duration={each}}}" for each in holds)
-    asked = ["reference.start=[0.4, 0.5, -0.6]", f"reference.segments=[{rests}, {line}]", "disturbances=[]"]
+    rests = ", ".join(f"{{kind='hold', duration={duration}}}" for duration in holds)
+    overrides = [
+        "reference.start=[0.4, 0.5, -0.6]",
+        f"reference.segments=[{rests}, {line}]",
+        "disturbances=[]",
+    ]
     runs = f"duration={sum(holds) if len(holds) > 1 else 2.1}"
-    with pytest.raises(InputError) as told:
-        load_scenario("fixed-position", overrides=[*asked, runs, *settings])
-    assert told.value.remedy.startswith(remedy)
+    with pytest.raises(InputError) as error:
+        load_scenario("fixed-position", overrides=[*overrides, runs, *settings])
+    assert error.value.remedy.startswith(remedy)
     if remedy.startswith("duration"):
         longer = remedy.split(" or")[0].replace(" ", "")
-        assert load_scenario("fixed-position", overrides=[*asked, longer, *settings])
+        assert load_scenario("fixed-position", overrides=[*overrides, longer, *settings])

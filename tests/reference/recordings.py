@@ -1,4 +1,4 @@
-"""Files that a hand, a tool or a run could have written, and scenarios that take them."""
+"""Files of motions as tools or runs write them, and scenarios that read them."""
 
 from pathlib import Path
 from typing import Any
@@ -22,14 +22,14 @@ units = {time = "ms", length = "mm"}
 
 
 def motion(seconds: float = 8.0, rate: float = 50.0, noise: float = 0.0) -> np.ndarray:
-    """Times [s] and load positions [m] (N, 4) of a line from START to TO."""
+    """Return times [s] and load positions [m] (N, 4) of a line from START to TO."""
     time = np.arange(0.0, seconds + 1e-9, 1.0 / rate)
     points = START + progress("degree-9", time, seconds)[0][:, np.newaxis] * (TO - START)
     return np.column_stack([time, points + np.random.default_rng(0).normal(0.0, noise, points.shape)])
 
 
 def write_csv(path: Path, rows: np.ndarray, *, header: str = "t,X,Y,Z", comma: str = ".") -> None:
-    """Milliseconds and millimetres."""
+    """Write rows in milliseconds and millimetres."""
     separator = ";" if comma == "," else ","
     lines = [separator.join(f"{1e3 * number:.4f}".replace(".", comma) for number in row) for row in rows]
     path.write_text("\n".join([header.replace(",", separator), *lines, ""]), encoding="utf-8")
@@ -41,7 +41,7 @@ def write_parquet(path: Path, rows: np.ndarray) -> None:
 
 
 def scenario_of(directory: Path, segment: str, **changes: Any) -> Scenario:
-    """The scenario of one segment, planned."""
+    """Return the planned scenario of one segment."""
     path = directory / "taken.toml"
     start = changes.pop("start", START.tolist())
     path.write_text(

@@ -1,11 +1,11 @@
-"""What is refused because drives cannot: against hoisting alone, where the rope is −z."""
+"""Motions beyond the drives are refused, measured by pure hoisting, where the rope's length is -z."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cranectl.reference.fitting import through_points
+from cranectl.reference.fitting import interpolate_points
 from cranectl.support.errors import InputError
 from tests.reference.recordings import scenario_of
 
@@ -15,8 +15,8 @@ LAG = 0.2  # [s]; large, to be seen
 
 
 def peaks(lag: float) -> tuple[float, float]:
-    """Of velocity and acceleration of the winch's set-point w = v + tau u."""
-    z, _ = through_points(np.array(TIMES), np.array([[0.0, 0.0, z] for z in HEIGHTS]))
+    """Return peak velocity and acceleration of the winch's set-point w = v + tau u."""
+    z, _ = interpolate_points(np.array(TIMES), np.array([[0.0, 0.0, z] for z in HEIGHTS]))
     _, velocity, acceleration, jerk = (
         z.derivative(order)(np.linspace(0.0, TIMES[-1], 3401))[:, 2] for order in range(4)
     )
@@ -25,7 +25,7 @@ def peaks(lag: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("compensated", [True, False])
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
-def test_set_points_may_ask_as_much_as_the_drives_can(
+def test_set_points_up_to_the_drives_limits_are_accepted_and_beyond_refused(
     tmp_path: Path, quantity: str, compensated: bool
 ) -> None:
     index = ["velocity", "acceleration"].index(quantity)
@@ -39,7 +39,7 @@ def test_set_points_may_ask_as_much_as_the_drives_can(
         "effects.limits.acceleration": [100.0, 100.0, 100.0],
     }
     limit = f"effects.limits.{quantity}"
-    # Peaks are looked for at control samples: 0.1 % is far more than lies between those.
+    # Peaks are searched at control samples; between those they differ by far less than 0.1 %.
     assert scenario_of(tmp_path, HOISTING, **{**common, limit: [*free, 1.001 * peak]}).reference.planned
     with pytest.raises(InputError) as error:
         scenario_of(tmp_path, HOISTING, **{**common, limit: [*free, 0.999 * peak]})
@@ -47,7 +47,7 @@ def test_set_points_may_ask_as_much_as_the_drives_can(
     assert error.value.allowed.startswith(quantity)
 
 
-def test_without_the_effect_the_rig_s_numbers_count(tmp_path: Path) -> None:
+def test_without_the_effect_the_limits_of_the_rig_count(tmp_path: Path) -> None:
     changes = {
         "start": [0.4, 0.5, HEIGHTS[0]],
         "rig.effects.limits.velocity": [9.0, 9.0, 9.0],

@@ -1,4 +1,4 @@
-"""The filter behind a hand: what it is, where it stops, what it keeps within, and how surely."""
+"""The filter of velocity commands: its response, stopping point, box and limits."""
 
 import itertools
 from collections.abc import Callable
@@ -16,36 +16,36 @@ from cranectl.reference import build_trajectory
 from cranectl.reference.driven import (
     DrivenPath,
     HandLimits,
-    at_rest,
     derivatives,
     drive,
-    stop_of,
+    rest_state,
+    stopping_points,
 )
 from cranectl.scenario import ReferenceSettings
 from cranectl.support.errors import InputError
 from validation.proofs import random_joystick
 
 PERIOD, COARSE = 1e-3, 1e-2
-WIDE = np.full(3, 1e3)
+UNBOUNDED = np.full(3, 1e3)
 CRANES = {"laboratory": None, "workshop": "bridge-crane", "quay": "harbour-crane"}
-OPEN = HandLimits(3.7, np.array([0.45, 0.45, 0.27]), -WIDE, WIDE)  # no box is in the way
+UNLIMITED = HandLimits(3.7, np.array([0.45, 0.45, 0.27]), -UNBOUNDED, UNBOUNDED)  # the box is far away
 
 
-def held(*wishes: tuple[float, ...], samples: int) -> np.ndarray:
-    """Velocities, each for so many samples, as a drive takes them."""
-    return np.repeat([(0.0, *wish) for wish in wishes], samples, axis=0)
+def hold_commands(*commands: tuple[float, ...], samples: int) -> np.ndarray:
+    """Return velocity commands, each held for `samples`, as `drive` takes them."""
+    return np.repeat([(0.0, *command) for command in commands], samples, axis=0)
 
 
 def bang_bang(kernel: np.ndarray) -> np.ndarray:
-    """The wish of size 1 under which the kernel's convolution ends at its L1 norm."""
+    """Return the command of size 1 that drives the kernel's convolution to its L1 norm."""
     return np.where(kernel[::-1] >= 0.0, 1.0, -1.0)
 
 
-def test_a_step_is_answered_as_the_formula_says() -> None:
+def test_the_step_response_is_the_closed_form() -> None:
     """Four equal lags are Erlang's distribution: z' = v P(4, omega t), P the regularised gamma function."""
-    v, omega, t = 0.4, OPEN.bandwidth, PERIOD * np.arange(4000)
-    states = drive(OPEN, PERIOD, at_rest(np.zeros(3)), held((v, 0.0, -0.2), samples=4000))
-    rows = derivatives(OPEN, states)[:, :, 0]
+    v, omega, t = 0.4, UNLIMITED.bandwidth, PERIOD * np.arange(4000)
+    states = drive(UNLIMITED, PERIOD, rest_state(np.zeros(3)), hold_commands((v, 0.0, -0.2), samples=4000))
+    rows = derivatives(UNLIMITED, states)[:, :, 0]
     a = omega * t
     k = omega * np.exp(-a) * a**3 / 6.0
     k1 = omega**2 * np.exp(-a) * (a**2 / 2.0 - a**3 / 6.0)
@@ -54,48 +54,54 @@ def test_a_step_is_answered_as_the_formula_says() -> None:
     assert rows[:, 1] == pytest.approx(v * gammainc(4, a), abs=1e-12)
     for order, expected in ((2, k), (3, k1), (4, k2)):
         assert rows[:, order] == pytest.approx(v * expected, abs=1e-11)
-    assert np.array_equal(derivatives(OPEN, states)[:, :, 1], np.zeros((4000, 5)))
+    assert np.array_equal(derivatives(UNLIMITED, states)[:, :, 1], np.zeros((4000, 5)))
 
 
-def test_it_comes_to_rest_where_it_is_said_to() -> None:
+def test_a_released_load_comes_to_rest_at_its_stopping_point() -> None:
     random, period = np.random.default_rng(1), 0.03
     for _ in range(20):
-        state = at_rest(random.uniform(-1.0, 1.0, 3))
-        drive(OPEN, period, state, held(*random.uniform(-0.4, 0.4, (5, 3)), samples=10))
-        predicted = stop_of(OPEN, state[np.newaxis])[0]
-        drive(OPEN, period, state, held((0.0, 0.0, 0.0), samples=400))
+        state = rest_state(random.uniform(-1.0, 1.0, 3))
+        drive(UNLIMITED, period, state, hold_commands(*random.uniform(-0.4, 0.4, (5, 3)), samples=10))
+        predicted = stopping_points(UNLIMITED, state[np.newaxis])[0]
+        drive(UNLIMITED, period, state, hold_commands((0.0, 0.0, 0.0), samples=400))
         assert state[:, 0] == pytest.approx(predicted, abs=1e-12)
         assert np.abs(state[:, 1:]).max() < 1e-12
 
 
-def test_the_fourth_derivative_is_continuous_whatever_is_asked() -> None:
-    """From one sample to the next it changes by no more than the period times the bound of its rate."""
+def test_the_fourth_derivative_is_continuous_under_any_commands() -> None:
+    """Between samples it changes by at most the period times the bound of its rate."""
     random = np.random.default_rng(2)
-    wishes = OPEN.speed * random.choice([-1.0, 1.0], (3000, 3))
+    commands = UNLIMITED.speed * random.choice([-1.0, 1.0], (3000, 3))
     for samples in (1, 7, 300):
-        rows = derivatives(OPEN, drive(OPEN, PERIOD, at_rest(np.zeros(3)), held(*wishes, samples=samples)))
-        rate = OPEN.speed * OPEN.bandwidth**4 * _norm(4, 0.0)
+        rows = derivatives(
+            UNLIMITED,
+            drive(UNLIMITED, PERIOD, rest_state(np.zeros(3)), hold_commands(*commands, samples=samples)),
+        )
+        rate = UNLIMITED.speed * UNLIMITED.bandwidth**4 * _norm(4, 0.0)
         assert (np.abs(np.diff(rows[:, 4], axis=0)) <= PERIOD * rate).all()
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_the_norms_bound_what_wishes_can_do_and_are_attained(order: int) -> None:
-    """The worst wish is the sign of the kernel, reversed in time; sampling it costs the last percent."""
+def test_the_norms_bound_the_derivatives_and_are_attained(order: int) -> None:
+    """The worst command is the sign of the kernel, reversed in time; sampling it costs the last percent."""
     impulse = drive(
-        OPEN, PERIOD, at_rest(np.zeros(3)), held(*[(1.0,) * 3, (0.0,) * 3], samples=1)[[0] + 6000 * [1]]
+        UNLIMITED,
+        PERIOD,
+        rest_state(np.zeros(3)),
+        hold_commands(*[(1.0,) * 3, (0.0,) * 3], samples=1)[[0] + 6000 * [1]],
     )
-    kernel = derivatives(OPEN, impulse)[1:, order, 0]
+    kernel = derivatives(UNLIMITED, impulse)[1:, order, 0]
     worst = np.zeros((len(kernel) + 1, 4))
-    worst[:-1, 1] = OPEN.speed[0] * bang_bang(kernel)
-    rows = derivatives(OPEN, drive(OPEN, PERIOD, at_rest(np.zeros(3)), worst))
-    bound = OPEN.speed[0] * OPEN.bandwidth ** (order - 1) * _norm(order - 1, 0.0)
+    worst[:-1, 1] = UNLIMITED.speed[0] * bang_bang(kernel)
+    rows = derivatives(UNLIMITED, drive(UNLIMITED, PERIOD, rest_state(np.zeros(3)), worst))
+    bound = UNLIMITED.speed[0] * UNLIMITED.bandwidth ** (order - 1) * _norm(order - 1, 0.0)
     assert 0.99 * bound < rows[-1, order, 0] <= bound
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.7, 2.0])
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_the_norms_are_those_of_the_kernel(order: int, mu: float) -> None:
-    """Against quadrature of k + mu k'', with the jump at 0 by hand; nowhere negative up to mu = 2."""
+    """Compare with quadrature of k + mu k'', plus its jump at 0; the kernel is not negative up to mu = 2."""
     t = np.linspace(0.0, 60.0, 600_001)
     k = [
         np.polynomial.Polynomial(c)(t) * np.exp(-t)
@@ -109,57 +115,57 @@ def test_the_norms_are_those_of_the_kernel(order: int, mu: float) -> None:
         assert (k[0] + 2.01 * k[2]).min() < 0.0
 
 
-HARD = {  # bandwidth, speed, drop: where what the rope's motion adds is most of it
+HARD_CRANES = {  # bandwidth, speed, drop: cranes whose rope motion contributes most
     "hoisted fast": (2.0, (0.2, 0.2, 4.0), 1.0),
     "swung far": (1.5, (3.0, 3.0, 0.01), 8.0),
 }
 
 
-@pytest.mark.parametrize("crane", [*CRANES, *HARD])
+@pytest.mark.parametrize("crane", [*CRANES, *HARD_CRANES])
 def test_bounds_hold_under_the_worst_reversals(crane: str) -> None:
-    """Wishes made to swing bridge and trolley most, while the rope is hoisted or paid out at full speed."""
+    """The worst commands for bridge and trolley, while the rope is hoisted or paid out at full speed."""
     gravity = 9.81
-    if crane in HARD:
-        bandwidth, speed, drop = HARD[crane]
-        free = HandLimits(bandwidth, np.array(speed), -WIDE, WIDE)
+    if crane in HARD_CRANES:
+        bandwidth, speed, drop = HARD_CRANES[crane]
+        free = HandLimits(bandwidth, np.array(speed), -UNBOUNDED, UNBOUNDED)
     else:
         limits = hand_limits(load_scenario("fixed-position", rig=CRANES[crane]))
-        free, drop = HandLimits(limits.bandwidth, limits.speed, -WIDE, WIDE), -limits.low[2]
+        free, drop = HandLimits(limits.bandwidth, limits.speed, -UNBOUNDED, UNBOUNDED), -limits.low[2]
     limits, period = free, 0.02 / free.bandwidth
     bound = Bound(free.bandwidth, free.speed, drop, gravity)
     samples = 1000
     impulse = np.zeros((samples, 4))
     impulse[0, 1:] = 1.0
-    kernels = derivatives(free, drive(free, period, at_rest(np.zeros(3)), impulse))[1:, :, 0]
-    found = np.zeros((3, 2))
+    kernels = derivatives(free, drive(free, period, rest_state(np.zeros(3)), impulse))[1:, :, 0]
+    peaks = np.zeros((3, 2))
     for lead, order, hoist, sign in itertools.product(
         (0.0, bound.overshoot), (1, 2), (-1.0, 0.0, 1.0), (1, -1)
     ):
         paid_out = -hoist * limits.speed[2] / gravity  # lambda'
         kernel = kernels[:, order] + lead / limits.bandwidth**2 * kernels[:, order + 2]
         kernel += order * paid_out * kernels[:, order + 1]
-        asked = np.zeros((samples, 4))
-        asked[:-1, 1:] = np.outer(sign * bang_bang(kernel), limits.speed)
-        asked[:, 3] = hoist * limits.speed[2]
-        way = hoist * limits.speed[2] * ((samples - 1) * period - 4.0 / limits.bandwidth)
-        start = np.array([0.0, 0.0, -drop - way])  # at the end the rope is as long as it may be
-        rows = derivatives(free, drive(free, period, at_rest(start), asked))
+        requests = np.zeros((samples, 4))
+        requests[:-1, 1:] = np.outer(sign * bang_bang(kernel), limits.speed)
+        requests[:, 3] = hoist * limits.speed[2]
+        travel = hoist * limits.speed[2] * ((samples - 1) * period - 4.0 / limits.bandwidth)
+        start = np.array([0.0, 0.0, -drop - travel])  # at the end the rope is as long as it may be
+        rows = derivatives(free, drive(free, period, rest_state(start), requests))
         rows = rows[-drop - 1e-9 <= rows[:, 0, 2]]
         rows = rows[rows[:, 0, 2] < 0.0]
         states, inputs = states_and_inputs(rows.reshape(-1, 15), gravity)
-        found[:, 0] = np.maximum(found[:, 0], np.abs(states[:, 1:6:2]).max(axis=0))
-        found[:, 1] = np.maximum(found[:, 1], np.abs(inputs).max(axis=0))
+        peaks[:, 0] = np.maximum(peaks[:, 0], np.abs(states[:, 1:6:2]).max(axis=0))
+        peaks[:, 1] = np.maximum(peaks[:, 1], np.abs(inputs).max(axis=0))
     allowed = np.array(bound.joints)[:, :2]
-    assert (found <= allowed * (1.0 + 1e-12)).all()
+    assert (peaks <= allowed * (1.0 + 1e-12)).all()
     if crane in CRANES:
-        assert (found[:2] > 0.7 * allowed[:2]).all(), "the bounds are not far from what can be"
+        assert (peaks[:2] > 0.7 * allowed[:2]).all(), "the bounds are not conservative by more than 30 %"
 
 
 @pytest.mark.parametrize("crane", CRANES)
-def test_the_filter_is_the_fastest_that_keeps_all_limits(crane: str) -> None:
+def test_a_faster_filter_would_exceed_a_limit(crane: str) -> None:
     scenario = load_scenario("fixed-position", rig=CRANES[crane])
     limits, rig, kept = hand_limits(scenario), scenario.rig, limits_of(scenario)
-    used = []
+    shares = []
     for bandwidth in (limits.bandwidth, 1.001 * limits.bandwidth):
         bound = Bound(bandwidth, limits.speed, rig.rope_range[1] - scenario.planning.clearance, rig.gravity)
         velocity, acceleration, rate = np.array(bound.joints).T
@@ -169,12 +175,12 @@ def test_the_filter_is_the_fastest_that_keeps_all_limits(crane: str) -> None:
             bound.overshoot / 2.0,
             bound.slope / kept.lean,
         ]
-        used.append(max(parts))
-    assert used[0] <= 1.0 < used[1]
+        shares.append(max(parts))
+    assert shares[0] <= 1.0 < shares[1]
 
 
 @pytest.mark.parametrize(
-    ("override", "used"),
+    ("override", "share"),
     [
         (
             "rig.trolley_time_constant=0.5 rig.effects.limits.acceleration=[1e9,1e9,1e9]",
@@ -197,39 +203,43 @@ def test_the_filter_is_the_fastest_that_keeps_all_limits(crane: str) -> None:
         ),
     ],
 )
-def test_each_limit_can_be_the_one_that_acts(override: str, used: Callable) -> None:
+def test_each_limit_can_be_the_active_one(override: str, share: Callable) -> None:
     scenario = load_scenario("fixed-position", overrides=override.split())
     limits = hand_limits(scenario)
     assert limits.bandwidth < hand_limits(load_scenario("fixed-position")).bandwidth
     bound = Bound(limits.bandwidth, limits.speed, scenario.rig.rope_range[1] - 0.05, 9.81)
-    assert used(bound, limits_of(scenario)) == pytest.approx(1.0, abs=1e-6)
+    assert share(bound, limits_of(scenario)) == pytest.approx(1.0, abs=1e-6)
 
 
-@pytest.mark.parametrize(("faster", "leaves"), [(1.0, False), (1.15, True)])
-def test_the_bridge_never_overshoots_where_the_load_is_stopped(faster: float, leaves: bool) -> None:
-    """Away from the end of the rig and back to it, on the longest rope; a filter that is faster would."""
+@pytest.mark.parametrize(("speed_up", "overshoots"), [(1.0, False), (1.15, True)])
+def test_the_bridge_overshoots_the_end_of_the_rig_only_with_a_faster_filter(
+    speed_up: float, overshoots: bool
+) -> None:
+    """Drive away from the end of the rig and back to it, on the longest rope."""
     scenario = load_scenario("fixed-position")
     limits = hand_limits(scenario)
-    filtered = HandLimits(faster * limits.bandwidth, limits.speed, limits.low, limits.high)
+    filtered = HandLimits(speed_up * limits.bandwidth, limits.speed, limits.low, limits.high)
     over = []
     for samples in (100, 200, 400, 800):
-        state = at_rest(np.array([limits.high[0], 0.7, limits.low[2]]))
-        wishes = [(-limits.speed[0], 0.0, 0.0), *[(limits.speed[0], 0.0, 0.0)] * 4]
-        rows = derivatives(filtered, drive(filtered, PERIOD, state, held(*wishes, samples=samples)))
+        state = rest_state(np.array([limits.high[0], 0.7, limits.low[2]]))
+        commands = [(-limits.speed[0], 0.0, 0.0), *[(limits.speed[0], 0.0, 0.0)] * 4]
+        rows = derivatives(
+            filtered, drive(filtered, PERIOD, state, hold_commands(*commands, samples=samples))
+        )
         states, _ = states_and_inputs(rows.reshape(-1, 15), scenario.rig.gravity)
         over.append((states[:, 0] - limits.high[0]).max())
-    assert max(over) > 1e-4 if leaves else max(over) <= 1e-12
+    assert max(over) > 1e-4 if overshoots else max(over) <= 1e-12
 
 
-def test_no_room_is_refused() -> None:
+def test_a_rig_without_room_to_drive_is_refused() -> None:
     scenario = load_scenario("fixed-position", overrides=["planning.clearance=0.8"])
     with pytest.raises(InputError, match="no room to drive by hand") as caught:
         hand_limits(scenario)
     assert "planning.clearance" in caught.value.remedy
 
 
-def test_random_wishes_stay_inside_the_limits() -> None:
-    """50 minutes at a joystick, others with every commit; the seed is in the message."""
+def test_random_commands_stay_inside_the_limits() -> None:
+    """50 minutes at a joystick with a new seed for every commit; the message contains it."""
     seed = random_joystick.commit()
     for scenario in itertools.islice(random_joystick.random_drives(seed), 50):
         usage = random_joystick.limit_usage(scenario)
@@ -237,7 +247,7 @@ def test_random_wishes_stay_inside_the_limits() -> None:
 
 
 @pytest.mark.parametrize("k", range(4))
-def test_plants_bear_random_wishes(k: int) -> None:
+def test_plants_agree_under_random_commands(k: int) -> None:
     seed = random_joystick.commit()
     scenario = next(itertools.islice(random_joystick.random_drives(seed, "fixed-position"), k, None))
     (pair,) = run_case(random_joystick.case_of(scenario)).pairs
@@ -267,13 +277,13 @@ def path(**changes: object) -> DrivenPath:
     return build_trajectory(ReferenceSettings.model_validate(reference)).paths[0]
 
 
-def test_it_is_as_exact_between_samples() -> None:
+def test_the_path_is_as_exact_between_samples() -> None:
     time = np.array([0.0, 0.04, 0.53, 1.49, 1.57, 3.21, 7.13, 20.0])
     fine = path().sample(time)
     assert path(period=0.5).sample(time).reshape(-1, 15) == pytest.approx(fine.reshape(-1, 15), abs=1e-10)
 
 
-def test_a_goal_is_gone_to_straight_without_overshoot() -> None:
+def test_the_load_moves_straight_to_a_goal_without_overshoot() -> None:
     start, goal = np.array([1.0, 0.7, -0.7]), np.array([0.3, 1.2, -1.1])
     rows = path(wishes=[RELEASED], goals=[[0.0, *goal.tolist()]]).sample(COARSE * np.arange(2000))
     assert rows[-1, 0] == pytest.approx(goal, abs=1e-6)
@@ -284,7 +294,7 @@ def test_a_goal_is_gone_to_straight_without_overshoot() -> None:
 
 def test_the_stopping_point_stays_in_the_box_and_the_load_with_it() -> None:
     into = path(wishes=[[0.0, 0.45, -0.45, 0.27], [4.5, -0.45, 0.45, -0.27], RELEASED])
-    stop = stop_of(into.limits, into._states)
+    stop = stopping_points(into.limits, into._states)
     low, high = into.limits.low, into.limits.high
     assert stop.min(axis=0) == pytest.approx(low, abs=1e-12)
     assert stop.max(axis=0) == pytest.approx(high, abs=1e-12)
@@ -294,7 +304,7 @@ def test_the_stopping_point_stays_in_the_box_and_the_load_with_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "found"),
     [
         ({"wishes": [[0.0005, 0.1, 0.0, 0.0], RELEASED]}, "must lie on samples, every 0.01 s"),
         ({"wishes": [[20.0, 0.0, 0.0, 0.0]]}, "before the end"),
@@ -307,6 +317,6 @@ def test_the_stopping_point_stays_in_the_box_and_the_load_with_it() -> None:
         ({"wishes": [[0.0, 0.1, 0.0, 0.0]]}, "by a wish of zeros"),
     ],
 )
-def test_what_nobody_drove_is_refused(changes: dict, told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_commands_that_no_session_could_record_are_refused(changes: dict, found: str) -> None:
+    with pytest.raises(ValueError, match=found):
         path(**changes)

@@ -1,4 +1,4 @@
-"""Way points that are given twice: the load rests there, or is told what to do instead."""
+"""Repeated way points: the load rests there, or the error says what to do instead."""
 
 from pathlib import Path
 
@@ -22,14 +22,14 @@ def segment(points: list[list[float]], timing: str) -> str:
 
 
 def kinds(points: list[list[float]], times: list[float], tmp_path: Path) -> list[tuple[str, float]]:
-    found = scenario_of(tmp_path, segment(points, f"times = {times}"), start=START, duration=20.0)
-    assert build_trajectory(found.reference).jumps() == []
-    return [(each.kind, each.duration) for each in found.reference.segments]
+    scenario = scenario_of(tmp_path, segment(points, f"times = {times}"), start=START, duration=20.0)
+    assert build_trajectory(scenario.reference).jumps() == []
+    return [(segment.kind, segment.duration) for segment in scenario.reference.segments]
 
 
-def test_a_load_rests_at_a_point_that_is_given_for_two_times(tmp_path: Path) -> None:
-    asked = segment([START, REST, REST, END], "times = [1.0, 5.0, 8.0, 13.0]")
-    scenario = scenario_of(tmp_path, asked, start=START, duration=14.0)
+def test_the_load_rests_at_a_point_that_has_two_times(tmp_path: Path) -> None:
+    override = segment([START, REST, REST, END], "times = [1.0, 5.0, 8.0, 13.0]")
+    scenario = scenario_of(tmp_path, override, start=START, duration=14.0)
     before, rest, after = scenario.reference.segments
     assert isinstance(before, Spline)
     assert isinstance(rest, Hold)
@@ -42,22 +42,22 @@ def test_a_load_rests_at_a_point_that_is_given_for_two_times(tmp_path: Path) -> 
     assert np.linalg.norm(trajectory.sample(np.linspace(0.5, 3.5, 31))[:, 3:6], axis=1).min() > 1e-3
 
 
-def test_rests_may_be_long_at_the_ends_and_nearly_at_one_point(tmp_path: Path) -> None:
+def test_rests_can_be_at_the_ends_and_at_nearly_equal_points(tmp_path: Path) -> None:
     almost = [REST[0] + 5e-8, *REST[1:]]
     times = [0.0, 1.0, 3.0, 4.0, 4.5, 8.0, 9.0]
-    found = kinds([START, START, REST, almost, REST, END, END], times, tmp_path)
+    segments = kinds([START, START, REST, almost, REST, END, END], times, tmp_path)
     rests = [("hold", 1.0), ("spline", 2.0), ("hold", 1.5), ("spline", 3.5), ("hold", 1.0)]
-    assert found == rests
+    assert segments == rests
     assert kinds([START, START, START], [0.0, 1.0, 3.0], tmp_path) == [("hold", 3.0)]
 
 
-def test_a_rest_in_a_file_is_one_too(tmp_path: Path) -> None:
+def test_repeated_points_of_a_file_make_a_rest(tmp_path: Path) -> None:
     rows = [(0.0, *START), (4.0, *REST), (7.0, *REST), (12.0, *END)]
     text = "".join(",".join(map(str, row)) + "\n" for row in rows)
     (tmp_path / "points.csv").write_text(f"time,x,y,z\n{text}")
     units = "units = {time = 's', length = 'm'}"
-    asked = f"kind = 'waypoints'\nfile = 'points.csv'\n{units}"
-    before, rest, after = scenario_of(tmp_path, asked, start=START, duration=14.0).reference.segments
+    override = f"kind = 'waypoints'\nfile = 'points.csv'\n{units}"
+    before, rest, after = scenario_of(tmp_path, override, start=START, duration=14.0).reference.segments
     assert isinstance(rest, Hold)
     assert rest.duration == 3.0
     assert isinstance(before, Spline)
@@ -66,10 +66,10 @@ def test_a_rest_in_a_file_is_one_too(tmp_path: Path) -> None:
     assert before.held == after.held != b""
 
 
-def test_what_a_later_part_asks_of_the_drives_is_told_with_its_time(tmp_path: Path) -> None:
-    asked = segment([START, REST, REST, END], "times = [0.0, 4.0, 7.0, 7.8]")
+def test_excessive_demand_in_a_later_part_is_reported_with_its_time(tmp_path: Path) -> None:
+    override = segment([START, REST, REST, END], "times = [0.0, 4.0, 7.0, 7.8]")
     with pytest.raises(InputError, match=r"near 7\.[0-8]"):
-        scenario_of(tmp_path, asked, start=START, duration=14.0)
+        scenario_of(tmp_path, override, start=START, duration=14.0)
 
 
 @pytest.mark.parametrize(
@@ -106,15 +106,15 @@ def test_what_a_later_part_asks_of_the_drives_is_told_with_its_time(tmp_path: Pa
         ),
     ],
 )
-def test_repeated_points_without_times_are_refused_with_what_to_do(
+def test_repeated_points_without_times_are_refused_with_a_remedy_that_works(
     tmp_path: Path,
     points: list[list[float]],
     timing: str,
     remedy: str,
     remedied: tuple[list[list[float]], str] | None,
 ) -> None:
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as error:
         scenario_of(tmp_path, segment(points, timing), start=START, duration=20.0)
-    assert remedy in told.value.remedy
-    asked = segment(*remedied) if remedied else "kind = 'hold'\nduration = 1.0"
-    assert scenario_of(tmp_path, asked, start=START, duration=20.0).reference.planned
+    assert remedy in error.value.remedy
+    override = segment(*remedied) if remedied else "kind = 'hold'\nduration = 1.0"
+    assert scenario_of(tmp_path, override, start=START, duration=20.0).reference.planned

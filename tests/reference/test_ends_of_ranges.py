@@ -1,6 +1,6 @@
-"""Both ends of every number of planning, rig and segments: a finite motion within its limits, or what to do.
+"""At both ends of every number of planning, rig and segments a motion keeps its limits or is refused.
 
-The cases come from the schemas, so that a key that is added is tried too (`tests.ranges`).
+The cases come from the schemas, so that new keys are tried too (`tests.ranges`).
 """
 
 import json
@@ -64,15 +64,15 @@ SEGMENTS: dict[str, tuple[type[BaseModel], dict[str, Any]]] = {
 
 
 def cases() -> list[tuple[str, dict[str, Any], dict[str, Any]]]:
-    """By what is changed: the tables of the scenario, and its segment."""
-    found = []
+    """Return names of changes, each with the tables of the scenario and its segment."""
+    variants = []
     for table, model in (("planning", PlanningSettings), ("rig", RigParameters), ("effects", DriveLimits)):
         for key, value in ends(model):
             whole = (table, *(("limits",) if table == "effects" else ()), *key)
             if table == "rig" and key[0] == "effects":
                 continue
             name = f"{'.'.join(map(str, whole))}={value!r}"
-            found.append((name, put(TABLES, whole, value), SEGMENTS["move"][1]))
+            variants.append((name, put(TABLES, whole, value), SEGMENTS["move"][1]))
     for segment, (model, table) in SEGMENTS.items():
         for key, value in ends(model):
             for whole in (key, (*key[:-1], 2)):  # of a list the first and the last
@@ -80,13 +80,13 @@ def cases() -> list[tuple[str, dict[str, Any], dict[str, Any]]]:
                     changed = put(table, whole, value)
                 except (LookupError, TypeError):
                     continue
-                found.append((f"{segment}: {'.'.join(map(str, whole))}={value!r}", TABLES, changed))
-    return list({name: (name, *rest) for name, *rest in found}.values())
+                variants.append((f"{segment}: {'.'.join(map(str, whole))}={value!r}", TABLES, changed))
+    return list({name: (name, *rest) for name, *rest in variants}.values())
 
 
 CASES = cases()
-# Those that ended in a traceback, a warning of NumPy's or all of the memory, or could not be told.
-FOUND = ("planning.lean", "planning.jerk.0", "hold: duration", "driven: period", "driven: wishes")
+# Always tried: these once ended in a traceback, a warning of NumPy, out of memory, or an unclear error.
+ALWAYS_TRIED = ("planning.lean", "planning.jerk.0", "hold: duration", "driven: period", "driven: wishes")
 
 
 def overrides(tables: dict[str, Any], segment: dict[str, Any]) -> list[str]:
@@ -95,21 +95,21 @@ def overrides(tables: dict[str, Any], segment: dict[str, Any]) -> list[str]:
             return "{" + ", ".join(f"{k}={text(v)}" for k, v in value.items() if v is not None) + "}"
         return json.dumps(value)
 
-    given = [f"{name}={text(table)}" for name, table in tables.items()]
-    return [*given, "disturbances=[]", "duration=600", f"reference.start={START}",
+    assignments = [f"{name}={text(table)}" for name, table in tables.items()]
+    return [*assignments, "disturbances=[]", "duration=600", f"reference.start={START}",
             f"reference.segments=[{text(segment)}]"]  # fmt: skip
 
 
-def scenario_or_error(asked: list[str]) -> Scenario | InputError:
+def scenario_or_error(overrides: list[str]) -> Scenario | InputError:
     try:
-        return load_scenario("fixed-position", overrides=asked)
+        return load_scenario("fixed-position", overrides=overrides)
     except InputError as error:
         return error
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("case", share_of(CASES, SHARE, FOUND), ids=lambda case: case[0])
-def test_a_motion_keeps_its_limits_or_is_refused_with_what_to_do(
+@pytest.mark.parametrize("case", share_of(CASES, SHARE, ALWAYS_TRIED), ids=lambda case: case[0])
+def test_a_motion_keeps_its_limits_or_is_refused_with_a_remedy(
     case: tuple[str, dict[str, Any], dict[str, Any]],
 ) -> None:
     _, tables, segment = case
@@ -124,22 +124,22 @@ def test_a_motion_keeps_its_limits_or_is_refused_with_what_to_do(
     assert np.isfinite(trajectory.sample(time)).all()
     reached = trajectory.sample(np.array([0.0, trajectory.joints[-1]]))[:, :3]
     assert reached[0] == pytest.approx(START, abs=1e-12)
-    if wanted := segment.get("to") or segment.get("points", [None])[-1]:
-        assert reached[1] == pytest.approx(wanted, rel=1e-12)
+    if end := segment.get("to") or segment.get("points", [None])[-1]:
+        assert reached[1] == pytest.approx(end, rel=1e-12)
     if segment.get("duration") == "shortest":
         assert largest_excess(scenario) <= 1e-8
 
 
 def largest_excess(scenario: Scenario) -> float:
-    """Over any limit at a thousand samples of each segment, in parts of it."""
-    limits, here, worst = limits_of(scenario), np.array(scenario.reference.start), -np.inf
+    """Return the largest excess over any limit at a thousand samples of each segment, as a share of it."""
+    limits, point, worst = limits_of(scenario), np.array(scenario.reference.start), -np.inf
     for segment in scenario.reference.segments:
-        curve = curve_of(segment, here)
+        curve = curve_of(segment, point)
         series = series_along(*curve[:3], np.linspace(0.0, seconds(segment), 1001))
         assert curve.to_load is not None
         moved = motion(curve.to_load(series), limits.gravity)
         worst = max(worst, *(float(over.max()) for over in excesses(moved, limits).values()))
-        here = end_point(segment, here)
+        point = end_point(segment, point)
     return worst
 
 

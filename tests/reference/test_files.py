@@ -1,4 +1,4 @@
-"""What files become: mapped, in their units; and what is refused, by name, with a remedy."""
+"""Motions from files: columns, units, signs and offsets; wrong files are refused with a remedy."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -38,11 +38,11 @@ def truth() -> np.ndarray:
     ],
     ids=["csv", "decimal comma", "comment", "parquet", "signs and offset", "to start", "way points"],
 )  # fmt: skip
-def test_a_file_becomes_its_motion(
+def test_a_file_is_read_as_its_motion(
     tmp_path: Path, write: Callable[[Path, np.ndarray], None], segment: str
 ) -> None:
     write(tmp_path / "teach.csv", motion())
-    # Written to 0.1 µm; through a spline of degree 7 with at most 133 spans that is what remains.
+    # The file is rounded to 0.1 µm, which a spline of degree 7 with at most 133 spans amplifies to this.
     assert positions(scenario_of(tmp_path, segment)) == pytest.approx(truth(), abs=2e-6)
 
 
@@ -59,7 +59,9 @@ POINTS = (
         ("speed = [0.0, 0.4, 0.4, 0.0]", [0.0, 2.0, 3.0, 5.0]),
     ],
 )
-def test_way_points_are_passed_when_they_are_to_be(tmp_path: Path, timing: str, breaks: list[float]) -> None:
+def test_way_points_are_passed_at_the_times_that_the_timing_implies(
+    tmp_path: Path, timing: str, breaks: list[float]
+) -> None:
     scenario = scenario_of(tmp_path, f"{POINTS}\n{timing}")
     (spline,) = scenario.reference.segments
     assert isinstance(spline, Spline)
@@ -68,7 +70,7 @@ def test_way_points_are_passed_when_they_are_to_be(tmp_path: Path, timing: str, 
     assert passed == pytest.approx(np.array(spline.made_from["points"]), abs=1e-12)
 
 
-def test_speeds_can_be_a_column(tmp_path: Path) -> None:
+def test_speeds_are_read_from_a_column(tmp_path: Path) -> None:
     text = "X,Y,Z,v\n400,500,-600,0\n400,900,-600,24\n800,900,-600,24\n800,500,-600,0\n"
     (tmp_path / "teach.csv").write_text(text)
     columns = "columns = {x = 'X', y = 'Y', z = 'Z', speed = 'v'}"
@@ -78,15 +80,15 @@ def test_speeds_can_be_a_column(tmp_path: Path) -> None:
     assert spline.duration == pytest.approx(5.0)
 
 
-def spoiled(row: int, column: int, value: float) -> Callable[[np.ndarray], np.ndarray]:
-    def spoil(rows: np.ndarray) -> np.ndarray:
+def with_number(row: int, column: int, value: float) -> Callable[[np.ndarray], np.ndarray]:
+    def corrupt(rows: np.ndarray) -> np.ndarray:
         rows[row, column] = value
         return rows
 
-    return spoil
+    return corrupt
 
 
-def same(rows: np.ndarray) -> np.ndarray:
+def unchanged(rows: np.ndarray) -> np.ndarray:
     return rows
 
 
@@ -94,14 +96,14 @@ def noisy(rows: np.ndarray) -> np.ndarray:
     return rows + [0, 4e-3, 0, 0] * np.random.default_rng(2).normal(size=rows.shape)
 
 
-AT_ONCE = {"kind": "waypoints", "speed": 1.0, "times": "[1.0]"}
+TWO_TIMINGS = {"kind": "waypoints", "speed": 1.0, "times": "[1.0]"}
 WRONG = {
-    "time stands": (spoiled(7, 0, 0.12), {}, "time does not increase: sample 7 is at 0.12 s", "sort"),
-    "not a number": (spoiled(7, 2, np.nan), {}, "sample 8 is no number", "leave these rows out"),
-    "infinite": (spoiled(7, 2, np.inf), {}, "sample 8 is no number", "leave these rows out"),
-    "far away": (spoiled(7, 2, 1e300), {}, "sample 8 is at", "correct the units"),
+    "time stands": (with_number(7, 0, 0.12), {}, "time does not increase: sample 7 is at 0.12 s", "sort"),
+    "not a number": (with_number(7, 2, np.nan), {}, "sample 8 is no number", "leave these rows out"),
+    "infinite": (with_number(7, 2, np.inf), {}, "sample 8 is no number", "leave these rows out"),
+    "far away": (with_number(7, 2, 1e300), {}, "sample 8 is at", "correct the units"),
     "gap": (lambda rows: np.delete(rows, slice(100, 106), axis=0), {}, "a gap of 0.14 s after 1.98", "fill"),
-    "spike": (spoiled(70, 3, -0.5), {}, "a jump at 1.4 s: sample 71 lies", "leave such samples out"),
+    "spike": (with_number(70, 3, -0.5), {}, "a jump at 1.4 s: sample 71 lies", "leave such samples out"),
     "few": (lambda rows: rows[::10], {}, "41 samples", "waypoints"),
     "in motion": (lambda rows: rows[100:], {}, "the samples begin in motion, with", "rest"),
     "cut off": (lambda rows: rows[:300], {}, "the samples end in motion, with", "rest"),
@@ -114,19 +116,29 @@ WRONG = {
     "long": (lambda rows: rows * [2, 1, 1, 1], {}, "lasts 16 s, longer than the run", "duration = 16"),
     "fast": (lambda rows: rows * [0.15, 1, 1, 1], {}, "set-point of the bridge for", "more time"),
     "noisy": (noisy, {"spans": 100}, "the upper end of what its noise leaves open", "fewer knots"),
-    "all knots": (same, {"spans": 900}, "do not determine a spline of 900 spans", "fewer"),
-    "no unit": (same, {"units": "{length = 'mm'}"}, "the unit of time is not given", "units = {time = 's'"),
-    "odd unit": (same, {"units.length": "inch"}, "units.length = 'inch'", ""),
-    "no column": (same, {"columns.z": "ZZ"}, "unknown column 'ZZ'", "mean 'Z'?"),
-    "no file": (same, {"file": "tech.csv"}, "cannot read", "name such a file"),
-    "timed twice": (same, AT_ONCE, "a segment with 2 of times, speed and columns.speed", "give one of them"),
+    "all knots": (unchanged, {"spans": 900}, "do not determine a spline of 900 spans", "fewer"),
+    "no unit": (
+        unchanged,
+        {"units": "{length = 'mm'}"},
+        "the unit of time is not given",
+        "units = {time = 's'",
+    ),
+    "odd unit": (unchanged, {"units.length": "inch"}, "units.length = 'inch'", ""),
+    "no column": (unchanged, {"columns.z": "ZZ"}, "unknown column 'ZZ'", "mean 'Z'?"),
+    "no file": (unchanged, {"file": "tech.csv"}, "cannot read", "name such a file"),
+    "timed twice": (
+        unchanged,
+        TWO_TIMINGS,
+        "a segment with 2 of times, speed and columns.speed",
+        "give one of them",
+    ),
 }
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_cannot_be_meant_is_refused(tmp_path: Path, case: str) -> None:
-    spoil, changes, found, remedy = WRONG[case]
-    write_csv(tmp_path / "teach.csv", spoil(motion()))
+def test_an_impossible_motion_is_refused_with_a_remedy(tmp_path: Path, case: str) -> None:
+    corrupt, changes, found, remedy = WRONG[case]
+    write_csv(tmp_path / "teach.csv", corrupt(motion()))
     with pytest.raises(InputError) as error:
         scenario_of(tmp_path, SAMPLES, **{f"reference.segments.0.{key}": to for key, to in changes.items()})
     assert found in error.value.found
@@ -135,8 +147,8 @@ def test_what_cannot_be_meant_is_refused(tmp_path: Path, case: str) -> None:
     assert error.value.allowed or not remedy
 
 
-def test_what_noise_leaves_open_counts(tmp_path: Path) -> None:
-    """Both fits ask the bridge for 0.110 m/s²; the noisy one could as well ask for more."""
+def test_noisy_samples_are_judged_by_the_upper_end_of_possible_motions(tmp_path: Path) -> None:
+    """Both fits require 0.110 m/s² of the bridge, but the noisy samples may also mean more."""
     limits = {"reference.segments.0.spans": 8, "effects.limits.acceleration": [0.1105, 4.0, 6.0]}
     write_csv(tmp_path / "teach.csv", motion())
     assert scenario_of(tmp_path, SAMPLES, **limits).reference.planned
@@ -159,22 +171,24 @@ def test_what_noise_leaves_open_counts(tmp_path: Path) -> None:
         (b"t,X,Y,Z\n", "column 't' holds no values"),
     ],
 )
-def test_what_is_no_table_is_refused(tmp_path: Path, content: bytes, found: str) -> None:
+def test_a_file_that_is_no_table_is_refused(tmp_path: Path, content: bytes, found: str) -> None:
     (tmp_path / "teach.csv").write_bytes(content)
     with pytest.raises(InputError) as error:
         scenario_of(tmp_path, SAMPLES)
     assert found in error.value.found
 
 
-def test_points_that_take_no_time_are_refused(tmp_path: Path) -> None:
+def test_equal_points_and_missing_times_are_refused(tmp_path: Path) -> None:
     segment = POINTS.replace("[0.8, 0.9", "[0.4, 0.9").replace("-0.6], [0.8", "-0.6], [0.8")
-    with pytest.raises(InputError, match="no way from point 2 to the next"):
+    with pytest.raises(InputError, match="point 2 and the next are the same point"):
         scenario_of(tmp_path, f"{segment}\nspeed = 0.2")
     with pytest.raises(InputError, match="2 times for 4 points"):
         scenario_of(tmp_path, f"{POINTS}\ntimes = [0.0, 1.0]")
 
 
-def test_the_command_line_says_so_with_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_file_ends_the_command_with_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     write_csv(tmp_path / "teach.csv", motion())
     scenario_of(tmp_path, SAMPLES)
     (tmp_path / "teach.csv").unlink()

@@ -1,11 +1,11 @@
-"""Splines through points and near samples, against what they are made from and against dense algebra."""
+"""Splines through points and near samples, against known motions and against dense algebra."""
 
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from cranectl.reference.fitting import FOLDS, LEFT_OUT_SAMPLES, NEAR, Recorded, through_points
-from cranectl.reference.normal_equations import DesignMatrix
+from cranectl.reference.fitting import FOLD_BLOCK, FOLDS, RecordedSamples, interpolate_points
+from cranectl.reference.normal_equations import DEGREE, DesignMatrix
 from cranectl.reference.time_laws import progress, spline
 
 NOISE = 1e-3  # [m]
@@ -16,11 +16,11 @@ def line(time: np.ndarray, duration: float = 10.0) -> np.ndarray:
     return progress("degree-9", time, duration)[:, :, np.newaxis] * np.array([1.0, 0.4, -0.3])
 
 
-def taught(seed: int, rate: float = 50.0) -> Recorded:
-    """Ten seconds as a hand would record them."""
+def recorded_motion(seed: int, rate: float = 50.0) -> RecordedSamples:
+    """Ten seconds of noisy samples."""
     time = np.arange(0.0, 10.0 + 1e-9, 1.0 / rate)
     noise = np.random.default_rng(seed).normal(0.0, NOISE, (len(time), 3))
-    return Recorded(time, line(time)[0] + noise)
+    return RecordedSamples(time, line(time)[0] + noise)
 
 
 def derivatives_at_ends(curve: BSpline) -> np.ndarray:
@@ -32,45 +32,45 @@ def test_a_spline_passes_through_all_points_and_rests_at_both_ends() -> None:
     rng = np.random.default_rng(1)
     time = np.cumsum(rng.uniform(0.3, 1.5, 40))
     points = rng.uniform(-1.0, 1.0, (40, 3))
-    curve, _ = through_points(time, points)
+    curve, _ = interpolate_points(time, points)
     assert curve(time) == pytest.approx(points, abs=1e-12)
     assert (curve.c[:5] == points[0]).all()
     assert (curve.c[-5:] == points[-1]).all()
     assert np.unique(curve.t).tolist() == time.tolist(), "simple knots: C⁸ by algebra"
 
 
-def test_through_two_points_it_is_the_law_of_degree_9() -> None:
+def test_a_spline_through_two_points_is_the_time_law_of_degree_9() -> None:
     time = np.linspace(0.0, 10.0, 101)
-    curve, _ = through_points(np.array([0.0, 10.0]), line(np.array([0.0, 10.0]))[0])
+    curve, _ = interpolate_points(np.array([0.0, 10.0]), line(np.array([0.0, 10.0]))[0])
     assert curve(time) == pytest.approx(line(time)[0], abs=1e-13)
 
 
-def test_what_is_left_out_is_foretold_as_dense_least_squares_does() -> None:
-    recorded, spans = taught(0), 9
-    curve = spline(np.linspace(0.0, 10.0, spans + 1), np.eye(spans + NEAR), NEAR)
+def test_cross_validation_errors_are_those_of_dense_least_squares() -> None:
+    recorded, spans = recorded_motion(0), 9
+    curve = spline(np.linspace(0.0, 10.0, spans + 1), np.eye(spans + DEGREE), DEGREE)
     basis = curve(recorded.time)
     tied = np.column_stack([basis[:, :5].sum(axis=1), basis[:, 5:-5], basis[:, -5:].sum(axis=1)])
-    fold = np.arange(len(tied)) // LEFT_OUT_SAMPLES % FOLDS
-    for k, found in enumerate(recorded.left_out(spans)):
+    fold = np.arange(len(tied)) // FOLD_BLOCK % FOLDS
+    for k, predicted in enumerate(recorded.cross_validate(spans)):
         inside = fold != k
         coefficients = np.linalg.lstsq(tied[inside], recorded.points[inside])[0]
-        away = tied[~inside] @ coefficients - recorded.points[~inside]
-        assert found == pytest.approx((away**2).sum(axis=1).mean(), rel=1e-9)
+        errors = tied[~inside] @ coefficients - recorded.points[~inside]
+        assert predicted == pytest.approx((errors**2).sum(axis=1).mean(), rel=1e-9)
 
 
-def test_the_spans_of_a_spline_are_found_again() -> None:
-    coefficients = np.random.default_rng(3).uniform(-1.0, 1.0, (12 + NEAR, 3))
+def test_the_number_of_spans_of_a_known_spline_is_recovered() -> None:
+    coefficients = np.random.default_rng(3).uniform(-1.0, 1.0, (12 + DEGREE, 3))
     coefficients[:5], coefficients[-5:] = 0.0, 1.0
     time = np.linspace(0.0, 10.0, 501)
-    recorded = Recorded(time, spline(np.linspace(0.0, 10.0, 13), coefficients, NEAR)(time))
-    assert recorded.best_spans(1000, 1e-7) == 12
-    assert recorded.fitted(12).curve.c == pytest.approx(coefficients, abs=1e-9)
+    recorded = RecordedSamples(time, spline(np.linspace(0.0, 10.0, 13), coefficients, DEGREE)(time))
+    assert recorded.choose_spans(1000, 1e-7) == 12
+    assert recorded.fit(12).curve.c == pytest.approx(coefficients, abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_motion_taught_with_noise_of_1_mm_comes_back(seed: int) -> None:
-    recorded = taught(seed)
-    fit = recorded.fitted(recorded.best_spans(1000, 1e-7), np.zeros(3))
+def test_a_motion_is_recovered_from_samples_with_noise_of_1_mm(seed: int) -> None:
+    recorded = recorded_motion(seed)
+    fit = recorded.fit(recorded.choose_spans(1000, 1e-7), np.zeros(3))
     time = np.linspace(0.0, 10.0, 2001)
     truth = line(time)
     assert np.linalg.norm(fit.curve(time) - truth[0], axis=1).max() < 0.5e-3
@@ -81,24 +81,24 @@ def test_a_motion_taught_with_noise_of_1_mm_comes_back(seed: int) -> None:
     ).max() < 1e-12
 
 
-def test_the_band_is_what_other_noise_would_give() -> None:
+def test_the_band_is_the_spread_of_fits_to_other_noise() -> None:
     time, spans = np.linspace(0.0, 10.0, 161), 9
-    others = np.array([taught(seed).fitted(spans).curve.derivative(4)(time) for seed in range(40)])
-    _, band = taught(0).fitted(spans).snap(time)
+    others = np.array([recorded_motion(seed).fit(spans).curve.derivative(4)(time) for seed in range(40)])
+    _, band = recorded_motion(0).fit(spans).snap(time)
     # 1.96 standard deviations; of the largest of many, from 40 draws: within a half.
     assert band == pytest.approx(1.96 * others.std(axis=0).max(), rel=0.5)
 
 
-def test_the_same_samples_give_the_same_bits() -> None:
-    first, second = (taught(5).fitted(8, np.zeros(3)) for _ in range(2))
+def test_the_same_samples_give_the_same_fit_to_the_bit() -> None:
+    first, second = (recorded_motion(5).fit(8, np.zeros(3)) for _ in range(2))
     assert (first.curve.c == second.curve.c).all()
     assert first.snap(first.curve.t) == second.snap(second.curve.t)
 
 
-def test_sums_over_samples_are_those_of_dense_algebra() -> None:
-    recorded, spans = taught(1), 9
+def test_products_of_the_design_matrix_are_those_of_dense_algebra() -> None:
+    recorded, spans = recorded_motion(1), 9
     breaks = np.linspace(0.0, 10.0, spans + 1)
-    basis = spline(breaks, np.eye(spans + NEAR), NEAR)(recorded.time)
+    basis = spline(breaks, np.eye(spans + DEGREE), DEGREE)(recorded.time)
     tied = np.column_stack([basis[:, :5].sum(axis=1), basis[:, 5:-5], basis[:, -5:].sum(axis=1)])
     rng = np.random.default_rng(2)
     group = rng.integers(0, 3, len(tied))
@@ -108,16 +108,16 @@ def test_sums_over_samples_are_those_of_dense_algebra() -> None:
         columns = dense.shape[1]
         coefficients = rng.normal(size=(3, columns, 3))
         expected = np.einsum("ij,ijk->ik", dense, coefficients[group])
-        assert matrix.at(group, coefficients) == pytest.approx(expected, abs=1e-13)
+        assert matrix.evaluate(group, coefficients) == pytest.approx(expected, abs=1e-13)
         for k in range(3):
-            own = dense[group == k]
-            bands = matrix.banded(group, 3)[k]
-            for above in range(NEAR + 1):
-                found = bands[NEAR - above, above:]
-                assert found == pytest.approx(np.diagonal(own.T @ own, above), abs=1e-11)
-            side = own.T @ recorded.points[group == k]
-            assert matrix.times(group, 3, recorded.points)[k] == pytest.approx(side, abs=1e-11)
-        drawn = matrix.signed_times(group, signs, recorded.points)
+            rows = dense[group == k]
+            bands = matrix.gram_bands(group, 3)[k]
+            for above in range(DEGREE + 1):
+                expected = np.diagonal(rows.T @ rows, above)
+                assert bands[DEGREE - above, above:] == pytest.approx(expected, abs=1e-11)
+            side = rows.T @ recorded.points[group == k]
+            assert matrix.right_sides(group, 3, recorded.points)[k] == pytest.approx(side, abs=1e-11)
+        drawn = matrix.signed_right_sides(group, signs, recorded.points)
         for draw in range(4):
             expected = dense.T @ (signs[group, draw, np.newaxis] * recorded.points)
             assert drawn[:, :, draw] == pytest.approx(expected, abs=1e-11)

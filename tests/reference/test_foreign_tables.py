@@ -1,4 +1,4 @@
-"""Reference files as other tools write them: read with the units that they state, or refused by name."""
+"""Reference files as other tools write them: read with their own units, or refused with a reason."""
 
 import datetime
 import io
@@ -34,21 +34,21 @@ def text(header: str, *, separator: str = ",", comma: str = ".", end: str = "\n"
     return end.join([header, *lines, ""])
 
 
-def stamps() -> list[str]:
+def iso_times() -> list[str]:
     start = datetime.datetime(2026, 9, 15, 6, tzinfo=datetime.UTC)
     times = [start + datetime.timedelta(milliseconds=round(1e3 * t)) for t in motion()[:, 0]]
     return [time.isoformat(timespec="milliseconds") for time in times]
 
 
-def thousandths() -> str:
+def in_millimetres() -> str:
     lines = [",".join(f"{1e3 * number:.6f}" for number in row) for row in motion()]
     return "\n".join(["t_ms,x_mm,y_mm,z_mm", *lines, ""])
 
 
-def stamped(separator: str = ",", comma: str = ".") -> str:
+def with_iso_times(separator: str = ",", comma: str = ".") -> str:
     lines = [separator.join(["time", "x", "y", "z"])]
-    for at, row in zip(stamps(), motion()[:, 1:], strict=True):
-        lines.append(separator.join([at, *(f"{x:.9f}".replace(".", comma) for x in row)]))
+    for time, row in zip(iso_times(), motion()[:, 1:], strict=True):
+        lines.append(separator.join([time, *(f"{x:.9f}".replace(".", comma) for x in row)]))
     return "\n".join([*lines, ""])
 
 
@@ -60,7 +60,7 @@ def table(
     columns |= {axis: pa.array(scale * rows[:, k]) for k, axis in enumerate("xyz", 1)}
     if decimals:
         columns |= {axis: columns[axis].cast(pa.decimal128(15, 10), safe=False) for axis in "xyz"}
-    schema = pa.schema([pa.field(name, each.type, metadata=metadata) for name, each in columns.items()])
+    schema = pa.schema([pa.field(name, column.type, metadata=metadata) for name, column in columns.items()])
     if metadata:
         schema = schema.set(0, schema.field(0).with_metadata({"unit": "s"}))
     parquet.write_table(pa.table(list(columns.values()), schema=schema), out)
@@ -80,19 +80,19 @@ READ = {
                        f"{PLAIN}columns = {{time = 'time [s]', x = 'x [m]', y = 'y (m)', z = 'z/m'}}"),
     "Excel's own line": ("sep=;\n" + text("time;x;y;z", separator=";", comma=","), SI),
     "names of ROS": (text("%time,x,y,z"), SI),
-    "stamps and commas": (stamped(";", ","), f"{PLAIN}units = {{length = 'm'}}"),
+    "time stamps and commas": (with_iso_times(";", ","), f"{PLAIN}units = {{length = 'm'}}"),
     "comments before": (f"// restarted\n# by hand\n{text('time,x,y,z')}", SI),
     "a comment names": (f"# exported\n{text('# time,x,y,z')}", SI),
     "index of pandas": (text(",time,x,y,z").replace("\n", "\n7,", 401), SI),
     "without names by pandas": (text("0,1,2,3"), f"{SI}columns = {{time = '0', x = '1', y = '2', z = '3'}}"),
-    "time stamps": (stamped(), f"{PLAIN}units = {{length = 'm'}}"),
+    "time stamps": (with_iso_times(), f"{PLAIN}units = {{length = 'm'}}"),
     "units of Parquet": (table({"unit": "mm"}, scale=1e3), PLAIN),
-    "units after names": (thousandths(),
+    "units after names": (in_millimetres(),
                           f"{PLAIN}columns = {{time = 't_ms', x = 'x_mm', y = 'y_mm', z = 'z_mm'}}"),
     "unit of MATLAB": (table({"Unit": "mm"}, scale=1e3), PLAIN),
     "decimals": (table({"unit": "m"}, decimals=True), PLAIN),
     "words of Parquet": (table({"units": "millimeter"}, scale=1e3), PLAIN),
-    "stamps of Parquet": (table({}, time=nanoseconds().cast(pa.timestamp("ns"))),
+    "time stamps of Parquet": (table({}, time=nanoseconds().cast(pa.timestamp("ns"))),
                           f"{PLAIN}units.length = 'm'"),
     "durations": (table({}, time=pa.array(np.round(1e6 * motion()[:, 0]).astype(np.int64))
                         .cast(pa.duration("us"))), f"{PLAIN}units.length = 'm'"),
@@ -102,24 +102,24 @@ READ = {
 
 
 @pytest.mark.parametrize("case", READ)
-def test_what_other_tools_write_is_read(tmp_path: Path, case: str) -> None:
+def test_files_of_other_tools_are_read(tmp_path: Path, case: str) -> None:
     content, segment = READ[case]
     (tmp_path / "teach.csv").write_bytes(content.encode() if isinstance(content, str) else content)
     assert positions(scenario_of(tmp_path, segment)) == pytest.approx(truth(), abs=2e-6)
 
 
 def test_a_number_stands_for_a_column_that_a_file_lacks(tmp_path: Path) -> None:
-    """A planar crane has no y; the number is in the file's unit."""
+    """Files of planar cranes have no y; the number is in the file's unit."""
     rows = motion() * [1.0, 1e3, 0.0, 1e3]
     lines = [f"{row[0]:.9f},{row[1]:.6f},{row[3]:.6f}" for row in rows]
     (tmp_path / "teach.csv").write_text("\n".join(["time,x,z", *lines, ""]))
     segment = f"{PLAIN}columns = {{y = 500}}\nunits = {{time = 's', length = 'mm'}}"
-    found = positions(scenario_of(tmp_path, segment))
-    assert found[:, 1] == pytest.approx(np.full(len(TIME), 0.5), abs=1e-12)
-    assert found[:, [0, 2]] == pytest.approx(truth()[:, [0, 2]], abs=2e-6)
+    load = positions(scenario_of(tmp_path, segment))
+    assert load[:, 1] == pytest.approx(np.full(len(TIME), 0.5), abs=1e-12)
+    assert load[:, [0, 2]] == pytest.approx(truth()[:, [0, 2]], abs=2e-6)
 
 
-def test_a_hoist_that_counts_downwards_is_told_the_sign(tmp_path: Path) -> None:
+def test_a_hoist_that_counts_downwards_is_refused_with_the_right_signs(tmp_path: Path) -> None:
     rows = motion() * [1, 1, 1, -1]
     lines = [",".join(f"{number:.9f}" for number in row) for row in rows]
     (tmp_path / "teach.csv").write_text("\n".join(["time,x,y,z", *lines, ""]))
@@ -139,8 +139,8 @@ REFUSED: dict[str, tuple[bytes, str, str]] = {
     "no header": (b"0,0.4,0.5,-0.6\n0.02,0.4,0.5,-0.6\n", "has no line of names: its first", "time,x,y,z"),
     "no header, commas": (b"0;0,4;0,5;-0,6\n0,02;0,4;0,5;-0,6\n", "has no line of names", "time;x;y;z"),
     "comment first": (b"// restarted\n0, 0.4, 0.5\n10, 0.4, 0.5\n", "begins with a comment and has no", ""),
-    "blanks": (b"time x y z\n0 1 2 3\n", "blanks or bars part the names", "between its columns"),
-    "bars": (b"time|x|y|z\n0|1|2|3\n", "blanks or bars part the names", "between its columns"),
+    "blanks": (b"time x y z\n0 1 2 3\n", "blanks or bars separate the names", "between its columns"),
+    "bars": (b"time|x|y|z\n0|1|2|3\n", "blanks or bars separate the names", "between its columns"),
     "quoted commas": (b'time,x,y,z\n"0,0","1,5","2","3"\n', "'time' holds the text '0,0', in row 1", ""),
     "line of units": (b"time,x,y,z\ns,m,m,m\n0,1,2,3\n", "column 'time' holds the text 's', in row 1", ""),
     "German time": (b"time,x,y,z\n15.09.2026 06:00,1,2,3\n", "the text '15.09.2026 06:00', in row 1", ""),
@@ -158,7 +158,7 @@ REFUSED: dict[str, tuple[bytes, str, str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_read_is_refused_by_name(tmp_path: Path, case: str) -> None:
+def test_unreadable_files_are_refused_with_the_reason(tmp_path: Path, case: str) -> None:
     content, found, remedy = REFUSED[case]
     (tmp_path / "teach.csv").write_bytes(content)
     with pytest.raises(InputError) as error:
@@ -170,15 +170,15 @@ def test_what_cannot_be_read_is_refused_by_name(tmp_path: Path, case: str) -> No
 
 def test_a_unit_other_than_that_of_the_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "teach.csv").write_bytes(table({"unit": "mm"}, scale=1e3))
-    with pytest.raises(InputError, match=r"units\.length = 'm', where the file says that 'x' is in 'mm'"):
+    with pytest.raises(InputError, match=r"units\.length = 'm', but the file says that 'x' is in 'mm'"):
         scenario_of(tmp_path, SI)
 
 
-def test_types_are_looked_at_before_anything_is_unpacked(tmp_path: Path) -> None:
-    """A small file can unpack to gigabytes."""
+def test_types_are_checked_before_data_is_decompressed(tmp_path: Path) -> None:
+    """A small file can decompress to gigabytes."""
     rows = pa.DictionaryArray.from_arrays(np.zeros(100_000, dtype=np.int32), ["x" * 2000])
-    packed = pa.table(dict.fromkeys(("time", *"xyz"), rows))
-    parquet.write_table(packed, tmp_path / "teach.csv", compression="zstd", store_schema=False)
+    table_of_text = pa.table(dict.fromkeys(("time", *"xyz"), rows))
+    parquet.write_table(table_of_text, tmp_path / "teach.csv", compression="zstd", store_schema=False)
     assert (tmp_path / "teach.csv").stat().st_size < 200e3
     before = pa.default_memory_pool().max_memory()
     with pytest.raises(InputError, match="holds values of the type string"):

@@ -1,4 +1,4 @@
-"""A run's log as a reference, and a log that holds the file its reference was made from."""
+"""Logs as references, and logs that contain the file of their reference."""
 
 import contextlib
 import pickle
@@ -39,8 +39,8 @@ def logged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
 
 
 @pytest.fixture(scope="module")
-def taught(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
-    directory = tmp_path_factory.mktemp("taught")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
+    directory = tmp_path_factory.mktemp("recorded")
     write_csv(directory / "teach.csv", motion(2.0, noise=1e-4))
     return directory, simulate_run(scenario_of(directory, SAMPLES, duration=2.0), plant="analytic")
 
@@ -48,14 +48,14 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
 @pytest.mark.parametrize(
     ("topic", "position", "snap"),
     [
-        # Knots are refined to 0.1 µm; z'''' errs by 8 % of its peak in the span where the rest begins and
-        # the law of degree 9 has a kink in it.
+        # Knots are refined to 0.1 µm; z'''' errs by 8 % of its peak in the span where the motion ends, since
+        # the fifth derivative of the time law jumps there.
         ("reference/load", 5e-7, 0.1),
-        # What the plant made of it: sampling at 1 ms costs 31 µm.
+        # The plant's own motion: sampling at 1 ms costs 31 µm.
         ("analytic/load", 4e-5, 0.1),
     ],
 )
-def test_what_a_log_has_is_driven_again(
+def test_the_motion_in_a_log_is_followed_again(
     logged: tuple[Path, Run], topic: str, position: float, snap: float
 ) -> None:
     directory, run = logged
@@ -67,7 +67,7 @@ def test_what_a_log_has_is_driven_again(
     assert simulate_run(scenario, plant="analytic").status.label == "completed"
 
 
-def test_an_unknown_topic_lists_those_of_loads(logged: tuple[Path, Run]) -> None:
+def test_an_unknown_topic_is_refused_with_the_topics_of_loads(logged: tuple[Path, Run]) -> None:
     with pytest.raises(InputError) as error:
         scenario_of(logged[0], f"{OF_LOG}topic = 'analytic/laod'")
     assert "unknown topic 'analytic/laod'" in error.value.found
@@ -75,8 +75,8 @@ def test_an_unknown_topic_lists_those_of_loads(logged: tuple[Path, Run]) -> None
     assert "'analytic/load'?" in error.value.remedy
 
 
-def test_the_log_holds_the_file_and_replays_to_the_bit(taught: tuple[Path, Run], tmp_path: Path) -> None:
-    directory, run = taught
+def test_the_log_contains_the_file_and_replays_to_the_bit(recorded: tuple[Path, Run], tmp_path: Path) -> None:
+    directory, run = recorded
     content = (directory / "teach.csv").read_bytes()
     first = write_log(tmp_path / "first.mcap", [run])
     again = read_log(first)["analytic"].scenario
@@ -88,7 +88,9 @@ def test_the_log_holds_the_file_and_replays_to_the_bit(taught: tuple[Path, Run],
     assert name.endswith("-teach.csv")
 
 
-def test_of_a_log_the_columns_taken_are_held(logged: tuple[Path, Run], tmp_path: Path) -> None:
+def test_a_reference_from_a_log_keeps_only_the_columns_that_it_uses(
+    logged: tuple[Path, Run], tmp_path: Path
+) -> None:
     scenario = scenario_of(logged[0], OF_LOG)
     (content,) = held_files(scenario).values()
     assert len(content) < 0.2 * (logged[0] / "run.mcap").stat().st_size
@@ -111,7 +113,7 @@ def sampled(scenario: Scenario) -> Scenario:
 
 
 @pytest.mark.parametrize(
-    "travel",
+    "copy",
     [
         lambda scenario: pickle.loads(pickle.dumps(scenario)),
         lambda scenario: replace_effects(scenario, NO_EFFECTS),
@@ -120,18 +122,18 @@ def sampled(scenario: Scenario) -> Scenario:
     ],
     ids=["to a worker", "with effects", "by a table", "to a sample"],
 )
-def test_the_file_travels_with_its_scenario(
-    taught: tuple[Path, Run], travel: Callable[[Scenario], Any]
+def test_the_file_stays_with_copies_of_its_scenario(
+    recorded: tuple[Path, Run], copy: Callable[[Scenario], Any]
 ) -> None:
-    scenario = taught[1].scenario
-    assert held_files(travel(scenario)) == held_files(scenario) != {}
+    scenario = recorded[1].scenario
+    assert held_files(copy(scenario)) == held_files(scenario) != {}
 
 
-def test_the_result_of_a_campaign_has_the_file_too(taught: tuple[Path, Run], tmp_path: Path) -> None:
+def test_the_result_of_a_campaign_contains_the_file(recorded: tuple[Path, Run], tmp_path: Path) -> None:
     line = ["campaign", "run", "c.toml", "--out", "r"]
     with contextlib.chdir(tmp_path):
         Path("c.toml").write_text(
-            f'name = "c"\nscenario = "{taught[0] / "taken.toml"}"\ncontrollers = ["lqr"]\nruns = 2\n'
+            f'name = "c"\nscenario = "{recorded[0] / "taken.toml"}"\ncontrollers = ["lqr"]\nruns = 2\n'
             'plants = ["analytic"]\n'
             'uncertain.rig.load_mass = {distribution = "uniform", low = 0.5, high = 1.5}\n'
             'set = ["duration=2.0"]\n'
@@ -139,33 +141,33 @@ def test_the_result_of_a_campaign_has_the_file_too(taught: tuple[Path, Run], tmp
         assert main(line) == 0
         assert main(["campaign", "replay", "r", "--run", "1", "--out", "l"]) == 0
         (log,) = Path("l").glob("*.mcap")
-        assert held_files(read_log(log)["analytic"].scenario) == held_files(taught[1].scenario) != {}
+        assert held_files(read_log(log)["analytic"].scenario) == held_files(recorded[1].scenario) != {}
         assert main([*line, "--overwrite"]) == 0
         assert len(list(Path("r/reference").iterdir())) == 1
 
 
-def test_info_tells_where_the_reference_is_from(
-    taught: tuple[Path, Run], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_info_names_the_file_of_the_reference(
+    recorded: tuple[Path, Run], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    log = write_log(tmp_path / "run.mcap", [taught[1]])
+    log = write_log(tmp_path / "run.mcap", [recorded[1]])
     assert main(["info", str(log)]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    (spline,) = taught[1].scenario.reference.segments
+    output = " ".join(capsys.readouterr().out.split())
+    (spline,) = recorded[1].scenario.reference.segments
     assert isinstance(spline, Spline)
     assert spline.fit is not None
-    assert "segment 0: samples from teach.csv (SHA-256" in told
-    assert f"held here): 101 samples, {spline.fit.spans} spans; samples left out are" in told
+    assert "segment 0: samples from teach.csv (SHA-256" in output
+    assert f"held here): 101 samples, {spline.fit.spans} spans; samples left out are" in output
     assert START.tolist() == list(spline.coefficients[0])
 
 
-def test_an_exported_table_says_its_units_itself(tmp_path: Path) -> None:
-    """The metadata of a Parquet export take the place of `units`."""
+def test_an_exported_table_needs_no_units(tmp_path: Path) -> None:
+    """The metadata of a Parquet export replace `units`."""
     write_csv(tmp_path / "teach.csv", motion())
     taken = scenario_of(tmp_path, SAMPLES)
     run = simulate_run(taken, plant="analytic", controller="lqr")
     write_table(export_table({"analytic": run}), tmp_path / "run.parquet", exporters()["parquet"])
     columns = ", ".join(f"{axis} = 'reference.load_{axis}'" for axis in "xyz")
     again = scenario_of(tmp_path, f"kind = 'samples'\nfile = 'run.parquet'\ncolumns = {{{columns}}}")
-    at = np.linspace(0.0, 8.0, 81)
-    told, first = (build_trajectory(each.reference).sample(at)[:, :3] for each in (again, taken))
-    assert told == pytest.approx(first, abs=1e-6)
+    time = np.linspace(0.0, 8.0, 81)
+    second, first = (build_trajectory(s.reference).sample(time)[:, :3] for s in (again, taken))
+    assert second == pytest.approx(first, abs=1e-6)

@@ -17,7 +17,7 @@ from cranectl.scenario.segments import Hold, Move, Samples, Spline, WayPoints
 from cranectl.simulate.idle_settings import RunKind, idle_settings
 from cranectl.support.errors import InputError
 
-USE = RunKind("analytic", "velocity", "lqr")
+RUN_KIND = RunKind("analytic", "velocity", "lqr")
 START = [0.5, 0.5, -0.7]
 BASE = [
     "disturbances=[]", "duration=60", f"reference.start={START}",
@@ -87,14 +87,14 @@ CHANGES: list[tuple[str, str, Any]] = [
     ("driven", "wishes", [[0.1, 0.1, 0.1, 0.1], [1.5, 0.0, 0.0, 0.0], [6.0, 0.0, 0.0, 0.0]]),
     ("driven", "goals", [[2.0, 0.52, 0.5, -0.7]]),
 ]  # fmt: skip
-# What is made, not given, or tried with files of other kinds.
-ELSEWHERE = {
-    "kind": "it is the segment",
-    "made_from": "what a plan was made of, for logs",
-    "source": "what a plan was made of, for logs",
-    "fit": "what a plan was made of, for logs",
-    "taken": "of parts that were planned",
-    "parts": "the segments themselves, as they were given",
+# Keys that a user does not set, each with the reason.
+NOT_TRIED = {
+    "kind": "it selects the kind of segment",
+    "made_from": "written into logs with a plan",
+    "source": "written into logs with a plan",
+    "fit": "written into logs with a plan",
+    "taken": "computed with a plan",
+    "parts": "the segments themselves",
 }
 OTHER_PLAN: dict[str, Any] = {
     "share": 0.5, "lean": 0.02, "tension": [0.97, 1.02], "jerk": [0.5, 0.5, 0.5], "clearance": 0.68,
@@ -102,14 +102,14 @@ OTHER_PLAN: dict[str, Any] = {
 }  # fmt: skip
 
 
-def moved(overrides: list[str]) -> bytes:
-    """The reference at 101 times, and how it is said."""
+def sampled_reference(overrides: list[str]) -> bytes:
+    """Return the reference at 101 times, and these times, as bytes."""
     trajectory = build_trajectory(load_scenario("fixed-position", overrides=overrides).reference)
     times = np.linspace(0.0, trajectory.joints[-1], 101)
     return trajectory.sample(times).tobytes() + times.tobytes()
 
 
-def written(segment: dict[str, Any]) -> str:
+def as_override(segment: dict[str, Any]) -> str:
     def text(value: Any) -> str:
         if isinstance(value, dict):
             return "{" + ", ".join(f"{key}={text(below)}" for key, below in value.items()) + "}"
@@ -118,61 +118,67 @@ def written(segment: dict[str, Any]) -> str:
     return f"reference.segments=[{text(segment)}]"
 
 
-def place(segment: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The segment with its file in `folder`."""
+def with_path(segment: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the segment with its file in `folder`."""
     return {**segment, "file": str(folder / segment["file"])} if "file" in segment else segment
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("files")
+    directory = tmp_path_factory.mktemp("files")
     for name, shift in (("points", 0.0), ("other", 0.02)):
         rows = [(1.5 * k, *point[:2], point[2] + shift * (k == 1)) for k, point in enumerate(POINTS)]
-        (made / f"{name}.csv").write_text(
+        (directory / f"{name}.csv").write_text(
             "time,x,y,z\n" + "".join(f"{','.join(map(str, row))}\n" for row in rows)
         )
     time = np.linspace(0.0, 4.0, 81)
     s = np.clip((time - 0.5) / 3.0, 0.0, 1.0)
     bump = 0.1 * s**5 * (126.0 - 420.0 * s + 540.0 * s**2 - 315.0 * s**3 + 70.0 * s**4)
     columns = np.column_stack([time, START[0] + bump, START[1] + 0.5 * bump, START[2] + 0.2 * bump])
-    np.savetxt(made / "samples.csv", columns, delimiter=",", header="time,x,y,z", comments="")
-    return made
+    np.savetxt(directory / "samples.csv", columns, delimiter=",", header="time,x,y,z", comments="")
+    return directory
 
 
-@pytest.mark.parametrize(("name", "key", "value"), CHANGES, ids=lambda each: str(each)[:20])
+@pytest.mark.parametrize(("name", "key", "value"), CHANGES, ids=lambda part: str(part)[:20])
 def test_a_setting_of_a_segment_changes_the_motion_or_is_refused(
     name: str, key: str, value: Any, folder: Path
 ) -> None:
-    asked = place(SEGMENTS[name], folder)
-    changed = place({**SEGMENTS[name], key: value}, folder)
-    usual = moved([*BASE, written(asked)])
+    original = with_path(SEGMENTS[name], folder)
+    changed = with_path({**SEGMENTS[name], key: value}, folder)
+    before = sampled_reference([*BASE, as_override(original)])
     try:
-        assert moved([*BASE, written(changed)]) != usual
+        assert sampled_reference([*BASE, as_override(changed)]) != before
     except InputError as error:
-        assert error.found  # noqa: PT017 - one that says nothing is no refusal
+        assert error.found  # noqa: PT017 - an empty error is no refusal
 
 
 @pytest.mark.parametrize("name", ["line", "shortest", "quickest"])
 @pytest.mark.parametrize("key", PlanningSettings.model_fields)
-def test_a_setting_of_plans_changes_the_motion_or_is_reported(name: str, key: str) -> None:
-    usual = moved([*BASE, written(SEGMENTS[name])])
-    asked = [*BASE, written(SEGMENTS[name]), f"planning.{key}={json.dumps(OTHER_PLAN[key])}"]
-    read = read_scenario("fixed-position", overrides=asked)
+def test_a_setting_of_planning_changes_the_motion_or_is_reported(name: str, key: str) -> None:
+    before = sampled_reference([*BASE, as_override(SEGMENTS[name])])
+    overrides = [*BASE, as_override(SEGMENTS[name]), f"planning.{key}={json.dumps(OTHER_PLAN[key])}"]
+    read = read_scenario("fixed-position", overrides=overrides)
     try:
-        changed = moved(asked) != usual
+        changed = sampled_reference(overrides) != before
     except InputError as error:
         assert error.remedy  # noqa: PT017
         return
-    told = idle_settings(load_scenario("fixed-position", overrides=asked), read, [f"planning.{key}"], [USE])
-    assert bool(told) != changed
+    planned = load_scenario("fixed-position", overrides=overrides)
+    assert bool(idle_settings(planned, read, [f"planning.{key}"], [RUN_KIND])) != changed
 
 
-def test_the_ends_of_a_rig_are_no_limit_beside_a_box() -> None:
-    asked = [*BASE, written(SEGMENTS["shortest"]), "planning.load_box=[[0.4,0.7],[0.4,0.7],[-0.8,-0.6]]"]
-    more = [*asked, "planning.clearance=0.3"]
-    assert moved(more) == moved(asked)
+def test_a_load_box_replaces_the_clearance_from_the_ends_of_the_rig() -> None:
+    overrides = [
+        *BASE,
+        as_override(SEGMENTS["shortest"]),
+        "planning.load_box=[[0.4,0.7],[0.4,0.7],[-0.8,-0.6]]",
+    ]
+    more = [*overrides, "planning.clearance=0.3"]
+    assert sampled_reference(more) == sampled_reference(overrides)
     read = read_scenario("fixed-position", overrides=more)
-    assert idle_settings(load_scenario("fixed-position", overrides=more), read, ["planning.clearance"], [USE])
+    assert idle_settings(
+        load_scenario("fixed-position", overrides=more), read, ["planning.clearance"], [RUN_KIND]
+    )
 
 
 def test_every_setting_of_every_segment_is_tried() -> None:
@@ -181,15 +187,15 @@ def test_every_setting_of_every_segment_is_tried() -> None:
         (kind.model_fields["kind"].annotation.__args__[0], key) for kind in kinds for key in kind.model_fields
     }
     tried = {(SEGMENTS[name]["kind"], key) for name, key, _ in CHANGES}
-    left = {(kind, key) for kind, key in fields - tried if key not in ELSEWHERE}
+    left = {(kind, key) for kind, key in fields - tried if key not in NOT_TRIED}
     assert left == {("path", "duration"), ("path", "time_law")}  # as of a line, once it is planned
 
 
-def test_a_move_that_cannot_keep_its_rope_is_refused() -> None:
-    """Straight lines, with which a plan begins, have a rope that varies."""
+def test_a_move_that_needs_a_varying_rope_is_refused_with_constant_rope() -> None:
+    """Along straight lines, with which a plan begins, the rope's length varies."""
     tight = [*BASE[:-1], "planning.tension=[0.995,1.01]", "planning.share=0.9"]
     move = {"kind": "move", "to": [0.6, 0.5, -0.7], "constant_rope": True}
     with pytest.raises(InputError, match="no motion with constant_rope") as raised:
-        moved([*tight, written(move)])
+        sampled_reference([*tight, as_override(move)])
     assert raised.value.remedy.startswith("leave constant_rope out")
-    moved([*tight, written({**move, "constant_rope": False})])
+    sampled_reference([*tight, as_override({**move, "constant_rope": False})])

@@ -1,4 +1,4 @@
-"""Plans kept between processes: bit for bit what was planned, and never what was not."""
+"""Plans are reused between processes, unchanged, and never for other settings."""
 
 import pickle
 from pathlib import Path
@@ -28,41 +28,41 @@ MOVES = [
 
 
 @pytest.fixture(autouse=True)
-def own_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path)
 
 
 def scenario(move: str, *overrides: str) -> Scenario:
-    """As a process that begins has it."""
+    """Load a scenario as a new process does."""
     plan._SEGMENTS.clear()
-    told = ["disturbances=[]", "reference.start=[0.5,0.5,-0.7]", f"reference.segments=[{move}]", *overrides]
-    return load_scenario("fixed-position", overrides=told)
+    base = ["disturbances=[]", "reference.start=[0.5,0.5,-0.7]", f"reference.segments=[{move}]", *overrides]
+    return load_scenario("fixed-position", overrides=base)
 
 
 def planned(move: str, *overrides: str) -> tuple[Segment, ...]:
     return scenario(move, *overrides).reference.segments
 
 
-def plan_never(monkeypatch: pytest.MonkeyPatch) -> None:
-    def found(*_: Any) -> Segment:
+def forbid_planning(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any) -> Segment:
         raise AssertionError("planned again")
 
-    monkeypatch.setattr(plan, "plan_move", found)
-    monkeypatch.setattr(plan, "plan_along", found)
-    monkeypatch.setattr(plan, "plan_with_blends", found)
+    monkeypatch.setattr(plan, "plan_move", fail)
+    monkeypatch.setattr(plan, "plan_along", fail)
+    monkeypatch.setattr(plan, "plan_with_blends", fail)
 
 
 @pytest.mark.parametrize("move", MOVES)
-def test_what_is_kept_is_what_was_planned(move: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stored_plan_equals_the_planned_one(move: str, monkeypatch: pytest.MonkeyPatch) -> None:
     first = planned(move)
-    plan_never(monkeypatch)
+    forbid_planning(monkeypatch)
     assert planned(move) == first
-    assert [each.model_dump_json() for each in planned(move)] == [each.model_dump_json() for each in first]
+    assert [s.model_dump_json() for s in planned(move)] == [s.model_dump_json() for s in first]
 
 
-def test_what_decides_otherwise_is_planned_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_setting_that_affects_the_plan_is_planned_again(monkeypatch: pytest.MonkeyPatch) -> None:
     planned(MOVES[2])
-    plan_never(monkeypatch)
+    forbid_planning(monkeypatch)
     planned(MOVES[2])
     planned(MOVES[2], "log.every=2")
     for override in ("planning.share=0.5", "rig.load_mass=2.0", "planning.refinement=2"):
@@ -73,7 +73,7 @@ def test_what_decides_otherwise_is_planned_again(monkeypatch: pytest.MonkeyPatch
         planned(MOVES[2])
 
 
-def test_what_is_damaged_is_planned_again(tmp_path: Path) -> None:
+def test_a_damaged_stored_plan_is_planned_again_and_replaced(tmp_path: Path) -> None:
     first = planned(MOVES[2])
     (file,) = tmp_path.rglob("*.json")
     whole = file.read_bytes()
@@ -82,25 +82,25 @@ def test_what_is_damaged_is_planned_again(tmp_path: Path) -> None:
     assert file.read_bytes() == whole, "and healed"
 
 
-def test_a_log_says_what_was_proven_and_proves_nothing_again(
+def test_a_log_states_the_proof_without_proving_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = scenario(f"{MOVES[0]},{MOVES[2]},{MOVES[1]}", "duration=20.0")
-    claims = [review.in_short for review in reviews(asked)]
+    original = scenario(f"{MOVES[0]},{MOVES[2]},{MOVES[1]}", "duration=20.0")
+    claims = [review.summary for review in reviews(original)]
     assert len(claims) == 2, "the shortest duration of a given law is no motion in minimum time"
     assert all("proven on" in claim for claim in claims)
 
-    def proven(*_: Any, **__: Any) -> None:
+    def fail(*_: Any, **__: Any) -> None:
         raise AssertionError("proven again")
 
     for name in ("prove", "_review"):
-        monkeypatch.setattr(review, name, proven)
+        monkeypatch.setattr(review, name, fail)
     kept_plan = scenario(f"{MOVES[0]},{MOVES[2]},{MOVES[1]}", "duration=20.0")
     run = simulate_run(pickle.loads(pickle.dumps(kept_plan)), plant="analytic", controller="lqr")
-    told = [event.message for event in events(run)]
-    assert told[1:4] == [f"reference: {each}" for each in (claims[0], "arc", claims[1])]
+    messages = [event.message for event in events(run)]
+    assert messages[1:4] == [f"reference: {text}" for text in (claims[0], "arc", claims[1])]
     log = write_log(tmp_path / "run.mcap", [run])
-    assert [event.message for event in events(read_log(log)["analytic"])] == told
+    assert [event.message for event in events(read_log(log)["analytic"])] == messages
     put_files(tmp_path, kept_plan)
     again = parse_settings(Scenario, kept_plan.model_dump(), "again")
     assert with_files(again, files_in(tmp_path)) == kept_plan != again

@@ -1,4 +1,4 @@
-"""As many samples as a file may have are read and fitted in less than 1 GiB, in a process of their own."""
+"""A file of maximum size is read and fitted in less than 1 GiB, measured in a separate process."""
 
 import subprocess
 import sys
@@ -10,11 +10,11 @@ import pytest
 from pyarrow import csv as arrow_csv
 from pyarrow import parquet
 
-from cranectl.reference.tables import MOST_ROWS
+from cranectl.reference.tables import MAX_FILE_ROWS
 from tests.reference.recordings import motion
 
 LIMIT = 2**30  # [bytes]
-SCALE = 4  # a fit takes memory by the sample: a quarter of the samples tells what all take
+SCALE = 4  # memory is proportional to the number of samples, so a quarter of them is measured
 SCENARIO = """\
 name = "taken"
 duration = 10.0
@@ -26,7 +26,7 @@ spans = 40
 file = "{file}"
 units = {{time = "s", length = "m"}}
 """
-# What a process that has everything loaded takes, then what it takes for the file.
+# Peak memory of a process with all modules loaded, then with the file.
 CHILD = """\
 import re, sys
 from pathlib import Path
@@ -51,7 +51,7 @@ print(before, most())
 
 
 def write(path: Path, rows: int, kind: str) -> None:
-    """Write a motion of so many samples, and a scenario with it."""
+    """Write a motion of about `rows` samples, and a scenario with it."""
     columns = dict(zip(("time", "x", "y", "z"), motion(rate=rows / 8.0).T, strict=True))
     if kind == "CSV":
         arrow_csv.write_csv(pa.table({name: np.round(column, 3) for name, column in columns.items()}), path)
@@ -60,12 +60,12 @@ def write(path: Path, rows: int, kind: str) -> None:
     path.with_suffix(".toml").write_text(SCENARIO.format(file=path.name))
 
 
-@pytest.mark.parametrize(("does", "kind"), [("fit", "Parquet"), ("read", "CSV")])
-def test_all_rows_would_take_less_than_the_limit(does: str, kind: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("action", "kind"), [("fit", "Parquet"), ("read", "CSV")])
+def test_the_largest_file_takes_less_memory_than_the_limit(action: str, kind: str, tmp_path: Path) -> None:
     write(tmp_path / "few", 20_000, kind)
-    write(tmp_path / "many", MOST_ROWS // SCALE, kind)
+    write(tmp_path / "many", MAX_FILE_ROWS // SCALE, kind)
     done = subprocess.run(
-        [sys.executable, "-c", CHILD, does], cwd=tmp_path, check=True, capture_output=True, text=True
+        [sys.executable, "-c", CHILD, action], cwd=tmp_path, check=True, capture_output=True, text=True
     )
     before, after = map(int, done.stdout.split())
     assert before + SCALE * (after - before) < LIMIT

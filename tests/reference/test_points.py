@@ -1,4 +1,4 @@
-"""Curves through way points that are driven in minimum time: what they are, and what is refused."""
+"""Paths through way points in minimum time: shape, accuracy and refused points."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from cranectl.planning import load_scenario
-from cranectl.reference.fitting import path_through, through_points
+from cranectl.reference.fitting import interpolate_path, interpolate_points
 from cranectl.reference.geometry import geometry_of
 from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import spline
@@ -26,14 +26,14 @@ def test_a_path_passes_its_points_and_moves_at_its_ends(count: int) -> None:
     random = np.random.default_rng(count)
     parameter = np.cumsum(random.uniform(0.5, 1.5, count)) - 0.3
     points = random.uniform(-1.0, 1.0, (count, 3))
-    curve, error = path_through(parameter, points)
+    curve, error = interpolate_path(parameter, points)
     assert error < 1e-11
     assert curve(parameter) == pytest.approx(points, abs=1e-12)
     assert np.array_equal(curve.c[[0, -1]], points[[0, -1]])
     assert np.unique(curve.t) == pytest.approx(parameter)
     ends = parameter[[0, -1]]
     assert (np.linalg.norm(curve.derivative()(ends), axis=1) > 0.1).all()
-    if count > 4:  # natural; with fewer points a polynomial without these
+    if count > 4:  # a natural spline; with fewer points a polynomial, which lacks these derivatives
         for order in (4, 5, 6):
             rate = curve.derivative(order)
             assert np.abs(rate(ends)).max() < 1e-8 * np.abs(rate(np.linspace(*ends, 101))).max()
@@ -41,19 +41,21 @@ def test_a_path_passes_its_points_and_moves_at_its_ends(count: int) -> None:
         assert np.abs(curve.derivative(count)(np.linspace(*ends, 101))).max() < 1e-8
 
 
-def test_a_spline_s_path_is_the_spline_by_shares_of_its_parameter() -> None:
+def test_the_path_coordinate_of_a_spline_is_the_share_of_its_parameter() -> None:
     random = np.random.default_rng(1)
     breaks = (0.0, 0.5, 0.7, 2.0, 2.2)
     coefficients = tuple(map(tuple, random.uniform(-1.0, 1.0, (11, 3)).tolist()))
-    asked = Spline(kind="spline", degree=7, breaks=breaks, coefficients=coefficients, time_law="minimum-time")
+    segment = Spline(
+        kind="spline", degree=7, breaks=breaks, coefficients=coefficients, time_law="minimum-time"
+    )
     s = np.linspace(0.0, 1.0, 401)
-    path = geometry_of(asked, np.zeros(3))
+    path = geometry_of(segment, np.zeros(3))
     series = path([from_derivatives([s, np.ones_like(s), *[np.zeros_like(s)] * 4])])
     curve = spline(np.array(breaks), np.array(coefficients), 7)
     for order, factor in enumerate(np.cumprod([1.0, *range(1, 6)])):
-        wanted = (curve.derivative(order) if order else curve)(2.2 * s) * 2.2**order
+        expected = (curve.derivative(order) if order else curve)(2.2 * s) * 2.2**order
         found = np.stack([axis[order] for axis in series], axis=1) * factor
-        assert found == pytest.approx(wanted, abs=1e-11 * np.abs(wanted).max())
+        assert found == pytest.approx(expected, abs=1e-11 * np.abs(expected).max())
     chords = np.linalg.norm(np.diff(curve(np.linspace(0.0, 2.2, 100_001)), axis=0), axis=1).sum()
     assert path.length == pytest.approx(chords, rel=1e-2)
 
@@ -74,7 +76,7 @@ RESTS = [MOVES[0], *MOVES[:7]]
         ({"coefficients": RESTS, "time_law": None, "lasts": 3.0}, "a spline with lasts alone"),
     ],
 )
-def test_splines_that_are_no_path_are_told(changed: dict[str, object], found: str) -> None:
+def test_splines_that_are_no_path_are_refused(changed: dict[str, object], found: str) -> None:
     with pytest.raises(ValidationError, match=found):
         Spline.model_validate({**LAW, **changed})
 
@@ -82,9 +84,9 @@ def test_splines_that_are_no_path_are_told(changed: dict[str, object], found: st
 @pytest.mark.parametrize(
     ("segment", "found"),
     [
-        ("points=[[0.5,0.5,-0.7],[0.5,0.5,-0.7]]", "no way from point 1 to the next"),
+        ("points=[[0.5,0.5,-0.7],[0.5,0.5,-0.7]]", "point 1 and the next are the same point"),
         ("points=[[0.5,0.5,-0.7],[0.9,0.5,-0.7]], speed=0.0", "a mean speed of 0"),
-        ("points=[[0.6,0.5,-0.7],[0.9,0.5,-0.7]]", "where the load is at"),
+        ("points=[[0.6,0.5,-0.7],[0.9,0.5,-0.7]]", "but the load is at"),
         (
             "points=[[0.5,0.5,-0.7],[0.50001,0.5,-0.7],[0.9,0.9,-0.7],[1.2,0.5,-0.7],[1.3,0.5,-0.7]]",
             "through points so uneven",
@@ -93,19 +95,19 @@ def test_splines_that_are_no_path_are_told(changed: dict[str, object], found: st
         ("points=[[0.5,0.5,-0.7],[0.5,0.2,-0.7],[0.5,-0.6,-0.7],[0.5,0.5,-0.6]]", "however slowly: "),
     ],
 )
-def test_way_points_that_cannot_be_are_told(segment: str, found: str) -> None:
-    asked = f"reference.segments=[{{kind='waypoints', {segment}, {MINIMUM}}}]"
-    with pytest.raises(InputError) as told:
-        load_scenario("fixed-position", overrides=["reference.start=[0.5, 0.5, -0.7]", asked])
-    assert found in str(told.value)
+def test_impossible_way_points_are_refused(segment: str, found: str) -> None:
+    override = f"reference.segments=[{{kind='waypoints', {segment}, {MINIMUM}}}]"
+    with pytest.raises(InputError) as error:
+        load_scenario("fixed-position", overrides=["reference.start=[0.5, 0.5, -0.7]", override])
+    assert found in str(error.value)
 
 
-@pytest.mark.parametrize("interpolate", [through_points, path_through])
+@pytest.mark.parametrize("interpolate", [interpolate_points, interpolate_path])
 @pytest.mark.parametrize(("first_step", "most"), [(1.0, 1e-12), (0.1, 1e-8), (0.03, 1e-6), (0.01, 1e-3)])
-def test_the_error_of_coefficients_is_bounded(
+def test_the_error_bound_holds_against_60_digits_and_is_tight(
     interpolate: Callable[..., Any], first_step: float, most: float
 ) -> None:
-    """Against the same equations in 60 digits. A short first step makes them ill-conditioned."""
+    """A short first step makes the equations ill-conditioned."""
     time = np.cumsum([0.0, first_step, *[1.0] * 9])
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (len(time), 3))
     points[1] = points[0] + 0.3 * first_step
@@ -122,7 +124,7 @@ def test_the_error_of_coefficients_is_bounded(
 
 
 def basis_row(knots: list[Any], degree: int, t: Any, order: int) -> list[Any]:
-    """Derivatives of this order of all B-splines at t, by Cox and de Boor."""
+    """Return the derivatives of this order of all B-splines at t, by the recursion of Cox and de Boor."""
     last = max(k for k in range(len(knots) - 1) if knots[k] < knots[k + 1] and (knots[k] <= t))
     values = [mpmath.mpf(k == last) for k in range(len(knots) - 1)]
     for p in range(1, degree + 1):

@@ -1,11 +1,11 @@
-"""What a move may be asked for: everything else is refused before anything is solved, with what to do."""
+"""Impossible moves are refused before anything is solved, with a remedy."""
 
 import numpy as np
 import pytest
 
 from cranectl.planning import load_scenario
 from cranectl.planning.limits import limits_of
-from cranectl.planning.shortest import exceeded
+from cranectl.planning.shortest import peak_excesses
 from cranectl.reference.geometry import Straight
 from cranectl.scenario.segments import seconds
 from cranectl.support.errors import InputError
@@ -17,10 +17,10 @@ WALL = "obstacles=[{{name='wall', low=[0.8, 0.0, -1.4], high=[1.2, 1.54, {top}]}
 
 
 def refused(*settings: str) -> InputError:
-    asked = ["reference.start=[0.4, 0.4, -0.9]", "disturbances=[]", "duration=20"]
-    with pytest.raises(InputError) as told:
-        load_scenario("fixed-position", overrides=[*asked, *settings])
-    return told.value
+    overrides = ["reference.start=[0.4, 0.4, -0.9]", "disturbances=[]", "duration=20"]
+    with pytest.raises(InputError) as error:
+        load_scenario("fixed-position", overrides=[*overrides, *settings])
+    return error.value
 
 
 def move(to: str = "[1.6, 1.0, -0.6]", more: str = "") -> str:
@@ -77,29 +77,31 @@ def move(to: str = "[1.6, 1.0, -0.6]", more: str = "") -> str:
         (["reference.segments=[{kind='line', to=[1,1,-1], duration='longest'}]"], "longest", "shortest"),
     ],
 )
-def test_what_cannot_be_is_told(settings: list[str], found: str, allowed: str) -> None:
-    told = str(refused(*settings))
-    assert found in told
-    assert allowed in told
+def test_impossible_settings_are_refused_with_the_allowed_range(
+    settings: list[str], found: str, allowed: str
+) -> None:
+    message = str(refused(*settings))
+    assert found in message
+    assert allowed in message
 
 
-def test_the_shortest_line_cannot_be_shorter() -> None:
+def test_a_line_in_the_shortest_duration_has_no_slack() -> None:
     line = "reference.segments=[{kind='line', to=[1.4, 0.4, -0.9], duration='shortest'}]"
-    asked = ["reference.start=[0.4, 0.4, -0.9]", "disturbances=[]", "duration=20", line]
-    scenario = load_scenario("fixed-position", overrides=asked)
-    lasts = seconds(scenario.reference.segments[0])
-    way = Straight(np.array([0.4, 0.4, -0.9]), np.array([1.4, 0.4, -0.9]))
+    overrides = ["reference.start=[0.4, 0.4, -0.9]", "disturbances=[]", "duration=20", line]
+    scenario = load_scenario("fixed-position", overrides=overrides)
+    duration = seconds(scenario.reference.segments[0])
+    path = Straight(np.array([0.4, 0.4, -0.9]), np.array([1.4, 0.4, -0.9]))
     limits = limits_of(scenario)
-    assert max(exceeded(way, limits, lasts).values()) <= 0.0
-    assert max(exceeded(way, limits, 0.998 * lasts).values()) > 0.0
+    assert max(peak_excesses(path, limits, duration).values()) <= 0.0
+    assert max(peak_excesses(path, limits, 0.998 * duration).values()) > 0.0
 
 
-def test_a_move_that_is_asked_to_stop_becomes_lines() -> None:
-    asked = [
+def test_a_move_in_the_shortest_duration_becomes_lines_over_the_obstacle() -> None:
+    overrides = [
         "reference.start=[0.4, 0.77, -1.1]", "disturbances=[]", "duration=20", WALL.format(top=-0.6),
         "reference.segments=[{kind='move', to=[1.6, 0.77, -1.1], duration='shortest'}]",
     ]  # fmt: skip
-    segments = load_scenario("fixed-position", overrides=asked).reference.segments
+    segments = load_scenario("fixed-position", overrides=overrides).reference.segments
     assert [segment.kind for segment in segments] == ["line"] * 3
     tops = [segment.to[2] for segment in segments if segment.kind == "line"]
     assert tops[0] == tops[1] == pytest.approx(-0.545)  # the wall's top, the load's radius and a tenth of it

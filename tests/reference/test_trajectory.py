@@ -11,7 +11,7 @@ from cranectl.support.errors import InputError
 
 
 @pytest.mark.parametrize(("name", "rest"), REST_DERIVATIVES.items())
-def test_goes_from_rest_to_rest(name: str, rest: int) -> None:
+def test_a_time_law_goes_from_rest_to_rest(name: str, rest: int) -> None:
     ends = time_law(name, np.array([0.0, 1.0]))
     assert ends[0].tolist() == [0.0, 1.0]
     assert ends[1 : rest + 1] == pytest.approx(np.zeros((rest, 2)), abs=1e-12)
@@ -19,7 +19,7 @@ def test_goes_from_rest_to_rest(name: str, rest: int) -> None:
         assert abs(ends[rest + 1]).min() > 1.0, "the first free derivative jumps"
 
 
-def test_are_the_known_polynomials() -> None:
+def test_time_laws_are_the_known_polynomials() -> None:
     tau = np.linspace(0.0, 1.0, 101)
     assert time_law("degree-5", tau)[0] == pytest.approx(10 * tau**3 - 15 * tau**4 + 6 * tau**5, abs=1e-14)
     nine = 126 * tau**5 - 420 * tau**6 + 540 * tau**7 - 315 * tau**8 + 70 * tau**9
@@ -27,7 +27,7 @@ def test_are_the_known_polynomials() -> None:
 
 
 @pytest.mark.parametrize("name", REST_DERIVATIVES)
-def test_is_monotone(name: str) -> None:
+def test_a_time_law_is_monotone(name: str) -> None:
     assert (time_law(name, np.linspace(0.0, 1.0, 1001))[1] >= -1e-12).all()
 
 
@@ -66,13 +66,13 @@ def test_each_derivative_is_the_derivative_of_the_one_before(kind: str) -> None:
         assert rows[:, order] == pytest.approx(numeric, abs=1e-6 * scale), f"derivative {order}"
 
 
-def test_line_ends_exactly_where_it_was_told_to() -> None:
+def test_a_line_ends_exactly_at_its_end_point() -> None:
     path = trajectory(SEGMENTS["line"])
     assert path.sample(np.array([3.0, 10.0]))[:, :3].tolist() == [[1.6, 0.8, -1.1]] * 2
 
 
 @pytest.mark.parametrize("angle", [0.5, math.pi, -math.pi / 2, 7.0])
-def test_arc_keeps_radius_and_height_and_turns_by_its_angle(angle: float) -> None:
+def test_an_arc_keeps_radius_and_height_and_turns_by_its_angle(angle: float) -> None:
     centre = np.array([0.8, 0.6])
     path = trajectory({"kind": "arc", "centre": centre.tolist(), "angle": angle, "duration": 4.0})
     rows = path.sample(np.linspace(0.0, 4.0, 200))
@@ -88,7 +88,7 @@ def test_positive_angles_run_counter_clockwise_seen_from_above() -> None:
     assert path.sample(np.array([1.0]))[0, 1] > START[1]
 
 
-def test_composed_c4_segments_join_without_a_jump() -> None:
+def test_c4_segments_join_without_a_jump() -> None:
     path = trajectory(SEGMENTS["line"], SEGMENTS["hold"], SEGMENTS["clockwise arc"])
     assert path.jumps() == []
     joint = path.joints[1]
@@ -96,7 +96,7 @@ def test_composed_c4_segments_join_without_a_jump() -> None:
     assert before[:12] == pytest.approx(after[:12], abs=1e-5)
 
 
-def test_quintic_needs_the_opt_out_and_the_error_says_so() -> None:
+def test_the_quintic_is_refused_unless_continuity_is_lowered() -> None:
     with pytest.raises(InputError) as error:
         trajectory(SEGMENTS["quintic line"])
     assert "third derivative by" in error.value.found
@@ -114,7 +114,7 @@ def test_quintic_needs_the_opt_out_and_the_error_says_so() -> None:
         {"kind": "arc", "centre": [1.0, 1.0], "angle": 0.0, "duration": 1.0},
     ],
 )
-def test_segment_of_zero_length_is_refused(segment: dict) -> None:
+def test_a_segment_of_zero_length_is_refused(segment: dict) -> None:
     with pytest.raises(InputError, match="zero length"):
         trajectory(segment)
 

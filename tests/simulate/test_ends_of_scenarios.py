@@ -12,7 +12,7 @@ import pytest
 
 from cranectl.metrics import run_metrics
 from cranectl.metrics.limits import judge_limits, limits_of
-from cranectl.planning import load_scenario, planned
+from cranectl.planning import load_scenario, plan_motions
 from cranectl.scenario import Scenario
 from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run, simulate_run
@@ -92,7 +92,7 @@ CASES = cases()
 
 def run_or_error(table: dict[str, Any]) -> Run | InputError:
     try:
-        scenario = planned(parse_settings(Scenario, table, "s.toml"))
+        scenario = plan_motions(parse_settings(Scenario, table, "s.toml"))
         return simulate_run(scenario, plant="analytic", controller="lqr")
     except InputError as error:
         return error

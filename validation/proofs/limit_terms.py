@@ -8,10 +8,11 @@ import numpy as np
 
 LIMIT_TARGETS = {  # functions by module
     "cranectl.planning.limits": """
-        limits_of share_of motion constraints excesses clearance clear_of _symmetric
+        limits_of share_of motion constraints excesses clearance side_distances _symmetric
     """,
     "cranectl.reference.series": """
-        from_derivatives differentiated shifted plus times over root square_root turned _dot
+        from_derivatives differentiate add_constant add multiply divide take_root square_root
+        cosine_and_sine _dot
     """,
 }
 INDEX = "next index"  # name of the operation

@@ -17,7 +17,7 @@ import numpy as np
 
 from cranectl.cli.output import Screen
 from cranectl.metrics.clearance import clearance
-from cranectl.planning import load_scenario, planned
+from cranectl.planning import load_scenario, plan_motions
 from cranectl.planning.limits import constraints, limits_of, motion
 from cranectl.planning.plan import plan_move
 from cranectl.planning.problem import ORDERS
@@ -94,7 +94,7 @@ def plan_and_check(scenario: Scenario) -> Result:
             move, np.array(scenario.reference.start), scenario, "move"
         )  # never a stored plan
         cpu_time = time.process_time() - start
-        shortest = planned(_with_segments(scenario, move.model_copy(update={"duration": "shortest"})))
+        shortest = plan_motions(_with_segments(scenario, move.model_copy(update={"duration": "shortest"})))
         degree_9 = sum(map(seconds, shortest.reference.segments))
     except InputError as error:
         return Result(f"refused: {error}", np.nan, degree_9, time.process_time() - start, 0.0)
