@@ -254,13 +254,13 @@ def test_figures_show_the_runs_of_their_caption() -> None:
 def test_the_reading_of_the_settled_trajectory_is_the_best_of_its_neighbours() -> None:
     """Other sense, radius or end of the line: all further from Table 5.3."""
     search = runpy.run_path(str(ROOT / "validation" / "thesis" / "search.py"))
-    taken = search["TAKEN"]
-    assert taken in search["readings"]()
+    chosen = search["CHOSEN"]
+    assert chosen in search["readings"]()
 
     def score(reading: object) -> float:
         return float(abs(search["deviations"](reading)).mean())
 
-    best = score(taken)
+    best = score(chosen)
     assert best < 0.02
     for change in ({"half_turns": 2}, {"half_turns": -1}, {"radius": 0.6}, {"radius": 0.7}, {"end_x": 0.6}):
-        assert score(replace(taken, **change)) > 1.5 * best, change
+        assert score(replace(chosen, **change)) > 1.5 * best, change
