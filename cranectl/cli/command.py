@@ -176,7 +176,7 @@ class ScenarioRequest(NamedTuple):
         if self.source is None:
             return self.read()
         scenario = load_scenario(self.source, rig=self.rig, overrides=self.overrides)
-        _tell_doubt(scenario)
+        _warn_of_masses(scenario)
         return scenario
 
     def having(self, *overrides: str) -> "ScenarioRequest":
@@ -184,17 +184,17 @@ class ScenarioRequest(NamedTuple):
         return self._replace(overrides=(*self.overrides, *overrides))
 
 
-def _tell_doubt(scenario: "Scenario") -> None:
-    """Print once in a command what is implausible about the size of a crane, on standard error."""
+def _warn_of_masses(scenario: "Scenario") -> None:
+    """Warn once in a command, on standard error, if masses of a crane are implausible."""
     from cranectl.cli.output import Screen, styled
-    from cranectl.scenario.similarity import doubt_about
+    from cranectl.scenario.similarity import mass_warning
 
     context = click.get_current_context(silent=True)
-    printed = context.meta.setdefault("cranectl.doubts", set()) if context else set()
-    doubt = doubt_about(scenario.rig)
-    if doubt and (scenario.name, doubt) not in printed:
-        printed.add((scenario.name, doubt))
-        Screen(stderr=True).print(styled(f"{scenario.name}: {doubt}", "yellow"))
+    printed = context.meta.setdefault("cranectl.warnings", set()) if context else set()
+    warning = mass_warning(scenario.rig)
+    if warning and (scenario.name, warning) not in printed:
+        printed.add((scenario.name, warning))
+        Screen(stderr=True).print(styled(f"{scenario.name}: {warning}", "yellow"))
 
 
 scenario_argument = click.argument("scenario", shell_complete=complete_scenarios)

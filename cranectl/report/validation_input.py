@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -24,10 +24,10 @@ def facts_of_input(validation: Validation, scenarios: Sequence[Scenario]) -> Ite
         load, others = masses.pop()
         yield Fact("Load", load, others)
     elif masses:
-        yield Fact("Loads", f"{len(masses)} cranes", "masses are told with each scenario")
-    laws = controller_digests(dict.fromkeys(case.controller for case in validation.cases))
-    remark = "; ".join(["of scenarios, controllers and sources", *map(" ".join, laws.items())])
-    yield Fact("Digest", input_digest(validation), remark)
+        yield Fact("Loads", f"{len(masses)} cranes", "each scenario below states its masses")
+    controllers = controller_digests(dict.fromkeys(case.controller for case in validation.cases))
+    remark = "; ".join(["of scenarios, controllers and sources", *map(" ".join, controllers.items())])
+    yield Fact("Digest", input_digest(validation, controllers), remark)
     versions = provenance()
     yield Fact("cranectl", versions["cranectl"], f"sources {versions['sources']}")
 
@@ -41,14 +41,16 @@ def masses_of(scenario: Scenario) -> tuple[str, str]:
     return load, f"trolley {trolley}, bridge {bridge}"
 
 
-def input_digest(validation: Validation) -> str:
-    """Return a digest of all that was judged: scenarios, controllers, drives, plants and this program."""
+def input_digest(validation: Validation, controllers: Mapping[str, str]) -> str:
+    """Return a digest of all that was judged: scenarios, controllers, drives, plants and this program.
+
+    `controllers` has the digests of controllers from files, as `controller_digests` returns them.
+    """
     digest = hashlib.sha256(json.dumps(fingerprints(), sort_keys=True).encode())
     texts = {id(case.scenario): case.scenario.model_dump_json() for case in validation.cases}
-    laws = controller_digests(dict.fromkeys(case.controller for case in validation.cases))
     for case in validation.cases:
-        law = laws.get(f"law {case.controller}", "")
-        judged = texts[id(case.scenario)], case.controller, law, case.drive, *case.plants
+        own = controllers.get(f"law {case.controller}", "")
+        judged = texts[id(case.scenario)], case.controller, own, case.drive, *case.plants
         digest.update(json.dumps(judged).encode())
     return digest.hexdigest()[:FINGERPRINT_DIGITS]
 

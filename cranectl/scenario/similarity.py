@@ -130,7 +130,7 @@ def rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def doubt_about(rig: RigParameters) -> str:
+def mass_warning(rig: RigParameters) -> str:
     """Return a sentence if bridge and trolley are too heavy or too light for the rated load; else ""."""
     mass = rig.bridge_mass + rig.trolley_mass
     low, high = PLAUSIBLE_MASSES

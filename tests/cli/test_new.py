@@ -64,9 +64,9 @@ def test_the_commands_that_compile_and_run_a_controller_can_be_typed(
 ) -> None:
     close_controllers()
     assert main(["new", kind, "servo", "--in", "crane's laws"]) == 0
-    told = capsys.readouterr().out
-    (compiles,) = re.findall("compile it: (cc .*)", told)
-    (runs,) = re.findall("run it: (cranectl .*)", told)
+    output = capsys.readouterr().out
+    (compiles,) = re.findall("compile it: (cc .*)", output)
+    (runs,) = re.findall("run it: (cranectl .*)", output)
     source = Path("crane's laws/servo.c")
     assert main(shlex.split(runs)[1:]) == 2, "it is not compiled yet"
     assert main(["run", "fast-diagonal", "--controller", str(source)]) == 2

@@ -223,7 +223,7 @@ def test_validate_writes_junit_and_a_page_and_keeps_failed_logs(capsys: pytest.C
         "the limit must be reported once, not per plant"
     )
     assert page.count("<img ") == 1, "only the scenario with a log has a picture"
-    (suggestion,) = set(re.findall(r'class="label code">cranectl (report [^<]*)<', page))
+    (suggestion,) = set(re.findall(r'class="label long code">cranectl (report [^<]*)<', page))
     assert suggestion == "report logs/strict/lqr+hinf-ideal.mcap"
     assert main(suggestion.split()) == 0
     capsys.readouterr()

@@ -110,8 +110,8 @@ def test_generated_code_states_its_sample_time(capsys: pytest.CaptureFixture[str
     subprocess.run(["cc", *flags, "-o", "embedded.so", "embedded.c"], check=True)
     run = ["run", "fast-diagonal", "--controller", "embedded.so", "--plants", "analytic"]
     assert main([*run, "--set", "control.period=0.01"]) == 2
-    told = capsys.readouterr().err
-    assert "embedded was made for steps of 0.001 s, this run gives it steps of 0.01 s" in told
+    output = capsys.readouterr().err
+    assert "embedded was made for steps of 0.001 s, this run gives it steps of 0.01 s" in output
     assert main([*run, "--set", "control.period=0.001"]) == 0
 
 

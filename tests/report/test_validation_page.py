@@ -170,7 +170,7 @@ def test_the_facts_tell_masses_digest_and_version() -> None:
         assert (facts["Load"].value, facts["Load"].remark) == (load, "trolley 25 t, bridge 600 t")
         assert facts["cranectl"].value == version("cranectl")
         assert re.fullmatch("[0-9a-f]{16}", facts["Digest"].value)
-        assert all(said in text for fact in facts.values() for said in (fact.value, fact.remark))
+        assert all(shown in text for fact in facts.values() for shown in (fact.value, fact.remark))
         digests.add(facts["Digest"].value)
     assert len(digests) == 3, "one for each input"
     _, text = page_of(validation((case(), outcome), (case("workshop-move"), outcome)))

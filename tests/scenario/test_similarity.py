@@ -10,7 +10,7 @@ from cranectl.controllers.registry import WHERE, load_controller
 from cranectl.planning import load_scenario
 from cranectl.scenario.load import default_scenario, load_rig, rig_names
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.similarity import LONGEST_ROPES, doubt_about, length_scale
+from cranectl.scenario.similarity import LONGEST_ROPES, length_scale, mass_warning
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 
@@ -138,14 +138,14 @@ def test_a_rated_load_in_tonnes_is_doubted(capsys: pytest.CaptureFixture[str]) -
     axes = "bridge_mass=80e3, trolley_mass=20e3, winch_mass=10e3"
     run = ["run", "fixed-position", "--plants", "analytic", "--set", "duration=0.1"]
     run += ["--set", "disturbances=[]", "--out", "a.mcap", "--set"]
-    for rated, is_told in ((32, True), (32000, False)):
+    for rated, is_warned in ((32, True), (32000, False)):
         assert main([*run, f"rig={{{axes}, load_mass={rated}, rated_load={rated}}}"]) == 0
-        said = capsys.readouterr().err
-        assert ("bridge and trolley weigh 100000 kg: check that all are in kg" in said) == is_told
-        assert said.count("rated_load") == is_told
+        output = capsys.readouterr().err
+        assert ("bridge and trolley weigh 100000 kg: check that all are in kg" in output) == is_warned
+        assert output.count("rated_load") == is_warned
     for name in rig_names():
-        assert doubt_about(load_rig(name)) == ""
-    assert "weigh 8.5 kg" in doubt_about(RigParameters(rated_load=1000.0))
+        assert mass_warning(load_rig(name)) == ""
+    assert "weigh 8.5 kg" in mass_warning(RigParameters(rated_load=1000.0))
 
 
 @pytest.mark.parametrize("longest", [0.049, 1001.0])
