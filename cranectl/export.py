@@ -87,8 +87,9 @@ def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> Expor
     result = list(_recorded(runs, time_ns))
     if _by_label(runs):
         for label, run in runs.items():
-            result += _reference(f"{label}.reference", [run], time_ns)
-    else:
+            if run.has_reference:
+                result += _reference(f"{label}.reference", [run], time_ns)
+    elif all(run.has_reference for run in runs.values()):
         result += _reference("reference", [*runs.values()], time_ns)
     columns = {column.name: column for column in result}
     chosen: set[str] = set()

@@ -184,6 +184,19 @@ MEASUREMENT = SignalGroup(
 )
 
 
+_RESIDUALS = (
+    ("bridge", "x_c", "m"), ("trolley", "y_c", "m"), ("rope", "l", "m"), ("alpha", "α", "rad"),
+    ("beta", "β", "rad"), ("load_x", "z₁", "m"), ("load_y", "z₂", "m"), ("load_z", "z₃", "m"),
+)  # fmt: skip
+RESIDUAL = SignalGroup(
+    "residual",
+    "Residual",
+    "measured minus predicted",
+    tuple(
+        Signal(f"{n}_residual", f"Δ{s}", unit, f"measured minus predicted {n}") for n, s, unit in _RESIDUALS
+    ),
+)
+
 _COMMANDS = {"acceleration": ("u", "m/s²"), "velocity": ("w", "m/s"), "force": ("F", "N")}  # symbol, unit
 
 
@@ -204,7 +217,31 @@ def command_group(kind: str) -> SignalGroup:
     return SignalGroup("command", f"{kind.capitalize()}Command", description, (*arriving, *limited))
 
 
-COMMON = (STATE, LOAD, INPUT, DISTURBANCE)  # recorded in every run, with any controller
+COMMON = (STATE, LOAD, INPUT, DISTURBANCE)  # recorded in every simulated run, with any controller
+
+
+@functools.cache
+def measured_groups(commands: str = "", *, angles: bool = True, load: bool = True) -> tuple[SignalGroup, ...]:
+    """Return the groups of a measured run.
+
+    `commands` is the kind of the measured commands: acceleration, velocity, force, or none. Without `angles`
+    the run has the group `axes` in place of `state`. Without `load` nothing says where the load was.
+    """
+    joints = (
+        SignalGroup("state", "MeasuredState", "measured joint positions, and their rates", STATE.signals)
+        if angles
+        else SignalGroup(
+            "axes", "MeasuredAxes", "measured positions of the axes, and rates", STATE.signals[:6]
+        )
+    )
+    position = SignalGroup(
+        "load", "MeasuredLoad", "measured position of the load, and rate", LOAD.signals[:6]
+    )
+    arriving = command_group(commands) if commands else None
+    given = arriving and SignalGroup(
+        "command", f"Measured{arriving.schema}", "measured commands of the drives", arriving.signals[:3]
+    )
+    return (joints, *((position,) if load else ()), *((given,) if given else ()))
 
 
 @functools.cache

@@ -41,8 +41,9 @@ def drive_uses(run: Run) -> list[DriveUse]:
 
 
 def beyond_drives(run: Run) -> str:
-    """Describe the largest command beyond the drives' limits in a run without them, else return ""."""
-    if run.scenario.effects.limits is not None or run.status.stopped or not len(run.time_ns):
+    """Return the largest command beyond the drives' limits, if the run does not limit it; else ""."""
+    unlimited = run.scenario.effects.limits is None
+    if not (unlimited and run.has("input", "state") and len(run.time_ns)) or run.status.stopped:
         return ""
     uses = drive_uses(run)
     axis, unit, commanded, limit, is_assumed = worst = uses[0]

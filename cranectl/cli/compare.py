@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import PATH, Command, json_option, output_option, predict_option
+from cranectl.cli.command import PATH, Command, json_option, output_option, plants_option, predict_option
 from cranectl.cli.output import FAILED, PASSED, Screen, styled
 from cranectl.support.errors import InputError
 from cranectl.support.files import MCAP, exists, short_names
 
 if TYPE_CHECKING:
     from cranectl.compare.runs import Comparison
+    from cranectl.measured.replay import Replay
     from cranectl.simulate import Run
 
 
@@ -32,6 +33,14 @@ if TYPE_CHECKING:
     help="With --merge: of different scenarios or versions too; the log then describes the first plant's "
     "scenario and the installed versions.",
 )
+@plants_option("With a measured LOG: predict it on these. Default: mujoco.", check="check_installed")
+@click.option(
+    "--replay",
+    type=click.Choice(["commands", "motion"]),
+    help="With a measured LOG: repeat its commands, or the motion of its bridge, trolley and rope. Default: "
+    "commands, if it has them.",
+)
+@output_option("--out", MCAP, "With a measured LOG: write it with its predictions as an overlay.")
 @predict_option
 @json_option
 def compare_command(
@@ -39,9 +48,12 @@ def compare_command(
     tolerances: str | None,
     merge: Path | None,
     despite_differences: bool,
+    plants: tuple[str, ...],
+    replay: "Replay | None",
+    out: Path | None,
     screen: Screen,
 ) -> int:
-    """Compare the plants of one LOG, or the same plants of two LOGs.
+    """Compare the plants of one LOG, the same plants of two LOGs, or a measured LOG with models.
 
     The plants of one LOG are judged as by the run that wrote it. Exit code 1 if they do not agree, break
     a limit of their scenario, or did not end as it expects. Runs of an overlay are compared with the
@@ -50,12 +62,15 @@ def compare_command(
     docs/explanation/validation.md describes files of tolerances. Logs made by other sources or versions
     are compared too, and what differs is named.
 
+    A measured LOG (`cranectl log import`) is predicted by plants, and shown is measured minus predicted.
+
     \b
     cranectl compare logs/fixed-position/lqr-ideal.mcap
     cranectl compare logs/fixed-position/lqr-ideal.mcap logs/fixed-position/lqr-velocity.mcap
     cranectl compare logs/fixed-position/lqr-ideal.mcap golden.mcap --tolerances exact
     cranectl compare logs golden-logs --tolerances rounding --json verdicts.json
     cranectl compare analytic.mcap mujoco.mcap --merge both.mcap
+    cranectl compare measured.mcap --plants mujoco,elastic --replay motion --out predicted.mcap
     """
     one, judged, merged = len(logs) == 1, tolerances is not None, merge is not None
     for wrong, found, allowed, remedy in (
@@ -75,12 +90,18 @@ def compare_command(
             remedy="name two directories of logs, NEW and GOLDEN, and --tolerances",
         )
     if tolerances is not None:
+        _refuse_replay(logs[0], plants, replay, out)
         judge = _judge_directories if directories else _judge
         return judge(logs[0], logs[1], tolerances, screen)
     if one:
         from cranectl.log.overlay import is_overlay, read_layers
 
         layers = read_layers(logs[0])
+        if (measured := layers.get("measured")) is not None:
+            from cranectl.cli.measured import compare_measured
+
+            return compare_measured(logs[0], measured, plants, replay, out, screen)
+        _refuse_replay(logs[0], plants, replay, out)
         runs = {name: layer.run for name, layer in layers.items()}
         return (
             _compare_labelled(runs, screen) if is_overlay(layers) else _compare_plants(logs[0], runs, screen)
@@ -88,6 +109,7 @@ def compare_command(
     from cranectl.cases.assertions import software_differences
     from cranectl.compare.runs import compare_runs, differing_fields
 
+    _refuse_replay(logs[0], plants, replay, out)
     if merge is None:
         pairs, software = _pairs(*logs), software_differences(logs[0], logs[1])
     else:
@@ -107,6 +129,17 @@ def compare_command(
         {"comparisons": compared, "differing_fields": differing, "software_differences": software}
     )
     return exit_codes.GOOD
+
+
+def _refuse_replay(log: Path, plants: tuple[str, ...], replay: str | None, out: Path | None) -> None:
+    """Raise InputError for options that only a measured log has."""
+    given = [name for name, value in (("--plants", plants), ("--replay", replay), ("--out", out)) if value]
+    if given:
+        raise InputError(
+            f"{' and '.join(given)}, and {log} is not the log of a measured crane",
+            allowed="logs that `cranectl log import` made, one at a time",
+            remedy=f"leave out {' and '.join(given)}",
+        )
 
 
 def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:

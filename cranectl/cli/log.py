@@ -1,7 +1,9 @@
 """`cranectl log`: export a log, recover one, overlay several, lay out a viewer."""
 
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -9,6 +11,9 @@ from cranectl.cli import command
 from cranectl.cli.output import Screen, styled
 from cranectl.support.errors import InputError
 from cranectl.support.files import JSON, MCAP, check_place, write_text, writing
+
+if TYPE_CHECKING:
+    from cranectl.log.overlay import Layer
 
 
 @click.command("export", cls=command.Command)
@@ -104,10 +109,28 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
         labels=labels,
         rig=rigs[0] if rigs else LABORATORY,
         logged=design.signals if design and design.axis_design is None else None,
+        recorded=_signals_without_reference(layers),
     )
     with writing(out):
         write_text(out, content)
     Screen().print(f"layout: {out}; in Foxglove: Layouts, Import from file")
+
+
+def _signals_without_reference(layers: Mapping[str, "Layer"]) -> set[str] | None:
+    """Return topic and field of all signals of runs without a reference; None if all runs have one."""
+    from cranectl.log.overlay import STEP
+    from cranectl.log.topics import DISTANCE, plant_topic
+    from cranectl.signals import REFERENCE
+
+    if all(layer.run.has_reference for layer in layers.values()):
+        return None
+    between = {DISTANCE.name: DISTANCE, STEP: DISTANCE, "reference": REFERENCE}
+    groups = {
+        plant_topic(label, name): group
+        for label, layer in layers.items()
+        for name, group in [*between.items(), *((group.name, group) for group in layer.run.groups)]
+    }
+    return {f"{topic}.{name}" for topic, group in groups.items() for name in group.names}
 
 
 @click.command("overlay", cls=command.Command)
@@ -182,8 +205,63 @@ def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
     screen.write_json(recovery.to_json())
 
 
+@click.command("import", cls=command.Command)
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=command.PATH)
+@click.option(
+    "--map", "map_file", metavar="FILE", type=command.PATH, required=True, help="Map of the columns."
+)
+@click.option("--rig", metavar="NAME", help="Name or TOML file of a rig. Default: that of the map.")
+@command.output_option("--out", MCAP, "Log file. Default: logs/NAME/measured.mcap")
+@command.json_option
+def import_log(
+    files: tuple[Path, ...], map_file: Path, rig: str | None, out: Path | None, screen: Screen
+) -> None:
+    """Make a log from files that a real crane's measuring system wrote.
+
+    The map says which column holds which signal, with unit, sign, zero, scale, delay and clock.
+    `cranectl new map FILE` writes one to fill in. Files may be CSV, Parquet, MCAP, MATLAB, Excel or ROS
+    bags. What cannot be right is refused: clocks that do not increase, gaps, jumps beyond the drives, and
+    angles that do not answer the motion of the crane. The log has the plant `measured`, and all commands
+    that read logs take it.
+
+    \b
+    cranectl new map monday.csv
+    cranectl log import monday.csv --map monday-map.toml
+    cranectl log import drives.csv camera.csv --map both.toml --out logs/monday/measured.mcap
+    cranectl compare logs/monday/measured.mcap
+    """
+    from cranectl.cases.case import LOG_DIRECTORY
+    from cranectl.log.writer import write_log
+    from cranectl.measured.importing import import_files
+    from cranectl.measured.mapping import read_map
+
+    mapping = read_map(map_file)
+    path = out or LOG_DIRECTORY / mapping.name / "measured.mcap"
+    check_place(path, MCAP, inputs=[*files, map_file], option="--out")
+    imported = import_files(files, mapping, directory=map_file.parent, rig=rig)
+    run = imported.run
+    write_log(path, [run])
+    columns = ", ".join(group.name for group in run.groups)
+    screen.print(
+        f"measured: {len(run.time_ns)} samples every {run.scenario.control.period:g} s for {run.end_s:g} s: "
+        f"{columns}"
+    )
+    screen.print_each(finding.text for finding in imported.findings)
+    screen.print(f"log: {path}")
+    screen.print(f"compare it with models: cranectl compare {shlex.quote(str(path))}")
+    screen.write_json(
+        {
+            "log": str(path),
+            "samples": len(run.time_ns),
+            "end_s": run.end_s,
+            "groups": [group.name for group in run.groups],
+            "findings": [finding.to_json() for finding in imported.findings],
+        }
+    )
+
+
 log_command = command.CommandGroup(
     "log",
-    [export_log, write_layout, overlay_logs, recover_log_command],
-    help="Export a log, recover one, overlay several, lay out a viewer.",
+    [import_log, export_log, write_layout, overlay_logs, recover_log_command],
+    help="Import, export, recover or overlay logs, lay out a viewer.",
 )

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
@@ -10,6 +11,7 @@ from cranectl.cli.command import PATH, Command
 from cranectl.support.errors import InputError
 from cranectl.support.files import exists, write_text, writing
 
+MAP = "map"  # of measured files; NAME is such a file
 TEMPLATES = Path(__file__).parent / "templates"
 ENDINGS = {
     "scenario": "toml",
@@ -22,7 +24,7 @@ ENDINGS = {
 
 
 @click.command("new", cls=Command)
-@click.argument("kind", type=click.Choice(list(ENDINGS)))
+@click.argument("kind", type=click.Choice([*ENDINGS, MAP]))
 @click.argument("name")
 @click.option(
     "--in", "directory", metavar="DIR", type=PATH, default=Path(), help="Where to write. Default: here."
@@ -40,7 +42,17 @@ def new_command(kind: str, name: str, directory: Path) -> None:
     cranectl new generated-controller embedded
     cranectl new rig yard-crane
     cranectl new campaign unknown-load
+
+    For a map of measured columns NAME is a measured file; the map suggests what its columns may be:
+
+    \b
+    cranectl new map monday.csv
     """
+    if kind == MAP:
+        from cranectl.measured.suggestion import suggest_map
+
+        _write({directory / f"{Path(name).stem}-map.toml": suggest_map(Path(name))})
+        return
     from cranectl.loaders.c_law import HEADER, compile_command
     from cranectl.support.extensions import check_name
 
@@ -56,8 +68,19 @@ def new_command(kind: str, name: str, directory: Path) -> None:
         directory / file: re.sub("NAME", name, re.sub("MODULE", module, template.read_text(encoding="utf-8")))
         for file, template in templates.items()
     }
+    _write(texts, shared=HEADER.name)
+    if ENDINGS[kind] == "c":
+        source = directory / f"{stem}.c"
+        click.echo(f"compile it: {compile_command(source)}")
+        library = shlex.quote(str(source.with_suffix(".so")))
+        click.echo(f"run it: cranectl run fast-diagonal --controller {library}")
+    click.echo(f"try it: python -m pytest {shlex.quote(str(directory / f'test_{module}.py'))}")
+
+
+def _write(texts: Mapping[Path, str], *, shared: str = "") -> None:
+    """Write new files; raise InputError if one exists, but for the file `shared` with the same text."""
     for path, text in texts.items():
-        same = path.name == HEADER.name and path.is_file() and path.read_text(encoding="utf-8") == text
+        same = path.name == shared and path.is_file() and path.read_text(encoding="utf-8") == text
         if exists(path) and not same:
             raise InputError(
                 f"{path} exists", allowed="a name that is free", remedy="choose another name, or another --in"
@@ -67,9 +90,3 @@ def new_command(kind: str, name: str, directory: Path) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_text(path, text)
         click.echo(f"written: {path}")
-    if ENDINGS[kind] == "c":
-        source = directory / f"{stem}.c"
-        click.echo(f"compile it: {compile_command(source)}")
-        library = shlex.quote(str(source.with_suffix(".so")))
-        click.echo(f"run it: cranectl run fast-diagonal --controller {library}")
-    click.echo(f"try it: python -m pytest {shlex.quote(str(directory / f'test_{module}.py'))}")

@@ -86,6 +86,13 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
     KeyError
         If a run does not have a signal.
     """
+    for run in (a, b):
+        if not run.has("state", "load"):
+            raise InputError(
+                f"{_label(run)} has no angles of the rope, or no position of the load",
+                allowed="runs with both",
+                remedy="map the columns of both angles, and import the files again",
+            )
     _, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, assume_unique=True, return_indices=True)
     if not len(in_a):
         raise InputError(
@@ -97,7 +104,8 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
     with np.errstate(invalid="ignore", over="ignore"):  # runs may not be finite; NaN exceeds every limit
         load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
         angles = np.abs(b.angles[in_b] - a.angles[in_a])
-        names = compared_signals(a) if signals is None else signals
+        shared = named_signals(b)
+        names = [name for name in compared_signals(a) if name in shared] if signals is None else signals
         differences_of_signals = tuple(_differences((a, in_a), (b, in_b), names, time))
     return Comparison(
         a=_label(a),

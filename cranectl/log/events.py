@@ -70,9 +70,10 @@ class Conditions(NamedTuple):
 
 def saturation(run: Run) -> NDArray[np.int64]:
     """Return `Saturated` at every sample, shape (N,)."""
-    if "command" not in (group.name for group in run.groups):
+    flags = run.block("command")[:, 3:] if run.has("command") else np.zeros((len(run.time_ns), 0))
+    if not flags.shape[1]:
         return np.zeros(len(run.time_ns), dtype=np.int64)
-    acting: NDArray[np.int64] = (run.block("command")[:, 3:] > 0.0) @ np.array([1, 2, 4])
+    acting: NDArray[np.int64] = (flags > 0.0) @ np.array([1, 2, 4])
     return acting
 
 
@@ -168,7 +169,7 @@ def condition_events(run: Run, before: Conditions) -> tuple[list[Event], Conditi
         return [], before
     observed: list[Event] = []
     outside, limited = workspace_excess(run) > 0.0, saturation(run)
-    slack = run.signal("load.rope_tension") <= 0.0
+    slack = run.tension <= 0.0 if run.has_tension else np.zeros(len(run.time_ns), dtype=np.bool_)
     for name, axis, was in zip(WORKSPACE_SIGNALS, outside.T, before.outside, strict=True):
         texts = f"{name} leaves the workspace", f"{name} is back in the workspace"
         observed += _changes(run, axis, was, *texts)

@@ -8,7 +8,7 @@ readable.
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, astuple, dataclass
 from typing import Any
 
 from mcap.records import Attachment
@@ -24,14 +24,16 @@ from cranectl.plants.registry import LONGEST_LABEL, PLANT_COLOURS, PLANTS, Plant
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import held_files, with_files
 from cranectl.scenario.settings import parse_settings
-from cranectl.signals import REFERENCE, SignalGroup
+from cranectl.signals import REFERENCE, Signal, SignalGroup
 from cranectl.simulate import Run, checked_drive, groups_of
 from cranectl.status import RunStatus
 from cranectl.support.documents import leaves, parse_json
 from cranectl.support.errors import InputError, LogError
 from cranectl.support.provenance import provenance
 
-FORMATS = ("2",)  # formats that can be read; the last one is written
+FORMAT, WITHOUT_REFERENCE = "2", "3"  # written for runs with a reference, and for runs without
+FORMATS = (FORMAT, WITHOUT_REFERENCE)  # that can be read
+GROUPS = "groups.json"  # attachment: the groups of signals of runs without a reference
 FILTERED = "keep metadata and attachments: mcap filter --include-metadata --include-attachments"
 OVERLAY = "overlay"  # name of the metadata of an overlay: a log with a header for each label
 OVERLAY_FORMAT = "1"
@@ -53,6 +55,7 @@ class LogHeader(Sampling):
     models: Mapping[str, str]  # the model file or description of each plant
     versions: Mapping[str, str]
     outcomes: Mapping[str, Outcome]  # by plant, if known
+    own_groups: tuple[SignalGroup, ...] | None = None  # of runs without a reference
     label: str = ""  # label of a run in an overlay; its topics have it instead of the plant
 
     @property
@@ -75,13 +78,15 @@ class LogHeader(Sampling):
 
     def groups_of(self, plant: str) -> dict[str, SignalGroup]:
         """Return the recorded groups of signals of one plant, by topic."""
-        recorded = groups_of(self.scenario, self.design, self.drive)
+        recorded = self.own_groups
+        if recorded is None:
+            recorded = groups_of(self.scenario, self.design, self.drive)
         return {topics.plant_topic(self.label or plant, group.name): group for group in recorded}
 
     def groups(self) -> dict[str, SignalGroup]:
         """Return the recorded groups of signals of all plants and the reference, by topic."""
         groups = {topic: group for plant in self.plants for topic, group in self.groups_of(plant).items()}
-        return {**groups, self.reference_topic: REFERENCE}
+        return groups if self.own_groups is not None else {**groups, self.reference_topic: REFERENCE}
 
 
 def parse_header(
@@ -152,10 +157,26 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
         versions=metadata["versions"],
         outcomes={p: _outcome(metadata[f"run/{p}"]) for p in plants if f"run/{p}" in metadata},
         from_ns=_count(metadata["live"]["from_ns"]) if "live" in metadata else None,
+        own_groups=_own_groups(attachments) if declared["format"] == WITHOUT_REFERENCE else None,
     )
     for plant, outcome in header.outcomes.items():
         check_outcome(plant, outcome, header)
     return header
+
+
+def _own_groups(attachments: Mapping[str, bytes]) -> tuple[SignalGroup, ...]:
+    groups = _json(attachments, GROUPS)["groups"]
+    if not groups:
+        raise ValueError(f"{GROUPS} has no groups")
+    return tuple(
+        SignalGroup(
+            str(group["name"]),
+            str(group["schema"]),
+            str(group["description"]),
+            tuple(Signal(*map(str, signal)) for signal in group["signals"]),
+        )
+        for group in groups
+    )
 
 
 def _unknown_plant(plant: str, declared: Mapping[str, str]) -> PlantEntry:
@@ -224,7 +245,7 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
     first = runs[0]
     records = {
         "cranectl": {
-            "format": FORMATS[-1],
+            "format": FORMAT if first.has_reference else WITHOUT_REFERENCE,
             "scenario": first.scenario.name,
             "controller": first.design.name,
             "drive": first.drive,
@@ -249,6 +270,11 @@ def file_attachments(runs: Sequence[Run]) -> list[Attachment]:
         is_xml = run.model.startswith("<")
         name, kind = ("xml", "application/xml") if is_xml else ("txt", "text/plain")
         attached.append((f"{run.plant}.{name}", kind, run.model.encode()))
+    if first.own_groups is not None:
+        groups = [
+            {**asdict(group), "signals": [astuple(s) for s in group.signals]} for group in first.own_groups
+        ]
+        attached.append((GROUPS, "application/json", json.dumps({"groups": groups}).encode()))
     files = held_files(first.scenario)
     attached += [(name, "application/octet-stream", content) for name, content in files.items()]
     return [Attachment(0, 0, *content) for content in attached]

@@ -44,10 +44,12 @@ def streams(
 
 
 def samples(runs: Sequence[Run]) -> list[Stream]:
-    """Return the reference at all times at which any run has a sample, and all signals of the runs."""
-    time_ns, rows = np.unique(np.concatenate([run.time_ns for run in runs]), return_index=True)
-    reference = np.concatenate([run.reference for run in runs])[rows]
-    result = [signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference)]
+    """Return the reference, if any, at all times at which a run has a sample, and all signals of the runs."""
+    result = []
+    if runs[0].has_reference:
+        time_ns, rows = np.unique(np.concatenate([run.time_ns for run in runs]), return_index=True)
+        reference = np.concatenate([run.reference for run in runs])[rows]
+        result.append(signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference))
     return result + [stream for run in runs for stream in recorded(run)]
 
 
@@ -86,7 +88,10 @@ def _differences(a: Run, b: Run, name: str) -> list[Stream]:
 
 
 def distances(topic: str, a: Run, b: Run) -> Stream:
-    """Return the distances of two runs at their common times, at least MIN_DISTANCE."""
+    """Return the distances of two runs at their common times, at least MIN_DISTANCE.
+
+    Both runs must have angles and the position of the load.
+    """
     time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
     load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
     angles = np.abs(b.angles[in_b] - a.angles[in_a]).max(axis=1)

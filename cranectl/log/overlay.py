@@ -181,22 +181,25 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
     for run in runs:
         yield status(run.plant, status_changes(run))
         yield from recorded(run)
-        yield signals(
-            topics.plant_topic(run.plant, topics.OVERLAY_REFERENCE), REFERENCE, run.time_ns, run.reference
-        )
+        if run.has_reference:
+            reference = topics.plant_topic(run.plant, topics.OVERLAY_REFERENCE)
+            yield signals(reference, REFERENCE, run.time_ns, run.reference)
     for before, run in pairwise(runs):
         for kind, other in ((topics.DISTANCE.name, runs[0]), (STEP, before)):
-            if np.intersect1d(run.time_ns, other.time_ns).size:
+            both = run.has("state", "load") and other.has("state", "load")
+            if both and np.intersect1d(run.time_ns, other.time_ns).size:
                 yield distances(topics.plant_topic(run.plant, kind), run, other)
-    drawn = {colour: run for run, colour in zip(runs, VIEWER_SERIES, strict=False) if len(run.time_ns)}
+    drawn = {colour: run for run, colour in zip(runs, VIEWER_SERIES, strict=False) if scene.can_be_drawn(run)}
     if not drawn:
         return
     longest, solid = max(drawn.values(), key=lambda run: run.end_ns), next(iter(drawn.values()))
-    rows = scene.rows_apart(longest, 1.0 / scene.RATE)
-    yield from (scene.transforms([*drawn.values()], longest, rows), scene.path(longest))
+    rows = scene.frames(longest)
+    yield scene.transforms([*drawn.values()], longest, rows)
+    if longest.has_reference:
+        yield scene.path(longest)
     yield from (scene.workspace(solid), scene.all_arrows(solid))
     for colour, run in drawn.items():
         opacity = 1.0 if run is solid else scene.GHOST
         yield scene.model(run.plant, run.scenario.rig, opacity, colour=colour)
-        yield scene.rope(run, opacity, scene.rows_apart(run, 1.0 / scene.RATE))
+        yield scene.rope(run, opacity, scene.frames(run))
         yield scene.whole_trail(run, 1.0, colour=colour)

@@ -246,9 +246,12 @@ def assemble_run(header: LogHeader, plant: str, blocks: Mapping[str, TopicSample
         model=header.models[plant],
         time_ns=time_ns,
         table=np.hstack([block.values for block in own.values()]),
-        reference=_at(blocks[header.reference_topic], time_ns),
+        reference=np.zeros((len(time_ns), 0))
+        if header.own_groups is not None
+        else _at(blocks[header.reference_topic], time_ns),
         status=outcome.status,
         end_ns=outcome.end_ns,
+        own_groups=header.own_groups,
     )
     check_run(run, header)
     return run

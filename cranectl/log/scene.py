@@ -21,7 +21,7 @@ from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.scenario import NANOSECONDS
 from cranectl.scenario.drawn_size import drawn_scale, drawn_trail
 from cranectl.scenario.rig import RigParameters
-from cranectl.signals import ALPHA, BETA, BRIDGE, TROLLEY
+from cranectl.signals import ALPHA, BETA, BRIDGE, TENSION, TROLLEY
 from cranectl.simulate import Run, disturbances_at
 from cranectl.support.arrays import Array
 from cranectl.support.colours import SLACK_ROPE, VIEWER, rgb
@@ -32,6 +32,7 @@ ZERO = fg.Vector3(x=0.0, y=0.0, z=0.0)
 ORIGIN = fg.Pose(position=ZERO, orientation=IDENTITY)
 
 RATE = 50  # [Hz] of poses and ropes
+MOST_FRAMES = 30_000  # of a run; longer ones have poses and ropes less often
 TRAIL_POINTS = 50  # points of a trail besides the newest one
 ROPE_WIDTH, PATH_WIDTH = 3.0, 1.5  # of lines [pixels]
 TRAIL_WIDTH, GHOST_TRAIL_WIDTH = 3.0, 8.0  # [pixels]; a ghost's trail shows as a rim where both agree
@@ -53,21 +54,32 @@ PRIMITIVES: dict[str, tuple[str, Any, dict[str, float]]] = {
 
 def scene_streams(runs: Sequence[Run]) -> list[Stream]:
     """Return all 3-D topics of the runs."""
-    drawn = [run for run in runs if len(run.time_ns)]
+    drawn = [run for run in runs if can_be_drawn(run)]
     if not drawn:
         return []
     longest = max(drawn, key=lambda run: run.end_ns)
     shown = opacities([run.plant for run in drawn])
-    result = [transforms(drawn, longest, rows_apart(longest, 1.0 / RATE))]
-    result += [path(drawn[0]), workspace(drawn[0])]
+    result = [transforms(drawn, longest, frames(longest))]
+    result += [path(drawn[0])] if drawn[0].has_reference else []
+    result.append(workspace(drawn[0]))
     for run in drawn:
         result += [
             model(run.plant, run.scenario.rig, shown[run.plant]),
-            rope(run, shown[run.plant], rows_apart(run, 1.0 / RATE)),
+            rope(run, shown[run.plant], frames(run)),
             whole_trail(run, shown[run.plant]),
             all_arrows(run),
         ]
     return result
+
+
+def frames(run: Run) -> NDArray[np.intp]:
+    """Return the samples at which poses and ropes of a whole run are drawn."""
+    return rows_apart(run, max(1.0 / RATE, run.end_s / MOST_FRAMES))
+
+
+def can_be_drawn(run: Run) -> bool:
+    """Return True if a run has samples with the state of the crane and the position of its load."""
+    return len(run.time_ns) > 0 and run.has("state", "load")
 
 
 def opacities(plants: Sequence[str]) -> dict[str, float]:
@@ -82,11 +94,11 @@ def opacities(plants: Sequence[str]) -> dict[str, float]:
 def transforms(runs: Sequence[Run], leader: Run, rows: NDArray[np.intp]) -> Stream:
     """Return the tree of frames at `rows` of the run `leader`; cranes of ended runs stay at their ends."""
     time_ns = leader.time_ns[rows]
-    target = leader.reference[rows, :3].tolist()
+    target = leader.reference[rows, :3].tolist()  # empty lists without a reference
     trees = [(run.plant, *_tree(run, time_ns)) for run in runs]
     messages = []
     for k, time in enumerate(map(timestamp_of, time_ns.tolist())):
-        tree = [_transform(time, "world", "reference", target[k])]
+        tree = [_transform(time, "world", "reference", target[k])] if target[k] else []
         for plant, trolley, load, rotation in trees:
             (x, y), frames = trolley[k], (f"{plant}/bridge", f"{plant}/trolley", f"{plant}/load")
             tree += [
@@ -140,7 +152,8 @@ def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None 
 def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
     """Return the rope from trolley to load at `rows`; it changes colour when it is nearly slack."""
     state, load = run.block("state")[rows], run.block("load")[rows]
-    slackness = np.clip((2.0 * NEARLY_SLACK - load[:, 6] / run.scenario.rig.weight) / NEARLY_SLACK, 0.0, 1.0)
+    tension = load[:, TENSION] if run.has_tension else np.full(len(rows), run.scenario.rig.weight)
+    slackness = np.clip((2.0 * NEARLY_SLACK - tension / run.scenario.rig.weight) / NEARLY_SLACK, 0.0, 1.0)
     colours = np.outer(1.0 - slackness, rgb(VIEWER["rope"])) + np.outer(slackness, rgb(SLACK_ROPE))
     ends = np.column_stack([state[:, [BRIDGE, TROLLEY]], np.zeros(len(rows)), load[:, :3]]).tolist()
     times, shown = run.time_ns[rows].tolist(), []

@@ -84,8 +84,10 @@ def run_metrics(run: Run) -> RunMetrics | None:
     Returns
     -------
     RunMetrics or None
-        The metrics; None for a run that stopped before its first sample.
+        The metrics; None for a run without a reference, and for one that stopped before its first sample.
     """
+    if not run.has_reference:
+        return None
     setup, accumulator = _begun(run)
     table, reference = np.ascontiguousarray(run.table), np.ascontiguousarray(run.reference)
     accumulate(setup, accumulator, (run.time_ns, table, reference, table))
@@ -111,16 +113,35 @@ def metric_course(run: Run, name: str) -> Array:
 
 def workspace_excess(run: Run) -> Array:
     """Return how far bridge, trolley and rope are outside their ranges [m], shape (N, 3); 0 if inside."""
-    positions = run.block("state")[:, :6:2]
+    positions = run.block("state" if run.has("state") else "axes")[:, :6:2]
     low, high = run.scenario.rig.workspace.T
-    excess: Array = np.maximum(np.maximum(low - positions, positions - high), 0.0)
-    return excess
+    excess: Array = low - positions
+    for axis in range(3):  # runs may be long: no second array of this size
+        np.maximum(excess[:, axis], positions[:, axis] - high[axis], out=excess[:, axis])
+    return np.maximum(excess, 0.0, out=excess)
 
 
 def workspace_violations(run: Run) -> tuple[WorkspaceViolation, ...]:
     """Return one violation for each of bridge, trolley and rope that left its range."""
+    if not run.has_reference:
+        return _violations(run)
     metrics = run_metrics(run)
     return () if metrics is None else metrics.workspace_violations
+
+
+def _violations(run: Run) -> tuple[WorkspaceViolation, ...]:
+    """Return the violations of a run whose metrics cannot be computed."""
+    step = np.diff(run.time, append=run.time[-1:])
+    return tuple(
+        WorkspaceViolation(
+            name,
+            float(run.time[np.argmax(excess > 0.0)]),
+            float(excess.max()),
+            float(step[excess > 0.0].sum()),
+        )
+        for name, excess in zip(WORKSPACE_SIGNALS, workspace_excess(run).T, strict=True)
+        if (excess > 0.0).any()
+    )
 
 
 def finish(

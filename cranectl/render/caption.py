@@ -100,10 +100,11 @@ def _shorten(text: str, letters: ImageFont.FreeTypeFont, width: float) -> str:
 
 
 def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
-    """Return the texts at `time` [s], each with its role in the palette."""
-    errors = {track.label: track.error[track.row(time)] for track in timeline.tracks}
-    main, worst = timeline.main.label, max(errors, key=errors.__getitem__)
-    labels = dict.fromkeys((main, worst)) if timeline.by_label else (main,)
+    """Return the texts at `time` [s], each with the role of its colour."""
+    errors = {t.label: t.error[t.row(time)] for t in timeline.tracks if t.run.has_reference}
+    main, worst = timeline.main.label, max(errors, key=errors.__getitem__, default="")
+    labels = [label for label in dict.fromkeys((main, worst)) if label in errors]
+    labels = labels if timeline.by_label else labels[:1]
     lines = [
         (f"{label if timeline.by_label else 'load'} off by {difference_in(errors[label], 'm')}", "muted")
         for label in labels
@@ -127,10 +128,11 @@ def legend(timeline: Timeline) -> list[tuple[Symbol, str]]:
         role = alone if len(timeline.tracks) == 1 else ": ghost" if track.is_ghost else ": solid"
         name = track.label if timeline.by_label else f"{track.label} plant"
         symbols.append((partial(_line, colour=colour, width=width), f"{name}{role}"))
-    symbols.append((_ball, "where the load should be"))
+    if timeline.main.run.has_reference:
+        symbols.append((_ball, "where the load should be"))
     if len(timeline.path_dashes):
         symbols.append((_dashed, "its whole path"))
-    if any(track.run.scenario.forced or track.run.block("disturbance").any() for track in timeline.tracks):
+    if any(track.run.scenario.disturbances for track in timeline.tracks):
         symbols.append((_arrow, "disturbance"))
     if any(track.nearly_slack.any() for track in timeline.tracks):
         symbols.append((partial(_line, colour=SLACK_ROPE), "rope nearly slack"))

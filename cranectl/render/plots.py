@@ -113,13 +113,14 @@ def _panels(timeline: Timeline) -> list[Panel]:
     weight = timeline.main.run.scenario.rig.weight
     alpha = _curves(timeline, lambda track: np.degrees(track.run.signal("state.alpha")))
     beta = _curves(timeline, lambda track: np.degrees(track.run.signal("state.beta")), is_dashed=True)
-    tension = _curves(timeline, lambda track: track.run.signal("load.rope_tension"))
-    error, range_n = _curves(timeline, lambda track: track.error), (0.0, 1.1 * weight)
-    panels = [
-        _scaled_panel("load off its reference [{}]", "m", error, (0.0, 1e-3)),
-        Panel("rope angles α, β (dashed) [°]", alpha + beta, (-1.0, 1.0)),
-        _scaled_panel("rope tension [{}], red: nearly slack", "N", tension, range_n, NEARLY_SLACK * weight),
-    ]
+    panels = [Panel("rope angles α, β (dashed) [°]", alpha + beta, (-1.0, 1.0))]
+    if all(track.run.has_reference for track in timeline.tracks):
+        error = _curves(timeline, lambda track: track.error)
+        panels.insert(0, _scaled_panel("load off its reference [{}]", "m", error, (0.0, 1e-3)))
+    if all(track.run.has_tension for track in timeline.tracks):
+        tension, range_n = _curves(timeline, lambda track: track.run.tension), (0.0, 1.1 * weight)
+        title = "rope tension [{}], red: nearly slack"
+        panels.append(_scaled_panel(title, "N", tension, range_n, NEARLY_SLACK * weight))
     if timeline.distances:
         ghosts = [track for track in timeline.tracks if track.is_ghost]
         one_colour_each = timeline.by_label or len(ghosts) > 1

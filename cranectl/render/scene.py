@@ -115,8 +115,10 @@ class Renderer:
                 self._add_ghost(track, model, data, rope)
             else:
                 self._set_solid(data, rope)
-                self._add_disturbance(track, data, row)
-                self._add_reference(track, row)
+                if track.run.scenario.disturbances:
+                    self._add_disturbance(track, data, row)
+                if track.run.has_reference:
+                    self._add_reference(track, row)
             self._add_trail(track, row)
         for start, end in (self._bar, *np.stack([self._bar - self._tick, self._bar + self._tick], axis=1)):
             self._connect(LINE, 2.0 * self._line_width, start, end, (*rgb(LIGHT["ink"]), 1.0))

@@ -31,7 +31,7 @@ class Track:
 
     @cached_property
     def error(self) -> Array:
-        """Distance of the load from its reference (N,) [m]."""
+        """Distance of the load from its reference [m], shape (N,); only of a run that has one."""
         distance: Array = np.linalg.norm(self.run.load_position - self.run.reference[:, :3], axis=1)
         return distance
 
@@ -39,6 +39,8 @@ class Track:
     def nearly_slack(self) -> Mask:
         """Whether the tension is below NEARLY_SLACK of the load's weight, (N,)."""
         weight = self.run.scenario.rig.weight
+        if not self.run.has_tension:
+            return np.zeros(len(self.run.time_ns), dtype=np.bool_)
         slack: Mask = self.run.signal("load.rope_tension") < NEARLY_SLACK * weight
         return slack
 
@@ -75,6 +77,8 @@ class Timeline:
     def path_dashes(self) -> Array:
         """The desired path of the longest run as dashes (M, 2, 3) [m]; none if the reference stays."""
         longest = max((track.run for track in self.tracks), key=lambda run: run.end_ns)
+        if not longest.has_reference:
+            return np.zeros((0, 2, 3))
         return dashes(longest.reference[:, :3], drawn_scale(longest.scenario.rig))
 
     @cached_property
@@ -103,13 +107,23 @@ class Timeline:
 
     @property
     def worst_time(self) -> float:
-        """Time at which the load of any run is farthest from its reference [s]."""
-        worst = max(self.tracks, key=lambda track: float(track.error.max()))
+        """When the load of any crane is farthest from its reference, or swings most without one [s]."""
+        following = [track for track in self.tracks if track.run.has_reference]
+        if not following:
+            return float(self.main.run.time[int(np.argmax(np.hypot(*self.main.run.angles.T)))])
+        worst = max(following, key=lambda track: float(track.error.max()))
         return float(worst.run.time[int(np.argmax(worst.error))])
 
 
 def timeline_of(runs: Mapping[str, Run]) -> Timeline:
-    """Return the timeline of runs by plant or label; raise InputError if no run has a sample."""
+    """Return the timeline of runs by plant or label; raise InputError if none has a sample."""
+    for name, run in runs.items():
+        if not run.has("state", "load"):
+            raise InputError(
+                f"the run of {name} has no angles of the rope: where its load was is not known",
+                allowed="runs with positions, angles and load",
+                remedy="map the columns of both angles, and import the files again",
+            )
     drawn = {
         name: run
         for name, run in zip(runs, map(_without_invalid_samples, runs.values()), strict=True)

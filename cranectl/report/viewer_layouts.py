@@ -4,7 +4,7 @@ Plots take their fields and units from the table of signals, topics from the log
 """
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -55,25 +55,45 @@ def layout_json(
     labels: Sequence[str] = (),
     rig: RigParameters = LABORATORY,
     logged: Sequence[Signal] | None = None,
+    recorded: Collection[str] | None = None,
 ) -> str:
     """Return the layout `name` as a file's content, for a log of `plants`, by default the usual ones.
 
     Panels of one run show the run of the reference plant.
 
     `labels`: of the runs of an overlay; of a ladder by default all. The camera sees the whole `rig`.
-    `logged`: what a controller outside the flat family logs under its own names. Raises InputError for an
-    unknown name, and for an overlay without labels.
+    `logged`: what a controller outside the flat family logs under its own names. `recorded`: the signals of a
+    log, as `/measured/state.alpha`; lines of others are left out. Raises InputError for an unknown name, and
+    for an overlay without labels.
     """
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
     panels: dict[str, dict[str, Any]] = {}
     shown = labels if name in ("overlay", "ladder") else in_order(plants or default_plants())
     drawn = _controller(shown, logged) if name == "controller" else LAYOUTS[name](shown)
+    drawn = drawn if recorded is None else _with_signals(drawn, recorded) or drawn
     content: dict[str, Any] = {"layout": _numbered(drawn, panels), "configById": panels}
     content |= {"globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1.0}}
     for configuration in panels.values():
         show_rig(configuration, rig)
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+
+
+def _with_signals(layout: Layout, recorded: Collection[str]) -> Layout | None:
+    """Return the layout with lines of `recorded` signals only, or None if nothing is left of it."""
+    if isinstance(layout, dict):
+        first, second = (_with_signals(layout[side], recorded) for side in ("first", "second"))
+        return layout | {"first": first, "second": second} if first and second else first or second
+    kind, configuration = layout
+    if "paths" not in configuration:
+        return layout
+    paths = [path for path in configuration["paths"] if _signal_of(path["value"]) in recorded]
+    return (kind, configuration | {"paths": paths}) if paths else None
+
+
+def _signal_of(value: str) -> str:
+    """Return the topic and the field of a line, without what viewers compute from it."""
+    return ".".join(value.split(".")[:2])
 
 
 def _numbered(layout: Layout, panels: dict[str, dict[str, Any]]) -> str | dict[str, Any]:

@@ -11,7 +11,16 @@ from cranectl.scenario.effects import NO_EFFECTS, DriveLimits, EffectSettings, W
 from cranectl.scenario.planning import Obstacle, PlanningSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Segment, is_planned, seconds
-from cranectl.scenario.settings import LENGTH, Duration, Many, Point3, RuleError, Settings
+from cranectl.scenario.settings import (
+    LENGTH,
+    MAX_RUN,
+    MIN_DURATION,
+    Duration,
+    Many,
+    Point3,
+    RuleError,
+    Settings,
+)
 
 STILL = Wind(gust=0.0, drag_area=0.0)
 MOST_PARTS = 1_000_000  # divisors of a period that are tried
@@ -122,7 +131,7 @@ class Scenario(Settings):
         description="lower case letters, digits and hyphens"
     )
     title: str = Field("", description="one line for people")
-    duration: Duration = Field(description="[s]")
+    duration: Annotated[float, Field(ge=MIN_DURATION, le=MAX_RUN)] = Field(description="[s]")
     controller: Annotated[ControllerSettings, BeforeValidator(controller_table)] = Field(
         ControllerSettings(), description="its name, or a table of name and parameters"
     )

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cranectl.design import ControllerDesign
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import SignalGroup, recorded_groups
+from cranectl.signals import TENSION, SignalGroup, recorded_groups
 from cranectl.simulate.signal_path import has_signal_path
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
@@ -43,12 +43,15 @@ class Run:
         Simulated time from 0 [ns].
     table : ndarray, shape (N, columns of `groups`)
         All signals.
-    reference : ndarray, shape (N, 15)
-        The reference, in the order of `signals.REFERENCE`.
+    reference : ndarray, shape (N, 15) or (N, 0)
+        The reference, in the order of `signals.REFERENCE`; no columns without a reference.
     status : RunStatus
         How the run ended.
     end_ns : int
         When it ended [ns].
+    own_groups : tuple of SignalGroup, optional
+        The groups of a run without a reference: of a measured crane, or of a model that repeats its motion.
+        All other runs record the groups of their scenario, design and drive.
     """
 
     scenario: Scenario
@@ -61,6 +64,12 @@ class Run:
     reference: Array
     status: RunStatus
     end_ns: int
+    own_groups: tuple[SignalGroup, ...] | None = None
+
+    @property
+    def has_reference(self) -> bool:
+        """Whether the load follows a reference; a measured run has none, and no errors and limits."""
+        return self.own_groups is None
 
     @property
     def time(self) -> Array:
@@ -92,7 +101,12 @@ class Run:
     @property
     def tension(self) -> Array:
         """Tension of the rope [N], positive when it pulls, shape (N,); a view."""
-        return self.block("load")[:, 6]
+        return self.block("load")[:, TENSION]
+
+    @property
+    def has_tension(self) -> bool:
+        """Whether the tension of the rope is known; nobody measures it."""
+        return self.has("load") and len(self.block("load").T) > TENSION
 
     @property
     def angles(self) -> Array:
@@ -102,7 +116,13 @@ class Run:
     @property
     def groups(self) -> tuple[SignalGroup, ...]:
         """The recorded groups, in column order."""
+        if self.own_groups is not None:
+            return self.own_groups
         return groups_of(self.scenario, self.design, self.drive)
+
+    def has(self, *groups: str) -> bool:
+        """Return True if the run has all these groups of signals, e.g. `run.has("state", "load")`."""
+        return {group.name for group in self.groups}.issuperset(groups)
 
     def block(self, group: str) -> Array:
         """Return a view of all signals of one group, shape (N, signals), e.g. `run.block("state")`."""

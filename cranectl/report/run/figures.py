@@ -21,7 +21,7 @@ Values = Callable[[Run], Array]
 DEGREES = 180.0 / np.pi
 # The least span of a curve, by unit, that is more than rounding. Rounding moves loads at rest by 1e-12 m, and
 # inputs by 2e-12 m/s² and 4e-11 m/s⁴. Differences between plants begin at 1e-9 m.
-LEAST_SPAN = {"m": 1e-11, "°": 1e-9, "m/s²": 1e-11, "m/s⁴": 1e-10}
+LEAST_SPAN = {"m": 1e-11, "mm": 1e-8, "°": 1e-9, "m/s²": 1e-11, "m/s⁴": 1e-10}
 
 
 @dataclass(frozen=True)
@@ -59,12 +59,17 @@ class Family:
     panels: tuple[RunPanel, ...]
     draw: Callable[["Family", Sequence[RunCurve]], Figure]
     group: str = "state"  # of signals that a run must have for this figure
+    some: bool = False  # whether it shows the runs that have the group, though others lack it
 
 
 def families_of(runs: Iterable[Run]) -> list[Family]:
-    """Return the families of figures for which all `runs` have the signals."""
-    recorded = [{group.name for group in run.groups} for run in runs]
-    return [family for family in FAMILIES.values() if all(family.group in names for names in recorded)]
+    """Return the families of figures for which all `runs` have the signals, or some are enough."""
+    runs = list(runs)
+    return [
+        family
+        for family in FAMILIES.values()
+        if (any if family.some else all)(run.has(family.group) for run in runs)
+    ]
 
 
 def largest_difference(family: Family, a: Run, b: Run) -> float:
@@ -102,7 +107,7 @@ def _over_time(family: Family, curves: Sequence[RunCurve]) -> Figure:
                 axes.axhline(limit, **_LIMIT)
         for run, values, style in lines:
             axes.plot(run.time, values[k], **style)
-        if panel.reference is not None:
+        if panel.reference is not None and first.has_reference:
             axes.plot(first.time, panel.reference(first), **_REFERENCE)
         axes.set_ylabel(panel.label)
         axes.margins(x=0.0)
@@ -170,8 +175,10 @@ def _draw_paths(axes: Any, family: Family, curves: Sequence[RunCurve]) -> None:
     """Draw panels as coordinates."""
     for _, values, style in _lines(family, curves):
         axes.plot(*values, **style)
-    references = [panel.reference(curves[0].run) for panel in family.panels if panel.reference is not None]
-    if references:
+    first = curves[0].run
+    followed = [panel.reference for panel in family.panels if panel.reference is not None]
+    if followed and first.has_reference:
+        references = [values(first) for values in followed]
         axes.plot(*references, **_REFERENCE)
         axes.plot(*(values[-1:] for values in references), **_REFERENCE_END)
 
@@ -228,7 +235,7 @@ def _legend(figure: Figure, family: Family, curves: Sequence[RunCurve]) -> None:
         width, opacity = (5.0, 0.35) if curve.wide else (1.1, 1.0)
         style = {"linewidth": width, "alpha": opacity, "linestyle": curve.dash}
         lines.append(Line2D([], [], color=STAND_IN["ink"], label=plant_entry(plant).label, **style))
-    if any(panel.reference for panel in family.panels):
+    if any(panel.reference for panel in family.panels) and curves[0].run.has_reference:
         lines.append(Line2D([], [], **_REFERENCE))
     if any(_near_limits(panel, curves) for panel in family.panels):
         lines.append(Line2D([], [], label="end of the rig", **_LIMIT))
@@ -245,6 +252,11 @@ def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> Ru
     group = next(group for group in recorded_groups(flat_groups(0)) if group.name == group_name)
     signal = next(signal for signal in group.signals if signal.name == signal_name)
     label = f"{signal.symbol} [{unit or signal.unit}]"
+    return RunPanel(label, lambda run: run.signal(name) * scale, **more)
+
+
+def _scaled(label: str, name: str, scale: float, **more: Any) -> RunPanel:
+    """Return a panel of one signal that only runs without a reference have."""
     return RunPanel(label, lambda run: run.signal(name) * scale, **more)
 
 
@@ -273,19 +285,45 @@ _ERRORS = tuple(_signal(f"error.error_{a}") for a in "xyz")
 _LINEAR = tuple(_signal(f"virtual_input.virtual_input_{a}") for a in "xyz")
 _INPUTS = tuple(_signal(f"input.{name}_acceleration") for name in ("bridge", "trolley", "rope"))
 _ANGLES = tuple(_signal(f"state.{name}", scale=DEGREES, unit="°") for name in ("alpha", "beta"))
+_RESIDUAL_LOAD = tuple(_scaled(f"Δ{a} [mm]", f"residual.load_{a}_residual", 1e3) for a in "xyz")
+_RESIDUAL_ANGLES = tuple(
+    _scaled(f"Δ{symbol} [°]", f"residual.{name}_residual", DEGREES)
+    for symbol, name in (("α", "alpha"), ("β", "beta"))
+)
+_AXES_ALONE = tuple(
+    _scaled(panel.label, f"axes.{name}", 1.0, limits=panel.limits)
+    for panel, name in zip(_TROLLEY, _AXES, strict=True)
+)
 
 FAMILIES = {
     family.name: family
     for family in (
-        Family("space", "load in space", _LOAD, _in_space),
-        Family("error", "tracking error", _ERRORS, _over_time),
+        Family("space", "load in space", _LOAD, _in_space, "load"),
+        Family(
+            "residual-load",
+            "measured minus predicted load",
+            _RESIDUAL_LOAD,
+            _over_time,
+            "residual",
+            some=True,
+        ),
+        Family(
+            "residual-angles",
+            "measured minus predicted angles",
+            _RESIDUAL_ANGLES,
+            _over_time,
+            "residual",
+            some=True,
+        ),
+        Family("error", "tracking error", _ERRORS, _over_time, "error"),
         Family("linear-input", "linear inputs v", _LINEAR, _over_time, "virtual_input"),
-        Family("input", "nonlinear inputs u", _INPUTS, _over_time),
+        Family("input", "nonlinear inputs u", _INPUTS, _over_time, "input"),
         Family("trolley", "bridge, trolley and rope", _TROLLEY, _over_time),
+        Family("axes", "bridge, trolley and rope", _AXES_ALONE, _over_time, "axes"),
         Family("angles", "cardan angles", _ANGLES, _over_time),
-        Family("load", "load position", _LOAD, _over_time),
+        Family("load", "load position", _LOAD, _over_time, "load"),
         Family("trolley-path", "path of the trolley, seen from above", _TROLLEY[:2], _in_the_plane),
-        Family("load-path", "path of the load, seen from above", _LOAD_ABOVE, _in_the_plane),
-        Family("relative-path", "load beside the trolley, seen from above", _RELATIVE, _in_the_plane),
+        Family("load-path", "path of the load, seen from above", _LOAD_ABOVE, _in_the_plane, "load"),
+        Family("relative-path", "load beside the trolley, seen from above", _RELATIVE, _in_the_plane, "load"),
     )
 }

@@ -48,7 +48,9 @@ def first_screen_of(
 def _worst_moment(label: str, logs: Logs, time: float, picture: Image) -> Figure:
     several = len(logs) > 1
     title = f"the crane at its worst moment{f', {label}' if several else ''}"
-    caption = f"At {time:.2f} s the load is farthest from its reference."
+    follows = all(run.has_reference for run in logs[label].values())
+    worst = "is farthest from its reference" if follows else "swings most"
+    caption = f"At {time:.2f} s the load {worst}."
     return Figure.pictured(title, caption, picture)
 
 
@@ -65,7 +67,10 @@ def verdict_on(logs: Logs, summaries: Summaries, agreements: Agreements) -> tupl
     open_points = [*_reasons(judged)]
     if not good and not judged:
         alone = "each run has one plant" if len(logs) > 1 else "only one plant was run"
-        open_points = [f"{alone}, and the scenario sets no limits: there is nothing to judge"]
+        if not all(run.has_reference for log in logs.values() for run in log.values()):
+            open_points = ["the run has no reference: there is nothing to judge"]
+        else:
+            open_points = [f"{alone}, and the scenario sets no limits: there is nothing to judge"]
     return (True if good else None), _sentences([", and ".join(good), *open_points])
 
 
@@ -165,6 +170,8 @@ def _facts(
     """Return the four numbers of one log, those that it has samples for."""
     run = log[reference_plant(log)]
     summary = next(summary for summary in summaries if summary.plant == run.plant)
+    if not run.has_reference:
+        return tuple(_facts_without_reference(run))
     if summary.metrics is None:
         return ()
     return (
@@ -173,6 +180,18 @@ def _facts(
         _plant_difference(log, agreements),
         _drive_use(run, summary.metrics),
     )
+
+
+def _facts_without_reference(run: Run) -> Iterator[Fact]:
+    """Yield what separates a prediction from the measured crane, and the largest angle."""
+    if run.has("residual"):
+        distance = np.linalg.norm(run.block("residual")[:, 5:], axis=1)
+        when = float(run.time[int(np.argmax(distance))])
+        yield Fact("Load, measured from predicted", _millimetres(float(distance.max())), f"at {when:.2f} s")
+    if run.has("state"):
+        largest = np.abs(run.angles).max(axis=1)
+        when = float(run.time[int(np.argmax(largest))])
+        yield Fact("Largest angle", _degrees(float(largest.max())), f"at {when:.2f} s")
 
 
 def _tracking_error(run: Run, summary: RunSummary, metrics: RunMetrics) -> Fact:

@@ -77,7 +77,8 @@ def log_page(
     summaries = {name: [RunSummary.of(run, Path(name)) for run in log.values()] for name, log in logs.items()}
     judged = limits_table(summaries.values())
     same = (SAME,) if len(logs) > 1 and what_differs(logs) is None else ()
-    outcome = (run_table(summaries), judged, metrics_table(summaries))
+    follow = any(run.has_reference for log in logs.values() for run in log.values())
+    outcome = (run_table(summaries), judged, metrics_table(summaries) if follow else None)
     settings = [settings_table(logs), versions_table(logs, versions or {})]
     if len(logs) > 1:  # else the first screen has it
         settings.insert(0, what_was_run(logs))
@@ -146,13 +147,13 @@ def _figures(
     ]
     if not curves:
         return ()
-    shown = {curve.label: curve.run for curve in curves}
     figures = []
     for family in families_of(curve.run for curve in curves):
-        sentence = caption(family, shown)
+        drawn = [curve for curve in curves if curve.run.has(family.group)]
+        sentence = caption(family, {curve.label: curve.run for curve in drawn})
         if compared:
             sentence += f" {agreement(family, compared, 'The plants differ by at most')}."
-        figures.append(Figure.drawn(family.title, sentence, family.draw, family, curves))
+        figures.append(Figure.drawn(family.title, sentence, family.draw, family, drawn))
     if compared:
         labelled = {
             label if len(of_log) == 1 else f"{label}, {pair[0].plant}": pair
@@ -198,6 +199,10 @@ def caption(family: Family, runs: Runs) -> str:
     if family.name.startswith("trolley"):
         return _outside(runs)
     several, parts = len(runs) > 1, []
+    if family.group == "residual":
+        return _farthest_from_prediction(family, runs)
+    if not all(run.has_reference for run in runs.values()):
+        return _swing(runs)
     for what, figure, unit in _CAPTIONS[family.name]:
         texts = (_kept(figure(run), unit) + f" ({label})" * several for label, run in runs.items())
         parts.append(f"{what}: {', '.join(texts)}")
@@ -221,6 +226,24 @@ def _outside(runs: Runs) -> str:
         for left in workspace_violations(run)
     ]
     return f"{'; '.join(outside).capitalize()}." if outside else "All stay within the rig."
+
+
+def _farthest_from_prediction(family: Family, runs: Runs) -> str:
+    """Return the largest residual of each run in the figure's unit, and when it occurs."""
+    unit, texts = family.panels[0].unit, []
+    for label, run in runs.items():
+        size = np.max([np.abs(panel.values(run)) for panel in family.panels], axis=0)
+        texts.append(f"{size.max():.3g} {unit} at {run.time[int(size.argmax())]:.2f} s ({label})")
+    return f"Largest difference along one axis: {', '.join(texts)}."
+
+
+def _swing(runs: Runs) -> str:
+    """Return the largest angle of each run, which is known without a reference too."""
+    largest = {label: np.abs(run.angles).max() * DEGREES for label, run in runs.items() if run.has("state")}
+    if not largest:
+        return "The angles of the rope were not measured."
+    texts = (_kept(angle, "°") + f" ({label})" * (len(runs) > 1) for label, angle in largest.items())
+    return f"Largest angle: {', '.join(texts)}."
 
 
 def _measured(run: Run) -> RunMetrics:

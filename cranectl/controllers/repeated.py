@@ -1,0 +1,50 @@
+"""Repeat a measured run: its commands, or the motion of its bridge, trolley and rope.
+
+These controllers are not registered: `measured.replay` prepares them with the rows that they repeat in place
+of a reference.
+"""
+
+import numpy as np
+
+from cranectl.controllers.controller import Command, Controller
+
+STIFFNESS = 0.1  # of the loop that keeps the axes on their measured motion, times the control period
+
+
+def repeat_commands(parameters, measured, reference, memory, command):  # noqa: ARG001
+    """Copy the measured commands, the first three numbers of each row."""
+    for axis in range(3):
+        command[axis] = reference[axis]
+    return 0
+
+
+def follow_motion(parameters, measured, reference, memory, command):  # noqa: ARG001
+    """Compute accelerations that keep the axes on the positions, rates and accelerations of each row."""
+    w = parameters[0]
+    for axis in range(3):
+        command[axis] = (
+            reference[6 + axis]
+            + 2.0 * w * (reference[3 + axis] - measured[2 * axis + 1])
+            + w * w * (reference[axis] - measured[2 * axis])
+        )
+    return 0
+
+
+def measured_commands(kind: Command) -> Controller:
+    """Return the controller that repeats commands of this kind."""
+    return Controller(
+        name="measured-commands",
+        title="the measured commands",
+        step=repeat_commands,
+        prepare=lambda _: (np.zeros(1), np.zeros(1)),
+        command=kind,
+    )
+
+
+MEASURED_MOTION = Controller(
+    name="measured-motion",
+    title="the measured motion of bridge, trolley and rope",
+    step=follow_motion,
+    prepare=lambda nominal: (np.array([STIFFNESS / nominal.period]), np.zeros(1)),
+    command="acceleration",
+)

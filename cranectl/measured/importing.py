@@ -1,0 +1,390 @@
+"""Make a run from measured files: read the mapped columns, check them, and bring them to one clock.
+
+The run has the plant `measured`. It has samples at even times from 0 on. Positions and angles are
+interpolated between readings; commands hold their last value. Rates are slopes of cubics that are fitted
+to RATE_SPAN seconds of samples.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from cranectl.design import ControllerDesign
+from cranectl.measured.mapping import (
+    ANGLES,
+    COMMANDS,
+    LOAD,
+    POSITIONS,
+    TIMES,
+    ClockMap,
+    MeasuredMap,
+    SignalMap,
+)
+from cranectl.measured.plausibility import Finding, check_motion, compare_with_physics
+from cranectl.measured.tables import TableHead, read_head
+from cranectl.plants.plant import Drive
+from cranectl.plants.registry import PLANTS, PlantEntry
+from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
+from cranectl.scenario.load import load_rig, rig_place
+from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.scenario import longest_step
+from cranectl.scenario.settings import MAX_RUN, parse_settings
+from cranectl.signals import SignalGroup, measured_groups
+from cranectl.simulate import Run
+from cranectl.status import RunStatus
+from cranectl.support.arrays import Array, Mask
+from cranectl.support.errors import InputError
+
+MEASURED = PlantEntry(
+    name="measured", label="measured", colour="series-4", where="", batch=0, by_default=False
+)
+UNKNOWN_CONTROLLER = "unknown-controller"  # a log of a crane does not have it
+RATE_SPAN = 0.1  # [s] of samples from which a rate is computed
+RATE_ORDER = 3  # of the polynomials whose slopes are the rates
+MIN_RATE_SAMPLES = 5
+USUAL_GAPS = 10.0  # times the usual step that rows may be apart
+MIN_ROWS = 10
+DRIVES: dict[str | None, Drive] = {
+    None: "ideal",
+    "acceleration": "ideal",
+    "velocity": "velocity",
+    "force": "force",
+}
+
+
+class Readings(NamedTuple):
+    """One signal on the clock of its file."""
+
+    time: Array  # (N,) [s]
+    values: Array  # (N,) in SI units
+
+
+class Clock(NamedTuple):
+    """The times of the rows of a file."""
+
+    time: Array  # (N,) [s], of the rows that are kept
+    kept: Mask  # (rows,) whether a row is kept
+    largest_gap: float  # [s] that readings may be apart
+
+    @property
+    def period_ns(self) -> int:
+        """The usual time between two rows, rounded to three digits [ns]."""
+        return max(nanoseconds(float(f"{float(np.median(np.diff(self.time))):.3g}")), 1000)
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A measured run, and what was found on the way."""
+
+    run: Run
+    findings: tuple[Finding, ...]
+
+
+def import_files(
+    files: Sequence[Path], mapping: MeasuredMap, *, directory: Path, rig: str | None = None
+) -> Imported:
+    """Return the run that `files` hold.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        The measured files, in the order of their numbers in the map.
+    mapping : MeasuredMap
+        Where each signal is.
+    directory : Path
+        The directory of the map, from which it names its rig.
+    rig : str, optional
+        Name or file of a rig, in place of that of the map.
+
+    Returns
+    -------
+    Imported
+        The run, and remarks on it.
+
+    Raises
+    ------
+    InputError
+        For files that cannot be read, columns that are missing, clocks that do not increase, gaps, jumps that
+        the drives cannot make, and a mapping that contradicts physics.
+    """
+    _check_files(files, mapping)
+    parameters = load_rig(rig or rig_place(mapping.rig, directory))
+    heads = [read_head(path) for path in files]
+    sources = {name: s for name, s in mapping.signals.given.items() if s.column is not None}
+    if not sources:
+        raise InputError(
+            "the map names no column",
+            allowed="a map with columns",
+            remedy="map at least one column of a file",
+        )
+    clocks: dict[tuple[int, ClockMap], Clock] = {}
+    for signal in sources.values():
+        key, path = (signal.file, mapping.clock(signal)), files[signal.file - 1]
+        if key not in clocks:
+            clocks[key] = _clock(heads[signal.file - 1], key[1], signal, str(path))
+    begin, end = _part(sources, clocks, mapping)
+    period_ns = nanoseconds(mapping.period) if mapping.period else next(iter(clocks.values())).period_ns
+    time_ns = np.arange(int((end - begin) * NANOSECONDS) // period_ns + 1, dtype=np.int64) * period_ns
+    time = begin + time_ns / NANOSECONDS
+    table, groups = _empty_table(mapping, len(time))
+    columns = _joints_and_commands(table, mapping)
+    for name, column in columns.items():  # one after the other: all readings take as much memory as the run
+        signal = mapping.signals.given[name]
+        if name not in sources:
+            column[:] = _constant(signal, mapping.units(name))
+            continue
+        clock = clocks[signal.file, mapping.clock(signal)]
+        readings = _read(name, signal, mapping, heads[signal.file - 1], clock, str(files[signal.file - 1]))
+        inside = (readings.time >= begin - clock.largest_gap) & (readings.time <= end + clock.largest_gap)
+        readings = Readings(readings.time[inside], readings.values[inside])
+        _check_gaps(name, readings.time, clock.largest_gap, (begin, end), str(files[signal.file - 1]))
+        check_motion(name, *readings, parameters)
+        column[:] = _resampled(name, readings, time)
+        del clock, readings
+    del clocks, time
+    findings: tuple[Finding, ...] = ()
+    if ANGLES[0] in columns:
+        findings = compare_with_physics(columns, period_ns / NANOSECONDS, parameters.gravity)
+        if mapping.check_physics:
+            for finding in findings:
+                finding.refuse()
+    _complete(table, columns, period_ns / NANOSECONDS)
+    return Imported(
+        _run(table, groups, time_ns, mapping, parameters, describe_files(files, mapping)), findings
+    )
+
+
+def _empty_table(mapping: MeasuredMap, rows: int) -> tuple[Array, tuple[SignalGroup, ...]]:
+    """Return a table for all signals of the run, and the groups of its columns."""
+    given = mapping.signals.given
+    has_angles = ANGLES[0] in given
+    groups = measured_groups(mapping.commands or "", angles=has_angles, load=has_angles or LOAD[0] in given)
+    # Column by column in memory, since signals are computed one after the other.
+    return np.empty((rows, sum(map(len, groups))), order="F"), groups
+
+
+def _joints_and_commands(table: Array, mapping: MeasuredMap) -> dict[str, Array]:
+    """Return the columns of `table` (views) for the signals of the map, by name."""
+    given = mapping.signals.given
+    joints = (*POSITIONS, *ANGLES) if ANGLES[0] in given else POSITIONS
+    places = {name: 2 * k for k, name in enumerate(joints)}
+    places |= {name: 2 * len(joints) + k for k, name in enumerate(LOAD) if name in given}
+    commands = table.shape[1] - len(COMMANDS)
+    places |= {name: commands + k for k, name in enumerate(COMMANDS) if name in given}
+    return {name: table[:, place] for name, place in places.items()}
+
+
+def _complete(table: Array, columns: Mapping[str, Array], period: float) -> None:
+    """Compute the load from the joints, unless it was measured, and the rates of all positions."""
+    joints = 10 if ANGLES[0] in columns else 6
+    for k in range(0, joints, 2):
+        table[:, k + 1] = rates(table[:, k], period)
+    if ANGLES[0] in columns or LOAD[0] in columns:
+        if LOAD[0] not in columns:
+            put_load(table[:, :joints:2], table[:, joints : joints + 3])
+        for k in range(joints, joints + 3):
+            table[:, k + 3] = rates(table[:, k], period)
+
+
+def _check_files(files: Sequence[Path], mapping: MeasuredMap) -> None:
+    used = {signal.file for signal in mapping.signals.given.values() if signal.column is not None}
+    if (most := max(used, default=1)) > len(files) or (mapping.clocks and len(mapping.clocks) != len(files)):
+        problem = f"signals of file {most}" if most > len(files) else f"{len(mapping.clocks)} clocks"
+        raise InputError(
+            f"the map has {problem}, and {len(files)} files are given",
+            allowed="a file for each number in the map, and a clock for each file or none",
+            remedy="name all files in their order, or correct the map",
+        )
+    if unused := [str(path) for k, path in enumerate(files, 1) if k not in used]:
+        raise InputError(
+            f"no signal is in {', '.join(unused)}",
+            allowed="files that the map uses",
+            remedy="leave the file out, or map its columns with file = NUMBER",
+        )
+
+
+def _clock(head: TableHead, clock: ClockMap, signal: SignalMap, where: str) -> Clock:
+    """Read the clock of a file; raise InputError if it stands still or runs back."""
+    if clock.column is None:
+        assert clock.period is not None
+        assert signal.column is not None
+        rows = len(head.read(head.column(signal.column, where)).values)
+        even = np.arange(rows, dtype=np.float64) * clock.period + clock.offset
+        return Clock(even, np.ones(rows, dtype=np.bool_), clock.max_gap or USUAL_GAPS * clock.period)
+    times = head.read(head.column(clock.column, where))
+    time: Array = (1.0 if times.is_time else TIMES[clock.unit]) * times.values + clock.offset
+    kept: Mask = np.isfinite(time)
+    if clock.repeated == "first":
+        kept[1:] &= ~(np.diff(time) == 0.0)
+    time = time if kept.all() else time[kept]
+    if len(time) < MIN_ROWS:
+        raise InputError(
+            f"{where} has {len(time)} rows with a time",
+            allowed=f"at least {MIN_ROWS}",
+            remedy="map another column of times",
+        )
+    steps = np.diff(time)
+    back = np.flatnonzero(~(steps > 0.0))
+    if len(back):
+        row, same = int(back[0]), bool((steps[back] == 0.0).all())
+        does = "stands still" if same else "runs back"
+        raise InputError(
+            f"{where}: time {does} {len(back)} times, first after row {row + 1} at {time[row]:.9g} s",
+            allowed="times that increase from row to row",
+            remedy='write repeated = "first" below the clock, or correct the file'
+            if same
+            else "correct the file, or cut it into parts where the clock starts again",
+        )
+    return Clock(time, kept, clock.max_gap or USUAL_GAPS * float(np.median(steps)))
+
+
+def _read(
+    name: str, signal: SignalMap, mapping: MeasuredMap, head: TableHead, clock: Clock, where: str
+) -> Readings:
+    """Return the readings of a signal in SI units, without missing ones."""
+    assert signal.column is not None
+    values = head.read(head.column(signal.column, where)).values
+    if len(values) != len(clock.kept):
+        raise InputError(
+            f"{where}: signals.{name} has {len(values)} rows, its clock has {len(clock.kept)}",
+            allowed="a clock with a time for each reading",
+            remedy=f"name the clock of these readings, signals.{name}.clock = {{column = '…'}}",
+        )
+    values = values if clock.kept.all() else values[clock.kept]
+    known = np.isfinite(values)
+    time = clock.time - signal.delay if signal.delay else clock.time
+    if not known.all():
+        time, values = time[known], values[known]
+    if len(values) < MIN_ROWS:
+        raise InputError(
+            f"{where}: {len(known) - len(values)} of {len(known)} readings of {name} are missing",
+            allowed=f"at least {MIN_ROWS} numbers",
+            remedy=f"map another column, or leave out signals.{name}",
+        )
+    values = values - signal.zero
+    values *= signal.sign * mapping.units(name)[signal.unit] * signal.scale
+    return Readings(time, values)
+
+
+def _check_gaps(name: str, time: Array, largest: float, part: tuple[float, float], where: str) -> None:
+    """Raise InputError if readings of a signal are missing for longer than allowed."""
+    begin, end = part
+    steps = np.diff(time, prepend=begin - 0.5 * largest, append=end + 0.5 * largest)
+    worst = int(np.argmax(steps))
+    if steps[worst] > largest * (1.0 + 1e-9):
+        at = (time[worst - 1] if worst else begin) - begin
+        raise InputError(
+            f"{where}: {int((steps > largest).sum())} gaps in the readings of {name}, the largest of "
+            f"{steps[worst]:.4g} s at {at:.6g} s of the part",
+            allowed=f"at most {largest:.4g} s between two readings",
+            remedy="choose a part without gaps by from and to, or allow them by max_gap below the clock",
+        )
+
+
+def _constant(signal: SignalMap, units: Mapping[str, float]) -> float:
+    assert signal.value is not None
+    return signal.sign * units[signal.unit] * signal.scale * (signal.value - signal.zero)
+
+
+def _part(
+    sources: Mapping[str, SignalMap], clocks: Mapping[tuple[int, ClockMap], Clock], mapping: MeasuredMap
+) -> tuple[float, float]:
+    """Return first and last time of the imported part, on the clock of the files [s]."""
+    used = [(clocks[s.file, mapping.clock(s)].time, s.delay) for s in sources.values()]
+    first = max(float(time[0]) - delay for time, delay in used)
+    last = min(float(time[-1]) - delay for time, delay in used)
+    begin, end = first + mapping.begin, last if mapping.end is None else min(first + mapping.end, last)
+    if not begin < end or end - begin > MAX_RUN:
+        raise InputError(
+            f"the part to import is from {mapping.begin:g} s to {end - first:g} s; all signals are there "
+            f"for {max(last - first, 0.0):.6g} s",
+            allowed=f"a part with a length, of at most {MAX_RUN:g} s",
+            remedy="choose other times in from and to, or give the files one clock by the offset of each",
+        )
+    return begin, end
+
+
+def _resampled(name: str, reading: Readings, time: Array) -> Array:
+    """Return a signal at even times (N,): the last command, and all others between two readings."""
+    if name not in COMMANDS:
+        return np.interp(time, reading.time, reading.values)
+    rows = np.searchsorted(reading.time, time, side="right") - 1
+    held: Array = reading.values[rows.clip(0)]
+    return held
+
+
+def rates(values: Array, period: float) -> Array:
+    """Return the rate of a signal (N,) as the slope of cubics fitted around each sample."""
+    samples = max(MIN_RATE_SAMPLES, round(RATE_SPAN / period)) // 2 * 2 + 1
+    slopes: Array = (
+        np.gradient(values, period)
+        if len(values) < samples
+        else savgol_filter(values, samples, polyorder=RATE_ORDER, deriv=1, delta=period)
+    )
+    return slopes
+
+
+def _run(
+    table: Array,
+    groups: tuple[SignalGroup, ...],
+    time_ns: NDArray[np.int64],
+    mapping: MeasuredMap,
+    rig: RigParameters,
+    description: str,
+) -> Run:
+    PLANTS.remember(MEASURED)
+    return Run(
+        scenario=_scenario(mapping, rig, time_ns, table),
+        design=ControllerDesign(UNKNOWN_CONTROLLER),
+        plant=MEASURED.name,
+        drive=DRIVES[mapping.commands],
+        model=description,
+        time_ns=time_ns,
+        table=table,
+        reference=np.zeros((len(time_ns), 0)),
+        status=RunStatus.COMPLETED,
+        end_ns=int(time_ns[-1]),
+        own_groups=groups,
+    )
+
+
+def put_load(joints: Array, load: Array) -> None:
+    """Write the position of the load (N, 3) from bridge, trolley, rope, alpha and beta (N, 5) to `load`."""
+    x, y, rope, alpha, beta = joints.T
+    lateral = rope * np.cos(beta)
+    np.add(x, rope * np.sin(beta), out=load[:, 0])
+    np.add(y, lateral * np.sin(alpha), out=load[:, 1])
+    np.multiply(-lateral, np.cos(alpha), out=load[:, 2])
+
+
+def _scenario(mapping: MeasuredMap, rig: RigParameters, time_ns: NDArray[np.int64], table: Array) -> Scenario:
+    """Return what is known of a measured run in the words of a scenario."""
+    period = float(time_ns[1]) / NANOSECONDS
+    x, y, rope = table[0, :5:2].tolist()
+    settings = {
+        "name": mapping.name,
+        "title": mapping.title,
+        "duration": float(time_ns[-1]) / NANOSECONDS,
+        "reference": {"start": [x, y, -abs(rope)]},
+        "control": {"period": period, "physics_step": longest_step(period, 0.001)},
+        "workspace": {"on_exit": "record"},
+        "log": {"every": 1},
+        "rig": rig.model_dump(mode="json"),
+    }
+    return parse_settings(Scenario, settings, "the measured run")
+
+
+def describe_files(files: Sequence[Path], mapping: MeasuredMap) -> str:
+    """Return where a measured run is from: the files with their digests, and the map."""
+    digests = []
+    for path in files:
+        with path.open("rb") as stream:
+            digests.append(f"{path.name} (SHA-256 {hashlib.file_digest(stream, 'sha256').hexdigest()})")
+    texts = mapping.model_dump_json(exclude_defaults=True, by_alias=True)
+    return f"measured: {', '.join(digests)}\nmap: {texts}"

@@ -1,0 +1,197 @@
+"""The map of a measured crane: which column of which file holds which signal, and how to read it.
+
+A reading becomes a signal in SI units by
+
+    signal = sign · unit · scale · (reading - zero)
+
+and belongs to a time `delay` seconds before the clock of its row.
+"""
+
+from math import pi
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from cranectl.scenario.settings import Duration, Many, RuleError, Settings, parse_settings
+from cranectl.support.documents import read_toml
+
+POSITIONS = ("bridge_position", "trolley_position", "rope_length")
+ANGLES = ("alpha", "beta")
+LOAD = ("load_x", "load_y", "load_z")
+COMMANDS = ("bridge_command", "trolley_command", "rope_command")
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+COUNTS = {"count": 1.0}  # of an encoder; `scale` has the SI units of one count
+UNITS = {
+    **dict.fromkeys((*POSITIONS, *LOAD), LENGTHS | COUNTS),
+    **dict.fromkeys(ANGLES, {"rad": 1.0, "mrad": 1e-3, "deg": pi / 180.0} | COUNTS),
+}
+COMMAND_UNITS = {
+    "velocity": {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0} | COUNTS,
+    "acceleration": {"m/s^2": 1.0, "mm/s^2": 1e-3} | COUNTS,
+    "force": {"N": 1.0, "kN": 1e3} | COUNTS,
+}
+Number = Annotated[float, Field(ge=-1e12, le=1e12)]
+Column = Annotated[int, Field(ge=1, le=100_000)] | Annotated[str, Field(min_length=1, max_length=200)]
+Lag = Annotated[float, Field(ge=-60.0, le=60.0)]
+
+
+class ClockMap(Settings):
+    """The clock of a file."""
+
+    column: Column | None = Field(None, description="name of the column of times, or its number from 1 on")
+    unit: Literal["s", "ms", "us", "ns"] = Field("s", description="of the times; time stamps have their own")
+    period: Duration | None = Field(None, description="time between two rows of a file without a clock [s]")
+    offset: Annotated[float, Field(ge=-1e6, le=1e6)] = Field(
+        0.0, description="added to the times of a file, so that all files have one clock [s]"
+    )
+    repeated: Literal["refuse", "first"] = Field(
+        "refuse", description="rows with the time of the row before: refuse the file, or keep the first"
+    )
+    max_gap: Duration | None = Field(
+        None, description="largest time between two rows [s]; by default ten times the usual one"
+    )
+
+    @model_validator(mode="after")
+    def _has_one_source(self) -> "ClockMap":
+        if (self.column is None) == (self.period is None):
+            raise RuleError(
+                "a clock with both column and period"
+                if self.column is not None
+                else "a clock without column",
+                allowed="either a column of times or a period",
+                remedy='write column = "NAME", or period = 0.01 for a file without times',
+            )
+        return self
+
+
+class SignalMap(Settings):
+    """Where one signal is, and how to read it."""
+
+    column: Column | None = Field(None, description="name of the column, or its number from 1 on")
+    value: Number | None = Field(None, description="constant in place of a column, in `unit`")
+    unit: str = Field(description="of the readings; count with the size of a count in `scale`")
+    sign: Literal[1, -1] = Field(1, description="-1 if the readings count the other way")
+    zero: Number = Field(0.0, description="the reading at which the signal is zero, in `unit`")
+    scale: Annotated[float, Field(gt=0.0, le=1e9)] = Field(1.0, description="factor of the readings")
+    delay: Lag = Field(0.0, description="how much later than its clock the reading was taken to be [s]")
+    file: Annotated[int, Field(ge=1, le=100)] = Field(1, description="number of its FILE, from 1 on")
+    clock: ClockMap | None = Field(None, description="of its own, where a file has several, as bags have")
+
+    @model_validator(mode="after")
+    def _has_one_source(self) -> "SignalMap":
+        if (self.column is None) == (self.value is None):
+            raise RuleError(
+                "a signal with both column and value"
+                if self.column is not None
+                else "a signal without column",
+                allowed="either a column or a constant value",
+                remedy='write column = "NAME", or value = 0.0 for a signal that does not change',
+            )
+        if self.unit in COUNTS and "scale" not in self.model_fields_set:
+            raise RuleError(
+                "unit = 'count' without scale",
+                allowed="counts with the size of one count",
+                remedy="set scale to the size of one count in m, rad, m/s, m/s² or N",
+            )
+        return self
+
+
+class SignalMaps(Settings):
+    """The signals of a measured crane; those that were not measured are absent."""
+
+    bridge_position: SignalMap = Field(description="along x [m]")
+    trolley_position: SignalMap = Field(description="along y [m]")
+    rope_length: SignalMap = Field(description="from pivot to load [m]")
+    alpha: SignalMap | None = Field(
+        None, description="angle of the rope, positive if the load is at larger y"
+    )
+    beta: SignalMap | None = Field(None, description="angle of the rope, positive if the load is at larger x")
+    load_x: SignalMap | None = Field(None, description="measured position of the load along x")
+    load_y: SignalMap | None = Field(None, description="measured position of the load along y")
+    load_z: SignalMap | None = Field(None, description="the same along z, up, from the height of the trolley")
+    bridge_command: SignalMap | None = Field(None, description="command of the bridge drive")
+    trolley_command: SignalMap | None = Field(None, description="command of the trolley drive")
+    rope_command: SignalMap | None = Field(None, description="command of the winch, positive when paying out")
+
+    @property
+    def given(self) -> dict[str, SignalMap]:
+        """The signals that the map has, by name."""
+        return {name: signal for name, signal in vars(self).items() if signal is not None}
+
+    @model_validator(mode="after")
+    def _groups_are_whole(self) -> "SignalMaps":
+        for group in (ANGLES, LOAD, COMMANDS):
+            missing = [name for name in group if name not in self.given]
+            if 0 < len(missing) < len(group):
+                raise RuleError(
+                    f"signals.{missing[0]} is missing, and others of its group are there",
+                    allowed=f"all of {', '.join(group)}, or none",
+                    remedy=f"add signals.{missing[0]}, with value = 0.0 if it does not change",
+                )
+        return self
+
+
+class MeasuredMap(Settings):
+    """Describe measured files: their clock, their signals, and what crane it was."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")] = Field("measured", description="of the run")
+    title: str = Field("", description="one line for people")
+    rig: str = Field("lab-rig", description="name of the rig, or its file beside the map")
+    begin: Annotated[float, Field(ge=0.0, le=1e7)] = Field(
+        0.0, alias="from", description="start of the part that is imported, from the first row on [s]"
+    )
+    end: Annotated[float, Field(gt=0.0, le=1e7)] | None = Field(
+        None, alias="to", description="end of that part, from the first row on [s]"
+    )
+    period: Duration | None = Field(
+        None, description="of the log's samples [s]; by default that of the first file"
+    )
+    commands: Literal["velocity", "acceleration", "force"] | None = Field(
+        None, description="kind of the commands of the drives"
+    )
+    check_physics: bool = Field(True, description="whether the rope must answer the motion of its pivot")
+    time: ClockMap = Field(description="clock of the file, or of all files")
+    clocks: Many[ClockMap] = Field((), description="a clock for each FILE in place of `time`")
+    signals: SignalMaps = Field(description="a table for each signal")
+
+    @model_validator(mode="after")
+    def _units_fit(self) -> "MeasuredMap":
+        given = self.signals.given
+        if (self.commands is None) != (COMMANDS[0] not in given):
+            raise RuleError(
+                "commands without signals"
+                if self.commands
+                else "signals of commands, of a kind that is not given",
+                allowed="the kind of the commands together with their three signals",
+                remedy='add commands = "velocity"' if not self.commands else f"add signals.{COMMANDS[0]}",
+            )
+        for name, signal in given.items():
+            allowed = self.units(name)
+            if signal.unit not in allowed:
+                raise RuleError(
+                    f"signals.{name}.unit = '{signal.unit}'",
+                    allowed=f"signals.{name}.unit: {', '.join(allowed)}",
+                    remedy=f"write signals.{name}.unit = '{next(iter(allowed))}', or convert the column",
+                )
+        if self.end is not None and not self.begin < self.end:
+            raise RuleError(
+                f"from = {self.begin:g} s is not before to = {self.end:g} s",
+                allowed="a part of the files with a length",
+                remedy="raise to, or lower from",
+            )
+        return self
+
+    def units(self, name: str) -> dict[str, float]:
+        """Return the units that the readings of a signal can have, with their sizes in SI units."""
+        return COMMAND_UNITS[self.commands or "velocity"] if name in COMMANDS else UNITS[name]
+
+    def clock(self, signal: SignalMap) -> ClockMap:
+        """Return the clock of a signal: its own, that of its file, or that of all files."""
+        return signal.clock or (self.clocks[signal.file - 1] if self.clocks else self.time)
+
+
+def read_map(path: Path) -> MeasuredMap:
+    """Read the map of measured files; raise InputError with what is wrong in it."""
+    return parse_settings(MeasuredMap, read_toml(path), str(path))

@@ -1,0 +1,124 @@
+"""Predict a measured run: give its commands, or the motion of its pivot and rope, to a plant.
+
+`commands` gives the measured commands to the plant's drives of the same kind. `motion` moves bridge, trolley
+and rope as measured, with ideal drives, so that only the swing of the load is predicted. Both start from the
+first measured state.
+"""
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from cranectl.controllers.addressed import compile_controller
+from cranectl.controllers.controller import Command, Nominal
+from cranectl.controllers.repeated import MEASURED_MOTION, measured_commands
+from cranectl.design import ControllerDesign
+from cranectl.measured.importing import MIN_RATE_SAMPLES, RATE_ORDER, RATE_SPAN
+from cranectl.plants.plant import Drive
+from cranectl.scenario import NANOSECONDS
+from cranectl.signals import LOAD, REFERENCE, RESIDUAL, STATE
+from cranectl.simulate import Plan, Run, simulate_run
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+
+Replay = Literal["commands", "motion"]
+PREDICTED = (STATE, LOAD)  # groups that a predicted run keeps
+_COMMANDS: dict[str, Command] = {"ideal": "acceleration", "velocity": "velocity", "force": "force"}
+
+
+def default_replay(run: Run) -> Replay:
+    """Return how a measured run is replayed if nobody chooses: by its commands, if it has them."""
+    return "commands" if run.has("command") else "motion"
+
+
+def predict(run: Run, plant: str, replay: Replay) -> Run:
+    """Predict a measured run on a plant.
+
+    Parameters
+    ----------
+    run : Run
+        The measured run.
+    plant : str
+        The plant.
+    replay : {"commands", "motion"}
+        What of the measured run drives the plant.
+
+    Returns
+    -------
+    Run
+        The predicted run, at the same times, with the group `residual`: measured minus predicted.
+
+    Raises
+    ------
+    InputError
+        If the run lacks angles or commands, or if the plant cannot show the crane.
+    """
+    if not run.has("state"):
+        raise InputError(
+            "the measured run has no angles, so nobody knows how its load swung at the start",
+            allowed="measured runs with positions and angles",
+            remedy="map the columns of both angles, and import the files again",
+        )
+    if replay == "commands" and not run.has("command"):
+        raise InputError(
+            "the measured run has no commands of the drives",
+            allowed="--replay motion",
+            remedy="replay its motion, or map the columns of the commands and import the files again",
+        )
+    drive: Drive = run.drive if replay == "commands" else "ideal"
+    rows = np.zeros((len(run.time_ns), len(REFERENCE)))
+    rows[:, : 3 if replay == "commands" else 9] = (
+        run.block("command") if replay == "commands" else _motion(run)
+    )
+    controller = MEASURED_MOTION if replay == "motion" else measured_commands(_COMMANDS[run.drive])
+    period, state, samples = run.scenario.period_ns / NANOSECONDS, run.block("state"), len(run.time_ns)
+    nominal = Nominal(run.scenario.limited_rig, drive, period, rows, state[0], {})
+    design = ControllerDesign(controller.name)
+    compiled = compile_controller(controller, nominal, sum(map(len, design.groups)))
+    plan = Plan(
+        time_ns=run.time_ns,
+        reference=np.zeros((samples, len(REFERENCE))),
+        reference_state=state,
+        gravity=run.scenario.rig.gravity,
+        initial_state=state[0].copy(),
+        disturbance=np.zeros((samples, 2)),
+        wind=np.zeros((samples, 6)),
+    )
+    predicted = simulate_run(run.scenario, plant=plant, drive=drive, design=design, plan=plan, law=compiled)
+    return _with_residual(predicted, run)
+
+
+def _motion(run: Run) -> Array:
+    """Return smoothed positions, rates and accelerations of bridge, trolley and rope, shape (N, 9)."""
+    positions = run.block("state")[:, :6:2]
+    period = run.scenario.period_ns / NANOSECONDS
+    samples = max(MIN_RATE_SAMPLES, round(RATE_SPAN / period)) // 2 * 2 + 1
+    if len(positions) < samples:
+        raise InputError(
+            f"the measured run has {len(positions)} samples",
+            allowed=f"at least {samples}",
+            remedy="import a longer part",
+        )
+    smooth = [
+        savgol_filter(positions, samples, polyorder=RATE_ORDER, deriv=order, delta=period, axis=0)
+        for order in range(3)
+    ]
+    return np.hstack(smooth)
+
+
+def _with_residual(predicted: Run, measured: Run) -> Run:
+    """Return a predicted run with what separates it from the measured one, in place of a reference."""
+    rows = len(predicted.time_ns)
+    joints, load = (
+        measured.block(name)[:rows, columns] - predicted.block(name)[:, columns]
+        for name, columns in (("state", slice(0, 10, 2)), ("load", slice(0, 3)))
+    )
+    return replace(
+        predicted,
+        drive=measured.drive,
+        table=np.hstack([*(predicted.block(group.name) for group in PREDICTED), joints, load]),
+        reference=np.zeros((rows, 0)),
+        own_groups=(*PREDICTED, RESIDUAL),
+    )

@@ -1,0 +1,182 @@
+"""Everything that reads logs takes the log of a measured crane, also one without angles."""
+
+import io
+import json
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.compare.runs import compare_runs
+from cranectl.log.reader import read_log
+from cranectl.log.writer import write_log
+from cranectl.measured.replay import Replay, default_replay, predict
+from cranectl.simulate import Run
+from cranectl.support.errors import InputError
+from tests.measured.crane import COMMANDS, columns, imported, mapping, truth, write_csv
+
+MAP = """
+name = "monday"
+commands = "velocity"
+[time]
+column = "t"
+[signals]
+bridge_position = {column = "x", unit = "m"}
+trolley_position = {column = "y", unit = "m"}
+rope_length = {column = "l", unit = "m"}
+bridge_command = {column = "wx", unit = "m/s"}
+trolley_command = {column = "wy", unit = "m/s"}
+rope_command = {column = "wl", unit = "m/s"}
+"""
+ANGLES = """
+alpha = {column = "alpha", unit = "rad"}
+beta = {column = "beta", unit = "rad"}
+"""
+
+
+class Result(NamedTuple):
+    exit_code: int
+    output: str
+
+
+def cranectl(*arguments: str | Path) -> Result:
+    """Run a command, and return its exit code with all that it prints."""
+    output = io.StringIO()
+    with redirect_stdout(output), redirect_stderr(output):
+        code = main([str(argument) for argument in arguments])
+    assert code in (0, 2), output.getvalue()
+    return Result(code, output.getvalue())
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A directory with the log of a measured crane, and one of a crane without measured angles."""
+    folder = tmp_path_factory.mktemp("measured")
+    write_csv(folder / "a.csv", columns())
+    for name, text in (("whole", MAP + ANGLES), ("axes", MAP)):
+        (folder / f"{name}.toml").write_text(text)
+        arguments = ("--map", folder / f"{name}.toml", "--out", folder / f"{name}.mcap")
+        assert cranectl("log", "import", folder / "a.csv", *arguments).exit_code == 0
+    return folder
+
+
+def measured_run(tmp_path: Path, step: int = 1) -> Run:
+    path = write_csv(tmp_path / "a.csv", columns(step))
+    return imported(path, mapping=mapping(COMMANDS, commands="velocity")).run
+
+
+@pytest.mark.parametrize("name", ["whole", "axes"])
+def test_a_log_has_the_same_run_and_says_where_it_is_from(name: str, folder: Path) -> None:
+    run = read_log(folder / f"{name}.mcap")["measured"]
+    assert not run.has_reference
+    assert run.model.startswith("measured: a.csv (SHA-256 ")
+    write_log(folder / "again.mcap", [run])
+    assert (folder / "again.mcap").read_bytes() == (folder / f"{name}.mcap").read_bytes()
+    assert np.isfinite(run.table).all()
+
+
+def test_the_same_files_give_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    arguments = ("--map", folder / "whole.toml", "--out", tmp_path / "b.mcap")
+    cranectl("log", "import", folder / "a.csv", *arguments)
+    assert (tmp_path / "b.mcap").read_bytes() == (folder / "whole.mcap").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["whole", "axes"])
+def test_commands_that_read_logs_take_it(name: str, folder: Path) -> None:
+    log = folder / f"{name}.mcap"
+    assert "measured     completed at 10 s" in cranectl("info", log).output
+    cranectl("report", log, "--out", folder / f"{name}.html")
+    page = (folder / f"{name}.html").read_text()
+    assert "The run has no reference: there is nothing to judge." in page
+    assert "tracking error, RMS" not in page
+    assert cranectl("log", "export", log, "--out", folder / f"{name}.parquet").exit_code == 0
+    assert cranectl("log", "layout", "single", folder / f"{name}.json", "--log", log).exit_code == 0
+
+
+def test_what_needs_the_load_refuses_a_run_without_angles(folder: Path) -> None:
+    log = folder / "axes.mcap"
+    for arguments in (("render", log, folder / "a.png"), ("compare", log)):
+        result = cranectl(*arguments)
+        assert result.exit_code == 2
+        assert "map the columns of both angles" in result.output
+
+
+def test_a_layout_shows_only_topics_of_the_log(folder: Path) -> None:
+    log = folder / "whole.mcap"
+    cranectl("log", "layout", "single", folder / "view.json", "--log", log)
+    layout = (folder / "view.json").read_text()
+    assert "/measured/state" in layout
+    for absent in ("/measured/error", "/reference/load.", "/measured/input", "rope_tension"):
+        assert absent not in layout
+
+
+def test_measured_and_predicted_runs_share_one_log(folder: Path) -> None:
+    log, both = folder / "whole.mcap", folder / "both.mcap"
+    result = cranectl(
+        "compare", log, "--plants", "mujoco,analytic", "--out", both, "--json", folder / "r.json"
+    )
+    assert "the loads are at most" in result.output
+    predictions = json.loads((folder / "r.json").read_text())["predictions"]
+    assert [prediction["plant"] for prediction in predictions] == ["mujoco", "analytic"]
+    assert "measured-crane" in cranectl("info", both).output
+    cranectl("report", both, "--out", folder / "both.html")
+    assert "measured minus predicted load" in (folder / "both.html").read_text()
+    header = cranectl("log", "export", both, "--out", folder / "both.csv", "--signals", "*residual*")
+    assert header.exit_code == 0
+
+
+def test_replay_is_for_measured_logs_only(tmp_path: Path) -> None:
+    write_log(tmp_path / "run.mcap", [truth()], every=10)
+    result = cranectl("compare", tmp_path / "run.mcap", "--replay", "motion")
+    assert result.exit_code == 2
+    assert "leave out --replay" in result.output
+
+
+@pytest.mark.parametrize("plant", ["mujoco", "analytic", "elastic"])
+@pytest.mark.parametrize(("replay", "error"), [("commands", 1e-4), ("motion", 2e-4)])
+def test_a_replayed_run_is_where_the_measured_one_was(
+    plant: str, replay: Replay, error: float, tmp_path: Path
+) -> None:
+    """Only the smoothing of positions separates them: the initial rates, and the repeated motion."""
+    run = measured_run(tmp_path)
+    predicted = predict(run, plant, replay)
+    assert compare_runs(predicted, run).max_load_error_m < error
+    residual = predicted.block("residual")[:, 5:]
+    assert np.allclose(residual, run.load_position - predicted.load_position)
+
+
+def test_a_wrong_load_position_is_shown_in_the_residual(tmp_path: Path) -> None:
+    table = columns(1)
+    table["beta"] = table["beta"] + 0.01
+    path = write_csv(tmp_path / "a.csv", table)
+    run = imported(path, mapping=mapping(COMMANDS, commands="velocity")).run
+    beta = predict(run, "mujoco", "motion").signal("residual.beta_residual")
+    assert np.abs(beta).max() > 0.005
+
+
+def test_commands_that_were_not_measured_cannot_be_repeated(tmp_path: Path) -> None:
+    run = imported(write_csv(tmp_path / "a.csv", columns()), mapping=mapping()).run
+    assert default_replay(run) == "motion"
+    with pytest.raises(InputError, match="has no commands"):
+        predict(run, "mujoco", "commands")
+
+
+def test_a_suggested_map_is_complete_but_for_its_units(folder: Path, tmp_path: Path) -> None:
+    assert cranectl("new", "map", folder / "a.csv", "--in", tmp_path).exit_code == 0
+    text = (tmp_path / "a-map.toml").read_text()
+    assert "#   5: alpha: " in text
+    filled = text.replace('column = "t"\nunit = "???"', 'column = "t"\nunit = "s"')
+    for line in filled.splitlines():
+        unit = "rad" if line.startswith(("alpha", "beta")) else "m/s" if "_command" in line else "m"
+        filled = filled.replace(line, line.replace("???", unit))
+    (tmp_path / "a-map.toml").write_text(filled)
+    result = cranectl(
+        "log", "import", folder / "a.csv", "--map", tmp_path / "a-map.toml", "--out", tmp_path / "a.mcap"
+    )
+    assert result.exit_code == 0
+    again = cranectl("new", "map", folder / "a.csv", "--in", tmp_path)
+    assert again.exit_code == 2
+    assert "exists" in again.output
