@@ -37,7 +37,7 @@ clean: ## remove .venv and all generated files
 
 .venv/extras: .venv/ready
 	$(call saying,3600,"installing the extras that tests need",extras) \
-		$(BIN)/python $(PIP_INSTALL) --editable '.[cluster,fmi,tune,video]'
+		$(BIN)/python $(PIP_INSTALL) --editable '.[cluster,fmi,import,tune,video]'
 	@touch $@
 
 .venv/oracles: .venv/ready

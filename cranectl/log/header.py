@@ -23,6 +23,7 @@ from cranectl.plants.plant import Drive
 from cranectl.plants.registry import LONGEST_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import held_files, with_files
+from cranectl.scenario.scenario import MeasuredScenario
 from cranectl.scenario.settings import parse_settings
 from cranectl.signals import REFERENCE, Signal, SignalGroup
 from cranectl.simulate import Run, checked_drive, groups_of
@@ -136,7 +137,8 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     into a LogError.
     """
     declared = metadata["cranectl"]
-    stated = parse_settings(Scenario, _json(attachments, "scenario.json"), "scenario.json")
+    kind = MeasuredScenario if declared["format"] == WITHOUT_REFERENCE else Scenario
+    stated = parse_settings(kind, _json(attachments, "scenario.json"), "scenario.json")
     scenario = with_files(stated, attachments)
     plants = declared["plants"].split(",")
     if len(set(plants)) < len(plants):

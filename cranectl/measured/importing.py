@@ -33,8 +33,8 @@ from cranectl.plants.registry import PLANTS, PlantEntry
 from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
 from cranectl.scenario.load import load_rig, rig_place
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.scenario import longest_step
-from cranectl.scenario.settings import MAX_RUN, parse_settings
+from cranectl.scenario.scenario import MeasuredScenario, longest_step
+from cranectl.scenario.settings import MAX_MEASURED, parse_settings
 from cranectl.signals import SignalGroup, measured_groups
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
@@ -300,11 +300,11 @@ def _part(
     first = max(float(time[0]) - delay for time, delay in used)
     last = min(float(time[-1]) - delay for time, delay in used)
     begin, end = first + mapping.begin, last if mapping.end is None else min(first + mapping.end, last)
-    if not begin < end or end - begin > MAX_RUN:
+    if not begin < end or end - begin > MAX_MEASURED:
         raise InputError(
             f"the part to import is from {mapping.begin:g} s to {end - first:g} s; all signals are there "
             f"for {max(last - first, 0.0):.6g} s",
-            allowed=f"a part with a length, of at most {MAX_RUN:g} s",
+            allowed=f"a part with a length, of at most {MAX_MEASURED:g} s",
             remedy="choose other times in from and to, or give the files one clock by the offset of each",
         )
     return begin, end
@@ -377,7 +377,7 @@ def _scenario(mapping: MeasuredMap, rig: RigParameters, time_ns: NDArray[np.int6
         "log": {"every": 1},
         "rig": rig.model_dump(mode="json"),
     }
-    return parse_settings(Scenario, settings, "the measured run")
+    return parse_settings(MeasuredScenario, settings, "the measured run")
 
 
 def describe_files(files: Sequence[Path], mapping: MeasuredMap) -> str:

@@ -13,7 +13,7 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Segment, is_planned, seconds
 from cranectl.scenario.settings import (
     LENGTH,
-    MAX_RUN,
+    MAX_MEASURED,
     MIN_DURATION,
     Duration,
     Many,
@@ -131,7 +131,7 @@ class Scenario(Settings):
         description="lower case letters, digits and hyphens"
     )
     title: str = Field("", description="one line for people")
-    duration: Annotated[float, Field(ge=MIN_DURATION, le=MAX_RUN)] = Field(description="[s]")
+    duration: Duration = Field(description="[s]")
     controller: Annotated[ControllerSettings, BeforeValidator(controller_table)] = Field(
         ControllerSettings(), description="its name, or a table of name and parameters"
     )
@@ -252,6 +252,12 @@ class Scenario(Settings):
     def substeps(self) -> int:
         """Physics steps per control period."""
         return self.period_ns // nanoseconds(self.control.physics_step)
+
+
+class MeasuredScenario(Scenario):
+    """What is known of a measured run and its predictions, which may last longer than other runs."""
+
+    duration: Annotated[float, Field(ge=MIN_DURATION, le=MAX_MEASURED)] = Field(description="[s]")
 
 
 def longest_step(period: float, longest: float) -> float:

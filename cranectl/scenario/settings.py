@@ -32,7 +32,7 @@ TEXT_OR_OTHER = Discriminator(lambda value: "" if isinstance(value, str) else " 
 MAX_DURATION = 600.0  # [s]; `simulate.memory` counts what a run holds in memory
 MIN_DURATION = 1e-6  # [s]; the shortest control period, since ends of segments are exact to a nanosecond
 Duration = Annotated[float, Field(ge=MIN_DURATION, le=MAX_DURATION)]
-MAX_RUN = 7200.0  # [s]; a run in memory, of which measured ones may be long
+MAX_MEASURED = 7200.0  # [s] of measured runs
 Position = Annotated[float, Field(ge=-1e4, le=1e4)]
 Point2 = Pair[Position]
 Point3 = Triple[Position]
