@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 
 from cranectl.cli.main import main
-from cranectl.export import Exporter, choose_exporter, export_table, exporters, write_table
+from cranectl.log.export import Exporter, choose_exporter, export_table, exporters, write_table
 from cranectl.log.overlay import Layer, write_overlay
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log

@@ -89,7 +89,7 @@ class BowPath:
 BOW = SegmentKind("bow", Bow, lambda bow, start: BowPath(start, bow.height, bow.duration))
 """
 EXPORTER = """\
-from cranectl.export import Exporter
+from cranectl.log.export import Exporter
 
 def write(table, path):
     path.write_text("highest " + str(max(c.values.max() for c in table.columns if c.name.endswith("load_z"))))

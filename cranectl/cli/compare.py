@@ -100,7 +100,7 @@ def compare_command(
         if (measured := layers.get("measured")) is not None:
             from cranectl.cli.measured import compare_measured
 
-            return compare_measured(logs[0], measured, plants, replay, out, screen)
+            return compare_measured(logs[0], measured, plants, replay=replay, out=out, screen=screen)
         _refuse_replay(logs[0], plants, replay, out)
         runs = {name: layer.run for name, layer in layers.items()}
         return (

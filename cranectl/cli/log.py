@@ -46,7 +46,7 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     cranectl log export logs/fixed-position/lqr-ideal.mcap
     cranectl log export logs/fixed-position/lqr-ideal.mcap --signals 'mujoco.state.*' --out run.mat
     """
-    from cranectl.export import choose_exporter, export_table, write_table
+    from cranectl.log.export import choose_exporter, export_table, write_table
     from cranectl.log.overlay import read_layers
 
     exporter = choose_exporter(format_name, out)

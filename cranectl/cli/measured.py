@@ -25,6 +25,7 @@ def compare_measured(
     log: Path,
     measured: "Layer",
     plants: tuple[str, ...],
+    *,
     replay: "Replay | None",
     out: Path | None,
     screen: Screen,

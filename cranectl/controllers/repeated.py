@@ -8,7 +8,7 @@ import numpy as np
 
 from cranectl.controllers.controller import Command, Controller
 
-STIFFNESS = 0.1  # of the loop that keeps the axes on their measured motion, times the control period
+LOOP_SPEED = 0.1  # of the loop that keeps the axes on their measured motion, times the control period
 
 
 def repeat_commands(parameters, measured, reference, memory, command):  # noqa: ARG001
@@ -45,6 +45,6 @@ MEASURED_MOTION = Controller(
     name="measured-motion",
     title="the measured motion of bridge, trolley and rope",
     step=follow_motion,
-    prepare=lambda nominal: (np.array([STIFFNESS / nominal.period]), np.zeros(1)),
+    prepare=lambda nominal: (np.array([LOOP_SPEED / nominal.period]), np.zeros(1)),
     command="acceleration",
 )

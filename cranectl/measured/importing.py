@@ -9,36 +9,36 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from cranectl.design import ControllerDesign
+from cranectl.measured.clocks import MIN_ROWS, Clock, Readings, check_gaps, imported_part, read_clock
+from cranectl.measured.columns import TableHead
 from cranectl.measured.mapping import (
     ANGLES,
     COMMANDS,
     LOAD,
     POSITIONS,
-    TIMES,
     ClockMap,
     MeasuredMap,
     SignalMap,
 )
 from cranectl.measured.plausibility import Finding, check_motion, compare_with_physics
-from cranectl.measured.tables import TableHead, read_head
+from cranectl.measured.tables import read_head
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import PLANTS, PlantEntry
 from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
 from cranectl.scenario.load import load_rig, rig_place
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import MeasuredScenario, longest_step
-from cranectl.scenario.settings import MAX_MEASURED, parse_settings
+from cranectl.scenario.settings import parse_settings
 from cranectl.signals import SignalGroup, measured_groups
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array, Mask
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 MEASURED = PlantEntry(
@@ -48,34 +48,12 @@ UNKNOWN_CONTROLLER = "unknown-controller"  # a log of a crane does not have it
 RATE_SPAN = 0.1  # [s] of samples from which a rate is computed
 RATE_ORDER = 3  # of the polynomials whose slopes are the rates
 MIN_RATE_SAMPLES = 5
-USUAL_GAPS = 10.0  # times the usual step that rows may be apart
-MIN_ROWS = 10
 DRIVES: dict[str | None, Drive] = {
     None: "ideal",
     "acceleration": "ideal",
     "velocity": "velocity",
     "force": "force",
 }
-
-
-class Readings(NamedTuple):
-    """One signal on the clock of its file."""
-
-    time: Array  # (N,) [s]
-    values: Array  # (N,) in SI units
-
-
-class Clock(NamedTuple):
-    """The times of the rows of a file."""
-
-    time: Array  # (N,) [s], of the rows that are kept
-    kept: Mask  # (rows,) whether a row is kept
-    largest_gap: float  # [s] that readings may be apart
-
-    @property
-    def period_ns(self) -> int:
-        """The usual time between two rows, rounded to three digits [ns]."""
-        return max(nanoseconds(float(f"{float(np.median(np.diff(self.time))):.3g}")), 1000)
 
 
 @dataclass(frozen=True)
@@ -127,8 +105,8 @@ def import_files(
     for signal in sources.values():
         key, path = (signal.file, mapping.clock(signal)), files[signal.file - 1]
         if key not in clocks:
-            clocks[key] = _clock(heads[signal.file - 1], key[1], signal, str(path))
-    begin, end = _part(sources, clocks, mapping)
+            clocks[key] = read_clock(heads[signal.file - 1], key[1], signal, str(path))
+    begin, end = imported_part(sources, clocks, mapping)
     period_ns = nanoseconds(mapping.period) if mapping.period else next(iter(clocks.values())).period_ns
     time_ns = np.arange(int((end - begin) * NANOSECONDS) // period_ns + 1, dtype=np.int64) * period_ns
     time = begin + time_ns / NANOSECONDS
@@ -140,10 +118,11 @@ def import_files(
             column[:] = _constant(signal, mapping.units(name))
             continue
         clock = clocks[signal.file, mapping.clock(signal)]
-        readings = _read(name, signal, mapping, heads[signal.file - 1], clock, str(files[signal.file - 1]))
+        where, head = str(files[signal.file - 1]), heads[signal.file - 1]
+        readings = _read(name, signal, mapping.units(name)[signal.unit], head, clock=clock, where=where)
         inside = (readings.time >= begin - clock.largest_gap) & (readings.time <= end + clock.largest_gap)
         readings = Readings(readings.time[inside], readings.values[inside])
-        _check_gaps(name, readings.time, clock.largest_gap, (begin, end), str(files[signal.file - 1]))
+        check_gaps(name, readings.time, clock.largest_gap, (begin, end), where)
         check_motion(name, *readings, parameters)
         column[:] = _resampled(name, readings, time)
         del clock, readings
@@ -155,9 +134,9 @@ def import_files(
             for finding in findings:
                 finding.refuse()
     _complete(table, columns, period_ns / NANOSECONDS)
-    return Imported(
-        _run(table, groups, time_ns, mapping, parameters, describe_files(files, mapping)), findings
-    )
+    description = describe_files(files, mapping)
+    run = _run(table, groups, time_ns, mapping=mapping, rig=parameters, description=description)
+    return Imported(run, findings)
 
 
 def _empty_table(mapping: MeasuredMap, rows: int) -> tuple[Array, tuple[SignalGroup, ...]]:
@@ -209,43 +188,8 @@ def _check_files(files: Sequence[Path], mapping: MeasuredMap) -> None:
         )
 
 
-def _clock(head: TableHead, clock: ClockMap, signal: SignalMap, where: str) -> Clock:
-    """Read the clock of a file; raise InputError if it stands still or runs back."""
-    if clock.column is None:
-        assert clock.period is not None
-        assert signal.column is not None
-        rows = len(head.read(head.column(signal.column, where)).values)
-        even = np.arange(rows, dtype=np.float64) * clock.period + clock.offset
-        return Clock(even, np.ones(rows, dtype=np.bool_), clock.max_gap or USUAL_GAPS * clock.period)
-    times = head.read(head.column(clock.column, where))
-    time: Array = (1.0 if times.is_time else TIMES[clock.unit]) * times.values + clock.offset
-    kept: Mask = np.isfinite(time)
-    if clock.repeated == "first":
-        kept[1:] &= ~(np.diff(time) == 0.0)
-    time = time if kept.all() else time[kept]
-    if len(time) < MIN_ROWS:
-        raise InputError(
-            f"{where} has {len(time)} rows with a time",
-            allowed=f"at least {MIN_ROWS}",
-            remedy="map another column of times",
-        )
-    steps = np.diff(time)
-    back = np.flatnonzero(~(steps > 0.0))
-    if len(back):
-        row, same = int(back[0]), bool((steps[back] == 0.0).all())
-        does = "stands still" if same else "runs back"
-        raise InputError(
-            f"{where}: time {does} {len(back)} times, first after row {row + 1} at {time[row]:.9g} s",
-            allowed="times that increase from row to row",
-            remedy='write repeated = "first" below the clock, or correct the file'
-            if same
-            else "correct the file, or cut it into parts where the clock starts again",
-        )
-    return Clock(time, kept, clock.max_gap or USUAL_GAPS * float(np.median(steps)))
-
-
 def _read(
-    name: str, signal: SignalMap, mapping: MeasuredMap, head: TableHead, clock: Clock, where: str
+    name: str, signal: SignalMap, unit: float, head: TableHead, *, clock: Clock, where: str
 ) -> Readings:
     """Return the readings of a signal in SI units, without missing ones."""
     assert signal.column is not None
@@ -268,46 +212,13 @@ def _read(
             remedy=f"map another column, or leave out signals.{name}",
         )
     values = values - signal.zero
-    values *= signal.sign * mapping.units(name)[signal.unit] * signal.scale
+    values *= signal.sign * unit * signal.scale
     return Readings(time, values)
-
-
-def _check_gaps(name: str, time: Array, largest: float, part: tuple[float, float], where: str) -> None:
-    """Raise InputError if readings of a signal are missing for longer than allowed."""
-    begin, end = part
-    steps = np.diff(time, prepend=begin - 0.5 * largest, append=end + 0.5 * largest)
-    worst = int(np.argmax(steps))
-    if steps[worst] > largest * (1.0 + 1e-9):
-        at = (time[worst - 1] if worst else begin) - begin
-        raise InputError(
-            f"{where}: {int((steps > largest).sum())} gaps in the readings of {name}, the largest of "
-            f"{steps[worst]:.4g} s at {at:.6g} s of the part",
-            allowed=f"at most {largest:.4g} s between two readings",
-            remedy="choose a part without gaps by from and to, or allow them by max_gap below the clock",
-        )
 
 
 def _constant(signal: SignalMap, units: Mapping[str, float]) -> float:
     assert signal.value is not None
     return signal.sign * units[signal.unit] * signal.scale * (signal.value - signal.zero)
-
-
-def _part(
-    sources: Mapping[str, SignalMap], clocks: Mapping[tuple[int, ClockMap], Clock], mapping: MeasuredMap
-) -> tuple[float, float]:
-    """Return first and last time of the imported part, on the clock of the files [s]."""
-    used = [(clocks[s.file, mapping.clock(s)].time, s.delay) for s in sources.values()]
-    first = max(float(time[0]) - delay for time, delay in used)
-    last = min(float(time[-1]) - delay for time, delay in used)
-    begin, end = first + mapping.begin, last if mapping.end is None else min(first + mapping.end, last)
-    if not begin < end or end - begin > MAX_MEASURED:
-        raise InputError(
-            f"the part to import is from {mapping.begin:g} s to {end - first:g} s; all signals are there "
-            f"for {max(last - first, 0.0):.6g} s",
-            allowed=f"a part with a length, of at most {MAX_MEASURED:g} s",
-            remedy="choose other times in from and to, or give the files one clock by the offset of each",
-        )
-    return begin, end
 
 
 def _resampled(name: str, reading: Readings, time: Array) -> Array:
@@ -334,6 +245,7 @@ def _run(
     table: Array,
     groups: tuple[SignalGroup, ...],
     time_ns: NDArray[np.int64],
+    *,
     mapping: MeasuredMap,
     rig: RigParameters,
     description: str,

@@ -27,7 +27,7 @@ STEPS_PER_JUMP = 3.0  # steps of an encoder that a reading may jump at any speed
 PAIRS = {"beta": "bridge_position", "alpha": "trolley_position"}
 CLEAR = 0.8  # correlation above which an explanation counts
 CLOSE = 0.4  # residual below which two swapped angles explain the motion
-SAMPLES = 40.0  # in the time 1/w of the pendulum, of signals that have more
+SAMPLES_PER_SWING = 40.0  # in the time 1/w of the pendulum, of signals that have more
 LEAST_GAIN = 0.01  # of the correlation, from which a delay is reported
 LEAST_SWING = 1e-6  # [rad] rms of an angle below which nothing is concluded
 
@@ -108,7 +108,7 @@ class Finding:
 def compare_with_physics(columns: Mapping[str, Array], period: float, gravity: float) -> tuple[Finding, ...]:
     """Return a finding for each angle of the measured `columns`, sampled with `period` [s]."""
     frequency = sqrt(gravity / float(np.median(columns["rope_length"])))
-    step = max(int(1.0 / (SAMPLES * frequency * period)), 1)
+    step = max(int(1.0 / (SAMPLES_PER_SWING * frequency * period)), 1)
     columns, period = {name: column[::step] for name, column in columns.items()}, step * period
     rope, band = columns["rope_length"], _Band(frequency, period)
     angles = {name: np.clip(columns[name], -1.2, 1.2) for name in PAIRS}

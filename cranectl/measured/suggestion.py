@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from cranectl.measured.columns import TableHead
 from cranectl.measured.mapping import ANGLES, COMMAND_UNITS, COMMANDS, LOAD, POSITIONS, TIMES, UNITS
-from cranectl.measured.tables import TableHead, read_head
+from cranectl.measured.tables import read_head
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 

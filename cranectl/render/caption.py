@@ -132,7 +132,8 @@ def legend(timeline: Timeline) -> list[tuple[Symbol, str]]:
         symbols.append((_ball, "where the load should be"))
     if len(timeline.path_dashes):
         symbols.append((_dashed, "its whole path"))
-    if any(track.run.scenario.disturbances for track in timeline.tracks):
+    runs = [track.run for track in timeline.tracks if track.run.has("disturbance")]
+    if any(run.scenario.forced or run.block("disturbance").any() for run in runs):
         symbols.append((_arrow, "disturbance"))
     if any(track.nearly_slack.any() for track in timeline.tracks):
         symbols.append((partial(_line, colour=SLACK_ROPE), "rope nearly slack"))

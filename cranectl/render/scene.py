@@ -115,7 +115,7 @@ class Renderer:
                 self._add_ghost(track, model, data, rope)
             else:
                 self._set_solid(data, rope)
-                if track.run.scenario.disturbances:
+                if track.run.has("disturbance"):
                     self._add_disturbance(track, data, row)
                 if track.run.has_reference:
                     self._add_reference(track, row)

@@ -277,7 +277,7 @@ def test_signals_that_were_not_measured_are_absent(tmp_path: Path) -> None:
 
 
 def test_a_large_file_is_refused_before_it_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cranectl.measured.tables.MAX_BYTES", 1000)
+    monkeypatch.setattr("cranectl.measured.tables.MAX_FILE_BYTES", 1000)
     with pytest.raises(InputError, match="GiB"):
         plain(tmp_path)
 

@@ -123,7 +123,7 @@ def test_measured_and_predicted_runs_share_one_log(folder: Path) -> None:
     assert [prediction["plant"] for prediction in predictions] == ["mujoco", "analytic"]
     assert "measured-crane" in cranectl("info", both).output
     cranectl("report", both, "--out", folder / "both.html")
-    assert "measured minus predicted load" in (folder / "both.html").read_text()
+    assert "load, measured minus predicted" in (folder / "both.html").read_text()
     header = cranectl("log", "export", both, "--out", folder / "both.csv", "--signals", "*residual*")
     assert header.exit_code == 0
 

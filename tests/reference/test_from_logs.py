@@ -13,7 +13,7 @@ import pytest
 from cranectl.analysis.levels import replace_effects
 from cranectl.campaign.definition import sampled_scenario
 from cranectl.cli.main import main
-from cranectl.export import export_table, exporters, write_table
+from cranectl.log.export import export_table, exporters, write_table
 from cranectl.log.reader import describe_log, read_log
 from cranectl.log.writer import write_log
 from cranectl.reference import build_trajectory

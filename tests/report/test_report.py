@@ -26,6 +26,7 @@ from cranectl.report.run.page import agreement, caption, log_page
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import STAND_IN
 from cranectl.scenario import Scenario
+from cranectl.signals import RESIDUAL, measured_groups
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.colours import COLOURS, LIGHT
@@ -98,6 +99,25 @@ def runs(short: Scenario) -> dict[str, Run]:
     return {plant: simulate_run(short, plant=plant, controller="lqr") for plant in ("analytic", "mujoco")}
 
 
+# Families of figures of simulated runs, and the groups that only measured and predicted runs have.
+SIMULATED = [name for name, family in FAMILIES.items() if family.group not in ("axes", "residual")]
+MEASURED_GROUPS = {
+    "axes": measured_groups("", angles=False, load=False),
+    "residual": (RESIDUAL,),
+}
+
+
+def with_signals(name: str, runs: dict[str, Run]) -> dict[str, Run]:
+    """The runs, with the groups of signals that the family of figures shows."""
+    if (groups := MEASURED_GROUPS.get(FAMILIES[name].group)) is None:
+        return runs
+    width = sum(map(len, groups))
+    return {
+        plant: replace(run, table=run.table[:, :width], reference=run.reference[:, :0], own_groups=groups)
+        for plant, run in runs.items()
+    }
+
+
 def family_svg(family: Family, curves: list[RunCurve]) -> str:
     return Figure.drawn(family.title, "", family.draw, family, curves).svg
 
@@ -106,6 +126,7 @@ def family_svg(family: Family, curves: list[RunCurve]) -> str:
 def test_a_figure_takes_its_colours_from_the_page_and_is_the_same_each_time(
     name: str, runs: dict[str, Run]
 ) -> None:
+    runs = with_signals(name, runs)
     svg = family_svg(FAMILIES[name], curves(runs))
     ElementTree.fromstring(svg)
     assert set(re.findall(r"(?:fill|stroke): ([^;\"]+)", svg)) <= {"none", *(f"var(--{c})" for c in COLOURS)}
@@ -125,24 +146,24 @@ def drawn_paths(svg: str, role: str) -> int:
 
 @pytest.mark.parametrize("name", [name for name, f in FAMILIES.items() if f.draw.__name__ == "_over_time"])
 def test_both_plants_are_in_every_panel(name: str, runs: dict[str, Run]) -> None:
-    family = FAMILIES[name]
+    family, runs = FAMILIES[name], with_signals(name, runs)
     assert drawn_paths(family_svg(family, curves(runs)), "series-1") == 2 * len(family.panels)
     assert drawn_paths(family_svg(family, curves(runs)[:1]), "series-1") == len(family.panels)
 
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_the_difference_that_a_figure_states_is_that_of_its_curves(name: str, runs: dict[str, Run]) -> None:
-    family, run = FAMILIES[name], runs["mujoco"]
+    family, run = FAMILIES[name], with_signals(name, runs)["mujoco"]
     assert largest_difference(family, run, run) == 0.0
     moved = replace(run, table=run.table + 0.5)
-    expected = 0.5 * (180.0 / np.pi if name == "angles" else 1.0)
+    size = {"°": 180.0 / np.pi, "mm": 1e3}.get(family.panels[0].unit, 1.0)
     if name != "relative-path":  # load and trolley move together
-        assert largest_difference(family, run, moved) == pytest.approx(expected)
+        assert largest_difference(family, run, moved) == pytest.approx(0.5 * size)
     apart = agreement(family, [(run, run), (run, replace(run, table=2.0 * run.table))], "apart by")
     assert re.fullmatch(r"apart by [\d.]+\D*", apart.replace("\N{NO-BREAK SPACE}", " ")), apart
     assert family.panels[0].unit in apart
     small = agreement(family, [(run, replace(run, table=run.table * (1.0 + 1e-14)))], "apart by")
-    expected = "rad" if name == "angles" else family.panels[0].unit
+    expected = {"°": "rad", "mm": "m"}.get(family.panels[0].unit, family.panels[0].unit)
     assert small.replace("\N{NO-BREAK SPACE}", " ") == f"apart by < 1 n{expected}"
 
 
@@ -155,7 +176,7 @@ def test_limits_are_drawn_where_the_run_comes_near_them(runs: dict[str, Run]) ->
 @pytest.mark.parametrize("name", [name for name in FAMILIES if name != "space"])
 def test_rounding_is_a_flat_line_and_a_nanometre_is_not(name: str, runs: dict[str, Run]) -> None:
     """Whatever the plants differ in can be seen; what only rounding moves has the axis of a constant."""
-    family, run = FAMILIES[name], runs["mujoco"]
+    family, run = FAMILIES[name], with_signals(name, runs)["mujoco"]
     wave = np.sin(np.arange(run.table.size)).reshape(run.table.shape)
     for level, size, flat in ((0.0, 1e-13, True), (0.7, 1e-13, True), (0.7, 1e-9, False)):
         moved = replace(run, table=level + size * wave, reference=level + 0.0 * run.reference)
@@ -208,8 +229,8 @@ def test_report_of_logs(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", "ideal/run.mcap"]) == 0
     assert Path("ideal/run.html").read_bytes() == first
     one = read_page(first.decode())
-    assert one.tags["figure"] == len(FAMILIES) + 2
-    assert (one.tags["svg"], one.tags["img"]) == (len(FAMILIES) + 1, 1)
+    assert one.tags["figure"] == len(SIMULATED) + 2
+    assert (one.tags["svg"], one.tags["img"]) == (len(SIMULATED) + 1, 1)
     for text in (
         "the load is farthest from its reference.",
         "PLANTS AGREEThe plants agree: their loads differ by less than 1 nm (allowed: 100 nm).",
@@ -248,7 +269,7 @@ def test_report_of_one_plant_whose_run_stopped(
     without = "No picture of the crane: no OpenGL to draw with. Tried MUJOCO_GL=egl: no screen"
     assert without in page.text
     assert without in capsys.readouterr().out
-    assert (page.tags["figure"], page.tags["img"]) == (len(FAMILIES), 0)
+    assert (page.tags["figure"], page.tags["img"]) == (len(SIMULATED), 0)
     assert "length-singular" in page.text
     assert re.search(r"drives the trolley [\d.]+ m past the end of the rig, from 0\.\d\d s on", page.text)
     assert re.search(r"FAILThe run on mujoco ended at 0\.\d+ s with length-singular\.", page.text)
@@ -277,7 +298,7 @@ def test_report_of_a_run_without_a_sample(runs: dict[str, Run]) -> None:
     page = read_page(render(log_page({"a": {"analytic": empty, "mujoco": empty}}, "")))
     assert page.tags["figure"] == 0
     half = read_page(render(log_page({"a": {"analytic": empty, "mujoco": run}}, "")))
-    assert half.tags["figure"] == len(FAMILIES)
+    assert half.tags["figure"] == len(SIMULATED)
 
 
 @pytest.mark.parametrize(
@@ -302,9 +323,9 @@ def test_wrong_input_is_refused_before_anything_is_computed(
 def test_each_figure_of_a_report_is_saved_as_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "fixed-position", *SHORT, "--plant", "mujoco", "--out", "run.mcap"]) == 0
     assert main(["report", "run.mcap", "--figures", "a/b"]) == 0
-    assert f"figures: {len(FAMILIES) + 1} files in {Path('a/b')}" in capsys.readouterr().out
+    assert f"figures: {len(SIMULATED) + 1} files in {Path('a/b')}" in capsys.readouterr().out
     files = {path.name: path.read_bytes() for path in Path("a/b").iterdir()}
-    assert len(files) == len(FAMILIES) + 1
+    assert len(files) == len(SIMULATED) + 1
     assert {"tracking-error.svg", "the-crane-at-its-worst-moment.png"} < set(files)
     for name, content in files.items():
         if name.endswith(".png"):

@@ -22,7 +22,7 @@ Spread = Annotated[float, Field(ge=0.0, le=100.0)]
 Follows = Literal["path", "set-point"]
 
 
-class MeasuredScenario(Settings):
+class BenchmarkScenario(Settings):
     """A scenario on which controllers are measured."""
 
     file: str = Field(description="name of a scenario, or path of its file from the benchmark's")
@@ -97,7 +97,7 @@ class Benchmark(Settings):
     drive: Drive = "velocity"
     set: Overrides = Field((), description="settings of every scenario, key=value")
     uncertain: dict[str, Any] = Field(description="distribution of each uncertain parameter")
-    scenarios: Annotated[dict[str, MeasuredScenario], Field(min_length=1)]
+    scenarios: Annotated[dict[str, BenchmarkScenario], Field(min_length=1)]
     sets: Annotated[dict[str, CraneSet], Field(min_length=1)]
     radius: Radius
     singles: Singles | None = None

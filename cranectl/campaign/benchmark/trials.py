@@ -17,8 +17,8 @@ from cranectl.campaign.benchmark.settings import (
     RADIUS_PREFIX,
     SINGLE_PREFIX,
     Benchmark,
+    BenchmarkScenario,
     CraneSet,
-    MeasuredScenario,
 )
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.load import unchecked_campaign
@@ -150,7 +150,7 @@ def crane_length(benchmark: Benchmark, scenario: str) -> float:
     return size_of(read_scenario(scenario_source(benchmark, scenario)).rig)
 
 
-def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: MeasuredScenario) -> dict[str, Any]:
+def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: BenchmarkScenario) -> dict[str, Any]:
     distributions = _flat(benchmark.uncertain, cranes.uncertain, measured.uncertain)
     if not cranes.only:
         return distributions

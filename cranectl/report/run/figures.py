@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from cranectl.plants.registry import plant_entry
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, spaced
-from cranectl.signals import flat_groups, recorded_groups
+from cranectl.signals import RESIDUAL, flat_groups, measured_groups, recorded_groups
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 
@@ -249,14 +249,10 @@ def _legend(figure: Figure, family: Family, curves: Sequence[RunCurve]) -> None:
 def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> RunPanel:
     """Return a panel of one recorded signal; label and unit come from the table of signals."""
     group_name, _, signal_name = name.partition(".")
-    group = next(group for group in recorded_groups(flat_groups(0)) if group.name == group_name)
+    groups = (*recorded_groups(flat_groups(0)), *measured_groups("", angles=False, load=False), RESIDUAL)
+    group = next(group for group in groups if group.name == group_name)
     signal = next(signal for signal in group.signals if signal.name == signal_name)
     label = f"{signal.symbol} [{unit or signal.unit}]"
-    return RunPanel(label, lambda run: run.signal(name) * scale, **more)
-
-
-def _scaled(label: str, name: str, scale: float, **more: Any) -> RunPanel:
-    """Return a panel of one signal that only runs without a reference have."""
     return RunPanel(label, lambda run: run.signal(name) * scale, **more)
 
 
@@ -285,35 +281,26 @@ _ERRORS = tuple(_signal(f"error.error_{a}") for a in "xyz")
 _LINEAR = tuple(_signal(f"virtual_input.virtual_input_{a}") for a in "xyz")
 _INPUTS = tuple(_signal(f"input.{name}_acceleration") for name in ("bridge", "trolley", "rope"))
 _ANGLES = tuple(_signal(f"state.{name}", scale=DEGREES, unit="°") for name in ("alpha", "beta"))
-_RESIDUAL_LOAD = tuple(_scaled(f"Δ{a} [mm]", f"residual.load_{a}_residual", 1e3) for a in "xyz")
+_RESIDUAL_LOAD = tuple(_signal(f"residual.load_{a}_residual", scale=1e3, unit="mm") for a in "xyz")
 _RESIDUAL_ANGLES = tuple(
-    _scaled(f"Δ{symbol} [°]", f"residual.{name}_residual", DEGREES)
-    for symbol, name in (("α", "alpha"), ("β", "beta"))
+    _signal(f"residual.{name}_residual", scale=DEGREES, unit="°") for name in ("alpha", "beta")
 )
-_AXES_ALONE = tuple(
-    _scaled(panel.label, f"axes.{name}", 1.0, limits=panel.limits)
-    for panel, name in zip(_TROLLEY, _AXES, strict=True)
-)
+_AXES_ALONE = tuple(_signal(f"axes.{name}", limits=_range(k)) for k, name in enumerate(_AXES))
 
 FAMILIES = {
     family.name: family
     for family in (
         Family("space", "load in space", _LOAD, _in_space, "load"),
         Family(
-            "residual-load",
-            "measured minus predicted load",
-            _RESIDUAL_LOAD,
-            _over_time,
-            "residual",
-            some=True,
+            "residual-load", "load, measured minus predicted", _RESIDUAL_LOAD, _over_time, "residual", True
         ),
         Family(
             "residual-angles",
-            "measured minus predicted angles",
+            "angles, measured minus predicted",
             _RESIDUAL_ANGLES,
             _over_time,
             "residual",
-            some=True,
+            True,
         ),
         Family("error", "tracking error", _ERRORS, _over_time, "error"),
         Family("linear-input", "linear inputs v", _LINEAR, _over_time, "virtual_input"),

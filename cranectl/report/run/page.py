@@ -215,6 +215,8 @@ def agreement(family: Family, pairs: Sequence[tuple[Run, Run]], what: str) -> st
     unit = family.panels[0].unit
     if unit == "°" and largest < SMALL_ANGLE:
         largest, unit = largest / DEGREES, "rad"
+    elif unit == "mm":
+        largest, unit = largest / 1e3, "m"
     return f"{what} {_kept(largest, unit)}"
 
 

@@ -1,0 +1,129 @@
+"""Read columns of numbers from text files, as programs for measuring write them."""
+
+import csv
+import io
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from cranectl.measured.columns import (
+    HEAD_BYTES,
+    READABLE,
+    ReadColumn,
+    TableHead,
+    checked_rows,
+    from_arrow,
+    not_numbers,
+)
+from cranectl.support.errors import InputError
+
+SEPARATORS = ";\t,"  # the first of those that a line has equally often: a comma may be decimal
+
+_COMMENT = re.compile(r"\s*(#|//|%|sep=.$)")
+
+
+def read_text(path: Path, begins: bytes, where: str) -> TableHead:
+    """Return the head of a text file with columns."""
+    import pyarrow as pa
+    from pyarrow import csv as arrow
+
+    encoding = _encoding(begins)
+    whole = begins if len(begins) < HEAD_BYTES else begins[: begins.rfind(b"\n") + 1]
+    lines = whole.decode(encoding, "replace").removeprefix("\ufeff").splitlines()
+    names, separator, skipped = _header(lines, where)
+    data = [line for line in lines[skipped:] if line.strip() and not _COMMENT.match(line)]
+    first = tuple(_cells(data[0], separator)) if data else ()
+    names = (*names, *(str(k) for k in range(len(names) + 1, len(first) + 1)))  # columns without a name
+    commas = (
+        separator != ","
+        and any(re.search(r"\d,\d", line) for line in data)
+        and not any(re.search(r"\d\.\d", line) for line in data)
+    )
+    unique = [str(k) for k in range(len(names))]
+
+    def refused(row: Any) -> str:
+        text = row.text or ""
+        if _COMMENT.match(text):
+            return "skip"
+        wrong.append(row)
+        return "error"
+
+    wrong: list[Any] = []
+
+    def read(column: int) -> ReadColumn:
+        name, is_number = unique[column], column >= len(first) or _is_number(first[column])
+        try:
+            # Block by block: all columns of a large file would take several times its size.
+            with arrow.open_csv(
+                path,
+                read_options=arrow.ReadOptions(column_names=unique, skip_rows=skipped, encoding=encoding),
+                parse_options=arrow.ParseOptions(delimiter=separator, invalid_row_handler=refused),
+                convert_options=arrow.ConvertOptions(
+                    column_types={name: pa.float64()} if is_number else None,
+                    decimal_point="," if commas else ".",
+                    include_columns=[name],
+                ),
+            ) as blocks:
+                column_blocks = [block.column(0) for block in blocks]
+        except pa.ArrowInvalid as error:
+            if wrong:
+                raise _uneven(wrong[0], where) from error
+            if match := re.search(r"invalid value '(.*)'", str(error)):
+                raise not_numbers(where, names[column], f"the text '{match[1][:40]}'") from error
+            raise
+        values = from_arrow(pa.chunked_array(column_blocks), names[column], where)
+        checked_rows(len(values.values), where)
+        return values
+
+    return TableHead(tuple(names), None, read, first)
+
+
+def _uneven(row: Any, where: str) -> InputError:
+    return InputError(
+        f"{where}: a line has {row.actual_columns} cells, others have {row.expected_columns}: "
+        f"{str(row.text)[:60]}",
+        allowed="as many cells in each line",
+        remedy="correct that line, or leave it out",
+    )
+
+
+def _encoding(begins: bytes) -> str:
+    if begins.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    try:
+        begins[: begins.rfind(b"\n") + 1 or len(begins)].decode("utf-8")
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8"
+
+
+def _header(lines: Sequence[str], where: str) -> tuple[Sequence[str], str, int]:
+    """Return the names of columns, or their numbers; the separator; and the lines before the numbers."""
+    first = next((k for k, line in enumerate(lines) if line.strip() and not _COMMENT.match(line)), None)
+    if first is None:
+        raise InputError(f"{where} has no line of numbers", allowed=READABLE, remedy="record it again")
+    after = next(
+        (line for line in lines[first + 1 :] if line.strip() and not _COMMENT.match(line)), lines[first]
+    )
+    separator = max(SEPARATORS, key=after.count)
+    cells = _cells(lines[first], separator)
+    if not all(map(_is_number, cells)):
+        return cells, separator, first + 1
+    comment = _COMMENT.sub("", lines[first - 1], count=1) if first else ""
+    named = _cells(comment, separator)
+    if comment.strip() and len(named) == len(cells) > 1:  # the last comment is the line of names
+        return named, separator, first
+    return [str(k) for k in range(1, len(cells) + 1)], separator, first
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader(io.StringIO(line), delimiter=separator), [])]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", ".") or "nan")
+    except ValueError:
+        return False
+    return True
