@@ -35,7 +35,7 @@ class Sample:
     times_ms: list[int]
     every: int
     controller: str
-    gain: list[float]
+    gain: list[float] | None  # None for a controller without one
     reference: str  # digest
     numbers: dict[str, str]  # digest of all groups in alphabetical order, by plant
     last: dict[str, dict[str, float]]  # some signals of the last sample, by plant
@@ -112,7 +112,26 @@ LIVE = Sample(
         "mujoco": {"state.alpha": 0.03154952718903152, "load.rope_tension": 9.814449511881618},
     },
 )
-SAMPLE_LOGS = [PAIR, SIGNAL_PATH, LIVE]
+# Written by 009878cf: the log of a measured crane, from a file with a row each 5 ms.
+MEASURED = Sample(
+    name="format-3.mcap",
+    end=(RunStatus.COMPLETED, 300_000_000, "velocity"),
+    times_ms=list(range(0, 301, 30)),
+    every=1,
+    controller="unknown-controller",
+    gain=None,
+    reference="e3b0c44298fc1c14",  # of nothing
+    numbers={"measured": "ebb2af8678813601"},
+    last={
+        "measured": {
+            "state.beta": -0.0440947272,
+            "load.load_x": 0.30462503320486917,
+            "load.load_y_dot": 0.03715436229333588,
+            "command.bridge_command": 0.351195687,
+        }
+    },
+)
+SAMPLE_LOGS = [PAIR, SIGNAL_PATH, LIVE, MEASURED]
 for_each_sample = pytest.mark.parametrize("sample", SAMPLE_LOGS, ids=lambda sample: sample.name)
 
 
@@ -129,8 +148,9 @@ def check(sample: Sample, runs: dict[str, Run]) -> None:
         table = np.hstack([run.block(name) for name in sorted(group.name for group in run.groups)])
         assert digest(table.tobytes()) == sample.numbers[plant]
         assert digest(run.reference.tobytes()) == sample.reference
-        assert (run.design.name, run.design.gain.tolist()) == (sample.controller, sample.gain)
-    assert "<mujoco" in runs["mujoco"].model
+        gain = None if sample.gain is None else run.design.gain.tolist()
+        assert (run.design.name, gain) == (sample.controller, sample.gain)
+        assert run.model.startswith({"analytic": "", "mujoco": "<mujoco", "measured": "measured: "}[plant])
 
 
 def test_each_readable_format_has_a_sample() -> None:
@@ -142,8 +162,9 @@ def test_each_readable_format_has_a_sample() -> None:
 @for_each_sample
 def test_a_sample_log_is_read(sample: Sample) -> None:
     check(sample, read_log(sample.path))
-    for name, value in sample.last["mujoco"].items():
-        time, values = read_signal(sample.path, f"mujoco/{name}")
+    plant = list(sample.last)[-1]
+    for name, value in sample.last[plant].items():
+        time, values = read_signal(sample.path, f"{plant}/{name}")
         assert time.tolist() == pytest.approx([ms / 1000 for ms in sample.times_ms], abs=1e-15)
         assert values[-1] == value
     description = describe_log(sample.path)
@@ -206,21 +227,22 @@ def without_new_values(definition: bytes, known: bytes) -> bytes:
     return new.SerializeToString(deterministic=True)
 
 
-def test_a_written_log_is_compatible_with_the_sample_of_its_format(tmp_path: Path) -> None:
+@pytest.mark.parametrize("sample", [PAIR, MEASURED], ids=["simulated", "measured"])
+def test_a_written_log_is_compatible_with_the_sample_of_its_format(sample: Sample, tmp_path: Path) -> None:
     """A format may get additions, but everything that older readers know must stay the same."""
     path = tmp_path / "a.mcap"
-    write_logged(path, list(read_log(PAIR.path).values()), PAIR.every)
+    write_logged(path, list(read_log(sample.path).values()), sample.every)
     (topics, metadata, attachments), (known, known_metadata, known_attachments) = map(
-        layout, (path, PAIR.path)
+        layout, (path, sample.path)
     )
     for topic, (definition, units) in known.items():
         assert (without_new_values(topics[topic][0], definition), topics[topic][1]) == (definition, units)
     assert all(keys <= metadata[name] for name, keys in known_metadata.items())
     assert known_attachments <= attachments
-    check(PAIR, read_log(path))
+    check(sample, read_log(path))
 
 
-@pytest.mark.parametrize("number", ["1", "3", "", "2 ", "02"])
+@pytest.mark.parametrize("number", ["1", "4", "", "2 ", "02"])
 def test_other_formats_are_refused(tmp_path: Path, number: str) -> None:
     parts = take_apart(PAIR.path)
     parts.meta("cranectl").metadata["format"] = number
@@ -228,5 +250,5 @@ def test_other_formats_are_refused(tmp_path: Path, number: str) -> None:
     path.write_bytes(put_together(parts))
     with pytest.raises(LogError, match=f"has log format {number}\n") as caught:
         read_log(path)
-    assert caught.value.allowed == "format 2"
+    assert caught.value.allowed == "format 2 or 3"
     assert "version of cranectl that wrote it" in caught.value.remedy
