@@ -91,7 +91,7 @@ def test_the_package_has_at_most_26_top_level_entries() -> None:
         ("loaders/opening.py", "import fmpy", "only the loader of FMUs"),
         ("planning/programs.py", "import casadi", "nothing imports casadi"),
         ("campaign/workers.py", "import cma", "only tuning imports cma"),
-        ("metrics/summary.py", "import mcap", "only logs and live sessions"),
+        ("metrics/summary.py", "import mcap", "only logs, live sessions"),
     ],
 )
 def test_the_contracts_detect_a_violation(tmp_path: Path, module: str, line: str, contract: str) -> None:

@@ -1,12 +1,13 @@
 """Columns of numbers: what a reader returns, whatever the type of its file."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
 
 HEAD_BYTES = 2**16  # bytes in which names, separator and decimal point are looked for
+DEEPEST = 4  # level of fields in structures and messages that is read
 MAX_COLUMN_LENGTH = 20_000_000
 
 TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s], of time stamps
@@ -85,3 +86,12 @@ def from_arrow(column: Any, name: str, where: str) -> ReadColumn:
         text = next((cell for cell in column.to_pylist()[:1000] if isinstance(cell, str)), "")
         raise not_numbers(where, name, f"the text '{text[:40]}'" if text else f"values of the type {kind}")
     return ReadColumn(column.cast(pa.float64()).to_numpy())
+
+
+def from_arrays(where: str, arrays: Mapping[str, Array]) -> TableHead:
+    """Return the head of a file that is in memory; its columns may have different lengths."""
+    names = tuple(arrays)
+    if not names:
+        raise InputError(f"{where} has no columns of numbers", allowed=READABLE, remedy="save it as CSV")
+    rows = checked_rows(max(map(len, arrays.values())), where)
+    return TableHead(names, rows, lambda column: ReadColumn(arrays[names[column]]))

@@ -11,7 +11,7 @@ from radians, and the residual tells which angle belongs to which axis.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees, pi, sqrt
 from typing import Any
 
@@ -29,6 +29,7 @@ CLEAR = 0.8  # correlation above which an explanation counts
 CLOSE = 0.4  # residual below which two swapped angles explain the motion
 SAMPLES_PER_SWING = 40.0  # in the time 1/w of the pendulum, of signals that have more
 LEAST_GAIN = 0.01  # of the correlation, from which a delay is reported
+LARGE_MEAN = 0.01  # [rad] of an angle, from which its zero is questioned
 LEAST_SWING = 1e-6  # [rad] rms of an angle below which nothing is concluded
 
 
@@ -47,14 +48,15 @@ def check_motion(name: str, time: Array, values: Array, rig: RigParameters) -> N
     if name not in axes or len(values) < 2:
         return
     limit = FAST * float(rig.effects.limits.velocity[axes.index(name)])
-    steps = np.abs(np.diff(values))
+    # Two time stamps may be closer than the two readings were taken.
+    steps, times = np.abs(np.diff(values)), np.diff(time).clip(min=float(np.median(np.diff(time))))
     moving = steps[steps > 0.0]
     resolution = float(np.median(moving)) if len(moving) else 0.0
-    excess = steps - limit * np.diff(time) - STEPS_PER_JUMP * resolution
+    excess = steps - limit * times - STEPS_PER_JUMP * resolution
     worst = int(np.argmax(excess))
     if excess[worst] > 0.0:
         raise InputError(
-            f"{name} jumps by {steps[worst]:.4g} m in {np.diff(time)[worst]:.4g} s, at "
+            f"{name} jumps by {steps[worst]:.4g} m in {times[worst]:.4g} s, at "
             f"{time[worst] - time[0]:.6g} s of the part",
             allowed=f"speeds up to {limit:.3g} m/s, {FAST:g} times what the rig's drive can do",
             remedy=f"check signals.{name}.unit and scale, leave the jump out by from and to, or correct "
@@ -77,6 +79,7 @@ class Finding:
     correlation: float  # of both sides, from 0 to 1; NaN if the crane hardly swings
     gain: float  # 1 for a right mapping
     delay: float  # [s] by which the angle seems to be late
+    mean: float  # [rad] of the angle; a load that comes to rest hangs at 0
     contradiction: str = ""  # what is wrong
     remedy: str = ""
 
@@ -85,10 +88,11 @@ class Finding:
         """The finding as a sentence."""
         if np.isnan(self.correlation):
             return f"{self.angle} hardly moves, so nothing is known of its mapping"
-        late = f"; it fits best {self.delay:.3g} s earlier: delay = {self.delay:.3g}" if self.delay else ""
+        offset = f"; its mean is {self.mean:.3g} rad: is its zero right?" * (abs(self.mean) > LARGE_MEAN)
+        late = f", {self.delay:.3g} s late: delay = {self.delay:.3g}" if self.delay else ""
         return (
             f"{self.angle} answers the motion of {self.axis} with correlation {self.correlation:.2f} and "
-            f"gain {self.gain:.3g}, where 1 and 1 are expected{late}"
+            f"gain {self.gain:.3g}, where 1 and 1 are expected{late}{offset}"
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -144,6 +148,7 @@ class _Fit:
     gain: float
     residual: float  # of the answer with gain 1, as a share of the pivot's acceleration
     delay: float  # [s]
+    mean: float  # [rad]
 
     @classmethod
     def of(cls, band: "_Band", axis: Array, angle: Array, acceleration: Array) -> "_Fit":
@@ -151,14 +156,17 @@ class _Fit:
         settled = min(round(3.0 / band.frequency / band.period), len(axis) // 4)
         pivot, answer = pivot[settled:], answer[settled:]
         if float(np.std(angle)) < LEAST_SWING or not pivot.any():
-            return cls(np.nan, np.nan, np.nan, 0.0)
+            return cls(np.nan, np.nan, np.nan, 0.0, float(angle.mean()))
         late = _best_shift(pivot, answer, round(1.0 / band.frequency / band.period))
-        correlation = _correlation(pivot, answer)
-        shifted = _correlation(pivot[: len(pivot) - late], answer[late:])
-        delay = late * band.period if abs(shifted) > abs(correlation) + LEAST_GAIN else 0.0
+        shifted = pivot[: len(pivot) - late], answer[late:]
+        if abs(_correlation(*shifted)) > abs(_correlation(pivot, answer)) + LEAST_GAIN:
+            pivot, answer = shifted
+        else:
+            late = 0
+        correlation, delay = _correlation(pivot, answer), late * band.period
         residual = sqrt(float(np.square(pivot - answer).sum() / np.square(pivot).sum()))
         gain = float(pivot @ answer) / max(float(answer @ answer), 1e-300)
-        return cls(abs(correlation), gain, residual, delay)
+        return cls(abs(correlation), gain, residual, delay, float(angle.mean()))
 
 
 def _residual(fits: Mapping[str, _Fit]) -> float:
@@ -206,7 +214,7 @@ def _best_shift(pivot: Array, answer: Array, most: int) -> int:
 
 
 def _finding(angle: str, axis: str, fit: _Fit) -> Finding:
-    finding = Finding(angle, axis, fit.correlation, fit.gain, fit.delay)
+    finding = Finding(angle, axis, fit.correlation, fit.gain, fit.delay, fit.mean)
     if not fit.correlation > CLEAR:
         return finding
     size = abs(fit.gain)
@@ -225,5 +233,4 @@ def _finding(angle: str, axis: str, fit: _Fit) -> Finding:
 
 
 def _contradicting(finding: Finding, why: str, remedy: str) -> Finding:
-    fields = {name: getattr(finding, name) for name in ("angle", "axis", "correlation", "gain", "delay")}
-    return Finding(**fields, contradiction=why, remedy=remedy)
+    return replace(finding, contradiction=why, remedy=remedy)

@@ -14,20 +14,36 @@ from cranectl.support.errors import InputError
 
 MOST_SHOWN = 100  # columns
 _UNIT = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
-# What names of columns look like, by signal; the first that fits and is free is suggested.
-_PATTERNS = {
-    "time": r"^(t|time|timestamp|stamp|zeit|clock)\b|time",
-    "bridge_command": r"(cmd|set|ref|soll|command|des).*(bridge|x)|(bridge|x).*(cmd|set|command|soll)|^wx\b",
-    "trolley_command": r"(cmd|set|ref|soll|command|des).*(trolley|y)|(trolley|y).*(cmd|set|soll)|^wy\b",
-    "rope_command": r"(cmd|set|ref|soll|command|des).*(rope|hoist|l)|(rope|hoist|l).*(cmd|set|command)|^wl\b",
-    "alpha": r"alpha|theta_?y|angle_?y|phi|roll",
-    "beta": r"beta|theta|angle|sway|swing|pitch",
-    "load_x": r"(load|payload|last).*x",
-    "load_y": r"(load|payload|last).*y",
-    "load_z": r"(load|payload|last).*z",
-    "rope_length": r"rope|cable|hoist|length|^l\b|seil",
-    "trolley_position": r"trolley.*y|^y\b|katze|pos.*y",
-    "bridge_position": r"bridge|^x\b|cart|trolley|pos|kran",
+_COMMAND = "cmd command control set setpoint ref reference soll desired target w"
+_X, _Y, _ROPE = "bridge x kran", "trolley cart y katze", "rope cable hoist length l seil winch"
+_ANGLE = "angle sway swing pitch theta"
+# A signal, and the words of which the name of its column has one of each group. The name with the fewest
+# words is suggested.
+_WORDS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("time", ("t time timestamp stamp zeit clock",)),
+    ("bridge_command", (_COMMAND, _X)),
+    ("trolley_command", (_COMMAND, _Y)),
+    ("rope_command", (_COMMAND, _ROPE)),
+    ("load_x", ("load payload last", "x")),
+    ("load_y", ("load payload last", "y")),
+    ("load_z", ("load payload last", "z")),
+    ("alpha", ("alpha phi roll",)),
+    ("alpha", (_ANGLE, _Y)),
+    ("beta", ("beta",)),
+    ("beta", (_ANGLE,)),
+    ("rope_length", (_ROPE,)),
+    ("bridge_position", (_X,)),
+    ("trolley_position", (_Y,)),
+)
+# Words of columns that are no signals of a map: rates, and what happens inside drives.
+_OTHERS = (
+    "derivative dot ddot rate speed velocity vel acceleration acc force tension error voltage current pwm"
+)
+_PARTNER = {  # the signal along the other axis
+    "bridge_position": "trolley_position",
+    "trolley_position": "bridge_position",
+    "alpha": "beta",
+    "beta": "alpha",
 }
 _DESCRIPTIONS = {
     "bridge_position": "along x",
@@ -42,7 +58,7 @@ def suggest_map(path: Path) -> str:
     """Return the text of a map for the file at `path`; raise InputError if it cannot be read."""
     head = read_head(path)
     columns = [_range(head, k) for k in range(min(len(head.names), MOST_SHOWN))]
-    guesses = _guesses(head.names)
+    guesses = guessed_columns(head.names)
     lines = [f"# Columns of {path.name}: number, name, smallest and largest value"]
     lines += [
         f"#   {k}: {name}: {text}" for k, (name, text) in enumerate(zip(head.names, columns, strict=False), 1)
@@ -71,23 +87,42 @@ def suggest_map(path: Path) -> str:
             continue
         units = COMMAND_UNITS["velocity"] if group == COMMANDS else UNITS[group[0]]
         for name in group:
-            column = _key(head.names, guesses[name]) if name in guesses else "???"
-            unit = _unit(head.names[guesses[name]], units) if name in guesses else ""
             remark = f"  # {_DESCRIPTIONS[name]}" if name in _DESCRIPTIONS else ""
-            lines.append(f'{name} = {{column = {column}, unit = "{unit or "???"}"}}{remark}')
+            if name in guesses:
+                unit = _unit(head.names[guesses[name]], units)
+                source = f'column = {_key(head.names, guesses[name])}, unit = "{unit or "???"}"'
+            elif _PARTNER.get(name) in guesses:  # a planar rig
+                source, remark = f'value = 0.0, unit = "{next(iter(units))}"', f"{remark}; not measured"
+            else:
+                source = 'column = ???, unit = "???"'
+            lines.append(f"{name} = {{{source}}}{remark}")
     return "\n".join(lines) + "\n"
 
 
-def _guesses(names: Sequence[str]) -> dict[str, int]:
+def guessed_columns(names: Sequence[str]) -> dict[str, int]:
     """Return the index of the column that each signal may be in."""
+    words = [_words(name) for name in names]
     guesses: dict[str, int] = {}
-    for signal, pattern in _PATTERNS.items():
-        for k, name in enumerate(names):
-            bare = _UNIT.sub("", name).strip()
-            if k not in guesses.values() and re.search(pattern, bare, re.IGNORECASE):
-                guesses[signal] = k
-                break
+    for signal, groups in _WORDS:
+        others = {*_OTHERS.split()} ^ ({"velocity"} if signal in COMMANDS else {*_COMMAND.split()})
+        fitting = [
+            k
+            for k, found in enumerate(words)
+            if k not in guesses.values()
+            and not found & others
+            and all(found.intersection(group.split()) for group in groups)
+        ]
+        if fitting and signal not in guesses:
+            guesses[signal] = min(fitting, key=lambda k: len(words[k]))
+    if "trolley_position" in guesses and not guesses.keys() & {"bridge_position", "alpha"}:
+        guesses |= {"alpha": guesses.pop("beta")} if "beta" in guesses else {}  # a planar rig
     return guesses
+
+
+def _words(name: str) -> frozenset[str]:
+    """Return the words of a column's name, without its unit: 'swayAngle_y [deg]' has sway, angle and y."""
+    bare = _UNIT.sub("", name)
+    return frozenset(word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", bare))
 
 
 def _range(head: TableHead, index: int) -> str:

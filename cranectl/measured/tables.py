@@ -11,14 +11,18 @@ from typing import Any
 import numpy as np
 
 from cranectl.measured.columns import (
+    DEEPEST,
     HEAD_BYTES,
     READABLE,
+    TICKS,
     ReadColumn,
     TableHead,
     checked_rows,
+    from_arrays,
     from_arrow,
     not_numbers,
 )
+from cranectl.measured.messages import read_bag, read_mcap
 from cranectl.measured.text import read_text
 from cranectl.support.arrays import Array
 from cranectl.support.documents import format_of
@@ -97,71 +101,86 @@ def _parquet(path: Path, where: str) -> TableHead:
     return TableHead(names, rows, read)
 
 
-def _arrays(where: str, arrays: Mapping[str, Array]) -> TableHead:
-    """Return the head of a file that is in memory; its columns may have different lengths."""
-    names = tuple(arrays)
-    if not names:
-        raise InputError(f"{where} has no columns of numbers", allowed=READABLE, remedy="save it as CSV")
-    rows = checked_rows(max(map(len, arrays.values())), where)
-    return TableHead(names, rows, lambda column: ReadColumn(arrays[names[column]]))
-
-
 def _matlab(path: Path, where: str) -> TableHead:
+    """Return the head of a MATLAB file: columns of its arrays, by variable, field and number."""
     from scipy.io import loadmat, whosmat
 
-    described = whosmat(path)
+    try:
+        described = whosmat(path)
+    except TypeError:  # SciPy knows no size of an object
+        described = [("", (), "opaque")]
     checked_rows(max((max(shape) for _, shape, _ in described if shape), default=0), where)
-    content = loadmat(path, squeeze_me=True, struct_as_record=False)
     if any(kind in ("opaque", "unknown") for *_, kind in described):
-        from matio import load_from_mat  # tables and timetables are MATLAB objects
+        from matio import load_from_mat  # timeseries, tables and timetables are objects
 
         content = load_from_mat(str(path))
+    else:
+        content = loadmat(path, squeeze_me=True, struct_as_record=False)
     arrays: dict[str, Array] = {}
 
     def collect(name: str, value: Any, depth: int = 0) -> None:
-        if depth > 4:
-            return
-        fields = getattr(value, "_fieldnames", None)
-        if fields is not None or isinstance(value, Mapping):
-            for field in fields if fields is not None else value:
-                inner = getattr(value, field) if fields is not None else value[field]
-                collect(f"{name}.{field}" if name else str(field), inner, depth + 1)
-        elif hasattr(value, "columns"):  # a table
-            for column in value.columns:
-                collect(f"{name}.{column}", value[column].to_numpy(), depth + 1)
-        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.ndim in (1, 2):
-            table = value.reshape(len(value), -1).astype(np.float64)
-            for k in range(table.shape[1]):
-                arrays[f"{name}:{k + 1}" if table.shape[1] > 1 else name] = table[:, k]
+        if (
+            isinstance(value, np.ndarray)
+            and value.dtype.kind in "fiu"
+            and value.ndim in (1, 2)
+            and value.size > 1
+        ):
+            table = value.T if value.ndim == 2 and value.shape[0] == 1 else value.reshape(len(value), -1)
+            for k, column in enumerate(table.T.astype(np.float64), 1):
+                arrays[f"{name}:{k}" if table.shape[1] > 1 else name] = column
+        elif depth < DEEPEST:
+            for field, inner in _fields(value).items():
+                collect(f"{name}.{field}", inner, depth + 1)
 
     for name, value in content.items():
         if not name.startswith("__"):
             collect(name, value)
-    return _arrays(where, arrays)
+    return from_arrays(where, arrays)
+
+
+def _fields(value: Any) -> dict[str, Any]:
+    """Return the fields of a MATLAB structure or object, and the columns of a table, by name."""
+    if hasattr(value, "columns"):  # of pandas, for a table; the times of a timetable are its index
+        times = {} if value.index.name is None else {str(value.index.name): _seconds(value.index)}
+        return times | {str(name): value[name].to_numpy() for name in value.columns}
+    if hasattr(value, "_fieldnames"):
+        return {name: getattr(value, name) for name in value._fieldnames}
+    fields = getattr(value, "properties", value)
+    return dict(fields) if isinstance(fields, Mapping) else {}
+
+
+def _seconds(index: Any) -> Any:
+    """Return the times of a timetable in seconds after the first."""
+    times = index.to_numpy()
+    return (times - times[:1]).astype("timedelta64[ns]").astype(np.float64) * TICKS["ns"]
 
 
 def _excel(path: Path, where: str) -> TableHead:
     from openpyxl import load_workbook
 
     book = load_workbook(path, read_only=True, data_only=True)
-    sheet = book.worksheets[0]
-    checked_rows(sheet.max_row or 0, where)
-    rows = [row for row in sheet.iter_rows(values_only=True) if any(cell is not None for cell in row)]
+    sheets = {sheet.title: sheet for sheet in book.worksheets if (sheet.max_row or 0) > 1}
+    columns: dict[str, tuple[Any, ...]] = {}
+    for title, sheet in sheets.items():
+        checked_rows(sheet.max_row, where)
+        rows = [row for row in sheet.iter_rows(values_only=True) if any(cell is not None for cell in row)]
+        named = not all(isinstance(cell, int | float) or cell is None for cell in rows[0])
+        before = f"{title}." if len(sheets) > 1 else ""
+        for k, cells in enumerate(zip(*rows, strict=True), 1):
+            name = str(cells[0]) if named and cells[0] is not None else str(k)
+            columns[before + name] = cells[named:]
     book.close()
-    if not rows:
-        raise InputError(f"{where} has an empty first sheet", allowed=READABLE, remedy="save it as CSV")
-    named = not all(isinstance(cell, int | float) or cell is None for cell in rows[0])
-    names = [str(cell if cell is not None else k) for k, cell in enumerate(rows[0], 1)] if named else []
-    names = names or [str(k) for k in range(1, len(rows[0]) + 1)]
-    table = rows[1:] if named else rows
+    if not columns:
+        raise InputError(f"{where} has no rows", allowed=READABLE, remedy="save it as CSV")
+    names = tuple(columns)
 
     def read(column: int) -> ReadColumn:
-        cells = [row[column] for row in table]
+        cells = columns[names[column]]
         values = np.array([_cell(cell, names[column], where) for cell in cells])
         is_time = any(hasattr(cell, "timestamp") for cell in cells)
         return ReadColumn(values - values[0] if is_time else values, is_time)
 
-    return TableHead(tuple(names), len(table), read)
+    return TableHead(names, None, read)
 
 
 def _cell(value: Any, name: str, where: str) -> float:
@@ -172,59 +191,11 @@ def _cell(value: Any, name: str, where: str) -> float:
     return np.nan if value is None else float(value)
 
 
-def _mcap(path: Path, where: str) -> TableHead:
-    """Return the rows of signals of an MCAP file, by topic and signal."""
-    from cranectl.mcap_columns.contents import open_contents
-    from cranectl.mcap_columns.rows import columns_of, decode_table, signal_names
-
-    arrays: dict[str, Array] = {}
-    with path.open("rb") as stream:
-        contents = open_contents(path, stream)
-        for number, column in columns_of(contents, contents.chunks(stream), lambda _: True).items():
-            channel = contents.channels[number]
-            names = signal_names(channel, contents.schemas[channel.schema_id])
-            topic = channel.topic.removeprefix("/")
-            arrays[f"{topic}.time"] = 1e-9 * (column.time_ns - column.time_ns[0])
-            for name, values in zip(names, decode_table(column.messages, len(names)).T, strict=True):
-                arrays[f"{topic}.{name}"] = values.copy()
-    return _arrays(where, arrays)
-
-
-def _bag(path: Path, where: str) -> TableHead:
-    """Return the numbers in the messages of a ROS bag, by topic and field."""
-    from rosbags.highlevel import AnyReader
-
-    series: dict[str, list[float]] = {}
-
-    def collect(name: str, value: Any, depth: int = 0) -> None:
-        if isinstance(value, bool | int | float):
-            series.setdefault(name, []).append(float(value))
-        elif (
-            isinstance(value, np.ndarray)
-            and value.ndim == 1
-            and len(value) <= 32
-            and value.dtype.kind in "fiu"
-        ):
-            for k, number in enumerate(value.tolist(), 1):
-                series.setdefault(f"{name}:{k}", []).append(float(number))
-        elif hasattr(value, "__dataclass_fields__") and depth < 4:
-            for field in value.__dataclass_fields__:
-                if not field.startswith("__"):
-                    collect(f"{name}.{field}", getattr(value, field), depth + 1)
-
-    with AnyReader([path if path.suffix == ".bag" else path.parent]) as reader:
-        for connection, time_ns, raw in reader.messages():
-            topic = connection.topic.removeprefix("/")
-            series.setdefault(f"{topic}.time", []).append(1e-9 * (time_ns - reader.start_time))
-            collect(topic, reader.deserialize(raw, connection.msgtype))
-    return _arrays(where, {name: np.array(values) for name, values in series.items()})
-
-
 READERS: dict[bytes, Callable[[Path, str], TableHead]] = {
     b"PAR1": _parquet,
     b"MATLAB 5": _matlab,
     b"PK\x03\x04": _excel,
-    b"\x89MCAP": _mcap,
-    b"#ROSBAG": _bag,
-    b"SQLite format 3": _bag,
+    b"\x89MCAP": read_mcap,
+    b"#ROSBAG": read_bag,
+    b"SQLite format 3": read_bag,
 }

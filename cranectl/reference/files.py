@@ -1,4 +1,4 @@
-"""Read motions of the load from CSV, Parquet and logs of cranectl, in SI units and the crane's axes."""
+"""Read motions for the load from CSV, Parquet and logs of cranectl, in SI units and the crane's axes."""
 
 import hashlib
 import io
@@ -19,6 +19,8 @@ MCAP_MAGIC = b"\x89MCAP"
 SI_FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 SI_FACTORS |= {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0}
 AXES = ("x", "y", "z")
+TROLLEY_PATH = ("bridge_position", "trolley_position", "rope_length")
+LOG_PATHS = (("load_x", "load_y", "load_z"), TROLLEY_PATH)  # signals of a log that are a path for the load
 
 
 @dataclass(frozen=True)
@@ -182,7 +184,8 @@ def _read_log(path: Path, settings: FromFile, kinds: Sequence[str], where: str) 
                 channel.metadata,
             )
             for number, channel in contents.channels.items()
-            if "[m]" in channel.metadata.get("load_x", "") and not channel.topic.startswith("/diff/")
+            if any("[m]" in channel.metadata.get(path[0], "") for path in LOG_PATHS)
+            and not channel.topic.startswith("/diff/")
         }
         if not fields and "cranectl" not in contents.metadata:
             raise InputError(
@@ -192,12 +195,17 @@ def _read_log(path: Path, settings: FromFile, kinds: Sequence[str], where: str) 
             )
         if topic not in fields:
             error = unknown_name("topic", settings.topic, [name[1:] for name in sorted(fields)])
-            raise InputError(f"{where}: {error.found} of a load", allowed=error.allowed, remedy=error.remedy)
+            raise InputError(
+                f"{where}: {error.found} of a load or trolley", allowed=error.allowed, remedy=error.remedy
+            )
         number, names, _ = fields[topic]
         rows = decode_table(columns[number].messages, len(names))
     with path.open("rb") as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-    positions = {axis: rows[:, names.index(f"load_{axis}")] for axis in AXES}
+    signals = next(path for path in LOG_PATHS if path[0] in names)
+    positions = {axis: rows[:, names.index(name)] for axis, name in zip(AXES, signals, strict=True)}
+    if signals == TROLLEY_PATH:
+        positions["z"] = -positions["z"]  # a rope's length is positive, and heights below the rails negative
     positions["time"] = 1e-9 * (columns[number].time_ns - columns[number].time_ns[0])
     return RecordedMotion(_apply_signs(positions, settings), path.name, sha256, _as_parquet(positions))
 

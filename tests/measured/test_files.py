@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from cranectl.measured.importing import Imported
+from cranectl.measured.mapping import read_map
+from cranectl.measured.suggestion import guessed_columns, suggest_map
 from cranectl.support.errors import InputError
 from tests.measured.crane import (
     COMMANDS,
@@ -147,6 +149,97 @@ def matlab(folder: Path) -> Imported:
     return imported(folder / "a.mat", mapping=mapping(named, time={"column": "run.t"}))
 
 
+def matlab_timeseries(folder: Path) -> Imported:
+    from matio import save_to_mat
+    from matio.utils.matclass import MatlabOpaque
+
+    table = columns()
+    times = MatlabOpaque({"Time_": table["t"][:, None]}, "tsdata.timemetadata")
+    joints = np.column_stack([table[name] for name in JOINTS])
+    save_to_mat(
+        folder / "a.mat",
+        {"run": MatlabOpaque({"Data_": joints, "TimeInfo": times}, "timeseries")},
+        version="v7",
+    )
+    named = {name: {"column": f"run.Data_:{k}"} for k, name in enumerate(mapping().signals.given, 1)}
+    return imported(folder / "a.mat", mapping=mapping(named, time={"column": "run.TimeInfo.Time_"}))
+
+
+def matlab_table(folder: Path) -> Imported:
+    from matio import save_to_mat
+    from pandas import DataFrame
+
+    save_to_mat(folder / "a.mat", {"run": DataFrame(columns())}, version="v7")
+    named = {
+        name: {"column": f"run.{column}"}
+        for name, column in zip(mapping().signals.given, JOINTS, strict=True)
+    }
+    return imported(folder / "a.mat", mapping=mapping(named, time={"column": "run.t"}))
+
+
+def several_sheets(folder: Path) -> Imported:
+    from openpyxl import Workbook
+
+    book, table = Workbook(), columns()
+    book.create_sheet("Monday").append(["t", "x"])
+    book["Monday"].append([0.0, 0.0])
+    for row in [list(table), *zip(*table.values(), strict=True)]:
+        book["Sheet"].append([value if isinstance(value, str) else float(value) for value in row])
+    book.save(folder / "a.xlsx")
+    named = {
+        name: {"column": f"Sheet.{column}"}
+        for name, column in zip(mapping().signals.given, JOINTS, strict=True)
+    }
+    return imported(folder / "a.xlsx", mapping=mapping(named, time={"column": "Sheet.t"}))
+
+
+def uneven_time_stamps(folder: Path) -> Imported:
+    """Rows come evenly, and their stamps are 5 ms late but for every fourth."""
+    table = columns()
+    late = np.where(np.arange(len(table["t"])) % 4, 0.0048, 0.0)
+    path = write_csv(folder / "a.csv", {**table, "t": table["t"] + late})
+    return imported(path, mapping=mapping())
+
+
+def json_messages(folder: Path) -> Imported:
+    import json
+
+    from mcap.writer import Writer
+
+    table = columns()
+    with (folder / "a.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("crane", "jsonschema", b"{}")
+        channel = writer.register_channel("/crane", "json", schema)
+        for row in zip(*table.values(), strict=True):
+            values = dict(zip(table, map(float, row), strict=True))
+            message = {"x": values["x"], "joints": [values[name] for name in JOINTS], "note": "ok"}
+            time_ns = round(1e9 * values["t"]) + 10**18
+            writer.add_message(channel, time_ns, json.dumps(message).encode(), time_ns)
+        writer.finish()
+    named = {name: {"column": f"crane.joints:{k}"} for k, name in enumerate(mapping().signals.given, 1)}
+    return imported(folder / "a.mcap", mapping=mapping(named, time={"column": "crane.time"}))
+
+
+def ros_2_bag(folder: Path) -> Imported:
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store, table = get_typestore(Stores.ROS2_HUMBLE), columns()
+    kind = "std_msgs/msg/Float64MultiArray"
+    make, layout = store.types[kind], store.types["std_msgs/msg/MultiArrayLayout"]
+    with Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as bag:
+        connection = bag.add_connection("/crane", kind, typestore=store)
+        rows = np.column_stack([table[name] for name in JOINTS])
+        for time, row in zip(table["t"], rows, strict=True):
+            message = make(layout(dim=[], data_offset=0), row)
+            bag.write(connection, round(time * 1e9) + 10**9, store.serialize_cdr(message, kind))
+    (path,) = (folder / "bag").glob("*.mcap")
+    named = {name: {"column": f"crane.data:{k}"} for k, name in enumerate(mapping().signals.given, 1)}
+    return imported(path, mapping=mapping(named, time={"column": "crane.time"}))
+
+
 def excel(folder: Path) -> Imported:
     from openpyxl import Workbook
 
@@ -201,7 +294,13 @@ READERS: list[tuple[Reader, float]] = [
     (two_files_with_two_clocks, 1e-4),
     (parquet, ROUNDED),
     (matlab, ROUNDED),
+    (matlab_timeseries, ROUNDED),
+    (matlab_table, ROUNDED),
     (excel, ROUNDED),
+    (several_sheets, ROUNDED),
+    (uneven_time_stamps, 0.005),
+    (json_messages, ROUNDED),
+    (ros_2_bag, ROUNDED),
     (log_of_cranectl, ROUNDED),
     (ros_bag, ROUNDED),
     (late_camera, 1e-4),
@@ -286,3 +385,39 @@ def test_a_file_of_another_kind_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(b"\x89HDF\r\n\x1a\n")
     with pytest.raises(InputError, match="an HDF5 file"):
         imported(tmp_path / "a.csv", mapping=mapping())
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (
+            "timestamp control_signal_trolley pwm_trolley_motor trolley_position cable_length sway_angle "
+            "trolley_position_first_derivative",
+            "time=timestamp trolley_position=trolley_position rope_length=cable_length alpha=sway_angle "
+            "trolley_command=control_signal_trolley",
+        ),
+        (
+            "Zeit Kran Katze Seil swayAngleX swayAngleY",
+            "time=Zeit bridge_position=Kran trolley_position=Katze rope_length=Seil alpha=swayAngleY "
+            "beta=swayAngleX",
+        ),
+        ("a b c", ""),
+    ],
+)
+def test_a_map_is_suggested_from_the_names_of_columns(names: str, expected: str) -> None:
+    columns = names.split()
+    guesses = guessed_columns(columns)
+    assert {f"{name}={columns[k]}" for name, k in guesses.items()} == set(expected.split())
+
+
+def test_the_suggested_map_of_a_planar_rig_needs_only_its_units(tmp_path: Path) -> None:
+    table = {"timestamp": "t", "cart_position": "y", "cable_length": "l", "sway_angle": "alpha"}
+    path = write_csv(tmp_path / "a.csv", {name: columns()[column] for name, column in table.items()})
+    text = suggest_map(path).replace('"timestamp"\nunit = "???"', '"timestamp"\nunit = "s"')
+    for name, unit in (("cart_position", "m"), ("cable_length", "m"), ("sway_angle", "rad")):
+        text = text.replace(f'"{name}", unit = "???"', f'"{name}", unit = "{unit}"')
+    assert "???" not in "\n".join(line for line in text.splitlines() if not line.startswith("#"))
+    (tmp_path / "a.toml").write_text(text)
+    run = imported(path, mapping=read_map(tmp_path / "a.toml")).run
+    assert (run.signal("state.bridge_position") == 0.0).all()
+    assert np.allclose(run.signal("state.alpha"), np.interp(run.time, columns()["t"], columns()["alpha"]))
