@@ -53,7 +53,7 @@ def compare_command(
     out: Path | None,
     screen: Screen,
 ) -> int:
-    """Compare the plants of one LOG, the same plants of two LOGs, or a measured LOG with models.
+    """Compare the plants of one LOG, two LOGs, or a crane with models.
 
     The plants of one LOG are judged as by the run that wrote it. Exit code 1 if they do not agree, break
     a limit of their scenario, or did not end as it expects. Runs of an overlay are compared with the

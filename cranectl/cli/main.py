@@ -53,10 +53,10 @@ COMMANDS = {
     "Look": {
         "list": "List scenarios, rigs, controllers, plants and drives.",
         "info": "Show what LOG contains, what made it, and whether it is complete.",
-        "compare": "Compare the plants of one LOG, or the same plants of two LOGs.",
+        "compare": "Compare the plants of one LOG, two LOGs, or a crane with models.",
         "report": "Write runs, or the thesis, as one page of figures and tables.",
         "render": "Draw LOG as a video, or one moment of it as a picture.",
-        "log": "Export a log, recover one, overlay several, lay out a viewer.",
+        "log": "Import, export, recover or overlay logs, lay out a viewer.",
     },
     "Judge": {
         "validate": "Run scenarios on all plants and judge their agreement.",

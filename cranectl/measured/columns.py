@@ -1,5 +1,6 @@
 """Columns of numbers: what a reader returns, whatever the type of its file."""
 
+import shlex
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -40,7 +41,7 @@ class TableHead(NamedTuple):
             raise InputError(
                 f"{where}: column {key} of {len(self.names)}",
                 allowed=f"numbers from 1 to {len(self.names)}",
-                remedy="cranectl new map FILE shows what the file holds",
+                remedy=f"cranectl new map {shlex.quote(where)} shows what the file holds",
             )
         if (times := self.names.count(key)) > 1:
             numbers = [k for k, name in enumerate(self.names, 1) if name == key]

@@ -95,12 +95,6 @@ def import_files(
     parameters = load_rig(rig or rig_place(mapping.rig, directory))
     heads = [read_head(path) for path in files]
     sources = {name: s for name, s in mapping.signals.given.items() if s.column is not None}
-    if not sources:
-        raise InputError(
-            "the map names no column",
-            allowed="a map with columns",
-            remedy="map at least one column of a file",
-        )
     clocks: dict[tuple[int, ClockMap], Clock] = {}
     for signal in sources.values():
         key, path = (signal.file, mapping.clock(signal)), files[signal.file - 1]

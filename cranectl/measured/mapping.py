@@ -165,7 +165,9 @@ class MeasuredMap(Settings):
                 if self.commands
                 else "signals of commands, of a kind that is not given",
                 allowed="the kind of the commands together with their three signals",
-                remedy='add commands = "velocity"' if not self.commands else f"add signals.{COMMANDS[0]}",
+                remedy=f"add signals.{', signals.'.join(COMMANDS)}"
+                if self.commands
+                else 'add commands = "velocity"',
             )
         for name, signal in given.items():
             allowed = self.units(name)

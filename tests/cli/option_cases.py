@@ -149,7 +149,7 @@ CASES = [
     Case("compare/runs.py", "run one of them again, or merge with --despite-differences: the log then "
          "describes the {} run's scenario and the installed versions", MERGE.format("offset.mcap"),
          (f"{MERGE.format('offset.mcap')} --despite-differences", MERGE.format("mujoco.mcap"))),
-    Case("export.py", "choose another place with --out", "log export one.mcap --out file/a.csv",
+    Case("log/export.py", "choose another place with --out", "log export one.mcap --out file/a.csv",
          ("log export one.mcap --out a.csv",)),
     Case("log/overlay.py", "choose other labels with --label",
          "log overlay one.mcap two.mcap --label a --label mujoco --out new.mcap",

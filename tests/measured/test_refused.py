@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cranectl.cli.main import main
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from tests.measured.crane import COMMANDS, columns, imported, largest_error, mapping, write_csv
@@ -103,113 +104,174 @@ def test_a_crane_at_rest_says_nothing_of_its_mapping(tmp_path: Path) -> None:
     assert all("hardly moves" in finding.text for finding in found)
 
 
-REFUSED: dict[str, tuple[Change, Mapping[str, Any], str, str]] = {
+LOAD_YZ = {f"load_{axis}": {"column": None, "unit": "m", "value": 0.0} for axis in "yz"}
+REFUSED: dict[str, tuple[Change, Mapping[str, Any], str, str, Mapping[str, Any] | None]] = {
+    # name: change of the file, map, what is found, the remedy, map after it (None: another file)
     "time stands still": (
         rows(lambda n: [0, *range(n)]),
         {},
         "time stands still 1 times, first after row 1",
         'repeated = "first"',
+        {"time": {"column": "t", "repeated": "first"}},
     ),
     "time runs back": (
         lambda t: {**t, "t": np.where(t["t"] > 5.0, t["t"] - 5.0, t["t"])},
         {},
         "time runs back 1 times, first after row 1001 at 5 s",
         "cut it into parts",
+        None,
     ),
     "gap": (
         rows(lambda n: np.r_[0:400, 500:n]),
         {},
         "1 gaps in the readings of bridge_position, the largest of 0.505 s at 1.995 s",
         "max_gap",
+        {"time": {"column": "t", "max_gap": 0.6}},
+    ),
+    "gap before a part": (
+        rows(lambda n: np.r_[0:400, 500:n]),
+        {},
+        "1 gaps in the readings of bridge_position",
+        "choose a part without gaps by from and to",
+        {"from": 2.6},
     ),
     "jump": (
         changed(x=lambda t: t["x"] + 0.3 * (t["t"] > 6.0)),
         {},
         "bridge_position jumps by 0.3 m",
-        "signals.bridge_position.unit",
+        "leave the jump out by from and to",
+        {"to": 5.9},
     ),
     "rope through its pivot": (
         changed(l=lambda t: t["l"] - 0.6),
         {},
         "rope_length is -0.1",
         "zero or sign of signals.rope_length",
+        {"signals": {"rope_length": {"zero": -0.6}}},
     ),
-    "few rows": (rows(lambda _: slice(0, 5)), {}, "has 5 rows with a time", "another column of times"),
+    "rope that nobody measured": (
+        changed(l=lambda t: 0.0 * t["l"]),
+        {"signals": {"rope_length": {"unit": "mm"}}},
+        "rope_length is 0 m",
+        "a constant value if nobody measured the rope",
+        {"signals": {"rope_length": {"column": None, "value": 0.8}}},
+    ),
+    "few rows": (rows(lambda _: slice(0, 5)), {}, "has 5 rows with a time", "another column of times", None),
+    "few times": (
+        changed(x=lambda t: t["x"], u=lambda t: np.where(t["t"] < 0.03, t["t"], np.nan)),
+        {"time": {"column": "u"}},
+        "has 6 rows with a time",
+        "map another column of times",
+        {},
+    ),
+    "few readings": (
+        changed(v=lambda t: np.where(t["t"] < 0.03, 0.0, np.nan)),
+        {"signals": {"load_x": {"column": "v", "unit": "m"}, **LOAD_YZ}},
+        "1995 of 2001 readings of load_x are missing",
+        "map another column, or leave out signals.load_x",
+        {},
+    ),
     "missing readings": (
         changed(alpha=lambda t: np.where(t["t"] > 2.0, np.nan, t["alpha"])),
         {},
         "1 gaps in the readings of alpha, the largest of 8.025 s at 2 s",
         "choose a part",
+        {"to": 1.9},
     ),
-    "empty part": (changed(), {"from": 20.0}, "the part to import is from 20 s", "choose other times"),
+    "empty part": (
+        changed(),
+        {"from": 20.0},
+        "the part to import is from 20 s",
+        "choose other times",
+        {"from": 1.0},
+    ),
 }
 
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_files_that_cannot_be_right_are_refused(case: str, tmp_path: Path) -> None:
-    change, settings, found, remedy = REFUSED[case]
+    change, settings, found, remedy, remedied = REFUSED[case]
     path = write_csv(tmp_path / "a.csv", change(columns()))
     read = mapping(**settings)
     with pytest.raises(InputError) as error:
         imported(path, mapping=read)
     assert found in error.value.found
     assert remedy in error.value.remedy
+    if remedied is not None:
+        assert imported(path, mapping=mapping(**remedied)).run.end_s > 1.8
 
 
-@pytest.mark.parametrize(
-    ("case", "remedied"),
-    [
-        ("time stands still", {"time": {"column": "t", "repeated": "first"}}),
-        ("gap", {"time": {"column": "t", "max_gap": 0.6}}),
-        ("gap", {"from": 2.6}),
-        ("jump", {"to": 5.9}),
-    ],
-)
-def test_the_remedy_of_a_refused_file_works(case: str, remedied: Mapping[str, Any], tmp_path: Path) -> None:
-    path = write_csv(tmp_path / "a.csv", REFUSED[case][0](columns()))
-    assert imported(path, mapping=mapping(**remedied)).run.end_s > 5.0
-
-
-MAPS: dict[str, tuple[Mapping[str, Any], str, str]] = {
-    "no unit": ({"signals": {"alpha": {"unit": None}}}, "'signals.alpha.unit' is missing", "add"),
-    "wrong unit": ({"signals": {"alpha": {"unit": "mm"}}}, "signals.alpha.unit = 'mm'", "'rad'"),
-    "no source": ({"signals": {"alpha": {"column": None}}}, "a signal without column", "value = 0.0"),
-    "two sources": ({"signals": {"alpha": {"value": 0.0}}}, "both column and value", "column"),
+MAPS: dict[str, tuple[Mapping[str, Any], str, str, Mapping[str, Any]]] = {
+    # name: map, what is found, what is remedied, map after the remedy
+    "no unit": ({"signals": {"alpha": {"unit": None}}}, "'signals.alpha.unit' is missing", "add", {}),
+    "wrong unit": (
+        {"signals": {"alpha": {"unit": "mm"}}},
+        "signals.alpha.unit = 'mm'",
+        "'rad'",
+        {"signals": {"alpha": {"unit": "rad"}}},
+    ),
+    "no source": (
+        {"signals": {"alpha": {"column": None}}},
+        "a signal without column",
+        "value = 0.0",
+        {"signals": {"alpha": {"column": None, "value": 0.0}}},
+    ),
+    "two sources": ({"signals": {"alpha": {"value": 0.0}}}, "both column and value", "column", {}),
     "one command": (
         {"signals": {"bridge_command": COMMANDS["bridge_command"]}, "commands": "velocity"},
         "signals.trolley_command is missing",
-        "add signals.trolley_command",
+        "add signals.trolley_command, with value = 0.0",
+        {"signals": COMMANDS, "commands": "velocity"},
     ),
-    "commands of no kind": ({"signals": COMMANDS}, "of a kind that is not given", 'commands = "velocity"'),
+    "commands of no kind": (
+        {"signals": COMMANDS},
+        "of a kind that is not given",
+        'commands = "velocity"',
+        {"signals": COMMANDS, "commands": "velocity"},
+    ),
+    "kind of no commands": (
+        {"commands": "velocity"},
+        "commands without signals",
+        "add signals.bridge_command, signals.trolley_command, signals.rope_command",
+        {"signals": COMMANDS, "commands": "velocity"},
+    ),
     "counts without size": (
         {"signals": {"rope_length": {"unit": "count"}}},
         "unit = 'count' without scale",
-        "set scale",
+        "set scale to the size of one count",
+        {"signals": {"rope_length": {"unit": "count", "scale": 0.011}}},
     ),
-    "no clock": ({"time": {}}, "a clock without column", "period"),
+    "no clock": ({"time": {}}, "a clock without column", "period = 0.01", {"time": {"period": 0.01}}),
     "part that ends before it begins": (
         {"from": 3.0, "to": 2.0},
         "from = 3 s is not before to = 2 s",
-        "raise to",
+        "raise to, or lower from",
+        {"from": 1.0, "to": 2.0},
     ),
 }
 
 
 @pytest.mark.parametrize("case", MAPS)
 def test_a_map_that_cannot_be_meant_is_refused(case: str) -> None:
-    settings, found, remedy = MAPS[case]
+    settings, found, remedy, remedied = MAPS[case]
     with pytest.raises(InputError) as error:
         mapping(**settings)
     assert found in error.value.found
     assert remedy in error.value.remedy
+    mapping(**remedied)
 
 
-def test_columns_that_are_missing_or_doubled_are_refused(tmp_path: Path) -> None:
+def test_columns_that_are_missing_or_doubled_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     path = write_csv(tmp_path / "a.csv", columns())
     with pytest.raises(InputError, match=r"unknown column of .*'angle'"):
         imported(path, mapping=mapping({"alpha": {"column": "angle"}}))
-    with pytest.raises(InputError, match="column 12 of 9"):
+    with pytest.raises(InputError, match="column 12 of 9") as error:
         imported(path, mapping=mapping({"alpha": {"column": 12}}))
+    assert error.value.remedy == f"cranectl new map {path} shows what the file holds"
+    assert main(error.value.remedy.split()[1:4]) == 0
     path.write_text(path.read_text().replace("alpha", "beta", 1))
     with pytest.raises(InputError, match="2 columns are called 'beta'") as error:
         imported(path, mapping=mapping({"alpha": {"column": "beta"}}))
@@ -222,8 +284,10 @@ def test_texts_and_broken_rows_are_refused_in_the_words_of_the_file(tmp_path: Pa
     path = write_csv(tmp_path / "a.csv", columns())
     text = path.read_text()
     path.write_text(text.replace("\n1,", "\nstop,", 1))
-    with pytest.raises(InputError, match="column 't' holds the text"):
+    with pytest.raises(InputError, match="column 't' holds the text") as error:
         imported(path, mapping=mapping())
+    assert error.value.remedy == "map another column, or write numbers"
+    assert imported(path, mapping=mapping(time={"period": 0.005})).run.end_s > 9.7
     path.write_text(text.replace("\n1,", "\n1,1,", 1))
     with pytest.raises(InputError, match="a line has 10 cells, others have 9: 1,1,"):
         imported(path, mapping=mapping())
@@ -231,10 +295,26 @@ def test_texts_and_broken_rows_are_refused_in_the_words_of_the_file(tmp_path: Pa
 
 def test_files_and_their_numbers_must_match(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "a.csv", columns())
-    with pytest.raises(InputError, match="signals of file 2, and 1 files are given"):
+    with pytest.raises(InputError, match="signals of file 2, and 1 files are given") as error:
         imported(path, mapping=mapping({"alpha": {"file": 2}}))
-    with pytest.raises(InputError, match="no signal is in"):
+    assert error.value.remedy == "name all files in their order, or correct the map"
+    with pytest.raises(InputError, match="no signal is in") as error:
         imported(path, path, mapping=mapping())
+    assert error.value.remedy == "leave the file out, or map its columns with file = NUMBER"
+    assert imported(path, path, mapping=mapping({"alpha": {"file": 2}})).run.end_s > 9.7
+
+
+def test_a_signal_of_another_rate_needs_a_clock_of_its_own(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    table = columns()
+    camera = {"camera": table["t"][::4], "beta": table["beta"][::4]}
+    savemat(tmp_path / "a.mat", table | camera)
+    with pytest.raises(InputError, match=r"signals\.beta has 501 rows, its clock has 2001") as error:
+        imported(tmp_path / "a.mat", mapping=mapping())
+    assert "signals.beta.clock = {column = '…'}" in error.value.remedy
+    own = {"beta": {"clock": {"column": "camera"}}}
+    assert largest_error(imported(tmp_path / "a.mat", mapping=mapping(own)).run) < 1e-4
 
 
 def test_a_reader_that_is_not_installed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

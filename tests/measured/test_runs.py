@@ -14,8 +14,10 @@ from cranectl.compare.runs import compare_runs
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.measured.replay import Replay, default_replay, predict
-from cranectl.simulate import Run
+from cranectl.planning import load_scenario
+from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
+from tests.cli.suggestions import execute, suggested_commands
 from tests.measured.crane import COMMANDS, columns, imported, mapping, truth, write_csv
 
 MAP = """
@@ -133,6 +135,55 @@ def test_replay_is_for_measured_logs_only(tmp_path: Path) -> None:
     result = cranectl("compare", tmp_path / "run.mcap", "--replay", "motion")
     assert result.exit_code == 2
     assert "leave out --replay" in result.output
+    assert cranectl("compare", tmp_path / "run.mcap", tmp_path / "run.mcap").exit_code == 0
+
+
+def test_commands_that_an_import_and_a_comparison_suggest_work(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    log = ("--out", "measured crane.mcap")
+    output = cranectl("log", "import", folder / "a.csv", "--map", folder / "whole.toml", *log).output
+    output += cranectl("compare", "measured crane.mcap", "--out", "both of them.mcap").output
+    commands = suggested_commands(output)
+    assert [command.split()[1] for command in commands] == ["compare", "report"]
+    assert [execute(command) for command in commands] == [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("topic", "more", "axes", "error"),
+    [
+        ("measured/load", "", ("load.load_x", "load.load_y", "load.load_z"), 1e-3),
+        (
+            "measured/state",
+            "spans = 15\noffset = 'to-start'",
+            ("state.bridge_position", "state.trolley_position", "state.rope_length"),
+            0.02,
+        ),
+    ],
+)
+def test_a_measured_path_becomes_a_reference(
+    topic: str, more: str, axes: tuple[str, ...], error: float, folder: Path, tmp_path: Path
+) -> None:
+    measured = read_log(folder / "whole.mcap")["measured"]
+    path = np.column_stack([measured.signal(name) for name in axes])
+    path[:, 2] = -np.abs(path[:, 2])
+    (tmp_path / "again.toml").write_text(
+        f"""name = "again"
+duration = 10.0
+[reference]
+start = {path[0].tolist()}
+[[reference.segments]]
+kind = "samples"
+file = "{folder / "whole.mcap"}"
+topic = "{topic}"
+{more}
+"""
+    )
+    scenario = load_scenario(tmp_path / "again.toml")
+    run = simulate_run(scenario, plant="analytic", controller="lqr")
+    expected = np.column_stack([np.interp(run.time, measured.time, values) for values in path.T])
+    assert np.abs(run.reference[:, :3] - expected).max() < error
 
 
 @pytest.mark.parametrize("plant", ["mujoco", "analytic", "elastic"])
@@ -160,8 +211,10 @@ def test_a_wrong_load_position_is_shown_in_the_residual(tmp_path: Path) -> None:
 def test_commands_that_were_not_measured_cannot_be_repeated(tmp_path: Path) -> None:
     run = imported(write_csv(tmp_path / "a.csv", columns()), mapping=mapping()).run
     assert default_replay(run) == "motion"
-    with pytest.raises(InputError, match="has no commands"):
+    with pytest.raises(InputError, match="has no commands") as error:
         predict(run, "mujoco", "commands")
+    assert error.value.remedy.startswith("replay its motion")
+    assert predict(run, "mujoco", "motion").end_s == run.end_s
 
 
 def test_a_suggested_map_is_complete_but_for_its_units(folder: Path, tmp_path: Path) -> None:

@@ -71,7 +71,7 @@ def test_an_unknown_topic_is_refused_with_the_topics_of_loads(logged: tuple[Path
     with pytest.raises(InputError) as error:
         scenario_of(logged[0], f"{OF_LOG}topic = 'analytic/laod'")
     assert "unknown topic 'analytic/laod'" in error.value.found
-    assert error.value.allowed == "analytic/flat_output, analytic/load, reference/load"
+    assert error.value.allowed == "analytic/flat_output, analytic/load, analytic/state, reference/load"
     assert "'analytic/load'?" in error.value.remedy
 
 
