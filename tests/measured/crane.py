@@ -43,15 +43,15 @@ def write_csv(path: Path, table: Mapping[str, Array], *, names: bool = True, bef
     return path
 
 
-def mapping(signals: Mapping[str, Mapping[str, Any]] | None = None, **settings: Any) -> MeasuredMap:
-    """The map of `columns`; `signals` replaces keys of signals, or a signal by None."""
+def mapping(signals: Mapping[str, Mapping[str, Any] | None] | None = None, **settings: Any) -> MeasuredMap:
+    """The map of `columns`; `signals` replaces keys of signals, and None leaves a signal or a key out."""
     table: dict[str, Any] = {
         name: {"column": column, "unit": unit}
         for name, column, unit in zip(SIGNALS, JOINTS, UNITS, strict=True)
     }
     for name, keys in (signals or {}).items():
-        table[name] = {**table.get(name, {}), **keys}
-    table = {name: {k: v for k, v in keys.items() if v is not None} for name, keys in table.items()}
+        table[name] = {} if keys is None else {**table.get(name, {}), **keys}
+    table = {n: {k: v for k, v in keys.items() if v is not None} for n, keys in table.items() if keys}
     settings = {"time": {"column": "t"}, **settings, "signals": table}
     return parse_settings(MeasuredMap, settings, "the map")
 

@@ -359,17 +359,9 @@ def test_a_measured_load_is_kept_as_measured(tmp_path: Path) -> None:
 
 
 def test_signals_that_were_not_measured_are_absent(tmp_path: Path) -> None:
-    without = {name: {"column": None, "unit": None} for name in ("alpha", "beta")}
+    signals = {**COMMANDS, "alpha": None, "beta": None}
     path = write_csv(tmp_path / "a.csv", columns())
-    from tests.measured import crane
-
-    settings = mapping(COMMANDS, commands="velocity").model_dump(by_alias=True, exclude_defaults=True)
-    for name in without:
-        del settings["signals"][name]
-    from cranectl.measured.mapping import MeasuredMap
-    from cranectl.scenario.settings import parse_settings
-
-    run = crane.imported(path, mapping=parse_settings(MeasuredMap, settings, "the map")).run
+    run = imported(path, mapping=mapping(signals, commands="velocity")).run
     assert [group.name for group in run.groups] == ["axes", "command"]
     assert np.isfinite(run.table).all()
     assert not run.has("load")
