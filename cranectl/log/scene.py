@@ -33,6 +33,7 @@ ORIGIN = fg.Pose(position=ZERO, orientation=IDENTITY)
 
 RATE = 50  # [Hz] of poses and ropes
 MOST_FRAMES = 30_000  # of a run; longer ones have poses and ropes less often
+MOST_TRAILS = 10_000  # of a run, as for MOST_FRAMES
 TRAIL_POINTS = 50  # points of a trail besides the newest one
 ROPE_WIDTH, PATH_WIDTH = 3.0, 1.5  # of lines [pixels]
 TRAIL_WIDTH, GHOST_TRAIL_WIDTH = 3.0, 8.0  # [pixels]; a ghost's trail shows as a rim where both agree
@@ -96,8 +97,8 @@ def transforms(runs: Sequence[Run], leader: Run, rows: NDArray[np.intp]) -> Stre
     time_ns = leader.time_ns[rows]
     target = leader.reference[rows, :3].tolist()  # empty lists without a reference
     trees = [(run.plant, *_tree(run, time_ns)) for run in runs]
-    messages = []
-    for k, time in enumerate(map(timestamp_of, time_ns.tolist())):
+
+    def tree_at(k: int, time: fg.Timestamp) -> fg.FrameTransforms:
         tree = [_transform(time, "world", "reference", target[k])] if target[k] else []
         for plant, trolley, load, rotation in trees:
             (x, y), frames = trolley[k], (f"{plant}/bridge", f"{plant}/trolley", f"{plant}/load")
@@ -106,7 +107,9 @@ def transforms(runs: Sequence[Run], leader: Run, rows: NDArray[np.intp]) -> Stre
                 _transform(time, frames[0], frames[1], (0.0, y, 0.0)),
                 _transform(time, frames[1], frames[2], load[k], _quaternion(rotation[k])),
             ]
-        messages.append(fg.FrameTransforms(transforms=tree))
+        return fg.FrameTransforms(transforms=tree)
+
+    messages = (tree_at(k, time) for k, time in enumerate(map(timestamp_of, time_ns.tolist())))
     return Stream.of(topics.TRANSFORMS, fg.FrameTransforms, time_ns, messages)
 
 
@@ -165,7 +168,7 @@ def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
 
 def whole_trail(run: Run, opacity: float, *, colour: str | None = None) -> Stream:
     """Return the trail of a whole run."""
-    rows = rows_apart(run, trail_step(run.scenario.rig))
+    rows = rows_apart(run, max(trail_step(run.scenario.rig), run.end_s / MOST_TRAILS))
     return trail(run.plant, run.time_ns[rows], run.load_position[rows], opacity, colour=colour)
 
 
