@@ -37,7 +37,8 @@ PRELOADED_MODULES = (
 ERROR_LINES = re.compile(r"^(cranectl: |found: |allowed: |remedy: ).*$", re.MULTILINE)
 
 
-OUT_OF_MEMORY = "Cannot recover from MemoryErrors"  # Python prints this before it aborts its process
+# What Python and the threads of C++ libraries print before they abort a process without memory.
+OUT_OF_MEMORY = ("Cannot recover from MemoryErrors", "std::bad_alloc")
 KILLED = (-signal.SIGKILL, -signal.SIGTERM, -signal.SIGHUP)  # the last two before a command handles them
 
 
@@ -87,7 +88,7 @@ def check(result: Result, arguments: Sequence[str], *, killed: bool = False, tru
     `truncated`: its output may be incomplete.
     """
     details = f"{list(arguments)} exits {result.code}\n{result.out[-1000:]}\n{result.err[-4000:]}"
-    out_of_memory = result.code == -signal.SIGABRT and OUT_OF_MEMORY in result.err
+    out_of_memory = result.code == -signal.SIGABRT and any(text in result.err for text in OUT_OF_MEMORY)
     assert result.code in DOCUMENTED_CODES or out_of_memory or (killed and result.code in KILLED), details
     assert "Traceback" not in result.err, details
     assert not any(UNSAFE_CHARACTERS.search(line) for line in ERROR_LINES.findall(result.err)), details
