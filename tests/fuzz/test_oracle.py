@@ -110,9 +110,9 @@ def test_the_oracle_accepts_correct_commands(template: Path) -> None:
 @pytest.mark.parametrize(
     ("code", "message", "allowed"),
     [
-        (-signal.SIGABRT, f"Fatal Python error: _PyErr_NormalizeException: {OUT_OF_MEMORY} while …", True),
+        (-signal.SIGABRT, f"Fatal Python error: _PyErr_NormalizeException: {OUT_OF_MEMORY[0]} while …", True),
         (-signal.SIGABRT, "free(): invalid pointer", False),
-        (-signal.SIGSEGV, OUT_OF_MEMORY, False),
+        (-signal.SIGSEGV, OUT_OF_MEMORY[1], False),
     ],
 )
 def test_only_python_itself_may_abort_without_memory(code: int, message: str, allowed: bool) -> None:
