@@ -187,7 +187,7 @@ def _facts_without_reference(run: Run) -> Iterator[Fact]:
     if run.has("residual"):
         distance = np.linalg.norm(run.block("residual")[:, 5:], axis=1)
         when = float(run.time[int(np.argmax(distance))])
-        yield Fact("Load, measured from predicted", _millimetres(float(distance.max())), f"at {when:.2f} s")
+        yield Fact("Load, measured minus predicted", _millimetres(float(distance.max())), f"at {when:.2f} s")
     if run.has("state"):
         largest = np.abs(run.angles).max(axis=1)
         when = float(run.time[int(np.argmax(largest))])
