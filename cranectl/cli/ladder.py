@@ -19,6 +19,7 @@ from cranectl.cli.command import (
 from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
 from cranectl.cli.laws import controller_option
 from cranectl.cli.output import Screen, progress_bar
+from cranectl.support.errors import InputError
 from cranectl.support.files import HTML, MCAP
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
@@ -40,6 +41,7 @@ class LadderCommand(Command):
 @scenario_argument
 @controller_option
 @click.option("--top", show_default="the last", metavar="LEVEL", help="The last level.")
+@click.option("--predict", is_flag=True, help="Predict what each effect does, and compare.")
 @scenario_options
 @output_option("--out", MCAP, "Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap")
 @output_option("--report", HTML, "HTML page of it.")
@@ -48,6 +50,7 @@ def ladder_command(
     request: ScenarioRequest,
     controller: str | None,
     top: str | None,
+    predict: bool,
     out: Path | None,
     report: Path | None,
     screen: Screen,
@@ -59,10 +62,16 @@ def ladder_command(
 
     An effect with settings in the scenario, in a table under [effects], is added with those.
 
+    With --predict the error budget is printed: what each effect must do to the load, and what it does in
+    a run. Its levels begin with `sampled`, control at the control period against control in continuous
+    time, and `engine`, the integrator of the physics engine against the exact equations. The last one is
+    `friction`, unless --top says otherwise. Exit code 1 if a measurement exceeds its bound.
+
     \b
     cranectl ladder settled-trajectory
     cranectl ladder settled-trajectory --controller lqr+loop-shaping --top delay
     cranectl ladder fixed-position --set effects.delay.seconds=0.02 --report ladder.html
+    cranectl ladder fast-diagonal --controller lqr+hinf --predict
     """
     from cranectl.analysis.ladder import evaluate_levels, simulated_seconds
     from cranectl.analysis.levels import LEVELS, NAMES
@@ -75,6 +84,11 @@ def ladder_command(
     from cranectl.scenario.effects import EffectSettings
     from cranectl.support.provenance import provenance
 
+    if predict:
+        from cranectl.cli.effect_prediction import LAST_LEVEL, print_prediction
+
+        _refuse_files(out, report)
+        return print_prediction(request, controller, top or LAST_LEVEL, screen)
     top = top or NAMES[-1]
     loaded = request.load()
     name = controller or loaded.controller.name
@@ -111,3 +125,14 @@ def ladder_command(
         {"scenario": loaded.name, "controller": name, "levels": [result.to_json() for result in results]}
     )
     return exit_codes.RUN_STOPPED if any(result.run.status.stopped for result in results) else exit_codes.GOOD
+
+
+def _refuse_files(out: Path | None, report: Path | None) -> None:
+    """Raise InputError for options of files that a prediction does not write."""
+    given = [name for name, value in (("--out", out), ("--report", report)) if value is not None]
+    if given:
+        raise InputError(
+            f"{' and '.join(given)} with --predict, which prints a table",
+            allowed="--predict with --json",
+            remedy=f"leave out {' and '.join(given)}, or --predict",
+        )

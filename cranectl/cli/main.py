@@ -67,10 +67,11 @@ COMMANDS = {
     "Explain": {
         "design": "Design one or several controllers and show what they achieve.",
         "ladder": "Measure what each effect of the real rig costs, one by one.",
-        "budget": "Predict what each effect does to the load, run it and compare.",
+        "identify": "Fit the numbers of a crane to measured LOGs.",
         "thesis": "Run chapter 5 of the thesis again and compare its numbers.",
     },
 }
+FORMER_NAMES = {"budget": ("ladder", "--predict")}  # until 1.0
 NAMES = [name for summaries in COMMANDS.values() for name in summaries]
 
 
@@ -110,8 +111,12 @@ def main(arguments: list[str] | None = None) -> int:
     os.environ["MPLBACKEND"] = "agg"  # pictures go into files, whatever the user's own plots need
     heed_interrupts(interrupt)
     words = sys.argv[1:] if arguments is None else arguments
+    arguments = [argument for argument in words if argument != TRACEBACK]
     with steady_streams():
-        return _run([argument for argument in words if argument != TRACEBACK], TRACEBACK in words)
+        if arguments and (new := FORMER_NAMES.get(arguments[0])):
+            print(f"cranectl {arguments[0]} is now cranectl {' '.join(new)}", file=sys.stderr)
+            arguments = [*new, *arguments[1:]]
+        return _run(arguments, TRACEBACK in words)
 
 
 def _run(arguments: list[str], full_traceback: bool) -> int:

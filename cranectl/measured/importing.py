@@ -219,9 +219,10 @@ def _resampled(name: str, reading: Readings, time: Array) -> Array:
     """Return a signal at even times (N,): the last command, and all others between two readings."""
     if name not in COMMANDS:
         return np.interp(time, reading.time, reading.values)
-    rows = np.searchsorted(reading.time, time, side="right") - 1
-    held: Array = reading.values[rows.clip(0)]
-    return held
+    rounding = 1e-6 * (time[1] - time[0])  # of equal times, which would hold a command for one sample more
+    rows = np.searchsorted(reading.time, time + rounding, side="right") - 1
+    last: Array = reading.values[rows.clip(0)]
+    return last
 
 
 def rates(values: Array, period: float) -> Array:

@@ -17,7 +17,7 @@ from cranectl.controllers.repeated import MEASURED_MOTION, measured_commands
 from cranectl.design import ControllerDesign
 from cranectl.measured.importing import MIN_RATE_SAMPLES, RATE_ORDER, RATE_SPAN
 from cranectl.plants.plant import Drive
-from cranectl.scenario import NANOSECONDS
+from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import LOAD, REFERENCE, RESIDUAL, STATE
 from cranectl.simulate import Plan, Run, simulate_run
 from cranectl.support.arrays import Array
@@ -67,30 +67,66 @@ def predict(run: Run, plant: str, replay: Replay) -> Run:
             allowed="--replay motion",
             remedy="replay its motion, or map the columns of the commands and import the files again",
         )
+    predicted = simulate_replay(run, plant, replay)
+    return _with_residual(predicted, run)
+
+
+def simulate_replay(
+    run: Run,
+    plant: str,
+    replay: Replay,
+    *,
+    scenario: Scenario | None = None,
+    commands: Array | None = None,
+    initial: Array | None = None,
+) -> Run:
+    """Simulate what drives a measured run.
+
+    Parameters
+    ----------
+    run : Run
+        The measured run, with angles.
+    plant : str
+        The plant.
+    replay : {"commands", "motion"}
+        What of the measured run drives the plant.
+    scenario : Scenario, optional
+        The crane, in place of that of the run.
+    commands : ndarray, shape (N, 3) or (N, 9), optional
+        Commands, or positions, rates and accelerations of the axes, in place of the measured ones.
+    initial : ndarray, shape (10,), optional
+        The initial state, in place of the first measured one.
+
+    Returns
+    -------
+    Run
+        The simulated run, at the same times or shorter.
+    """
+    scenario = scenario or run.scenario
     drive: Drive = run.drive if replay == "commands" else "ideal"
+    if commands is None:
+        commands = run.block("command")[:, :3] if replay == "commands" else measured_motion(run)
     rows = np.zeros((len(run.time_ns), len(REFERENCE)))
-    rows[:, : 3 if replay == "commands" else 9] = (
-        run.block("command") if replay == "commands" else _motion(run)
-    )
+    rows[:, : commands.shape[1]] = commands
+    state, samples = run.block("state"), len(run.time_ns)
+    start = state[0].copy() if initial is None else initial
     controller = MEASURED_MOTION if replay == "motion" else measured_commands(_COMMANDS[run.drive])
-    period, state, samples = run.scenario.period_ns / NANOSECONDS, run.block("state"), len(run.time_ns)
-    nominal = Nominal(run.scenario.limited_rig, drive, period, rows, state[0], {})
+    nominal = Nominal(scenario.limited_rig, drive, scenario.period_ns / NANOSECONDS, rows, start, {})
     design = ControllerDesign(controller.name)
     compiled = compile_controller(controller, nominal, sum(map(len, design.groups)))
     plan = Plan(
         time_ns=run.time_ns,
         reference=np.zeros((samples, len(REFERENCE))),
         reference_state=state,
-        gravity=run.scenario.rig.gravity,
-        initial_state=state[0].copy(),
+        gravity=scenario.rig.gravity,
+        initial_state=start,
         disturbance=np.zeros((samples, 2)),
         wind=np.zeros((samples, 6)),
     )
-    predicted = simulate_run(run.scenario, plant=plant, drive=drive, design=design, plan=plan, law=compiled)
-    return _with_residual(predicted, run)
+    return simulate_run(scenario, plant=plant, drive=drive, design=design, plan=plan, law=compiled)
 
 
-def _motion(run: Run) -> Array:
+def measured_motion(run: Run) -> Array:
     """Return smoothed positions, rates and accelerations of bridge, trolley and rope, shape (N, 9)."""
     positions = run.block("state")[:, :6:2]
     period = run.scenario.period_ns / NANOSECONDS

@@ -225,6 +225,8 @@ KNOWN = {
     ("cli/command.py", "{} view.json --log {}"): COMMAND,
     ("cli/new.py", "run it: cranectl run fast-diagonal --controller {}"): "tests/cli/test_new.py",
     ("controllers/preparation.py", "add --set control.period={} to the"): "tests/loaders/test_c_law.py",
+    ("cli/ladder.py", "leave out {}, or --predict"): "tests/analysis/budget/test_budget.py",
+    ("measured/experiment.py", "add --replay motion"): "tests/measured/test_identification.py",
     ("cli/ladder.py", "cranectl log layout ladder view.json --log {}"): COMMAND,
     ("cli/log.py", "cranectl log layout overlay view.json --log {}"): COMMAND,
     ("cases/drive_use.py", "see what comes of it with --drive velocity"): COMMAND,

@@ -170,7 +170,9 @@ def test_the_test_command_of_a_template_names_its_file(capsys: pytest.CaptureFix
     assert Path("new files/test_first_move.py").is_file()
 
 
-@pytest.mark.parametrize("command", [["certify", "pid"], ["budget", "the ship.toml", "--controller", "pid"]])
+@pytest.mark.parametrize(
+    "command", [["certify", "pid"], ["ladder", "the ship.toml", "--predict", "--controller", "pid"]]
+)
 def test_controllers_without_linear_model_are_judged_by_simulation(
     command: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -220,6 +222,7 @@ KNOWN = {
     ("cli/benchmark.py", "cranectl tune"): ORIGIN,
     ("cli/command.py", "cranectl"): ABOVE,
     ("cli/compare.py", "cranectl log"): "describes which logs are allowed",
+    ("cli/identify.py", "cranectl log"): "describes which logs are allowed",
     ("cli/ladder.py", "cranectl log"): ABOVE,
     ("cli/log.py", "cranectl compare"): "tests/measured/test_runs.py",
     ("cli/log.py", "cranectl log"): ABOVE,

@@ -182,7 +182,7 @@ def test_sliding_friction_is_against_the_motion() -> None:
 
 
 def test_command_line(capsys: pytest.CaptureFixture[str]) -> None:
-    command = ["budget", "off-reference", "--controller", "lqr+hinf"]
+    command = ["ladder", "off-reference", "--predict", "--controller", "lqr+hinf"]
     assert main([*command, "--top", "servos", "--json", "-", "--set", "duration=6.0"]) == 0
     out = capsys.readouterr()
     data = json.loads(out.out)
@@ -191,3 +191,8 @@ def test_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert "unexplained" in out.err
     assert main([*command, "--top", "moon"]) == 2
     assert "servos" in capsys.readouterr().err
+    assert main([*command, "--top", "sampled", "--report", "page.html"]) == 2
+    assert "leave out --report, or --predict" in capsys.readouterr().err
+    former = ["budget", "off-reference", "--top", "sampled", "--set", "duration=6.0"]
+    assert main(former) == 0
+    assert "cranectl budget is now cranectl ladder --predict" in capsys.readouterr().err

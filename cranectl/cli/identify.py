@@ -1,0 +1,126 @@
+"""`cranectl identify`."""
+
+from os.path import relpath
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cranectl.cli import command, exit_codes
+from cranectl.cli.output import Screen
+from cranectl.support.errors import InputError
+from cranectl.support.files import Kind, check_place
+
+if TYPE_CHECKING:
+    from cranectl.measured.identification import Identification
+    from cranectl.measured.replay import Replay
+    from cranectl.report.table import Table
+    from cranectl.simulate import Run
+
+IDENTIFIED = Kind("file of an identified crane", rb"# (Identified from|The crane identified from) ")
+
+
+@click.command("identify", cls=command.Command)
+@click.argument("logs", metavar="LOG LOG LOG...", nargs=-1, required=True, type=command.PATH)
+@click.option("--rig", metavar="NAME", required=True, help="Name or TOML file of what is known of the crane.")
+@click.option(
+    "--replay",
+    type=click.Choice(["commands", "motion"]),
+    help="What drives the model. Default: the commands, if all logs have them.",
+)
+@command.output_option(
+    "--out", IDENTIFIED, "Rig file. A campaign is written beside it. Default: identified.toml"
+)
+@command.json_option
+def identify_command(
+    logs: tuple[Path, ...], rig: str, replay: "Replay | None", out: Path | None, screen: Screen
+) -> int:
+    """Fit the numbers of a crane to measured LOGs.
+
+    The logs are those of `cranectl log import`, of one crane. Fitted are time constants, gains and
+    friction of the drives, dead time, load mass, the zero of the rope's length and friction of the pivot.
+    Masses of the axes, steps and noise of the encoders are those of the rig. Numbers of which these logs
+    say nothing are named and keep the rig's values. Each number has a 95 % interval from the spread
+    between logs and from a comparison with MuJoCo.
+
+    Exit code 1 if the model misses the readings by more than their noise. Then the numbers mean little.
+
+    \b
+    cranectl identify monday.mcap tuesday.mcap friday.mcap --rig lab-rig
+    cranectl identify runs/*.mcap --rig my-crane.toml --replay motion --out identified.toml
+    """
+    from cranectl.measured.identification import LARGEST_MISFIT, identify
+    from cranectl.measured.identified import campaign_text, rig_text
+    from cranectl.scenario.load import load_rig
+
+    path = out or Path("identified.toml")
+    campaign = path.with_name(f"{path.stem}-campaign.toml")
+    for file in (path, campaign):
+        check_place(file, IDENTIFIED, inputs=logs, option="--out")
+    runs = [_measured_run(log) for log in logs]
+    result = identify(runs, load_rig(rig), replay=replay, progress=screen.print)
+    names = ", ".join(log.name for log in logs)
+    base = relpath(rig, path.parent) if Path(rig).is_file() else rig
+    path.write_text(rig_text(result, base, names), encoding="utf-8")
+    campaign.write_text(campaign_text(result, path.name, f"{path.stem}-campaign", names), encoding="utf-8")
+    screen.print(estimates_table(result))
+    if result.unidentifiable:
+        screen.print(f"not identifiable from these logs: {', '.join(result.unidentifiable)}")
+    for a, b, correlation in result.together:
+        screen.print(f"{a} and {b} can replace one another here: correlation {correlation:.3f}")
+    if not result.converged:
+        screen.print(
+            f"NOT CONVERGED: the residuals are {result.misfit:.3g} times the squared noise of the readings, "
+            f"and {LARGEST_MISFIT:g} is allowed. The crane does something that the model does not."
+        )
+    screen.print(f"rig: {path}")
+    screen.print(f"campaign: {campaign}")
+    screen.write_json(
+        {
+            "rig": str(path),
+            "campaign": str(campaign),
+            "converged": result.converged,
+            "misfit": result.misfit,
+            "replay": result.replay,
+            "estimates": [vars(estimate) for estimate in result.estimates],
+            "unidentifiable": list(result.unidentifiable),
+            "correlated": [{"of": [a, b], "correlation": c} for a, b, c in result.together],
+        }
+    )
+    return exit_codes.GOOD if result.converged else exit_codes.LIMIT_EXCEEDED
+
+
+def _measured_run(log: Path) -> "Run":
+    from cranectl.log.reader import read_log
+
+    runs = read_log(log)
+    run = runs.get("measured")
+    if run is None or not run.has("state"):
+        raise InputError(
+            f"{log} has no measured run with angles",
+            allowed="logs of `cranectl log import` with positions and angles",
+            remedy="import the measured files, with the columns of both angles in the map",
+        )
+    return run
+
+
+def estimates_table(result: "Identification") -> "Table":
+    """Return the fitted numbers with their intervals, and what the intervals come from."""
+    from cranectl.report.table import Table, cells
+
+    rows = [
+        cells(
+            estimate.name.removeprefix("effects."),
+            estimate.unit,
+            f"{estimate.value:.5g}",
+            f"{estimate.half_width:.2g}",
+            f"{estimate.spread:.2g}",
+            f"{estimate.model_error:.2g}",
+        )
+        for estimate in result.estimates
+    ]
+    title = f"Identified from the {result.replay} of {result.runs} runs"
+    columns = ("number", "unit", "value", "± (95 %)", "spread of runs", "to MuJoCo")
+    return Table(
+        title, columns, tuple(rows), labels=2, note=f"Residuals over noise, squared: {result.misfit:.3g}"
+    )

@@ -1,0 +1,199 @@
+"""Predict the readings of a measured run from numbers of the crane."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from cranectl.measured.replay import Replay, measured_motion, simulate_replay
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario.rig import RigParameters
+from cranectl.signals import STATE
+from cranectl.simulate import Run
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+
+MODEL, CHECK = "elastic", "mujoco"  # the plant that is fitted, and the one that checks it
+AXES = ("bridge", "trolley", "winch")
+CHANNELS = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
+LEAST_ERROR = 0.002  # of time constants and load: errors that all runs share
+LEAST_DELAY_ERROR = 60e-6  # [s] on the laboratory rig; grows with the root of the size
+LAB_ROPE = 1.4  # [m] of the longest rope of the laboratory rig
+REST_SPEED = 1e-3  # of a drive's speed limit, below which a run begins at rest
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A number of the crane that is fitted."""
+
+    name: str  # of the setting in a rig file
+    unit: str
+    start: float
+    scale: float  # typical size of a change
+    low: float = -np.inf
+    floor: float = 0.0  # half of the interval that remains when all runs agree
+
+
+def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
+    """Return the numbers that can be fitted, with their first values from `rig`."""
+    friction, size = rig.effects.friction, rig.rope_range[1] / LAB_ROPE
+    fitted = []
+    if replay == "commands":
+        for axis in AXES:
+            tau = float(getattr(rig, f"{axis}_time_constant"))
+            fitted.append(Unknown(f"{axis}_time_constant", "s", tau, tau, 0.05 * tau, LEAST_ERROR))
+        gains = rig.effects.installation.drive_gain
+        fitted += [Unknown(f"effects.installation.drive_gain.{k}", "1", gains[k], 0.1, 0.1) for k in range(3)]
+        for k in range(3):
+            force = friction.coulomb[k] or 0.02 * rig.load_mass * rig.gravity
+            fitted.append(Unknown(f"effects.friction.coulomb.{k}", "N", force, force, 0.0))
+        late = rig.effects.delay.seconds or 0.1 * rig.trolley_time_constant
+        fitted.append(Unknown("effects.delay.seconds", "s", late, late, 0.0, LEAST_DELAY_ERROR * sqrt(size)))
+        fitted.append(
+            Unknown("load_mass", "kg", rig.load_mass, rig.load_mass, 0.05 * rig.load_mass, LEAST_ERROR)
+        )
+    length = 0.02 * rig.rope_range[1]
+    fitted.append(Unknown("effects.installation.rope_offset", "m", 0.0, length))
+    for name, unit in (("pivot_coulomb", "N m"), ("pivot_viscous", "N m s/rad")):
+        value = float(getattr(friction, name)) or 1e-4 * rig.load_mass * rig.gravity * size
+        fitted.append(Unknown(f"effects.friction.{name}", unit, value, value, 0.0))
+    return tuple(fitted)
+
+
+def rig_with(rig: RigParameters, values: Mapping[str, float]) -> RigParameters:
+    """Return the rig with other `values`, by the names of its settings."""
+    effects = rig.effects
+    friction = {n: values.get(f"effects.friction.{n}") for n in ("pivot_coulomb", "pivot_viscous")}
+    friction = {name: value for name, value in friction.items() if value is not None}
+    coulomb, gain = (
+        tuple(values.get(f"{prefix}.{k}", old[k]) for k in range(3))
+        for prefix, old in (
+            ("effects.friction.coulomb", effects.friction.coulomb),
+            ("effects.installation.drive_gain", effects.installation.drive_gain),
+        )
+    )
+    changed = {
+        "friction": effects.friction.model_copy(update={**friction, "coulomb": coulomb}),
+        "installation": effects.installation.model_copy(
+            update={
+                "drive_gain": gain,
+                "rope_offset": values.get(
+                    "effects.installation.rope_offset", effects.installation.rope_offset
+                ),
+            }
+        ),
+        "delay": effects.delay.model_copy(
+            update={"seconds": values.get("effects.delay.seconds", effects.delay.seconds)}
+        ),
+    }
+    plain = {name: value for name, value in values.items() if "." not in name}
+    return rig.model_copy(update={**plain, "effects": effects.model_copy(update=changed)})
+
+
+class Experiment:
+    """A measured run, and how its readings are predicted from numbers of the crane.
+
+    Besides the crane's numbers a run has five of its own: where the axes rest at its start, and what the
+    sensors of the angles read at zero.
+    """
+
+    def __init__(self, run: Run, rig: RigParameters, replay: Replay, most: int) -> None:
+        if replay == "commands" and not run.has("command"):
+            raise InputError(
+                f"the run {run.scenario.name} has no commands of the drives",
+                allowed="runs with commands, or --replay motion",
+                remedy="add --replay motion",
+            )
+        self.run, self.rig, self.replay = run, rig, replay
+        self.rows = np.arange(0, len(run.time_ns), max(len(run.time_ns) // most, 1))
+        self.period = run.scenario.period_ns / NANOSECONDS
+        state = run.block("state")
+        self.readings = state[:, 0::2]
+        self.commands = run.block("command")[:, :3] if replay == "commands" else measured_motion(run)
+        self.noise = reading_noise(rig)
+        limits = np.array(rig.effects.limits.velocity)
+        speed = self.commands[0, :3] if replay == "commands" else self.commands[0, 3:6]
+        self.at_rest = bool((np.abs(speed) < REST_SPEED * limits).all())
+        self.start = state[0].copy()
+        if self.at_rest:
+            self.start[1::2] = 0.0
+        self.channels = slice(0, 5) if replay == "commands" else slice(3, 5)
+        self.own = 5 if replay == "commands" else 2  # numbers of this run alone
+
+    def own_scale(self) -> Array:
+        """Return the scales of the numbers of this run: a step of each encoder, or its noise."""
+        return 10.0 * self.noise[self.channels]
+
+    def predicted(self, values: Mapping[str, float], own: Array, plant: str = MODEL) -> Array:
+        """Return the readings (N, 5) that a crane with these numbers gives on a plant; NaN after its end."""
+        rig = rig_with(self.rig, values)
+        offset = rig.effects.installation.rope_offset
+        zeros = np.zeros(5)
+        zeros[self.channels] = own
+        start = self.start.copy()
+        start[0:6:2] += zeros[:3]
+        start[4] -= offset
+        start[6::2] = 0.0 if self.at_rest else start[6::2] - zeros[3:]
+        commands = self.commands
+        if self.replay == "commands":
+            late = delayed(commands, rig.effects.delay.seconds, self.period)
+            commands = late * np.array(rig.effects.installation.drive_gain)
+        else:
+            commands = commands.copy()
+            commands[:, 2] -= offset
+        scenario = crane_scenario(self.run.scenario, rig, self.replay)
+        simulated = simulate_replay(
+            self.run, plant, self.replay, scenario=scenario, commands=commands, initial=start
+        )
+        readings = np.full((len(self.run.time_ns), len(CHANNELS)), np.nan)
+        state = simulated.block(STATE.name)
+        readings[: len(state)] = state[:, 0::2]
+        readings[:, 2] += offset
+        readings[:, 3:] += zeros[3:]
+        return readings
+
+    def is_offset(self, j: int) -> bool:
+        """Return whether the j-th number of this run only shifts the readings of its channel."""
+        channel = range(5)[self.channels][j]
+        return channel < 2 or (channel > 2 and self.at_rest)
+
+    def by_zero(self, j: int) -> Array:
+        """Return the derivative of the residuals (M,) by a number that only shifts readings."""
+        scales = self.own_scale()
+        derivative = np.zeros((len(self.rows), self.own))
+        derivative[:, j] = -scales[j] / self.noise[self.channels][j]
+        flat: Array = derivative.ravel()
+        return flat
+
+    def residuals(self, values: Mapping[str, float], own: Array, plant: str = MODEL) -> Array:
+        """Return measured minus predicted readings at the compared rows, in units of noise (M,)."""
+        difference: Array = (self.readings - self.predicted(values, own, plant))[self.rows][:, self.channels]
+        weighted: Array = np.nan_to_num(difference / self.noise[self.channels], nan=1e3)
+        return weighted.ravel()
+
+
+def reading_noise(rig: RigParameters) -> Array:
+    """Return the standard deviation of a reading of each channel (5,), from steps and noise of encoders."""
+    sensing = rig.effects.sensing
+    steps = np.array([*sensing.position_resolution, *[sensing.angle_resolution] * 2])
+    noise = np.array([*sensing.position_noise, *[sensing.angle_noise] * 2])
+    deviations: Array = np.sqrt(steps**2 / 12.0 + noise**2)
+    return deviations.clip(min=1e-7)
+
+
+def delayed(commands: Array, dead_time: float, period: float) -> Array:
+    """Return commands (N, 3) that arrive later, as their means over each period, also for parts of it."""
+    time = period * np.arange(len(commands) + 1)
+    sums = period * np.vstack([np.zeros(commands.shape[1]), np.cumsum(commands, axis=0)])
+    late = np.column_stack([np.interp(time - dead_time, time, column) for column in sums.T])
+    before = np.minimum(time - dead_time, 0.0)[:, None] * commands[0]
+    means: Array = np.diff(late + before, axis=0) / period
+    return means
+
+
+def crane_scenario(scenario: Scenario, rig: RigParameters, replay: Replay) -> Scenario:
+    """Return the scenario of a measured run for a crane with friction; moved axes feel none."""
+    none = {"viscous": (0.0, 0.0, 0.0)} | ({"coulomb": (0.0, 0.0, 0.0)} if replay == "motion" else {})
+    effects = scenario.effects.model_copy(update={"friction": rig.effects.friction.model_copy(update=none)})
+    return scenario.model_copy(update={"rig": rig, "effects": effects})

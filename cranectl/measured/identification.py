@@ -1,0 +1,266 @@
+"""Identify a crane: fit numbers of its drives, friction, rope and load to measured runs.
+
+The squared differences between measured and predicted readings are minimised by Levenberg and Marquardt's
+method. Readings are predicted with the plant `elastic`, from the measured commands, or from the measured
+motion of bridge, trolley and rope. Each number has a 95 % interval with two parts:
+
+- the spread between runs (delete-one jackknife with one Gauss-Newton step for each run)
+- a floor for errors that all runs share: how far MuJoCo would move the number, and at least LEAST_ERROR
+
+Viscous friction of a drive with velocity set-points cannot be told from a shorter time constant and a
+smaller gain. So these two are effective numbers, and viscous friction is zero.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from cranectl.measured.experiment import CHECK, LEAST_ERROR, MODEL, Experiment, Unknown, rig_with, unknowns_of
+from cranectl.measured.replay import Replay, default_replay
+from cranectl.scenario.rig import RigParameters
+from cranectl.simulate import Run
+from cranectl.support.arrays import Array, Mask
+from cranectl.support.errors import InputError
+
+FITTING_STEP = 1e-3  # of a number's scale: smaller differences see the corners of friction
+MOST_READINGS = 40_000  # of a channel that are compared, of all runs together
+LARGEST_MISFIT = 1.5  # mean square of the residuals, in units of the readings' noise
+LEAST_EFFECT = 5.0  # standard deviations by which a change by its scale must move all readings of a number
+LARGEST_SPREAD = 0.5  # of its scale, above which a number is not identifiable
+STRONG = 0.99  # correlation above which two numbers replace one another
+MANY = 40  # steps of the fit
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A fitted number with its 95 % interval."""
+
+    name: str
+    unit: str
+    value: float
+    half_width: float
+    spread: float  # standard deviation between runs
+    model_error: float  # by which MuJoCo would move it
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What measured runs say of a crane."""
+
+    rig: RigParameters  # with the fitted numbers
+    replay: Replay
+    estimates: tuple[Estimate, ...]
+    unidentifiable: tuple[str, ...]  # settings of which these runs say nothing
+    together: tuple[tuple[str, str, float], ...]  # pairs whose errors go together, with their correlation
+    covariance: Array  # of the estimates, from the spread between runs (P, P)
+    misfit: float  # mean square of the residuals in units of noise: 1 for a model without error
+    converged: bool
+    runs: int
+
+
+def identify(
+    runs: Sequence[Run],
+    rig: RigParameters,
+    *,
+    replay: Replay | None = None,
+    progress: Progress = lambda _: None,
+) -> Identification:
+    """Fit the numbers of a crane to measured runs.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Measured runs of one crane; intervals need at least three.
+    rig : RigParameters
+        What is known of the crane: masses of its axes, gravity, encoders, and first values.
+    replay : {"commands", "motion"}, optional
+        What drives the prediction; by default the commands, if all runs have them.
+    progress : Callable, optional
+        Called with a sentence at each stage.
+
+    Returns
+    -------
+    Identification
+        The numbers with their intervals, and those that cannot be identified.
+
+    Raises
+    ------
+    InputError
+        For fewer than three runs, or runs without commands or angles.
+    """
+    if len(runs) < 3:
+        raise InputError(
+            f"{len(runs)} measured runs",
+            allowed="at least 3, whose spread tells how exact the numbers are",
+            remedy="cut a long log into parts by from and to in its map, and import each",
+        )
+    has_commands = all(default_replay(run) == "commands" for run in runs)
+    chosen: Replay = replay or ("commands" if has_commands else "motion")
+    experiments = [Experiment(run, rig, chosen, MOST_READINGS // len(runs)) for run in runs]
+    fit = LeastSquares(experiments, unknowns_of(rig, chosen))
+    fit.drop_without_effect()
+    progress(f"fitting {len(fit.unknowns)} numbers to {len(runs)} runs")
+    fit.solve()
+    while fit.drop_unidentifiable():
+        progress(f"fitting {len(fit.unknowns)} numbers, without those that these runs leave open")
+        fit.solve()
+    progress(f"comparing with {CHECK}")
+    return fit.result(rig, chosen)
+
+
+class LeastSquares:
+    """The least-squares problem: numbers of the crane, then those of each run, all over their scales."""
+
+    def __init__(self, experiments: Sequence[Experiment], unknowns: Sequence[Unknown]) -> None:
+        self.experiments, self.unknowns = list(experiments), list(unknowns)
+        self.dropped: list[str] = []
+        self.common = np.array([u.start / u.scale for u in self.unknowns])
+        self.own = [np.zeros(e.own) for e in self.experiments]
+        self.misfit, self.done = np.inf, False
+
+    def values(self, common: Array) -> dict[str, float]:
+        return {u.name: float(z * u.scale) for u, z in zip(self.unknowns, common, strict=True)}
+
+    def residuals(self, k: int, common: Array, own: Array, plant: str = MODEL) -> Array:
+        experiment = self.experiments[k]
+        return experiment.residuals(self.values(common), own * experiment.own_scale(), plant)
+
+    def jacobian(self, k: int, common: Array, own: Array) -> tuple[Array, Array, Array]:
+        """Return residuals of run k, and their derivatives by the common and by its own numbers."""
+        base = self.residuals(k, common, own)
+        shifts = FITTING_STEP * np.eye(len(common))
+        by_common = [(self.residuals(k, common + shift, own) - base) / FITTING_STEP for shift in shifts]
+        shifts = FITTING_STEP * np.eye(len(own))
+        by_own = [
+            self.experiments[k].by_zero(j)
+            if self.experiments[k].is_offset(j)
+            else (self.residuals(k, common, own + shifts[j]) - base) / FITTING_STEP
+            for j in range(len(own))
+        ]
+        return base, np.array(by_common).reshape(len(common), -1).T, np.array(by_own).T
+
+    def drop_without_effect(self) -> None:
+        """Leave out the numbers that move no reading of these runs."""
+        parts = [self.jacobian(k, self.common, own)[1] for k, own in enumerate(self.own)]
+        effect = np.sqrt(sum(np.square(part).sum(axis=0) for part in parts))
+        self._keep(effect > LEAST_EFFECT)
+
+    def drop_unidentifiable(self) -> bool:
+        """Leave out the numbers whose spread is too large; return whether there were any."""
+        wide = self.deviations > LARGEST_SPREAD
+        self._keep(~wide)
+        return bool(wide.any())
+
+    def _keep(self, kept: Mask) -> None:
+        self.dropped += [u.name for u, keep in zip(self.unknowns, kept, strict=True) if not keep]
+        self.unknowns = [u for u, keep in zip(self.unknowns, kept, strict=True) if keep]
+        self.common = self.common[kept]
+
+    def solve(self) -> None:
+        """Find the numbers of least squares, and the normal equations of each run there."""
+        sizes = np.cumsum([len(self.common), *map(len, self.own)])
+
+        def split(z: Array) -> tuple[Array, list[Array]]:
+            common, *own = np.split(z, sizes[:-1])
+            return common, own
+
+        def residuals(z: Array) -> Array:
+            common, own = split(z)
+            return np.concatenate([self.residuals(k, common, o) for k, o in enumerate(own)])
+
+        def jacobian(z: Array) -> Array:
+            common, own = split(z)
+            parts = [self.jacobian(k, common, o) for k, o in enumerate(own)]
+            whole = np.zeros((sum(len(base) for base, _, _ in parts), len(z)))
+            row = 0
+            for k, (base, by_common, by_own) in enumerate(parts):
+                whole[row : row + len(base), : len(common)] = by_common
+                whole[row : row + len(base), sizes[k] : sizes[k + 1]] = by_own
+                row += len(base)
+            return whole
+
+        lows = [u.low / u.scale for u in self.unknowns]
+        low = np.concatenate([lows, np.full(sizes[-1] - sizes[0], -np.inf)])
+        start = np.concatenate([np.maximum(self.common, low[: sizes[0]] + 1e-6), *self.own])
+        found = least_squares(
+            residuals, start, jac=jacobian, bounds=(low, np.inf), xtol=1e-4, ftol=1e-4, max_nfev=MANY
+        )
+        self.common, self.own = split(found.x)
+        self.misfit = float(np.mean(np.square(found.fun)))
+        self.done = bool(found.success)
+        ends = np.cumsum([len(e.rows) * e.own for e in self.experiments])[:-1]
+        self.parts = [
+            (base, whole[:, : sizes[0]], whole[:, sizes[k] : sizes[k + 1]])
+            for k, (base, whole) in enumerate(
+                zip(np.split(found.fun, ends), np.split(found.jac, ends), strict=True)
+            )
+        ]
+        self.normal = [_reduced(*part) for part in self.parts]
+        inverse = np.linalg.pinv(sum(matrix for matrix, _ in self.normal))
+        self.deviations = np.sqrt(np.diag(inverse).clip(min=0.0) * max(self.misfit, 1.0))
+        self.inverse = inverse
+
+    def jackknife(self) -> Array:
+        """Return the covariance of the numbers from leaving out each run once, in scales (P, P)."""
+        total, pull = (sum(part[k] for part in self.normal) for k in range(2))
+        moved = np.array(
+            [-np.linalg.pinv(total - matrix) @ (pull - gradient) for matrix, gradient in self.normal]
+        )
+        runs = len(self.normal)
+        centred = moved - moved.mean(axis=0)
+        covariance: Array = (runs - 1) / runs * centred.T @ centred
+        return covariance
+
+    def model_error(self) -> Array:
+        """Return by how much a fit to MuJoCo would differ, by one Gauss-Newton step, in scales (P,)."""
+        pulls = []
+        for k, (base, by_common, by_own) in enumerate(self.parts):
+            own = self.own[k]
+            pulls.append(_reduced(self.residuals(k, self.common, own, CHECK) - base, by_common, by_own)[1])
+        moved: Array = -self.inverse @ sum(pulls)
+        return moved
+
+    def result(self, rig: RigParameters, replay: Replay) -> Identification:
+        covariance, shifts = self.jackknife(), self.model_error()
+        factor = float(student.ppf(0.975, len(self.experiments) - 1))
+        values, estimates = self.values(self.common), []
+        for k, unknown in enumerate(self.unknowns):
+            spread, shift = unknown.scale * sqrt(covariance[k, k]), abs(unknown.scale * shifts[k])
+            value = values[unknown.name]
+            floor = unknown.floor * (abs(value) if unknown.floor == LEAST_ERROR else 1.0)
+            half = sqrt((factor * spread) ** 2 + shift**2 + floor**2)
+            estimates.append(Estimate(unknown.name, unknown.unit, value, half, spread, shift))
+        scales = np.array([unknown.scale for unknown in self.unknowns])
+        deviations = np.sqrt(np.diag(self.inverse))
+        correlation = self.inverse / np.outer(deviations, deviations)
+        pairs = [
+            (self.unknowns[i].name, self.unknowns[j].name, float(correlation[i, j]))
+            for i in range(len(scales))
+            for j in range(i)
+            if abs(correlation[i, j]) > STRONG
+        ]
+        return Identification(
+            rig=rig_with(rig, values),
+            replay=replay,
+            estimates=tuple(estimates),
+            unidentifiable=tuple(self.dropped),
+            together=tuple(pairs),
+            covariance=covariance * np.outer(scales, scales),
+            misfit=self.misfit,
+            converged=self.done and self.misfit < LARGEST_MISFIT,
+            runs=len(self.experiments),
+        )
+
+
+def _reduced(base: Array, by_common: Array, by_own: Array) -> tuple[Array, Array]:
+    """Return the normal equations of a run for the common numbers, its own numbers eliminated."""
+    own, _ = np.linalg.qr(by_own)
+    by_common = by_common - own @ (own.T @ by_common)
+    base = base - own @ (own.T @ base)
+    return by_common.T @ by_common, by_common.T @ base

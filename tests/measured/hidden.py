@@ -1,0 +1,105 @@
+"""Measured runs of hidden cranes: what encoders of a crane in MuJoCo read as its axes move."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import parquet
+
+from cranectl.measured.experiment import CHANNELS, crane_scenario, delayed, rig_with, unknowns_of
+from cranectl.measured.importing import import_files
+from cranectl.measured.mapping import MeasuredMap
+from cranectl.measured.replay import simulate_replay
+from cranectl.scenario import Scenario
+from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.settings import parse_settings
+from cranectl.simulate import Run
+from cranectl.support.arrays import Array
+
+COMMANDS = ("bridge_command", "trolley_command", "rope_command")
+
+
+def hidden_numbers(rig: RigParameters, rng: np.random.Generator) -> dict[str, float]:
+    """Numbers of a crane that differ from those of `rig` by up to 40 %, its gains by up to 3 %."""
+    return {
+        unknown.name: unknown.scale * rng.uniform(-0.7, 0.7)
+        if unknown.name.endswith("rope_offset")
+        else unknown.start * rng.uniform(0.97, 1.03)
+        if "gain" in unknown.name
+        else unknown.start * rng.uniform(0.6, 1.4)
+        for unknown in unknowns_of(rig, "commands")
+    }
+
+
+def set_points(
+    rig: RigParameters, rng: np.random.Generator, time: Array, axes: tuple[int, ...]
+) -> tuple[Array, Array]:
+    """Where the axes start, and trapezoids of speed in turn forth and back with pauses, shape (N, 3)."""
+    limits, swing = rig.effects.limits, 2.0 * np.pi * np.sqrt(0.5 * rig.rope_range[1] / rig.gravity)
+    start, speeds = np.array([np.mean(ends) for ends in rig.workspace]), np.zeros((len(time), 3))
+    for axis in axes:
+        begin, direction = 0.3 * swing * rng.uniform(0.5, 1.5), rng.choice([-1.0, 1.0])
+        low, high = rig.workspace[axis]
+        while begin < time[-1] - 2.0 * swing:
+            speed = rng.uniform(0.2, 0.6) * limits.velocity[axis]
+            ramp = speed / (rng.uniform(0.3, 0.8) * limits.acceleration[axis])
+            length = min(rng.uniform(0.3, 1.0) * swing, 0.3 * (high - low) / speed)
+            since = time - begin
+            shape = np.clip(np.minimum(since / ramp, (length + ramp - since) / ramp), 0.0, 1.0)
+            speeds[:, axis] += direction * speed * shape
+            begin += length + ramp + rng.uniform(0.1, 0.6) * swing
+            direction = -direction
+    return start, speeds
+
+
+def measured_run(
+    nominal: RigParameters,
+    numbers: dict[str, float],
+    seed: int,
+    *,
+    seconds: float = 10.0,
+    period: float = 0.005,
+    axes: tuple[int, ...] = (0, 1, 2),
+    change: Callable[[Scenario], Scenario] = lambda scenario: scenario,
+) -> Run:
+    """What a measuring system writes of the crane with `numbers`, described by `nominal`."""
+    rng, true = np.random.default_rng(seed), rig_with(nominal, numbers)
+    time = period * np.arange(round(seconds / period) + 1)
+    start, speeds = set_points(nominal, rng, time, axes)
+    still = np.zeros((len(time), len(CHANNELS)))
+    still[:, :3] = start
+    run = run_of(nominal, time, still, speeds)
+    installation = true.effects.installation
+    state = np.zeros(10)
+    state[0:6:2] = start - [0.0, 0.0, installation.rope_offset]
+    arriving = delayed(speeds, true.effects.delay.seconds, period) * installation.drive_gain
+    simulated = simulate_replay(
+        run, "mujoco", "commands",
+        scenario=change(crane_scenario(run.scenario, true, "commands")), commands=arriving, initial=state,
+    )  # fmt: skip
+    assert len(simulated.time_ns) == len(time), simulated.status
+    readings = simulated.block("state")[:, 0::2].copy()
+    readings[:, 2] += installation.rope_offset
+    readings[:, 3:] += rng.uniform(-0.002, 0.002, 2)  # zeros of the sensors
+    sensing = nominal.effects.sensing
+    steps = np.array([*sensing.position_resolution, *[sensing.angle_resolution] * 2])
+    noise = np.array([*sensing.position_noise, *[sensing.angle_noise] * 2])
+    readings += noise * rng.standard_normal(readings.shape)
+    return run_of(nominal, time, np.round(readings / steps) * steps, speeds)
+
+
+def run_of(rig: RigParameters, time: Array, readings: Array, speeds: Array) -> Run:
+    """The run that an import of these columns gives."""
+    columns = dict(zip((*CHANNELS, *COMMANDS), np.hstack([readings, speeds]).T, strict=True))
+    units = dict.fromkeys(CHANNELS, "m") | {"alpha": "rad", "beta": "rad"} | dict.fromkeys(COMMANDS, "m/s")
+    signals = {name: {"column": name, "unit": unit} for name, unit in units.items()}
+    settings = {"commands": "velocity", "time": {"column": "t"}, "signals": signals, "check_physics": False}
+    mapping = parse_settings(MeasuredMap, settings, "the map")
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "run.parquet"
+        parquet.write_table(pa.table({"t": time, **columns}), path)
+        run = import_files([path], mapping, directory=path.parent).run
+    return replace(run, scenario=run.scenario.model_copy(update={"rig": rig}))

@@ -1,0 +1,148 @@
+"""The numbers of a hidden crane in MuJoCo are found from its readings, and what cannot be found is named."""
+
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.log.writer import write_log
+from cranectl.measured.experiment import delayed
+from cranectl.measured.identification import Identification, identify
+from cranectl.scenario.effects import Frame
+from cranectl.scenario.load import load_rig
+from cranectl.simulate import Run
+from cranectl.support.errors import InputError
+from tests.measured.hidden import hidden_numbers, measured_run
+
+LAB = load_rig("lab-rig")
+NUMBERS = hidden_numbers(LAB, np.random.default_rng(5))
+
+
+@pytest.fixture(scope="module")
+def runs() -> list[Run]:
+    return [measured_run(LAB, NUMBERS, seed) for seed in range(3)]
+
+
+@pytest.fixture(scope="module")
+def result(runs: list[Run]) -> Identification:
+    return identify(runs, LAB)
+
+
+def test_all_numbers_are_found_within_their_intervals(result: Identification) -> None:
+    assert result.converged
+    assert not result.unidentifiable
+    assert 0.9 < result.misfit < 1.1
+    errors = {e.name: e.value - NUMBERS[e.name] for e in result.estimates}
+    assert errors.keys() == NUMBERS.keys()
+    inside = [abs(errors[e.name]) < e.half_width for e in result.estimates]
+    assert sum(inside) >= len(inside) - 1
+    for name, error in errors.items():
+        if "pivot" not in name and "offset" not in name and "delay" not in name:
+            assert abs(error) < 0.01 * NUMBERS[name], name
+    assert abs(errors["effects.delay.seconds"]) < 60e-6
+    assert abs(errors["effects.installation.rope_offset"]) < 1e-4
+
+
+def test_the_motion_of_the_axes_tells_rope_and_pivot(runs: list[Run]) -> None:
+    result = identify(runs, LAB, replay="motion")
+    values = {estimate.name: estimate.value for estimate in result.estimates}
+    assert len(values) == 3
+    name = "effects.installation.rope_offset"
+    assert values[name] == pytest.approx(NUMBERS[name], abs=2e-4)
+    # Only friction over mass is seen, and the mass is that of the rig.
+    assert values["effects.friction.pivot_viscous"] == pytest.approx(
+        NUMBERS["effects.friction.pivot_viscous"] * LAB.load_mass / NUMBERS["load_mass"], rel=0.15
+    )
+
+
+def test_runs_along_one_axis_say_nothing_of_the_others() -> None:
+    runs = [measured_run(LAB, NUMBERS, seed, seconds=6.0, axes=(1,)) for seed in range(3)]
+    result = identify(runs, LAB)
+    named = set(result.unidentifiable)
+    assert {
+        "bridge_time_constant",
+        "effects.friction.coulomb.0",
+        "effects.installation.drive_gain.2",
+    } <= named
+    assert not named & {estimate.name for estimate in result.estimates}
+    assert result.rig.bridge_time_constant == LAB.bridge_time_constant
+    gain = next(e for e in result.estimates if e.name == "effects.installation.drive_gain.1")
+    assert gain.value == pytest.approx(NUMBERS[gain.name], rel=1e-3)
+
+
+def test_a_crane_that_the_model_does_not_cover_gives_no_good_fit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for seed in range(3):
+        run = measured_run(
+            LAB, NUMBERS, seed, seconds=6.0,
+            change=lambda s: s.model_copy(
+                update={"effects": s.effects.model_copy(update={"frame": Frame(frequency=(2.0, 2.5))})}
+            ),
+        )  # fmt: skip
+        write_log(tmp_path / f"{seed}.mcap", [run])
+    assert main(["identify", "0.mcap", "1.mcap", "2.mcap", "--rig", "lab-rig"]) == 1
+    assert "NOT CONVERGED" in capsys.readouterr().out
+
+
+def test_two_runs_are_not_enough(runs: list[Run]) -> None:
+    with pytest.raises(InputError, match="2 measured runs") as error:
+        identify(runs[:2], LAB)
+    assert "cut a long log into parts" in error.value.remedy
+
+
+@pytest.mark.parametrize("late", [0.0, 0.003, 0.01, 0.0137])
+def test_a_dead_time_of_part_of_a_period_moves_as_much_distance(late: float) -> None:
+    speed = np.column_stack([np.sin(np.arange(200) * 0.1) ** 2] * 3)
+    speed[:3] = speed[-10:] = 0.0
+    arriving = delayed(speed, late, 0.01)
+    assert np.allclose(arriving.sum(axis=0), speed.sum(axis=0))
+    times = np.arange(200)
+    centre, before = (float(times @ values[:, 0] / values[:, 0].sum()) for values in (arriving, speed))
+    assert 0.01 * (centre - before) == pytest.approx(late, abs=1e-12)
+
+
+def test_an_identified_crane_is_a_rig_and_a_campaign(
+    runs: list[Run], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for k, run in enumerate(runs):
+        write_log(tmp_path / f"{k}.mcap", [run])
+    logs = ["0.mcap", "1.mcap", "2.mcap"]
+    assert main(["identify", *logs, "--rig", "lab-rig", "--out", "mine.toml", "--json", "r.json"]) == 0
+    assert "Identified from the commands of 3 runs" in capsys.readouterr().out
+    rig = load_rig("mine.toml")
+    assert rig.load_mass == pytest.approx(NUMBERS["load_mass"], rel=0.01)
+    assert rig.effects.friction.viscous == (0.0, 0.0, 0.0)
+    assert rig.bridge_mass == LAB.bridge_mass
+    estimates = json.loads(Path("r.json").read_text())["estimates"]
+    assert len(estimates) == 14
+    campaign = tomllib.loads(Path("mine-campaign.toml").read_text())
+    assert campaign["rig"] == "mine.toml"
+    assert main(["campaign", "run", "mine-campaign.toml", "--runs", "4", "--out", "result"]) == 0
+    (tmp_path / "other.toml").write_text("my notes")
+    assert main(["identify", *logs, "--rig", "lab-rig", "--out", "other.toml"]) == 2
+
+
+def test_runs_without_commands_are_identified_from_their_motion(runs: list[Run]) -> None:
+    (group,) = (group for group in runs[0].groups if group.name == "command")
+    without = [
+        replace(run, table=run.table[:, : -len(group)], own_groups=tuple(g for g in run.groups if g != group))
+        for run in runs
+    ]
+    with pytest.raises(InputError, match="no commands of the drives") as error:
+        identify(without, LAB, replay="commands")
+    assert error.value.remedy == "add --replay motion"
+    assert identify(without, LAB).replay == "motion"
+
+
+def test_a_simulated_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "fixed-position", "--set", "duration=0.5", "--set", "disturbances=[]", "--plants",
+                 "analytic", "--controller", "lqr", "--out", str(tmp_path / "a.mcap")]) == 0  # fmt: skip
+    assert main(["identify", *[str(tmp_path / "a.mcap")] * 3, "--rig", "lab-rig"]) == 2
+    assert "has no measured run with angles" in capsys.readouterr().err
