@@ -26,6 +26,10 @@ def test_the_citation_matches_this_version() -> None:
         assert CITATION[name] == PROJECT[name]
     assert CITATION["authors"] == PROJECT["authors"]
     assert f"## {PROJECT['version']} ({CITATION['date-released']})\n" in CHANGELOG
+    bibtex = (ROOT / "docs" / "thesis" / "thesis.md").read_text(encoding="utf-8")
+    for field, value in (("version", PROJECT["version"]), ("year", str(CITATION["date-released"])[:4])):
+        assert re.search(rf"\b{field} += \{{{re.escape(value)}\}}", bibtex), field
+    assert f"{{{CITATION['title']}}}" in bibtex
 
 
 def test_the_citation_and_the_readme_name_the_same_thesis() -> None:

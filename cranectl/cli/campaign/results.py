@@ -77,7 +77,12 @@ def show_result(results: "Results", screen: Screen, more: dict[str, Any] | None 
 
 @click.command("replay", cls=Command)
 @click.argument("result", type=click.Path(path_type=Path))
-@click.option("--worst", metavar="N", type=click.IntRange(min=1), help="The N worst runs. Default: 3.")
+@click.option(
+    "--worst",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="The N worst of all controllers and plants. Default: 3.",
+)
 @click.option(
     "--by", "metric", metavar="METRIC", default="max_error_m", show_default=True, help="What is worst."
 )
