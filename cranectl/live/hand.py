@@ -36,7 +36,7 @@ class HandRequest(NamedTuple):
     z: float
 
 
-RELEASED = HandRequest(False, 0.0, 0.0, 0.0)
+RELEASED = HandRequest(False, 0.0, 0.0, 0.0)  # a joystick at its centre
 
 
 class HandReference:

@@ -97,7 +97,7 @@ def _release(lock: FileLock) -> None:
 
 
 class _DiscardedError(Exception):
-    """The file holds no motion."""
+    """Discards a file without motion."""
 
 
 class Recorder:

@@ -48,7 +48,7 @@ class Pace:
         self._due = self._clock()
 
     def wait(self, seconds: float) -> tuple[float, float]:
-        """Return (waiting time, delay given up) after a block of `seconds`; one of them is 0."""
+        """Return (time to wait, lag that is not caught up) after a block of `seconds`; one of them is 0."""
         self._due += seconds
         late = self._clock() - self._due
         if late > MAX_LAG:

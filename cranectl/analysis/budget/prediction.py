@@ -80,34 +80,34 @@ def predict_levels(nominal: LinearisedRun) -> Iterator[Prediction]:
     """
     yield _predict_hold(nominal)
     rest = no_deviation(nominal.loop)
-    path, quantisation_change, unbounded = _Motion(rest, rest.load, rest.load, 0.0), 0.0, ""
-    # Signals are replaced by their means over a sample; a servo of lag tau then has the error T / (2 tau).
+    motion, quantisation_change, unbounded = _Motion(rest, rest.load, rest.load, 0.0), 0.0, ""
+    # Signals are replaced by their means over a sample: a servo of lag tau has a relative error T / (2 tau).
     mean_error = 0.25 * nominal.loop.period / float(nominal.run.scenario.rig.time_constants.min())
     added: tuple[str, ...] = ()
     for level in LEVELS[1:]:
         if level == "noise":
-            yield _add_motion_error(predict_noise(nominal), path, unbounded)
+            yield _add_motion_error(predict_noise(nominal), motion, unbounded)
         elif level == "quantisation":
-            prediction = predict_quantisation(nominal, path.deviation)
+            prediction = predict_quantisation(nominal, motion.deviation)
             quantisation_change = prediction.estimate.max  # another motion has other quantisation errors
-            yield _add_motion_error(prediction, path, unbounded)
+            yield _add_motion_error(prediction, motion, unbounded)
         else:
             added += (level,)
-            deviation, ports, change = _find_motion(nominal, added, path.deviation)
+            deviation, ports, change = _find_motion(nominal, added, motion.deviation)
             second, third = higher_orders(nominal.run, _loop_with(nominal, added), ports, deviation)
             higher = _Motion(deviation, second.load, third.load, change)
-            load = higher.deviation.load - path.deviation.load
-            size, uncertainty = size_of(load), higher.change + path.change + quantisation_change
+            load = higher.deviation.load - motion.deviation.load
+            size, uncertainty = size_of(load), higher.change + motion.change + quantisation_change
             if level == "friction":
-                bound = _bound_friction(nominal, added, path, higher, uncertainty)
+                bound = _bound_friction(nominal, added, motion, higher, uncertainty)
             elif load.any():
-                uncertainty += mean_error * size_of(path.deviation.load).max
-                bound = _bound(size.max, _truncation_error(path, higher), uncertainty)
+                uncertainty += mean_error * size_of(motion.deviation.load).max
+                bound = _bound(size.max, _truncation_error(motion, higher), uncertainty)
             else:
                 bound = ENGINE_ROUNDING
             yield Prediction(level, size, np.inf if unbounded else bound, load, above=unbounded)
             unbounded = unbounded or (level if bound == np.inf else "")
-            path = higher
+            motion = higher
 
 
 class _Motion(NamedTuple):
@@ -119,9 +119,9 @@ class _Motion(NamedTuple):
     change: float  # of the load in the last iteration [m]
 
 
-def _add_motion_error(prediction: Prediction, path: _Motion, unbounded: str) -> Prediction:
+def _add_motion_error(prediction: Prediction, motion: _Motion, unbounded: str) -> Prediction:
     """Add the error of the motion to the bound of a random effect; no bound above a level without one."""
-    bound = np.inf if unbounded else prediction.bound + 2.0 * path.change
+    bound = np.inf if unbounded else prediction.bound + 2.0 * motion.change
     return replace(prediction, bound=bound, above=unbounded)
 
 
@@ -144,17 +144,17 @@ def _find_motion(
     return deviation, ports, change if is_iterated else 0.0
 
 
-def _truncation_error(below: _Motion, path: _Motion) -> float:
+def _truncation_error(below: _Motion, motion: _Motion) -> float:
     """Return the error [m] of the first-order difference between two predicted motions.
 
     It is infinite if the third-order term exceeds half of the second-order term, because the series may then
     diverge: as in Newton's method, each term grows with the square of the one before. It is also infinite if
     the iteration has not converged.
     """
-    second, third = size_of(path.second - below.second).max, size_of(path.third - below.third).max
-    whole = size_of(path.second).max
-    has_converged = path.change <= CONVERGENCE_TOLERANCE * size_of(path.deviation.load).max
-    if not has_converged or size_of(path.third).max > max(0.5 * whole, ENGINE_ROUNDING):
+    second, third = size_of(motion.second - below.second).max, size_of(motion.third - below.third).max
+    whole = size_of(motion.second).max
+    has_converged = motion.change <= CONVERGENCE_TOLERANCE * size_of(motion.deviation.load).max
+    if not has_converged or size_of(motion.third).max > max(0.5 * whole, ENGINE_ROUNDING):
         return np.inf
     return second + 2.0 * third
 
@@ -201,9 +201,9 @@ def _predict_hold(nominal: LinearisedRun) -> Prediction:
     second, third = higher_orders(run, loop, Ports(*(-part for part in ports)), back)
     rest = _Motion(back, np.zeros_like(last), np.zeros_like(last), 0.0)
     uncertainty = size_of(last - before).max + HOLD_SERIES_RATIO * size_of(last - first).max
-    path = _Motion(back, second.load, third.load, 0.0)
+    motion = _Motion(back, second.load, third.load, 0.0)
     size = size_of(last)
-    return Prediction("sampled", size, _bound(size.max, _truncation_error(rest, path), uncertainty), last)
+    return Prediction("sampled", size, _bound(size.max, _truncation_error(rest, motion), uncertainty), last)
 
 
 def _bound_friction(
@@ -214,7 +214,7 @@ def _bound_friction(
     The higher orders and the effect of the observer on the motion `higher` are scaled to the worst case.
     """
     loop, friction = _loop_with(nominal, effects), friction_port(nominal.run, nominal.effects.friction)
-    worst = max(worst_friction(loop, friction, path.deviation) for path in (below, higher))
+    worst = max(worst_friction(loop, friction, motion.deviation) for motion in (below, higher))
     size = size_of(higher.deviation.load - below.deviation.load).max
     without = tuple(name for name in effects if name != "observer")
     motions = [_find_motion(nominal, names, below.deviation)[0].load for names in (without, without[:-1])]
