@@ -1,4 +1,4 @@
-"""Run the fidelity ladder: from the theoretical ideal to the rig, with one more effect at each level."""
+"""Run the fidelity ladder: from the theoretical ideal to the real crane, one more effect at each level."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
@@ -24,7 +24,7 @@ Progress = Callable[[float], None]  # called with simulated seconds
 
 MEAN_ROUNDING = 1e-12  # relative, of a mean of squares
 
-MORE_RUNS = 4  # runs that a ladder holds in memory besides one for each level
+EXTRA_RUNS = 4  # runs in memory in addition to one for each level
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Size:
 class LevelResult:
     """The results of one level.
 
-    Deviations are None for a run without samples. The fields `alone` are None for levels before the first
+    Deviations are None for a run without samples. The fields `alone…` are None for levels before the first
     effect.
     """
 
@@ -89,29 +89,31 @@ def evaluate_levels(
         raise unknown_name("fidelity level", top, NAMES)
     design = controller_design(controller or scenario.controller.name, scenario)
     names = NAMES[: NAMES.index(top) + 1]
-    check_several(scenario, design, len(names) + MORE_RUNS, "a ladder", most=MAX_BYTES)
+    check_several(scenario, design, len(names) + EXTRA_RUNS, "a ladder", most=MAX_BYTES)
     added = [name for name in names if name in EFFECT_LEVELS]
     alone = {name: with_effects(scenario, [name]) for name in added}
-    whole = {name: with_effects(scenario, added[: k + 1]) for k, name in enumerate(added)}
-    check_steps(scenario, [*alone.values(), *whole.values()])
+    cumulative = {name: with_effects(scenario, added[: k + 1]) for k, name in enumerate(added)}
+    check_steps(scenario, [*alone.values(), *cumulative.values()])
 
-    def simulated(level: Level, tried: Scenario) -> Run:
+    def simulate(level: Level, variant: Scenario) -> Run:
         if level.name != "continuous":
-            return simulate_run(tried, plant=level.plant, drive=level.drive, design=design, progress=progress)
+            return simulate_run(
+                variant, plant=level.plant, drive=level.drive, design=design, progress=progress
+            )
         if progress is not None:
             progress(scenario.duration)
-        return simulate_continuous(tried, only_flat(design))
+        return simulate_continuous(variant, only_flat(design))
 
     before: Run | None = None
     base: Run | None = None
     for level in LEVELS[: len(names)]:
         if level.name == "continuous" and design.axis_design is None:
-            continue  # theory knows the flat family only
-        run = simulated(level, whole.get(level.name) or with_effects(scenario, []))
+            continue  # only the flat family has a continuous-time ideal
+        run = simulate(level, cumulative.get(level.name) or with_effects(scenario, []))
         result = LevelResult(level, run, run_metrics(run), deviation(run, before) if before else None)
         if base is not None:
-            # The first effect level has no other effect, so its run serves twice.
-            single = run if level.name == added[0] else simulated(level, alone[level.name])
+            # At the first effect level, the run has no other effect anyway.
+            single = run if level.name == added[0] else simulate(level, alone[level.name])
             result = replace(
                 result,
                 alone=deviation(single, base),
@@ -125,8 +127,8 @@ def evaluate_levels(
 def check_steps(scenario: Scenario, variants: Iterable[Scenario]) -> None:
     """Raise InputError if the physics step is too long for one of `variants`, which differ only in effects.
 
-    The error names a step that is short enough for all of them. It also raises InputError if the reference
-    exceeds a limit of a variant.
+    The error names a step that is short enough for all of them. A reference that exceeds a limit of a variant
+    is an InputError too.
     """
     shortest, errors = plan_scenario(scenario).shortest_rope, []
     for variant in variants:

@@ -25,7 +25,7 @@ from urllib.parse import urlsplit
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of, software_of
 from cranectl.campaign.table import Row
-from cranectl.campaign.worker import Prepared, Stop, StoppedError, Worker
+from cranectl.campaign.worker import PreparedCampaign, Stop, StoppedError, Worker
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
 from cranectl.controllers.registry import runs_alone
 from cranectl.loaders.opening import ControllerFile, open_again
@@ -271,7 +271,7 @@ def _check_software(versions: Mapping[str, str], wanted: Mapping[str, str], host
 
 
 @functools.lru_cache(maxsize=2)
-def _prepared(packed_manifest: bytes) -> Prepared:
+def _prepared(packed_manifest: bytes) -> PreparedCampaign:
     """Prepare a campaign once in each process; raise InputError if the manifest names other software."""
     from distributed import get_worker
 
@@ -279,7 +279,7 @@ def _prepared(packed_manifest: bytes) -> Prepared:
     open_again(files)
     here = software_of(manifest["campaign"]["plants"], manifest["campaign"]["controllers"])
     _check_software(here, manifest["versions"], f"worker {get_worker().address}")
-    return Prepared(campaign_of(manifest, "the manifest of the campaign"))
+    return PreparedCampaign(campaign_of(manifest, "the manifest of the campaign"))
 
 
 def _cancelled() -> Stop:

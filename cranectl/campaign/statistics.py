@@ -33,8 +33,8 @@ def quantiles(values: Array, at: tuple[float, ...] = LEVELS) -> Array:
 def empirical_distribution(values: Array, most: int = 400) -> tuple[Array, Array]:
     """Return the steps (x, F(x)) of the empirical distribution function of (n,) values.
 
-    NaN counts as larger than all numbers, so F then ends below 1. Of more than `most` steps, evenly spaced
-    ones remain.
+    NaN counts as larger than all numbers, so F then ends below 1. If there are more than `most` steps, it
+    returns `most` evenly spaced ones.
     """
     finite = np.sort(values[~np.isnan(values)])
     steps = np.arange(1, finite.size + 1)
@@ -85,11 +85,12 @@ def noise_floor(n: int, tests: int) -> float:
 
 
 def between_bins(bins_by_parameter: Sequence[Bins], y: Array) -> tuple[Array, Array]:
-    """Return how much ranks of `y` (n,) differ between bins of each parameter: η and p, shape (d,) each.
+    """Return how much the ranks of `y` (n,) differ between bins of each parameter: η and p, shape (d,) each.
 
     η² is the share of the ranks' variance between the bins, and p the p-value of the Kruskal-Wallis test.
-    Unlike ρ, it finds an error that grows with a disturbance in either direction. Rows without `y` are left
-    out. η is NaN and p is 1 if fewer than two bins have MIN_BIN_ROWS rows.
+    Unlike ρ, η detects a relation that is not monotonic, such as an error that grows with a disturbance in
+    either direction. Rows without `y` are left out. η is NaN and p is 1 if fewer than two bins have
+    MIN_BIN_ROWS rows.
     """
     from scipy.stats import chi2, rankdata
 
@@ -123,18 +124,18 @@ def kolmogorov_smirnov(a: Array, b: Array) -> tuple[float, float]:
     return float(test.statistic), float(test.pvalue)
 
 
-def sign_test(fewer: int, more: int) -> float:
-    """Return the probability of so uneven a split, or a more uneven one, if both sides are equally likely.
+def sign_test(first: int, second: int) -> float:
+    """Return the two-sided p-value of two counts under the hypothesis that both cases are equally likely.
 
     For differences this is the sign test without ties, and for failures McNemar's exact test.
     """
     from scipy.stats import binomtest
 
-    return float(binomtest(min(fewer, more), fewer + more).pvalue) if fewer + more else 1.0
+    return float(binomtest(min(first, second), first + second).pvalue) if first + second else 1.0
 
 
 def equal_bins(values: Array, most: int) -> Bins:
-    """Sort (n,) values, divide them into up to `most` bins of equal size, and return the indices in each.
+    """Divide the indices of (n,) values into up to `most` bins of equal size, in the order of the values.
 
     Equal values share a bin, so bins of discrete values may differ in size. NaN is left out.
     """

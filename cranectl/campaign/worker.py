@@ -1,4 +1,4 @@
-"""Run one batch of a campaign: the bits of its rows depend on the campaign only."""
+"""Run one batch of a campaign. Its rows depend on the campaign only, to the last bit."""
 
 import functools
 import threading
@@ -26,10 +26,10 @@ from cranectl.support.errors import InputError, MachineError, is_of_machine, tri
 
 Stop = Callable[[], bool]
 
-DRAWN_TOGETHER = 8192  # samples drawn at a time: for some methods a single one takes as long
+SAMPLE_BLOCK = 8192  # samples drawn at a time, because some methods need as long for a single one
 CACHED_PERIODS = 16  # control periods whose references and controllers are cached
 BLOCK = 1000  # control samples of a run in memory at a time
-DESIGNING = threading.Lock()  # some design libraries are not safe for several threads
+DESIGN_LOCK = threading.Lock()  # some design libraries are not safe for several threads
 
 
 class PreparedController(NamedTuple):
@@ -41,22 +41,22 @@ class PreparedController(NamedTuple):
     width: int  # columns of its record
 
 
-class Prepared:
-    """What all workers share: the controllers and their reference on the nominal crane, and the samples."""
+class PreparedCampaign:
+    """The samples of a campaign, with controllers and references for the nominal crane, for all workers."""
 
     def __init__(self, campaign: Campaign, controllers: Sequence[str] | None = None) -> None:
         """Design all controllers; raise InputError if one of them cannot run."""
         self.campaign = campaign
         names = campaign.settings.controllers if controllers is None else controllers
-        self._drawn = functools.lru_cache(maxsize=4)(self._draw)
-        self._planned = functools.lru_cache(maxsize=CACHED_PERIODS)(plan_reference)
-        self._made = functools.lru_cache(maxsize=CACHED_PERIODS * len(names))(self._make)
+        self._sample_block = functools.lru_cache(maxsize=4)(self._draw)
+        self._reference = functools.lru_cache(maxsize=CACHED_PERIODS)(plan_reference)
+        self._controller = functools.lru_cache(maxsize=CACHED_PERIODS * len(names))(self._prepare)
         self._lock = threading.Lock()
         check_planned(campaign.nominal, others=_cached_periods(campaign))
-        with DESIGNING:
+        with DESIGN_LOCK:
             self._designs = {name: controller_design(name, campaign.nominal) for name in names}
             for name in names:
-                self._made(name, campaign.nominal)
+                self._controller(name, campaign.nominal)
 
     def controller(self, name: str, sampled: Scenario) -> PreparedController:
         """Return the controller `name` for the control period of a sample.
@@ -64,22 +64,22 @@ class Prepared:
         Raises InputError if the controller refuses that period.
         """
         with self._lock:
-            return self._made(name, nominal_scenario(self.campaign, sampled))
+            return self._controller(name, nominal_scenario(self.campaign, sampled))
 
     def values(self, sample: int) -> Array:
         """Return the values (d,) of one sample."""
         with self._lock:
-            row: Array = self._drawn(sample // DRAWN_TOGETHER)[sample % DRAWN_TOGETHER]
+            row: Array = self._sample_block(sample // SAMPLE_BLOCK)[sample % SAMPLE_BLOCK]
         return row
 
     def _draw(self, block: int) -> Array:
-        first = block * DRAWN_TOGETHER
-        return sample_values(self.campaign, first, min(first + DRAWN_TOGETHER, self.campaign.runs))
+        first = block * SAMPLE_BLOCK
+        return sample_values(self.campaign, first, min(first + SAMPLE_BLOCK, self.campaign.runs))
 
-    def _make(self, name: str, nominal: Scenario) -> PreparedController:
-        design, planned = self._designs[name], self._planned(nominal)
-        compiled = prepare_controller(nominal, design, self.campaign.settings.drive, planned)
-        return PreparedController(nominal, planned, compiled, record_width(design))
+    def _prepare(self, name: str, nominal: Scenario) -> PreparedController:
+        design, reference = self._designs[name], self._reference(nominal)
+        compiled = prepare_controller(nominal, design, self.campaign.settings.drive, reference)
+        return PreparedController(nominal, reference, compiled, record_width(design))
 
 
 def _cached_periods(campaign: Campaign) -> list[Scenario]:
@@ -108,9 +108,9 @@ class RunEnd(NamedTuple):
 
 
 class Worker:
-    """Runs batches in one thread; every worker gives the same rows, whatever it ran before."""
+    """Runs batches in one thread; its rows do not depend on what it has run before."""
 
-    def __init__(self, prepared: Prepared) -> None:
+    def __init__(self, prepared: PreparedCampaign) -> None:
         self._prepared = prepared
         self._plants: dict[tuple[str, int], Plant] = {}  # by name and number of steps in a control period
         self._records: dict[int, Array] = {}  # by number of columns
@@ -122,17 +122,17 @@ class Worker:
         Raises StoppedError soon after `stop` returns True, and MachineError if the machine fails again.
         """
         samples = range(batch.first, batch.last)
-        return [tried_again(functools.partial(self._try, batch, sample, stop)) for sample in samples]
+        return [tried_again(functools.partial(self._run_sample, batch, sample, stop)) for sample in samples]
 
     def close(self) -> None:
         """Do nothing: this worker has no process to end."""
 
-    def _try(self, batch: Batch, sample: int, stop: Stop) -> Row:
+    def _run_sample(self, batch: Batch, sample: int, stop: Stop) -> Row:
         """Run one sample; an error of controller or plant gives a failed row with its reason."""
         campaign, values = self._prepared.campaign, self._prepared.values(sample)
         try:
             scenario = sampled_scenario(campaign, values, f"sample {sample}")
-            ended = self._run(batch, scenario, stop)
+            end = self._run(batch, scenario, stop)
         except StoppedError:
             raise
         except Exception as error:
@@ -140,8 +140,8 @@ class Worker:
             if is_of_machine(error):
                 text = f"{_reason(error)}, in sample {sample} with {batch.controller} on {batch.plant}"
                 raise MachineError.of(text) from error
-            ended = RunEnd(FAILED, _reason(error))
-        return row_of(self._prepared, batch, sample, ended)
+            end = RunEnd(FAILED, _reason(error))
+        return row_of(self._prepared, batch, sample, end)
 
     def _run(self, batch: Batch, scenario: Scenario, stop: Stop) -> RunEnd:
         controller = self._prepared.controller(batch.controller, scenario)
@@ -163,9 +163,7 @@ class Worker:
                 raise StoppedError
 
         record = self._records.setdefault(controller.width, np.zeros((BLOCK, controller.width)))
-        run.advance(
-            run.inputs, run.path, record, run.memory, 0, 0
-        )  # compiles, so that the run itself is quick
+        run.advance(run.inputs, run.path, record, run.memory, 0, 0)  # compiles the loop before the run
         if stop():
             raise StoppedError
         end_ns, status = stream_run(run, plan, record, measure)
@@ -174,7 +172,7 @@ class Worker:
         return RunEnd(status.label, reason, end_ns / NANOSECONDS, metrics)
 
     def _plant(self, name: str, scenario: Scenario) -> Plant:
-        """Return a plant for `scenario`: an earlier one with new parameters if possible, else a new one."""
+        """Return a plant for `scenario`; reuse an earlier one with new parameters if possible."""
         drive = self._prepared.campaign.settings.drive
         plant = self._plants.get((name, scenario.substeps))
         if plant is not None:
@@ -185,17 +183,17 @@ class Worker:
         return new
 
 
-def row_of(prepared: Prepared, batch: Batch, sample: int, ended: RunEnd) -> Row:
-    """Return the row of a run that ended as `ended` says."""
+def row_of(prepared: PreparedCampaign, batch: Batch, sample: int, end: RunEnd) -> Row:
+    """Return the row of a run with this `end` in the table of results."""
     return {
         "sample": sample,
         "plant": batch.plant,
         "controller": batch.controller,
-        "status": ended.status,
-        "reason": ended.reason,
-        "end_s": ended.end_s,
+        "status": end.status,
+        "reason": end.reason,
+        "end_s": end.end_s,
         **dict(zip(prepared.campaign.names, map(float, prepared.values(sample)), strict=True)),
-        **metric_values(ended.metrics),
+        **metric_values(end.metrics),
     }
 
 

@@ -1,12 +1,12 @@
 """Run the batches of a campaign: in threads of this process, or on a cluster.
 
-Threads suffice for our own controllers, because the compiled loops release the interpreter's lock. A
-controller from a file runs in a child process for two reasons. It may end its process or never return: its
-row then gives this reason, and the next run has a new process. And one in Python holds the interpreter's
-lock, which all threads share. Child processes serve several campaigns, because a start takes a second and a
-controller takes time to compile.
+Threads suffice for the controllers of cranectl, because the compiled loops release the global interpreter
+lock (GIL). A controller from a file runs in a child process for two reasons. It may end its process or never
+return; its row then gives this reason, and the next run has a new process. A controller in Python holds the
+GIL, so threads would not run in parallel. Child processes serve several campaigns, because a start takes a
+second and a controller takes time to compile.
 
-The rows and their bits depend neither on the number of workers nor on the order of batches.
+The rows depend neither on the number of workers nor on the order of batches, to the last bit.
 """
 
 import threading
@@ -22,7 +22,7 @@ from typing import Self
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of
 from cranectl.campaign.table import FAILED, Row
-from cranectl.campaign.worker import Prepared, RunEnd, Stop, StoppedError, Worker, row_of
+from cranectl.campaign.worker import PreparedCampaign, RunEnd, Stop, StoppedError, Worker, row_of
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
 from cranectl.controllers.registry import controller_digests, runs_alone
 from cranectl.loaders.opening import open_again
@@ -69,41 +69,42 @@ def run_batches(
     takes the process from `children` and gives it back, so that the next campaign can use it. Without
     `children` all processes end with this call.
 
-    When the caller leaves the loop, for example because of Ctrl-C, the workers drop their batches within
-    milliseconds. Raises InputError if the nominal crane cannot be run. Raises StoppedError soon after `stop`
-    returns True, which another thread may decide. Other errors of a worker are raised too, but an error of
-    one sample becomes its row.
+    When the caller leaves the loop, for example because of Ctrl-C, the workers abandon their batches within
+    milliseconds. Raises InputError if the nominal crane cannot be run, and StoppedError soon after `stop`
+    returns True. Other errors of a worker are raised too. An error in one sample is not raised: the row of
+    this sample reports it.
     """
-    prepared = Prepared(campaign, tuple(dict.fromkeys(batch.controller for batch in batches)))
-    is_left, of_thread = threading.Event(), threading.local()
+    prepared = PreparedCampaign(campaign, tuple(dict.fromkeys(batch.controller for batch in batches)))
+    is_abandoned, thread_state = threading.Event(), threading.local()
     started: list[Worker | ChildWorker] = []
 
     def must_stop() -> bool:
-        return is_left.is_set() or stop()
+        return is_abandoned.is_set() or stop()
 
     def run(batch: Batch) -> tuple[Batch, list[Row]]:
         if must_stop():
             raise StoppedError
-        if not hasattr(of_thread, "worker"):
-            of_thread.worker = make_worker(prepared, own_children if children is None else children, patience)
-            started.append(of_thread.worker)
-        return batch, of_thread.worker.run_batch(batch, must_stop)
+        if not hasattr(thread_state, "worker"):
+            pool_of_children = own_children if children is None else children
+            thread_state.worker = make_worker(prepared, pool_of_children, patience)
+            started.append(thread_state.worker)
+        return batch, thread_state.worker.run_batch(batch, must_stop)
 
     count = 1 if runs_alone(campaign.settings.controllers) else max(1, min(workers, len(batches)))
     with Children() as own_children, ThreadPoolExecutor(count, thread_name_prefix="worker") as pool:
         try:
-            # No variable holds the list: each result is freed once the caller has it.
+            # No variable refers to the list, so each result is freed when the caller no longer needs it.
             for future in as_completed([pool.submit(run, batch) for batch in batches]):
                 yield future.result()
         finally:
-            is_left.set()
+            is_abandoned.set()
             pool.shutdown(cancel_futures=True)
             for worker in started:
                 worker.close()
 
 
 def make_worker(
-    prepared: Prepared, children: "Children", patience: float = BLOCK_TIMEOUT
+    prepared: PreparedCampaign, children: "Children", patience: float = BLOCK_TIMEOUT
 ) -> "Worker | ChildWorker":
     """Make the worker of one thread; it runs controllers from files in one of `children`.
 
@@ -121,7 +122,8 @@ def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
     """
     total = 0.0
     with Children() as children:
-        worker = make_worker(Prepared(campaign), children, inf)  # no timeout: the user can interrupt it
+        # No timeout, because the user can interrupt it.
+        worker = make_worker(PreparedCampaign(campaign), children, inf)
         for plant, controller in campaign.groups:
             batch = Batch(plant, controller, 0, 1)
             worker.run_batch(batch)
@@ -143,7 +145,7 @@ class Children:
         try:
             child = self._idle.pop()
         except IndexError:
-            child = spawn_child(_work)
+            child = spawn_child(_serve_requests)
         child.send((manifest_of(campaign), OPEN.share(campaign.settings.controllers)))
         return child
 
@@ -162,7 +164,7 @@ class Children:
 class ChildWorker:
     """Runs batches as `Worker` does, in a child process; `close` gives the process back."""
 
-    def __init__(self, prepared: Prepared, children: Children, patience: float) -> None:
+    def __init__(self, prepared: PreparedCampaign, children: Children, patience: float) -> None:
         """Make a worker without a child process yet; a block of a run may take `patience` [s]."""
         self._prepared, self._children, self._patience = prepared, children, patience
         self._child: Child | None = None
@@ -200,15 +202,15 @@ class ChildWorker:
             self._end()
             if error.is_killed:
                 raise MachineError.of(f"a worker with {batch.controller} {error}, from outside") from None
-            ended = RunEnd(FAILED, f"{batch.controller} {error}")
-            return row_of(self._prepared, batch, batch.first, ended)
+            end = RunEnd(FAILED, f"{batch.controller} {error}")
+            return row_of(self._prepared, batch, batch.first, end)
         except (InputError, StoppedError):
             self._end()
             raise
         return row
 
 
-def _work(connection: Connection) -> None:
+def _serve_requests(connection: Connection) -> None:
     """Serve requests in the child process: the start of a campaign, or a batch of one sample.
 
     For a batch it sends None at the start and after each block, and at the end a row or an error.
@@ -222,7 +224,7 @@ def _work(connection: Connection) -> None:
 
     for request in requests(connection):
         if not isinstance(request, Batch):
-            worker = _prepared(*request)
+            worker = _make_worker(*request)
         elif isinstance(worker, InputError):
             connection.send(worker)
         else:
@@ -235,14 +237,14 @@ def _work(connection: Connection) -> None:
                 connection.send(row)
 
 
-def _prepared(manifest: Table, shared: SharedControllers) -> Worker | InputError:
+def _make_worker(manifest: Table, shared: SharedControllers) -> Worker | InputError:
     """Return a worker for a campaign, or the error that prevents it.
 
     The parent has prepared the same campaign, so an error other than InputError comes from the machine.
     """
     try:
         open_again(shared)
-        return Worker(Prepared(campaign_of(manifest, "the manifest of the campaign")))
+        return Worker(PreparedCampaign(campaign_of(manifest, "the manifest of the campaign")))
     except Exception as error:
         if isinstance(error, InputError) and not is_of_machine(error):
             return error

@@ -1,4 +1,4 @@
-"""A validation: the results of many cases, for tables, JSON, JUnit XML and pages."""
+"""Collect the results of many cases in a validation, for tables, JSON, JUnit XML and pages."""
 
 import math
 import shlex
@@ -22,14 +22,14 @@ Kind = Literal["passed", "failed", "error"]  # error: no result
 
 
 class Verdict(NamedTuple):
-    """Verdict on a case, or without controller and drive on a scenario that cannot be loaded."""
+    """Verdict on a case, or on a scenario that cannot be loaded (without controller and drive)."""
 
     scenario: str  # name or file, as requested
     controller: str
     drive: str
     plants: tuple[str, ...]
     kind: Kind
-    faults: tuple[str, ...]  # sentences, none if it passed
+    faults: tuple[str, ...]  # sentences that say why it did not pass
     log: str  # empty without a log
     overrun: float = math.inf  # largest ratio of a value to its limit; inf for an unexpected end
 
@@ -50,24 +50,24 @@ class CaseVerdict(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Controller and drives, in words."""
+        """Controller and drives in words."""
         return f"{self.verdict.controller} with {self.verdict.drive} drives"
 
     @property
-    def badness(self) -> tuple[bool, float]:
+    def sort_key(self) -> tuple[bool, float]:
         """Key that sorts cases, the worst last."""
         return self.verdict.kind != "passed", self.verdict.overrun
 
 
 class JudgedValue(NamedTuple):
-    """A value and its limit, in one unit."""
+    """A value and its limit in the same unit, as text."""
 
     key: str  # name of a metric, or PLANTS
     name: str
     limit: str
     measured: str
-    kept: bool
-    overrun: float
+    kept: bool  # whether the value is within the limit
+    overrun: float  # ratio of value and limit
     sign: str = "≤"
 
     @property
@@ -90,8 +90,8 @@ class Validation:
     def __post_init__(self) -> None:
         """Raise InconsistentError unless every case has exactly one outcome."""
         failed = sum(isinstance(result, Failure) for result in self.outcome.results)
-        lost = sum(result is None for result in self.outcome.results)
-        check_sum("the number of cases", len(self.cases), (len(self.finished), failed, lost))
+        missing = sum(result is None for result in self.outcome.results)
+        check_sum("the number of cases", len(self.cases), (len(self.finished), failed, missing))
 
     @property
     def results(self) -> list[tuple[Case, CaseResult]]:
@@ -115,12 +115,12 @@ class Validation:
 
     @property
     def other_failures(self) -> list[str]:
-        """Other failures of each agreement's case, in words or empty."""
+        """Other failures of the case of each agreement, in words; empty if there are none."""
         return [result.other_failures for result in self.finished for _ in result.agreements]
 
     @property
-    def lost(self) -> list[Case]:
-        """Cases without result, because of an interrupt or a dead worker."""
+    def without_result(self) -> list[Case]:
+        """Cases without result, because of an interrupt or the end of a worker process."""
         return [case for case, result in self._pairs() if result is None]
 
     @property
@@ -133,8 +133,8 @@ class Validation:
         return failed + [(case.source, case, result) for case, result in pairs if isinstance(result, Failure)]
 
     @property
-    def why_lost(self) -> str:
-        """The common reason of all lost cases."""
+    def missing_reason(self) -> str:
+        """The reason why cases have no result, the same for all of them."""
         return "interrupted before it ran" if self.outcome.interrupted else "its worker process died"
 
     @property
@@ -157,7 +157,7 @@ class Validation:
             kind, log = "passed" if result.passed else "failed", str(result.log or "")
             faults = tuple(_faults(result))
         else:
-            faults = (result.reason if result is not None else f"no result: {self.why_lost}",)
+            faults = (result.reason if result is not None else f"no result: {self.missing_reason}",)
         return Verdict(case.source, case.controller, case.drive, case.plants, kind, faults, log, overrun)
 
     def to_json(self, *, passed: bool) -> dict[str, Any]:
@@ -178,7 +178,7 @@ class Validation:
             ],
             "lost": [
                 {"scenario": case.scenario.name, "controller": case.controller, "drive": case.drive}
-                for case in self.lost
+                for case in self.without_result
             ],
         }
 
@@ -199,7 +199,7 @@ def _overrun(result: CaseResult) -> float:
 
 
 def _faults(result: CaseResult) -> Iterator[str]:
-    """Yield a sentence for each fault."""
+    """Yield a sentence for each reason why the case does not pass."""
     for run in result.runs:
         if run.status.label != result.expected:
             yield f"{run.plant} ends with {run.status.label} at {run.end_s:g} s, expected {result.expected}"
@@ -218,7 +218,7 @@ def _faults(result: CaseResult) -> Iterator[str]:
 
 
 def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:
-    """Return JUnit XML with a test case per verdict in a class per scenario; equal verdicts, equal text."""
+    """Return JUnit XML with a class for each scenario and a test case for each verdict."""
     count = {kind: sum(verdict.kind == kind for verdict in verdicts) for kind in ("failed", "error")}
     totals = {"tests": str(len(verdicts)), "failures": str(count["failed"]), "errors": str(count["error"])}
     root = ElementTree.Element("testsuites", totals)
@@ -248,7 +248,7 @@ def _printable(text: str) -> str:
 
 
 def judged_values(result: CaseResult) -> Iterator[JudgedValue]:
-    """Yield each limit once, as `judged_limits` does, and the largest difference between the plants."""
+    """Yield each limit once, as `judged_limits` does, and the largest difference of plants over its limit."""
     reference = reference_plant(run.plant for run in result.runs)
     for run, limit in judged_limits(result.runs):
         yield _judged_limit(limit, "" if run.plant == reference else run.plant)
@@ -258,7 +258,7 @@ def judged_values(result: CaseResult) -> Iterator[JudgedValue]:
 
 
 def _judged_limit(limit: LimitVerdict, plant: str) -> JudgedValue:
-    """Return a limit on a metric in a readable unit; `plant` is named if it is not empty."""
+    """Return a limit on a metric in a readable unit; the name mentions `plant` if it is not empty."""
     metric = next(metric for metric in all_metrics() if metric.name == limit.metric)
     factor, unit = scaled(metric.unit, max(abs(limit.value or 0.0), limit.limit))
     if metric.unit == "rad":

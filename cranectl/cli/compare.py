@@ -170,7 +170,7 @@ def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
 def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> int:
     """Compare the plants of one log, judged as by the run that wrote it."""
     from cranectl.cases.case import CaseResult, RunSummary
-    from cranectl.compare.agreement import against_reference, judge, least_good
+    from cranectl.compare.agreement import against_reference, judge, worst_agreement
     from cranectl.compare.runs import compare_runs
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table
 
@@ -205,7 +205,7 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
             "passed": judged.passed,
             "plants_agree": judged.plants_agree,
             "limits_kept": judged.limits_kept,
-            "agreement": least_good(judged.agreements).to_json(),
+            "agreement": worst_agreement(judged.agreements).to_json(),
             "agreements": [agreement.to_json() for agreement in judged.agreements],
             "statuses": statuses,
             "comparisons": [comparison.to_json() for comparison in comparisons],

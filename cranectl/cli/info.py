@@ -77,7 +77,7 @@ def _tell_plants(
     description: "LogDescription", layers: Mapping[str, "Layer"], screen: Screen
 ) -> dict[str, Any]:
     """Print what the runs of one scenario are, and how they agree; return it as plain data."""
-    from cranectl.compare.agreement import against_reference, judge, least_good
+    from cranectl.compare.agreement import against_reference, judge, worst_agreement
     from cranectl.log.events import origins
     from cranectl.planning.review import add_claims
     from cranectl.report.run.differences import settings_table
@@ -118,7 +118,7 @@ def _tell_plants(
     return {
         **_asked(run_list[0]),
         "runs": [_outcome(run) for run in run_list],
-        "agreement": least_good(agreements).to_json() if agreements else None,
+        "agreement": worst_agreement(agreements).to_json() if agreements else None,
         "agreements": [agreement.to_json() for agreement in agreements],
         "software_differences": software,
     }

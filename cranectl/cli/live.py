@@ -65,8 +65,8 @@ def live_command(
     from cranectl.controllers.registry import controller_design, controller_names
     from cranectl.live.child_session import ChildSession
     from cranectl.live.commands import Controls
-    from cranectl.live.guard import checked_origin, complaints
-    from cranectl.live.recorder import own_place
+    from cranectl.live.guard import checked_origin, report_warnings
+    from cranectl.live.recorder import reserve_recording
     from cranectl.live.server import LiveServer
     from cranectl.live.session import Session
     from cranectl.live.viewers import Address
@@ -82,15 +82,21 @@ def live_command(
 
         with writing(layout):
             write_text(layout, layout_json("live", plants=plants, rig=loaded.limited_rig))
-    made = ChildSession if OPEN.files else Session
-    session = made(loaded, design, plants=plants, drive=checked_drive(drive))
+    session_type = ChildSession if OPEN.files else Session
+    session = session_type(loaded, design, plants=plants, drive=checked_drive(drive))
     address = Address(host, port, tuple(map(checked_origin, origins)))
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
-    wanted = record or log.with_stem(f"{log.stem}-live")
-    every = [(plant, session.drive, name) for plant in plants for name in {design.name, *controller_names()}]
-    tell_idle(Screen(), idle_lines(loaded, request, every))  # of which one may choose
-    with _until_ended() as stop, complaints(_warn), own_place(wanted, numbered=record is None) as folder:
-        server = LiveServer(session, controls, address, folder)
+    requested = record or log.with_stem(f"{log.stem}-live")
+    choices = [
+        (plant, session.drive, name) for plant in plants for name in {design.name, *controller_names()}
+    ]
+    tell_idle(Screen(), idle_lines(loaded, request, choices))  # the user may choose any of them
+    with (
+        _until_ended() as stop,
+        report_warnings(_warn),
+        reserve_recording(requested, numbered=record is None) as log_file,
+    ):
+        server = LiveServer(session, controls, address, log_file)
         if host not in HERE:
             _warn(
                 f"listening on {host}: anyone who reaches port {server.port} there can "
@@ -101,7 +107,7 @@ def live_command(
         _say(f"view: Foxglove, Open connection, ws://{machine}:{server.port}")
         _say(f"layout: {layout or 'start with --layout view.json for one of this rig'}, to be imported there")
         _say("steer: panels Parameters and Service Call; by hand: Teleop on /wish")
-        _say(f"log: {folder}; Ctrl-C ends the session and closes it")
+        _say(f"log: {log_file}; Ctrl-C ends the session and closes it")
         server.serve(stop)
     for path in server.recorded or ("nothing recorded",):
         _say(f"recorded: {path}")

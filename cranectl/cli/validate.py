@@ -258,8 +258,8 @@ def _tell(validation: "Validation", code: int, out: Path, screen: Screen, *, det
     """Print the results of the cases, and on standard error why some could not be run."""
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table, run_notes
 
-    finished, lost = validation.finished, validation.lost
-    if finished or lost:
+    finished, missing = validation.finished, validation.without_result
+    if finished or missing:
         agreements, runs = validation.agreements, validation.runs
         unjudged = sum(agreement.passed is None for agreement in agreements)
         if details:
@@ -272,9 +272,9 @@ def _tell(validation: "Validation", code: int, out: Path, screen: Screen, *, det
         screen.print_each(notes[:SHOWN_FAILURES], indent="  ")
         if len(notes) > SHOWN_FAILURES:
             screen.print(f"  and {len(notes) - SHOWN_FAILURES} more notes, in --report FILE")
-        for case in lost:
+        for case in missing:
             name = f"{case.source}, {case.controller}, {case.drive}"
-            screen.print(" ", styled(f"{name}: no result, {validation.why_lost}", "bold red"))
+            screen.print(" ", styled(f"{name}: no result, {validation.missing_reason}", "bold red"))
         logs = sum(result.log is not None for result in finished)
         logs_text = "logs" if logs == len(finished) else f"{logs} of {len(finished)} logs"
         screen.print(f"{len(runs)} runs, {logs_text} in {out}" if logs else f"{len(runs)} runs, no log kept")
@@ -324,7 +324,7 @@ def _exit_code(validation: "Validation") -> int:
     if validation.outcome.interrupted:
         return exit_codes.INTERRUPTED
     failures = [failure for _, _, failure in validation.failures]
-    if validation.lost or not all(failure.bad_input for failure in failures):
+    if validation.without_result or not all(failure.bad_input for failure in failures):
         return exit_codes.UNFORESEEN
     if failures:
         return exit_codes.BAD_INPUT

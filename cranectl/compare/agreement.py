@@ -1,8 +1,8 @@
 """Judge whether plants agree: limits of their differences, and a verdict.
 
-All plants solve the same equations with each kind of drive. So the limits of `validation/tolerances.toml`
-bound numerical errors only, and hold for every scenario, controller and rig. A plant whose velocity drives do
-not feel the load is not judged with velocity drives.
+With each kind of drive, all plants solve the same equations. So the limits of `validation/tolerances.toml`
+bound numerical errors only, and hold for every scenario, controller and rig. There is no verdict on a plant
+whose velocity drives do not feel the load.
 """
 
 import functools
@@ -53,16 +53,14 @@ class NoLimits:
 # By a plant and the one it is compared with.
 PairLimits = Mapping[tuple[str, str], AgreementLimits | NoLimits]
 
-ENCODERS = NoLimits(
-    "with an effect that the plants integrate differently, an encoder may read one step more on one plant, "
-    "and a loop that is hardly stable amplifies this to any size"
+ENCODER_STEPS = NoLimits(
+    "the plants integrate one of the effects differently, so an encoder may read one step more on one plant, "
+    "and a loop near instability amplifies this difference"
 )
-SMOOTHED = NoLimits(
-    "Coulomb's friction of the joint is a smoothed sign in the analytic plant, which never sticks"
-)
-LAGS = NoLimits(
-    "the log's analytic plant has the velocity drives of an earlier version, lags that do not feel the load; "
-    "run it again to judge it"
+SMOOTHED_FRICTION = NoLimits("the analytic plant smooths Coulomb's friction of the joint, so it never sticks")
+EARLIER_DRIVES = NoLimits(
+    "the analytic plant of this log has the velocity drives of an earlier version, lags that do not feel the "
+    "load; run it again to judge it"
 )
 
 
@@ -79,20 +77,20 @@ def limits_for(scenario: Scenario, drive: Drive, plants: Iterable[str]) -> PairL
 
 def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> AgreementLimits | NoLimits:
     """Return the limits of two plants in closed loop, or the reason why there are none."""
-    blind = [plant for plant in pair if DRIVES[drive].is_servo and not plant_entry(plant).servos]
-    if blind:
-        label = plant_entry(blind[0]).label
+    without_servos = [plant for plant in pair if DRIVES[drive].is_servo and not plant_entry(plant).servos]
+    if without_servos:
+        label = plant_entry(without_servos[0]).label
         return NoLimits(f"velocity drives of the {label} plant do not feel the load, unlike those of others")
-    known, limits = _closed_loop()["effects"], agreement_limits(drive)
-    if scenario.effects.sensing and len(known.keys() & set(scenario.effects.names)) > 1:
-        return ENCODERS
+    by_effect, limits = _closed_loop()["effects"], agreement_limits(drive)
+    if scenario.effects.sensing and len(by_effect.keys() & set(scenario.effects.names)) > 1:
+        return ENCODER_STEPS
     friction = scenario.effects.friction
     if friction and friction.pivot_coulomb and "analytic" in pair:
-        return SMOOTHED
+        return SMOOTHED_FRICTION
     # Effects add numerical errors; the limits of lengths are those of the laboratory rig.
     size = scenario.rig.rope_range[1] / RigParameters().rope_range[1]
     for name in scenario.effects.names:
-        stated = known.get(name, {})
+        stated = by_effect.get(name, {})
         stated = {**stated, **stated.get(drive, {})}
         if stated:
             limits = replace(
@@ -106,9 +104,9 @@ def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> Agre
 
 def agreement_limits(drive: str) -> AgreementLimits:
     """Return the limits of two plants with this kind of drives in closed loop, without effects."""
-    known = _closed_loop()
-    strictest = known["velocity"]  # for a kind of drives without limits
-    return AgreementLimits(**known.get(drive, strictest))
+    by_drive = _closed_loop()
+    strictest = by_drive["velocity"]  # for a kind of drives without own limits
+    return AgreementLimits(**by_drive.get(drive, strictest))
 
 
 @functools.cache
@@ -120,7 +118,7 @@ def _closed_loop() -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Agreement:
-    """Compare a plant with the reference plant, judged where limits are known.
+    """The differences of a plant from the reference plant, with a verdict if their limits are known.
 
     Parameters
     ----------
@@ -135,7 +133,7 @@ class Agreement:
     limits : str
         Where the limits come from, or why there are none.
     curing_step_s : float or None
-        The `control.physics_step` [s] with which they agree after all.
+        A shorter `control.physics_step` [s] with which they agree.
     """
 
     scenario: str
@@ -181,7 +179,7 @@ def judge(
 ) -> Agreement:
     """Judge the agreement of two plants.
 
-    Plants do not agree if their runs ended with different status, or at times that differ by more than the
+    Plants do not agree if their runs end with a different status, or at times that differ by more than the
     limit. Without limits for this pair there is no verdict.
 
     Parameters
@@ -191,7 +189,7 @@ def judge(
     limits : AgreementLimits or NoLimits, optional
         Limits; by default those that cranectl has for the scenario.
     comparison : Comparison, optional
-        The comparison of the two, if it is known already.
+        The comparison of the two, if it has been computed already.
 
     Returns
     -------
@@ -201,7 +199,7 @@ def judge(
     comparison = comparison or compare_runs(a, b, signals=())
     limits = limits or pair_limits(a.scenario, a.drive, (a.plant, b.plant))
     if ("analytic", "velocity", LAGGING_MODEL) in [(run.plant, run.drive, run.model) for run in (a, b)]:
-        limits = LAGS
+        limits = EARLIER_DRIVES
     known = limits if isinstance(limits, AgreementLimits) else None
     return Agreement(
         scenario=a.scenario.name,
@@ -225,7 +223,7 @@ def all_pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:
     return [(b, a) if a.plant == reference else (a, b) for a, b in pairs]
 
 
-def least_good(agreements: Sequence[Agreement]) -> Agreement:
+def worst_agreement(agreements: Sequence[Agreement]) -> Agreement:
     """Return the first agreement that fails, else the first that is not judged, else the first."""
     return min(agreements, key=lambda agreement: (agreement.passed is not False, agreement.passed is True))
 
@@ -247,10 +245,10 @@ def ended_as_expected(run: Run) -> bool:
 def judge_steps(
     runs: Sequence[Run], limits: AgreementLimits | NoLimits, progress: Progress | None = None
 ) -> Agreement:
-    """Judge as `judge` does; if the plants differ too much, find a step with which they agree.
+    """Judge as `judge` does; if the plants differ too much, find a physics step with which they agree.
 
-    The step follows from the order of the integration, and is tried before it is reported. It is not searched
-    if memory does not suffice or a run was interrupted.
+    The order of the integration gives the step, and new runs confirm it. There is no search if the memory
+    does not suffice or a run was interrupted.
     """
     agreement = judge(*runs, limits=limits)
     if agreement.passed is not False or not isinstance(limits, AgreementLimits):

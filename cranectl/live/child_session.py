@@ -26,8 +26,8 @@ from cranectl.support.errors import InputError, report_to_parent
 class ChildSession:
     """Forwards the calls of `Session` to a session in a child process.
 
-    After the child process has ended, every plant counts as failed and `driven` returns None. The next
-    `reset` starts a new child process.
+    After the child process has ended, every plant counts as failed and `driven_scenario` returns None. The
+    next `reset` starts a new child process.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class ChildSession:
         self._runs = self._start()
         if not self._runs:
             raise InputError(
-                f"{design.name} lets no session begin: its process ended or fell silent",
+                f"the session with {design.name} did not start: its process ended or did not answer in time",
                 allowed="a controller that can be started",
                 remedy="run it first: cranectl run",
             )
@@ -57,7 +57,7 @@ class ChildSession:
         self._ask("prepare", patience=inf)  # this compiles all remaining code
 
     def advance(self, samples: int) -> list[Run]:
-        self._runs = self._ask("advance", samples) or self._failed()
+        self._runs = self._ask("advance", samples) or self._failed_runs()
         return self._runs
 
     def use(self, design: ControllerDesign) -> None:
@@ -70,8 +70,8 @@ class ChildSession:
     def steer(self, request: HandRequest) -> None:
         self._ask("steer", request)
 
-    def driven(self) -> Scenario | None:
-        scenario: Scenario | None = self._ask("driven")
+    def driven_scenario(self) -> Scenario | None:
+        scenario: Scenario | None = self._ask("driven_scenario")
         return scenario
 
     def reset(self) -> None:
@@ -81,22 +81,22 @@ class ChildSession:
         else:
             self._ask("reset")
 
-    def _ask(self, what: str, *arguments: Any, patience: float = 0.0) -> Any:
-        """Return the answer of the session in the child process, or None if there is no child process.
+    def _ask(self, method: str, *arguments: Any, patience: float = 0.0) -> Any:
+        """Call a method of the session in the child process, and return its result.
 
-        Raises the InputError that the session raises.
+        Returns None if there is no child process. Raises the InputError that the session raises.
         """
         if self._child is None:
             return None
         try:
-            self._child.send((what, arguments))
+            self._child.send((method, arguments))
             answer, self.origin_ns, self.now_ns, self.moving = self._child.receive(patience or self._patience)
         except ChildError as error:
             self._child, self.moving, answer = None, False, None
             print(f"cranectl: {self.design.name} {error}", file=sys.stderr)
         return answer
 
-    def _failed(self) -> list[Run]:
+    def _failed_runs(self) -> list[Run]:
         return [
             replace(
                 run,
@@ -111,23 +111,23 @@ class ChildSession:
 
     def _start(self) -> list[Run]:
         """Start the child process and return runs without rows, or an empty list if the process has ended."""
-        made = (self.scenario, self.design, self._names, self.drive, self.origin_ns)
-        self._child = spawn_child(_work, OPEN.share(), made)
+        settings = (self.scenario, self.design, self._names, self.drive, self.origin_ns)
+        self._child = spawn_child(_serve_requests, OPEN.share(), settings)
         return (
             self._ask("advance", 0, patience=inf) or []
         )  # the start imports and may compile, so it has no time limit
 
 
-def _work(connection: Connection, shared: SharedControllers, made: tuple[Any, ...]) -> None:
-    """Serve requests in the child process: call the session, and answer with the result and its position."""
+def _serve_requests(connection: Connection, shared: SharedControllers, settings: tuple[Any, ...]) -> None:
+    """Serve requests in the child process: call the session, and answer with the result and its time."""
     report_to_parent(connection.send)
     open_again(shared)
-    scenario, design, plants, drive, origin_ns = made
+    scenario, design, plants, drive, origin_ns = settings
     session: Session | None = None
-    for what, arguments in requests(connection):
+    for method, arguments in requests(connection):
         try:
             session = session or Session(scenario, design, plants=plants, drive=drive, origin_ns=origin_ns)
-            answer = getattr(session, what)(*arguments)
+            answer = getattr(session, method)(*arguments)
         except InputError as error:
             connection.send(error)
         else:

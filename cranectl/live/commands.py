@@ -17,7 +17,7 @@ import numpy as np
 
 from cranectl.controllers.registry import controller_design, load_controller
 from cranectl.design import ControllerDesign, with_gain
-from cranectl.live.hand import HandRequest, Wishes, check_can_be_driven, checked_number
+from cranectl.live.hand import HandRequest, LatestRequest, check_can_be_driven, checked_number
 from cranectl.live.hand_limits import hand_limits
 from cranectl.reference.driven import HandLimits
 from cranectl.scenario import Scenario
@@ -32,21 +32,21 @@ SPEEDS = (0.05, 20.0)  # times real time
 MAX_PULSE = 50.0  # [rad/s²]
 PULSE = 2.0, 0.2  # [rad/s²] and [s] for the laboratory crane; scaled for other cranes
 GAINS = ("k0", "k1", "k2", "k3")
-LAW = ("controller", *GAINS)
+CONTROLLER_PARAMETERS = ("controller", *GAINS)
 MAX_GAIN = 1e9
 MAX_CHANGES = 100  # in one request, because each refusal takes time and a line in the log
 
 
 @dataclass(frozen=True)
-class Say:
-    """A line of text for all viewers."""
+class LogText:
+    """A line for the log that all viewers show."""
 
     message: str
     warning: bool = False
 
 
 @dataclass(frozen=True)
-class Use:
+class UseController:
     """A change to another controller, whose stability has been checked."""
 
     design: ControllerDesign
@@ -65,17 +65,17 @@ class Reset:
     """A new start of the scenario."""
 
 
-Command = Say | Use | Pulse | HandRequest | Reset
+Command = LogText | UseController | Pulse | HandRequest | Reset
 
 
 class Controls:
-    """The parameters of a session by name, and the commands that result from changes to them."""
+    """Holds the parameters of a session by name, and turns changes to them into commands."""
 
     def __init__(
         self, scenario: Scenario, design: ControllerDesign, *, drive: str = "ideal", speed: float = 1.0
     ) -> None:
         """Set the start values of all parameters; raise InputError for a speed that is not allowed."""
-        self._wishes, self._refused, self._driven = Wishes(), "", False
+        self._latest_request, self._last_refusal, self._driven = LatestRequest(), "", False
         self._scenario, self._design, self._drive = scenario, design, checked_drive(drive)
         self._lock = threading.Lock()
         self._commands: SimpleQueue[Command] = SimpleQueue()
@@ -85,7 +85,7 @@ class Controls:
             "pause": False,
             "speed": checked_number("speed", speed, *SPEEDS),
             "controller": design.name,
-            **tunable(design),
+            **tunable_values(design),
             "pulse_alpha": rounded(PULSE[0] / length),
             "pulse_beta": 0.0,
         }
@@ -109,15 +109,15 @@ class Controls:
 
     def commands(self) -> list[Command]:
         """Return the commands that have arrived since the last call."""
-        commands, wishes = list(taken(self._commands)), self._wishes.taken()
-        self._driven = self._driven or bool(wishes)
-        return [*commands, *wishes]
+        commands, requests = list(drain(self._commands)), self._latest_request.take_new()
+        self._driven = self._driven or bool(requests)
+        return [*commands, *requests]
 
     def set(self, changes: Mapping[str, object]) -> None:
         """Change parameters by name. A wrong value changes nothing and puts a line into the log.
 
-        The controller and its numbers that arrive in one request count as one change. Only the result must be
-        stable.
+        The controller and its gains that arrive in one request count as one change: the stability check sees
+        only the result.
         """
         if len(changes) > MAX_CHANGES:
             text = f"{len(changes)} parameters at once refused; allowed: {MAX_CHANGES}"
@@ -125,10 +125,10 @@ class Controls:
             return
         with self._lock:
             controller_changes = {
-                name: value for name, value in changes.items() if name in LAW or "." in name
+                name: value for name, value in changes.items() if name in CONTROLLER_PARAMETERS or "." in name
             }
             if controller_changes:
-                self._try(", ".join(controller_changes), self._set_law, controller_changes)
+                self._try(", ".join(controller_changes), self._set_controller, controller_changes)
             for name in changes:
                 if name not in controller_changes:
                     self._try(name, self._set, name, changes[name])
@@ -144,41 +144,39 @@ class Controls:
         self._commands.put(Reset())
 
     def refuse(self, what: str, allowed: str) -> None:
-        """Report that a message `what` from a client is not used."""
-        self._say(
-            refused(what, InputError("nobody listens", allowed=allowed, remedy="send one of these")),
-            warning=True,
-        )
+        """Report that messages of the kind `what` from a client are ignored."""
+        error = InputError("nothing receives them", allowed=allowed, remedy="send one of these")
+        self._say(refusal_line(what, error), warning=True)
 
     def drive_by_hand(self, message: bytes) -> None:
         """Drive at the velocity in a Twist message, until another one arrives or messages stop."""
-        self._steer(self._wishes.hear, message)
+        self._steer(self._latest_request.receive_velocity, message)
 
     def go(self, message: bytes) -> None:
         """Drive to the point {x, y, z}."""
-        self._steer(self._wishes.hear_point, message)
+        self._steer(self._latest_request.receive_point, message)
 
     @functools.cached_property
     def hand_limits(self) -> HandLimits:
         """Limits of driving by hand; raises InputError if the rig leaves no room for it."""
         return hand_limits(self._scenario)
 
-    def _steer(self, hear: Callable[[bytes, HandLimits], None], message: bytes) -> None:
-        """Pass a steering message on, and log a refusal once, however often it comes."""
+    def _steer(self, receive: Callable[[bytes, HandLimits], None], message: bytes) -> None:
+        """Pass a steering message on; log a repeated refusal only once."""
         refusal = ""
         try:
-            hear(message, self.hand_limits)
+            receive(message, self.hand_limits)
         except InputError as error:
-            refusal = refused("driving by hand", error)
-        if refusal and refusal != self._refused:
+            refusal = refusal_line("driving by hand", error)
+        if refusal and refusal != self._last_refusal:
             self._say(refusal, warning=True)
-        self._refused = refusal
+        self._last_refusal = refusal
 
-    def _try(self, what: str, change: Callable[..., None], *arguments: Any) -> None:
+    def _try(self, name: str, change: Callable[..., None], *arguments: Any) -> None:
         try:
             change(*arguments)
         except InputError as error:
-            self._say(refused(what, error), warning=True)
+            self._say(refusal_line(name, error), warning=True)
 
     def _set(self, name: str, value: object) -> None:
         if name not in self._values:
@@ -199,58 +197,58 @@ class Controls:
             self._values[name] = new
             self._say(text)
 
-    def _set_law(self, changes: Mapping[str, object]) -> None:
-        """Change the controller, its numbers, or both."""
+    def _set_controller(self, changes: Mapping[str, object]) -> None:
+        """Change the controller, its gains or parameters, or both."""
         controller, design = self._values["controller"], self._design
         if changes.get("controller", controller) != controller:
             controller = str(changes["controller"])
             design = controller_design(controller, self._scenario)
-        before = tunable(design)
+        before = tunable_values(design)
         wanted = {name: value for name, value in changes.items() if name != "controller"}
         for name in wanted:
             if name not in before:
                 raise unknown_name("parameter", name, before)
-        design = _with_numbers(design, {**before, **wanted})
+        design = _with_values(design, {**before, **wanted})
         if design.to_json() == self._design.to_json():
             return
         prepare_controller(self._scenario, design, self._drive, self._planned)  # raises if unstable
         if self._driven:
             check_can_be_driven(design)
-        for name in tunable(self._design):
+        for name in tunable_values(self._design):
             del self._values[name]
         self._design = design
-        self._values |= {"controller": controller, **tunable(design)}
-        self._commands.put(Use(design))
+        self._values |= {"controller": controller, **tunable_values(design)}
+        self._commands.put(UseController(design))
 
     def _say(self, message: str, *, warning: bool = False) -> None:
-        self._commands.put(Say(message, warning))
+        self._commands.put(LogText(message, warning))
 
 
-def taken(queue: "SimpleQueue[T]") -> Iterator[T]:
+def drain(queue: "SimpleQueue[T]") -> Iterator[T]:
     """Yield the items that are in a queue now, and remove them."""
     with contextlib.suppress(Empty):
         while True:
             yield queue.get_nowait()
 
 
-def refused(what: str, error: InputError) -> str:
-    """Return the line in `/log` about a refusal."""
+def refusal_line(what: str, error: InputError) -> str:
+    """Return the line in `/log` that says why the request `what` is refused."""
     parts = (error.found, error.allowed and f"allowed: {error.allowed}", error.remedy)
     return f"{printable(what)} refused: {'; '.join(filter(None, parts))}"
 
 
-def tunable(design: ControllerDesign) -> dict[str, Value]:
-    """Return what can be changed in a run: gains, or the parameters of a controller (`pid.proportional`)."""
+def tunable_values(design: ControllerDesign) -> dict[str, Value]:
+    """Return what a user can change during a run: gains, or parameters such as `pid.proportional`."""
     if (axis := design.axis_design) is not None:
         return dict(zip(GAINS, axis.gain.tolist(), strict=True))
     return {f"{design.name}.{name}": value for name, value in design.parameters.items()}
 
 
-def _with_numbers(design: ControllerDesign, numbers: Mapping[str, Any]) -> ControllerDesign:
-    """Return `design` with these tunable values; raise InputError for values that are not allowed."""
+def _with_values(design: ControllerDesign, values: Mapping[str, Any]) -> ControllerDesign:
+    """Return `design` with these gains or parameters; raise InputError for values that are not allowed."""
     axis = design.axis_design
     if axis is None:
-        stated = {name.partition(".")[2]: value for name, value in numbers.items()}
+        stated = {name.partition(".")[2]: value for name, value in values.items()}
         return load_controller(design.name).designed(stated)
-    gain = np.array([checked_number(name, value, -MAX_GAIN, MAX_GAIN) for name, value in numbers.items()])
+    gain = np.array([checked_number(name, value, -MAX_GAIN, MAX_GAIN) for name, value in values.items()])
     return with_gain(axis, gain) if (gain != axis.gain).any() else axis

@@ -23,7 +23,7 @@ from cranectl.support.arrays import Array
 from cranectl.support.documents import parse_json
 from cranectl.support.errors import InputError, printable
 
-LOST = 0.3  # [s] without a message after which the requested velocity becomes zero
+VELOCITY_TIMEOUT = 0.3  # [s] without a message after which the requested velocity becomes zero
 COMMAND_DIGITS = 5  # recorded digits of requests, as many as a joystick resolves
 
 
@@ -36,67 +36,66 @@ class HandRequest(NamedTuple):
     z: float
 
 
-RELEASED = HandRequest(False, 0.0, 0.0, 0.0)
+RELEASED = HandRequest(False, 0.0, 0.0, 0.0)  # a joystick at its centre
 
 
-class Hand:
-    """Builds and records the reference from requests, once the scenario's own reference stays at rest."""
+class HandReference:
+    """Builds and records the reference from requests, after the scenario's own reference has come to rest."""
 
     def __init__(self, scenario: Scenario, sample: int) -> None:
-        """Take over at `sample` since the start; raise InputError where that is not possible."""
+        """Begin at `sample` since the start; raise InputError if driving cannot begin there."""
         self.limits = hand_limits(scenario)
         self._scenario, self._first = scenario, sample
         self._period = scenario.period_ns / NANOSECONDS
-        self._before = _at_rest_by(scenario.reference, sample * self._period)
-        trajectory = build_trajectory(self._before)
+        self._earlier_reference = _reference_until(scenario.reference, sample * self._period)
+        trajectory = build_trajectory(self._earlier_reference)
         self._start = trajectory.sample(trajectory.joints[-1:])[0, :3]
         low, high = self.limits.low, self.limits.high
         if ((self._start < low) | (self._start > high)).any():
             raise InputError(
-                f"the load rests at {_point(self._start)} m, outside of where it may be driven",
+                f"the load rests at {_point(self._start)} m, outside the range for driving by hand",
                 allowed=f"{_point(low)} to {_point(high)} m",
                 remedy="choose a scenario that ends there, or reduce planning.clearance",
             )
-        self._rest = math.ceil(SETTLING_TIME / self.limits.bandwidth / self._period)
+        self._settling = math.ceil(SETTLING_TIME / self.limits.bandwidth / self._period)  # samples
         # After this sample, a run would be too short for the load to come to rest.
-        self._end = round(MAX_DURATION / self._period) - self._rest
+        self._end = round(MAX_DURATION / self._period) - self._settling
         if sample >= self._end:
             raise _too_late()
-        self._state, self._asked = rest_state(self._start), RELEASED
-        self.table = np.empty(
-            (self._end + self._rest + 1, 15)
-        )  # by sample since the start, filled up to the newest sample
-        self._changes: dict[int, HandRequest] = {}  # by sample since the hand took over
+        self._state, self._request = rest_state(self._start), RELEASED
+        # One row for each sample since the start, filled up to the newest sample.
+        self.table = np.empty((self._end + self._settling + 1, 15))
+        self._changes: dict[int, HandRequest] = {}  # by sample since driving by hand began
 
-    def ask(self, sample: int, request: HandRequest) -> None:
+    def follow(self, sample: int, request: HandRequest) -> None:
         """Follow `request` from `sample` on; raise InputError if the session cannot record more."""
         full = sample >= self._end or len(self._changes) >= MOST_CHANGES - 2
         now = RELEASED if full else request
-        if now != self._asked:
-            self._asked = self._changes[sample - self._first] = now
+        if now != self._request:
+            self._request = self._changes[sample - self._first] = now
         if full and request != RELEASED:
             raise _too_late()
 
     def rows(self, index: NDArray[np.intp]) -> Array:
         """Return the reference at the next samples `index` (n,) since the start: shape (n, 15)."""
-        requests = commands_at([(0, self._asked), (self._end, RELEASED)], index)
+        requests = commands_at([(0, self._request), (self._end, RELEASED)], index)
         states = drive(self.limits, self._period, self._state, requests)
         rows = derivatives(self.limits, states).reshape(len(index), 15)
         self.table[index[index < len(self.table)]] = rows[index < len(self.table)]
         return rows
 
     def scenario(self, samples: int, controller: str, pulses: Iterable[Disturbance] = ()) -> Scenario:
-        """Return the scenario that repeats the motion up to `samples`, with `pulses`, then at rest."""
+        """Return the scenario that repeats the motion up to `samples` with `pulses`, then stays at rest."""
         last = min(samples, self._end) - self._first
-        wishes, goals = (
+        velocities, points = (
             [
                 (sample * self._period, *request[1:])
                 for sample, request in self._changes.items()
-                if request.is_point == goal and sample < last
+                if request.is_point == is_point and sample < last
             ]
-            for goal in (False, True)
+            for is_point in (False, True)
         )
-        limits, length = self.limits, (last + self._rest) * self._period
+        limits, length = self.limits, (last + self._settling) * self._period
         segment = Driven(
             kind="driven",
             duration=length,
@@ -105,11 +104,12 @@ class Hand:
             speed=tuple(limits.speed.tolist()),
             low=tuple(limits.low.tolist()),
             high=tuple(limits.high.tolist()),
-            wishes=(*wishes, (last * self._period, *RELEASED[1:])),
-            goals=tuple(goals),
+            wishes=(*velocities, (last * self._period, *RELEASED[1:])),
+            goals=tuple(points),
         )
-        reference = self._before.model_copy(update={"segments": (*self._before.segments, segment)})
-        duration = max(self._scenario.duration, (self._first + last + self._rest) * self._period)
+        segments = (*self._earlier_reference.segments, segment)
+        reference = self._earlier_reference.model_copy(update={"segments": segments})
+        duration = max(self._scenario.duration, (self._first + last + self._settling) * self._period)
         ended = [
             pulse.model_copy(update={"end": min(pulse.end or duration, duration)})
             for pulse in pulses
@@ -131,13 +131,13 @@ def check_can_be_driven(design: ControllerDesign) -> None:
     controller = controller_of(design)
     if controller.preview or controller.follows != "path":
         raise InputError(
-            f"{design.name} must know beforehand where the load will be, and cannot be driven by hand",
+            f"{design.name} needs the reference in advance, and cannot be driven by hand",
             allowed="controllers that follow a path without preview",
             remedy="choose another one, for example lqr, or call /reset",
         )
 
 
-def _at_rest_by(reference: ReferenceSettings, time: float) -> ReferenceSettings:
+def _reference_until(reference: ReferenceSettings, time: float) -> ReferenceSettings:
     """Return the reference up to `time` [s]; raise InputError if the load still moves after that time."""
     segments = list(reference.segments)
     while segments and isinstance(segments[-1], Hold):
@@ -160,43 +160,43 @@ def _point(numbers: Array) -> str:
 
 def _too_late() -> InputError:
     return InputError(
-        "no run could repeat any more",
-        allowed=f"{MAX_DURATION:g} s with the load at rest at the end, {MOST_CHANGES} wishes",
+        "the motion is too long for a scenario that repeats it",
+        allowed=f"{MAX_DURATION:g} s with the load at rest at the end, {MOST_CHANGES} requests",
         remedy="call /reset",
     )
 
 
-class Wishes:
+class LatestRequest:
     """The newest request for driving by hand. Its methods may be called from any thread."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock, self._heard = clock, 0.0  # time of the newest velocity
+        self._clock, self._velocity_time = clock, 0.0  # time of the newest velocity
         self._newest = RELEASED
-        self._taken: HandRequest | None = RELEASED
+        self._returned: HandRequest | None = RELEASED  # by the last call of `take_new`
         self._lock = threading.Lock()
 
-    def hear(self, message: bytes, limits: HandLimits) -> None:
+    def receive_velocity(self, message: bytes, limits: HandLimits) -> None:
         """Store the velocity `linear` of a Twist message; raise InputError if it exceeds the limits."""
-        said = parse_json(message, "the message")
-        linear = said.get("linear") if isinstance(said, dict) else None
+        content = parse_json(message, "the message")
+        linear = content.get("linear") if isinstance(content, dict) else None
         command = HandRequest(False, *_checked_vector("linear.", linear, -limits.speed, limits.speed))
         with self._lock:
-            self._newest, self._heard = command, self._clock()
+            self._newest, self._velocity_time = command, self._clock()
 
-    def hear_point(self, message: bytes, limits: HandLimits) -> None:
+    def receive_point(self, message: bytes, limits: HandLimits) -> None:
         """Store a point {x, y, z} to drive to; raise InputError if it is outside the limits."""
         point = _checked_vector("", parse_json(message, "the request"), limits.low, limits.high)
         with self._lock:
-            self._newest, self._taken = HandRequest(True, *point), None
+            self._newest, self._returned = HandRequest(True, *point), None
 
-    def taken(self) -> list[HandRequest]:
+    def take_new(self) -> list[HandRequest]:
         """Return the newest request in a list, or an empty list if it has not changed since the last call."""
         with self._lock:
-            if not self._newest.is_point and self._clock() - self._heard > LOST:
+            if not self._newest.is_point and self._clock() - self._velocity_time > VELOCITY_TIMEOUT:
                 self._newest = RELEASED
-            if self._newest == self._taken:
+            if self._newest == self._returned:
                 return []
-            self._taken = self._newest
+            self._returned = self._newest
             return [self._newest]
 
 

@@ -1,16 +1,17 @@
 """Compute how fast a crane may be driven by hand, from bounds on the motion of bridge, trolley and rope.
 
-The bounds hold for all requests. Requested velocities |w| <= v pass four first-order lags (`driven`): z' = k
-* w, with k(t) = omega (omega t)³/3! e^(-omega t). So |z^(n+1)| <= v |k^(n)|_1, and some requests reach this
-bound. Bridge and trolley are where the rope leads, along x:
+The bounds hold for all requests. Requested velocities |w| <= v pass four first-order lags (module
+`cranectl.reference.driven`): the load position z obeys z' = k * w (a convolution), with the kernel
+k(t) = omega (omega t)³/3! e^(-omega t). So |z^(n+1)| <= v |k^(n)|_1, and some requests reach this bound. The
+direction of the rope gives the position x_c of the bridge, and likewise that of the trolley:
 
     x_c = z + lambda z''        lambda = h / (g + zeta)        h = -z_3, zeta = z_3''
 
 For constant lambda, z + lambda z'' is the integral of the request filtered by k + mu k'', in units of
 1/omega, where mu = omega² lambda. This kernel is nowhere negative if mu <= 2, and its integral is 1. Then x_c
-is a mean of past stopping points and stays in the same box. The derivatives of x_c are bounded by the norms
-of the derivatives of k + mu k''. These norms are convex in mu, so they are largest at an end of its range.
-The variation of lambda, which moves as the rope does, adds further terms.
+is a weighted mean of past stopping points and stays in the same box. The L1 norms of the derivatives of
+k + mu k'' bound the derivatives of x_c. These norms are convex in mu, so they are largest at an end of its
+range. Because the rope length varies, lambda varies too, which adds further terms.
 """
 
 import functools
@@ -25,11 +26,11 @@ from cranectl.scenario import Scenario
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-SPEED = 0.5  # of what the drives can do: the faster, the longer the way to stop, 4 v / omega
+SPEED_SHARE = 0.5  # of the drives' largest velocities; the stopping distance is 4 v / omega
 NO_OVERSHOOT = 2.0  # largest mu
 SEARCH_HALVINGS = 30
 
-Bounds = list[float]  # on a quantity and its derivatives, in the order of the derivatives
+Bounds = list[float]  # on a quantity and its derivatives, lowest order first
 
 
 def hand_limits(scenario: Scenario) -> HandLimits:
@@ -42,12 +43,12 @@ def hand_limits(scenario: Scenario) -> HandLimits:
     x, y, rope = limits.axes + gap
     low = np.maximum(limits.load[:, 0], (x[0], y[0], -rope[1]))
     high = np.minimum(limits.load[:, 1], (x[1], y[1], -rope[0]))
-    speed, slow, fast = SPEED * limits.velocity, 0.0, sqrt(NO_OVERSHOOT * limits.gravity / rope[1])
+    speed, slow, fast = SPEED_SHARE * limits.velocity, 0.0, sqrt(NO_OVERSHOOT * limits.gravity / rope[1])
     for _ in range(SEARCH_HALVINGS):
         middle = 0.5 * (slow + fast)
-        fits = _keeps(Bound(middle, speed, rope[1], limits.gravity), limits)
+        fits = _is_within(DrivingBounds(middle, speed, rope[1], limits.gravity), limits)
         slow, fast = (middle, fast) if fits else (slow, middle)
-    low[2] = max(low[2], -rope[1] / Bound(slow, speed, rope[1], limits.gravity).stretch[0])
+    low[2] = max(low[2], -rope[1] / DrivingBounds(slow, speed, rope[1], limits.gravity).rope_factor[0])
     if not (low < high).all():
         raise InputError(
             f"there is no room to drive by hand: from {low.tolist()} to {high.tolist()} m",
@@ -57,13 +58,13 @@ def hand_limits(scenario: Scenario) -> HandLimits:
     return HandLimits(slow, speed, low, high)
 
 
-def _keeps(bound: "Bound", limits: Limits) -> bool:
+def _is_within(bound: "DrivingBounds", limits: Limits) -> bool:
     """Return True if all bounded quantities stay within the limits."""
     lightest, heaviest = (tension / limits.masses[3] for tension in limits.tension)
     velocity, acceleration, rate = np.array(bound.joints).T
     return bool(
-        bound.lift >= lightest
-        and bound.stretch[0] * (2.0 * limits.gravity - bound.lift) <= heaviest
+        bound.min_gravity >= lightest
+        and bound.rope_factor[0] * (2.0 * limits.gravity - bound.min_gravity) <= heaviest
         and bound.overshoot <= NO_OVERSHOOT
         and bound.slope <= limits.lean
         and (velocity + limits.lag * acceleration <= limits.velocity).all()
@@ -72,52 +73,52 @@ def _keeps(bound: "Bound", limits: Limits) -> bool:
     )
 
 
-class Bound:
-    """Bounds for all requests up to `speed` (3,) [m/s], on a rope that hangs down by at most `drop` [m]."""
+class DrivingBounds:
+    """Bounds for requests up to `speed` (3,) [m/s], with the load at most `drop` [m] below the trolley."""
 
     def __init__(self, bandwidth: float, speed: Array, drop: float, gravity: float) -> None:
-        # Of z on each axis, from its first derivative on.
-        z = [[v * bandwidth**n * _norm(n, 0.0) for n in range(5)] for v in speed.tolist()]
+        # Bounds of the derivatives of z on each axis, first derivative first.
+        z = [[v * bandwidth**n * _kernel_norm(n, 0.0) for n in range(5)] for v in speed.tolist()]
         zeta, h = z[2][1:], [drop, *z[2]]
-        self.lift = gravity - zeta[0]  # g + zeta, at least
-        leads = _quotient(h, zeta, self.lift)
-        self.overshoot = bandwidth**2 * leads[0]  # mu
-        slopes = [_quotient(axis[1:], zeta, self.lift) for axis in z[:2]]
+        self.min_gravity = gravity - zeta[0]  # smallest g + zeta
+        lambda_bounds = _bound_quotient(h, zeta, self.min_gravity)
+        self.overshoot = bandwidth**2 * lambda_bounds[0]  # mu
+        slopes = [_bound_quotient(axis[1:], zeta, self.min_gravity) for axis in z[:2]]
         self.slope = hypot(slopes[0][0], slopes[1][0])
-        squares = [sum(_product(p, p)[n] for p in slopes) for n in range(4)]
-        self.stretch = [sqrt(1.0 + squares[0])]  # of the rope over its drop, at least 1
+        squares = [sum(_bound_product(p, p)[n] for p in slopes) for n in range(4)]
+        self.rope_factor = [sqrt(1.0 + squares[0])]  # rope length over its height, and its derivatives
         for n in range(1, 4):
-            inner = sum(comb(n, i) * self.stretch[i] * self.stretch[n - i] for i in range(1, n))
-            self.stretch.append(0.5 * (squares[n] + inner))
-        # Velocity, acceleration and its rate of bridge, trolley, rope.
-        self.joints = [self._carriage(axis, leads, bandwidth) for axis in z[:2]]
-        self.joints.append(_product(h, self.stretch)[1:])
+            inner = sum(comb(n, i) * self.rope_factor[i] * self.rope_factor[n - i] for i in range(1, n))
+            self.rope_factor.append(0.5 * (squares[n] + inner))
+        # Velocity, acceleration and jerk of bridge, trolley, rope.
+        self.joints = [self._carriage(axis, lambda_bounds, bandwidth) for axis in z[:2]]
+        self.joints.append(_bound_product(h, self.rope_factor)[1:])
 
-    def _carriage(self, z: Bounds, leads: Bounds, bandwidth: float) -> Bounds:
+    def _carriage(self, z: Bounds, lambda_bounds: Bounds, bandwidth: float) -> Bounds:
         return [
-            z[0] * bandwidth**n * max(_norm(n, 0.0), _norm(n, self.overshoot))
-            + sum(comb(n + 1, i) * leads[i] * z[n + 2 - i] for i in range(1, n + 2))
+            z[0] * bandwidth**n * max(_kernel_norm(n, 0.0), _kernel_norm(n, self.overshoot))
+            + sum(comb(n + 1, i) * lambda_bounds[i] * z[n + 2 - i] for i in range(1, n + 2))
             for n in range(3)
         ]
 
 
-def _product(a: Bounds, b: Bounds) -> Bounds:
+def _bound_product(a: Bounds, b: Bounds) -> Bounds:
     return [sum(comb(n, i) * a[i] * b[n - i] for i in range(n + 1)) for n in range(4)]
 
 
-def _quotient(a: Bounds, zeta: Bounds, lift: float) -> Bounds:
-    """Return bounds of a / (g + zeta), whose denominator is at least `lift`."""
+def _bound_quotient(a: Bounds, zeta: Bounds, min_gravity: float) -> Bounds:
+    """Return bounds of a / (g + zeta), whose denominator is at least `min_gravity`."""
     bounds: Bounds = []
     for n in range(4):
-        bounds.append((a[n] + sum(comb(n, i) * bounds[i] * zeta[n - i] for i in range(n))) / lift)
+        bounds.append((a[n] + sum(comb(n, i) * bounds[i] * zeta[n - i] for i in range(n))) / min_gravity)
     return bounds
 
 
 @functools.lru_cache(maxsize=64)
-def _norm(order: int, mu: float) -> float:
+def _kernel_norm(order: int, mu: float) -> float:
     """Return the L1 norm of the derivative of k + mu k'' of this order, for omega = 1.
 
-    All of these functions are polynomials times e^-t for t >= 0, and they may jump at t = 0.
+    For t >= 0 these functions are polynomials times e^-t. They may jump at t = 0.
     """
     if order == 0:
         return 1.0  # mu <= NO_OVERSHOOT

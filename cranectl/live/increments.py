@@ -1,7 +1,7 @@
 """Convert the increments of a live session to the messages that a log of the whole run would have.
 
-Only the verdict over the whole run, `/diff/verdict`, is missing. Messages that a log has once at its start
-are sent again for each start and each recording.
+Only the verdict over the whole run, `/diff/verdict`, is missing. The messages at the start of a log are sent
+again for each start and each recording.
 """
 
 from collections.abc import Sequence
@@ -42,8 +42,8 @@ NO_STATUS, NO_DISTURBANCE = np.full((1, 4), -1), np.full((1, 5), np.nan)
 
 
 @dataclass
-class _Shown:
-    """State of the messages of one plant since its start: the values already sent, and its newest row."""
+class _SentState:
+    """The values already sent about one plant since its start, and its newest row."""
 
     trail: Array = field(default_factory=lambda: np.zeros((0, 3)))
     conditions: Conditions = field(default_factory=Conditions)
@@ -62,23 +62,23 @@ class Increments:
         self._opacities, self._scale = scene.opacities(plants), drawn_scale(scenario.rig)
         self._every = scenario.log.every
         logged = self._every * self._period / NANOSECONDS
-        self._pose = self._every * max(1, round(1.0 / scene.RATE / logged))  # samples between poses
+        self._pose_step = self._every * max(1, round(1.0 / scene.RATE / logged))  # samples between poses
         # Samples between points of a trail.
-        self._dot = self._every * max(1, round(scene.trail_step(scenario.rig) / logged))
+        self._trail_step = self._every * max(1, round(scene.trail_step(scenario.rig) / logged))
         self._reference_ns = -1  # time of the newest desired value that was sent
         self.start()
 
     def start(self) -> None:
         """Start the scenario, or start it again."""
-        self._shown = {plant: _Shown() for plant in self._opacities}
+        self._shown = {plant: _SentState() for plant in self._opacities}
         self._phases = phases(self._scenario)
 
-    def take_over(self, time_ns: int) -> None:
-        """Mark that teleoperation begins at `time_ns` since the start."""
+    def begin_hand_driving(self, time_ns: int) -> None:
+        """Mark that driving by hand begins at `time_ns` since the start."""
         before = [phase for phase in self._phases if phase[0] < time_ns]
         self._phases = [*before, (time_ns, Phase.DRIVEN)]
 
-    def static_scene(self, runs: Sequence[Run], now_ns: int) -> list[Stream]:
+    def opening_messages(self, runs: Sequence[Run], now_ns: int) -> list[Stream]:
         """Return the messages that a recording needs before its first increment: settings and scene."""
         for shown in self._shown.values():
             shown.status, shown.disturbance = NO_STATUS, NO_DISTURBANCE  # to be sent again
@@ -106,8 +106,8 @@ class Increments:
             shown = self._shown[run.plant]
             shown.stopped = run.status.stopped
             if len(run.time_ns):
-                shown.newest, shown.waiting = _chosen(run, np.array([-1])), True
-        logged = [_chosen(run, self._rows(run, origin_ns, self._every)) for run in runs]
+                shown.newest, shown.waiting = _select_rows(run, np.array([-1])), True
+        logged = [_select_rows(run, self._rows(run, origin_ns, self._every)) for run in runs]
         logged = [run for run in logged if len(run.time_ns)]
         if not logged:
             return streams
@@ -116,15 +116,15 @@ class Increments:
             self._shown[run.plant].waiting = newest is None or newest.time_ns[0] != run.time_ns[-1]
         return streams + self._samples(logged) + self._scene(logged, origin_ns)
 
-    def last(self) -> list[Stream]:
-        """Return the newest sample of each plant that has not been sent; a log ends with it."""
+    def unsent_samples(self) -> list[Stream]:
+        """Return the newest sample of each plant if it has not been sent, because a log ends with it."""
         waiting = [shown for shown in self._shown.values() if shown.waiting]
         for shown in waiting:
             shown.waiting = False
         return self._samples([shown.newest for shown in waiting if shown.newest is not None])
 
     def _samples(self, runs: Sequence[Run]) -> list[Stream]:
-        """Return signals, differences and the reference; each value of the reference is sent once."""
+        """Return signals, differences between plants, and those values of the reference that are new."""
         if not runs:
             return []
         reference, *recorded = samples(runs)
@@ -167,9 +167,10 @@ class Increments:
         statuses, disturbance = self._statuses(run, origin_ns), _disturbances(run)
         times = run.time_ns.tolist()
         changes = [
-            self._status(times[k], RunStatus.RUNNING, statuses[k]) for k in _changed(shown.status, statuses)
+            self._status(times[k], RunStatus.RUNNING, statuses[k])
+            for k in _changed_rows(shown.status, statuses)
         ]
-        edges = _changed(shown.disturbance, disturbance)
+        edges = _changed_rows(shown.disturbance, disturbance)
         shown.status = np.vstack([shown.status, statuses])[-1:]
         shown.disturbance = np.vstack([shown.disturbance, disturbance])[-1:]
         if run.status.stopped and not shown.stopped:
@@ -198,11 +199,11 @@ class Increments:
         leader = max(logged, key=lambda run: len(run.time_ns))
         moving = {run.plant: run for run in logged}
         drawn = [moving.get(plant, shown.newest) for plant, shown in self._shown.items()]
-        rows = self._rows(leader, origin_ns, self._pose)
+        rows = self._rows(leader, origin_ns, self._pose_step)
         streams = [scene.transforms([run for run in drawn if run is not None], leader, rows)]
         for run in logged:
-            rows = self._rows(run, origin_ns, self._pose)
-            shown, dots = self._shown[run.plant], self._rows(run, origin_ns, self._dot)
+            rows = self._rows(run, origin_ns, self._pose_step)
+            shown, dots = self._shown[run.plant], self._rows(run, origin_ns, self._trail_step)
             trail = np.vstack([shown.trail, run.load_position[dots]])
             opacity = self._opacities[run.plant]
             streams.append(scene.rope(run, opacity, rows))
@@ -216,11 +217,11 @@ def _disturbances(run: Run) -> Array:
     return np.hstack([run.block("disturbance"), run.load_force])
 
 
-def _chosen(run: Run, rows: NDArray[np.intp]) -> Run:
+def _select_rows(run: Run, rows: NDArray[np.intp]) -> Run:
     return replace(run, time_ns=run.time_ns[rows], table=run.table[rows], reference=run.reference[rows])
 
 
-def _changed(before: NDArray[Any], rows: NDArray[Any]) -> list[int]:
-    """Return the rows that differ from those before them; `before` (1, M) precedes the first."""
+def _changed_rows(before: NDArray[Any], rows: NDArray[Any]) -> list[int]:
+    """Return the indices of rows that differ from the row before; `before` (1, M) precedes the first."""
     changed: list[int] = np.flatnonzero((np.diff(rows, axis=0, prepend=before) != 0).any(axis=1)).tolist()
     return changed

@@ -1,7 +1,8 @@
 """Record a live session in segments: a log for each start and each controller, `FILE`, `FILE.segment2`, ….
 
-A log has one controller design and one start. When a session changes either, it goes on in a new file. The
-times continue through all files, so a viewer that opens them together shows one session.
+A log has one controller design and one start. After a reset or a change of the controller, the session
+records into a new file. The times continue through all files, so a viewer that opens them together shows one
+session.
 """
 
 import contextlib
@@ -40,31 +41,31 @@ from cranectl.support.interrupts import interrupts_wait
 
 REMEDY = "choose another place with --record"
 LOCK = ".lock"
-DRIVEN = "driven.toml"  # the scenario that repeats what was driven by hand
+DRIVEN = "driven.toml"  # the scenario that repeats the driving by hand
 
 
 @contextlib.contextmanager
-def own_place(path: Path, *, numbered: bool = False) -> Iterator[Path]:
-    """Reserve a place for recordings during the block; yield its first file, which does not exist yet.
+def reserve_recording(path: Path, *, numbered: bool = False) -> Iterator[Path]:
+    """Lock `path` for the recording of this session during the block; yield the first file to write.
 
-    If the place has a recording or another session uses it, raises LogError. If `numbered`, it tries
-    `FILE-2`, `FILE-3`, … until one is free instead. Raises LogError if nothing can be written there. The
-    operating system releases a place when its process ends, in whatever way.
+    Raises LogError if `path` has a recording, another session has locked it, or nothing can be written
+    there. If `numbered`, it tries `FILE-2`, `FILE-3`, … instead until one is free. The operating system
+    releases the lock if the process ends without doing so.
     """
     with writing(path, remedy=REMEDY, error=LogError):
         check_replaceable(path)
         more = (path.with_stem(f"{path.stem}-{number}") for number in count(2)) if numbered else ()
         for path_tried in chain([path], more):
             lock = FileLock(path_tried.with_name(path_tried.name + LOCK))
-            obstacle = _obstacle(path_tried, lock)
+            obstacle = _acquire(path_tried, lock)
             if not obstacle:
                 break
         else:
-            raise LogError(obstacle, allowed="a place where nothing is recorded", remedy=REMEDY)
+            raise LogError(obstacle, allowed="a path without a recording", remedy=REMEDY)
     try:
         yield path_tried
     finally:
-        _let_go(lock)
+        _release(lock)
 
 
 def next_file(path: Path) -> Path:
@@ -73,22 +74,22 @@ def next_file(path: Path) -> Path:
     return next(file for file in chain([path], more) if not os.path.lexists(file))
 
 
-def _obstacle(path: Path, lock: FileLock) -> str:
-    """Return why a session cannot record at `path`, or an empty text if it can; it then holds the lock."""
+def _acquire(path: Path, lock: FileLock) -> str:
+    """Acquire the lock and return an empty text, or return why this session cannot record at `path`."""
     try:
         lock.acquire(blocking=False)
     except Timeout:
-        return f"another session records at {path}"
+        return f"another session is recording at {path}"
     # Before 0.3 the segments of a session were called takes.
     segments = re.compile(rf"{re.escape(path.stem)}(\.(segment|take)\d+)?{re.escape(path.suffix)}")
     recorded = sorted(file.name for file in path.parent.iterdir() if segments.fullmatch(file.name))
     if recorded:
-        _let_go(lock)
-        return f"{path.parent / recorded[0]} is there already"
+        _release(lock)
+        return f"{path.parent / recorded[0]} exists already"
     return ""
 
 
-def _let_go(lock: FileLock) -> None:
+def _release(lock: FileLock) -> None:
     # Remove the file before releasing the lock: a process that opens it in between notices that it is gone.
     with contextlib.suppress(OSError):
         Path(lock.lock_file).unlink(missing_ok=True)
@@ -96,18 +97,18 @@ def _let_go(lock: FileLock) -> None:
 
 
 class _DiscardedError(Exception):
-    """The file holds no motion."""
+    """Discards a file without motion."""
 
 
 class Recorder:
     """Writes the messages of a publisher to files, and renames each file after closing and checking it."""
 
     def __init__(self, path: Path, context: foxglove.Context, publisher: Publisher) -> None:
-        """Prepare to record at `path`, where `own_place` says that this session may write."""
+        """Prepare to record at `path`, which `reserve_recording` has locked for this session."""
         self.files: list[Path] = []  # that are closed
         self._first, self._context, self._publisher = path, context, publisher
         self._path = path  # of the file that is open
-        self._place = contextlib.ExitStack()
+        self._replacement = contextlib.ExitStack()  # renames the file after it is closed
         self._part: Path | None = None
         self._file: foxglove.MCAPWriter | None = None
         self._before: Counter[str] = Counter()
@@ -121,10 +122,10 @@ class Recorder:
         check_recordable(runs[0].scenario, runs[0].design, runs[0].drive)
         path = self._path = next_file(self._first)
         try:
-            self._part = self._place.enter_context(replacing(path, keep_after=FAILURES))
+            self._part = self._replacement.enter_context(replacing(path, keep_after=FAILURES))
             metadata = file_metadata(runs, runs[0].scenario.log.every)
             for run in runs:
-                del metadata[f"run/{run.plant}"]  # which is known at the end
+                del metadata[f"run/{run.plant}"]  # known only at the end
             number = str(len(self.files) + 1)
             metadata["live"] = {"segment": number, "from_ns": str(from_ns), "reason": reason}
             self._file = open_file(self._part, self._context, metadata, file_attachments(runs))
@@ -147,7 +148,7 @@ class Recorder:
         sent = self._publisher.sent - self._before
         running = RunStatus.COMPLETED if completed else RunStatus.INTERRUPTED
         try:
-            with interrupts_wait(), contextlib.suppress(_DiscardedError), self._place:
+            with interrupts_wait(), contextlib.suppress(_DiscardedError), self._replacement:
                 samples = {run.plant: sent[topics.plant_topic(run.plant, "state")] for run in runs}
                 for run in runs:
                     status = run.status if run.status.stopped else running

@@ -1,7 +1,7 @@
 """Serve a session to viewers in real time, let them steer it, and record it.
 
-The server repeats nothing by itself. So a new subscriber is sent again the messages that it would have
-missed.
+The websocket library sends each message only once. So this module sends a new subscriber the messages again
+that it would have missed.
 """
 
 import threading
@@ -12,7 +12,17 @@ from pathlib import Path
 import foxglove
 
 from cranectl.live.child_session import ChildSession
-from cranectl.live.commands import Command, Controls, Pulse, Reset, Say, Use, Value, refused, tunable
+from cranectl.live.commands import (
+    Command,
+    Controls,
+    LogText,
+    Pulse,
+    Reset,
+    UseController,
+    Value,
+    refusal_line,
+    tunable_values,
+)
 from cranectl.live.hand import RELEASED, HandRequest
 from cranectl.live.increments import Increments
 from cranectl.live.recorder import Recorder
@@ -27,7 +37,7 @@ MAX_LAG = 0.5  # [s] that a run may fall behind and still catch up
 
 
 class Pace:
-    """Computes the waiting time after each block, so that the run keeps to real time."""
+    """Computes the waiting time after each block, so that the run keeps pace with real time."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -38,7 +48,7 @@ class Pace:
         self._due = self._clock()
 
     def wait(self, seconds: float) -> tuple[float, float]:
-        """Return (time to wait, time lost) after a block that should take `seconds`; one of them is 0."""
+        """Return (time to wait, lag that is not caught up) after a block of `seconds`; one of them is 0."""
         self._due += seconds
         late = self._clock() - self._due
         if late > MAX_LAG:
@@ -47,8 +57,8 @@ class Pace:
         return max(-late, 0.0), 0.0
 
 
-COMMAND_INTERVAL = 0.02  # [s] of real time after which commands are carried out
-IDLE = 0.05  # [s] the same while nothing moves
+COMMAND_INTERVAL = 0.02  # [s] of real time between two executions of commands
+IDLE_INTERVAL = 0.05  # [s] the same while nothing moves
 SOURCE = "live"  # name of the source of log lines that come from no plant
 
 
@@ -58,14 +68,14 @@ class LiveServer:
     def __init__(
         self, session: Session | ChildSession, controls: Controls, address: Address, record: Path
     ) -> None:
-        """Start to listen, or raise InputError; record at `record`, a place that `own_place` has reserved."""
+        """Start to listen, or raise InputError; record at `record`, which `reserve_recording` has locked."""
         session.prepare()
         self._session, self._controls = session, controls
         self._context = foxglove.Context()
         self._publisher = Publisher(self._context)
         self._runs = session.advance(0)
         self._recorded: set[str] = set()  # plants in the file that is open
-        self._driven = False  # by hand, since the start
+        self._driven = False  # whether a user has driven by hand since the start
         plants = [run.plant for run in self._runs]
         self._increments = Increments(session.scenario, session.plan, plants)
         self._listener = Listener(controls)
@@ -77,11 +87,11 @@ class LiveServer:
     def serve(self, stop: threading.Event) -> None:
         """Run until `stop` is set, then close the recording and the server; raises LogError."""
         try:
-            self._begin("start")
+            self._begin_recording("start")
             self._loop(stop)
         finally:
             try:
-                self._finish()
+                self._finish_recording()
             finally:
                 self._server.stop()
                 self._guard.stop()
@@ -90,7 +100,7 @@ class LiveServer:
         pace, idle, slow, values = Pace(), True, False, self._controls.values()
         while not stop.is_set():
             for command in self._controls.commands():
-                self._carry_out(command)
+                self._execute(command)
             if self._controls.values() != values:
                 values, slow = self._controls.values(), False
                 self._server.publish_parameter_values(as_parameters(values))
@@ -100,14 +110,14 @@ class LiveServer:
                 self._publisher.resend(missed)
             if self._controls.paused or not self._session.moving:
                 idle = True
-                stop.wait(IDLE)
+                stop.wait(IDLE_INTERVAL)
                 continue
             if idle:
                 pace.restart()
                 idle = False
             speed, period = self._controls.speed, self._session.scenario.period_ns / NANOSECONDS
             samples = max(1, round(COMMAND_INTERVAL * speed / period))
-            self._step(samples)
+            self._advance(samples)
             wait, lost = pace.wait(samples * period / speed)
             if lost and not slow:
                 slow = True
@@ -115,31 +125,31 @@ class LiveServer:
                 self._say(f"{text}; the run goes on as fast as it can", warning=True)
             stop.wait(wait)
 
-    def _step(self, samples: int) -> None:
+    def _advance(self, samples: int) -> None:
         self._runs = self._session.advance(samples)
-        # First the clock: open viewers take it as the time of the messages that follow.
+        # Send the clock first: open viewers take it as the time of the messages that follow.
         self._server.broadcast_time(self._session.now_ns - self._session.scenario.period_ns)
         self._publisher.send(self._increments.messages(self._runs, self._session.origin_ns))
 
-    def _carry_out(self, command: Command) -> None:
-        if isinstance(command, Say):
+    def _execute(self, command: Command) -> None:
+        if isinstance(command, LogText):
             self._say(command.message, warning=command.warning)
         elif isinstance(command, Pulse):
             self._pulse(command)
         elif isinstance(command, HandRequest):
             self._drive(command)
-        elif isinstance(command, Use):
-            self._finish()
+        elif isinstance(command, UseController):
+            self._finish_recording()
             self._session.use(command.design)
-            numbers = ", ".join(map(_short, tunable(command.design).values()))
-            self._begin(f"controller {command.design.name}: {numbers}")
+            numbers = ", ".join(map(_short, tunable_values(command.design).values()))
+            self._begin_recording(f"controller {command.design.name}: {numbers}")
         elif isinstance(command, Reset):
-            self._finish()
+            self._finish_recording()
             self._session.reset()
             self._driven = False
             self._increments.start()
-            self._begin("reset")
-            self._step(1)  # shows the start, also to those who have paused
+            self._begin_recording("reset")
+            self._advance(1)  # shows the start even if the session is paused
 
     def _pulse(self, command: Pulse) -> None:
         alpha, beta = command.acceleration
@@ -156,38 +166,38 @@ class LiveServer:
                 raise InputError("the run has stopped", remedy="call /reset")
             self._session.steer(request)
             if request.is_point:
-                self._say(f"goes to ({', '.join(map(_short, request[1:]))}) m")
+                self._say(f"drives to ({', '.join(map(_short, request[1:]))}) m")
             elif request != RELEASED and not self._driven:
                 self._say("driven by hand")
             if request != RELEASED and not self._driven:
-                self._increments.take_over(self._session.now_ns - self._session.origin_ns)
+                self._increments.begin_hand_driving(self._session.now_ns - self._session.origin_ns)
                 self._driven = True
         except InputError as error:
-            self._say(refused("driving by hand", error), warning=True)
+            self._say(refusal_line("driving by hand", error), warning=True)
 
     def _say(self, message: str, *, warning: bool = False) -> None:
         """Write a line to `/log` with the time of the newest message."""
         event = Event(self._publisher.time_ns, SOURCE, message, warning)
         self._publisher.send([log_lines([event])])
 
-    def _begin(self, reason: str) -> None:
-        """Send the messages that a recording needs at its start, to a new recording if any plant moves."""
+    def _begin_recording(self, reason: str) -> None:
+        """Begin a new recording if any plant moves, and send the messages that a recording starts with."""
         runs = self._session.advance(0)
         moving = [run for run in runs if not run.status.stopped]
         self._recorded = {run.plant for run in moving}
         if moving:
             self._recorder.begin(moving, self._session.now_ns, reason)
-        self._publisher.send(self._increments.static_scene(runs, self._session.now_ns))
+        self._publisher.send(self._increments.opening_messages(runs, self._session.now_ns))
         self._say(reason)
 
-    def _finish(self) -> None:
-        """Close the recording."""
-        self._publisher.send(self._increments.last())
+    def _finish_recording(self) -> None:
+        """Send the remaining messages and close the recording."""
+        self._publisher.send(self._increments.unsent_samples())
         session = self._session
         duration_ns = session.scenario.steps * session.scenario.period_ns
         completed = session.now_ns - session.origin_ns > duration_ns
         runs = [run for run in self._runs if run.plant in self._recorded]
-        self._recorder.finish(runs, completed, session.driven())
+        self._recorder.finish(runs, completed, session.driven_scenario())
 
 
 def _short(value: Value) -> str:

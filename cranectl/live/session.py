@@ -1,8 +1,8 @@
 """Simulate plants side by side without a fixed end, in blocks, with a controller that may change in between.
 
-Without intervention a session gives exactly the numbers of `simulate_run`. Driven by hand, it gives the
-numbers of the scenario that `driven` returns. After the end of the scenario, it holds the last reference
-point and the last disturbances. Time never goes back, not even at a new start.
+Without intervention, a session gives exactly the numbers of `simulate_run`. When a user drives the load by
+hand, it gives the numbers of the scenario that `driven_scenario` returns. After the end of the scenario, it
+holds the last reference point and the last disturbances. Time never goes back, not even at a new start.
 """
 
 from collections.abc import Iterable
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cranectl.controllers.addressed import bind_address, with_own_memory
 from cranectl.controllers.flat import MEMORY
 from cranectl.design import ControllerDesign
-from cranectl.live.hand import RELEASED, Hand, HandRequest, check_can_be_driven
+from cranectl.live.hand import RELEASED, HandReference, HandRequest, check_can_be_driven
 from cranectl.plants.plant import Drive, Plant
 from cranectl.plants.registry import plants_to_run
 from cranectl.plants.surroundings import air_velocity
@@ -40,8 +40,8 @@ class _PlantState:
     status: RunStatus = RunStatus.RUNNING
 
 
-def _kept_memory(before: ControllerDesign, after: ControllerDesign, memory: Array) -> int:
-    """Return how many memory numbers the next controller takes over; zero outside the flat family."""
+def _carried_over_size(before: ControllerDesign, after: ControllerDesign, memory: Array) -> int:
+    """Return how many memory values the next controller takes over; zero outside the flat family."""
     old, new = before.axis_design, after.axis_design
     if old is None or new is None:
         return 0
@@ -49,7 +49,7 @@ def _kept_memory(before: ControllerDesign, after: ControllerDesign, memory: Arra
 
 
 class Session:
-    """Plants that start together and advance together; a plant that stops waits for the next start."""
+    """Advances several plants together; a plant that has stopped waits for the next start."""
 
     def __init__(
         self,
@@ -65,14 +65,14 @@ class Session:
         self.plan = plan_scenario(scenario)
         self.origin_ns = origin_ns  # time of the last start
         self._samples = 0  # since the last start
-        self._pulses: list[Disturbance] = []  # that are not over
-        self._pulsed: list[Disturbance] = []  # all of them
-        self._hand: Hand | None = None  # that drives
-        self._law = prepare_controller(scenario, design, drive, self.plan)
+        self._active_pulses: list[Disturbance] = []
+        self._all_pulses: list[Disturbance] = []  # since the last start
+        self._hand: HandReference | None = None  # None until a user drives by hand
+        self._compiled = prepare_controller(scenario, design, drive, self.plan)
         period = scenario.period_ns / NANOSECONDS
         samples = round(MAX_DURATION / period) + 1  # enough noise and gusts for the longest run
         still = scenario.effects.wind is None
-        self._air = air_velocity(scenario.effects.wind, 1 if still else samples, period)
+        self._air_velocity = air_velocity(scenario.effects.wind, 1 if still else samples, period)
         sensing = scenario.effects.sensing
         self._encoders = make_encoders(sensing, samples) if sensing else None
         self._plants = [make_plant(name, scenario, drive) for name in plants_to_run(plants)]
@@ -89,27 +89,27 @@ class Session:
         return any(not state.status.stopped for state in self._states)
 
     def prepare(self) -> None:
-        """Compile all code that is not compiled yet on this machine, so that the first block need not."""
+        """Compile all code that this machine has not compiled yet, so that the first block is not delayed."""
         self.advance(1)
         self._samples = 0
         self._start()
 
     def advance(self, samples: int) -> list[Run]:
-        """Return the next increment of every plant's run, without rows where it had stopped before."""
+        """Return the next increment of every plant's run; it has no rows if the plant had stopped before."""
         index = np.arange(self._samples, self._samples + samples)
         time_ns = self.origin_ns + index * self.scenario.period_ns
         reference = self._reference(index)
         disturbance = self._disturbance(index)
         wind = self.plan.wind[np.minimum(index, self.scenario.steps)]
-        wind[:, :3] = self._air[np.minimum(index, len(self._air) - 1)]
+        wind[:, :3] = self._air_velocity[np.minimum(index, len(self._air_velocity) - 1)]
         runs = [self._increment(state, time_ns, reference, disturbance, wind) for state in self._states]
         self._samples += samples
         now = self._samples * self.scenario.period_ns / NANOSECONDS
-        self._pulses = [pulse for pulse in self._pulses if pulse.end and pulse.end > now]
+        self._active_pulses = [pulse for pulse in self._active_pulses if pulse.end and pulse.end > now]
         return runs
 
     def use(self, design: ControllerDesign) -> None:
-        """Continue with another controller; raises InputError if its sampling makes it unstable.
+        """Continue with another controller; raise InputError if it is unstable at this control period.
 
         The set-points carry over. Between two controllers of the flat family, the dynamic extension carries
         over too. So do the states of the robustifier, if both use the same one. Any other controller begins
@@ -118,16 +118,16 @@ class Session:
         compiled = prepare_controller(self.scenario, design, self.drive, self.plan)
         if self._hand:
             check_can_be_driven(design)
-        self._law = compiled
+        self._compiled = compiled
         before, self.design = self.design, design
         for state in self._states:
             own, memory = bind_address(with_own_memory(compiled)), compiled.start.copy()
             own.clock[0] = self._samples
-            if carried_over := _kept_memory(before, design, state.run.memory):
+            if carried_over := _carried_over_size(before, design, state.run.memory):
                 memory[:carried_over] = state.run.memory[:carried_over]
             inputs = state.run.inputs._replace(controller=own)
             state.run = state.run._replace(inputs=inputs, memory=memory)
-            self._hand_over(state)
+            self._use_hand_reference(state)
 
     def pulse(self, acceleration: tuple[float, float], seconds: float) -> None:
         """Add angular accelerations of alpha and beta [rad/s²] from the next sample on, for `seconds`."""
@@ -136,8 +136,8 @@ class Session:
         start, end = self._samples * period, (self._samples + length) * period
         for joint, size in zip(("alpha", "beta"), acceleration, strict=True):
             table = {"joint": joint, "start": start, "end": end, "magnitude": size}
-            self._pulsed.append(Disturbance.model_validate(table))
-        self._pulses += self._pulsed[-2:]
+            self._all_pulses.append(Disturbance.model_validate(table))
+        self._active_pulses += self._all_pulses[-2:]
 
     def steer(self, request: HandRequest) -> None:
         """Drive the load by hand from the next sample on, with a velocity or to a point.
@@ -146,35 +146,35 @@ class Session:
         """
         if self._hand is None and request != RELEASED:
             check_can_be_driven(self.design)
-            hand = Hand(self.scenario, self._samples)
+            hand = HandReference(self.scenario, self._samples)
             for state in self._states:
                 state.plant.check_length(-float(hand.limits.high[Z]))
             self._hand = hand
             for state in self._states:
-                self._hand_over(state)
+                self._use_hand_reference(state)
         if self._hand:
-            self._hand.ask(self._samples, request)
+            self._hand.follow(self._samples, request)
 
-    def driven(self) -> Scenario | None:
-        """Return the scenario that repeats the teleoperation since the start, or None if there was none."""
-        return self._hand.scenario(self._samples, self.design.name, self._pulsed) if self._hand else None
+    def driven_scenario(self) -> Scenario | None:
+        """Return the scenario that repeats the driving by hand since the start, or None if there was none."""
+        return self._hand.scenario(self._samples, self.design.name, self._all_pulses) if self._hand else None
 
     def reset(self) -> None:
         """Start the scenario again from its initial state; the session's time goes on."""
         self.origin_ns, self._samples, self._hand = self.now_ns, 0, None
-        self._pulses, self._pulsed = [], []
+        self._active_pulses, self._all_pulses = [], []
         self._start()
 
     def _start(self) -> None:
         self._states = []
         for plant in self._plants:
-            run = start_run(plant, self.scenario, self._law, self.plan, nominal=self.scenario)
+            run = start_run(plant, self.scenario, self._compiled, self.plan, nominal=self.scenario)
             if run.path and self._encoders:
                 run = run._replace(path=run.path._replace(encoders=self._encoders))
             self._states.append(_PlantState(plant, run, self.origin_ns))
 
-    def _hand_over(self, state: _PlantState) -> None:
-        """Give the reference of driving by hand to a controller that reads its own reference."""
+    def _use_hand_reference(self, state: _PlantState) -> None:
+        """Let the controller of `state` read the reference of driving by hand."""
         if self._hand:
             compiled = state.run.inputs.controller._replace(
                 reference=self._hand.table, samples=len(self._hand.table)
@@ -190,7 +190,7 @@ class Session:
     def _disturbance(self, index: NDArray[np.intp]) -> Array:
         """Return the disturbances of scenario and pulses at samples `index` (n,): shape (n, 2)."""
         rows = self.plan.disturbance[np.minimum(index, self.scenario.steps)]
-        for pulse in self._pulses:
+        for pulse in self._active_pulses:
             rows[pulse.acts(index * self.scenario.period_ns)] += pulse.acceleration
         return rows
 

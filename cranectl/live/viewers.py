@@ -22,20 +22,20 @@ from foxglove.websocket import (
     WebSocketServer,
 )
 
-from cranectl.live.commands import Controls, Value, taken
+from cranectl.live.commands import Controls, Value, drain
 from cranectl.live.guard import Guard, hidden_host
 from cranectl.log import topics
 from cranectl.log.topics import Stream, in_order
 from cranectl.log.writer import open_channel
 from cranectl.support.errors import InputError
 
-WISH = "/wish"  # the topic on which clients drive by hand
-BACKLOG = 8192  # messages a slow viewer may fall behind before it loses some: almost two seconds
+VELOCITY_TOPIC = "/wish"  # the topic on which clients drive by hand
+BACKLOG = 8192  # messages that wait for a slow viewer, almost two seconds; it loses any further ones
 
 
 @dataclass(frozen=True)
 class Address:
-    """Where the server listens, with port 0 for any free port, and which further web pages may connect."""
+    """Where the server listens (port 0: any free port), and which other web pages may connect."""
 
     host: str = "127.0.0.1"
     port: int = 8765
@@ -48,19 +48,21 @@ class Listener(ServerListener):
     def __init__(self, controls: Controls) -> None:
         self._controls = controls
         self._subscribed: SimpleQueue[str] = SimpleQueue()
-        self._wishing: set[tuple[int, int]] = set()  # clients and their channels
+        self._velocity_channels: set[tuple[int, int]] = set()  # clients and their channels
 
     def on_client_advertise(self, client: Client, channel: ClientChannel) -> None:
-        if channel.topic == WISH and channel.encoding == "json":
-            self._wishing.add((client.id, channel.id))
+        if channel.topic == VELOCITY_TOPIC and channel.encoding == "json":
+            self._velocity_channels.add((client.id, channel.id))
         else:
-            self._controls.refuse(f"messages on {channel.topic} in {channel.encoding}", f"JSON on {WISH}")
+            self._controls.refuse(
+                f"messages on {channel.topic} in {channel.encoding}", f"JSON on {VELOCITY_TOPIC}"
+            )
 
     def on_client_unadvertise(self, client: Client, client_channel_id: int) -> None:
-        self._wishing.discard((client.id, client_channel_id))
+        self._velocity_channels.discard((client.id, client_channel_id))
 
     def on_message_data(self, client: Client, client_channel_id: int, data: bytes) -> None:
-        if (client.id, client_channel_id) in self._wishing:
+        if (client.id, client_channel_id) in self._velocity_channels:
             self._controls.drive_by_hand(data)
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:  # noqa: ARG002 (SDK's signature)
@@ -88,10 +90,10 @@ class Listener(ServerListener):
 
     def subscribed(self) -> set[str]:
         """Return the topics that have new subscribers since the last call."""
-        return set(taken(self._subscribed))
+        return set(drain(self._subscribed))
 
     def services(self) -> list[Service]:
-        """Return the services that viewers can call, with an empty request `{}` or with a point."""
+        """Return the services that viewers can call; all but `go` take an empty request `{}`."""
         controls, number = self._controls, {"type": "number"}
         return [
             _service("pulse", lambda _: controls.pulse(), "pulse_alpha and pulse_beta say how strong"),
@@ -105,7 +107,7 @@ class Listener(ServerListener):
 def listen(
     address: Address, name: str, listener: Listener, context: foxglove.Context
 ) -> tuple[WebSocketServer, Guard]:
-    """Start the server and the guard before it; raise InputError for an address that cannot be used."""
+    """Start the server and its guard; raise InputError if they cannot listen at the address."""
     host = hidden_host()
     server = foxglove.start_server(
         name=f"cranectl live {name}",
@@ -130,7 +132,7 @@ def listen(
 
 
 def as_parameters(values: Mapping[str, Value]) -> list[Parameter]:
-    """Return values as the server sends them."""
+    """Convert values to the parameters that the server sends."""
     return [Parameter(name, value=value) for name, value in values.items()]
 
 
@@ -186,8 +188,7 @@ class Publisher:
     def resend(self, topics: Iterable[str]) -> None:
         """Send the newest messages of some topics again, for viewers that subscribed after them.
 
-        Signals and text are not repeated: they belong to their own time and do not describe the present
-        state.
+        It does not repeat signals and text, because they do not describe the present state.
         """
         for topic in sorted(self._latest.keys() & set(topics)):
             self._log(topic, self._latest[topic], self.time_ns)

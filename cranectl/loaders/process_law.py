@@ -3,9 +3,9 @@
 All numbers are little-endian. At each sample the controller receives three items: the number of the sample as
 an unsigned integer of 32 bits, the measured values, and the row of the reference as float64. The sample
 number is 0 at the start of each run. The controller answers with the same number, three commands and its
-logged values. Each datagram holds one sample; a program uses its standard input and output. In lock step the
-run waits for each answer. In free running it waits only until the deadline. If no answer comes, it holds the
-last command and counts a missed sample.
+logged values. Each UDP datagram holds one sample. A program uses its standard input and output. In lock step
+the run waits for each answer. In free running it waits only until the deadline. If no answer comes in time,
+the run holds the last command and counts a missed sample.
 """
 
 import os
@@ -41,12 +41,12 @@ from cranectl.support.errors import InputError, starting
 from cranectl.support.extensions import check_name
 
 ANSWER_TIMEOUT = 600.0  # [s] for an answer in lock step, if the run has no shorter time limit
-START_TIMEOUT = 3600.0  # [s] for the first answer of a run: a program may import and compile
-UNKNOWN = -1  # process, whose time to wait for a processor counts
-MAX_DEADLINE = 5.0  # [s] for an answer when running free
-NUMBERS = {"state": 12, "encoders": 5}
+START_TIMEOUT = 3600.0  # [s] for the first answer of a run, because a program may import and compile
+UNKNOWN = -1  # id of an unknown process; the time in which it waits for a processor counts too
+MAX_DEADLINE = 5.0  # [s] for an answer in free running
+MEASURED_WIDTH = {"state": 12, "encoders": 5}
 REFERENCE_WIDTH = 15
-PIPE_BYTES = 65536  # read at once
+PIPE_BYTES = 65536  # largest number of bytes in one read
 CAN_WAIT_FOR_PIPES = hasattr(select, "poll")
 MEMORY = Slots(sequence=1, missed=1, last_command=3, reported=0)
 
@@ -84,7 +84,7 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
         table = parse_toml(file.content.decode("utf-8", "replace"), str(file.path))
     settings = parse_settings(ProcessSettings, table, file.reference)
     if not file.beside:  # a worker process already has these files
-        file = _with_named(settings, file)
+        file = _with_named_files(settings, file)
     check_name("controller", settings.name)
     connect = _connector(settings, file)
     memory = MEMORY.array(reported=np.zeros(len(settings.logged)))
@@ -109,15 +109,15 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     return controller, file
 
 
-def _with_named(settings: ProcessSettings, file: ControllerFile) -> ControllerFile:
-    """Return the file with the files that `program` and `files` name; raise InputError for missing files."""
+def _with_named_files(settings: ProcessSettings, file: ControllerFile) -> ControllerFile:
+    """Add the files that `program` and `files` name to `file`; raise InputError for missing files."""
     folder = file.folder
     named = {word for word in settings.program if _is_file(folder / word)}
     for pattern in settings.files:
         files = [path for path in folder.glob(pattern) if path.is_file()] if pattern else []
         if not files:
             raise InputError(
-                f"{file.reference}: no file is named by files = '{pattern}'",
+                f"{file.reference}: no file matches files = '{pattern}'",
                 allowed=f"files below {folder}, or patterns of them such as data/*.csv",
                 remedy="correct 'files'",
             )
@@ -133,7 +133,7 @@ def _with_named(settings: ProcessSettings, file: ControllerFile) -> ControllerFi
 
 
 def _is_file(path: Path) -> bool:
-    """Return True for a file; a word of a command may be no valid file name, such as a long `-c CODE`."""
+    """Return True if `path` is a file; False also for an invalid file name, such as a long `-c CODE`."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -141,8 +141,8 @@ def _is_file(path: Path) -> bool:
 
 
 def _step(settings: ProcessSettings, connect: "Callable[[], _Program | _Datagrams]") -> Callable[..., int]:
-    count = NUMBERS[settings.measures]
-    question = struct.Struct(f"<I{count + REFERENCE_WIDTH}d")
+    count = MEASURED_WIDTH[settings.measures]
+    request = struct.Struct(f"<I{count + REFERENCE_WIDTH}d")
     answer = struct.Struct(f"<I{3 + len(settings.logged)}d")
     connection: _Program | _Datagrams | None = None
 
@@ -154,15 +154,15 @@ def _step(settings: ProcessSettings, connect: "Callable[[], _Program | _Datagram
                 connection.close()
             connection = connect()
         assert connection is not None
-        connection.send(question.pack(sequence, *measured[:count], *reference[:REFERENCE_WIDTH]))
-        free = settings.deadline if sequence > 0 else None
-        limit = free or (ANSWER_TIMEOUT if sequence > 0 else START_TIMEOUT)
-        timeout = Timeout(UNKNOWN if free else connection.process, limit)
+        connection.send(request.pack(sequence, *measured[:count], *reference[:REFERENCE_WIDTH]))
+        deadline = settings.deadline if sequence > 0 else None
+        limit = deadline or (ANSWER_TIMEOUT if sequence > 0 else START_TIMEOUT)
+        timeout = Timeout(UNKNOWN if deadline else connection.process, limit)
         with starting() if sequence == 0 else nullcontext():
             received = timeout.wait_for(partial(_answer, connection, answer, sequence))
         if received is not None:
             memory[MEMORY.last_command :] = received
-        elif free is not None:
+        elif deadline is not None:
             memory[MEMORY.missed] += 1.0
         else:
             raise TimeoutError(f"no answer to sample {sequence} within {limit:g} s")
@@ -189,25 +189,25 @@ def _connector(settings: ProcessSettings, file: ControllerFile) -> "Callable[[],
     if bool(settings.address) == bool(settings.program):
         raise InputError(
             f"{file.reference}: needs an address or a program",
-            allowed="address = 'udp://HOST:PORT', or program = ['./law']",
+            allowed="address = 'udp://HOST:PORT', or program = ['./controller']",
             remedy="give one of the two",
         )
     if settings.program:
         _check_program(settings.program[0], file)
         return partial(_Program, settings.program, file)
     try:
-        where = urlsplit(settings.address)
-        if where.scheme != "udp" or not where.hostname or not where.port or where.path or where.query:
+        url = urlsplit(settings.address)
+        if url.scheme != "udp" or not url.hostname or not url.port or url.path or url.query:
             raise ValueError
     except ValueError:
         raise InputError(
             f"the address '{settings.address}'", allowed="udp://HOST:PORT", remedy="correct it"
         ) from None
-    return partial(_Datagrams, where.hostname, where.port)
+    return partial(_Datagrams, url.hostname, url.port)
 
 
 def _check_program(first: str, file: ControllerFile) -> None:
-    """Raise InputError if the program is missing, or differs from the one where the controller was opened."""
+    """Raise InputError if the program is missing, or differs from that where the file was opened."""
     if not _is_file(file.folder / first) and first not in dict(file.beside) and shutil.which(first) is None:
         raise InputError(
             f"{file.reference}: there is no program '{first}'",
@@ -218,14 +218,14 @@ def _check_program(first: str, file: ControllerFile) -> None:
     for name, digest in file.beside:
         if Path(name).is_absolute() and here[name] != digest:
             raise InputError(
-                f"{file.reference}: {name} is another file here than where the controller was opened",
-                allowed="the same program everywhere",
+                f"{file.reference}: {name} differs from the file on the machine that opened the controller",
+                allowed="the same program on all machines",
                 remedy="install it here, or name it without a folder to take that of the search path",
             )
 
 
 class _Datagrams:
-    """A UDP connection to an address, for one run."""
+    """A UDP socket for one run."""
 
     process = UNKNOWN
 
@@ -236,7 +236,7 @@ class _Datagrams:
         self.send, self.close = self._socket.send, self._socket.close
 
     def receive(self, size: int, seconds: float) -> bytes | None:
-        """Return a datagram, or None if none comes within that time."""
+        """Return a datagram, or None if none comes within `seconds`."""
         self._socket.settimeout(seconds)
         try:
             return self._socket.recv(size + 1)
@@ -251,13 +251,13 @@ class _Pipe:
         self._descriptor = descriptor
 
     def read(self, seconds: float) -> bytes | None:
-        """Return the bytes that come within that time, None for none, or b"" at the end of the pipe."""
+        """Return the bytes that come within `seconds`, None if none come, or b"" at the end of the pipe."""
         if not select.select([self._descriptor], [], [], seconds)[0]:
             return None
         return os.read(self._descriptor, PIPE_BYTES)
 
     def close(self) -> None:
-        """Do nothing: only a pipe that is read in a thread needs an end."""
+        """Do nothing: only `_PipeInThread` has a thread to end."""
 
 
 class _PipeInThread(_Pipe):
@@ -290,9 +290,9 @@ class _Program:
     def __init__(self, program: tuple[str, ...], file: ControllerFile) -> None:
         folder = whole_copy_of(file).parent
         first, *arguments = program
-        own = folder / first
+        own_program = folder / first
         self._process = subprocess.Popen(
-            [str(own) if _is_file(own) else str(shutil.which(first)), *arguments],
+            [str(own_program) if _is_file(own_program) else str(shutil.which(first)), *arguments],
             cwd=folder,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -304,19 +304,19 @@ class _Program:
         assert self._process.stdout is not None
         self.send = self._process.stdin.write
         self._pipe = (_Pipe if CAN_WAIT_FOR_PIPES else _PipeInThread)(self._process.stdout.fileno())
-        self._begun = b""  # bytes of an incomplete frame
+        self._incomplete_frame = b""
 
     def receive(self, size: int, seconds: float) -> bytes | None:
         """Return a frame, or None if none comes in time; raise ConnectionError if the program ended."""
         deadline = monotonic() + seconds
-        while len(self._begun) < size:
+        while len(self._incomplete_frame) < size:
             part = self._pipe.read(max(deadline - monotonic(), 0.0))
             if part is None:
                 return None
             if not part:
                 raise ConnectionError(f"the program ended with exit code {self._process.wait()}")
-            self._begun += part
-        frame, self._begun = self._begun[:size], self._begun[size:]
+            self._incomplete_frame += part
+        frame, self._incomplete_frame = self._incomplete_frame[:size], self._incomplete_frame[size:]
         return frame
 
     def close(self) -> None:

@@ -3,9 +3,9 @@
 Each step solves a quadratic program by Clarabel with linearised limits. Its objective is the sum of
 
 - the duration,
-- a small weight on the mean square of the efforts, without which axes that do not limit the duration wander,
-- the Hessian of the active limits where it is convex along them,
-- a penalty on excesses, so that a step is always feasible.
+- a small weight on the mean square of the efforts, which determines axes that do not limit the duration,
+- the convex part of the Hessian of the active limits, in directions tangent to them,
+- a penalty on excesses over the limits, so that the program is always feasible.
 
 The method follows arXiv 2205.00754. A solution counts only if the solver's status says that it is solved.
 """
@@ -42,9 +42,9 @@ class Solution(NamedTuple):
 
 
 def solve(problem: Problem, x: Array, sizes: Array, min_penalty: float = PENALTIES[0]) -> Solution:
-    """Find the x of least duration near `x`; `sizes` (unknowns,) scale the steps.
+    """Find a local minimum of the duration from the guess `x`; `sizes` (unknowns,) scale the steps.
 
-    A small penalty on excesses allows long steps. It is raised if excesses remain.
+    It begins with a small penalty on excesses, which allows long steps, and raises it if excesses remain.
     """
     time_scale = problem.duration(x)
     for penalty in (candidate for candidate in PENALTIES if candidate >= min_penalty):
@@ -62,7 +62,7 @@ def solve(problem: Problem, x: Array, sizes: Array, min_penalty: float = PENALTI
 class Merit:
     """Merit function [s]: the duration plus weights on the mean square effort and on the largest excess.
 
-    Moves are in sizes of the unknowns.
+    Moves are in units of `sizes`.
     """
 
     problem: Problem
@@ -94,9 +94,9 @@ class Merit:
         return float(duration + self.effort * mean + self.excess * excess + 0.5 * move @ hessian @ move)
 
     def hessian(self, x: Array, linearised: Linearisation, multipliers: Array) -> tuple[Array, Array]:
-        """Return the Hessian of the efforts and the convex part of that of the active limits along them.
+        """Return the Hessian of the efforts plus the convex part of that of the active limits.
 
-        Also return a direction of negative curvature, or zeros if there is none.
+        The second result is a direction of negative curvature, or zeros if there is none.
         """
         slope = linearised.effort_slope
         hessian: Array = 2.0 * self.effort / len(slope) * slope.T @ slope
@@ -104,18 +104,21 @@ class Merit:
             return hessian, np.zeros(len(x))
         whole = self.problem.hessian_of(x, multipliers) * np.outer(self.sizes, self.sizes)
         _, size, directions = np.linalg.svd(linearised.slope[multipliers > 0.0])
-        along = directions[np.count_nonzero(size > 1e-8 * size[0]) :].T
-        values, vectors = np.linalg.eigh(along.T @ whole @ along)
-        basis = along @ vectors
-        total, directions = np.linalg.eigh(along.T @ (whole + hessian) @ along)
+        tangent = directions[np.count_nonzero(size > 1e-8 * size[0]) :].T
+        values, vectors = np.linalg.eigh(tangent.T @ whole @ tangent)
+        basis = tangent @ vectors
+        total, directions = np.linalg.eigh(tangent.T @ (whole + hessian) @ tangent)
         is_downhill = total[:1] < -SADDLE_CURVATURE * self.time_scale
-        downhill = along @ directions[:, :1] @ is_downhill
+        downhill = tangent @ directions[:, :1] @ is_downhill
         hessian += (basis * np.maximum(values, 0.0)) @ basis.T
         return hessian, downhill
 
 
 def _minimise(merit: Merit, x: Array) -> Solution:
-    """Descend to a minimum; leave a saddle, such as many motions in a plane, along its negative curvature."""
+    """Descend to a minimum; leave a saddle point along its direction of negative curvature.
+
+    Many planar motions are such saddle points.
+    """
     minimum, downhill = _descend(merit, x, MAX_STEPS)
     if not minimum.solved or not downhill.any():
         return minimum
@@ -125,7 +128,7 @@ def _minimise(merit: Merit, x: Array) -> Solution:
 
 
 def _descend(merit: Merit, x: Array, max_steps: int) -> tuple[Solution, Array]:
-    """Descend until no step gains enough; return also a direction of negative curvature there, or zeros."""
+    """Descend until the gain is small; also return a direction of negative curvature there, or zeros."""
     radius = FIRST_STEP
     linearised, multipliers = merit.linearise(x), np.zeros(0)
     value, _ = merit.value(x)
@@ -133,7 +136,9 @@ def _descend(merit: Merit, x: Array, max_steps: int) -> tuple[Solution, Array]:
     min_gain = MIN_GAIN * merit.problem.duration(x)
     working_set = np.zeros(len(linearised.excess), dtype=bool)
     for _ in range(max_steps):
-        step = _program(merit, linearised, linearised.excess, hessian, radius=radius, working_set=working_set)
+        step = _solve_qp(
+            merit, linearised, linearised.excess, hessian, radius=radius, working_set=working_set
+        )
         if step is None:
             return Solution(x, solved=False), downhill
         move, multipliers = step
@@ -146,7 +151,7 @@ def _descend(merit: Merit, x: Array, max_steps: int) -> tuple[Solution, Array]:
                 break
             # Second-order correction: the same slopes, with the excess after the step.
             remaining = excess - linearised.slope @ move
-            corrected = _program(
+            corrected = _solve_qp(
                 merit, linearised, remaining, hessian, radius=radius, working_set=working_set
             )
             if corrected is None:
@@ -170,7 +175,7 @@ def _descend(merit: Merit, x: Array, max_steps: int) -> tuple[Solution, Array]:
     return Solution(x, float(linearised.excess.max()) < FEASIBILITY_TOLERANCE), downhill
 
 
-def _program(
+def _solve_qp(
     merit: Merit,
     linearised: Linearisation,
     excess: Array,
@@ -198,9 +203,9 @@ def _program(
         rows = np.flatnonzero(working_set)
         limits = np.hstack([linearised.slope[rows], np.full((len(rows), 1), -1.0)])
         matrix = sparse.csc_matrix(np.vstack([limits, box]))
-        right = np.concatenate([-excess[rows], bounds])
-        cones = [clarabel.NonnegativeConeT(len(right))]
-        result = clarabel.DefaultSolver(quadratic, cost, matrix, right, cones, settings).solve()
+        right_side = np.concatenate([-excess[rows], bounds])
+        cones = [clarabel.NonnegativeConeT(len(right_side))]
+        result = clarabel.DefaultSolver(quadratic, cost, matrix, right_side, cones, settings).solve()
         if result.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
             return None
         move = np.array(result.x)

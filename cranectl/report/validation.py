@@ -114,10 +114,10 @@ def scenario_verdicts(validation: Validation) -> list[ScenarioVerdict]:
         by_source.setdefault(verdict.scenario, []).append(CaseVerdict(verdict, case, result))
     scenarios = []
     for source, cases in by_source.items():
-        cases.sort(key=lambda case: case.badness, reverse=True)
+        cases.sort(key=lambda case: case.sort_key, reverse=True)
         scenario = cases[0].case.scenario if cases[0].case else None
         scenarios.append(ScenarioVerdict(source, scenario, tuple(cases)))
-    return sorted(scenarios, key=lambda scenario: scenario.cases[0].badness, reverse=True)
+    return sorted(scenarios, key=lambda scenario: scenario.cases[0].sort_key, reverse=True)
 
 
 def worst_logs(validation: Validation) -> dict[str, Path]:

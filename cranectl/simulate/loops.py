@@ -1,7 +1,8 @@
-"""The control loop: one sample, and a block of samples on any plant.
+"""Run the control loop: one sample, and a block of samples on any plant.
 
-The loop runs in plain Python, or compiled once for all plants that have kernels. Both give the same bits, and
-a test compares them. A block is short enough for progress, Ctrl-C and live changes between blocks.
+The loop runs in plain Python, or compiled once for all plants that have kernels. A test ensures that both
+give the same results to the last bit. A block is short enough for progress, Ctrl-C and live changes between
+blocks.
 """
 
 import functools
@@ -61,21 +62,21 @@ class LoopInputs(NamedTuple):
     wind: Array  # (N, 3) velocity of the air [m/s]
     workspace: Array  # (3, 2) [m]
     stop_outside: bool  # whether the run ends if an axis leaves the workspace
-    command_column: int  # first column in the record of the commands of ideal or velocity drives
+    command_column: int  # first column of the record with the commands of this kind of drives
     recover: bool  # whether the run goes on after the rope was slack
     slack: Array  # (1,) 1 if the rope was slack at the last sample
 
 
 @jit
 def command_controller(inputs, path, state, k, memory, row):
-    """Write the controller's command into `row`, with its set-points; a slack rope brakes the drives instead.
+    """Write the controller's command and its set-points into `row`, and return the status of the controller.
 
-    Return the status of the controller.
+    If the rope is slack, the drives brake instead.
     """
     compiled, reference = inputs.controller, inputs.reference[k]
     command = row[INPUT_COLUMN : INPUT_COLUMN + 6]
     follow_velocity(inputs.actuation.masses, inputs.actuation, state)
-    give_measured(compiled, path, state, k)
+    write_measured(compiled, path, state, k)
     if inputs.slack[0] > 0.0:
         addressed_wait(compiled, state, reference, memory, row)
         brake(inputs.actuation, command)
@@ -96,7 +97,7 @@ def command_controller(inputs, path, state, k, memory, row):
 
 
 @jit
-def give_measured(compiled, path, state, k):
+def write_measured(compiled, path, state, k):
     """Write the measurements for the controller: joints and estimated disturbances, or encoder readings."""
     for i in range(2 * JOINTS):
         compiled.measured[i] = state[i]
@@ -111,7 +112,7 @@ def give_measured(compiled, path, state, k):
 
 @jit
 def control_sample(inputs, path, k, row, memory):
-    """Run the controller on the state in `row`, number `k`; write the rest of the row except the load."""
+    """Run the controller on the state in `row` of sample `k`; write the rest of the row except the load."""
     if path is None:
         status = command_controller(inputs, path, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
     else:
@@ -120,17 +121,17 @@ def control_sample(inputs, path, k, row, memory):
         status = command_controller(inputs, path, measured[:10], k, memory, row)
         if status == RUNNING:
             command, actuation = row[INPUT_COLUMN : INPUT_COLUMN + 3], inputs.actuation
-            wanted = drive_command(
+            requested = drive_command(
                 actuation.masses, inputs.slack[0], inputs.command_column, measured, row, command
             )
-            act(path, actuation, wanted, row, path.record[k, COMMAND_COLUMN:])
+            act(path, actuation, requested, row, path.record[k, COMMAND_COLUMN:])
     row[DISTURBANCE_COLUMN] = inputs.disturbance[k, 0]
     row[DISTURBANCE_COLUMN + 1] = inputs.disturbance[k, 1]
     return status
 
 
 @jit
-def command_of(inputs, path, k, row):
+def read_commands(inputs, path, k, row):
     """Return the three commands of the drives at sample `k`."""
     if path is None:
         first = inputs.command_column
@@ -159,7 +160,7 @@ def judge_sample(inputs, row):
 
 @jit
 def complete_rows(k, status):
-    """Return the number of valid rows if the run ends with row `k`, which is invalid if not finite."""
+    """Return the number of valid rows if the run ends at row `k`; this row is invalid if not finite."""
     return k if status == NON_FINITE else k + 1
 
 
@@ -168,7 +169,7 @@ AdvanceBlock = Callable[[LoopInputs, SignalPath | None, Array, Array, int, int],
 
 
 def compiled_loop(plant: Plant) -> AdvanceBlock:
-    """Return the compiled loop for `plant`; for one without kernels, the loop in Python."""
+    """Return the compiled loop for `plant`, or the loop in Python if the plant has no kernels."""
     if plant.kernels is None:
         return python_loop(plant)
     handle = plant.handle
@@ -176,7 +177,7 @@ def compiled_loop(plant: Plant) -> AdvanceBlock:
 
 
 def python_loop(plant: Plant) -> AdvanceBlock:
-    """Return the loop in plain Python: slower, and easy to step through."""
+    """Return the loop in plain Python, which is slower but easy to debug."""
     return functools.partial(advance_block, plant)
 
 
@@ -185,15 +186,15 @@ class CompiledLoop:
     """The compiled loop with one plant."""
 
     plant: AddressedPlant
-    handle: Any  # stays alive here, since `plant` refers to its arrays
+    handle: Any  # keeps the arrays alive to which `plant` refers
 
     def __call__(self, *arguments: Any) -> tuple[int, int, int]:
         """Run a block of samples; arguments and result are those of `AdvanceBlock`."""
-        return one_loop()(self.plant, *arguments)
+        return shared_loop()(self.plant, *arguments)
 
 
 @functools.cache
-def one_loop() -> Callable[..., tuple[int, int, int]]:
+def shared_loop() -> Callable[..., tuple[int, int, int]]:
     """Return the loop that serves all plants with kernels."""
     return jit_loop(
         advance_block,
@@ -205,7 +206,7 @@ def one_loop() -> Callable[..., tuple[int, int, int]]:
 
 
 def measure(plant: Plant, state: Array) -> None:
-    """Read the joints of `plant`; the compiled loop replaces this and the next two functions by addresses."""
+    """Read the joints of `plant`; the compiled loop replaces this and the next two functions by kernels."""
     plant.measure(state)
 
 
@@ -227,7 +228,7 @@ def advance_block(plant, inputs, path, record, memory, first, last):
         status = control_sample(inputs, path, k, row, memory)
         if status != RUNNING:
             return k, k, status
-        command = command_of(inputs, path, k, row)
+        command = read_commands(inputs, path, k, row)
         disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
         advance(plant, command, disturbance, inputs.wind[k], row[LOAD_COLUMN : LOAD_COLUMN + 7])
         status = judge_sample(inputs, row)

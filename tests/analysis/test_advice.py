@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cranectl.analysis.advice import GIVEN, IMPROVEMENTS, Advice, advise, assess, improved, visited_points
-from cranectl.analysis.certificate.certify import CAUTION
+from cranectl.analysis.certificate.certify import REQUIRED_MARGIN
 from cranectl.analysis.levels import with_effects
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
@@ -36,7 +36,7 @@ def test_what_is_guaranteed_has_a_margin_left_and_says_by_what() -> None:
     rows = [assess(load_scenario("fixed-position", overrides=SHORT), name, points) for name in PAIR]
     rows.append(assess(load_scenario("fixed-position", overrides=SHORT), "lqr", points))
     for row in rows:
-        assert row.guaranteed == (row.least_margin > CAUTION) == (row.judged_by != "refused")
+        assert row.guaranteed == (row.least_margin > REQUIRED_MARGIN) == (row.judged_by != "refused")
         assert row.least_margin >= row.certificate.least_margin
     assert [row.judged_by for row in rows] == ["refused", "gap", "frequency"]
     assert rows[-1].certificate.least_margin < 0.0 < rows[-1].least_margin

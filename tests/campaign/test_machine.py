@@ -10,7 +10,7 @@ from cranectl.campaign.benchmark.results import run_trials
 from cranectl.campaign.benchmark.trials import Trial
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.table import Row
-from cranectl.campaign.worker import Prepared
+from cranectl.campaign.worker import PreparedCampaign
 from cranectl.campaign.workers import Children, ChildWorker, run_batches
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
@@ -73,7 +73,7 @@ def of(name: str) -> Campaign:
 
 def rows(campaign_to_run: Campaign, patience: float = 1e9) -> list[Row]:
     with Children() as children:
-        worker = ChildWorker(Prepared(campaign_to_run), children, patience=patience)
+        worker = ChildWorker(PreparedCampaign(campaign_to_run), children, patience=patience)
         try:
             return worker.run_batch(Batch("analytic", campaign_to_run.settings.controllers[0], 0, 1))
         finally:

@@ -13,7 +13,7 @@ import pytest
 from cranectl.campaign import Campaign, sample_values, sampled_scenario
 from cranectl.campaign.definition import Batch, nominal_scenario
 from cranectl.campaign.table import METRIC_COLUMNS, Row, metric_values, row_columns
-from cranectl.campaign.worker import Prepared, StoppedError, Worker
+from cranectl.campaign.worker import PreparedCampaign, StoppedError, Worker
 from cranectl.campaign.workers import Children, ChildWorker, run_batches
 from cranectl.loaders.opening import open_controller
 from cranectl.metrics import RunMetrics, run_metrics
@@ -199,7 +199,7 @@ def test_a_worker_stops_within_a_block(both: Campaign) -> None:
         return len(calls) > 1
 
     with pytest.raises(StoppedError):
-        Worker(Prepared(both)).run_batch(Batch("analytic", "lqr", 0, 6), stop)
+        Worker(PreparedCampaign(both)).run_batch(Batch("analytic", "lqr", 0, 6), stop)
     assert len(calls) == 2
 
 
@@ -249,7 +249,7 @@ def test_what_the_machine_keeps_from_running_is_run_again_and_is_no_row(
     failure: tuple[Any, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     small = short({"rig.load_mass": MASS}, runs=2, plants=["analytic"], controllers=["lqr"])
-    batch, prepared = Batch("analytic", "lqr", 0, 2), Prepared(small)
+    batch, prepared = Batch("analytic", "lqr", 0, 2), PreparedCampaign(small)
     expected = Worker(prepared).run_batch(batch)
     kind, *arguments = failure
     monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(kind, 2, *arguments))
@@ -261,7 +261,7 @@ def test_what_the_machine_keeps_from_running_is_run_again_and_is_no_row(
 
 def test_what_fails_by_itself_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     small = short({"rig.load_mass": MASS}, runs=1, plants=["analytic"], controllers=["lqr"])
-    batch, prepared = Batch("analytic", "lqr", 0, 1), Prepared(small)
+    batch, prepared = Batch("analytic", "lqr", 0, 1), PreparedCampaign(small)
     monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(OSError, 9, errno.ENOENT, "no file"))
     (row,) = Worker(prepared).run_batch(batch)
     assert (row["status"], "no file" in str(row["reason"])) == ("failed", True)
@@ -293,7 +293,7 @@ def test_what_a_worker_has_started_ends_with_it(tmp_path: Path, monkeypatch: pyt
         {"rig.load_mass": MASS}, controllers=[open_controller("law.py:STARTS")], plants=["analytic"]
     )
     with Children() as children:
-        prepared = Prepared(starting)
+        prepared = PreparedCampaign(starting)
         of_parent = int(Path("pid").read_text())
         os.kill(of_parent, signal.SIGKILL)  # of this process, which has prepared it too
         os.waitpid(of_parent, 0)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.compare.agreement import LAGGING_MODEL, LAGS, AgreementLimits, agreement_limits
+from cranectl.compare.agreement import EARLIER_DRIVES, LAGGING_MODEL, AgreementLimits, agreement_limits
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
@@ -52,7 +52,7 @@ def test_a_log_of_lags_without_load_is_read_but_not_judged(
     write_log(Path("old.mcap"), [replace(analytic, model=LAGGING_MODEL), mujoco])
     for command in ("compare", "info"):
         result = judged(command, "old.mcap")
-        assert (result["passed"], result["limits"]) == (None, LAGS.reason)
+        assert (result["passed"], result["limits"]) == (None, EARLIER_DRIVES.reason)
         out = " ".join(capsys.readouterr().out.split())
         assert "not judged" in out
         assert "lags that do not feel the load" in out

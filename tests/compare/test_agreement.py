@@ -8,9 +8,9 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.compare.agreement import (
-    ENCODERS,
-    LAGS,
-    SMOOTHED,
+    EARLIER_DRIVES,
+    ENCODER_STEPS,
+    SMOOTHED_FRICTION,
     AgreementLimits,
     NoLimits,
     agreement_limits,
@@ -80,7 +80,7 @@ def test_logs_of_drives_that_did_not_feel_the_load_are_not_judged() -> None:
         earlier = replace(runs[0], model="cranectl.model.dynamics, fixed-step DOP853")
         agreement = judge(earlier, runs[1])
         assert agreement.passed is expected
-        assert (agreement.limits == LAGS.reason) == (expected is None)
+        assert (agreement.limits == EARLIER_DRIVES.reason) == (expected is None)
         assert judge(*runs).passed
 
 
@@ -91,7 +91,7 @@ def test_effects_leave_what_their_schemes_do() -> None:
     assert isinstance(limits, AgreementLimits)
     assert limits.load_m == pytest.approx(6e-5 * mixed.rig.rope_range[1] / 1.4)
     assert limits.angle_rad == 1.2e-4
-    for effects, why in (("{sensing={}, rope={}}", ENCODERS), ("{friction={}}", SMOOTHED)):
+    for effects, why in (("{sensing={}, rope={}}", ENCODER_STEPS), ("{friction={}}", SMOOTHED_FRICTION)):
         scenario = load_scenario("fixed-position", overrides=[f"effects={effects}"])
         assert pair_limits(scenario, "force", PAIR) is why
     framed = load_scenario("fixed-position", overrides=["effects.frame={}", "effects.delay={}"])

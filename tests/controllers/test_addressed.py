@@ -186,7 +186,7 @@ def test_one_loop_serves_every_controller_and_plant() -> None:
 
     A signal path does, and so do the forces that the loop makes for drives.
     """
-    loop = loops.one_loop()
+    loop = loops.shared_loop()
     for controller in (noting(), noting(every=3, measures="encoders"), giving_up(1), FOLLOWING, PUSHING):
         run_of(controller, path("duration=6.001"))
     for name, plant in product(("lqr", "pole-placement+hinf", "pid"), PLANTS):

@@ -104,7 +104,7 @@ def test_a_session_in_a_child_process_is_driven_by_hand_in_the_same_way() -> Non
         lambda session: session.steer(HandRequest(True, 0.5, 0.5, -0.5)),
         lambda session: session.reset(),
     ):
-        assert session.driven() == child.driven()
+        assert session.driven_scenario() == child.driven_scenario()
         for either in (session, child):
             act(either)
         for run, other in zip(session.advance(300), child.advance(300), strict=True):

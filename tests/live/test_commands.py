@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cranectl.design import design_controller
-from cranectl.live.commands import Controls, Pulse, Reset, Say, Use
-from cranectl.live.hand import LOST, RELEASED, HandRequest, Wishes
+from cranectl.live.commands import Controls, LogText, Pulse, Reset, UseController
+from cranectl.live.hand import RELEASED, VELOCITY_TIMEOUT, HandRequest, LatestRequest
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from tests.controllers.laws import FOLLOWING, known
@@ -40,7 +40,7 @@ def test_pause_and_speed_can_be_set(controls: Controls) -> None:
     controls.set({"pause": True, "speed": 2})
     assert controls.paused
     assert controls.speed == 2.0
-    assert [type(command) for command in controls.commands()] == [Say, Say]
+    assert [type(command) for command in controls.commands()] == [LogText, LogText]
     controls.set({"pause": True})
     assert controls.commands() == [], "an unchanged value gives a command"
 
@@ -71,7 +71,7 @@ def test_another_controller_has_its_own_gains(controls: Controls, scenario: Scen
     controls.set({"controller": "pole-placement+hinf"})
     (command,) = controls.commands()
     design = design_controller("pole-placement+hinf", scenario.design)
-    assert isinstance(command, Use)
+    assert isinstance(command, UseController)
     assert command.design is design
     assert [controls.values()[name] for name in NAMES[3:7]] == design.gain.tolist()
 
@@ -82,13 +82,13 @@ def test_gains_that_are_set_together_are_one_change(controls: Controls) -> None:
     before = controls.values()
     controls.set({"k0": gain[0]})
     (refusal,) = controls.commands()
-    assert isinstance(refusal, Say)
+    assert isinstance(refusal, LogText)
     assert refusal.warning
     assert "unstable" in refusal.message
     assert controls.values() == before
     controls.set(dict(zip(NAMES[3:7], gain, strict=True)))
     (command,) = controls.commands()
-    assert isinstance(command, Use)
+    assert isinstance(command, UseController)
     assert command.design.gain.tolist() == gain
     assert controls.values()["controller"] == "lqr"
 
@@ -96,7 +96,7 @@ def test_gains_that_are_set_together_are_one_change(controls: Controls) -> None:
 def test_gains_and_controller_can_be_set_together(controls: Controls) -> None:
     controls.set({"controller": "pole-placement", "k3": 11.0})
     (command,) = controls.commands()
-    assert isinstance(command, Use)
+    assert isinstance(command, UseController)
     assert command.design.name == "pole-placement, gains by hand"
     assert command.design.gain.tolist() == pytest.approx([39.0625, 62.5, 37.5, 11.0])
 
@@ -104,7 +104,7 @@ def test_gains_and_controller_can_be_set_together(controls: Controls) -> None:
 def test_another_controller_has_its_own_parameters(controls: Controls) -> None:
     controls.set({"controller": "pid", "pid.proportional": 3, "pid.shaper": "zvd"})
     (command,) = controls.commands()
-    assert isinstance(command, Use)
+    assert isinstance(command, UseController)
     assert (command.design.name, command.design.parameters["proportional"]) == ("pid", 3.0)
     values = controls.values()
     assert values["pid.shaper"] == "zvd"
@@ -149,7 +149,7 @@ def test_wrong_values_are_refused_and_change_nothing(
     before = controls.values()
     controls.set(changes)
     (refusal,) = controls.commands()
-    assert isinstance(refusal, Say)
+    assert isinstance(refusal, LogText)
     assert refusal.warning
     assert "refused" in refusal.message
     assert message in refusal.message
@@ -163,7 +163,7 @@ def test_long_names_and_values_are_refused_quickly(controls: Controls) -> None:
     controls.set({"x" * 1_000_000: 1.0})
     controls.set({"speed": "7" * 1_000_000})
     assert within(time.process_time() - start, 1.0)
-    refusals = [command for command in controls.commands() if isinstance(command, Say)]
+    refusals = [command for command in controls.commands() if isinstance(command, LogText)]
     assert [refusal.warning for refusal in refusals] == [True, True, True]
     assert all(len(refusal.message) < 10_000 for refusal in refusals)
 
@@ -173,7 +173,7 @@ def test_too_many_changes_at_once_are_refused(controls: Controls) -> None:
     controls.set({"speed": 2.0, **{f"x{k}": 1.0 for k in range(100)}})
     assert controls.values() == before
     (refusal,) = controls.commands()
-    assert refusal == Say("101 parameters at once refused; allowed: 100", warning=True)
+    assert refusal == LogText("101 parameters at once refused; allowed: 100", warning=True)
 
 
 def test_a_wrong_value_does_not_affect_other_values(controls: Controls) -> None:
@@ -189,25 +189,25 @@ def twist(x: object, y: object = 0.0, z: object = 0.0) -> bytes:
 
 def test_a_velocity_command_is_valid_until_the_next_or_a_timeout(controls: Controls) -> None:
     now = 100.0
-    limits, wishes = controls.hand_limits, Wishes(clock=lambda: now)
-    assert wishes.taken() == []
-    wishes.hear(twist(0.3, -0.1), limits)
-    wishes.hear(twist(0.4, -0.1), limits)
-    assert wishes.taken() == [HandRequest(False, 0.4, -0.1, 0.0)], "only the newest command counts"
-    now += 0.9 * LOST
-    wishes.hear(twist(0.4, -0.1), limits)
-    now += 0.9 * LOST
-    assert wishes.taken() == [], "a repeated command is not new"
-    now += 0.2 * LOST
-    assert wishes.taken() == [RELEASED]
-    assert wishes.taken() == []
+    limits, latest = controls.hand_limits, LatestRequest(clock=lambda: now)
+    assert latest.take_new() == []
+    latest.receive_velocity(twist(0.3, -0.1), limits)
+    latest.receive_velocity(twist(0.4, -0.1), limits)
+    assert latest.take_new() == [HandRequest(False, 0.4, -0.1, 0.0)], "only the newest command counts"
+    now += 0.9 * VELOCITY_TIMEOUT
+    latest.receive_velocity(twist(0.4, -0.1), limits)
+    now += 0.9 * VELOCITY_TIMEOUT
+    assert latest.take_new() == [], "a repeated command is not new"
+    now += 0.2 * VELOCITY_TIMEOUT
+    assert latest.take_new() == [RELEASED]
+    assert latest.take_new() == []
     for _ in range(2):
-        wishes.hear_point(b'{"x": 1, "y": 1, "z": -1}', limits)
-        assert wishes.taken() == [HandRequest(True, 1.0, 1.0, -1.0)], "a repeated target is a new command"
+        latest.receive_point(b'{"x": 1, "y": 1, "z": -1}', limits)
+        assert latest.take_new() == [HandRequest(True, 1.0, 1.0, -1.0)], "a repeated target is a new command"
     now += 100.0
-    assert wishes.taken() == [], "a target has no timeout"
-    wishes.hear(twist(0.0), limits)
-    assert wishes.taken() == [RELEASED], "a velocity command of zero ends the motion to the target"
+    assert latest.take_new() == [], "a target has no timeout"
+    latest.receive_velocity(twist(0.0), limits)
+    assert latest.take_new() == [RELEASED], "a velocity command of zero ends the motion to the target"
 
 
 @pytest.mark.parametrize(
@@ -233,13 +233,13 @@ def test_an_invalid_velocity_command_is_reported_once(
     for _ in range(100):
         controls.drive_by_hand(message)
     (refusal,) = controls.commands()
-    assert isinstance(refusal, Say)
+    assert isinstance(refusal, LogText)
     assert refusal.warning
     assert "driving by hand refused: " in refusal.message
     assert reason in refusal.message
     controls.drive_by_hand(twist(0.1))
     controls.drive_by_hand(message)
-    assert [type(command) for command in controls.commands()] == [Say, HandRequest]
+    assert [type(command) for command in controls.commands()] == [LogText, HandRequest]
 
 
 def test_a_target_outside_the_limits_is_refused(controls: Controls) -> None:
@@ -257,9 +257,9 @@ def test_a_controller_with_preview_cannot_take_over_while_driving_by_hand(contro
         assert controls.commands() == [HandRequest(False, 0.1, 0.0, 0.0)]
         controls.set({"controller": name})
         refusal = controls.commands()[0]  # the timeout of the velocity command may be a second one
-        assert isinstance(refusal, Say)
-        assert "must know beforehand where the load will be" in refusal.message
+        assert isinstance(refusal, LogText)
+        assert "needs the reference in advance" in refusal.message
         assert controls.values()["controller"] == "lqr"
         controls.reset()
         controls.set({"controller": name})
-        assert [type(command) for command in controls.commands()][:2] == [Reset, Use]
+        assert [type(command) for command in controls.commands()][:2] == [Reset, UseController]

@@ -110,7 +110,7 @@ def test_a_viewer_that_does_not_read_is_disconnected(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """It does not close its connection either; its thread and its socket are released."""
-    monkeypatch.setattr(guard, "STALLED", 1)
+    monkeypatch.setattr(guard, "SEND_TIMEOUT", 1)
     before = threading.active_count()
     with guarded_server() as (server, proxy):
         with socket.create_connection(("127.0.0.1", proxy.port)) as viewer:
@@ -124,14 +124,14 @@ def test_a_viewer_that_does_not_read_is_disconnected(
                 if thread.name.endswith("(process_request_thread)"):
                     thread.join(HANG)
         (message,) = [record.getMessage() for record in caplog.records]
-        assert message == "a viewer that took nothing for 1 s was disconnected"
+        assert message == "a viewer that accepted no data for 1 s was disconnected"
     assert threading.active_count() <= before + 1
 
 
 def test_excess_viewers_are_turned_away(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(guard, "VIEWERS", 2)
+    monkeypatch.setattr(guard, "MAX_VIEWERS", 2)
     with guarded_server() as (server, proxy), contextlib.ExitStack() as stack:
         address = ("127.0.0.1", proxy.port)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cranectl.controllers.registry import controller_design
-from cranectl.live.hand import Hand, HandRequest
+from cranectl.live.hand import HandReference, HandRequest
 from cranectl.live.session import Session
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
@@ -64,7 +64,7 @@ def test_a_session_driven_by_hand_is_repeated_bit_for_bit(
     running = session(*overrides, controller=controller, drive=drive_kind)
     runs = [running.advance(1700)] if overrides else []
     runs += drive(running, 20)
-    scenario = running.driven()
+    scenario = running.driven_scenario()
     assert scenario is not None
     assert scenario.controller.name == controller
     for k, plant in enumerate(PLANTS):
@@ -90,14 +90,14 @@ def test_driving_by_hand_begins_only_after_the_reference_has_ended() -> None:
     with pytest.raises(InputError, match=r"moves the load until 1.5 s") as caught:
         running.steer(HandRequest(False, 0.1, 0.0, 0.0))
     assert "reference.segments=[]" in caught.value.remedy
-    assert running.driven() is None
+    assert running.driven_scenario() is None
     running.advance(1)
     running.steer(HandRequest(False, 0.0, 0.0, 0.0))
-    assert running.driven() is None, "a velocity command of zero does not begin driving"
+    assert running.driven_scenario() is None, "a velocity command of zero does not begin driving"
     running.steer(HandRequest(False, 0.1, 0.0, 0.0))
     (run, _) = running.advance(1)
     assert run.reference[0, :3] == pytest.approx([0.8, 0.6, -0.6], abs=0.0)
-    assert [segment.kind for segment in running.driven().reference.segments] == ["line", "driven"]
+    assert [segment.kind for segment in running.driven_scenario().reference.segments] == ["line", "driven"]
 
 
 def test_a_reset_ends_driving_by_hand() -> None:
@@ -106,7 +106,7 @@ def test_a_reset_ends_driving_by_hand() -> None:
     running.steer(HandRequest(False, 0.4, 0.0, 0.0))
     running.advance(300)
     running.reset()
-    assert running.driven() is None
+    assert running.driven_scenario() is None
     runs = running.advance(501)
     assert np.array_equal(runs[0].reference, running.plan.reference[:501])
 
@@ -124,11 +124,11 @@ def test_another_controller_continues_from_the_driven_position() -> None:
 @pytest.mark.parametrize("declared", [{"preview": 1}, {"follows": "set-point"}])
 def test_controllers_with_preview_cannot_be_driven_by_hand(declared: dict) -> None:
     with known(replace(FOLLOWING, **declared)) as name:
-        with pytest.raises(InputError, match="must know beforehand where the load will be"):
+        with pytest.raises(InputError, match="needs the reference in advance"):
             session(controller=name).steer(HandRequest(False, 0.1, 0.0, 0.0))
         running = session()
         running.steer(HandRequest(False, 0.1, 0.0, 0.0))
-        with pytest.raises(InputError, match="must know beforehand where the load will be"):
+        with pytest.raises(InputError, match="needs the reference in advance"):
             running.use(controller_design(name, running.scenario))
         assert running.design.name == "lqr"
 
@@ -142,26 +142,26 @@ def test_a_load_outside_the_limits_cannot_be_driven_by_hand() -> None:
 def test_driving_by_hand_ends_before_the_longest_run_does() -> None:
     """The remaining 10.743 s let the load come to rest, so that a run can repeat the whole drive."""
     scenario = load_scenario("fixed-position", overrides=["reference.segments=[]", "control.period=0.01"])
-    hand = Hand(scenario, 0)
-    hand.ask(58_000, HandRequest(False, 0.1, 0.0, 0.0))
+    hand = HandReference(scenario, 0)
+    hand.follow(58_000, HandRequest(False, 0.1, 0.0, 0.0))
     rows = hand.rows(np.arange(58_000, 60_000))
     assert rows[0, 0] < rows[800, 0] < rows[-1, 0]
     assert np.abs(rows[-1, 3:]).max() < 1e-12, "the reference is not at rest"
-    with pytest.raises(InputError, match="no run could repeat any more"):
-        hand.ask(58_930, HandRequest(False, 0.1, 0.0, 0.0))
+    with pytest.raises(InputError, match="too long for a scenario that repeats it"):
+        hand.follow(58_930, HandRequest(False, 0.1, 0.0, 0.0))
     driven = hand.scenario(60_001, "lqr")
     assert driven.duration == 600.0
     assert isinstance(driven, Scenario)
-    with pytest.raises(InputError, match="no run could repeat any more"):
-        Hand(scenario, 58_930)
+    with pytest.raises(InputError, match="too long for a scenario that repeats it"):
+        HandReference(scenario, 58_930)
 
 
 def test_too_many_commands_end_driving_by_hand_at_rest() -> None:
-    hand = Hand(load_scenario("fixed-position", overrides=["reference.segments=[]"]), 0)
+    hand = HandReference(load_scenario("fixed-position", overrides=["reference.segments=[]"]), 0)
     for sample in range(MOST_CHANGES - 2):
-        hand.ask(sample, HandRequest(False, 0.1 + 1e-5 * (sample % 1000), -0.12345, 0.12345))
-    with pytest.raises(InputError, match="no run could repeat any more"):
-        hand.ask(MOST_CHANGES, HandRequest(False, 0.2, 0.0, 0.0))
+        hand.follow(sample, HandRequest(False, 0.1 + 1e-5 * (sample % 1000), -0.12345, 0.12345))
+    with pytest.raises(InputError, match="too long for a scenario that repeats it"):
+        hand.follow(MOST_CHANGES, HandRequest(False, 0.2, 0.0, 0.0))
     assert np.array_equal(hand.rows(np.arange(20_000, 35_000))[-1, 3:] < 1e-12, np.full(12, True))
     text = toml_text(hand.scenario(35_000, "lqr").model_dump(exclude_unset=True))
     assert len(text) < MAX_DOCUMENT_BYTES

@@ -374,12 +374,12 @@ def test_increments_give_the_messages_of_a_log(name: str, overrides: tuple[str, 
                 zip(stream.time_ns.tolist(), stream.messages, strict=True)
             )
 
-    collect(increments.static_scene(running.advance(0), 0))
+    collect(increments.opening_messages(running.advance(0), 0))
     remaining = scenario.steps + 1
     while remaining > 0 and running.moving:
         collect(increments.messages(running.advance(min(block, remaining)), running.origin_ns))
         remaining -= block
-    collect(increments.last())
+    collect(increments.unsent_samples())
     runs = [
         simulate_run(scenario, plant=p, design=design).every(scenario.log.every)
         for p in ("analytic", "mujoco")
@@ -416,7 +416,7 @@ def test_the_reference_is_sent_once_when_one_plant_stops() -> None:
     increments = Increments(scenario, running.plan, PAIR)
     first, second = running.advance(22)
     stopped = replace(first, status=RunStatus.WORKSPACE_LEFT, end_ns=21_000_000)
-    sent = [*increments.messages([stopped, second], 0), *increments.last()]
+    sent = [*increments.messages([stopped, second], 0), *increments.unsent_samples()]
     times = {topic: [] for topic in ("/reference/load", "/analytic/state", "/mujoco/state")}
     for stream in sent:
         if stream.topic in times:
@@ -464,7 +464,7 @@ def test_ctrl_c_completes_the_recording_of_all_sent_messages(tmp_path: Path) -> 
     assert "warning: listening on 0.0.0.0: anyone" in err
     assert "Traceback" not in err
     assert err.count("Invalid message") == 1
-    assert "100 complaints of clients in all" in err
+    assert "100 warnings about clients in total" in err
     assert list(record.parent.iterdir()) == [record]
     with record.open("rb") as stream:
         recorded = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(stream).iter_messages()]
@@ -499,7 +499,7 @@ def test_two_sessions_write_all_files_that_they_print(tmp_path: Path) -> None:
     assert sorted((tmp_path / "logs/fixed-position").iterdir()) == sorted(recordings)
     assert all(file.read_bytes() == data for file, data in recordings.items())
     existing = str(sorted(recordings)[0])
-    with pytest.raises(LogError, match="is there already"):
+    with pytest.raises(LogError, match="exists already"):
         live_command.main(["fixed-position", "--port", "0", "--record", existing], standalone_mode=False)
 
 
@@ -650,13 +650,13 @@ def test_a_run_repeats_a_drive_by_velocity_commands(tmp_path: Path) -> None:
         for _ in range(8):
             viewer.publish(twist(-0.4, 0.1))
             viewer.rest(0.1)
-        viewer.until(lambda: running.session._hand._asked == (0.0,) * 4)  # after the timeout of the command
+        viewer.until(lambda: running.session._hand._request == (0.0,) * 4)  # after the timeout of the command
         assert viewer.events().count("driven by hand") == 1
         viewer.wait_for("/mujoco/status", lambda message: message.phase == Phase.DRIVEN)
         viewer.publish(b"nonsense")
         viewer.wait_for_event("the message is not valid JSON")
         assert viewer.call("/go", {"x": 0.6, "y": 0.6, "z": -0.9})["message"]
-        viewer.wait_for_event("goes to (0.6, 0.6, -0.9) m")
+        viewer.wait_for_event("drives to (0.6, 0.6, -0.9) m")
         viewer.set(speed=10.0)
         end = np.array([0.6, 0.6, -0.9])
         load = [0.0]
@@ -688,13 +688,13 @@ def test_driving_by_hand_begins_after_the_reference_and_ends_with_a_reset(tmp_pa
         viewer.subscribe("/log")
         viewer.advertise("/elsewhere")
         viewer.wait_for_event(
-            "messages on /elsewhere in json refused: nobody listens; allowed: JSON on /wish"
+            "messages on /elsewhere in json refused: nothing receives them; allowed: JSON on /wish"
         )
         viewer.call("/go", {"x": 1.0, "y": 1.0, "z": -1.0})
         viewer.wait_for_event("the scenario's reference moves the load until 1.5 s")
         viewer.until(lambda: running.session.now_ns > 1_500_000_000)
         viewer.call("/go", {"x": 1.0, "y": 1.0, "z": -1.0})
-        viewer.wait_for_event("goes to (1, 1, -1) m")
+        viewer.wait_for_event("drives to (1, 1, -1) m")
         viewer.call("/reset")
         viewer.wait_for_event("reset")
         viewer.rest(0.2)
@@ -713,6 +713,6 @@ def test_the_documented_joystick_program_drives(tmp_path: Path) -> None:
         viewer.subscribe("/reference/load")
         with subprocess.Popen([sys.executable, "joystick.py"], cwd=tmp_path) as program:
             viewer.until(lambda: running.session._hand is not None)
-            assert running.session._hand._asked == (0.0, -0.4, 0.0, 0.1)
+            assert running.session._hand._request == (0.0, -0.4, 0.0, 0.1)
             program.terminate()
-        viewer.until(lambda: running.session._hand._asked == (0.0,) * 4)
+        viewer.until(lambda: running.session._hand._request == (0.0,) * 4)

@@ -7,25 +7,28 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.live.recorder import next_file, own_place
+from cranectl.live.recorder import next_file, reserve_recording
 from cranectl.support.errors import LogError
 
 
 def test_a_reserved_place_leaves_no_file(tmp_path: Path) -> None:
-    with own_place(tmp_path / "new" / "a.mcap") as place:
+    with reserve_recording(tmp_path / "new" / "a.mcap") as place:
         assert place == tmp_path / "new" / "a.mcap"
     assert list((tmp_path / "new").iterdir()) == []
 
 
 def test_a_second_session_is_refused_or_gets_the_next_number(tmp_path: Path) -> None:
     requested = tmp_path / "a.mcap"
-    with own_place(requested), pytest.raises(LogError, match="another session records") as caught:
-        own_place(requested).__enter__()
+    with (
+        reserve_recording(requested),
+        pytest.raises(LogError, match="another session is recording") as caught,
+    ):
+        reserve_recording(requested).__enter__()
     assert "--record" in caught.value.remedy
     with (
-        own_place(requested, numbered=True) as first,
-        own_place(requested, numbered=True) as second,
-        own_place(requested, numbered=True) as third,
+        reserve_recording(requested, numbered=True) as first,
+        reserve_recording(requested, numbered=True) as second,
+        reserve_recording(requested, numbered=True) as third,
     ):
         assert [first.name, second.name, third.name] == ["a.mcap", "a-2.mcap", "a-3.mcap"]
 
@@ -34,9 +37,9 @@ def test_a_second_session_is_refused_or_gets_the_next_number(tmp_path: Path) -> 
 def test_an_existing_recording_is_not_overwritten(recorded: str, tmp_path: Path) -> None:
     requested, old = tmp_path / "a.mcap", tmp_path / recorded
     old.write_text("a recording")
-    with pytest.raises(LogError, match=f"{recorded} is there already"):
-        own_place(requested).__enter__()
-    with own_place(requested, numbered=True) as place:
+    with pytest.raises(LogError, match=f"{recorded} exists already"):
+        reserve_recording(requested).__enter__()
+    with reserve_recording(requested, numbered=True) as place:
         assert place == tmp_path / "a-2.mcap"
     assert list(tmp_path.iterdir()) == [old]
     assert old.read_text() == "a recording"
@@ -46,7 +49,7 @@ def test_files_of_other_names_are_ignored(tmp_path: Path) -> None:
     others = ["b.mcap", "a.segment.mcap", "xa.mcap", "a.mcap.1234.part", "a.segment2.json", "a-2.mcap"]
     for name in others:
         (tmp_path / name).touch()
-    with own_place(tmp_path / "a.mcap") as place:
+    with reserve_recording(tmp_path / "a.mcap") as place:
         assert place == tmp_path / "a.mcap"
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted(others)
 
@@ -63,8 +66,8 @@ def test_a_segment_gets_the_first_free_number(tmp_path: Path) -> None:
 
 def test_the_place_of_a_killed_session_is_free(tmp_path: Path) -> None:
     script = (
-        "import sys; from pathlib import Path; from cranectl.live.recorder import own_place\n"
-        "with own_place(Path(sys.argv[1])): print('mine', flush=True); sys.stdin.read()"
+        "import sys; from pathlib import Path; from cranectl.live.recorder import reserve_recording\n"
+        "with reserve_recording(Path(sys.argv[1])): print('mine', flush=True); sys.stdin.read()"
     )
     requested = tmp_path / "a.mcap"
     command = [sys.executable, "-c", script, str(requested)]
@@ -72,10 +75,10 @@ def test_the_place_of_a_killed_session_is_free(tmp_path: Path) -> None:
         assert process.stdout is not None
         assert process.stdout.readline() == "mine\n"
         with pytest.raises(LogError, match="another session"):
-            own_place(requested).__enter__()
+            reserve_recording(requested).__enter__()
         process.send_signal(signal.SIGKILL)
         process.wait()
-    with own_place(requested) as place:
+    with reserve_recording(requested) as place:
         assert place == requested
     assert list(tmp_path.iterdir()) == []
 
@@ -84,4 +87,4 @@ def test_the_place_of_a_killed_session_is_free(tmp_path: Path) -> None:
 def test_an_unwritable_place_is_explained(name: str) -> None:
     for numbered in (False, True):
         with pytest.raises(LogError, match="cannot write"):
-            own_place(Path(name), numbered=numbered).__enter__()
+            reserve_recording(Path(name), numbered=numbered).__enter__()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.worker import Prepared, Worker
+from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.campaign.workers import Children, ChildWorker, run_batches
 from cranectl.cli.main import main
 from cranectl.compare.runs import differing_fields
@@ -191,7 +191,7 @@ def test_a_law_that_ends_or_never_returns_costs_a_campaign_one_row(law: Path) ->
         side = {"initial.alpha_offset": choice(-0.03, 0.03)}
         made = campaign(side, controllers=[name], plants=["analytic"], runs=3, set=SHORT)
         with Children() as children:
-            worker = ChildWorker(Prepared(made), children, patience=1.0)
+            worker = ChildWorker(PreparedCampaign(made), children, patience=1.0)
             rows = worker.run_batch(Batch("analytic", name, 0, 3))
             worker.close()
         failing = [row["initial.alpha_offset"] > 0.0 for row in rows]
@@ -216,7 +216,7 @@ def test_a_process_is_kept_for_the_next_campaign(law: Path, monkeypatch: pytest.
             )
             batch = Batch("analytic", name, 0, 2)
             ((_, rows),) = run_batches(made, [batch], children=children)
-            assert rows == Worker(Prepared(made)).run_batch(batch)
+            assert rows == Worker(PreparedCampaign(made)).run_batch(batch)
         assert len(started) == 1
 
 

@@ -262,7 +262,7 @@ def test_the_files_of_a_program_count_and_travel(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_named_and_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no file is named by files = 'data/\*\.csv'"):
+    with pytest.raises(InputError, match=r"no file matches files = 'data/\*\.csv'"):
         open_controller(peer(tmp_path, gain=16.0, more=FILES))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.worker import Prepared, Worker
+from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.campaign.workers import Children, ChildWorker, estimated_seconds
 from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_design
@@ -253,7 +253,7 @@ def test_no_patience_counts_while_a_program_starts(
         made = campaign(
             {"rig.load_mass": fixed(0.8)}, controllers=[name], plants=["analytic"], runs=1, set=SHORT
         )
-        with Children() as children, closing(ChildWorker(Prepared(made), children, 7.0)) as worker:
+        with Children() as children, closing(ChildWorker(PreparedCampaign(made), children, 7.0)) as worker:
             (row,) = worker.run_batch(Batch("analytic", name, 0, 1))
         assert row["status"] == "completed"
         assert allowed.pop(0) == math.inf  # it imports and compiles itself
@@ -265,7 +265,7 @@ def test_an_estimate_of_time_waits_for_as_long_as_a_run_takes(monkeypatch: pytes
     """A run that is given up would be taken for one that is quick."""
     given: list[float] = []
 
-    def noted(prepared: Prepared, _: Children, patience: float) -> Worker:
+    def noted(prepared: PreparedCampaign, _: Children, patience: float) -> Worker:
         given.append(patience)
         return Worker(prepared)
 

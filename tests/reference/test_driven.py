@@ -8,7 +8,7 @@ import pytest
 from scipy.special import gammainc
 
 from cranectl.cases.case import run_case
-from cranectl.live.hand_limits import Bound, _norm, hand_limits
+from cranectl.live.hand_limits import DrivingBounds, _kernel_norm, hand_limits
 from cranectl.model.flatness import states_and_inputs
 from cranectl.planning import load_scenario
 from cranectl.planning.limits import limits_of
@@ -77,7 +77,7 @@ def test_the_fourth_derivative_is_continuous_under_any_commands() -> None:
             UNLIMITED,
             drive(UNLIMITED, PERIOD, rest_state(np.zeros(3)), hold_commands(*commands, samples=samples)),
         )
-        rate = UNLIMITED.speed * UNLIMITED.bandwidth**4 * _norm(4, 0.0)
+        rate = UNLIMITED.speed * UNLIMITED.bandwidth**4 * _kernel_norm(4, 0.0)
         assert (np.abs(np.diff(rows[:, 4], axis=0)) <= PERIOD * rate).all()
 
 
@@ -94,7 +94,7 @@ def test_the_norms_bound_the_derivatives_and_are_attained(order: int) -> None:
     worst = np.zeros((len(kernel) + 1, 4))
     worst[:-1, 1] = UNLIMITED.speed[0] * bang_bang(kernel)
     rows = derivatives(UNLIMITED, drive(UNLIMITED, PERIOD, rest_state(np.zeros(3)), worst))
-    bound = UNLIMITED.speed[0] * UNLIMITED.bandwidth ** (order - 1) * _norm(order - 1, 0.0)
+    bound = UNLIMITED.speed[0] * UNLIMITED.bandwidth ** (order - 1) * _kernel_norm(order - 1, 0.0)
     assert 0.99 * bound < rows[-1, order, 0] <= bound
 
 
@@ -109,7 +109,7 @@ def test_the_norms_are_those_of_the_kernel(order: int, mu: float) -> None:
     ] + [np.polynomial.Polynomial([-4, 6, -2, 1 / 6])(t) * np.exp(-t)]
     kernel = k[order] + mu * k[order + 2]
     jump = mu if order == 2 else 0.0
-    assert _norm(order, mu) == pytest.approx(np.trapezoid(np.abs(kernel), t) + jump, abs=1e-6)
+    assert _kernel_norm(order, mu) == pytest.approx(np.trapezoid(np.abs(kernel), t) + jump, abs=1e-6)
     if order == 0:
         assert kernel.min() >= -1e-15
         assert (k[0] + 2.01 * k[2]).min() < 0.0
@@ -132,7 +132,7 @@ def test_bounds_hold_under_the_worst_reversals(crane: str) -> None:
         limits = hand_limits(load_scenario("fixed-position", rig=CRANES[crane]))
         free, drop = HandLimits(limits.bandwidth, limits.speed, -UNBOUNDED, UNBOUNDED), -limits.low[2]
     limits, period = free, 0.02 / free.bandwidth
-    bound = Bound(free.bandwidth, free.speed, drop, gravity)
+    bound = DrivingBounds(free.bandwidth, free.speed, drop, gravity)
     samples = 1000
     impulse = np.zeros((samples, 4))
     impulse[0, 1:] = 1.0
@@ -167,7 +167,9 @@ def test_a_faster_filter_would_exceed_a_limit(crane: str) -> None:
     limits, rig, kept = hand_limits(scenario), scenario.rig, limits_of(scenario)
     shares = []
     for bandwidth in (limits.bandwidth, 1.001 * limits.bandwidth):
-        bound = Bound(bandwidth, limits.speed, rig.rope_range[1] - scenario.planning.clearance, rig.gravity)
+        bound = DrivingBounds(
+            bandwidth, limits.speed, rig.rope_range[1] - scenario.planning.clearance, rig.gravity
+        )
         velocity, acceleration, rate = np.array(bound.joints).T
         parts = [
             *((velocity + rig.time_constants * acceleration) / kept.velocity),
@@ -191,11 +193,11 @@ def test_a_faster_filter_would_exceed_a_limit(crane: str) -> None:
         ("planning.jerk=[1e9,1e9,2.0]", lambda bound, kept: bound.joints[2][2] / kept.jerk[2]),
         (
             "planning.tension=[0.97,2.0]",
-            lambda bound, kept: (9.81 - bound.lift) / (9.81 - kept.tension[0]),
+            lambda bound, kept: (9.81 - bound.min_gravity) / (9.81 - kept.tension[0]),
         ),
         (
             "planning.tension=[0.2,1.03]",
-            lambda bound, kept: bound.stretch[0] * (2.0 * 9.81 - bound.lift) / kept.tension[1],
+            lambda bound, kept: bound.rope_factor[0] * (2.0 * 9.81 - bound.min_gravity) / kept.tension[1],
         ),
         (
             "rig.effects.limits.acceleration=[4.0,0.6,6.0]",
@@ -207,7 +209,7 @@ def test_each_limit_can_be_the_active_one(override: str, share: Callable) -> Non
     scenario = load_scenario("fixed-position", overrides=override.split())
     limits = hand_limits(scenario)
     assert limits.bandwidth < hand_limits(load_scenario("fixed-position")).bandwidth
-    bound = Bound(limits.bandwidth, limits.speed, scenario.rig.rope_range[1] - 0.05, 9.81)
+    bound = DrivingBounds(limits.bandwidth, limits.speed, scenario.rig.rope_range[1] - 0.05, 9.81)
     assert share(bound, limits_of(scenario)) == pytest.approx(1.0, abs=1e-6)
 
 

@@ -12,9 +12,9 @@ from mcap.reader import make_reader
 
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
-from cranectl.live.hand import LOST
+from cranectl.live.hand import VELOCITY_TIMEOUT
 from cranectl.live.hand_limits import hand_limits
-from cranectl.live.viewers import WISH
+from cranectl.live.viewers import VELOCITY_TOPIC
 from cranectl.log import topics
 from cranectl.log.overlay import Layer, write_overlay
 from cranectl.log.reader import describe_log
@@ -99,8 +99,8 @@ def test_pads_wish_what_may_be_wished(crane: str) -> None:
     most = dict(zip(("linear-x", "linear-y", "linear-z"), hand_limits(scenario).speed, strict=True))
     shares = {wish["field"]: abs(wish["value"]) / most[wish["field"]] for wish in wishes}
     assert shares == pytest.approx(dict.fromkeys(most, 0.4 / 0.475), rel=1e-3)
-    assert {pad["topic"] for pad in pads} == {WISH}
-    assert all(1.0 / pad["publishRate"] < LOST / 2.0 for pad in pads)
+    assert {pad["topic"] for pad in pads} == {VELOCITY_TOPIC}
+    assert all(1.0 / pad["publishRate"] < VELOCITY_TIMEOUT / 2.0 for pad in pads)
 
 
 def test_what_logs_of_before_draw_is_shown_too() -> None:

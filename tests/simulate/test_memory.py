@@ -8,7 +8,7 @@ import pytest
 
 from cranectl.analysis.ladder import evaluate_levels
 from cranectl.campaign.load import load_campaign
-from cranectl.campaign.worker import Prepared
+from cranectl.campaign.worker import PreparedCampaign
 from cranectl.cases.case import make_case, run_case
 from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_design
@@ -130,4 +130,4 @@ def test_the_control_periods_of_a_campaign_are_counted_together(tmp_path: Path) 
         'distribution = "uniform"\nlow = 0.9\nhigh = 1.1\n'
     )
     with pytest.raises(InputError, match="would take"):
-        Prepared(load_campaign(tmp_path / "many.toml"))
+        PreparedCampaign(load_campaign(tmp_path / "many.toml"))

@@ -19,7 +19,7 @@ import numpy as np
 from cranectl.campaign import Campaign, make_campaign
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.settings import parse_campaign
-from cranectl.campaign.worker import BLOCK, Prepared, Worker
+from cranectl.campaign.worker import BLOCK, PreparedCampaign, Worker
 from cranectl.campaign.workers import run_batches
 from cranectl.design import design_controller
 from cranectl.planning import load_scenario
@@ -132,7 +132,7 @@ def compare_campaign_with_engine(repeats: int) -> list[Measurement]:
     results = []
     of_file, of_run = [BareSteps(from_file=True) for _ in range(2)], BareSteps(from_file=False)
     for controller in HEAVY:
-        prepared = Prepared(campaign_of(controller, "mujoco"))
+        prepared = PreparedCampaign(campaign_of(controller, "mujoco"))
         workers = [Worker(prepared), Worker(prepared)]
         runs: list[Callable[[], object]] = [
             lambda k=k, c=controller, w=workers: w[k].run_batch(Batch("mujoco", c, k, k + 1))
@@ -221,7 +221,7 @@ def compare_other_implementations(repeats: int) -> list[Measurement]:
             "ways",
         )
     )  # fmt: skip
-    worker = Worker(Prepared(campaign))
+    worker = Worker(PreparedCampaign(campaign))
     loops: dict[str, tuple[int, Callable[[], object]]] = {  # by name: number of runs, and the loop
         "cranectl": (8, lambda: worker.run_batch(Batch("mujoco", controller, 0, 8))),
         "one crane at a time in Python, controller in NumPy": (1, lambda: other.python_loop(task, 1)),

@@ -23,7 +23,7 @@ from cranectl.loaders.c_law import HEADER
 from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
-from cranectl.simulate.loops import give_measured
+from cranectl.simulate.loops import write_measured
 from cranectl.support.jit import jit
 from validation.performance.figures import Measurement, summarise
 
@@ -82,7 +82,7 @@ def _run_steps(compiled, states, memory):
     """Run the steps of all samples, and return the number of those that failed."""
     failed = 0
     for k in range(states.shape[0]):
-        give_measured(compiled, None, states[k], k)
+        write_measured(compiled, None, states[k], k)
         if k % compiled.every == 0:
             arguments = (compiled.parameters, compiled.measured, compiled.reference[k], memory)
             failed += _call(compiled.address, *arguments, compiled.command) != 0

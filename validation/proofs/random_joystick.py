@@ -17,7 +17,7 @@ from cranectl.cases.case import Case, make_case
 from cranectl.cases.validation import Validation
 from cranectl.cases.workers import available_cores, run_cases
 from cranectl.cli.output import Screen
-from cranectl.live.hand import Hand, HandRequest
+from cranectl.live.hand import HandReference, HandRequest
 from cranectl.live.hand_limits import hand_limits
 from cranectl.model.flatness import states_and_inputs
 from cranectl.planning import load_scenario
@@ -55,13 +55,13 @@ def random_drive(random: np.random.Generator, crane: str, name: str) -> Scenario
     start = random.uniform(limits.low, limits.high).tolist()
     reference = scenario.reference.model_copy(update={"start": tuple(start)})
     scenario = scenario.model_copy(update={"reference": reference})
-    hand, sample = Hand(scenario, 0), 0
+    hand, sample = HandReference(scenario, 0), 0
     while sample * scenario.control.period < STEERING_TIME:
         kind = random.choice(["any", "full", "none", "point"], p=[0.4, 0.4, 0.1, 0.1])
         full = random.integers(-1, 2, 3) * limits.speed
         velocities = {"any": random.uniform(-limits.speed, limits.speed), "full": full, "none": np.zeros(3)}
         request = random.uniform(limits.low, limits.high) if kind == "point" else velocities[kind]
-        hand.ask(sample, HandRequest(kind == "point", *request.tolist()))
+        hand.follow(sample, HandRequest(kind == "point", *request.tolist()))
         sample += int(np.ceil(random.exponential(1.5 / limits.bandwidth) / scenario.control.period))
     return hand.scenario(sample, "lqr")
 

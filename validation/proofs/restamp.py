@@ -37,7 +37,7 @@ from cranectl.campaign.benchmark.table import (
 from cranectl.campaign.benchmark.trials import Trial, campaign_of, rules_of
 from cranectl.campaign.benchmark.tuned import DEFAULT, code_of, tuned_settings
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.worker import Prepared, Worker
+from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.laws import opened
 from cranectl.controllers.registry import controller_digests
@@ -68,7 +68,7 @@ def run_again(trial: Trial, sample: int, rules: str, numbers: Path) -> Runs:
     settings = functools.partial(tuned_settings, numbers, rules)
     campaign = campaign_of(BENCHMARK, trial, tuned=settings)
     batch = Batch(trial.plant, trial.law, sample, sample + 1)
-    rows = Worker(Prepared(campaign)).run_batch(batch)
+    rows = Worker(PreparedCampaign(campaign)).run_batch(batch)
     return runs_of(lambda name: np.array([row[name] for row in rows]), campaign.settings.limits.given)
 
 

@@ -1,13 +1,13 @@
-"""Signals of which only variance or limits are known: noise and steps of the encoders, friction.
+"""Propagate signals with known variance or limits only: noise and quantisation of encoders, friction.
 
-What the observer makes of positions alone is an error of the measured state. Its deterministic part comes
-from the observer itself, run beside a predicted trajectory instead of in the loop. Noise goes through the
+The observer estimates the state from positions, so the measured state has an error. The observer itself, run
+along a predicted trajectory outside the loop, gives the deterministic part of this error. Noise passes the
 observer's linear error equations, one joint at a time,
 
     error = (I - g c) eps + g n       eps' = Phi error       error = (q, q', d) estimated minus true
 
-with the gains g, c = (1, 0, 0) and the free motion Phi over one period; what the joints' accelerations share
-through the equations of motion is slow against the observer and left out.
+with the gains g, c = (1, 0, 0) and the transition matrix Phi of one period. The coupling of the joints
+through the equations of motion is left out, because it is slow compared with the observer.
 """
 
 from typing import NamedTuple
@@ -22,14 +22,14 @@ from cranectl.support.arrays import Array
 from cranectl.support.jit import jit_called
 
 STATES = 3  # of the estimator of one joint
-TINY = 1e-60
-ENCODER_INSTANTS, FRICTION_INSTANTS = 24, 16  # spread over the run, at which the load error is bounded
+NEGLIGIBLE = 1e-60
+ENCODER_INSTANTS, FRICTION_INSTANTS = 24, 16  # number of times, spread over the run, with a bound
 
 
 class Estimator(NamedTuple):
     """Linear error equations of the estimator of one joint, the same for all joints.
 
-    Any estimator fits that has three states per joint of which the tracker gets the first two.
+    They suit any estimator with three states per joint of which the tracker gets the first two.
     """
 
     output_by_state: Array  # (2, 3) error of position and velocity, by the state before the measurement
@@ -77,10 +77,10 @@ def load_variance(loop: TrajectoryLoop, estimator: Estimator, deviations: Array)
 
 
 @jit_called
-def loop_matrix(loop, k, matrix):
-    """Write into `matrix` how state and delayed commands at sample k + 1 follow from those at k.
+def write_loop_matrix(loop, k, matrix):
+    """Write the transition matrix of state and delayed commands from sample k to k + 1 into `matrix`.
 
-    `matrix` is (n + 3 times the delay) square.
+    `matrix` is square with n + 3 times the delay rows.
     """
     size, p, at, total = loop.outputs.shape[2], loop.moving.shape[0], k // loop.stride, len(matrix)
     controller, arriving = p + EXTENSION, np.zeros((3, total))
@@ -103,12 +103,15 @@ def loop_matrix(loop, k, matrix):
 
 
 @jit_called
-def joined_matrices(loop, estimator, k, matrix, noise):
-    """State (loop, estimators) and noise (5) at sample k to the state at k + 1, of a loop without delay."""
+def write_joined_matrices(loop, estimator, k, matrix, noise):
+    """Write the matrices from state (loop, estimators) and noise (5) at sample k to the state at k + 1.
+
+    The loop must have no delay.
+    """
     size, p = loop.outputs.shape[2], loop.moving.shape[0]
     matrix[:], noise[:] = 0.0, 0.0
-    loop_matrix(loop, k, matrix[:size, :size])
-    # What the loop makes of a joint less what the plant itself does is the tracker's part.
+    write_loop_matrix(loop, k, matrix[:size, :size])
+    # The effect of a joint through the tracker is that in the loop minus that in the plant alone.
     by_measured = matrix[:size, :10].copy()
     by_measured[:p] -= loop.by_state[k // loop.stride, :, :10]
     for joint in range(JOINTS):
@@ -121,42 +124,42 @@ def joined_matrices(loop, estimator, k, matrix, noise):
 
 @jit_called
 def propagate_variance(loop, estimator, noise_variance, variance):
-    """Compute the variance of the load under noise, from rest, the estimator included."""
+    """Compute the variance of the load under noise with loop and estimator, from zero at the start."""
     p, total = loop.moving.shape[0], loop.outputs.shape[2] + STATES * JOINTS
     covariance, matrix, noise = np.zeros((total, total)), np.zeros((total, total)), np.zeros((total, JOINTS))
     for k in range(len(variance)):
         load = loop.load[k]
         variance[k] = (np.dot(load, covariance[:p, :p].copy()) * load).sum(axis=1)
         if k < len(variance) - 1:
-            joined_matrices(loop, estimator, k, matrix, noise)
+            write_joined_matrices(loop, estimator, k, matrix, noise)
             covariance = np.dot(np.dot(matrix, covariance), matrix.T)
-            covariance = flushed(covariance + np.dot(noise * noise_variance, noise.T))
+            covariance = flush_small(covariance + np.dot(noise * noise_variance, noise.T))
 
 
 @jit_called
-def flushed(matrix):
-    """Set numbers that have decayed to almost nothing to zero: processors are slow with the smallest ones."""
-    return np.where(np.abs(matrix) < TINY, 0.0, matrix)
+def flush_small(matrix):
+    """Set negligible numbers to zero, because processors are slow with denormal numbers."""
+    return np.where(np.abs(matrix) < NEGLIGIBLE, 0.0, matrix)
 
 
-def worst_case(
+def worst_load_error(
     loop: TrajectoryLoop, amplitudes: Array, times: int, *, estimator: Estimator | None = None
 ) -> Array:
-    """Return the largest load error (times, 3) [m] for any five signals in `amplitudes` (N - 1, 5).
+    """Return the largest load error (times, 3) [m] for any five signals within `amplitudes` (N - 1, 5).
 
-    The signals are errors of the measured positions, through `estimator`, or without one those at the ports
-    of friction. The L1 norm of the time-varying impulse response, at `times` instants spread over the run, by
-    one backward sweep of the adjoint.
+    With an `estimator`, the signals are errors of the measured positions; without one, they act where
+    friction does. The result is the L1 norm of the time-varying impulse response at `times` instants spread
+    over the run. One backward sweep of the adjoint equations computes it.
     """
     instants = np.unique(np.linspace(0, loop.samples - 1, times + 1)[1:].astype(np.intp))
     worst = np.zeros((len(instants), 3))
-    sweep_back(loop.matrices, estimator, np.ascontiguousarray(amplitudes), instants, worst)
+    sweep_adjoint(loop.matrices, estimator, np.ascontiguousarray(amplitudes), instants, worst)
     return worst
 
 
 @jit_called
-def sweep_back(loop, estimator, amplitudes, instants, worst):
-    """Add up |impulse response| times amplitude for each instant and axis, into `worst`."""
+def sweep_adjoint(loop, estimator, amplitudes, instants, worst):
+    """Sum |impulse response| times amplitude over the run for each instant and axis, into `worst`."""
     p = loop.moving.shape[0]
     total = loop.outputs.shape[2] + (3 * loop.delay if estimator is None else STATES * JOINTS)
     rows, matrix, inputs = (
@@ -171,22 +174,22 @@ def sweep_back(loop, estimator, amplitudes, instants, worst):
             rows[3 * begun : 3 * begun + 3, :p] = loop.load[k + 1]
         if estimator is None:
             at = k // loop.stride
-            loop_matrix(loop, k, matrix)
+            write_loop_matrix(loop, k, matrix)
             inputs[:p, :3], inputs[:p, 3:] = loop.by_command[at], loop.by_disturbance[at]
         else:
-            joined_matrices(loop, estimator, k, matrix, inputs)
+            write_joined_matrices(loop, estimator, k, matrix, inputs)
         active = rows[3 * begun :]
         response = np.dot(np.abs(np.dot(active, inputs)), amplitudes[k])
         worst[begun:] += response.reshape((-1, 3))
-        rows[3 * begun :] = flushed(np.dot(active, matrix))
+        rows[3 * begun :] = flush_small(np.dot(active, matrix))
 
 
 def worst_friction(loop: TrajectoryLoop, friction: FrictionPort, about: Deviation) -> float:
-    """Return the largest load error [m] for any friction, at rates like those of the motion `about`.
+    """Return the largest load error [m] for any friction, with the rates of the motion `about`.
 
-    Friction at rest is any force up to Coulomb's, and a moving axis has it against its motion: a signal
-    within known limits, however it sticks and slips.
+    Whether an axis sticks or slips, friction is a signal within known limits: at rest any force up to
+    Coulomb's friction, in motion this force against the motion.
     """
     rates = np.abs(friction.rates + about.state[:, 1:10:2])[:-1]
-    worst = worst_case(loop, friction.coulomb + friction.viscous * rates, FRICTION_INSTANTS)
+    worst = worst_load_error(loop, friction.coulomb + friction.viscous * rates, FRICTION_INSTANTS)
     return float(np.linalg.norm(worst, axis=1).max(initial=0.0))

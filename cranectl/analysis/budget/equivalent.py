@@ -1,15 +1,15 @@
-"""Effects as equivalent disturbances along a nominal run: what each adds at the ports of the loop.
+"""Compute equivalent disturbances of effects along a nominal run: their errors at the ports of the loop.
 
-Each follows from the effect's own controller and the nominal run alone, sampled with the period T:
+Each follows from the equations of the effect and the nominal run alone, sampled with the period T:
 
-    hold         command minus what a continuous one would apply: -(T/2) u' on average over a sample, and the
-                 same for v_z and for the error that the robustifier gets
-    integrator   one RK4 step less the exact one, by the classical scheme on the same equations
-    limits       set-points and forces cut off; a force on a servo is worth a shift of its set-point
+    hold         held minus continuous command: -(T/2) u' on average over a sample, and the same for v_z and
+                 for the error that the robustifier gets
+    integrator   a step of the classical Runge-Kutta scheme (RK4) minus the exact step
+    limits       limited minus free set-points and forces; a force on a servo is a shift of its set-point
     delay        u(t - T_d) - u(t)
     friction     its force on the axes, its torque on the joint
 
-What the crane as it is built does besides is in `plants.elastic`.
+The structural effects of the real crane are in `plants.elastic`.
 """
 
 import numpy as np
@@ -32,10 +32,10 @@ from cranectl.support.jit import jit_called
 
 
 def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = None) -> Ports:
-    """Return the difference between the sampled run and the continuous-time ideal.
+    """Return the errors that the hold of a sampled controller adds to the continuous-time ideal.
 
-    What a hold does is a matter of the continuous controller's own signals: those of the sampled run, or
-    better those less a deviation `predicted` from them.
+    They depend on the signals of the continuous controller. Those are the signals of the sampled run or, more
+    exactly, these minus a `predicted` deviation.
     """
     ports, period = no_errors(loop), loop.period
     extension, robustifier = len(loop.moving) + EXTENSION, len(loop.moving) + ROBUSTIFIER
@@ -44,7 +44,7 @@ def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = Non
         u[:-1] -= predicted.commanded
         v -= np.einsum("kij,kj->ki", loop.outputs[:, :3], predicted.state)
         error += predicted.load
-    jumps = _jumps(run)
+    jumps = _segment_starts(run)
     ports.drive[:] = -_rise(u, period, jumps)
     v_z = -_rise(v[:, 2:], period, jumps)[:, 0]
     ports.local[:, extension] = 0.5 * period**2 * v_z
@@ -59,7 +59,7 @@ def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = Non
 
 
 def _ramp_response(run: Run, period: float) -> Array:
-    """Return the robustifier's states (m,) of one axis after a period of an error that grows by 1 m/s."""
+    """Return the robustifier's states (m,) of one axis after one period of an error that grows by 1 m/s."""
     r = only_flat(run.design).robustifier
     augmented = np.zeros((r.order + 2, r.order + 2))
     augmented[:-2, :-2], augmented[:-2, -2], augmented[-2, -1] = r.a, r.b, 1.0
@@ -69,7 +69,7 @@ def _ramp_response(run: Run, period: float) -> Array:
 
 
 def _rate(signal: Array, period: float, jumps: NDArray[np.intp]) -> Array:
-    """Return the slope over each sample, (N - 1, m); at a jump, that of the sample before."""
+    """Return the slope over each sample, (N - 1, m); before a jump, the slope of the sample before."""
     slope: Array = np.diff(signal, axis=0) / period
     for k in jumps:
         if 2 <= k <= len(slope):
@@ -89,14 +89,14 @@ def _rise(signal: Array, period: float, jumps: NDArray[np.intp]) -> Array:
     return rise
 
 
-def _jumps(run: Run) -> NDArray[np.intp]:
-    """Return the samples at which the reference's segments meet."""
+def _segment_starts(run: Run) -> NDArray[np.intp]:
+    """Return the samples at which the reference's segments begin."""
     joints = build_trajectory(run.scenario.reference).joints[1:]
     return np.ceil(joints * NANOSECONDS / run.scenario.period_ns - 1e-6).astype(np.intp)
 
 
 def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
-    """Return RK4 minus the nominal run's exact steps, and the rope's pull, which moves even ideal drives."""
+    """Return the error of RK4 in the nominal run, and the effect of the rope's force on ideal drives."""
     ports = no_errors(loop)
     states, inputs, disturbances = (
         np.ascontiguousarray(run.block(name)) for name in ("state", "input", "disturbance")
@@ -111,10 +111,7 @@ def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
 
 @jit_called
 def runge_kutta_defect(rig, states, commands, disturbances, winds, defect):
-    """Compute a fourth-order Runge-Kutta step from each state minus the next state.
-
-    The result is in `defect` (N - 1, >= 10).
-    """
+    """Write an RK4 step from each state minus the next state into `defect` (N - 1, >= 10)."""
     rates, work, state = np.zeros((4, 10)), np.zeros(10), np.zeros(10)
     step = rig.step
     for k in range(len(defect)):
@@ -132,52 +129,53 @@ def runge_kutta_defect(rig, states, commands, disturbances, winds, defect):
             defect[k, i] = state[i] - states[k + 1, i]
 
 
-def delayed(loop: TrajectoryLoop, commands: Array) -> Ports:
-    """Return the late `commands` (N - 1, 3) minus punctual ones; before the first the drives rest."""
+def delay_error(loop: TrajectoryLoop, commands: Array) -> Ports:
+    """Return delayed minus undelayed `commands` (N - 1, 3); before the first the drives rest."""
     ports = no_errors(loop)
     arriving = np.vstack([np.zeros((min(loop.delay, len(commands)), 3)), commands])
     ports.arriving[:] = arriving[: len(commands)] - commands
     return ports
 
 
-def limited_commands(run: Run, loop: TrajectoryLoop, limits: DriveLimits, predicted: Deviation) -> Ports:
+def limit_error(run: Run, loop: TrajectoryLoop, limits: DriveLimits, predicted: Deviation) -> Ports:
     """Return limited minus free set-points and forces along a predicted trajectory."""
     rig, ports, period = run.scenario.rig, no_errors(loop), loop.period
     u = run.block("input")[:-1, :3]
     start = run.block("state")[0, 1:6:2]
-    wanted = u + predicted.commanded
-    ideal = start + period * (np.cumsum(wanted, axis=0) - wanted)
-    cut = np.zeros_like(wanted)
-    cut_off(make_limits(limits, period), ideal + loop.lead * wanted, start, cut)
+    commanded = u + predicted.commanded
+    ideal = start + period * (np.cumsum(commanded, axis=0) - commanded)
+    correction = np.zeros_like(commanded)
+    limit_set_points(make_limits(limits, period), ideal + loop.lead * commanded, start, correction)
     true_velocity = run.block("state")[:-1, 1:6:2] + predicted.state[:-1, 1:6:2]
-    force = rig.velocity_gains * (ideal + loop.lead * wanted + cut - true_velocity) - [0.0, 0.0, rig.weight]
-    excess = np.clip(force, -np.array(limits.force), np.array(limits.force)) - force
-    ports.drive[:] = cut + excess / rig.velocity_gains
+    set_points = ideal + loop.lead * commanded + correction
+    force = rig.velocity_gains * (set_points - true_velocity) - [0.0, 0.0, rig.weight]
+    force_correction = np.clip(force, -np.array(limits.force), np.array(limits.force)) - force
+    ports.drive[:] = correction + force_correction / rig.velocity_gains
     return ports
 
 
 @jit_called
-def cut_off(limits, wanted, start, cut):
-    """Compute what limits remove from the set-points `wanted` (N, 3), into `cut`.
+def limit_set_points(limits, requested, start, correction):
+    """Write limited minus requested set-points `requested` (N, 3) into `correction`.
 
-    The integral of the tracker follows.
+    The set-point integral of the tracker continues from the limited values.
     """
     previous, shift = start.copy(), np.zeros(3)
-    for k in range(len(wanted)):
+    for k in range(len(requested)):
         for axis in range(3):
-            requested = wanted[k, axis] + shift[axis]
-            previous[axis] = limited(limits, axis, requested, previous[axis])
-            shift[axis] += previous[axis] - requested
-            cut[k, axis] = shift[axis]
+            shifted = requested[k, axis] + shift[axis]
+            previous[axis] = limited(limits, axis, shifted, previous[axis])
+            shift[axis] += previous[axis] - shifted
+            correction[k, axis] = shift[axis]
 
 
-def friction_of(run: Run, friction: Friction) -> FrictionPort:
-    """Return friction as a shift of the servos' set-points and an angular acceleration of the joint."""
+def friction_port(run: Run, friction: Friction) -> FrictionPort:
+    """Convert friction to shifts of the servos' set-points and angular accelerations of the joint."""
     rig, states = run.scenario.rig, run.block("state")
     inertia = rig.load_mass * states[:-1, ROPE] ** 2
-    worth = np.empty((len(inertia), 5))
-    worth[:, :3] = rig.velocity_gains
-    worth[:, 3], worth[:, 4] = inertia * np.cos(states[:-1, BETA]) ** 2, inertia
+    gains = np.empty((len(inertia), 5))
+    gains[:, :3] = rig.velocity_gains
+    gains[:, 3], gains[:, 4] = inertia * np.cos(states[:-1, BETA]) ** 2, inertia
     viscous = np.array([*friction.viscous, *(friction.pivot_viscous,) * 2])
     coulomb = np.array([*friction.coulomb, *(friction.pivot_coulomb,) * 2])
-    return FrictionPort(np.ascontiguousarray(states[:, 1::2]), viscous / worth, coulomb / worth)
+    return FrictionPort(np.ascontiguousarray(states[:, 1::2]), viscous / gains, coulomb / gains)

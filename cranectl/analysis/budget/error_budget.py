@@ -1,4 +1,4 @@
-"""The error budget: every fidelity level predicted, then run, and what the sum leaves unexplained."""
+"""Compute an error budget: predict and run every fidelity level, and measure the unexplained rest."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -6,7 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.analysis.budget.prediction import LEVELS, exact, noisy, predict_levels
+from cranectl.analysis.budget.prediction import (
+    LEVELS,
+    predict_levels,
+    without_encoder_errors,
+    without_quantisation,
+)
 from cranectl.analysis.budget.trajectory_loop import STRUCTURE, nominal_run
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.ladder import Size, check_steps, load_difference, size_of
@@ -20,26 +25,26 @@ from cranectl.support.errors import unknown_name
 
 Progress = Callable[[float], None]  # called with simulated seconds
 
-SENSING = ("observer", "noise", "quantisation")  # levels that the effect `sensing` is divided into
-LOOSE = 5.0  # bounds looser than this are explained
+SENSING = ("observer", "noise", "quantisation")  # the three levels of the effect `sensing`
+LOOSE_BOUND_RATIO = 5.0  # bounds looser than this are explained
 
-WHY_LOOSE = {
-    "sampled": "near the second order of its own feedback",
-    "engine": "of the size of rounding",
-    "servos": "near what the first order leaves out",
-    "limits": "the limits hardly act, or act so long that the first order is rough",
-    "observer": "small beside what the first order leaves out of the levels below",
-    "noise": "the millionth's quantile over all samples against one seed",
-    "quantisation": "the worst pattern of steps, which no motion has, against nearly random ones",
-    "delay": "small beside the steps of the encoders, which fall anew",
-    **dict.fromkeys(STRUCTURE, "small beside what the levels below leave out"),
-    "friction": "any course of friction within its limits; sticking axes have less",
+LOOSE_BOUND_REASONS = {
+    "sampled": "its size is near the second-order term",
+    "engine": "its size is near that of rounding errors",
+    "servos": "its size is near that of the higher-order terms",
+    "limits": "the limits hardly act, or they act so long that the first order is inaccurate",
+    "observer": "it is small compared with the higher-order terms of the levels below",
+    "noise": "the bound is the 1e-6 quantile of the maximum, the measurement has one seed",
+    "quantisation": "the bound is the worst pattern of encoder errors, which no motion has",
+    "delay": "it is small compared with the encoder errors, which differ on another motion",
+    **dict.fromkeys(STRUCTURE, "it is small compared with the errors of the levels below"),
+    "friction": "the bound covers any friction within its limits; sticking axes have less",
 }
 
-# Numbers for each sample of all linearised loops and what is propagated through them, and more of these for
-# each state of the robustifier. The loops of a minute at 1 ms take 1.4 GB.
-LINEARISED, BY_ROBUSTIFIER = 2800, 180
-MAX_HELD = 4 * 2**30  # [bytes]
+# Numbers that all linearised loops and their signals hold for each sample, and additional ones for each state
+# of the robustifier. The loops of a minute at 1 ms take 1.4 GB.
+PER_SAMPLE, PER_ROBUSTIFIER_STATE = 2800, 180
+MAX_BUDGET_BYTES = 4 * 2**30  # [bytes]
 
 
 @dataclass(frozen=True)
@@ -51,11 +56,11 @@ class BudgetLevel:
     bound: float
     measured: Size
     status: str  # how the measured run ended
-    above: str = ""  # the lower level, if any, that is too large for a first order
+    above: str = ""  # the lower level, if any, that is too large for a first-order prediction
 
     @property
     def rough(self) -> bool:
-        """Whether the estimate has no bound: it may be far off, a hundredfold where levels below are."""
+        """Whether the estimate has no bound; it may be wrong by a factor of a hundred."""
         return not np.isfinite(self.bound)
 
     @property
@@ -70,7 +75,7 @@ class BudgetLevel:
 
     @property
     def holds(self) -> bool:
-        """Whether the measurement keeps the bound."""
+        """Whether the measured deviation is within the bound."""
         return self.measured.max <= self.bound
 
     @property
@@ -78,8 +83,9 @@ class BudgetLevel:
         """Why the bound is loose or absent; empty if it is neither."""
         if self.rough:
             why = f"above {self.above}, which is" if self.above else "this is"
-            return f"rough estimate, no bound: {why} too large for a first order"
-        return WHY_LOOSE[self.level] if self.looseness > LOOSE and self.measured.max else ""
+            return f"rough estimate, no bound: {why} too large for a first-order prediction"
+        is_loose = self.looseness > LOOSE_BOUND_RATIO and self.measured.max > 0.0
+        return LOOSE_BOUND_REASONS[self.level] if is_loose else ""
 
     def to_json(self) -> dict[str, Any]:
         derived = ("rough", "ratio", "looseness", "holds", "remark")
@@ -88,13 +94,13 @@ class BudgetLevel:
 
 @dataclass(frozen=True)
 class Budget:
-    """All levels of one scenario and controller."""
+    """The budget of one scenario and controller, with all levels."""
 
     scenario: str
     controller: str
     entries: tuple[BudgetLevel, ...]
     total: Size  # measured, from the first level's start to the last level
-    rest: Size  # of the total that the sum of the estimates leaves unexplained
+    rest: Size  # total minus the sum of the estimates
 
     @property
     def holds(self) -> bool:
@@ -111,26 +117,26 @@ class Budget:
         }
 
 
-def variants(scenario: Scenario, levels: Sequence[str]) -> list[Scenario]:
+def level_scenarios(scenario: Scenario, levels: Sequence[str]) -> list[Scenario]:
     """Return `scenario` with the effects of each of the `levels` and of those below it."""
     effects = assumed_effects(scenario)
     settings = {
-        "observer": exact(effects.sensing),
-        "noise": noisy(effects.sensing),
+        "observer": without_encoder_errors(effects.sensing),
+        "noise": without_quantisation(effects.sensing),
         "quantisation": effects.sensing,
         **{name: getattr(effects, name) for name in ("limits", "delay", *STRUCTURE, "friction")},
     }
-    tried, added = [], NO_EFFECTS
+    scenarios, added = [], NO_EFFECTS
     for level in levels:
         if level in settings:
             name = "sensing" if level in SENSING else level
             added = added.model_copy(update={name: settings[level]})
-        tried.append(replace_effects(scenario, added))
-    return tried
+        scenarios.append(replace_effects(scenario, added))
+    return scenarios
 
 
 def simulated_seconds(scenario: Scenario, top: str = LEVELS[-1]) -> float:
-    """Return the simulated time of a budget's runs of the engine, for progress."""
+    """Return the total simulated time of a budget's MuJoCo runs, for progress."""
     return scenario.duration * (LEVELS.index(top) if top in LEVELS else 0)
 
 
@@ -141,23 +147,24 @@ def error_budget(
     top: str = LEVELS[-1],
     progress: Progress | None = None,
 ) -> Budget:
-    """Predict every level up to `top` before it is run, then run and measure it.
+    """Predict every level up to `top`, then run and measure it.
 
-    Raises InputError for an unknown level or controller, and before any run for what a level cannot have.
+    Raises InputError for an unknown level or controller. Before any run, it also raises InputError for
+    settings that a level does not allow.
     """
     if top not in LEVELS:
         raise unknown_name("fidelity level", top, LEVELS)
     levels = LEVELS[: LEVELS.index(top) + 1]
-    tried = variants(scenario, levels)
-    check_steps(scenario, tried[LEVELS.index("servos") :])
+    scenarios = level_scenarios(scenario, levels)
+    check_steps(scenario, scenarios[LEVELS.index("servos") :])
     design = flat_design(controller or scenario.controller.name, scenario)
-    columns = LINEARISED + BY_ROBUSTIFIER * design.robustifier.order
-    check_several(scenario, design, 3, "a budget", columns=columns, most=MAX_HELD)
+    columns = PER_SAMPLE + PER_ROBUSTIFIER_STATE * design.robustifier.order
+    check_several(scenario, design, 3, "a budget", columns=columns, most=MAX_BUDGET_BYTES)
     nominal = nominal_run(scenario, controller)
     design, drives = only_flat(nominal.run.design), {"engine": "ideal"}
-    first = before = simulate_continuous(tried[0], design)
+    first = before = simulate_continuous(scenarios[0], design)
     entries, explained = [], np.zeros((len(nominal.run.time_ns), 3))
-    for variant, prediction in zip(tried, predict_levels(nominal), strict=False):
+    for variant, prediction in zip(scenarios, predict_levels(nominal), strict=False):
         run, level = nominal.run, prediction.level
         if level != "sampled":
             drive = drives.get(level, "velocity")

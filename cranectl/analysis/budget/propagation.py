@@ -1,8 +1,8 @@
-"""Carry errors through the loop linearised along a run, and find what the first order leaves out.
+"""Propagate errors through the loop linearised along a run, and compute the higher-order terms.
 
-The loop's own equations, evaluated once at every sample of the prediction, do not quite lead to its next
-sample. That defect is an error at the ports again; carried through the linear loop it is the second-order
-term of the prediction.
+The nonlinear equations of the loop, evaluated once at every sample of the prediction, do not lead exactly to
+its next sample. This defect is again an error at the ports. Propagated through the linear loop, it gives the
+second-order term of the prediction.
 """
 
 from typing import NamedTuple
@@ -21,40 +21,40 @@ from cranectl.simulate import Run, tracker_of
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit_called
 
-STICKING_ROUNDS = 4  # in which axes that stick settle what each has to hold
+FRICTION_ITERATIONS = 4  # over the axes, because the friction of one changes the rates of the others
 
 
 class Ports(NamedTuple):
     """Known errors at the ports of a loop of N samples, zero where an effect has none."""
 
-    drive: Array  # (N - 1, 3) of what the drives get [m/s²] if they are ideal, else [m/s]
+    drive: Array  # (N - 1, 3) of the commands to the drives [m/s²] if they are ideal, else [m/s]
     law: Array  # (N - 1, 3) of the commanded acceleration [m/s²]
     arriving: Array  # (N - 1, 3) of the commanded acceleration as it arrives at the drives [m/s²]
     measured: Array  # (N, 10) measured minus true joints
     disturbance: Array  # (N - 1, 2) angular accelerations of alpha, beta [rad/s²]
-    local: Array  # (N - 1, n) of X, made within one sample
+    local: Array  # (N - 1, n) of X, within one sample
 
 
 class FrictionPort(NamedTuple):
-    """Friction of bridge, trolley, winch, alpha and beta, at the ports that the five have in a loop."""
+    """Friction of bridge, trolley, winch, alpha and beta, as signals at their ports of a loop."""
 
     rates: Array  # (N, 5) nominal [m/s, rad/s]
     viscous: Array  # (N - 1, 5) of `Ports.drive` and `Ports.disturbance` per rate
-    coulomb: Array  # (N - 1, 5) largest, sliding or sticking; empty without friction
+    coulomb: Array  # (N - 1, 5) largest value, slipping or sticking; empty without friction
 
 
 class Deviation(NamedTuple):
     """A first-order prediction: deviations from the nominal run."""
 
     state: Array  # (N, n) of X
-    given: Array  # (N - 1, 3) to the drives, as `Ports.drive`
+    drive: Array  # (N - 1, 3) of the commands to the drives, as `Ports.drive`
     disturbance: Array  # (N - 1, 2) as `Ports.disturbance`
     commanded: Array  # (N - 1, 3) acceleration [m/s²]
     load: Array  # (N, 3) position [m]
 
 
 def no_errors(loop: TrajectoryLoop) -> Ports:
-    """Return ports at which nothing happens."""
+    """Return ports without errors."""
     rows = max(loop.samples - 1, 0)
     three = (rows, 3)
     return Ports(
@@ -63,7 +63,7 @@ def no_errors(loop: TrajectoryLoop) -> Ports:
 
 
 def plant_errors(loop: TrajectoryLoop) -> Ports:
-    """Return the error signals of a plant that does not obey the nominal run."""
+    """Return the errors at the ports of a plant whose equations the nominal run does not satisfy."""
     ports = no_errors(loop)
     ports.local[:, : loop.defect.shape[1]] = loop.defect
     return ports
@@ -92,8 +92,8 @@ def propagate(loop: TrajectoryLoop, ports: Ports, friction: FrictionPort = NO_FR
 
 @jit_called
 def propagate_signals(loop, ports, friction, deviation):
-    """Fill `deviation`, all but its load."""
-    state, to_drives, commanded = deviation.state, deviation.given, deviation.commanded
+    """Fill all of `deviation` but its load."""
+    state, to_drives, commanded = deviation.state, deviation.drive, deviation.commanded
     p = loop.moving.shape[0]
     controller = p + EXTENSION
     for k in range(len(state) - 1):
@@ -121,28 +121,28 @@ def propagate_signals(loop, ports, friction, deviation):
 
 @jit_called
 def add_friction(loop, friction, k, deviation):
-    """Add friction to sample `k` and its effect to the next: Coulomb's stops each rate if it can.
+    """Add friction to sample `k` and its effect to the next; an axis sticks if Coulomb's friction suffices.
 
-    What one axis takes off another may have to hold, so it goes round (projected Gauss-Seidel).
+    The axes are coupled, so the friction is iterated over them (projected Gauss-Seidel).
     """
     at, following, p = k // loop.stride, deviation.state[k + 1], loop.moving.shape[0]
     by_signal = np.hstack((loop.by_command[at], loop.by_disturbance[at])).T
     signals = -friction.viscous[k] * (friction.rates[k] + deviation.state[k, 1:10:2])
     following[:p] += np.dot(signals, by_signal)
     coulomb = np.zeros(5)
-    for _ in range(STICKING_ROUNDS):
+    for _ in range(FRICTION_ITERATIONS):
         for joint in range(5):
             rate = friction.rates[k + 1, joint] + following[2 * joint + 1]
             limit, before = friction.coulomb[k, joint], coulomb[joint]
             wanted = before - rate / by_signal[joint, 2 * joint + 1]
             coulomb[joint] = min(max(wanted, -limit), limit)
             following[:p] += by_signal[joint] * (coulomb[joint] - before)
-    deviation.given[k] += signals[:3] + coulomb[:3]
+    deviation.drive[k] += signals[:3] + coulomb[:3]
     deviation.disturbance[k] += signals[3:] + coulomb[3:]
 
 
 def second_order(run: Run, loop: TrajectoryLoop, ports: Ports, predicted: Deviation) -> Deviation:
-    """Return the second-order term of the deviation `predicted` that errors at `ports` cause."""
+    """Return the second-order term of the deviation `predicted`, which errors at `ports` cause."""
     defect, p, rows = no_errors(loop), len(loop.moving), slice(0, loop.samples - 1)
     tracker, start = tracker_of(run.scenario, only_flat(run.design)), p + ROBUSTIFIER
     change = predicted.state[rows].copy()
@@ -165,10 +165,10 @@ def second_order(run: Run, loop: TrajectoryLoop, ports: Ports, predicted: Deviat
     defect.local[:, p + EXTENSION :] = beyond @ loop.controller_input.T
     states = loop.states.copy()
     states[:, loop.moving] += predicted.state[:, :p]
-    inputs = (loop.commands + predicted.given, loop.disturbances + predicted.disturbance)
+    inputs = (loop.commands + predicted.drive, loop.disturbances + predicted.disturbance)
     assert loop.plant is not None
-    made = next_states(loop.plant, np.hstack([states[rows], *inputs]), loop.winds) - states[1:]
-    defect.local[:, :p] = made[:, loop.moving] + ports.local[:, :p] - loop.defect
+    steps = next_states(loop.plant, np.hstack([states[rows], *inputs]), loop.winds) - states[1:]
+    defect.local[:, :p] = steps[:, loop.moving] + ports.local[:, :p] - loop.defect
     deviation = propagate(loop, defect)
     return deviation._replace(load=deviation.load - loop.load_offset)
 

@@ -1,15 +1,16 @@
-"""The sampled loop linearised along a run: what a small error at any port becomes one sample later.
+"""Linearise the sampled loop along a run: it gives the effect of a small error at any port one sample later.
 
-The nominal run is one of the analytic plant with ideal drives. The plant of the loop may be that one, or the
-crane as it is built (`plants.elastic`), which the nominal run does not obey: `defect` says by how much it
-misses at every sample. Linearised about where the run was, not about an equilibrium: while hoisting a frozen
-rope length is wrong by a factor of two. The state of the linear loop, as a deviation from the run, is
+The nominal run has the analytic plant with ideal drives. The plant of the loop is the same, or the elastic
+crane (`plants.elastic`). The nominal run does not satisfy the equations of the latter; `defect` is the error
+at every sample. The loop is linearised about the trajectory of the run, not about an equilibrium, because a
+constant rope length would be wrong by a factor of two while hoisting. The state of the linear loop, as a
+deviation from the run, is
 
     X = (plant, w, zeta, zeta', xi)
 
-with the joints first in the plant, the integral w of the commanded accelerations (3), from which velocity
-drives get their set-points, the dynamic extension and the robustifier states of the axes x, y, z. Derivatives
-are central differences of the very kernels that simulate; the robustifier is linear already.
+The plant's state begins with the joints. w is the integral of the commanded accelerations (3), from which
+velocity drives get their set-points. The others are the dynamic extension and the robustifier states of the
+axes x, y, z. Derivatives are central differences of the kernels that simulate. The robustifier is linear.
 """
 
 from collections.abc import Callable, Iterable
@@ -49,15 +50,13 @@ from cranectl.simulate.actuation import make_actuation
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit_called
 
-EXTENSION, ROBUSTIFIER = 3, 5  # places in X after the plant's states, which w follows
+EXTENSION, ROBUSTIFIER = 3, 5  # indices in X, counted from the end of the plant's states
 DIFFERENCE_STEP = 1e-6  # half width of the central differences, SI units
-# Effects that change the equations of motion of the crane as it is built.
+# Effects that change the equations of motion of the elastic crane.
 STRUCTURE = tuple(
     name for name, kind in EFFECTS.items() if kind.is_structural and not lacking(plant_entry("elastic"), name)
 )
-LINEARISATION_STRIDE = (
-    4  # samples that share one linearisation of the crane as it is built; a rope moves little in them
-)
+LINEARISATION_STRIDE = 4  # samples that share one linearisation of the elastic crane
 
 
 class SteppedPlant(NamedTuple):
@@ -80,9 +79,9 @@ class TrajectoryLoop(NamedTuple):
     by_state: Array  # (M, p, p) of the next plant state by the present one
     by_command: Array  # (M, p, 3)
     by_disturbance: Array  # (M, p, 2) by angular accelerations
-    defect: Array  # (N - 1, p) the plant's own step from the nominal run, less that run
+    defect: Array  # (N - 1, p) a step of the plant from the nominal run, minus that run
     load: Array  # (N, 3, p) of the load position by the plant's state
-    load_offset: Array  # (N, 3) [m] of the load on the nominal states
+    load_offset: Array  # (N, 3) [m] of the plant's load from that of the nominal run
     outputs: Array  # (N, 9, n) by X: v, commanded acceleration, position error that the tracker sees
     lead: Array  # (3,) command per commanded acceleration: 1, or a time [s]
     integral: float  # command per w: 0, or 1
@@ -98,7 +97,7 @@ class TrajectoryLoop(NamedTuple):
 
     @property
     def matrices(self) -> "TrajectoryLoop":
-        """Without the plant: kernels that take this are compiled once, whatever the plant is."""
+        """The loop without its plant, so that its kernels are compiled only once for all plants."""
         return self._replace(plant=None)
 
     @property
@@ -133,7 +132,7 @@ def next_states(plant: SteppedPlant, ports: Array, winds: Array) -> Array:
 
 @jit_called
 def command_each(gravity, ports, flat, command):
-    """Write what `law_outputs` returns into `flat` (N, 12) and `command` (N, 3)."""
+    """Write the result of `command_outputs` into `flat` (N, 12) and `command` (N, 3)."""
     for k in range(len(ports)):
         state, zeta, zeta_dot, v = ports[k, :10], ports[k, 10], ports[k, 11], ports[k, 12:]
         flat_output(state, zeta, zeta_dot, gravity, flat[k])
@@ -148,8 +147,8 @@ def command_outputs(gravity: float, ports: Array) -> Array:
     return np.hstack([flat, command])
 
 
-def slopes(function: Callable[[Array], Array], at: Array, columns: Iterable[int]) -> Array:
-    """Return the derivatives (N, outputs, columns) of a `function` of rows by `columns` of the rows `at`."""
+def row_jacobians(function: Callable[[Array], Array], at: Array, columns: Iterable[int]) -> Array:
+    """Return the derivatives (N, outputs, columns) of `function`, row by row, by some `columns` of `at`."""
     by_column = []
     for column in columns:
         shift = np.zeros(at.shape[1])
@@ -161,9 +160,10 @@ def slopes(function: Callable[[Array], Array], at: Array, columns: Iterable[int]
 def linearise_run(
     run: Run, *, crane: ElasticCrane | None = None, winds: Array | None = None
 ) -> TrajectoryLoop:
-    """Linearise the loop along `run`, one of the analytic plant with ideal drives.
+    """Linearise the loop along `run`, which has the analytic plant with ideal drives.
 
-    The loop's plant: `crane` with velocity drives in the air `winds` (N, 6), or that of the run.
+    The plant of the loop is `crane` with velocity drives in the air `winds` (N, 6), by default that of the
+    run.
     """
     tracker, period = tracker_of(run.scenario, only_flat(run.design)), run.scenario.period_ns / NANOSECONDS
     samples, velocity = len(run.time_ns), crane is not None
@@ -179,7 +179,7 @@ def linearise_run(
         plant = SteppedPlant(ElasticPlant.kernels, ElasticHandle(crane, np.zeros(STATES), make_work()))
     winds = np.hstack([np.zeros((samples, 3)), run.load_force]) if winds is None else winds
     ports, size, p = np.hstack([states[:-1], commands, disturbances]), states.shape[1], len(moving)
-    by_port = slopes(
+    by_port = row_jacobians(
         lambda at: next_states(plant, at, winds[::stride])[:, moving],
         ports[::stride],
         [*moving, *range(size, size + 5)],
@@ -187,7 +187,7 @@ def linearise_run(
     flat, outputs = _controller_outputs(run, tracker, p)
     load, load_offset = flat[:, :3, :10], np.zeros((samples, 3))
     if crane is not None:
-        load = slopes(partial(load_positions, crane), states, moving)
+        load = row_jacobians(partial(load_positions, crane), states, moving)
         load_offset = load_positions(crane, states) - run.load_position
     controller_state, controller_input = _controller_matrices(tracker)
     return TrajectoryLoop(
@@ -208,7 +208,7 @@ def linearise_run(
 
 
 def analytic_plant(run: Run) -> AnalyticPlant:
-    """Return the analytic plant of a run with ideal drives."""
+    """Return the analytic plant with ideal drives for the scenario of a run."""
     plant = make_plant("analytic", run.scenario, "ideal")
     assert isinstance(plant, AnalyticPlant)
     return plant
@@ -217,7 +217,7 @@ def analytic_plant(run: Run) -> AnalyticPlant:
 def _controller_outputs(run: Run, tracker: Tracker, p: int) -> tuple[Array, Array]:
     """Return the flat output by joints, zeta and zeta', (N, 12, 12), and `TrajectoryLoop.outputs`."""
     ports = np.hstack([run.block("state"), run.block("controller")[:, :2], run.block("virtual_input")[:, :3]])
-    by_port = slopes(partial(command_outputs, tracker.gravity), ports, range(15))
+    by_port = row_jacobians(partial(command_outputs, tracker.gravity), ports, range(15))
     flat, command, by_v = by_port[:, :12, :12], by_port[:, 12:, :12], by_port[:, 12:, 12:]
     output, extension, robustifier = dense_robustifier(tracker)[2], p + EXTENSION, p + ROBUSTIFIER
     measured = [*range(10), extension, extension + 1]
@@ -254,26 +254,26 @@ def dense_robustifier(tracker: Tracker) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True)
 class LinearisedRun:
-    """The nominal run, linearised."""
+    """The nominal run with its linearised loops."""
 
     run: Run
     loop: TrajectoryLoop  # of the run's own plant
     effects: EffectNumbers
-    _driven: dict[tuple[str, ...], TrajectoryLoop] = field(default_factory=dict)
+    _loops: dict[tuple[str, ...], TrajectoryLoop] = field(default_factory=dict)
 
-    def driven(self, *effects: str) -> TrajectoryLoop:
-        """Return the loop with velocity drives, and of `effects` the delay and the structure."""
+    def with_servos(self, *effects: str) -> TrajectoryLoop:
+        """Return the loop with velocity drives, and with the delay and structural effects among `effects`."""
         structure = tuple(name for name in STRUCTURE if name in effects)
-        if structure not in self._driven:
+        if structure not in self._loops:
             run, chosen = self.run, self.effects.only(*structure)
             scenario = run.scenario
             step = scenario.period_ns / NANOSECONDS / scenario.substeps
             crane = make_crane(scenario.rig, chosen, "velocity", step=step, substeps=scenario.substeps)
             set_damping(crane, chosen, float(run.block("state")[0, ROPE]))
             winds = plan_scenario(replace_effects(run.scenario, chosen)).wind[: len(run.time_ns)]
-            self._driven[structure] = linearise_run(run, crane=crane, winds=winds)
+            self._loops[structure] = linearise_run(run, crane=crane, winds=winds)
         delay = round(self.effects.delay.seconds / self.loop.period) if "delay" in effects else 0
-        return self._driven[structure]._replace(delay=delay)
+        return self._loops[structure]._replace(delay=delay)
 
 
 def nominal_run(scenario: Scenario, controller: str | None = None) -> LinearisedRun:

@@ -1,8 +1,8 @@
-"""The robustness certificate: nu-gap of the plant as it is run to the design model, against b(G, K).
+"""Certify robust stability: compare the nu-gap of plant and design model with the coprime margin b(G, K).
 
-A point is certified if its nu-gap lies below the margin b by more than the grid resolves or, which asks less,
-if at each frequency the chordal distance lies below the margin of the loop at that frequency. The linear loop
-frozen at that point is then stable. It says nothing of the motion between points.
+There are two sufficient conditions. The nu-gap lies below the margin b by more than the grid resolves. Or, as
+a weaker condition, the chordal distance lies below the margin of the loop at each frequency. Then the loop
+linearised at that operating point is stable. The certificate says nothing about the motion between points.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -39,9 +39,9 @@ from cranectl.simulate import linearised_controller, tracker_of
 from cranectl.support.consistency import check_ascending
 from cranectl.support.errors import InputError
 
-MOST_DELAY_SAMPLES = 300  # a point takes 2 s then, and no controller here bears half as much
+MAX_DELAY_SAMPLES = 300  # a point then takes 2 s; no controller here is stable with half of this delay
 UNIT_ROUNDING = 1e-9  # of a distance or margin that lies between zero and one
-CAUTION = 2.0 * RESOLUTION  # gap and margin are each found to within the resolution of the grid
+REQUIRED_MARGIN = 2.0 * RESOLUTION  # gap and margin each have an error of up to RESOLUTION
 
 # gap: nu-gap below b; by frequency: distance below margin at each frequency.
 Grade = Literal["gap", "by frequency", "refused"]
@@ -49,7 +49,7 @@ Grade = Literal["gap", "by frequency", "refused"]
 
 @dataclass(frozen=True)
 class NominalLoop:
-    """What a controller's plants are compared with."""
+    """The loop of a controller with its design model, the reference of all comparisons."""
 
     design: ControllerDesign
     opening: Opening
@@ -58,13 +58,13 @@ class NominalLoop:
 
     @property
     def period(self) -> float:
-        """Of control [s]."""
+        """Control period [s]."""
         return self.opening.axis.period
 
     def plant(
         self, scenario: Scenario, point: OperatingPoint, drive: Drive, plant: MujocoPlant | None = None
     ) -> LinearPlant:
-        """Return the plant of `scenario`, or another, frozen at `point`, as this controller sees it."""
+        """Linearise the plant of `scenario`, or `plant`, at `point`, with the outputs of this controller."""
         return linear_plant(scenario, point, drive, plant=plant, flat=self.design.axis_design is not None)
 
     def close(self, plant: LinearPlant) -> InnerLoop:
@@ -76,7 +76,7 @@ class NominalLoop:
         return self.close(self.plant(scenario, point, drive))
 
     def judge(self, inner: InnerLoop, point: OperatingPoint) -> "PointVerdict":
-        """Compare the plant frozen at `point`."""
+        """Compare the plant linearised at `point` with the design model."""
         graph = self.opening.graph(inner)
         gap = nu_gap(graph, self.graph)
         grade, left = self.grade(graph, gap)
@@ -97,20 +97,20 @@ class NominalLoop:
         return self.grade(graph, nu_gap(graph, self.graph))[0] != "refused"
 
     def grade(self, graph: Graph, gap: NuGap) -> tuple[Grade, float]:
-        """Return the grade of a plant with this `graph` and `gap`, and the margin that remains."""
+        """Return the grade of a plant with this `graph` and `gap`, and its remaining margin."""
         left = self.margin.margin - gap.gap
-        if left > CAUTION:
+        if left > REQUIRED_MARGIN:
             return "gap", left
         if gap.winding != 0 or self.margin.margin <= 0.0:
             return "refused", left
         controller, poles = self.opening.controller, self.opening.axis.robustifier.poles()
         left = max(left, -largest_excess(graph, self.graph, controller, poles))
-        return ("by frequency" if left > CAUTION else "refused"), left
+        return ("by frequency" if left > REQUIRED_MARGIN else "refused"), left
 
 
 @dataclass(frozen=True)
 class PointVerdict:
-    """One operating point."""
+    """The verdict on one operating point."""
 
     point: OperatingPoint
     margin: float  # b(G, K)
@@ -118,7 +118,7 @@ class PointVerdict:
     gap: float
     frequency: float  # of the largest chordal distance [rad/s]
     grade: Grade
-    left: float  # of the margin: by the gap or, where that decides nothing, at the worst frequency
+    left: float  # remaining margin: b minus gap or, for the other grades, the least one over frequency
     closed_loop_radius: float  # largest modulus of the poles of the true linear loop
 
     def __post_init__(self) -> None:
@@ -131,12 +131,12 @@ class PointVerdict:
 
     @property
     def certified(self) -> bool:
-        """Whether the linear loop is known to be stable from gap and margin alone."""
+        """Whether gap and margin prove that the linear loop is stable."""
         return self.grade != "refused"
 
     @property
     def stable(self) -> bool:
-        """Whether the linear loop is stable; not what the certificate is made from."""
+        """Whether the poles show that the linear loop is stable; the certificate does not use this."""
         return self.closed_loop_radius < 1.0
 
     def to_json(self) -> dict[str, Any]:
@@ -146,7 +146,7 @@ class PointVerdict:
 
 @dataclass(frozen=True)
 class Certificate:
-    """All points of one controller."""
+    """The verdicts on all operating points of one controller."""
 
     controller: str
     drive: Drive
@@ -157,22 +157,22 @@ class Certificate:
 
     @property
     def worst(self) -> PointVerdict:
-        """The point at which the least is left of the margin."""
+        """The point with the smallest difference of margin and nu-gap."""
         return worst_of(self.points)
 
     @property
     def margin(self) -> float:
-        """b(G, K) at the worst point; the flat family's is the same at all."""
+        """The margin b(G, K) at the worst point; in the flat family all points have the same."""
         return self.worst.margin
 
     @property
     def least_margin(self) -> float:
-        """What the gap leaves of it there."""
+        """The margin minus the nu-gap at the worst point."""
         return self.margin - self.worst.gap
 
     @property
     def certified(self) -> bool:
-        """Whether every point is."""
+        """Whether every point is certified."""
         return all(verdict.certified for verdict in self.points)
 
     def to_json(self) -> dict[str, Any]:
@@ -194,7 +194,7 @@ class Certificate:
 
 
 def worst_of(points: Sequence[PointVerdict]) -> PointVerdict:
-    """Return the first point at which the nu-gap leaves least of the margin."""
+    """Return the first point with the smallest difference of margin and nu-gap."""
     return min(points, key=lambda verdict: verdict.margin - verdict.gap)
 
 
@@ -204,11 +204,10 @@ def make_nominal_loops(
     points: Sequence[OperatingPoint],
     opened_at: str | None = None,
 ) -> dict[float, NominalLoop]:
-    """Return the loop of `design` at `points`, by rope length; the flat family has only one.
+    """Return the nominal loop of `design` for each rope length of `points`; the flat family has only one.
 
-    Of any other controller it is the linearisation that the controller declares, of a load that hangs at
-    rest. Raises InputError for a controller that has none, for points at which it says nothing, and as
-    `make_nominal_loop`.
+    Any other controller declares its linearisation for a load that hangs at rest. Raises InputError for a
+    controller without one, for other operating points, and as `make_nominal_loop` does.
     """
     lengths = list(dict.fromkeys(point.rope_length for point in points))
     if design.axis_design is not None:
@@ -227,8 +226,8 @@ def make_nominal_loops(
     wind = scenario.effects.wind
     if any(point != OperatingPoint(point.rope_length) for point in points) or (wind and any(wind.mean)):
         raise InputError(
-            f"{design.name} where the rope is tilted, hoists or stands in wind",
-            allowed="a load that hangs at rest, which is what the controller's linearisation is made for",
+            f"the linearisation of {design.name} at a point with tilt, hoisting or wind",
+            allowed="a load that hangs at rest, for which the controller declares its linearisation",
             remedy="take --tilt 0 0 and --hoisting-speed 0, and no mean wind",
         )
     linear = linearised_controller(scenario, design, lengths)
@@ -244,16 +243,16 @@ def make_nominal_loop(
     opened_at: str | None = None,
     linear: LinearController | None = None,
 ) -> NominalLoop:
-    """Design model and margin of `design` with the loop opened at a signal, see `choose_opening`.
+    """Return design model and margin of `design` with the loop opened at a signal, see `choose_opening`.
 
-    `linear`: of a controller that is not of the flat family. Raises InputError for a signal at which it
-    cannot be opened, and for a long delay.
+    `linear` is the linearisation of a controller outside the flat family. Raises InputError for a signal at
+    which the loop cannot be opened, and for a long delay.
     """
     samples = scenario.delay_samples
-    if samples > MOST_DELAY_SAMPLES:
+    if samples > MAX_DELAY_SAMPLES:
         raise InputError(
-            f"a delay of {samples} control periods, each of them three states of the linear loop",
-            allowed=f"at most {MOST_DELAY_SAMPLES}",
+            f"a delay of {samples} control periods, each of which adds three states to the linear loop",
+            allowed=f"at most {MAX_DELAY_SAMPLES}",
             remedy="'cranectl run' simulates any delay; no loop is certified with one like this",
         )
     period = scenario.period_ns / NANOSECONDS
@@ -276,10 +275,10 @@ def certify(
     drive: Drive,
     progress: Callable[[float], None] | None = None,
 ) -> Certificate:
-    """Judge a controller at every point; drives, delay and observer are those of `scenario`.
+    """Judge a controller at every point, with drives, delay and observer of `scenario`.
 
-    `nominal_loops`: by rope length, see `make_nominal_loops`. Raises InputError for force drives, whose loop
-    is not linearised.
+    `nominal_loops` are by rope length, see `make_nominal_loops`. Raises InputError for force drives, because
+    their loop is not linearised.
     """
     if DRIVES[drive].command == "force":
         raise InputError(

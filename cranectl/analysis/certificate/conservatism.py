@@ -1,7 +1,8 @@
-"""How conservative the certificate is: what it certifies against what the true linear loop survives.
+"""Measure how conservative the certificate is: compare certified limits with the true stability limits.
 
-Delay and lag of the drives are raised from the scenario's values, one by one, until the certificate refuses
-and until a pole of the loop leaves the unit circle. The tracker goes on to compensate the scenario's lag.
+The search increases the delay, and then the lag of the drives, from the scenario's values. It notes where the
+certificate ends and where a pole of the linear loop leaves the unit circle. The tracker always compensates
+the scenario's original lag.
 """
 
 from collections.abc import Callable
@@ -15,17 +16,17 @@ from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import Scenario
 
-MOST_DELAY = 0.3  # [s]
-MOST_LAG = 1.0  # [s]
-STRIDE = 16  # of the search, first
+MAX_EXAMINED_DELAY = 0.3  # [s]
+MAX_EXAMINED_LAG = 1.0  # [s]
+STRIDE = 16  # first stride of the search
 LAG_STEP = 1e-3  # [s]
 
 
 @dataclass(frozen=True)
 class LargestValues:
-    """The largest values certified and survived at one point; None where not even the scenario's are.
+    """The largest certified and stable values at one point; None if the scenario's own value fails.
 
-    What is survived beyond the end of the search, `MOST_DELAY` or further `MOST_LAG`, counts as that.
+    The search ends at the delay `MAX_EXAMINED_DELAY` and at the additional lag `MAX_EXAMINED_LAG`.
     """
 
     point: OperatingPoint
@@ -43,7 +44,7 @@ class LargestValues:
 def find_limits(
     nominal_loop: NominalLoop, scenario: Scenario, point: OperatingPoint, drive: Drive
 ) -> LargestValues:
-    """Raise delay, then lag, at `point`; the other stays as in `scenario`."""
+    """Find the largest delay and the largest lag at `point`, each with the other as in `scenario`."""
     plant = nominal_loop.plant(scenario, point, drive)
 
     def delayed(samples: int) -> InnerLoop:
@@ -56,12 +57,14 @@ def find_limits(
     def stable(inner: InnerLoop) -> bool:
         return closed_loop_radius(inner, nominal_loop.opening.axis.robustifier) < 1.0
 
-    def both(loop: Callable[[int], InnerLoop], first: int, most: int) -> list[int | None]:
-        certified = last_good(lambda k: nominal_loop.certifies(loop(k)), first, most)
-        return [certified, last_good(lambda k: stable(loop(k)), first, most)]
+    def find_both(loop: Callable[[int], InnerLoop], first: int, most: int) -> list[int | None]:
+        certified = find_last_passing(lambda k: nominal_loop.certifies(loop(k)), first, most)
+        return [certified, find_last_passing(lambda k: stable(loop(k)), first, most)]
 
-    delays = both(delayed, plant.delay, round(MOST_DELAY / nominal_loop.period))
-    lags = both(lagging, 0, round(MOST_LAG / LAG_STEP)) if DRIVES[drive].is_servo else [None, None]
+    delays = find_both(delayed, plant.delay, round(MAX_EXAMINED_DELAY / nominal_loop.period))
+    lags = (
+        find_both(lagging, 0, round(MAX_EXAMINED_LAG / LAG_STEP)) if DRIVES[drive].is_servo else [None, None]
+    )
     slowest = float(scenario.rig.time_constants.max())
     return LargestValues(
         point,
@@ -77,15 +80,15 @@ def with_further_lag(scenario: Scenario, lag: float) -> Scenario:
     return scenario.model_copy(update={"rig": rig})
 
 
-def last_good(good: Callable[[int], bool], first: int, most: int) -> int | None:
-    """Return the last number before a failure, by growing strides and halving; None if `first` fails."""
-    if not good(first):
+def find_last_passing(passes: Callable[[int], bool], first: int, most: int) -> int | None:
+    """Find the last number that passes, by growing strides and bisection; None if `first` fails."""
+    if not passes(first):
         return None
     low, stride = first, STRIDE
-    while (high := low + stride) <= most and good(high):
+    while (high := low + stride) <= most and passes(high):
         low, stride = high, 2 * stride
     high = min(high, most + 1)
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (middle, high) if good(middle) else (low, middle)
+        low, high = (middle, high) if passes(middle) else (low, middle)
     return low

@@ -1,15 +1,16 @@
-"""The exactly linearised plant as it is run, linearised at an operating point.
+"""Linearise the feedback-linearised plant numerically at an operating point, with the code of a run.
 
-Two sampled blocks by central differences through the code of a run: the MuJoCo plant over one period, with
-all that its effects let move, and what the computer does at one sample, observer, linearising law and
-set-points. Delay lies between them.
+Central differences give two sampled blocks. One is the MuJoCo plant over one period, with all degrees of
+freedom that its effects add. The other is the controller at one sample: observer, feedback linearisation and
+set-points. The delay lies between them.
 
     v ─► controller ─► command ─► z^-k ─► drives, crane ─► joints ─► encoders, observer ─► controller
           └─► flat state (z, z', z'', z''') as the tracker sees it
 
-Of any other controller v is what it commands, accelerations u, and in place of the flat state are the joints.
+For a controller outside the flat family, v is its command, the accelerations u, and the joints replace the
+flat state.
 
-Of a scenario's effects what is linear enters, the rest is left out; both are named.
+The linear part of a scenario's effects is included. `LINEAR` and `NOT_LINEAR` list what is and is not.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,8 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.analysis.certificate.operating_points import HeldState, OperatingPoint, equilibrium, step_at
-from cranectl.analysis.certificate.systems import SampledSystem, differences
+from cranectl.analysis.certificate.operating_points import (
+    EquilibriumState,
+    OperatingPoint,
+    find_equilibrium,
+    step_at,
+)
+from cranectl.analysis.certificate.systems import SampledSystem, jacobian
 from cranectl.controllers.flat import MEMORY, Tracker, linearising_step
 from cranectl.controllers.observer import (
     EXPECTED,
@@ -48,7 +54,7 @@ def _names(effect: str, settings: Sequence[str]) -> list[str]:
     return [f"{effect}.{setting}" if setting else effect for setting in settings]
 
 
-# What enters, whole effects first, and what is left out.
+# What is included, whole effects first, and what is left out.
 LINEAR = sorted(
     (full_name for name, kind in EFFECTS.items() for full_name in _names(name, kind.linear)),
     key=lambda name: "." in name,
@@ -57,7 +63,7 @@ NOT_LINEAR = [full_name for name, kind in EFFECTS.items() for full_name in _name
 
 
 def present(effects: EffectSettings, names: Sequence[str]) -> list[str]:
-    """Return those of `names` that `effects` have and that act; air at rest does too."""
+    """Return those of `names` that are set and not zero in `effects`; air at rest counts as set."""
 
     def value(name: str) -> Any:
         effect, _, setting = name.partition(".")
@@ -67,32 +73,33 @@ def present(effects: EffectSettings, names: Sequence[str]) -> list[str]:
     return [name for name in names if np.any(value(name))]
 
 
-STEP = 1e-5  # of the law's differences, in each signal's unit
+STEP = 1e-5  # of the differences of the controller, in each signal's unit
 V_STEP = 1e-3  # [m/s⁴]
 JOINT_SIGNALS = 10
-UNSEEN = 1e-7  # below which an entry of the matrix is rounding
+ZERO_TOLERANCE = 1e-7  # smaller entries of a matrix are rounding errors
 
-SETPOINT, ESTIMATE = 2, 5  # places in the memory, which begins with zeta and its rate
+SETPOINT, ESTIMATE = 2, 5  # indices in the memory, which begins with zeta and its rate
 
 # Inputs of the linear plant.
 ARRIVING, V = slice(0, 3), slice(3, 6)
-# Of another law: inputs and outputs, commands first, of the two horizontal axes; joints as they are measured.
-HORIZONTAL = [0, 1, 3, 4]
-AT_HORIZONTAL = [0, 1, *(3 + joint for joint in (BRIDGE, TROLLEY, BRIDGE + 1, TROLLEY + 1)),
+# Outside the flat family: inputs and outputs of the two horizontal axes, commands first, then the joints.
+HORIZONTAL_INPUTS = [0, 1, 3, 4]
+HORIZONTAL_OUTPUTS = [0, 1, *(3 + joint for joint in (BRIDGE, TROLLEY, BRIDGE + 1, TROLLEY + 1)),
                  *(3 + joint for joint in (BETA, ALPHA, BETA + 1, ALPHA + 1))]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class LinearPlant:
-    """Inputs: commands arriving at the drives (3), v (3). Outputs: commands given (3), flat state (12).
+    """A sampled plant with its feedback linearisation; the delay is not in the matrices.
 
-    The flat state is ordered as in `signals.FLAT_OUTPUT`, (z, z', z'', z'''), three axes each. Of a
-    controller that is not of the flat family the horizontal axes: commands (2), u (2); commands (2), then
-    position, rate, angle, and its rate (8), two axes each.
+    Inputs: commands arriving at the drives (3), v (3). Outputs: commands sent (3), flat state (12) in the
+    order of `signals.FLAT_OUTPUT`, (z, z', z'', z'''), three axes each. For a controller outside the flat
+    family only the horizontal axes count. Inputs: arriving commands (2), u (2). Outputs: sent commands (2),
+    then position, rate, angle and angular rate (8), two axes each.
     """
 
     system: SampledSystem  # the first ten states are the joints
-    delay: int  # samples between a command given and arriving
+    delay: int  # samples between sending and arrival of a command
 
 
 def linear_plant(
@@ -103,29 +110,29 @@ def linear_plant(
     plant: MujocoPlant | None = None,
     flat: bool = True,
 ) -> LinearPlant:
-    """Linearise the MuJoCo plant of `scenario` with its tracker at `point`, or another `plant`.
+    """Linearise the MuJoCo plant of `scenario`, or another `plant`, with its tracker at `point`.
 
-    Of the effects, their linear part, delay and the observer are taken into account. Not `flat`:
-    without the linearising law, for any other.
+    It includes the linear part of the effects, delay and observer. If not `flat`, it leaves out the feedback
+    linearisation, for controllers outside the flat family.
     """
     plant = plant or run_plant(scenario, drive)
-    tracker = tracker_of(scenario, design_controller("pole-placement"))  # only its inner law is used
+    tracker = tracker_of(scenario, design_controller("pole-placement"))  # for its feedback linearisation only
     wind = scenario.effects.wind
     air = np.array([*(wind.mean if wind else (0.0, 0.0, 0.0)), 0.0, 0.0, 0.0])
-    anchor, command, state = equilibrium(plant, point, drive, air, tracker.gravity)
+    anchor, command, state = find_equilibrium(plant, point, drive, air, tracker.gravity)
     crane_matrix = _crane_matrix(plant, anchor, command, np.array(point.tilt), air)
     sensing = scenario.effects.sensing
     arguments = {"period": tracker.period, "gravity": tracker.gravity}
     observer = None if sensing is None else make_observer(sensing.observer_bandwidth, **arguments)
     actuation = make_actuation(scenario, state.joints)
     controller_map = _controller_map(tracker if flat else None, actuation, observer, drive)
-    memory = _held_memory(state, command, observer)
+    memory = _equilibrium_memory(state, command, observer)
     at = np.concatenate([state.joints, memory, state.virtual_input])
     steps = np.concatenate([np.full(10 + len(memory), STEP), np.full(3, V_STEP)])
-    law_matrix = differences(controller_map, at, steps)
+    controller_matrix = jacobian(controller_map, at, steps)
     set_points = range(SETPOINT, ESTIMATE) if DRIVES[drive].command != "velocity" else ()
     retained = [k for k in range(len(memory)) if k not in set_points]
-    whole = _joined(crane_matrix, law_matrix, len(memory), retained)
+    whole = _join(crane_matrix, controller_matrix, len(memory), retained)
     return LinearPlant(whole if flat else _horizontal(whole), scenario.delay_samples)
 
 
@@ -140,7 +147,8 @@ def run_plant(scenario: Scenario, drive: Drive) -> MujocoPlant:
 def _crane_matrix(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, air: Array) -> Array:
     """Return the matrix (n, n + 3) from (change of state, command) to the change one period later.
 
-    The ten joints first, see `plants.mujoco.linearisation`. Without coordinates that nothing depends on.
+    The ten joints come first, see `plants.mujoco.linearisation`. Coordinates that affect nothing are left
+    out.
     """
     n, load = coordinates(plant), np.zeros(7)
 
@@ -150,22 +158,22 @@ def _crane_matrix(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Arra
         return change_since(plant, anchor)
 
     at, step = np.append(np.zeros(n), command), step_at(plant, anchor)
-    matrix = differences(crane, at, np.full(n + 3, step))
-    moving = np.abs(matrix[:, :n] * (1.0 - np.eye(n))) >= UNSEEN  # [state, by another]
+    matrix = jacobian(crane, at, np.full(n + 3, step))
+    moving = np.abs(matrix[:, :n] * (1.0 - np.eye(n))) >= ZERO_TOLERANCE  # [state, by another]
     retained = np.arange(n)
-    while not (seen := (retained < JOINT_SIGNALS) | moving[np.ix_(retained, retained)].any(axis=0)).all():
-        retained = retained[seen]
+    while not (needed := (retained < JOINT_SIGNALS) | moving[np.ix_(retained, retained)].any(axis=0)).all():
+        retained = retained[needed]
     reduced: Array = matrix[np.ix_(retained, [*retained, *range(n, n + 3)])]
     return reduced
 
 
-def _held_memory(state: HeldState, command: Array, observer: Observer | None) -> Array:
+def _equilibrium_memory(state: EquilibriumState, command: Array, observer: Observer | None) -> Array:
     memory = np.zeros(ESTIMATE)
     memory[MEMORY.zeta], memory[SETPOINT:ESTIMATE] = state.zeta, command
     if observer is None:
         return memory
     joints, estimate = state.joints, initial_estimate(state.joints)
-    # What keeps the angles from falling back is a disturbance to the observer.
+    # The observer takes what holds the angles against gravity for a disturbance.
     fall = angular_accelerations(
         joints[ROPE], joints[ROPE_RATE], joints[ALPHA], 0.0, joints[BETA], 0.0, 0.0, 0.0, observer.gravity
     )  # fmt: skip
@@ -178,7 +186,7 @@ def _controller_map(
 ) -> Callable[[Array], Array]:
     """Return the map (joints, memory, v) → (memory one period later, command (3), flat state (12)).
 
-    Without a tracker v is what is commanded, and the joints (10) take the place of the flat state.
+    Without a tracker, v is the command, and the joints (10) replace the flat state.
     """
     size = ESTIMATE + (0 if observer is None else EXPECTED.size)
     first = DRIVES[drive].column or 0
@@ -204,29 +212,29 @@ def _controller_map(
     return controller_map
 
 
-def _joined(crane: Array, controller_map: Array, size: int, retained: list[int]) -> SampledSystem:
-    """Join crane and controller; of the memory only `retained`: ideal drives ignore set-points.
+def _join(crane: Array, controller: Array, size: int, retained: list[int]) -> SampledSystem:
+    """Join crane and controller, with only the entries `retained` of the memory.
 
-    The controller sees the crane's first ten states.
+    The controller measures the crane's first ten states. Ideal drives ignore the set-points in the memory.
     """
-    rows, n, m = [*retained, *range(size, len(controller_map))], len(crane), len(retained)
-    seen = np.zeros((len(rows), n))
-    seen[:, :JOINT_SIGNALS] = controller_map[rows, :JOINT_SIGNALS]
-    law_a = np.hstack([seen, controller_map[np.ix_(rows, [JOINT_SIGNALS + k for k in retained])]])
-    law_b = controller_map[np.ix_(rows, range(JOINT_SIGNALS + size, JOINT_SIGNALS + size + 3))]
+    rows, n, m = [*retained, *range(size, len(controller))], len(crane), len(retained)
+    measured = np.zeros((len(rows), n))
+    measured[:, :JOINT_SIGNALS] = controller[rows, :JOINT_SIGNALS]
+    controller_a = np.hstack([measured, controller[np.ix_(rows, [JOINT_SIGNALS + k for k in retained])]])
+    controller_b = controller[np.ix_(rows, range(JOINT_SIGNALS + size, JOINT_SIGNALS + size + 3))]
     a, b = np.zeros((n + m, n + m)), np.zeros((n + m, 6))
     a[:n, :n], b[:n, ARRIVING] = crane[:, :n], crane[:, n:]
-    a[n:], b[n:, V] = law_a[:m], law_b[:m]
-    d = np.zeros((len(controller_map) - size, 6))
-    d[:, V] = law_b[m:]
-    return SampledSystem(a, b, law_a[m:], d)
+    a[n:], b[n:, V] = controller_a[:m], controller_b[:m]
+    d = np.zeros((len(controller) - size, 6))
+    d[:, V] = controller_b[m:]
+    return SampledSystem(a, b, controller_a[m:], d)
 
 
 def _horizontal(system: SampledSystem) -> SampledSystem:
-    """Return the states that the two horizontal axes move, at rest without the rope's axis."""
-    a, b = system.a, system.b[:, HORIZONTAL]
-    reached = (np.abs(b) > UNSEEN).any(axis=1)
+    """Return the system of the two horizontal axes, with only those states that its inputs reach."""
+    a, b = system.a, system.b[:, HORIZONTAL_INPUTS]
+    reached = (np.abs(b) > ZERO_TOLERANCE).any(axis=1)
     for _ in range(len(a)):
-        reached |= (np.abs(a[:, reached]) > UNSEEN).any(axis=1)
-    c, d = system.c[AT_HORIZONTAL], system.d[np.ix_(AT_HORIZONTAL, HORIZONTAL)]
+        reached |= (np.abs(a[:, reached]) > ZERO_TOLERANCE).any(axis=1)
+    c, d = system.c[HORIZONTAL_OUTPUTS], system.d[np.ix_(HORIZONTAL_OUTPUTS, HORIZONTAL_INPUTS)]
     return SampledSystem(a[np.ix_(reached, reached)], b[reached], c[:, reached], d)

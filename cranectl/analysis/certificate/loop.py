@@ -1,4 +1,4 @@
-"""The loop as the certificate opens it: graphs of plant and design model, and the controller.
+"""Open the loop for the certificate: return the graphs of plant and design model, and the controller.
 
 State feedback v = v-bar - F (z, z', z'', z''') is closed on each axis. The loop is opened at
 one of these signals, see docs/explanation/certificate.md:
@@ -8,10 +8,9 @@ one of these signals, see docs/explanation/certificate.md:
     "u"      plant: the crane from accelerations of its drives to their positions, the angles, and the rates
              of both, scaled; without the rope.                   controller: a controller's linearisation
 
-The nu-gap depends on the signal and on the scales of what is measured there. At "v" and "u" that is scaled
-so that b(G, K) is as large as it can be. The logarithm of 1/b² is a maximum over frequency of convex
-functions of the logarithms of the scales (a geometric program), so a descent from anywhere ends at the one
-optimum.
+The nu-gap depends on this signal and on the scales of the plant's outputs. At "v" and "u" the scales are
+those for which b(G, K) is largest. The logarithm of 1/b² is a maximum over frequency of convex functions of
+the logarithms of the scales (a geometric program), so descent from any start finds the only optimum.
 """
 
 from dataclasses import dataclass
@@ -31,16 +30,17 @@ from cranectl.scenario import DesignSettings
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-MARGINAL = 1e-9  # so near the unit circle poles count as on it
-UNUSED = 1e-9  # of a gain: what is left of two that cancel
+MARGINAL = 1e-9  # poles this near to the unit circle count as on it
+CANCELLATION_TOLERANCE = 1e-9  # a smaller share of a gain is the rounding error of two that cancel
 SIGNALS = CRANE_STATES  # four measured on each axis: a flat output and three derivatives, or crane states
 
 
 @dataclass(frozen=True)
 class InnerLoop:
-    """From v-bar (m) to what is measured (4 m) with state feedback closed; delays kept out of the matrices.
+    """The system from v-bar (m) to the measured signals (4 m), with state feedback closed.
 
-    m axes: three of flat states, or the two horizontal ones of a controller, whose u then is v.
+    It has m axes: three with flat states, or the two horizontal axes outside the flat family, with u as v.
+    The delay is not in the matrices.
     """
 
     opened: SampledSystem  # at the drives; inputs: arriving commands, v-bar; outputs: commands, measured
@@ -48,13 +48,13 @@ class InnerLoop:
 
     @cached_property
     def arriving(self) -> SampledSystem:
-        """With delay as states; inputs: added to arriving, v-bar; outputs: arriving, measured."""
-        drives, _ = parts(self.opened)
+        """The system with delay as states; inputs: added to arriving, v-bar; outputs: arriving, measured."""
+        drives, _ = drive_slices(self.opened)
         return with_delay(self.opened, drives, drives, self.delay)
 
     def response(self, z: Complex) -> Complex:
         """Return the response (k, 4 m, m) at points `z` (k,)."""
-        drives, rest = parts(self.opened)
+        drives, rest = drive_slices(self.opened)
         response = close_inputs(self.opened, drives, drives, np.eye(drives.stop)).response(z)
         if self.delay == 0:
             return response[:, rest, rest]
@@ -65,22 +65,22 @@ class InnerLoop:
         return total
 
 
-def parts(system: SampledSystem) -> tuple[slice, slice]:
-    """Return the inputs and outputs of a plant or inner loop that are at the drives, and the rest."""
+def drive_slices(system: SampledSystem) -> tuple[slice, slice]:
+    """Return the slice of inputs and outputs at the drives of a plant or inner loop, and that of the rest."""
     axes = system.b.shape[1] // 2
     return slice(0, axes), slice(axes, None)
 
 
 def inner_loop_of(plant: LinearPlant, gain: Array) -> InnerLoop:
     """Return the linearised plant under state feedback with `gain` (4,) on each axis."""
-    drives, rest = parts(plant.system)
+    drives, rest = drive_slices(plant.system)
     feedback = -np.kron(gain, np.eye(drives.stop)).astype(float)
     return InnerLoop(close_inputs(plant.system, rest, rest, feedback), plant.delay)
 
 
 @dataclass(frozen=True)
 class AxisDesign:
-    """One axis of the loop as it was designed: x' = A x + B v, v = -(F + R) x, all axes alike."""
+    """The design model of one axis of the loop: x' = A x + B v, v = -(F + R) x; all axes are alike."""
 
     a: Array  # (4, 4)
     b: Array  # (4, 1)
@@ -120,8 +120,8 @@ def flat_axis(design: Design, period: float) -> AxisDesign:
 def controller_axis(controller: LinearController, period: float) -> AxisDesign:
     """Return a linearised controller as axis design: its own states become the robustifier R.
 
-    F must make the crane stable, as coprime factors ask for. Where the controller's own gain does not,
-    another one does, and R has the difference: neither loop nor margin change.
+    Coprime factors need an F that makes the crane stable. If the controller's own gain does not, F is an LQR
+    gain, and R gets the difference of both. That changes neither the loop nor the margin.
     """
     crane, own = slice(SIGNALS), slice(SIGNALS, None)
     a, b, gain = controller.a[crane, crane], controller.b[crane], controller.gain[crane]
@@ -134,12 +134,12 @@ def controller_axis(controller: LinearController, period: float) -> AxisDesign:
 
 
 def closed_loop(inner: InnerLoop, robustifier: SampledSystem) -> SampledSystem:
-    """Return the whole loop from what is added to the arriving commands (m) to the arriving commands (m).
+    """Return the closed loop from a disturbance of the arriving commands (m) to the arriving commands (m).
 
-    Its states: linear plant, its delays, then the robustifier states axis by axis.
+    Its states are the linear plant, its delays, and then the robustifier states axis by axis.
     """
     a, b, c, d = inner.arriving
-    drives, rest = parts(inner.arriving)
+    drives, rest = drive_slices(inner.arriving)
     r = on_each_axis(robustifier, drives.stop)
     b_v, d_v, measured = b[:, rest], d[drives, rest], c[rest]
     return SampledSystem(
@@ -156,7 +156,7 @@ def closed_loop_radius(inner: InnerLoop, robustifier: SampledSystem) -> float:
 
 
 def on_each_axis(system: SampledSystem, axes: int) -> SampledSystem:
-    """Return the same system on each axis: states axis by axis, inputs and outputs signal by signal."""
+    """Repeat a system on each axis: states are ordered by axis, inputs and outputs by signal."""
     eye: Array = np.eye(axes)
     b = np.einsum("xy,si->xsiy", eye, system.b).reshape(axes * len(system.a), axes * SIGNALS)
     a, c, d = np.kron(eye, system.a), np.kron(eye, system.c), np.kron(system.d, eye)
@@ -167,7 +167,7 @@ def on_each_axis(system: SampledSystem, axes: int) -> SampledSystem:
 class Weight:
     """The weight P + I T/(z - 1) before the inner loop, as a ratio of two factors without an integrator.
 
-    With the common pole 1 - I T/P the numerator is the constant P, the denominator (z - 1)/(z - pole).
+    Both have the pole 1 - I T/P. The numerator is the constant P, the denominator (z - 1)/(z - pole).
     """
 
     proportional: float  # P
@@ -217,13 +217,13 @@ class Opening:
         return np.kron(rows, eye).reshape(len(z), len(eye), -1).astype(complex)
 
 
-GRID = np.exp(1j * np.geomspace(1e-5, np.pi, 250))  # of the optimisation only; the margin is found anew
+GRID = np.exp(1j * np.geomspace(1e-5, np.pi, 250))  # for the optimisation only, not for the margin
 
 
 def choose_opening(controller: str, axis: AxisDesign, settings: DesignSettings, name: str | None) -> Opening:
     """Choose where the loop is opened: "v-bar" for loop shaping, "v" for the rest of the flat family.
 
-    Every other controller is opened at "u". Raises InputError for a signal at which it cannot be.
+    The loop of every other controller is opened at "u". Raises InputError for a `name` that it does not have.
     """
     shaping, plain = controller.endswith("+loop-shaping"), "v" if axis.axes == 3 else "u"
     name = name or ("v-bar" if shaping else plain)
@@ -240,14 +240,14 @@ def choose_opening(controller: str, axis: AxisDesign, settings: DesignSettings, 
 
 
 def best_scales(axis: AxisDesign) -> Array:
-    """Return scales (4,) of an axis's measurements for which b(G, K) at "v" or "u" is largest.
+    """Find scales (4,) of an axis's measured signals for which b(G, K) at "v" or "u" is largest.
 
-    They are 0 for what the controller makes no use of.
+    The scale of a signal that the controller does not use is 0.
     """
     measured = axis.inner_loop().response(GRID)[:, :: axis.axes, 0]
     r = axis.robustifier.response(GRID)[:, 0]
     plant, controller = np.abs(measured) ** 2, np.abs(axis.gain + r) ** 2
-    used = np.sqrt(controller.max(axis=0)) > UNUSED * np.abs(axis.gain)
+    used = np.sqrt(controller.max(axis=0)) > CANCELLATION_TOLERANCE * np.abs(axis.gain)
     plant, controller = plant[:, used], controller[:, used]
     v, loop = np.abs(1.0 - measured @ axis.gain) ** 2, np.abs(1.0 + (r * measured).sum(axis=1)) ** 2
 

@@ -1,16 +1,15 @@
-"""The nu-gap of two sampled linear systems, and the margin b(P, K) of a loop, from graphs.
+"""Compute the nu-gap of two sampled linear systems, and the margin b(P, K) of a loop, from graphs.
 
-The graph of P is the span of [N; M], P = N M^-1, at each frequency. The chordal distance of two graphs is
-the sine of the largest angle between them. Its largest value is the nu-gap if the winding condition holds;
-else the nu-gap is 1. Any right factorisation [P; I] M serves: angles do
-not depend on it, and poles of [N; M] outside the unit circle are counted in the winding condition. The
-caller chooses M so that no pole lies on the circle. Then the contour needs no indentation, not even for
-integrators.
+The graph of P is the span of [N; M], P = N M^-1, at each frequency. The chordal distance of two graphs is the
+sine of the largest angle between them. If the winding condition holds, the nu-gap is the largest chordal
+distance over frequency; otherwise it is 1. Any right factorisation serves, because the angles do not depend
+on it, and the winding condition counts the poles of [N; M] outside the unit circle. The caller chooses M so
+that no pole lies on the circle. Then the contour needs no indentation, not even for integrators.
 
-b(P, K) says how far the plant may move, as an angle of its graph, before the loop can become unstable:
-b(P, K) = 1 / ||[P; I] (I - K P)^-1 [K, I]||, infinite norm, for a stable loop u = K y. It is the sine of the
-smallest angle between the graph of the plant and that of the controller, over all frequencies. A plant whose
-nu-gap to P is smaller than b is stabilised too. 1/b is the gamma of normalised coprime factors.
+The margin b(P, K) says how far the graph of the plant may turn before the loop can become unstable: b(P, K) =
+1 / ||[P; I] (I - K P)^-1 [K, I]||, infinite norm, for a stable loop u = K y. It is the sine of the smallest
+angle, over frequency, between the graphs of plant and controller. K also stabilises every plant whose nu-gap
+to P is smaller than b. 1/b is the gamma of normalised coprime factors.
 
 Vinnicombe, Frequency domain uncertainty and the graph topology, IEEE TAC 38 (1993) 1371; Uncertainty and
 Feedback, Imperial College Press, 2001, chapters 2 and 3.
@@ -42,17 +41,17 @@ class Graph:
 
 @dataclass(frozen=True)
 class NuGap:
-    """The nu-gap and where it comes from."""
+    """The nu-gap, and the frequency that determines it."""
 
     gap: float  # 0 … 1; 1 where the winding condition fails
     frequency: float  # of the largest chordal distance [rad/sample]
-    winding: int | None  # 0 where the winding condition holds; None: not found
+    winding: int | None  # 0 if the winding condition holds; None if it could not be computed
 
 
 def nu_gap(first: Graph, second: Graph) -> NuGap:
     """Compute the nu-gap of two plants with equal numbers of inputs and outputs from their graphs.
 
-    The gap is also 1 if it cannot be computed: poles on the circle, or a grid that cannot resolve the graphs.
+    It is also 1 if a pole lies on the unit circle, or if the grid cannot resolve the graphs.
     """
     poles = np.concatenate([first.poles, second.poles])
     if (np.abs(np.abs(poles) - 1.0) < ON_CIRCLE).any():
@@ -65,7 +64,7 @@ def nu_gap(first: Graph, second: Graph) -> NuGap:
         return GridSamples(distance(q_1, q_2), np.stack([q_1, q_2], axis=1), determinant)
 
     peak = find_peak(starting_grid(poles), compare)
-    # Half the circle is sampled; the other half turns as much. Each pole of a symbol outside adds a turn.
+    # The grid has half the circle; the other half turns as much. Each pole outside the circle adds a turn.
     winding = round(peak.turn / np.pi) - first.unstable + second.unstable
     if not peak.is_resolved:
         return NuGap(1.0, peak.angle, None)
@@ -103,8 +102,9 @@ class CoprimeMargin:
 def coprime_margin(plant: Graph, controller: Response, poles: Complex) -> CoprimeMargin:
     """Compute the margin b(P, K) of a loop that is known to be stable.
 
-    `controller` is u = K y at points z (k,), shape (k, m, p), with `poles`. Frequencies below the grid's
-    lowest are not examined, so that K may have integrators. The margin is 0 if the grid cannot resolve it.
+    `controller` returns K of u = K y at points z (k,), shape (k, m, p); `poles` are its poles. The grid
+    starts above zero frequency, so that K may have integrators. The margin is 0 if the grid cannot resolve
+    it.
     """
 
     def evaluate(z: Complex) -> GridSamples:
@@ -116,17 +116,17 @@ def coprime_margin(plant: Graph, controller: Response, poles: Complex) -> Coprim
 
 
 def largest_excess(other: Graph, plant: Graph, controller: Response, poles: Complex) -> float:
-    """Return the largest value, over frequency, of the plants' distance minus the loop's margin.
+    """Return the maximum over frequency of the plants' chordal distance minus the loop's margin.
 
     If it is negative and the winding condition holds, the controller also stabilises `other` (Vinnicombe
-    2001, ch. 3). This asks less than nu-gap < b, which compares the worst of one frequency with the worst of
-    another. It is 1 if the grid cannot resolve it.
+    2001, ch. 3). This condition is weaker than nu-gap < b, which compares the largest distance with the
+    smallest margin even if their frequencies differ. It is 1 if the grid cannot resolve it.
     """
 
     def evaluate(z: Complex) -> GridSamples:
         far, near = orthonormal(other.response(z)), orthonormal(plant.response(z))
         across = complement(controller(z))
-        bases = np.stack([far, near, near, across], axis=1)  # the plant's turning counts in both terms
+        bases = np.stack([far, near, near, across], axis=1)  # `near` twice: it is in both terms
         return GridSamples(distance(far, near) - smallest_sine(across, near), bases, np.ones_like(z))
 
     peak = find_peak(_grid_from_start(other.poles, plant.poles, poles), evaluate)

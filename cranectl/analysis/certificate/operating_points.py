@@ -1,17 +1,16 @@
-"""Operating points: the load held, tilted by a constant disturbance, the rope still or running.
+"""Compute operating points: equilibria under a constant disturbance, also with a constant hoisting speed.
 
-Held means: no drive accelerates and the angles rest, while d_alpha, d_beta [rad/s²] act on them,
+At an operating point no drive accelerates and the angles rest, while d_alpha, d_beta [rad/s²] act on them,
 
     sin(alpha) = l cos(beta) d_alpha / g        cos(alpha) sin(beta) = l d_beta / g
 
-The tracker takes the tilt for an acceleration of the load, so its states are not those of a load at rest:
-zeta = g (cos² alpha cos² beta - 1), and v_x, v_y are what keeps the slopes.
+The tracker interprets the tilt as an acceleration of the load, so its states are not those of a load at rest:
+zeta = g (cos² alpha cos² beta - 1), and v_x, v_y keep the slopes constant.
 
-Where the crane with its effects rests there is found by Newton's method on the engine's own forces. Given
-are the measured rope length and its rate, and that the drives rest; sought are what else can move, the
-angles, the stretch of the rope, the body under its hook, the frame, and the command that holds it, which
-makes up for the sag of the servos. A coordinate on which no force depends, the turn of the load about its own
-rope, stays as it is.
+Newton's method on the forces of the engine finds the equilibrium of a crane with effects. Given are the
+measured rope length and its rate, with drives at rest. Unknown are all other coordinates (angles, stretch of
+the rope, body under its hook, frame) and the command that compensates the static error of the servos. A
+coordinate that affects no force, such as the rotation of the load about its rope, keeps its value.
 """
 
 import itertools
@@ -21,7 +20,7 @@ from math import asin, cos, sqrt
 
 import numpy as np
 
-from cranectl.analysis.certificate.systems import differences
+from cranectl.analysis.certificate.systems import jacobian
 from cranectl.model.flatness import slopes_from_angles
 from cranectl.plants.mujoco.linearisation import (
     Anchor,
@@ -39,12 +38,12 @@ from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-LARGEST_SINE = 0.9999  # of alpha; where it would be 1 the law is singular
+LARGEST_SINE = 0.9999  # of alpha; at 1 the flat controller is singular
 
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Where the loop is frozen."""
+    """A point at which the loop is linearised."""
 
     rope_length: float  # [m]
     tilt: tuple[float, float] = (0.0, 0.0)  # d_alpha, d_beta [rad/s²]
@@ -57,34 +56,34 @@ class OperatingPoint:
         return f"rope {self.rope_length:g} m at {self.hoisting_speed:+g} m/s, {tilt}"
 
 
-MAX_OPERATING_VALUE = 1e4  # of tilts and hoisting speeds; of what a scenario may ask the largest
+MAX_OPERATING_VALUE = 1e4  # of tilts and hoisting speeds
 
 
 @dataclass(frozen=True)
-class HeldState:
-    """Signals at an operating point."""
+class EquilibriumState:
+    """The tracker's signals at an operating point."""
 
     joints: Array  # (10,), order of signals.STATE
     zeta: float  # [m/s²]
     virtual_input: Array  # (3,) [m/s⁴]
 
 
-def signals_at(joints: Array, gravity: float) -> HeldState:
+def signals_at(joints: Array, gravity: float) -> EquilibriumState:
     """Return the tracker's signals for resting angles in `joints` (10,) and drives at constant speed."""
     length, alpha, beta = joints[ROPE], joints[ALPHA], joints[BETA]
-    drop = cos(alpha) * cos(beta)  # of one metre of rope
+    drop = cos(alpha) * cos(beta)  # height over length of the rope
     zeta = gravity * (drop * drop - 1.0)
     p_x, p_y, _, _ = slopes_from_angles(alpha, 0.0, beta, 0.0)
-    # Drives that rest: g p + h p'' = 0, with h the height of the pivot above the load.
+    # With drives at rest: g p + h p'' = 0, with h the height of the pivot above the load.
     fall = gravity / (length * drop)
     virtual_input = np.array([fall * p_x * (zeta + gravity), fall * p_y * (zeta + gravity), 0.0])
-    return HeldState(joints, zeta, virtual_input)
+    return EquilibriumState(joints, zeta, virtual_input)
 
 
 def tilt_angles(point: OperatingPoint, gravity: float) -> tuple[float, float]:
-    """Return alpha and beta [rad] at rest under the disturbance: of the two solutions the one that hangs.
+    """Return alpha and beta [rad] at the equilibrium in which the load of a crane without effects hangs down.
 
-    Of a crane without effects. Raises InputError where no angle can hold against the disturbance.
+    Raises InputError if gravity cannot balance the disturbance at any angle.
     """
     a, b = (point.rope_length * d / gravity for d in point.tilt)
     total = 1.0 + a * a
@@ -96,7 +95,7 @@ def tilt_angles(point: OperatingPoint, gravity: float) -> tuple[float, float]:
             return alpha, asin(b / cos(alpha))
     raise InputError(
         f"a disturbance of {point.tilt[0]:g}, {point.tilt[1]:g} rad/s² on {point.rope_length:g} m of rope",
-        allowed=f"what gravity holds, well below g/l = {gravity / point.rope_length:.3g} rad/s²",
+        allowed=f"what gravity can balance, well below g/l = {gravity / point.rope_length:.3g} rad/s²",
         remedy="choose a smaller tilt or a shorter rope",
     )
 
@@ -108,13 +107,13 @@ def grid_of(
     tilts: Sequence[tuple[float, float]],
     hoisting_speeds: Sequence[float],
 ) -> list[OperatingPoint]:
-    """Return every combination; raise InputError for values outside of the rig's ranges."""
+    """Return the operating points of every combination; raise InputError for values that are out of range."""
     values = [("a tilt of", angle, "rad/s²") for tilt in tilts for angle in tilt]
     for name, value, unit in (
         *values,
         *(("a hoisting speed of", hoisting_speed, "m/s") for hoisting_speed in hoisting_speeds),
     ):
-        if not abs(value) <= MAX_OPERATING_VALUE:  # or no number
+        if not abs(value) <= MAX_OPERATING_VALUE:  # also true for NaN
             raise InputError(
                 f"{name} {value:g} {unit}",
                 allowed=f"{-MAX_OPERATING_VALUE:g} to {MAX_OPERATING_VALUE:g} {unit}",
@@ -135,52 +134,52 @@ def grid_of(
 
 
 STEP = 1e-5  # of the differences, in each signal's unit
-OF_STRETCH = 0.1  # and at most this part of the rope's stretch, so that it stays taut
+MAX_STRETCH_SHARE = 0.1  # largest step as a share of the rope's stretch, so that the rope stays taut
 REST_FORCE_TOLERANCE = 1e-9  # of the load's weight [N, N m]
-SINGULAR = 1e-10  # of the largest singular value, below which a coordinate has no effect
+SINGULAR = 1e-10  # smaller singular values, as a share of the largest, belong to coordinates without effect
 REST_ITERATIONS = 30
 
 
-def equilibrium(
+def find_equilibrium(
     plant: MujocoPlant, point: OperatingPoint, drive: Drive, air: Array, gravity: float
-) -> tuple[Anchor, Array, HeldState]:
-    """Find the engine's state, the command (3,) that holds it, and the signals there.
+) -> tuple[Anchor, Array, EquilibriumState]:
+    """Find the engine's state, the command (3,) that keeps it, and the tracker's signals at the equilibrium.
 
-    Raises InputError where no such state is found.
+    Raises InputError if it finds no equilibrium.
     """
     start, free = _starting_guess(plant, point, gravity), free_coordinates(plant)
     commands = 0 if DRIVES[drive].at_rest == "nothing" else 3
 
     def split(unknown: Array) -> tuple[Anchor, Array]:
-        turn, command = np.zeros(plant.model.nv), np.zeros(3)
-        turn[free], command[:commands] = unknown[commands:], unknown[:commands]
-        return moved(plant, start, turn), command
+        displacement, command = np.zeros(plant.model.nv), np.zeros(3)
+        displacement[free], command[:commands] = unknown[commands:], unknown[:commands]
+        return moved(plant, start, displacement), command
 
     def residual(unknown: Array) -> Array:
         force = unbalanced(plant, *split(unknown), np.array(point.tilt), air)
         return force if commands else force[free]
 
-    unknown, enough = np.zeros(commands + len(free)), REST_FORCE_TOLERANCE * plant.rig.load_mass * gravity
+    unknown, tolerance = np.zeros(commands + len(free)), REST_FORCE_TOLERANCE * plant.rig.load_mass * gravity
     for _ in range(REST_ITERATIONS):
-        left = residual(unknown)
-        if np.abs(left).max() < enough:
+        force = residual(unknown)
+        if np.abs(force).max() < tolerance:
             break
         steps = np.full(len(unknown), step_at(plant, split(unknown)[0]))
-        unknown -= np.linalg.lstsq(differences(residual, unknown, steps), left, rcond=SINGULAR)[0]
+        unknown -= np.linalg.lstsq(jacobian(residual, unknown, steps), force, rcond=SINGULAR)[0]
     state, command = split(unknown)
     joints = np.zeros(10)
     joints[0::2], joints[1::2] = state.qpos[plant.rig.joints], state.qvel[plant.rig.rates]
-    if not np.abs(left).max() < enough or np.abs(joints[[ALPHA, BETA]]).max() > np.arcsin(LARGEST_SINE):
+    if not np.abs(force).max() < tolerance or np.abs(joints[[ALPHA, BETA]]).max() > np.arcsin(LARGEST_SINE):
         raise InputError(
-            f"no rest to be state at {point} with the scenario's effects",
-            allowed="operating points at which the load can be held",
+            f"there is no equilibrium at {point} with the scenario's effects",
+            allowed="operating points with an equilibrium",
             remedy="choose a smaller tilt, or weaker effects",
         )
     return state._replace(load_velocity=load_velocity(plant)), command, signals_at(joints, gravity)
 
 
 def _starting_guess(plant: MujocoPlant, point: OperatingPoint, gravity: float) -> Anchor:
-    """Return the state of a crane without effects, with its rope stretched as it hangs still."""
+    """Return the equilibrium of a crane without effects, with the rope stretched as at rest."""
     joints = np.zeros(10)
     joints[ROPE] = point.rope_length
     joints[ALPHA], joints[BETA] = tilt_angles(point, gravity)
@@ -191,5 +190,5 @@ def _starting_guess(plant: MujocoPlant, point: OperatingPoint, gravity: float) -
 
 
 def step_at(plant: MujocoPlant, anchor: Anchor) -> float:
-    """Step of the differences about `anchor`."""
-    return min(STEP, OF_STRETCH * max(stretch(plant, anchor), 1e-9))
+    """Return the step of the differences about `anchor`."""
+    return min(STEP, MAX_STRETCH_SHARE * max(stretch(plant, anchor), 1e-9))

@@ -1,26 +1,26 @@
-"""Margins for gains and delays that change at the three drives at once, each in its own way.
+"""Compute margins for simultaneous, independent changes of gain and delay at the three drives.
 
-The complete linear loop is opened where commands arrive at the drives and each is multiplied by a factor f_i.
-T' is the response from a disturbance there to the arriving commands, S = I + T'; its structured singular
-values for three complex factors tell what they may be.
+Each command that arrives at a drive of the linear loop is multiplied by a factor f_i. T' is the response from
+a disturbance there to the arriving commands, S = I + T'. Its structured singular value mu for three complex
+factors bounds the allowed factors.
 
 Disk margin: f = (1 + d/2)/(1 - d/2), stable for |d| < alpha = 1/max mu(T' + I/2), as in Seiler, Packard,
 Gahinet, An Introduction to Disk Margins, IEEE Control Systems Magazine 40 (2020) 78, there for (S - T)/2.
 Gain and further delay: f = g exp(-j omega tau), stable while |f - 1| < 1/mu(T') at every frequency on the way
 from no change to g and tau.
 
-Both are found on a grid, 1 % to the safe side, and then proven at all frequencies. Where the proof fails the
-grid is made finer there; without a proof the margin is 0. With D fixed over an interval of frequencies, a
-singular value of D T D^-1 equals a level only at the imaginary eigenvalues of a Hamiltonian matrix, after the
-bilinear map s = (z - 1)/(z + 1) of the circle to the imaginary axis (Boyd, Balakrishnan, Kabamba, Mathematics
-of Control, Signals, and Systems 2 (1989) 207). Between two of them one point tells on which side of the level
-the norm lies.
+Both are computed on a grid with a safety factor of 1 %, and then proven at all frequencies. If the proof
+fails at a frequency, the grid is refined there; without a proof the margin is 0. With D fixed over an
+interval of frequencies, a singular value of D T D^-1 equals a level only at the imaginary eigenvalues of a
+Hamiltonian matrix, after the bilinear map s = (z - 1)/(z + 1) of the circle to the imaginary axis (Boyd,
+Balakrishnan, Kabamba, Mathematics of Control, Signals, and Systems 2 (1989) 207). Between two of them, the
+norm at one point shows whether the norm lies above or below the level.
 
-mu(M) is at most the norm of D M D^-1 for every positive diagonal D, and equal to the least of them for up to
-three channels. That norm is convex in the logarithms of D (Sezginer, Overton, IEEE TAC 35 (1990) 1163), so
-the ellipsoid method with deep cuts finds it, for all frequencies side by side (Bland, Goldfarb, Todd,
-Operations Research 29 (1981) 1039). SLICOT's AB13MD does the same, but as translated in ctrlsys it never
-returns from some matrices.
+mu(M) is at most the norm of D M D^-1 for every positive diagonal D, and equals the smallest of these norms
+for up to three channels. The norm is convex in the logarithms of D (Sezginer, Overton, IEEE TAC 35 (1990)
+1163). The ellipsoid method with deep cuts minimises it for all frequencies in parallel (Bland, Goldfarb,
+Todd, Operations Research 29 (1981) 1039). SLICOT's AB13MD does the same, but its translation in ctrlsys never
+returns for some matrices.
 """
 
 from collections.abc import Callable
@@ -34,8 +34,8 @@ from cranectl.analysis.certificate.loop import InnerLoop, closed_loop
 from cranectl.analysis.certificate.systems import GRID_START, Complex, SampledSystem, starting_grid
 from cranectl.support.arrays import Array
 
-RADIUS = 20.0  # of the logarithms searched, about no scaling
-BOUND_TOLERANCE = 1e-4  # of the bound, by which it may exceed the least
+RADIUS = 20.0  # of the search in the logarithms of D, about D = I
+BOUND_TOLERANCE = 1e-4  # relative excess of the bound over the smallest norm
 SCALING_ITERATIONS = 150
 MIN_DIVISOR = 1e-300
 
@@ -43,19 +43,19 @@ MIN_DIVISOR = 1e-300
 def structured_values(matrices: Complex) -> tuple[Array, Array]:
     """Return upper bounds (k,) of mu of matrices (k, m, m), m > 1, and the scalings (k, m) that give them.
 
-    The bound is the norm of D M D^-1 itself, so that it holds however well the scalings were found.
+    The bound is the norm of D M D^-1, so it holds even if the scalings are not optimal.
     """
     k, m, _ = matrices.shape
     centre = np.zeros((k, m))
     shape = np.broadcast_to(RADIUS**2 * np.eye(m - 1), (k, m - 1, m - 1)).copy()
-    best_place, best = np.zeros((k, m)), np.full(k, np.inf)
+    best_logarithms, best = np.zeros((k, m)), np.full(k, np.inf)
     active = np.arange(k)
     for _ in range(SCALING_ITERATIONS):
         value, slope = _norm_and_slope(matrices[active], centre[active])
         better = value < best[active]
-        best[active[better]], best_place[active[better]] = value[better], centre[active[better]]
+        best[active[better]], best_logarithms[active[better]] = value[better], centre[active[better]]
         reach = np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", slope, shape[active], slope), 0.0))
-        # No point of the ellipsoid is lower than this one by more than the reach.
+        # The minimum over the ellipsoid is at least `value - reach`.
         left = value - reach < best[active] * (1.0 - BOUND_TOLERANCE)
         active, value, slope, reach = active[left], value[left], slope[left], reach[left]
         if len(active) == 0:
@@ -63,11 +63,11 @@ def structured_values(matrices: Complex) -> tuple[Array, Array]:
         depth = np.minimum((value - best[active]) / reach, 0.99)
         half = _half_ellipsoid(centre[active, 1:], shape[active], slope, reach, depth)
         centre[active, 1:], shape[active] = half
-    return np.maximum(best, MIN_DIVISOR), np.exp(best_place)
+    return np.maximum(best, MIN_DIVISOR), np.exp(best_logarithms)
 
 
 def _norm_and_slope(matrices: Complex, centre: Array) -> tuple[Array, Array]:
-    """Return the norm (k,) of D M D^-1, log D = `centre` (k, m), and its slope over all but the first."""
+    """Return the norm (k,) of D M D^-1, log D = `centre` (k, m), and its gradient without the first entry."""
     scale = np.exp(centre)
     u, s, vh = np.linalg.svd(scale[:, :, None] * matrices / scale[:, None, :])
     slope = s[:, :1] * (np.abs(u[:, :, 0]) ** 2 - np.abs(vh[:, 0, :]) ** 2)
@@ -77,7 +77,7 @@ def _norm_and_slope(matrices: Complex, centre: Array) -> tuple[Array, Array]:
 def _half_ellipsoid(
     centre: Array, shape: Array, slope: Array, reach: Array, depth: Array
 ) -> tuple[Array, Array]:
-    """Return the smallest ellipsoid around the rest of one after a cut at `depth` of its reach."""
+    """Return the smallest ellipsoid that contains what remains of one after a cut at relative `depth`."""
     n = centre.shape[1]
     direction = np.einsum("kij,kj->ki", shape, slope) / reach[:, None]
     step = (1.0 + n * depth) / (n + 1.0)
@@ -91,11 +91,11 @@ def _half_ellipsoid(
 
 
 NEAR_AXIS = 1e-6  # an eigenvalue counts as imaginary if its real part is below this part of its modulus
-OVERLAP = 1e-7  # of neighbouring intervals, in parts of the angle: what an eigenvalue may be wrong by
-MIN_INTERVAL = 1e-5  # intervals shorter than this part of the angle are given up
+EIGENVALUE_TOLERANCE = 1e-7  # relative error of an eigenvalue, by which neighbouring intervals overlap
+MIN_INTERVAL = 1e-5  # the proof fails if an interval is shorter than this share of the angle
 MIN_ANGLE = 1e-12  # [rad/sample]
-GOOD_PART = 0.25  # of an interval that must be proven at once, unless it reaches the next grid point
-MOST_INTERVALS = 1000
+MIN_PROVEN_SHARE = 0.25  # of an interval; a smaller proven share is accepted only up to the next grid point
+MAX_INTERVALS = 1000
 
 
 class GridBounds(NamedTuple):
@@ -107,37 +107,39 @@ class GridBounds(NamedTuple):
     values: Array  # (k,)
 
 
-def first_gap(system: SampledSystem, bounds: GridBounds, level: Callable[[Array], Array]) -> float | None:
-    """Return None if mu is proven below `level` at every frequency, else the first gap.
+def find_unproven(system: SampledSystem, bounds: GridBounds, level: Callable[[Array], Array]) -> float | None:
+    """Return None if mu is proven below `level` at every frequency, else the first angle without a proof.
 
-    `level`: of angles (k,), positive and nowhere increasing; `system`: stable.
+    `level` is a function of angles (k,), positive and nowhere increasing. `system` must be stable.
     """
     continuous, allowed = bilinear(system), level(bounds.angles)
     start = 0.0
-    for _ in range(MOST_INTERVALS):
-        passed = int(np.searchsorted(bounds.angles, start * (1.0 + 2.0 * OVERLAP), side="right"))
+    for _ in range(MAX_INTERVALS):
+        passed = int(np.searchsorted(bounds.angles, start * (1.0 + 2.0 * EIGENVALUE_TOLERANCE), side="right"))
         first = min(passed, len(bounds.angles) - 1)
         last, scaling = _longest_interval(bounds, allowed, first)
         if last < first:
             return float(bounds.angles[first])
         target = float(bounds.angles[last])
         while True:
-            end = below_until(continuous, scaling, float(level(np.array([target]))[0]), start, target)
-            if end >= bounds.angles[first] or end - start >= GOOD_PART * (target - start):
+            end = find_proven_end(continuous, scaling, float(level(np.array([target]))[0]), start, target)
+            if end >= bounds.angles[first] or end - start >= MIN_PROVEN_SHARE * (target - start):
                 break
             target = start + 0.5 * (target - start)
             if target - start < max(MIN_INTERVAL * start, MIN_ANGLE):
                 return target
         if end == np.pi:
             return None
-        start = end * (1.0 - OVERLAP)
+        start = end * (1.0 - EIGENVALUE_TOLERANCE)
     return start
 
 
-def below_until(continuous: SampledSystem, scaling: Array, level: float, start: float, end: float) -> float:
+def find_proven_end(
+    continuous: SampledSystem, scaling: Array, level: float, start: float, end: float
+) -> float:
     """Return the angle, at most `end`, up to which the norm of D T D^-1 is below `level` from `start` on.
 
-    `continuous` is what `bilinear` gives; `start` where it is not below there.
+    `continuous` is the result of `bilinear`. The result is `start` if the norm is not below `level` there.
     """
     a, b, c, d = continuous
     b, c, d = b / scaling, scaling[:, None] * c, scaling[:, None] * d / scaling
@@ -152,7 +154,7 @@ def below_until(continuous: SampledSystem, scaling: Array, level: float, start: 
 
 
 def bilinear(system: SampledSystem) -> SampledSystem:
-    """Return the continuous system of the same response at j tan(angle / 2) instead of exp(j angle)."""
+    """Return the continuous system whose response at j tan(angle / 2) is that of `system` at exp(j angle)."""
     inverse = np.linalg.inv(system.a + np.eye(len(system.a)))
     return SampledSystem(
         (system.a - np.eye(len(system.a))) @ inverse,
@@ -163,7 +165,7 @@ def bilinear(system: SampledSystem) -> SampledSystem:
 
 
 def _crossings(continuous: SampledSystem, level: float) -> Array | None:
-    """Return the angles below pi, ascending, where a singular value is `level`; None if one is at pi."""
+    """Return the ascending angles below pi where a singular value equals `level`; None if one is at pi."""
     a, b, c, d = continuous
     left = level**2 * np.eye(d.shape[1]) - d.T @ d
     if np.abs(np.linalg.eigvalsh(left)).min() < 1e-12 * level**2:
@@ -182,9 +184,9 @@ def _crossings(continuous: SampledSystem, level: float) -> Array | None:
 
 
 def _longest_interval(bounds: GridBounds, allowed: Array, first: int) -> tuple[int, Array]:
-    """Return (last grid point, scaling) with which all norms from `first` to it lie below what is allowed.
+    """Return the last grid point up to which one scaling keeps all norms below `allowed`, and that scaling.
 
-    The last point is before `first` if there is none.
+    The last point is before `first` if the norm at `first` is too large.
     """
     hardest = first + int(np.argmax(bounds.values[first:] / allowed[first:]))
     best, scaling = first - 1, bounds.scalings[first]
@@ -198,18 +200,18 @@ def _longest_interval(bounds: GridBounds, allowed: Array, first: int) -> tuple[i
     return best, scaling
 
 
-SPREADS = (0.0, 0.1, 0.2, 0.3, 0.5)  # of the drives' gains
-GRID_POINTS = 700  # of the grid besides the poles; 2.5 % apart, which costs a smooth peak 1e-4 of its height
-GUARD = 1.01  # by which a proven bound lies above the highest point of the grid
-ATTEMPTS = 4  # of a proof, each on a finer grid
-MORE = 24  # points that make it finer
-ANY_DELAY = 1e5  # [samples], a delay that stands for any
-LEAST_CHANGE = 1e-6
+GAIN_SPREADS = (0.0, 0.1, 0.2, 0.3, 0.5)  # of the drives' gains
+GRID_POINTS = 700  # besides those at the poles; 2.5 % apart, so that a smooth peak loses 1e-4 of its height
+SAFETY_FACTOR = 1.01  # of a proven bound over the highest point of the grid
+MAX_PROOFS = 4  # attempts of a proof, each on a finer grid
+REFINEMENT_POINTS = 24  # points that make it finer
+UNLIMITED_DELAY = 1e5  # [samples], the result if no delay is unsafe
+MIN_CHANGE = 1e-6
 
 
 @dataclass(frozen=True)
 class DriveMargins:
-    """What the three drives may do at once, independently of each other."""
+    """The changes that the three drives may have at the same time, independently of each other."""
 
     disk_margin: float  # alpha, 0 … 2 and beyond
     delays: tuple[tuple[float, float], ...]  # (spread of the gains, further delay [s] that is safe with it)
@@ -222,7 +224,7 @@ class DriveMargins:
 
     @property
     def phase(self) -> float:
-        """Change of phase without change of gain, either way [rad]."""
+        """Change of phase in either direction without change of gain [rad]."""
         return float(2.0 * np.arctan(0.5 * self.disk_margin))
 
     def to_json(self) -> dict[str, Any]:
@@ -235,64 +237,66 @@ class DriveMargins:
 
 
 def drive_margins(inner: InnerLoop, robustifier: SampledSystem, period: float) -> DriveMargins:
-    """Return a loop's margins at the drives; all are zero for an unstable one.
+    """Return the margins of a loop at the drives; all are zero for an unstable loop.
 
-    Found on a grid that follows the loop's poles and proven between its points.
+    They are computed on a grid that follows the loop's poles, and proven between its points.
     """
     loop = closed_loop(inner, robustifier)  # T'
     poles = loop.poles()
     if np.abs(poles).max() >= 1.0:
-        return DriveMargins(0.0, tuple((spread, 0.0) for spread in SPREADS))
+        return DriveMargins(0.0, tuple((spread, 0.0) for spread in GAIN_SPREADS))
     grid = np.union1d(starting_grid(poles), np.geomspace(GRID_START, np.pi, GRID_POINTS))
     shifted = loop._replace(d=loop.d + 0.5 * np.eye(len(loop.d)))
-    bounds = bounded(loop, grid)
-    disk_margin = _proven(
+    bounds = bound_on_grid(loop, grid)
+    disk_margin = _find_proven_value(
         shifted,
-        bounded(shifted, grid),
-        lambda found: 1.0 / (GUARD * float(found.values.max())),
+        bound_on_grid(shifted, grid),
+        lambda found: 1.0 / (SAFETY_FACTOR * float(found.values.max())),
         lambda alpha, angles: np.full_like(angles, 1.0 / alpha),
     )
     delays = (
-        _proven(loop, bounds, partial(_delay_on_grid, spread=spread), partial(_tolerated, spread=spread))
-        for spread in SPREADS
+        _find_proven_value(
+            loop, bounds, partial(_delay_on_grid, spread=spread), partial(_allowed_mu, spread=spread)
+        )
+        for spread in GAIN_SPREADS
     )
     return DriveMargins(
-        disk_margin, tuple((s, period * delay) for s, delay in zip(SPREADS, delays, strict=True))
+        disk_margin, tuple((s, period * delay) for s, delay in zip(GAIN_SPREADS, delays, strict=True))
     )
 
 
-def bounded(system: SampledSystem, angles: Array) -> GridBounds:
+def bound_on_grid(system: SampledSystem, angles: Array) -> GridBounds:
     """Return upper bounds of mu for independent complex factors of each channel, at `angles` (k,)."""
     response = system.response(np.exp(1j * angles))
     values, scalings = structured_values(response)
     return GridBounds(angles, response, scalings, values)
 
 
-def _proven(
+def _find_proven_value(
     system: SampledSystem,
     bounds: GridBounds,
     best: Callable[[GridBounds], float],
     level: Callable[[float, Array], Array],
 ) -> float:
-    """Return the `best` value on the grid that is proven between its points too, else 0.
+    """Return the `best` value on the grid if it is proven between the grid points too, else 0.
 
-    Proven is that mu stays below `level` of this value and of the angles (k,).
+    The proof is that mu stays below `level`, a function of this value and of the angles (k,).
     """
-    for _ in range(ATTEMPTS):
+    for _ in range(MAX_PROOFS):
         value = best(bounds)
-        gap = first_gap(system, bounds, partial(level, value)) if value else None
-        if gap is None:
+        unproven = find_unproven(system, bounds, partial(level, value)) if value else None
+        if unproven is None:
             return value
-        bounds = _finer(system, bounds, gap)
+        bounds = _refine(system, bounds, unproven)
     return 0.0
 
 
 def _delay_on_grid(bounds: GridBounds, spread: float) -> float:
-    """Return the largest delay [samples] that is safe on the grid with all |g - 1| <= `spread`."""
-    tolerated, angles = 1.0 / (GUARD * bounds.values), bounds.angles
+    """Return the largest delay [samples] that is stable on the grid with all gains |g - 1| <= `spread`."""
+    tolerated, angles = 1.0 / (SAFETY_FACTOR * bounds.values), bounds.angles
     if (tolerated <= spread).any():
         return 0.0
-    longest = ANY_DELAY
+    longest = UNLIMITED_DELAY
     for gain in (1.0 - spread, 1.0, 1.0 + spread):
         limited = (tolerated < 1.0 + gain) & (angles > 0.0)
         if gain > 0.0 and limited.any():
@@ -301,18 +305,18 @@ def _delay_on_grid(bounds: GridBounds, spread: float) -> float:
     return longest
 
 
-def _tolerated(delay: float, angles: Array, spread: float) -> Array:
+def _allowed_mu(delay: float, angles: Array, spread: float) -> Array:
     """Return 1 over the largest |g exp(-j angle t) - 1| with |g - 1| <= `spread` and t <= `delay`."""
     cosine = np.cos(np.minimum(angles * delay, np.pi))
     squares = [1.0 + g * g - 2.0 * g * cosine for g in (1.0 - spread, 1.0, 1.0 + spread)]
-    level: Array = 1.0 / np.sqrt(np.maximum(np.max(squares, axis=0), LEAST_CHANGE**2))
+    level: Array = 1.0 / np.sqrt(np.maximum(np.max(squares, axis=0), MIN_CHANGE**2))
     return level
 
 
-def _finer(system: SampledSystem, bounds: GridBounds, angle: float) -> GridBounds:
-    """Return the bounds with more points around `angle`."""
+def _refine(system: SampledSystem, bounds: GridBounds, angle: float) -> GridBounds:
+    """Add grid points around `angle` to the bounds."""
     index = int(np.searchsorted(bounds.angles, angle))
     low, high = bounds.angles[max(index - 2, 0)], bounds.angles[min(index + 1, len(bounds.angles) - 1)]
-    more = bounded(system, np.setdiff1d(np.linspace(low, high, MORE), bounds.angles))
+    more = bound_on_grid(system, np.setdiff1d(np.linspace(low, high, REFINEMENT_POINTS), bounds.angles))
     order = np.argsort(np.append(bounds.angles, more.angles), kind="stable")
     return GridBounds(*(np.concatenate(pair)[order] for pair in zip(bounds, more, strict=True)))

@@ -1,8 +1,8 @@
-"""Sampled linear systems as four matrices, and their frequency response on a grid that is fine where it must.
+"""Represent sampled linear systems, and find the maximum of a function of frequency on an adaptive grid.
 
 The grid on the upper half of the unit circle starts with the angles of the poles and a logarithmic grid. It
-halves every interval over which a graph turns much, or in which, by the triangle inequality of the chordal
-metric, the maximum could lie above the highest point by more than `RESOLUTION`.
+halves an interval if a graph turns much over it. It also halves an interval if the triangle inequality of the
+chordal metric allows a maximum there that exceeds the highest grid point by more than `RESOLUTION`.
 """
 
 from collections.abc import Callable
@@ -40,9 +40,9 @@ class SampledSystem(NamedTuple):
 
 
 def close_inputs(system: SampledSystem, rows: slice, columns: slice, gain: Array) -> SampledSystem:
-    """Feed the inputs `columns` with u + gain @ y of the outputs `rows`.
+    """Close a feedback: the inputs `columns` become u + gain @ y of the outputs `rows`.
 
-    Needs outputs without feed-through from those inputs, so that no loop is algebraic.
+    Those outputs must have no feedthrough from those inputs, so that there is no algebraic loop.
     """
     fed, tapped = system.b[:, columns] @ gain, system.d[:, columns] @ gain
     return SampledSystem(
@@ -54,10 +54,10 @@ def close_inputs(system: SampledSystem, rows: slice, columns: slice, gain: Array
 
 
 def with_delay(system: SampledSystem, rows: slice, columns: slice, samples: int) -> SampledSystem:
-    """Feed the inputs `columns` with the outputs `rows`, `samples` late; new states come last.
+    """Connect the outputs `rows` to the inputs `columns` with a delay of `samples`; new states come last.
 
-    Each output waits in a chain of unit delays; in its place among the outputs is what arrives. An input that
-    is kept adds to what arrives. `rows` must not be fed through from `columns`.
+    A chain of unit delays holds each output. The delayed signals replace the outputs `rows`, and the inputs
+    `columns` now add to them. `rows` must have no feedthrough from `columns`.
     """
     width = rows.stop - rows.start
     if samples == 0:
@@ -76,7 +76,7 @@ def with_delay(system: SampledSystem, rows: slice, columns: slice, samples: int)
     return SampledSystem(a, b, c, d)
 
 
-def differences(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
+def jacobian(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
     """Return the Jacobian of `function` by central differences, (outputs, inputs)."""
     columns = []
     for k, step in enumerate(steps):
@@ -88,28 +88,28 @@ def differences(function: Callable[[Array], Array], at: Array, steps: Array) -> 
 
 GRID_START = 1e-7  # [rad/sample]; 1e-4 rad/s at 1 ms
 GRID_PER_DECADE = 12
-AROUND_POLE = np.array([-4.0, -2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0, 4.0])  # in distances from the circle
-LARGEST_TURN = 0.3  # sine of the angle by which a graph may turn from point to point
-RESOLUTION = 5e-3  # how far a maximum may lie above the highest point of the grid
-LARGEST_PHASE = 0.6  # [rad], by which a determinant may
+POLE_NEIGHBOURS = np.array([-4.0, -2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0, 4.0])  # in distances pole to circle
+MAX_GRAPH_TURN = 0.3  # sine of the angle by which a graph may turn from point to point
+RESOLUTION = 5e-3  # largest excess of a maximum over the highest point of the grid
+MAX_PHASE_CHANGE = 0.6  # [rad] of a determinant from point to point
 MAX_POINTS = 20_000
-POLISH = 7  # points put into the intervals beside the extremum, twice
+PEAK_POINTS = 7  # points added on both sides of the maximum, twice
 
 
 class GridSamples(NamedTuple):
-    """What is evaluated along the grid."""
+    """Values on the grid."""
 
-    level: Array  # (k,), a sum of distances of graphs, some of them negative, whose maximum is wanted
+    level: Array  # (k,), a signed sum of distances of graphs, to be maximised
     bases: Complex  # (k, graphs, r, m) orthonormal bases, one for each time a graph occurs in the sum
     determinant: Complex  # (k,), whose phase is followed
 
 
 class Peak(NamedTuple):
-    """Where a level is highest along the grid."""
+    """The maximum of a level on the grid."""
 
     level: float
     angle: float  # [rad/sample]
-    turn: float  # of the determinant from the grid's first point to its last [rad]
+    turn: float  # phase of the determinant at the last grid point minus that at the first [rad]
     is_resolved: bool
 
 
@@ -118,32 +118,34 @@ def starting_grid(poles: Complex) -> Array:
     logarithmic = np.geomspace(GRID_START, np.pi, int(GRID_PER_DECADE * np.log10(np.pi / GRID_START)))
     modulus, angle = np.abs(poles), np.abs(np.angle(poles))
     sharp = (modulus > 0.5) & (modulus < 2.0)
-    near = angle[sharp, None] + np.abs(1.0 - modulus[sharp, None]) * AROUND_POLE
+    near = angle[sharp, None] + np.abs(1.0 - modulus[sharp, None]) * POLE_NEIGHBOURS
     grid = np.concatenate([[0.0, np.pi], logarithmic, near.ravel()])
     return _distinct(grid[(grid >= 0.0) & (grid <= np.pi)])
 
 
 def find_peak(grid: Array, evaluate: Callable[[Complex], GridSamples]) -> Peak:
-    """Find the highest level of what is evaluated on `grid`, refined where needed and around its maximum."""
+    """Find the highest level; refine `grid` where it is too coarse, and around the maximum."""
     angles, samples = grid, evaluate(np.exp(1j * grid))
     while True:
         coarse = _too_coarse(samples) & (np.diff(angles) > 1e-12 * np.maximum(angles[1:], GRID_START))
         if not coarse.any() or len(angles) > MAX_POINTS:
             break
         between = 0.5 * (angles[:-1] + angles[1:])[coarse]
-        angles, samples = _merged(angles, samples, between, evaluate(np.exp(1j * between)))
+        angles, samples = _merge(angles, samples, between, evaluate(np.exp(1j * between)))
     for _ in range(2):
         peak = int(samples.level.argmax())
         low, high = angles[max(peak - 1, 0)], angles[min(peak + 1, len(angles) - 1)]
-        between = np.setdiff1d(np.linspace(low, high, POLISH + 2), angles)
-        angles, samples = _merged(angles, samples, between, evaluate(np.exp(1j * between)))
+        between = np.setdiff1d(np.linspace(low, high, PEAK_POINTS + 2), angles)
+        angles, samples = _merge(angles, samples, between, evaluate(np.exp(1j * between)))
     peak = int(samples.level.argmax())
     is_resolved = not _too_coarse(samples).any()
-    return Peak(float(samples.level[peak]), float(angles[peak]), float(_turns(samples).sum()), is_resolved)
+    return Peak(
+        float(samples.level[peak]), float(angles[peak]), float(_phase_changes(samples).sum()), is_resolved
+    )
 
 
-def _turns(samples: GridSamples) -> Array:
-    """Return by how much the determinant turns from point to point [rad]."""
+def _phase_changes(samples: GridSamples) -> Array:
+    """Return the change of the determinant's phase from point to point [rad]."""
     return np.angle(samples.determinant[1:] * np.conj(samples.determinant[:-1]))
 
 
@@ -153,14 +155,14 @@ def _too_coarse(samples: GridSamples) -> NDArray[np.bool_]:
     turn = np.sqrt(1.0 - cosine**2)
     bound = 0.5 * (samples.level[1:] + samples.level[:-1] + turn.sum(axis=1))
     coarse: NDArray[np.bool_] = (
-        (turn.max(axis=1) > LARGEST_TURN)
-        | (np.abs(_turns(samples)) > LARGEST_PHASE)
+        (turn.max(axis=1) > MAX_GRAPH_TURN)
+        | (np.abs(_phase_changes(samples)) > MAX_PHASE_CHANGE)
         | (bound > samples.level.max() + RESOLUTION)
     )
     return coarse
 
 
-def _merged(angles: Array, samples: GridSamples, more: Array, new: GridSamples) -> tuple[Array, GridSamples]:
+def _merge(angles: Array, samples: GridSamples, more: Array, new: GridSamples) -> tuple[Array, GridSamples]:
     order = np.argsort(np.concatenate([angles, more]), kind="stable")
     merged = (np.concatenate(pair)[order] for pair in zip(samples, new, strict=True))
     return np.concatenate([angles, more])[order], GridSamples(*merged)

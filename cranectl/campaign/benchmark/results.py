@@ -21,7 +21,7 @@ from cranectl.campaign.load import check_values
 from cranectl.campaign.manifest import differences, manifest_of
 from cranectl.campaign.results import MANIFEST_FILE, Results, Store, open_store, read_results
 from cranectl.campaign.table import FAILED
-from cranectl.campaign.worker import Prepared, StoppedError
+from cranectl.campaign.worker import PreparedCampaign, StoppedError
 from cranectl.campaign.workers import Engine
 from cranectl.controllers.registry import controller_digests
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
@@ -113,7 +113,7 @@ def _finished_result(campaign: Campaign, directory: Path) -> Results | None:
 def _refusal(campaign: Campaign) -> str:
     """Return why the controller of `campaign` cannot run on the nominal crane, or an empty text."""
     try:
-        Prepared(campaign)
+        PreparedCampaign(campaign)
     except InputError as error:
         return error.found
     return ""

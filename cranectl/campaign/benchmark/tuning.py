@@ -25,7 +25,7 @@ from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.load import check_values
 from cranectl.campaign.summary import failed
 from cranectl.campaign.table import Row
-from cranectl.campaign.worker import Prepared, StoppedError
+from cranectl.campaign.worker import PreparedCampaign, StoppedError
 from cranectl.campaign.workers import Children, make_worker
 from cranectl.controllers.registry import runs_alone
 from cranectl.metrics.table import DRIVES
@@ -155,7 +155,7 @@ class _Cranes:
         """Run `scenario` with the numbers `values` on all cranes; raise InputError if they are refused."""
         settings = assignments(self.variables, values, size_of(self.campaigns[scenario].nominal.rig))
         campaign = tuning_campaign(self.benchmark, scenario, self.controller, settings)
-        with closing(make_worker(Prepared(campaign), children, self.patience)) as worker:
+        with closing(make_worker(PreparedCampaign(campaign), children, self.patience)) as worker:
             return worker.run_batch(Batch(self.benchmark.plant, self.controller, 0, campaign.runs), stop)
 
     def costs(self, scenario: str, rows: Sequence[Row]) -> tuple[list[float], int]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from cranectl.analysis.advice import Advice, Assessment
 from cranectl.analysis.budget.error_budget import Budget
-from cranectl.analysis.certificate.certify import CAUTION, Certificate, Grade, PointVerdict
+from cranectl.analysis.certificate.certify import REQUIRED_MARGIN, Certificate, Grade, PointVerdict
 from cranectl.analysis.certificate.conservatism import LargestValues
 from cranectl.analysis.certificate.structured import DriveMargins
 from cranectl.analysis.ladder import LevelResult, Size
@@ -53,9 +53,9 @@ def controllers_table(advice: Advice) -> Table:
             numbers = [_millimetres(length) for length in lengths]
         rows.append(cells(row.controller, grade, by, f"{row.least_margin:+.4f}", *numbers))
     note = (
-        f"Guaranteed: at every operating point a margin above {CAUTION:g} remains, by the nu-gap alone or, a "
-        "weaker condition, frequency by frequency. The linear loop frozen there is then stable. Survived: "
-        "not certified, but the run completed. Cost: distance of the load from its place in the "
+        f"Guaranteed: at every operating point a margin above {REQUIRED_MARGIN:g} remains, by the nu-gap "
+        "alone or, a weaker condition, frequency by frequency. The linear loop frozen there is then stable. "
+        "Survived: not certified, but the run completed. Cost: distance of the load from its place in the "
         "continuous-time ideal of the same controller."
     )
     title = f"{advice.scenario.name}: controllers, the best first"
@@ -83,7 +83,7 @@ def recommendation(advice: Advice) -> tuple[str, ...]:
     if best is None:
         return ("No controller survives: improve drives, delay or sensors, or ask for less.",)
     how = CERTIFIED[best.judged_by]
-    least = f"least margin {best.least_margin:+.4f}, above {CAUTION:g} is required"
+    least = f"least margin {best.least_margin:+.4f}, above {REQUIRED_MARGIN:g} is required"
     worst = f"worst with the {best.certificate.worst.point}"
     words = [f"Take {best.controller}: {best.grade}, {how} ({least}); {worst}."]
     if advice.improvements and advice.improvements[0].gain > 0.0:

@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from cranectl.analysis.budget.equivalent import friction_of, hold_error, integrator_error
+from cranectl.analysis.budget.equivalent import friction_port, hold_error, integrator_error
 from cranectl.analysis.budget.error_budget import Budget, BudgetLevel, error_budget
 from cranectl.analysis.budget.prediction import LEVELS, predict_levels
 from cranectl.analysis.budget.propagation import no_errors, plant_errors, propagate, second_order
@@ -99,8 +99,11 @@ def test_a_bound_can_be_broken_and_an_estimate_without_one_is_marked() -> None:
     assert not Budget("any", "lqr", (entry, broken), size, size).holds
     assert replace(entry, bound=50.0).remark
     own, above = replace(entry, bound=np.inf), replace(entry, bound=np.inf, above="limits")
-    assert own.remark == "rough estimate, no bound: this is too large for a first order"
-    assert above.remark == "rough estimate, no bound: above limits, which is too large for a first order"
+    assert own.remark == "rough estimate, no bound: this is too large for a first-order prediction"
+    assert (
+        above.remark
+        == "rough estimate, no bound: above limits, which is too large for a first-order prediction"
+    )
     assert (above.to_json()["rough"], above.to_json()["above"]) == (True, "limits")
 
 
@@ -113,7 +116,7 @@ def test_a_servo_of_another_kind_is_noticed() -> None:
     """Without the lead, or at twice the lag, the prediction is off by far more than a fifth."""
 
     def predicted(where: LinearisedRun) -> float:
-        return size_of(propagate(where.driven(), plant_errors(where.driven())).load).rms
+        return size_of(propagate(where.with_servos(), plant_errors(where.with_servos())).load).rms
 
     right = nominal()
     ideal = simulate_run(right.run.scenario, plant="mujoco", controller="lqr", drive="ideal")
@@ -160,8 +163,8 @@ def test_the_second_order_grows_as_the_square() -> None:
 def test_friction_holds_what_it_can_hold() -> None:
     """Far more friction than any drive has force: the axes stay where they start, and so does the joint."""
     where = nominal("effects.friction={coulomb=[1e5, 1e5, 1e5], pivot_coulomb=1e3}")
-    loop, run = where.driven(), where.run
-    stuck = propagate(loop, plant_errors(loop), friction=friction_of(run, where.effects.friction))
+    loop, run = where.with_servos(), where.run
+    stuck = propagate(loop, plant_errors(loop), friction=friction_port(run, where.effects.friction))
     rates = run.block("state")[:, 1::2] + stuck.state[:, 1:10:2]
     assert np.abs(run.block("state")[:, 1::2]).max(axis=0).min() > 0.03
     assert np.abs(rates[1:]).max() < 1e-4
@@ -169,12 +172,12 @@ def test_friction_holds_what_it_can_hold() -> None:
 
 def test_sliding_friction_is_against_the_motion() -> None:
     where = nominal("effects.friction={coulomb=[0.1, 0.1, 0.1], viscous=[1.0, 2.0, 3.0]}")
-    loop, run, friction = where.driven(), where.run, where.effects.friction
-    found = propagate(loop, plant_errors(loop), friction=friction_of(run, friction))
+    loop, run, friction = where.with_servos(), where.run, where.effects.friction
+    found = propagate(loop, plant_errors(loop), friction=friction_port(run, friction))
     without = propagate(loop, plant_errors(loop))._replace(state=found.state)
     rates = run.block("state")[:-1, 1:6:2] + found.state[:-1, 1:6:2]
     w_and_lead = loop.integral * without.state[:-1, 10:13] + loop.lead * found.commanded
-    force = (found.given - w_and_lead) * run.scenario.rig.velocity_gains
+    force = (found.drive - w_and_lead) * run.scenario.rig.velocity_gains
     expected = -np.array(friction.viscous) * rates - 0.1 * np.sign(rates)
     sliding = np.abs(rates) > 0.01
     assert sliding.sum() > 1000

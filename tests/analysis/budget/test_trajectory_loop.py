@@ -7,13 +7,13 @@ import pytest
 
 from cranectl.analysis.budget.bounded_signals import (
     Estimator,
-    joined_matrices,
     linear_estimator,
     load_variance,
-    loop_matrix,
     observed_error,
-    worst_case,
     worst_friction,
+    worst_load_error,
+    write_joined_matrices,
+    write_loop_matrix,
 )
 from cranectl.analysis.budget.propagation import FrictionPort, no_errors, propagate
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run, nominal_run
@@ -48,7 +48,7 @@ def test_a_small_start_error_develops_as_predicted(controller: str, offset: str)
     x, matrix = np.zeros(size), np.zeros((size, size))
     x[:10] = moved.block("state")[0] - run.block("state")[0]
     for k in range(len(run.time_ns) - 1):
-        loop_matrix(loop.matrices, k, matrix)
+        write_loop_matrix(loop.matrices, k, matrix)
         x = matrix @ x
     found = moved.block("state")[-1] - run.block("state")[-1]
     assert np.abs(found).max() > 1e-9
@@ -63,8 +63,8 @@ def test_a_delay_is_a_delay() -> None:
     ports = no_errors(loop)
     ports.law[100, 1] = 1.0
     late = propagate(loop._replace(delay=7), ports)
-    assert np.flatnonzero(late.given[:, 1])[0] == 107
-    assert late.given[107, 1] == 1.0
+    assert np.flatnonzero(late.drive[:, 1])[0] == 107
+    assert late.drive[107, 1] == 1.0
 
 
 def estimator(run: Run) -> Estimator:
@@ -125,17 +125,17 @@ def test_worst_case_is_the_sum_of_all_impulse_responses() -> None:
         for joint in range(5):
             state = np.zeros(total)
             for k in range(start, 60):
-                joined_matrices(loop.matrices, linear, k, matrix, noise)
+                write_joined_matrices(loop.matrices, linear, k, matrix, noise)
                 state = matrix @ state + (noise[:, joint] if k == start else 0.0)
             expected += amplitudes[joint] * np.abs(loop.load[60] @ state[:10])
-    assert worst_case(loop, np.tile(amplitudes, (60, 1)), 24, estimator=linear).max(axis=0) == pytest.approx(
-        expected
-    )
+    assert worst_load_error(loop, np.tile(amplitudes, (60, 1)), 24, estimator=linear).max(
+        axis=0
+    ) == pytest.approx(expected)
 
 
 def test_worst_friction_is_the_sum_of_all_impulse_responses() -> None:
     scenario = load_scenario("off-reference", overrides=["duration=0.05", "reference.segments=[]"])
-    loop = nominal_run(scenario, "lqr").driven("rope")._replace(delay=3)
+    loop = nominal_run(scenario, "lqr").with_servos("rope")._replace(delay=3)
     samples = loop.samples - 1
     limits = np.array([1e-3, 2e-3, 1e-3, 0.1, 0.2])
     friction = FrictionPort(np.zeros((samples + 1, 5)), np.zeros((samples, 5)), np.tile(limits, (samples, 1)))
@@ -158,7 +158,7 @@ def test_the_loop_matrix_is_the_propagation(delay: int) -> None:
     where = nominal_run(
         load_scenario("off-reference", overrides=["duration=0.05", "reference.segments=[]"]), "lqr+hinf"
     )
-    loop, rng = where.driven("body")._replace(delay=delay), np.random.default_rng(2)
+    loop, rng = where.with_servos("body")._replace(delay=delay), np.random.default_rng(2)
     ports, p = no_errors(loop), len(loop.moving)
     ports.local[:] = 1e-6 * rng.standard_normal(ports.local.shape)
     ports.measured[:] = 1e-6 * rng.standard_normal(ports.measured.shape)
@@ -166,7 +166,7 @@ def test_the_loop_matrix_is_the_propagation(delay: int) -> None:
     total = loop.size + 3 * delay
     x, matrix = np.zeros(total), np.zeros((total, total))
     for k in range(loop.samples - 1):
-        loop_matrix(loop.matrices, k, matrix)
+        write_loop_matrix(loop.matrices, k, matrix)
         tracker = matrix[:, :10].copy()
         tracker[:p] -= loop.by_state[k // loop.stride][:, :10]
         x = matrix @ x + tracker @ ports.measured[k]

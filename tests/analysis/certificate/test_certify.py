@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from cranectl.analysis.certificate.certify import NominalLoop, certify, make_nominal_loop, make_nominal_loops
-from cranectl.analysis.certificate.conservatism import find_limits, last_good, with_further_lag
+from cranectl.analysis.certificate.conservatism import find_last_passing, find_limits, with_further_lag
 from cranectl.analysis.certificate.linear_plant import ARRIVING, linear_plant
 from cranectl.analysis.certificate.loop import closed_loop, closed_loop_radius, inner_loop_of
 from cranectl.analysis.certificate.nu_gap import nu_gap
 from cranectl.analysis.certificate.operating_points import OperatingPoint
-from cranectl.analysis.certificate.structured import GUARD, drive_margins
+from cranectl.analysis.certificate.structured import SAFETY_FACTOR, drive_margins
 from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_design
 from cranectl.design import CONTROLLERS, design_controller
@@ -201,13 +201,13 @@ def test_disk_margin_of_one_drive_is_python_controls() -> None:
     assert 1.0 / np.abs(0.5 - t[:, 0, 0]).max() == pytest.approx(float(expected), rel=1e-3)
     together = drive_margins(inner, nominal_loop.opening.axis.robustifier, PERIOD).disk_margin
     alone = 1.0 / np.abs(0.5 - np.diagonal(t, 0, 1, 2)).max()
-    assert together == pytest.approx(alone / GUARD, rel=1e-3)
+    assert together == pytest.approx(alone / SAFETY_FACTOR, rel=1e-3)
 
 
 @pytest.mark.parametrize("last", [0, 1, 15, 16, 17, 47, 48, 99, 100])
 def test_the_last_good_number_is_found(last: int) -> None:
-    assert last_good(lambda k: k <= last, 0, 100) == last
-    assert last_good(lambda k: k <= last, last + 1, 100) is None
+    assert find_last_passing(lambda k: k <= last, 0, 100) == last
+    assert find_last_passing(lambda k: k <= last, last + 1, 100) is None
 
 
 def test_limits_certified_lie_below_those_survived() -> None:

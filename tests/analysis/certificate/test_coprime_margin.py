@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from cranectl.analysis.certificate.certify import CAUTION
+from cranectl.analysis.certificate.certify import REQUIRED_MARGIN
 from cranectl.analysis.certificate.nu_gap import coprime_margin, largest_excess, nu_gap
 from cranectl.analysis.certificate.systems import Complex, SampledSystem
 from cranectl.design.loop_shaping import glover_mcfarlane
@@ -94,7 +94,7 @@ def test_what_is_accepted_is_stable(seed: int) -> None:
         margin = coprime_margin(near, k.response, k.poles())
         for _ in range(12):
             other = varied(model, rng)
-            certified = nu_gap(graph_of(other), near).gap + CAUTION < margin.margin
+            certified = nu_gap(graph_of(other), near).gap + REQUIRED_MARGIN < margin.margin
             stable = np.abs(closed_poles(other, k)).max() < 1.0
             assert stable or not certified
             accepted += certified
@@ -126,11 +126,11 @@ def test_distance_below_margin_at_each_frequency_is_enough() -> None:
         excess = largest_excess(far, near, controller, np.zeros(0))
         constant = SampledSystem(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.full((1, 1), -k))
         stable = np.abs(closed_poles(other, constant)).max() < 1.0
-        certified = found.winding == 0 and excess + CAUTION < 0.0
+        certified = found.winding == 0 and excess + REQUIRED_MARGIN < 0.0
         assert stable or not certified
         only_by_frequency += certified and found.gap > margin
         refused_unstable += not stable
-        if found.gap + 2.0 * CAUTION < margin:
+        if found.gap + 2.0 * REQUIRED_MARGIN < margin:
             assert certified, "asks less than the gap does"
     assert only_by_frequency >= 5
     assert refused_unstable >= 5

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from cranectl.analysis.certificate.structured import GridBounds, below_until, bilinear, bounded, first_gap
+from cranectl.analysis.certificate.structured import (
+    GridBounds,
+    bilinear,
+    bound_on_grid,
+    find_proven_end,
+    find_unproven,
+)
 from cranectl.analysis.certificate.systems import SampledSystem
 
 DENSE = np.union1d(np.geomspace(1e-6, np.pi, 4000), np.linspace(0.0, np.pi, 2000))
@@ -42,21 +48,21 @@ def test_the_bilinear_map_keeps_the_response(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_level_above_all_is_proven_and_one_below_the_peak_is_not(seed: int) -> None:
     system = random_stable(seed)
-    peak = float(bounded(system, DENSE).values.max())
-    found = bounded(system, MEDIUM)
-    assert first_gap(system, found, lambda angles: np.full(len(angles), 1.02 * peak)) is None
-    assert first_gap(system, found, lambda angles: np.full(len(angles), 0.99 * peak)) is not None
+    peak = float(bound_on_grid(system, DENSE).values.max())
+    found = bound_on_grid(system, MEDIUM)
+    assert find_unproven(system, found, lambda angles: np.full(len(angles), 1.02 * peak)) is None
+    assert find_unproven(system, found, lambda angles: np.full(len(angles), 0.99 * peak)) is not None
 
 
 @pytest.mark.parametrize("damping", [1e-2, 1e-4, 1e-5])
 def test_a_peak_between_the_points_is_found(damping: float) -> None:
     """A grid that knows nothing of the mode sees 0.5; the proof stops at the mode."""
     system = resonance(damping)
-    found = bounded(system, COARSE[np.abs(COARSE - 0.7654) > 0.05])
+    found = bound_on_grid(system, COARSE[np.abs(COARSE - 0.7654) > 0.05])
     assert found.values.max() < 0.75
-    gap = first_gap(system, found, lambda angles: np.full(len(angles), 0.8))
+    gap = find_unproven(system, found, lambda angles: np.full(len(angles), 0.8))
     assert gap == pytest.approx(0.7654, abs=max(3.0 * damping, 1e-5))
-    assert first_gap(system, found, lambda angles: np.full(len(angles), 1.1)) is None
+    assert find_unproven(system, found, lambda angles: np.full(len(angles), 1.1)) is None
 
 
 def test_a_falling_level_is_proven_arc_by_arc() -> None:
@@ -64,10 +70,10 @@ def test_a_falling_level_is_proven_arc_by_arc() -> None:
     system = SampledSystem(
         np.diag([0.9, 0.8, 0.7]), np.eye(3), np.diag([0.1, 0.2, 0.3]), np.zeros((3, 3))
     )  # fmt: skip
-    found = bounded(system, MEDIUM)
+    found = bound_on_grid(system, MEDIUM)
 
     def falling(factor: float) -> float | None:
-        return first_gap(system, found, lambda angles: factor * 0.3 / np.abs(np.exp(1j * angles) - 0.7))
+        return find_unproven(system, found, lambda angles: factor * 0.3 / np.abs(np.exp(1j * angles) - 0.7))
 
     assert falling(1.03) is None
     assert falling(0.97) is not None
@@ -78,10 +84,10 @@ def test_below_until_stops_at_the_crossing() -> None:
     system = SampledSystem(np.diag([0.9]), np.eye(1), 0.1 * np.eye(1), np.zeros((1, 1)))
     crossing = np.arccos((1.0 + 0.81 - 0.04) / 1.8)  # |z - 0.9| = 0.2
     one = np.ones(1)
-    assert below_until(bilinear(system), one, 0.5, 0.0, 3.0) == 0.0, "above from the start"
-    assert below_until(bilinear(system), one, 0.5, 1.01 * crossing, 3.0) == 3.0
+    assert find_proven_end(bilinear(system), one, 0.5, 0.0, 3.0) == 0.0, "above from the start"
+    assert find_proven_end(bilinear(system), one, 0.5, 1.01 * crossing, 3.0) == 3.0
     rising = system._replace(a=np.diag([-0.9]))  # its mirror image
-    assert below_until(bilinear(rising), one, 0.5, 0.0, 3.0) == pytest.approx(np.pi - crossing, rel=1e-9)
+    assert find_proven_end(bilinear(rising), one, 0.5, 0.0, 3.0) == pytest.approx(np.pi - crossing, rel=1e-9)
 
 
 def test_scalings_may_differ_from_arc_to_arc() -> None:
@@ -90,8 +96,8 @@ def test_scalings_may_differ_from_arc_to_arc() -> None:
     b, c = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.zeros((3, 2))
     c[1, 0], c[0, 1] = 0.01, 3.0  # channel 1 moves 2 slowly; 2 moves 1 fast
     system = SampledSystem(a, b, c, np.zeros((3, 3)))
-    found = bounded(system, MEDIUM)
+    found = bound_on_grid(system, MEDIUM)
     peak = float(found.values.max())
-    assert first_gap(system, found, lambda angles: np.full(len(angles), 1.02 * peak)) is None
+    assert find_unproven(system, found, lambda angles: np.full(len(angles), 1.02 * peak)) is None
     fixed = GridBounds(found.angles, found.response, np.ones_like(found.scalings), found.values)
-    assert first_gap(system, fixed, lambda angles: np.full(len(angles), 1.02 * peak)) is not None
+    assert find_unproven(system, fixed, lambda angles: np.full(len(angles), 1.02 * peak)) is not None

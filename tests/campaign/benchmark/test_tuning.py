@@ -17,7 +17,7 @@ from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
 from cranectl.campaign.benchmark.trials import rules_of
 from cranectl.campaign.benchmark.tuning import REFUSED, run_cost, tune, tuning_campaign
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.worker import Prepared, Worker
+from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.main import main
 from cranectl.loaders.opening import close_controllers
@@ -103,7 +103,7 @@ def test_written_numbers_give_the_same_cost(tiny: Benchmark, capsys: pytest.Capt
     settings = assignments(variables_of("mine"), list(written["parameters"].values()))
     tuned_benchmark = tiny.model_copy(update={"set": (*tiny.set, *settings)})
     campaign = tuning_campaign(tuned_benchmark, "move", "mine")
-    rows = Worker(Prepared(campaign)).run_batch(Batch("analytic", "mine", 0, 2))
+    rows = Worker(PreparedCampaign(campaign)).run_batch(Batch("analytic", "mine", 0, 2))
     failures = [float(str(row["final_error_m"])) > 0.2 for row in rows]
     costs = [
         run_cost(row, campaign.nominal, exceeds_limit, 0.02)
