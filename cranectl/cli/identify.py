@@ -1,5 +1,6 @@
 """`cranectl identify`."""
 
+import shlex
 from os.path import relpath
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -7,15 +8,14 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import command, exit_codes
+from cranectl.cli.measured import measured_run
 from cranectl.cli.output import Screen
-from cranectl.support.errors import InputError
-from cranectl.support.files import Kind, check_place
+from cranectl.support.files import JSON, Kind, check_place
 
 if TYPE_CHECKING:
     from cranectl.measured.identification import Identification
     from cranectl.measured.replay import Replay
     from cranectl.report.table import Table
-    from cranectl.simulate import Run
 
 IDENTIFIED = Kind("file of an identified crane", rb"# (Identified from|The crane identified from) ")
 
@@ -29,7 +29,7 @@ IDENTIFIED = Kind("file of an identified crane", rb"# (Identified from|The crane
     help="What drives the model. Default: the commands, if all logs have them.",
 )
 @command.output_option(
-    "--out", IDENTIFIED, "Rig file. A campaign is written beside it. Default: identified.toml"
+    "--out", IDENTIFIED, "Rig file. A campaign and the fit are written beside it. Default: identified.toml"
 )
 @command.json_option
 def identify_command(
@@ -51,18 +51,20 @@ def identify_command(
     """
     from cranectl.measured.identification import LARGEST_MISFIT, identify
     from cranectl.measured.identified import campaign_text, rig_text
+    from cranectl.measured.verdict import fit_place, fit_text
     from cranectl.scenario.load import load_rig
 
     path = out or Path("identified.toml")
-    campaign = path.with_name(f"{path.stem}-campaign.toml")
-    for file in (path, campaign):
-        check_place(file, IDENTIFIED, inputs=logs, option="--out")
-    runs = [_measured_run(log) for log in logs]
+    campaign, fit = path.with_name(f"{path.stem}-campaign.toml"), fit_place(path)
+    for file, kind in ((path, IDENTIFIED), (campaign, IDENTIFIED), (fit, JSON)):
+        check_place(file, kind, inputs=logs, option="--out")
+    runs = [measured_run(log) for log in logs]
     result = identify(runs, load_rig(rig), replay=replay, progress=screen.print)
     names = ", ".join(log.name for log in logs)
     base = relpath(rig, path.parent) if Path(rig).is_file() else rig
     path.write_text(rig_text(result, base, names), encoding="utf-8")
     campaign.write_text(campaign_text(result, path.name, f"{path.stem}-campaign", names), encoding="utf-8")
+    fit.write_text(fit_text(result, runs), encoding="utf-8")
     screen.print(estimates_table(result))
     if result.unidentifiable:
         screen.print(f"not identifiable from these logs: {', '.join(result.unidentifiable)}")
@@ -75,10 +77,12 @@ def identify_command(
         )
     screen.print(f"rig: {path}")
     screen.print(f"campaign: {campaign}")
+    screen.print(f"judge runs that were not used: cranectl validate LOG --rig {shlex.quote(str(path))}")
     screen.write_json(
         {
             "rig": str(path),
             "campaign": str(campaign),
+            "fit": str(fit),
             "converged": result.converged,
             "misfit": result.misfit,
             "replay": result.replay,
@@ -88,20 +92,6 @@ def identify_command(
         }
     )
     return exit_codes.GOOD if result.converged else exit_codes.LIMIT_EXCEEDED
-
-
-def _measured_run(log: Path) -> "Run":
-    from cranectl.log.reader import read_log
-
-    runs = read_log(log)
-    run = runs.get("measured")
-    if run is None or not run.has("state"):
-        raise InputError(
-            f"{log} has no measured run with angles",
-            allowed="logs of `cranectl log import` with positions and angles",
-            remedy="import the measured files, with the columns of both angles in the map",
-        )
-    return run
 
 
 def estimates_table(result: "Identification") -> "Table":

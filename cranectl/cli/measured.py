@@ -1,19 +1,23 @@
-"""Compare a measured log with its predictions, for `cranectl compare`."""
+"""What commands do with measured logs: `compare` predicts them, `validate` judges them."""
 
+import re
 import shlex
+from collections.abc import Sequence
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
+import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.output import Screen
+from cranectl.support.errors import InputError
 from cranectl.support.files import MCAP, check_place
 
 if TYPE_CHECKING:
     from cranectl.log.overlay import Layer
     from cranectl.measured.replay import Replay
+    from cranectl.measured.verdict import RunVerdict
     from cranectl.report.table import Table
     from cranectl.simulate import Run
 
@@ -31,6 +35,8 @@ def compare_measured(
     screen: Screen,
 ) -> int:
     """Print measured minus predicted of each signal, and write both as an overlay to `out`."""
+    import numpy as np
+
     from cranectl.log.overlay import Layer, write_overlay
     from cranectl.measured.replay import default_replay, predict
     from cranectl.plants.registry import REFERENCE_PLANT
@@ -81,6 +87,8 @@ def residual_table(title: str, prediction: "Run") -> "Table":
 
 def _plain(prediction: "Run") -> dict[str, Any]:
     """Return the residuals of a prediction as plain data, in SI units."""
+    import numpy as np
+
     from cranectl.signals import RESIDUAL
 
     residuals = []
@@ -97,3 +105,109 @@ def _plain(prediction: "Run") -> dict[str, Any]:
             }
         )
     return {"status": prediction.status.label, "end_s": prediction.end_s, "residuals": residuals}
+
+
+def measured_run(log: Path) -> "Run":
+    """Return the measured run of a log; raise InputError if it has none with angles."""
+    from cranectl.log.reader import read_log
+
+    runs = read_log(log)
+    run = runs.get("measured")
+    if run is None or not run.has("state"):
+        raise InputError(
+            f"{log} has no measured run with angles",
+            allowed="logs of `cranectl log import` with positions and angles",
+            remedy="import the measured files, with the columns of both angles in the map",
+        )
+    return run
+
+
+def judge_logs(names: tuple[str, ...], rig: Path | str | None, tolerance: str | None, screen: Screen) -> int:
+    """Judge measured logs by an identified crane, and print the answers; return the exit code."""
+    from cranectl.measured.verdict import COVERED, WITHIN_TOLERANCE, judge, read_fit
+
+    _refuse_other_options()
+    if others := [name for name in names if not name.endswith(".mcap")]:
+        raise InputError(
+            f"{others[0]} beside measured logs, or --tolerance for it",
+            allowed="either scenarios, or measured logs with --rig and --tolerance",
+            remedy="judge scenarios and logs by two commands",
+        )
+    if not names or rig is None:
+        raise InputError(
+            "measured logs without the crane that judges them" if names else "a tolerance without logs",
+            allowed="logs of `cranectl log import` and the rig file of `cranectl identify`",
+            remedy="cranectl validate LOG --rig identified.toml --tolerance 5mm",
+        )
+    accepted = None if tolerance is None else _length(tolerance)
+    runs = {name: measured_run(Path(name)) for name in names}
+    verdicts = judge(runs, read_fit(Path(rig)), tolerance=accepted)
+    screen.print(_verdict_table(verdicts))
+    good = [verdict for verdict in verdicts if verdict.answer in (COVERED, WITHIN_TOLERANCE)]
+    screen.print(_sentence(len(verdicts), sum(v.answer == COVERED for v in verdicts)))
+    screen.write_json({"tolerance_m": accepted, "verdicts": [verdict.to_json() for verdict in verdicts]})
+    return exit_codes.GOOD if len(good) == len(verdicts) else exit_codes.LIMIT_EXCEEDED
+
+
+def _verdict_table(verdicts: "Sequence[RunVerdict]") -> "Table":
+    from cranectl.report.table import Table, cells
+
+    rows = [
+        cells(
+            v.name,
+            v.answer,
+            f"{1e3 * v.largest:.2f}",
+            f"{1e3 * v.band:.2f}",
+            v.channel,
+            f"{v.time:g}",
+            f"{v.statistic:.1f}",
+            f"{v.probability:.3f}",
+        )
+        for v in verdicts
+    ]
+    columns = ("log", "answer", "largest [mm]", "band ± [mm]", "clearest in", "at [s]", "times its σ", "p")
+    return Table("Measured minus predicted, runs that were not used", columns, tuple(rows), labels=2)
+
+
+def _sentence(runs: int, covered: int) -> str:
+    """Return what was shown, and how often the verdict errs."""
+    from cranectl.measured.verdict import FALSE_ALARMS
+
+    errs = (
+        f"A model without error is called not covered in at most {100 * FALSE_ALARMS:g} % of such verdicts."
+    )
+    if covered < runs:
+        return f"{covered} of {runs} runs are covered. {errs}"
+    share = FALSE_ALARMS ** (1.0 / runs)
+    return f"All runs are covered: so are at least {100 * share:.0f} % of such motions, at 95 %. {errs}"
+
+
+def _length(text: str) -> float:
+    """Return a length such as 5mm in metres."""
+    from cranectl.measured.mapping import LENGTHS
+
+    match = re.fullmatch(r"([0-9.]+(?:e-?\d+)?)\s*(m|cm|mm)", text)
+    if match is None or not float(match[1]) > 0.0:
+        raise InputError(
+            f"--tolerance {text}",
+            allowed="a length with its unit: m, cm or mm",
+            remedy="write --tolerance 5mm",
+        )
+    return float(match[1]) * LENGTHS[match[2]]
+
+
+def _refuse_other_options() -> None:
+    """Raise InputError for options that change nothing in a verdict on measured logs."""
+    context = click.get_current_context()
+    given = [
+        option.opts[0]
+        for option in context.command.params
+        if option.name not in ("scenarios", "rig", "tolerance", "json_file")
+        and context.get_parameter_source(str(option.name)) is click.core.ParameterSource.COMMANDLINE
+    ]
+    if given:
+        raise InputError(
+            f"{', '.join(given)} with measured logs",
+            allowed="--rig, --tolerance and --json",
+            remedy=f"leave out {', '.join(given)}",
+        )

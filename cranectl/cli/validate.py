@@ -60,6 +60,7 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 @click.option(
     "--details", is_flag=True, help="Show every controller and plant, not only the largest differences."
 )
+@click.option("--tolerance", metavar="SIZE", help="For measured logs: the difference you accept, e.g. 5mm.")
 @command.output_option("--junit", XML, "Write JUnit XML, a test case for each case.")
 @command.output_option("--report", HTML, "Write one HTML page: verdict, limits, worst moments.")
 @command.json_option
@@ -75,6 +76,7 @@ def validate_command(
     keep: "Keep",
     pairwise: bool,
     details: bool,
+    tolerance: str | None,
     junit: Path | None,
     report: Path | None,
     screen: Screen,
@@ -89,12 +91,17 @@ def validate_command(
 
     SCENARIO is a name, a file, or a directory with scenarios, also in directories below it.
 
+    Measured logs in place of scenarios are judged by the crane that `cranectl identify` wrote, which must
+    not have used them: covered; not covered, but within your tolerance; not covered; or not decided,
+    where the band is wider than the tolerance or the fit did not converge. Exit code 1 for the last two.
+
     \b
     cranectl validate
     cranectl validate fixed-position --controller lqr --drive ideal --json -
     cranectl validate scenarios/ --keep failed --every 20 --junit junit.xml --report validation.html
     cranectl validate --jobs 1 --set rig.load_mass=2.5
     cranectl validate near-slack --plants all --drive all --pairwise
+    cranectl validate thursday.mcap friday.mcap --rig identified.toml --tolerance 5mm
 
     Exit codes, the first that holds: 130 interrupted; 70 a worker died, or an error that nobody foresaw;
     2 a scenario could not be run; 3 a run stopped against expectation; 1 a limit exceeded; 0 good.
@@ -112,6 +119,10 @@ def validate_command(
     from cranectl.simulate import checked_drive
     from cranectl.simulate.child import BLOCK_TIMEOUT
 
+    if any(scenario.endswith(".mcap") for scenario in scenarios) or tolerance is not None:
+        from cranectl.cli.measured import judge_logs
+
+        return judge_logs(scenarios, request.rig, tolerance, screen)
     names = chosen_controllers(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
     drives = several.get(drive) or (checked_drive(drive),)

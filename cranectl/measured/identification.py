@@ -58,7 +58,7 @@ class Identification:
     estimates: tuple[Estimate, ...]
     unidentifiable: tuple[str, ...]  # settings of which these runs say nothing
     together: tuple[tuple[str, str, float], ...]  # pairs whose errors go together, with their correlation
-    covariance: Array  # of the estimates, from the spread between runs (P, P)
+    covariance: Array  # of the estimates, from the spread between runs and from noise (P, P)
     misfit: float  # mean square of the residuals in units of noise: 1 for a model without error
     converged: bool
     runs: int
@@ -251,7 +251,7 @@ class LeastSquares:
             estimates=tuple(estimates),
             unidentifiable=tuple(self.dropped),
             together=tuple(pairs),
-            covariance=covariance * np.outer(scales, scales),
+            covariance=(covariance + max(self.misfit, 1.0) * self.inverse) * np.outer(scales, scales),
             misfit=self.misfit,
             converged=self.done and self.misfit < LARGEST_MISFIT,
             runs=len(self.experiments),

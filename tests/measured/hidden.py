@@ -14,11 +14,13 @@ from cranectl.measured.importing import import_files
 from cranectl.measured.mapping import MeasuredMap
 from cranectl.measured.replay import simulate_replay
 from cranectl.scenario import Scenario
+from cranectl.scenario.load import load_rig
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 
+LAB = load_rig("lab-rig")
 COMMANDS = ("bridge_command", "trolley_command", "rope_command")
 
 
@@ -32,6 +34,9 @@ def hidden_numbers(rig: RigParameters, rng: np.random.Generator) -> dict[str, fl
         else unknown.start * rng.uniform(0.6, 1.4)
         for unknown in unknowns_of(rig, "commands")
     }
+
+
+NUMBERS = hidden_numbers(LAB, np.random.default_rng(5))
 
 
 def set_points(

@@ -16,20 +16,7 @@ from cranectl.scenario.effects import Frame
 from cranectl.scenario.load import load_rig
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
-from tests.measured.hidden import hidden_numbers, measured_run
-
-LAB = load_rig("lab-rig")
-NUMBERS = hidden_numbers(LAB, np.random.default_rng(5))
-
-
-@pytest.fixture(scope="module")
-def runs() -> list[Run]:
-    return [measured_run(LAB, NUMBERS, seed) for seed in range(3)]
-
-
-@pytest.fixture(scope="module")
-def result(runs: list[Run]) -> Identification:
-    return identify(runs, LAB)
+from tests.measured.hidden import LAB, NUMBERS, measured_run
 
 
 def test_all_numbers_are_found_within_their_intervals(result: Identification) -> None:

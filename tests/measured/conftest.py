@@ -1,0 +1,17 @@
+"""A hidden crane that several tests identify."""
+
+import pytest
+
+from cranectl.measured.identification import Identification, identify
+from cranectl.simulate import Run
+from tests.measured.hidden import LAB, NUMBERS, measured_run
+
+
+@pytest.fixture(scope="session")
+def runs() -> list[Run]:
+    return [measured_run(LAB, NUMBERS, seed) for seed in range(3)]
+
+
+@pytest.fixture(scope="session")
+def result(runs: list[Run]) -> Identification:
+    return identify(runs, LAB)

@@ -1,0 +1,140 @@
+"""Runs that were not used are judged: clean ones are covered, and changes of the crane are found."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.log.writer import write_log
+from cranectl.measured.identification import Identification
+from cranectl.measured.verdict import (
+    COVERED,
+    NOT_COVERED,
+    NOT_DECIDED,
+    WITHIN_TOLERANCE,
+    Fit,
+    RunVerdict,
+    fit_place,
+    fit_text,
+    judge,
+    read_fit,
+)
+from cranectl.scenario import Scenario
+from cranectl.scenario.effects import Body, Rope, Wind
+from cranectl.simulate import Run
+from cranectl.support.errors import InputError
+from tests.measured.hidden import LAB, NUMBERS, measured_run
+
+Change = Callable[[Scenario], Scenario]
+
+
+@pytest.fixture(scope="session")
+def fit(result: Identification, runs: list[Run], tmp_path_factory: pytest.TempPathFactory) -> Fit:
+    path = tmp_path_factory.mktemp("fit") / "mine.toml"
+    path.write_text('extends = "lab-rig"\n')
+    fit_place(path).write_text(fit_text(result, runs))
+    return read_fit(path)
+
+
+def verdict_of(fit: Fit, seed: int = 50, *, tolerance: float | None = None, **crane: object) -> RunVerdict:
+    numbers = {**NUMBERS, **{name: value for name, value in crane.items() if name != "change"}}
+    more = {"change": crane["change"]} if "change" in crane else {}
+    run = measured_run(LAB, numbers, seed, **more)  # type: ignore[arg-type]
+    (verdict,) = judge({"a": run}, fit, tolerance=tolerance)
+    return verdict
+
+
+@pytest.mark.parametrize("seed", range(50, 56))
+def test_clean_runs_are_covered(seed: int, fit: Fit) -> None:
+    verdict = verdict_of(fit, seed, tolerance=0.005)
+    assert verdict.answer == COVERED, verdict
+    assert verdict.largest < 0.001
+
+
+def with_effect(**effects: object) -> Change:
+    return lambda s: s.model_copy(update={"effects": s.effects.model_copy(update=effects)})
+
+
+CHANGED: dict[str, dict[str, object]] = {
+    "load": {"load_mass": 1.2 * NUMBERS["load_mass"]},
+    "drive": {"trolley_time_constant": 1.1 * NUMBERS["trolley_time_constant"]},
+    "dead time": {"effects.delay.seconds": NUMBERS["effects.delay.seconds"] + 0.004},
+    "rope": {
+        "effects.installation.rope_offset": NUMBERS["effects.installation.rope_offset"] + 0.02,
+    },
+    "load under its hook": {"change": with_effect(body=Body())},
+    "elastic rope": {"change": with_effect(rope=Rope(stiffness=5000.0))},
+    "gusts": {"change": with_effect(wind=Wind(gust=0.5))},
+}
+
+
+@pytest.mark.parametrize("change", CHANGED)
+def test_a_changed_crane_is_not_covered(change: str, fit: Fit) -> None:
+    verdict = verdict_of(fit, **CHANGED[change])
+    assert verdict.answer == NOT_COVERED
+    assert verdict.statistic > 8.0
+    assert verdict.probability == 0.0
+
+
+def test_a_tolerance_accepts_differences_or_is_too_narrow_to_decide(fit: Fit) -> None:
+    gusts = CHANGED["gusts"]
+    assert verdict_of(fit, tolerance=0.05, **gusts).answer == WITHIN_TOLERANCE
+    assert verdict_of(fit, tolerance=0.0005, **gusts).answer == NOT_COVERED
+    assert verdict_of(fit, tolerance=1e-5).answer == NOT_DECIDED
+
+
+def test_a_fit_that_did_not_converge_decides_nothing(fit: Fit) -> None:
+    run = measured_run(LAB, NUMBERS, 50)
+    (verdict,) = judge({"a": run}, Fit(**{**vars(fit), "converged": False}))
+    assert verdict.answer == NOT_DECIDED
+
+
+def test_probabilities_of_clean_runs_are_neither_all_large_nor_all_small(fit: Fit) -> None:
+    """It is neither always large, as with a band that is too wide, nor small."""
+    probabilities = np.array([verdict_of(fit, seed).probability for seed in range(100, 112)])
+    assert 0.2 < probabilities.mean() < 0.9
+    assert probabilities.min() < 0.5 < probabilities.max()
+
+
+def test_used_runs_are_refused(fit: Fit, runs: list[Run]) -> None:
+    # Runs of these tests come from files of one name, so their digests tell them apart by content.
+    with pytest.raises(InputError, match="b was used to identify the crane"):
+        judge({"a": measured_run(LAB, NUMBERS, 50), "b": runs[1]}, fit)
+
+
+def test_the_answers_of_the_command_line(
+    result: Identification, runs: list[Run], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    Path("mine.toml").write_text('extends = "lab-rig"\n')
+    Path("mine-fit.json").write_text(fit_text(result, runs))
+    write_log("new.mcap", [measured_run(LAB, NUMBERS, 50)])
+    gusts = with_effect(wind=Wind(gust=0.5))
+    write_log("gusts.mcap", [measured_run(LAB, NUMBERS, 50, change=gusts)])
+    judged = ["validate", "new.mcap", "--rig", "mine.toml"]
+    assert main([*judged, "--tolerance", "5mm", "--json", "v.json"]) == 0
+    assert "All runs are covered" in capsys.readouterr().out
+    assert json.loads(Path("v.json").read_text())["verdicts"][0]["answer"] == COVERED
+    assert main(["validate", "new.mcap", "gusts.mcap", "--rig", "mine.toml"]) == 1
+    assert "1 of 2 runs are covered" in capsys.readouterr().out
+    assert main(["validate", "gusts.mcap", "--rig", "mine.toml", "--tolerance", "5cm"]) == 0
+    refused = {
+        (*judged, "--tolerance", "5"): "write --tolerance 5mm",
+        (*judged, "--jobs", "2"): "leave out --jobs",
+        ("validate", "new.mcap"): "cranectl validate LOG --rig identified.toml --tolerance 5mm",
+        (
+            "validate",
+            "fixed-position",
+            "new.mcap",
+            "--rig",
+            "mine.toml",
+        ): "judge scenarios and logs by two commands",
+        ("validate", "new.mcap", "--rig", "lab-rig"): "identify the crane again, with --out lab-rig",
+    }
+    for arguments, remedy in refused.items():
+        assert main(list(arguments)) == 2
+        assert remedy in capsys.readouterr().err
