@@ -20,6 +20,7 @@ CHANNELS = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta
 LEAST_ERROR = 0.002  # of time constants and load: errors that all runs share
 LEAST_DELAY_ERROR = 60e-6  # [s] on the laboratory rig; grows with the root of the size
 LAB_ROPE = 1.4  # [m] of the longest rope of the laboratory rig
+REST_SWING = 0.01  # [rad] of a load that counts as at rest; zeros of its sensors included
 REST_SPEED = 1e-3  # of a drive's speed limit, below which a run begins at rest
 
 
@@ -94,8 +95,8 @@ def rig_with(rig: RigParameters, values: Mapping[str, float]) -> RigParameters:
 class Experiment:
     """A measured run, and how its readings are predicted from numbers of the crane.
 
-    Besides the crane's numbers a run has five of its own: where the axes rest at its start, and what the
-    sensors of the angles read at zero.
+    Besides the crane's numbers a run has some of its own: where the axes are at its start, what the sensors
+    of the angles read at zero, and how the load swings at the start, unless it rests.
     """
 
     def __init__(self, run: Run, rig: RigParameters, replay: Replay, most: int) -> None:
@@ -114,27 +115,30 @@ class Experiment:
         self.noise = reading_noise(rig)
         limits = np.array(rig.effects.limits.velocity)
         speed = self.commands[0, :3] if replay == "commands" else self.commands[0, 3:6]
-        self.at_rest = bool((np.abs(speed) < REST_SPEED * limits).all())
+        frequency = sqrt(rig.gravity / float(state[0, 4]))
+        swing = np.hypot(state[0, 6::2], state[0, 7::2] / frequency)
+        self.at_rest = bool((np.abs(speed) < REST_SPEED * limits).all() and (swing < REST_SWING).all())
         self.start = state[0].copy()
         if self.at_rest:
             self.start[1::2] = 0.0
         self.channels = slice(0, 5) if replay == "commands" else slice(3, 5)
-        self.own = 5 if replay == "commands" else 2  # numbers of this run alone
-
-    def own_scale(self) -> Array:
-        """Return the scales of the numbers of this run: a step of each encoder, or its noise."""
-        return 10.0 * self.noise[self.channels]
+        self.compared = 5 if replay == "commands" else 2
+        noise = 10.0 * self.noise
+        swing_scale = [noise[3], noise[3] * frequency, noise[4], noise[4] * frequency]
+        self.own_scale = np.array([*noise[self.channels], *([] if self.at_rest else swing_scale)])
 
     def predicted(self, values: Mapping[str, float], own: Array, plant: str = MODEL) -> Array:
         """Return the readings (N, 5) that a crane with these numbers gives on a plant; NaN after its end."""
         rig = rig_with(self.rig, values)
         offset = rig.effects.installation.rope_offset
         zeros = np.zeros(5)
-        zeros[self.channels] = own
+        zeros[self.channels] = own[: self.compared]
         start = self.start.copy()
         start[0:6:2] += zeros[:3]
         start[4] -= offset
         start[6::2] = 0.0 if self.at_rest else start[6::2] - zeros[3:]
+        if not self.at_rest:
+            start[6:10] += own[self.compared :]
         commands = self.commands
         if self.replay == "commands":
             late = delayed(commands, rig.effects.delay.seconds, self.period)
@@ -155,14 +159,15 @@ class Experiment:
 
     def is_offset(self, j: int) -> bool:
         """Return whether the j-th number of this run only shifts the readings of its channel."""
+        if j >= self.compared:
+            return False
         channel = range(5)[self.channels][j]
         return channel < 2 or (channel > 2 and self.at_rest)
 
     def by_zero(self, j: int) -> Array:
         """Return the derivative of the residuals (M,) by a number that only shifts readings."""
-        scales = self.own_scale()
-        derivative = np.zeros((len(self.rows), self.own))
-        derivative[:, j] = -scales[j] / self.noise[self.channels][j]
+        derivative = np.zeros((len(self.rows), self.compared))
+        derivative[:, j] = -self.own_scale[j] / self.noise[self.channels][j]
         flat: Array = derivative.ravel()
         return flat
 

@@ -98,7 +98,7 @@ def identify(
         raise InputError(
             f"{len(runs)} measured runs",
             allowed="at least 3, whose spread tells how exact the numbers are",
-            remedy="cut a long log into parts by from and to in its map, and import each",
+            remedy="cut a long log where the crane rests, by from and to in its map, and import each part",
         )
     has_commands = all(default_replay(run) == "commands" for run in runs)
     chosen: Replay = replay or ("commands" if has_commands else "motion")
@@ -121,7 +121,7 @@ class LeastSquares:
         self.experiments, self.unknowns = list(experiments), list(unknowns)
         self.dropped: list[str] = []
         self.common = np.array([u.start / u.scale for u in self.unknowns])
-        self.own = [np.zeros(e.own) for e in self.experiments]
+        self.own = [np.zeros(len(e.own_scale)) for e in self.experiments]
         self.misfit, self.done = np.inf, False
 
     def values(self, common: Array) -> dict[str, float]:
@@ -129,7 +129,7 @@ class LeastSquares:
 
     def residuals(self, k: int, common: Array, own: Array, plant: str = MODEL) -> Array:
         experiment = self.experiments[k]
-        return experiment.residuals(self.values(common), own * experiment.own_scale(), plant)
+        return experiment.residuals(self.values(common), own * experiment.own_scale, plant)
 
     def jacobian(self, k: int, common: Array, own: Array) -> tuple[Array, Array, Array]:
         """Return residuals of run k, and their derivatives by the common and by its own numbers."""
@@ -194,7 +194,7 @@ class LeastSquares:
         self.common, self.own = split(found.x)
         self.misfit = float(np.mean(np.square(found.fun)))
         self.done = bool(found.success)
-        ends = np.cumsum([len(e.rows) * e.own for e in self.experiments])[:-1]
+        ends = np.cumsum([len(e.rows) * e.compared for e in self.experiments])[:-1]
         self.parts = [
             (base, whole[:, : sizes[0]], whole[:, sizes[k] : sizes[k + 1]])
             for k, (base, whole) in enumerate(

@@ -155,6 +155,12 @@ def judge(runs: Mapping[str, Run], fit: Fit, *, tolerance: float | None = None) 
 
 def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | None) -> RunVerdict:
     experiment = Experiment(run, fit.rig, fit.replay, len(run.time_ns))
+    if not experiment.at_rest:
+        raise InputError(
+            f"{name} begins in motion",
+            allowed="runs that begin with axes and load at rest, from where the prediction starts",
+            remedy="import a part that begins at rest, by from in its map",
+        )
     own, own_deviation = _resting_place(experiment, fit.rig)
     predicted = experiment.predicted(fit.values, own)
     deviations = np.sqrt(np.diag(fit.covariance).clip(min=0.0))

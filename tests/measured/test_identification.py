@@ -80,7 +80,7 @@ def test_a_crane_that_the_model_does_not_cover_gives_no_good_fit(
 def test_two_runs_are_not_enough(runs: list[Run]) -> None:
     with pytest.raises(InputError, match="2 measured runs") as error:
         identify(runs[:2], LAB)
-    assert "cut a long log into parts" in error.value.remedy
+    assert "cut a long log where the crane rests" in error.value.remedy
 
 
 @pytest.mark.parametrize("late", [0.0, 0.003, 0.01, 0.0137])

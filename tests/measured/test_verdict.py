@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log.writer import write_log
-from cranectl.measured.identification import Identification
+from cranectl.measured.identification import Identification, identify
 from cranectl.measured.verdict import (
     COVERED,
     NOT_COVERED,
@@ -97,6 +98,29 @@ def test_probabilities_of_clean_runs_are_neither_all_large_nor_all_small(fit: Fi
     probabilities = np.array([verdict_of(fit, seed).probability for seed in range(100, 112)])
     assert 0.2 < probabilities.mean() < 0.9
     assert probabilities.min() < 0.5 < probabilities.max()
+
+
+def test_a_run_that_begins_in_motion_is_identified_but_not_judged(fit: Fit, runs: list[Run]) -> None:
+    moving = [part(run, 1.0) for run in runs]
+    result = identify(moving, LAB)
+    assert result.converged
+    values = {estimate.name: estimate.value for estimate in result.estimates}
+    assert values["load_mass"] == pytest.approx(NUMBERS["load_mass"], rel=0.01)
+    with pytest.raises(InputError, match="a begins in motion") as error:
+        judge({"a": part(measured_run(LAB, NUMBERS, 50), 1.0)}, fit)
+    assert "begins at rest, by from in its map" in error.value.remedy
+
+
+def part(run: Run, begin: float) -> Run:
+    """The run from `begin` [s] on, as an import with `from` gives it."""
+    first = int(np.searchsorted(run.time, begin))
+    return replace(
+        run,
+        time_ns=run.time_ns[first:] - run.time_ns[first],
+        table=run.table[first:],
+        reference=run.reference[first:],
+        end_ns=run.end_ns - int(run.time_ns[first]),
+    )
 
 
 def test_used_runs_are_refused(fit: Fit, runs: list[Run]) -> None:
