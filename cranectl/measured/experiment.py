@@ -9,6 +9,7 @@ import numpy as np
 from cranectl.measured.replay import Replay, measured_motion, simulate_replay
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.similarity import length_scale
 from cranectl.signals import STATE
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
@@ -19,7 +20,6 @@ AXES = ("bridge", "trolley", "winch")
 CHANNELS = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
 LEAST_ERROR = 0.002  # of time constants and load: errors that all runs share
 LEAST_DELAY_ERROR = 60e-6  # [s] on the laboratory rig; grows with the root of the size
-LAB_ROPE = 1.4  # [m] of the longest rope of the laboratory rig
 REST_SWING = 0.01  # [rad] of a load that counts as at rest; zeros of its sensors included
 REST_SPEED = 1e-3  # of a drive's speed limit, below which a run begins at rest
 
@@ -38,7 +38,7 @@ class Unknown:
 
 def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
     """Return the numbers that can be fitted, with their first values from `rig`."""
-    friction, size = rig.effects.friction, rig.rope_range[1] / LAB_ROPE
+    friction, size = rig.effects.friction, length_scale(rig.rope_range[1])
     fitted = []
     if replay == "commands":
         for axis in AXES:

@@ -37,8 +37,8 @@ PRELOADED_MODULES = (
 ERROR_LINES = re.compile(r"^(cranectl: |found: |allowed: |remedy: ).*$", re.MULTILINE)
 
 
-# What Python and the threads of C++ libraries print before they abort a process without memory.
-OUT_OF_MEMORY = ("Cannot recover from MemoryErrors", "std::bad_alloc")
+# What Python, C++ libraries and LLVM print before they abort a process without memory.
+OUT_OF_MEMORY = ("Cannot recover from MemoryErrors", "std::bad_alloc", "LLVM ERROR: out of memory")
 KILLED = (-signal.SIGKILL, -signal.SIGTERM, -signal.SIGHUP)  # the last two before a command handles them
 
 
