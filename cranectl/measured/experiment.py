@@ -20,6 +20,8 @@ AXES = ("bridge", "trolley", "winch")
 CHANNELS = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
 LEAST_ERROR = 0.002  # of time constants and load: errors that all runs share
 LEAST_DELAY_ERROR = 60e-6  # [s] on the laboratory rig; grows with the root of the size
+SHORT_SPAN = 0.5  # of the time 1/w of the swing, in which its start is read
+FEWEST_SLOPES = 8  # samples from which a slope is read
 REST_SWING = 0.01  # [rad] of a load that counts as at rest; zeros of its sensors included
 REST_SPEED = 1e-3  # of a drive's speed limit, below which a run begins at rest
 
@@ -116,8 +118,8 @@ class Experiment:
         limits = np.array(rig.effects.limits.velocity)
         speed = self.commands[0, :3] if replay == "commands" else self.commands[0, 3:6]
         frequency = sqrt(rig.gravity / float(state[0, 4]))
-        swing = np.hypot(state[0, 6::2], state[0, 7::2] / frequency)
-        self.at_rest = bool((np.abs(speed) < REST_SPEED * limits).all() and (swing < REST_SWING).all())
+        swing = self._first_swing(frequency)
+        self.at_rest = bool((np.abs(speed) < REST_SPEED * limits).all() and swing < REST_SWING)
         self.start = state[0].copy()
         if self.at_rest:
             self.start[1::2] = 0.0
@@ -126,6 +128,20 @@ class Experiment:
         noise = 10.0 * self.noise
         swing_scale = [noise[3], noise[3] * frequency, noise[4], noise[4] * frequency]
         self.own_scale = np.array([*noise[self.channels], *([] if self.at_rest else swing_scale)])
+
+    def still_samples(self) -> int:
+        """Return how many samples pass before the axes are moved, at least one."""
+        moving = np.abs(self.commands[:, :3] - self.commands[0, :3]).max(axis=1) > 0.0
+        return max(int(np.argmax(moving)), 1) if moving.any() else len(moving)
+
+    def _first_swing(self, frequency: float) -> float:
+        """Return the amplitude of the swing at the start [rad], from readings before the axes move."""
+        first = min(max(round(SHORT_SPAN / (frequency * self.period)), 2), self.still_samples())
+        angles = self.readings[:first, 3:]
+        if first < FEWEST_SLOPES:
+            return float(np.abs(angles[0]).max())
+        slopes = np.polyfit(self.period * np.arange(first), angles, 1)[0]
+        return float(np.hypot(np.abs(angles.mean(axis=0)), slopes / frequency).max())
 
     def predicted(self, values: Mapping[str, float], own: Array, plant: str = MODEL) -> Array:
         """Return the readings (N, 5) that a crane with these numbers gives on a plant; NaN after its end."""

@@ -8,6 +8,7 @@ to RATE_SPAN seconds of samples.
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,7 @@ from cranectl.scenario.load import load_rig, rig_place
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import MeasuredScenario, longest_step
 from cranectl.scenario.settings import parse_settings
+from cranectl.scenario.similarity import length_scale
 from cranectl.signals import SignalGroup, measured_groups
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
@@ -45,6 +47,7 @@ MEASURED = PlantEntry(
     name="measured", label="measured", colour="series-4", where="", batch=0, by_default=False
 )
 UNKNOWN_CONTROLLER = "unknown-controller"  # a log of a crane does not have it
+LAB_STEP = 0.001  # [s] of physics on the laboratory rig
 RATE_SPAN = 0.1  # [s] of samples from which a rate is computed
 RATE_ORDER = 3  # of the polynomials whose slopes are the rates
 MIN_RATE_SAMPLES = 5
@@ -274,12 +277,13 @@ def _scenario(mapping: MeasuredMap, rig: RigParameters, time_ns: NDArray[np.int6
     """Return what is known of a measured run in the words of a scenario."""
     period = float(time_ns[1]) / NANOSECONDS
     x, y, rope = table[0, :5:2].tolist()
+    step = LAB_STEP * sqrt(length_scale(rig.rope_range[1]))  # drives and swing of a larger crane are slower
     settings = {
         "name": mapping.name,
         "title": mapping.title,
         "duration": float(time_ns[-1]) / NANOSECONDS,
         "reference": {"start": [x, y, -abs(rope)]},
-        "control": {"period": period, "physics_step": longest_step(period, 0.001)},
+        "control": {"period": period, "physics_step": longest_step(period, step)},
         "workspace": {"on_exit": "record"},
         "log": {"every": 1},
         "rig": rig.model_dump(mode="json"),

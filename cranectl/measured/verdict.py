@@ -204,8 +204,7 @@ def _answer(is_covered: bool, converged: bool, sizes: Array, bands: Array, toler
 
 def _resting_place(experiment: Experiment, rig: RigParameters) -> tuple[Array, Array]:
     """Return where a run rests before it moves, from its first readings, with its standard deviations."""
-    moving = np.abs(experiment.commands[:, :3] - experiment.commands[0, :3]).max(axis=1) > 0.0
-    still = max(int(np.argmax(moving)), 1) if moving.any() else len(moving)
+    still = experiment.still_samples()
     readings = experiment.readings[:still].mean(axis=0)
     zeros = np.concatenate([readings[:3] - experiment.readings[0, :3], readings[3:]])
     deviation = experiment.noise.copy()
