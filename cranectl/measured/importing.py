@@ -105,7 +105,7 @@ def import_files(
             clocks[key] = read_clock(heads[signal.file - 1], key[1], signal, str(path))
     begin, end = imported_part(sources, clocks, mapping)
     period_ns = nanoseconds(mapping.period) if mapping.period else next(iter(clocks.values())).period_ns
-    time_ns = np.arange(int((end - begin) * NANOSECONDS) // period_ns + 1, dtype=np.int64) * period_ns
+    time_ns = np.arange(nanoseconds(end - begin) // period_ns + 1, dtype=np.int64) * period_ns
     time = begin + time_ns / NANOSECONDS
     table, groups = _empty_table(mapping, len(time))
     columns = _joints_and_commands(table, mapping)

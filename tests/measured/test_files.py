@@ -323,6 +323,17 @@ def test_a_part_of_a_file_starts_at_zero(tmp_path: Path) -> None:
     assert largest_error(run, begins=1.0) < ROUNDED
 
 
+@pytest.mark.parametrize("rows", [1340, 1341, 1373])
+def test_each_row_of_an_even_file_becomes_a_sample(rows: int, tmp_path: Path) -> None:
+    period = 0.003
+    table = {name: np.full(rows, values[0]) for name, values in columns().items()}
+    table["t"] = period * np.arange(rows)
+    table["wx"] = np.arange(rows, dtype=np.float64)
+    run = imported(write_csv(tmp_path / "a.csv", table), mapping=mapping(COMMANDS, commands="velocity")).run
+    assert len(run.time_ns) == rows
+    assert np.array_equal(run.signal("command.bridge_command"), table["wx"]), "no command is held for longer"
+
+
 def test_coarse_encoders_are_counts_with_a_size(tmp_path: Path) -> None:
     table = columns()
     table["x"] = np.round(table["x"] / 0.011)
