@@ -10,7 +10,7 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.measured import measured_run
 from cranectl.cli.output import Screen
-from cranectl.support.files import JSON, Kind, check_place
+from cranectl.support.files import JSON, Kind, check_place, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.measured.identification import Identification
@@ -51,24 +51,25 @@ def identify_command(
     """
     from cranectl.measured.identification import LARGEST_MISFIT, identify
     from cranectl.measured.identified import campaign_text, rig_text
-    from cranectl.measured.verdict import fit_place, fit_text
+    from cranectl.measured.verdict import fit_path, fit_text
     from cranectl.scenario.load import load_rig
 
     path = out or Path("identified.toml")
-    campaign, fit = path.with_name(f"{path.stem}-campaign.toml"), fit_place(path)
+    campaign, fit = path.with_name(f"{path.stem}-campaign.toml"), fit_path(path)
     for file, kind in ((path, IDENTIFIED), (campaign, IDENTIFIED), (fit, JSON)):
         check_place(file, kind, inputs=logs, option="--out")
     runs = [measured_run(log) for log in logs]
     result = identify(runs, load_rig(rig), replay=replay, progress=screen.print)
     names = ", ".join(log.name for log in logs)
     base = relpath(rig, path.parent) if Path(rig).is_file() else rig
-    path.write_text(rig_text(result, base, names), encoding="utf-8")
-    campaign.write_text(campaign_text(result, path.name, f"{path.stem}-campaign", names), encoding="utf-8")
-    fit.write_text(fit_text(result, runs), encoding="utf-8")
+    with writing(path):
+        write_text(fit, fit_text(result, runs))
+        write_text(campaign, campaign_text(result, path.name, f"{path.stem}-campaign", names))
+        write_text(path, rig_text(result, base, names))
     screen.print(estimates_table(result))
     if result.unidentifiable:
         screen.print(f"not identifiable from these logs: {', '.join(result.unidentifiable)}")
-    for a, b, correlation in result.together:
+    for a, b, correlation in result.correlated:
         screen.print(f"{a} and {b} can replace one another here: correlation {correlation:.3f}")
     if not result.converged:
         screen.print(
@@ -88,7 +89,7 @@ def identify_command(
             "replay": result.replay,
             "estimates": [vars(estimate) for estimate in result.estimates],
             "unidentifiable": list(result.unidentifiable),
-            "correlated": [{"of": [a, b], "correlation": c} for a, b, c in result.together],
+            "correlated": [{"of": [a, b], "correlation": c} for a, b, c in result.correlated],
         }
     )
     return exit_codes.GOOD if result.converged else exit_codes.LIMIT_EXCEEDED

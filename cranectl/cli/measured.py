@@ -47,8 +47,10 @@ def compare_measured(
     run = measured.run
     replayed = replay or default_replay(run)
     predicted = {plant: predict(run, plant, replayed) for plant in plants or (REFERENCE_PLANT,)}
+    summaries = {plant: _residuals(prediction) for plant, prediction in predicted.items()}
     for plant, prediction in predicted.items():
-        screen.print(residual_table(f"measured minus predicted, {plant}, {replayed} repeated", prediction))
+        title = f"measured minus predicted, {plant}, {replayed} repeated"
+        screen.print(residual_table(title, summaries[plant]))
         distance = np.linalg.norm(prediction.block("residual")[:, 5:], axis=1)
         worst = int(np.argmax(distance))
         screen.print(
@@ -64,18 +66,21 @@ def compare_measured(
     screen.write_json(
         {
             "replay": replayed,
-            "predictions": [{"plant": plant, **_plain(run)} for plant, run in predicted.items()],
+            "predictions": [
+                {"plant": plant, "status": p.status.label, "end_s": p.end_s, "residuals": summaries[plant]}
+                for plant, p in predicted.items()
+            ],
         }
     )
     return exit_codes.GOOD
 
 
-def residual_table(title: str, prediction: "Run") -> "Table":
+def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> "Table":
     """Return the largest residual of each signal in mm or degrees, and when it occurs."""
     from cranectl.report.table import Table, cells
 
     rows = []
-    for row in _plain(prediction)["residuals"]:
+    for row in residuals:
         factor, unit = SHOWN[row["unit"]]
         sizes = (f"{factor * row[name]:.3f}" for name in ("max_abs", "rms", "final"))
         largest, *others = sizes
@@ -85,8 +90,8 @@ def residual_table(title: str, prediction: "Run") -> "Table":
     return Table(title, ("signal", "unit", "largest", "at [s]", "RMS", "final"), tuple(rows), labels=2)
 
 
-def _plain(prediction: "Run") -> dict[str, Any]:
-    """Return the residuals of a prediction as plain data, in SI units."""
+def _residuals(prediction: "Run") -> list[dict[str, Any]]:
+    """Return sizes and times of the residuals of a prediction as plain data, in SI units."""
     import numpy as np
 
     from cranectl.signals import RESIDUAL
@@ -104,7 +109,7 @@ def _plain(prediction: "Run") -> dict[str, Any]:
                 "final": float(values[-1]),
             }
         )
-    return {"status": prediction.status.label, "end_s": prediction.end_s, "residuals": residuals}
+    return residuals
 
 
 def measured_run(log: Path) -> "Run":

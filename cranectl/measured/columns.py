@@ -4,14 +4,13 @@ import shlex
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from cranectl.reference.files import SI_FACTORS
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
 
 HEAD_BYTES = 2**16  # bytes in which names, separator and decimal point are looked for
 DEEPEST = 4  # level of fields in structures and messages that is read
 MAX_COLUMN_LENGTH = 20_000_000
-
-TICKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s], of time stamps
 
 READABLE = "CSV, Parquet, MCAP, MATLAB (.mat), Excel (.xlsx) or a ROS bag"
 
@@ -82,7 +81,7 @@ def from_arrow(column: Any, name: str, where: str) -> ReadColumn:
     kind = column.type
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
         ticks = column.cast(pa.int64()).to_numpy()
-        return ReadColumn((ticks - ticks[:1]) * TICKS[kind.unit], is_time=True)
+        return ReadColumn((ticks - ticks[:1]) * SI_FACTORS[kind.unit], is_time=True)
     if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
         text = next((cell for cell in column.to_pylist()[:1000] if isinstance(cell, str)), "")
         raise not_numbers(where, name, f"the text '{text[:40]}'" if text else f"values of the type {kind}")

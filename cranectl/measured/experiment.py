@@ -36,6 +36,7 @@ class Unknown:
     scale: float  # typical size of a change
     low: float = -np.inf
     floor: float = 0.0  # half of the interval that remains when all runs agree
+    relative_floor: float = 0.0  # the same as a share of the number
 
 
 def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
@@ -45,7 +46,9 @@ def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
     if replay == "commands":
         for axis in AXES:
             tau = float(getattr(rig, f"{axis}_time_constant"))
-            fitted.append(Unknown(f"{axis}_time_constant", "s", tau, tau, 0.05 * tau, LEAST_ERROR))
+            fitted.append(
+                Unknown(f"{axis}_time_constant", "s", tau, tau, 0.05 * tau, relative_floor=LEAST_ERROR)
+            )
         gains = rig.effects.installation.drive_gain
         fitted += [Unknown(f"effects.installation.drive_gain.{k}", "1", gains[k], 0.1, 0.1) for k in range(3)]
         for k in range(3):
@@ -53,9 +56,8 @@ def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
             fitted.append(Unknown(f"effects.friction.coulomb.{k}", "N", force, force, 0.0))
         late = rig.effects.delay.seconds or 0.1 * rig.trolley_time_constant
         fitted.append(Unknown("effects.delay.seconds", "s", late, late, 0.0, LEAST_DELAY_ERROR * sqrt(size)))
-        fitted.append(
-            Unknown("load_mass", "kg", rig.load_mass, rig.load_mass, 0.05 * rig.load_mass, LEAST_ERROR)
-        )
+        mass = rig.load_mass
+        fitted.append(Unknown("load_mass", "kg", mass, mass, 0.05 * mass, relative_floor=LEAST_ERROR))
     length = 0.02 * rig.rope_range[1]
     fitted.append(Unknown("effects.installation.rope_offset", "m", 0.0, length))
     for name, unit in (("pivot_coulomb", "N m"), ("pivot_viscous", "N m s/rad")):
@@ -180,7 +182,7 @@ class Experiment:
         channel = range(5)[self.channels][j]
         return channel < 2 or (channel > 2 and self.at_rest)
 
-    def by_zero(self, j: int) -> Array:
+    def offset_slope(self, j: int) -> Array:
         """Return the derivative of the residuals (M,) by a number that only shifts readings."""
         derivative = np.zeros((len(self.rows), self.compared))
         derivative[:, j] = -self.own_scale[j] / self.noise[self.channels][j]

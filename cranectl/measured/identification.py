@@ -5,7 +5,7 @@ method. Readings are predicted with the plant `elastic`, from the measured comma
 motion of bridge, trolley and rope. Each number has a 95 % interval with two parts:
 
 - the spread between runs (delete-one jackknife with one Gauss-Newton step for each run)
-- a floor for errors that all runs share: how far MuJoCo would move the number, and at least LEAST_ERROR
+- a floor for errors that all runs share: how far MuJoCo would move the number, and at least a fixed share
 
 Viscous friction of a drive with velocity set-points cannot be told from a shorter time constant and a
 smaller gain. So these two are effective numbers, and viscous friction is zero.
@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from cranectl.measured.experiment import CHECK, LEAST_ERROR, MODEL, Experiment, Unknown, rig_with, unknowns_of
+from cranectl.measured.experiment import CHECK, MODEL, Experiment, Unknown, rig_with, unknowns_of
 from cranectl.measured.replay import Replay, default_replay
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
@@ -31,8 +31,8 @@ MOST_READINGS = 40_000  # of a channel that are compared, of all runs together
 LARGEST_MISFIT = 1.5  # mean square of the residuals, in units of the readings' noise
 LEAST_EFFECT = 5.0  # standard deviations by which a change by its scale must move all readings of a number
 LARGEST_SPREAD = 0.5  # of its scale, above which a number is not identifiable
-STRONG = 0.99  # correlation above which two numbers replace one another
-MANY = 40  # steps of the fit
+STRONG_CORRELATION = 0.99  # correlation above which two numbers replace one another
+MAX_FIT_STEPS = 40  # of the fit
 
 Progress = Callable[[str], None]
 
@@ -57,7 +57,7 @@ class Identification:
     replay: Replay
     estimates: tuple[Estimate, ...]
     unidentifiable: tuple[str, ...]  # settings of which these runs say nothing
-    together: tuple[tuple[str, str, float], ...]  # pairs whose errors go together, with their correlation
+    correlated: tuple[tuple[str, str, float], ...]  # pairs whose errors go together, with their correlation
     covariance: Array  # of the estimates, from the spread between runs and from noise (P, P)
     misfit: float  # mean square of the residuals in units of noise: 1 for a model without error
     converged: bool
@@ -138,7 +138,7 @@ class LeastSquares:
         by_common = [(self.residuals(k, common + shift, own) - base) / FITTING_STEP for shift in shifts]
         shifts = FITTING_STEP * np.eye(len(own))
         by_own = [
-            self.experiments[k].by_zero(j)
+            self.experiments[k].offset_slope(j)
             if self.experiments[k].is_offset(j)
             else (self.residuals(k, common, own + shifts[j]) - base) / FITTING_STEP
             for j in range(len(own))
@@ -188,17 +188,17 @@ class LeastSquares:
         lows = [u.low / u.scale for u in self.unknowns]
         low = np.concatenate([lows, np.full(sizes[-1] - sizes[0], -np.inf)])
         start = np.concatenate([np.maximum(self.common, low[: sizes[0]] + 1e-6), *self.own])
-        found = least_squares(
-            residuals, start, jac=jacobian, bounds=(low, np.inf), xtol=1e-4, ftol=1e-4, max_nfev=MANY
+        solution = least_squares(
+            residuals, start, jac=jacobian, bounds=(low, np.inf), xtol=1e-4, ftol=1e-4, max_nfev=MAX_FIT_STEPS
         )
-        self.common, self.own = split(found.x)
-        self.misfit = float(np.mean(np.square(found.fun)))
-        self.done = bool(found.success)
+        self.common, self.own = split(solution.x)
+        self.misfit = float(np.mean(np.square(solution.fun)))
+        self.done = bool(solution.success)
         ends = np.cumsum([len(e.rows) * e.compared for e in self.experiments])[:-1]
         self.parts = [
             (base, whole[:, : sizes[0]], whole[:, sizes[k] : sizes[k + 1]])
             for k, (base, whole) in enumerate(
-                zip(np.split(found.fun, ends), np.split(found.jac, ends), strict=True)
+                zip(np.split(solution.fun, ends), np.split(solution.jac, ends), strict=True)
             )
         ]
         self.normal = [_reduced(*part) for part in self.parts]
@@ -233,7 +233,7 @@ class LeastSquares:
         for k, unknown in enumerate(self.unknowns):
             spread, shift = unknown.scale * sqrt(covariance[k, k]), abs(unknown.scale * shifts[k])
             value = values[unknown.name]
-            floor = unknown.floor * (abs(value) if unknown.floor == LEAST_ERROR else 1.0)
+            floor = unknown.floor + unknown.relative_floor * abs(value)
             half = sqrt((factor * spread) ** 2 + shift**2 + floor**2)
             estimates.append(Estimate(unknown.name, unknown.unit, value, half, spread, shift))
         scales = np.array([unknown.scale for unknown in self.unknowns])
@@ -243,14 +243,14 @@ class LeastSquares:
             (self.unknowns[i].name, self.unknowns[j].name, float(correlation[i, j]))
             for i in range(len(scales))
             for j in range(i)
-            if abs(correlation[i, j]) > STRONG
+            if abs(correlation[i, j]) > STRONG_CORRELATION
         ]
         return Identification(
             rig=rig_with(rig, values),
             replay=replay,
             estimates=tuple(estimates),
             unidentifiable=tuple(self.dropped),
-            together=tuple(pairs),
+            correlated=tuple(pairs),
             covariance=(covariance + max(self.misfit, 1.0) * self.inverse) * np.outer(scales, scales),
             misfit=self.misfit,
             converged=self.done and self.misfit < LARGEST_MISFIT,

@@ -97,7 +97,7 @@ def import_files(
     _check_files(files, mapping)
     parameters = load_rig(rig or rig_place(mapping.rig, directory))
     heads = [read_head(path) for path in files]
-    sources = {name: s for name, s in mapping.signals.given.items() if s.column is not None}
+    sources = {name: s for name, s in mapping.signals.declared.items() if s.column is not None}
     clocks: dict[tuple[int, ClockMap], Clock] = {}
     for signal in sources.values():
         key, path = (signal.file, mapping.clock(signal)), files[signal.file - 1]
@@ -110,7 +110,7 @@ def import_files(
     table, groups = _empty_table(mapping, len(time))
     columns = _joints_and_commands(table, mapping)
     for name, column in columns.items():  # one after the other: all readings take as much memory as the run
-        signal = mapping.signals.given[name]
+        signal = mapping.signals.declared[name]
         if name not in sources:
             column[:] = _constant(signal, mapping.units(name))
             continue
@@ -138,21 +138,23 @@ def import_files(
 
 def _empty_table(mapping: MeasuredMap, rows: int) -> tuple[Array, tuple[SignalGroup, ...]]:
     """Return a table for all signals of the run, and the groups of its columns."""
-    given = mapping.signals.given
-    has_angles = ANGLES[0] in given
-    groups = measured_groups(mapping.commands or "", angles=has_angles, load=has_angles or LOAD[0] in given)
+    declared = mapping.signals.declared
+    has_angles = ANGLES[0] in declared
+    groups = measured_groups(
+        mapping.commands or "", angles=has_angles, load=has_angles or LOAD[0] in declared
+    )
     # Column by column in memory, since signals are computed one after the other.
     return np.empty((rows, sum(map(len, groups))), order="F"), groups
 
 
 def _joints_and_commands(table: Array, mapping: MeasuredMap) -> dict[str, Array]:
     """Return the columns of `table` (views) for the signals of the map, by name."""
-    given = mapping.signals.given
-    joints = (*POSITIONS, *ANGLES) if ANGLES[0] in given else POSITIONS
+    declared = mapping.signals.declared
+    joints = (*POSITIONS, *ANGLES) if ANGLES[0] in declared else POSITIONS
     places = {name: 2 * k for k, name in enumerate(joints)}
-    places |= {name: 2 * len(joints) + k for k, name in enumerate(LOAD) if name in given}
+    places |= {name: 2 * len(joints) + k for k, name in enumerate(LOAD) if name in declared}
     commands = table.shape[1] - len(COMMANDS)
-    places |= {name: commands + k for k, name in enumerate(COMMANDS) if name in given}
+    places |= {name: commands + k for k, name in enumerate(COMMANDS) if name in declared}
     return {name: table[:, place] for name, place in places.items()}
 
 
@@ -169,7 +171,7 @@ def _complete(table: Array, columns: Mapping[str, Array], period: float) -> None
 
 
 def _check_files(files: Sequence[Path], mapping: MeasuredMap) -> None:
-    used = {signal.file for signal in mapping.signals.given.values() if signal.column is not None}
+    used = {signal.file for signal in mapping.signals.declared.values() if signal.column is not None}
     if (most := max(used, default=1)) > len(files) or (mapping.clocks and len(mapping.clocks) != len(files)):
         problem = f"signals of file {most}" if most > len(files) else f"{len(mapping.clocks)} clocks"
         raise InputError(
@@ -228,9 +230,14 @@ def _resampled(name: str, reading: Readings, time: Array) -> Array:
     return last
 
 
+def rate_samples(period: float) -> int:
+    """Return the odd number of samples to which a cubic is fitted for a slope."""
+    return max(MIN_RATE_SAMPLES, round(RATE_SPAN / period)) // 2 * 2 + 1
+
+
 def rates(values: Array, period: float) -> Array:
     """Return the rate of a signal (N,) as the slope of cubics fitted around each sample."""
-    samples = max(MIN_RATE_SAMPLES, round(RATE_SPAN / period)) // 2 * 2 + 1
+    samples = rate_samples(period)
     slopes: Array = (
         np.gradient(values, period)
         if len(values) < samples

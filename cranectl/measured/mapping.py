@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from cranectl.reference.files import SI_FACTORS
 from cranectl.scenario.settings import Duration, Many, RuleError, Settings, parse_settings
 from cranectl.support.documents import read_toml
 
@@ -20,15 +21,15 @@ POSITIONS = ("bridge_position", "trolley_position", "rope_length")
 ANGLES = ("alpha", "beta")
 LOAD = ("load_x", "load_y", "load_z")
 COMMANDS = ("bridge_command", "trolley_command", "rope_command")
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+LENGTHS = {unit: SI_FACTORS[unit] for unit in ("m", "cm", "mm")} | {"um": 1e-6}
+TIMES = {unit: SI_FACTORS[unit] for unit in ("s", "ms", "us", "ns")}
 COUNTS = {"count": 1.0}  # of an encoder; `scale` has the SI units of one count
 UNITS = {
     **dict.fromkeys((*POSITIONS, *LOAD), LENGTHS | COUNTS),
     **dict.fromkeys(ANGLES, {"rad": 1.0, "mrad": 1e-3, "deg": pi / 180.0} | COUNTS),
 }
 COMMAND_UNITS = {
-    "velocity": {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0} | COUNTS,
+    "velocity": {unit: SI_FACTORS[unit] for unit in ("m/s", "mm/s", "m/min")} | COUNTS,
     "acceleration": {"m/s^2": 1.0, "mm/s^2": 1e-3} | COUNTS,
     "force": {"N": 1.0, "kN": 1e3} | COUNTS,
 }
@@ -116,14 +117,14 @@ class SignalMaps(Settings):
     rope_command: SignalMap | None = Field(None, description="command of the winch, positive when paying out")
 
     @property
-    def given(self) -> dict[str, SignalMap]:
+    def declared(self) -> dict[str, SignalMap]:
         """The signals that the map has, by name."""
         return {name: signal for name, signal in vars(self).items() if signal is not None}
 
     @model_validator(mode="after")
     def _groups_are_whole(self) -> "SignalMaps":
         for group in (ANGLES, LOAD, COMMANDS):
-            missing = [name for name in group if name not in self.given]
+            missing = [name for name in group if name not in self.declared]
             if 0 < len(missing) < len(group):
                 raise RuleError(
                     f"signals.{missing[0]} is missing, and others of its group are there",
@@ -158,8 +159,8 @@ class MeasuredMap(Settings):
 
     @model_validator(mode="after")
     def _units_fit(self) -> "MeasuredMap":
-        given = self.signals.given
-        if (self.commands is None) != (COMMANDS[0] not in given):
+        declared = self.signals.declared
+        if (self.commands is None) != (COMMANDS[0] not in declared):
             raise RuleError(
                 "commands without signals"
                 if self.commands
@@ -169,7 +170,7 @@ class MeasuredMap(Settings):
                 if self.commands
                 else 'add commands = "velocity"',
             )
-        for name, signal in given.items():
+        for name, signal in declared.items():
             allowed = self.units(name)
             if signal.unit not in allowed:
                 raise RuleError(

@@ -15,7 +15,7 @@ from cranectl.controllers.addressed import compile_controller
 from cranectl.controllers.controller import Command, Nominal
 from cranectl.controllers.repeated import MEASURED_MOTION, measured_commands
 from cranectl.design import ControllerDesign
-from cranectl.measured.importing import MIN_RATE_SAMPLES, RATE_ORDER, RATE_SPAN
+from cranectl.measured.importing import RATE_ORDER, rate_samples
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import LOAD, REFERENCE, RESIDUAL, STATE
@@ -130,7 +130,7 @@ def measured_motion(run: Run) -> Array:
     """Return smoothed positions, rates and accelerations of bridge, trolley and rope, shape (N, 9)."""
     positions = run.block("state")[:, :6:2]
     period = run.scenario.period_ns / NANOSECONDS
-    samples = max(MIN_RATE_SAMPLES, round(RATE_SPAN / period)) // 2 * 2 + 1
+    samples = rate_samples(period)
     if len(positions) < samples:
         raise InputError(
             f"the measured run has {len(positions)} samples",

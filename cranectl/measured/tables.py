@@ -14,7 +14,6 @@ from cranectl.measured.columns import (
     DEEPEST,
     HEAD_BYTES,
     READABLE,
-    TICKS,
     ReadColumn,
     TableHead,
     checked_rows,
@@ -24,6 +23,7 @@ from cranectl.measured.columns import (
 )
 from cranectl.measured.messages import read_bag, read_mcap
 from cranectl.measured.text import read_text
+from cranectl.reference.files import SI_FACTORS
 from cranectl.support.arrays import Array
 from cranectl.support.documents import format_of
 from cranectl.support.errors import InputError
@@ -68,11 +68,11 @@ def _reported(where: str) -> Iterator[None]:
     except InputError:
         raise
     except ImportError as error:
-        package, extra = _EXTRAS.get(str(error.name), (str(error.name), "import"))
+        package = "mat-io" if error.name == "matio" else error.name
         raise InputError(
             f"{where}: this kind of file needs {package}, which is not installed",
             allowed="CSV, Parquet, MCAP and MATLAB files up to version 7 without it",
-            remedy=f"pip install 'cranectl[{extra}]', or save the file as CSV",
+            remedy="pip install 'cranectl[import]', or save the file as CSV",
         ) from None
     except Exception as error:  # files may break a library in any way
         raise InputError(
@@ -80,13 +80,6 @@ def _reported(where: str) -> Iterator[None]:
             allowed=READABLE,
             remedy="write the file again, for example as CSV",
         ) from None
-
-
-_EXTRAS = {
-    "openpyxl": ("openpyxl", "import"),
-    "rosbags": ("rosbags", "import"),
-    "matio": ("mat-io", "import"),
-}
 
 
 def _parquet(path: Path, where: str) -> TableHead:
@@ -152,7 +145,7 @@ def _fields(value: Any) -> dict[str, Any]:
 def _seconds(index: Any) -> Any:
     """Return the times of a timetable in seconds after the first."""
     times = index.to_numpy()
-    return (times - times[:1]).astype("timedelta64[ns]").astype(np.float64) * TICKS["ns"]
+    return (times - times[:1]).astype("timedelta64[ns]").astype(np.float64) * SI_FACTORS["ns"]
 
 
 def _excel(path: Path, where: str) -> TableHead:

@@ -29,9 +29,7 @@ from cranectl.support.errors import InputError
 BLOCK_SAMPLES = 25  # samples whose mean is compared
 DRAWS = 400  # cranes that are drawn
 SEED = 0  # of the draws
-FALSE_ALARMS = (
-    0.05  # probability that a model without error is called not covered, of all judged runs together
-)
+FALSE_ALARMS = 0.05  # probability that a model without error is called not covered, of all runs together
 BAND_DEVIATIONS = 2.0  # standard deviations of the band around a prediction
 FIT_ENDING = "-fit.json"
 
@@ -92,14 +90,14 @@ def fit_text(result: Identification, runs: Sequence[Run]) -> str:
     return json.dumps(kept, indent=1) + "\n"
 
 
-def fit_place(rig: Path) -> Path:
+def fit_path(rig: Path) -> Path:
     """Return the file of the identification that belongs to a rig file."""
     return rig.with_name(rig.stem + FIT_ENDING)
 
 
 def read_fit(rig: Path) -> Fit:
     """Return the identification of the rig in the file `rig`; raise InputError if there is none."""
-    path = fit_place(rig)
+    path = fit_path(rig)
     try:
         kept = parse_json(path.read_text(encoding="utf-8"), str(path))
         values, covariance = dict(kept["values"]), np.array(kept["covariance"], dtype=np.float64)
@@ -209,8 +207,8 @@ def _resting_place(experiment: Experiment, rig: RigParameters) -> tuple[Array, A
     zeros = np.concatenate([readings[:3] - experiment.readings[0, :3], readings[3:]])
     deviation = experiment.noise.copy()
     # A pivot that sticks holds the rope as far off the vertical as its friction carries the load's weight.
-    held = rig.effects.friction.pivot_coulomb / (rig.load_mass * rig.gravity * readings[2])
-    deviation[3:] = np.hypot(deviation[3:] / np.sqrt(min(still, BLOCK_SAMPLES)), held)
+    stuck = rig.effects.friction.pivot_coulomb / (rig.load_mass * rig.gravity * readings[2])
+    deviation[3:] = np.hypot(deviation[3:] / np.sqrt(min(still, BLOCK_SAMPLES)), stuck)
     return zeros[experiment.channels], deviation[experiment.channels]
 
 

@@ -31,7 +31,7 @@ def plain(folder: Path) -> Imported:
 
 def no_header(folder: Path) -> Imported:
     path = write_csv(folder / "a.csv", columns(), names=False)
-    numbers = {name: {"column": k} for k, name in enumerate(mapping().signals.given, 2)}
+    numbers = {name: {"column": k} for k, name in enumerate(mapping().signals.declared, 2)}
     return imported(path, mapping=mapping(numbers, time={"column": 1}))
 
 
@@ -145,7 +145,7 @@ def matlab(folder: Path) -> Imported:
     table = columns()
     joints = np.column_stack([table[name] for name in JOINTS])
     savemat(folder / "a.mat", {"run": {"t": table["t"], "q": joints}})
-    named = {name: {"column": f"run.q:{k}"} for k, name in enumerate(mapping().signals.given, 1)}
+    named = {name: {"column": f"run.q:{k}"} for k, name in enumerate(mapping().signals.declared, 1)}
     return imported(folder / "a.mat", mapping=mapping(named, time={"column": "run.t"}))
 
 
@@ -161,7 +161,7 @@ def matlab_timeseries(folder: Path) -> Imported:
         {"run": MatlabOpaque({"Data_": joints, "TimeInfo": times}, "timeseries")},
         version="v7",
     )
-    named = {name: {"column": f"run.Data_:{k}"} for k, name in enumerate(mapping().signals.given, 1)}
+    named = {name: {"column": f"run.Data_:{k}"} for k, name in enumerate(mapping().signals.declared, 1)}
     return imported(folder / "a.mat", mapping=mapping(named, time={"column": "run.TimeInfo.Time_"}))
 
 
@@ -172,7 +172,7 @@ def matlab_table(folder: Path) -> Imported:
     save_to_mat(folder / "a.mat", {"run": DataFrame(columns())}, version="v7")
     named = {
         name: {"column": f"run.{column}"}
-        for name, column in zip(mapping().signals.given, JOINTS, strict=True)
+        for name, column in zip(mapping().signals.declared, JOINTS, strict=True)
     }
     return imported(folder / "a.mat", mapping=mapping(named, time={"column": "run.t"}))
 
@@ -188,7 +188,7 @@ def several_sheets(folder: Path) -> Imported:
     book.save(folder / "a.xlsx")
     named = {
         name: {"column": f"Sheet.{column}"}
-        for name, column in zip(mapping().signals.given, JOINTS, strict=True)
+        for name, column in zip(mapping().signals.declared, JOINTS, strict=True)
     }
     return imported(folder / "a.xlsx", mapping=mapping(named, time={"column": "Sheet.t"}))
 
@@ -218,7 +218,7 @@ def json_messages(folder: Path) -> Imported:
             time_ns = round(1e9 * values["t"]) + 10**18
             writer.add_message(channel, time_ns, json.dumps(message).encode(), time_ns)
         writer.finish()
-    named = {name: {"column": f"crane.joints:{k}"} for k, name in enumerate(mapping().signals.given, 1)}
+    named = {name: {"column": f"crane.joints:{k}"} for k, name in enumerate(mapping().signals.declared, 1)}
     return imported(folder / "a.mcap", mapping=mapping(named, time={"column": "crane.time"}))
 
 
@@ -236,7 +236,7 @@ def ros_2_bag(folder: Path) -> Imported:
             message = make(layout(dim=[], data_offset=0), row)
             bag.write(connection, round(time * 1e9) + 10**9, store.serialize_cdr(message, kind))
     (path,) = (folder / "bag").glob("*.mcap")
-    named = {name: {"column": f"crane.data:{k}"} for k, name in enumerate(mapping().signals.given, 1)}
+    named = {name: {"column": f"crane.data:{k}"} for k, name in enumerate(mapping().signals.declared, 1)}
     return imported(path, mapping=mapping(named, time={"column": "crane.time"}))
 
 
@@ -256,7 +256,7 @@ def log_of_cranectl(folder: Path) -> Imported:
     from cranectl.log.writer import write_log
 
     write_log(folder / "a.mcap", [truth()], every=5)
-    named = {name: {"column": f"mujoco/state.{name}"} for name in mapping().signals.given}
+    named = {name: {"column": f"mujoco/state.{name}"} for name in mapping().signals.declared}
     return imported(folder / "a.mcap", mapping=mapping(named, time={"column": "mujoco/state.time"}))
 
 
@@ -273,7 +273,7 @@ def ros_bag(folder: Path) -> Imported:
         for time, row in zip(table["t"], rows, strict=True):
             message = make(layout(dim=[], data_offset=0), row)
             bag.write(connection, round(time * 1e9) + 10**9, store.serialize_ros1(message, kind))
-    named = {name: {"column": f"crane.data:{k}"} for k, name in enumerate(mapping().signals.given, 1)}
+    named = {name: {"column": f"crane.data:{k}"} for k, name in enumerate(mapping().signals.declared, 1)}
     return imported(folder / "a.bag", mapping=mapping(named, time={"column": "crane.time"}))
 
 
