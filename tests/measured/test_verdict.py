@@ -52,7 +52,7 @@ def verdict_of(
     numbers: Mapping[str, float] | None = None,
     change: Change = unchanged,
 ) -> RunVerdict:
-    run = measured_run(LAB, NUMBERS | (numbers or {}), seed, change=change)
+    run = measured_run(LAB, {**NUMBERS, **(numbers or {})}, seed, change=change)
     (verdict,) = judge({"a": run}, fit, tolerance=tolerance)
     return verdict
 
