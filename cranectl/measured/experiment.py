@@ -196,12 +196,24 @@ class Experiment:
         return weighted.ravel()
 
 
-def reading_noise(rig: RigParameters) -> Array:
-    """Return the standard deviation of a reading of each channel (5,), from steps and noise of encoders."""
+def encoders_of(rig: RigParameters) -> tuple[Array, Array]:
+    """Return step and standard deviation of the noise of each channel's encoder (5,) [m or rad]."""
     sensing = rig.effects.sensing
     steps = np.array([*sensing.position_resolution, *[sensing.angle_resolution] * 2])
     noise = np.array([*sensing.position_noise, *[sensing.angle_noise] * 2])
-    deviations: Array = np.sqrt(steps**2 / 12.0 + noise**2)
+    return steps.clip(min=1e-12), noise
+
+
+def reading_noise(rig: RigParameters, mean_of: int = 1) -> Array:
+    """Return the standard deviation of readings of each channel (5,), from steps and noise of encoders.
+
+    With `mean_of` it is that of the mean of so many consecutive readings. Noise averages out. The error of
+    rounding to a step does so only where noise shakes the reading by the step: at rest it repeats.
+    """
+    steps, noise = encoders_of(rig)
+    rounding = steps**2 / 12.0
+    repeated = rounding * np.exp(-np.square(2.0 * np.pi * noise / steps))
+    deviations: Array = np.sqrt(repeated + (noise**2 + rounding - repeated) / mean_of)
     return deviations.clip(min=1e-7)
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.measured.experiment import CHANNELS, Experiment, rig_with
+from cranectl.measured.experiment import CHANNELS, Experiment, encoders_of, reading_noise, rig_with
 from cranectl.measured.identification import Identification
 from cranectl.measured.replay import Replay
 from cranectl.scenario.load import load_rig
@@ -31,6 +31,7 @@ DRAWS = 400  # cranes that are drawn
 SEED = 0  # of the draws
 FALSE_ALARMS = 0.05  # probability that a model without error is called not covered, of all runs together
 BAND_DEVIATIONS = 2.0  # standard deviations of the band around a prediction
+IS_ANGLE = np.array([name in ("alpha", "beta") for name in CHANNELS])
 FIT_ENDING = "-fit.json"
 
 COVERED = "covered"
@@ -51,6 +52,33 @@ class Fit:
     converged: bool
     used: frozenset[str]  # digests of the runs to which it was fitted
 
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations of the numbers (P,)."""
+        deviations: Array = np.sqrt(np.diag(self.covariance).clip(min=0.0))
+        return deviations
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Readings of a run and their prediction, as means over blocks; angles in m at the rope's end."""
+
+    time: Array  # middle of each block (B,) [s]
+    channels: tuple[str, ...]  # names (C,)
+    measured: Array  # (B, C) [m]
+    predicted: Array  # (B, C) [m]
+    deviation: Array  # standard deviation that the identified crane leaves open (B, C) [m]
+
+    @property
+    def difference(self) -> Array:
+        """Measured minus predicted (B, C) [m]."""
+        return self.measured - self.predicted
+
+    @property
+    def ratio(self) -> Array:
+        """Size of the difference in standard deviations (B, C); infinite where the prediction has ended."""
+        return np.nan_to_num(np.abs(self.difference) / self.deviation, nan=np.inf)
+
 
 @dataclass(frozen=True)
 class RunVerdict:
@@ -59,16 +87,52 @@ class RunVerdict:
     name: str
     answer: str
     probability: float  # that a model without error has a statistic as large
-    statistic: float
-    channel: str
-    time: float  # [s]
-    difference: float  # measured minus predicted there [m]; angles times the rope's length
-    largest: float  # difference anywhere [m]
-    band: float  # widest half of the band [m]
+    comparison: Comparison
+
+    @property
+    def statistic(self) -> float:
+        """Largest difference over its standard deviation."""
+        return float(self.comparison.ratio.max())
+
+    @property
+    def worst(self) -> tuple[int, int]:
+        """Block and channel of the statistic."""
+        block, channel = np.unravel_index(int(np.argmax(self.comparison.ratio)), self.comparison.ratio.shape)
+        return int(block), int(channel)
+
+    @property
+    def channel(self) -> str:
+        """Name of the channel of the statistic."""
+        return self.comparison.channels[self.worst[1]]
+
+    @property
+    def time(self) -> float:
+        """Time of the statistic [s]."""
+        return float(self.comparison.time[self.worst[0]])
+
+    @property
+    def largest(self) -> float:
+        """Largest difference at any time [m]."""
+        return float(np.nanmax(np.abs(self.comparison.difference)))
+
+    @property
+    def band(self) -> float:
+        """Widest half of the band around the prediction [m]."""
+        return float(np.nanmax(BAND_DEVIATIONS * self.comparison.deviation))
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""
-        return dict(vars(self))
+        return {
+            "name": self.name,
+            "answer": self.answer,
+            "probability": self.probability,
+            "statistic": self.statistic,
+            "channel": self.channel,
+            "time_s": self.time,
+            "difference_m": float(self.comparison.difference[self.worst]),
+            "largest_m": self.largest,
+            "band_m": self.band,
+        }
 
 
 def run_digest(run: Run) -> str:
@@ -159,89 +223,78 @@ def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | No
             allowed="runs that begin with axes and load at rest, from where the prediction starts",
             remedy="import a part that begins at rest, by from in its map",
         )
-    own, own_deviation = _resting_place(experiment, fit.rig)
-    predicted = experiment.predicted(fit.values, own)
-    deviations = np.sqrt(np.diag(fit.covariance).clip(min=0.0))
-    slopes = [
-        _blocks((experiment.predicted({**fit.values, n: v + d}, own) - predicted) / d, experiment)
-        if d > 0.0
-        else np.zeros_like(_blocks(predicted, experiment))
-        for (n, v), d in zip(fit.values.items(), deviations, strict=True)
+    zeros, zeros_deviation = _resting_place(experiment)
+    predicted = experiment.predicted(fit.values, zeros[experiment.channels])
+    changes = [
+        experiment.predicted({**fit.values, number: value + deviation}, zeros[experiment.channels])
+        - predicted
+        for (number, value), deviation in zip(fit.values.items(), fit.deviations, strict=True)
     ]
-    slope = np.array(slopes)  # (P, B, C)
-    errors = _blocks(experiment.readings - predicted, experiment)
-    noise = experiment.noise[experiment.channels] / np.sqrt(BLOCK_SAMPLES)
-    fixed = np.square(noise) + np.square(own_deviation)
-    variance = np.einsum("pbc,pq,qbc->bc", slope, fit.covariance, slope) + fixed
-    statistic, draws = _statistic(errors, variance), _draws(slope, fit, noise, own_deviation, variance)
-    probability = float(np.mean(draws >= statistic))
-    lengths = _in_metres(predicted, experiment)
-    sizes, bands = np.abs(errors) * lengths, BAND_DEVIATIONS * np.sqrt(variance) * lengths
-    block, column = np.unravel_index(int(np.nanargmax(errors**2 / variance)), errors.shape)
-    return RunVerdict(
-        name=name,
-        answer=_answer(probability >= FALSE_ALARMS / judged, fit.converged, sizes, bands, tolerance),
-        probability=probability,
-        statistic=statistic,
-        channel=CHANNELS[experiment.channels][int(column)],
-        time=float(run.time[int(block) * BLOCK_SAMPLES]),
-        difference=float((errors * lengths)[block, column]),
-        largest=float(np.nanmax(sizes)),
-        band=float(np.nanmax(bands)),
+    slopes = np.array(changes) / fit.deviations[:, None, None]  # (P, N, 5)
+    mean_slopes = np.array([_means(slope) for slope in slopes])  # (P, B, 5)
+    variance = np.einsum("pbc,pq,qbc->bc", mean_slopes, fit.covariance, mean_slopes)
+    variance += reading_noise(fit.rig, BLOCK_SAMPLES) ** 2 + zeros_deviation**2
+    drawn = _drawn_differences(predicted, slopes, zeros_deviation, fit)  # (DRAWS, B, 5)
+    shown = experiment.channels
+    statistics = np.abs(drawn / np.sqrt(variance))[:, :, shown].max(axis=(1, 2))
+    lengths = _means(np.where(IS_ANGLE, predicted[:, 2:3], 1.0))
+    comparison = Comparison(
+        time=_means(run.time[:, None])[:, 0],
+        channels=CHANNELS[shown],
+        measured=(lengths * _means(experiment.readings))[:, shown],
+        predicted=(lengths * _means(predicted))[:, shown],
+        deviation=(lengths * np.sqrt(variance))[:, shown],
     )
+    probability = float(np.mean(statistics >= comparison.ratio.max()))
+    answer = _answer(comparison, probability >= FALSE_ALARMS / judged, fit.converged, tolerance)
+    return RunVerdict(name, answer, probability, comparison)
 
 
-def _answer(is_covered: bool, converged: bool, sizes: Array, bands: Array, tolerance: float | None) -> str:
+def _answer(comparison: Comparison, is_covered: bool, converged: bool, tolerance: float | None) -> str:
+    bands = BAND_DEVIATIONS * comparison.deviation
     if not converged or (is_covered and tolerance is not None and float(bands.max()) > tolerance):
         return NOT_DECIDED
     if is_covered:
         return COVERED
-    within = tolerance is not None and float((sizes + bands).max()) <= tolerance
+    within = tolerance is not None and float((np.abs(comparison.difference) + bands).max()) <= tolerance
     return WITHIN_TOLERANCE if within else NOT_COVERED
 
 
-def _resting_place(experiment: Experiment, rig: RigParameters) -> tuple[Array, Array]:
-    """Return where a run rests before it moves, from its first readings, with its standard deviations."""
-    still = experiment.still_samples()
+def _resting_place(experiment: Experiment) -> tuple[Array, Array]:
+    """Return where the channels (5,) rest before the axes move, with standard deviations.
+
+    Positions are relative to the first reading.
+    """
+    still, rig = experiment.still_samples(), experiment.rig
     readings = experiment.readings[:still].mean(axis=0)
     zeros = np.concatenate([readings[:3] - experiment.readings[0, :3], readings[3:]])
-    deviation = experiment.noise.copy()
+    deviation = reading_noise(rig, min(still, BLOCK_SAMPLES))
     # A pivot that sticks holds the rope as far off the vertical as its friction carries the load's weight.
     stuck = rig.effects.friction.pivot_coulomb / (rig.load_mass * rig.gravity * readings[2])
-    deviation[3:] = np.hypot(deviation[3:] / np.sqrt(min(still, BLOCK_SAMPLES)), stuck)
-    return zeros[experiment.channels], deviation[experiment.channels]
+    deviation[3:] = np.hypot(deviation[3:], stuck)
+    return zeros, deviation
 
 
-def _blocks(values: Array, experiment: Experiment) -> Array:
-    """Return the means over BLOCK_SAMPLES samples of the compared channels (B, C)."""
-    compared = values[:, experiment.channels]
-    whole = len(compared) // BLOCK_SAMPLES * BLOCK_SAMPLES
-    means: Array = compared[:whole].reshape(-1, BLOCK_SAMPLES, compared.shape[1]).mean(axis=1)
+def _means(values: Array) -> Array:
+    """Return the means (B, C) of values (N, C) over BLOCK_SAMPLES samples."""
+    whole = len(values) // BLOCK_SAMPLES * BLOCK_SAMPLES
+    means: Array = values[:whole].reshape(-1, BLOCK_SAMPLES, values.shape[1]).mean(axis=1)
     return means
 
 
-def _in_metres(predicted: Array, experiment: Experiment) -> Array:
-    """Return factors of the channels (B, C) from m or rad to m at the load."""
-    rope = _blocks(np.tile(predicted[:, 2:3], len(CHANNELS)), experiment)
-    is_angle = np.array([name in ("alpha", "beta") for name in CHANNELS[experiment.channels]])
-    return np.where(is_angle, rope, 1.0)
+def _drawn_differences(predicted: Array, slopes: Array, zeros_deviation: Array, fit: Fit) -> Array:
+    """Return measured minus predicted (DRAWS, B, 5) of cranes that the identification leaves open.
 
-
-def _statistic(errors: Array, variance: Array) -> float:
-    return float(np.sqrt(np.nan_to_num(errors**2 / variance, nan=np.inf).max()))
-
-
-def _draws(slope: Array, fit: Fit, noise: Array, own_deviation: Array, variance: Array) -> Array:
-    """Return the statistic of DRAWS runs of cranes that the identification leaves open."""
+    Their readings have the noise and the steps of the encoders.
+    """
     rng, freedom = np.random.default_rng(SEED), fit.runs - 1
+    steps, noise = encoders_of(fit.rig)
     values, vectors = np.linalg.eigh(fit.covariance)
     root = vectors * np.sqrt(values.clip(min=0.0))
-    blocks, channels = variance.shape
-    statistics = np.empty(DRAWS)
-    for k in range(DRAWS):
-        scale = np.sqrt(freedom / rng.chisquare(freedom))
-        shift = np.tensordot(scale * root @ rng.standard_normal(len(root)), slope, axes=1)
-        shift += own_deviation * rng.standard_normal(channels)
-        shift += noise * rng.standard_normal((blocks, channels))
-        statistics[k] = _statistic(shift, variance)
-    return statistics
+    differences = []
+    for _ in range(DRAWS):
+        spread = np.sqrt(freedom / rng.chisquare(freedom))
+        readings = predicted + np.tensordot(spread * root @ rng.standard_normal(len(root)), slopes, axes=1)
+        readings += zeros_deviation * rng.standard_normal(5) + noise * rng.standard_normal(predicted.shape)
+        differences.append(_means(np.round(readings / steps) * steps - predicted))
+    return np.array(differences)
