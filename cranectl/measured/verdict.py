@@ -269,9 +269,9 @@ def _resting_place(experiment: Experiment) -> tuple[Array, Array]:
     readings = experiment.readings[:still].mean(axis=0)
     zeros = np.concatenate([readings[:3] - experiment.readings[0, :3], readings[3:]])
     deviation = reading_noise(rig, min(still, BLOCK_SAMPLES))
-    # A pivot that sticks holds the rope as far off the vertical as its friction carries the load's weight.
+    # A pivot that sticks holds the rope anywhere within the angle at which its friction carries the weight.
     stuck = rig.effects.friction.pivot_coulomb / (rig.load_mass * rig.gravity * readings[2])
-    deviation[3:] = np.hypot(deviation[3:], stuck)
+    deviation[3:] = np.hypot(deviation[3:], stuck / np.sqrt(3.0))
     return zeros, deviation
 
 

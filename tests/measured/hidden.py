@@ -68,9 +68,13 @@ def measured_run(
     seconds: float = 10.0,
     period: float = 0.005,
     axes: tuple[int, ...] = (0, 1, 2),
+    sticks: bool = False,
     change: Callable[[Scenario], Scenario] = lambda scenario: scenario,
 ) -> Run:
-    """What a measuring system writes of the crane with `numbers`, described by `nominal`."""
+    """What a measuring system writes of the crane with `numbers`, described by `nominal`.
+
+    A load that `sticks` rests off the vertical, as far as friction of the pivot can hold it.
+    """
     rng, true = np.random.default_rng(seed), rig_with(nominal, numbers)
     time = period * np.arange(round(seconds / period) + 1)
     start, speeds = set_points(nominal, rng, time, axes)
@@ -80,6 +84,9 @@ def measured_run(
     installation = true.effects.installation
     state = np.zeros(10)
     state[0:6:2] = start - [0.0, 0.0, installation.rope_offset]
+    if sticks:
+        friction = true.effects.friction.pivot_coulomb / (true.load_mass * true.gravity * state[4])
+        state[6::2] = 0.9 * friction * np.random.default_rng(seed).uniform(-1.0, 1.0, 2)
     arriving = delayed(speeds, true.effects.delay.seconds, period) * installation.drive_gain
     simulated = simulate_replay(
         run, "mujoco", "commands",

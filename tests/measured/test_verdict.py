@@ -10,6 +10,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log.writer import write_log
+from cranectl.measured.experiment import reading_noise
 from cranectl.measured.identification import Identification, identify
 from cranectl.measured.verdict import (
     COVERED,
@@ -24,7 +25,7 @@ from cranectl.measured.verdict import (
     read_fit,
 )
 from cranectl.scenario import Scenario
-from cranectl.scenario.effects import Body, Rope, Wind
+from cranectl.scenario.effects import Body, Rope, Sensing, Wind
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
 from tests.measured.hidden import LAB, NUMBERS, measured_run
@@ -51,15 +52,17 @@ def verdict_of(
     tolerance: float | None = None,
     numbers: Mapping[str, float] | None = None,
     change: Change = unchanged,
+    sticks: bool = False,
 ) -> RunVerdict:
-    run = measured_run(LAB, {**NUMBERS, **(numbers or {})}, seed, change=change)
+    run = measured_run(LAB, {**NUMBERS, **(numbers or {})}, seed, change=change, sticks=sticks)
     (verdict,) = judge({"a": run}, fit, tolerance=tolerance)
     return verdict
 
 
-@pytest.mark.parametrize("seed", range(50, 56))
-def test_clean_runs_are_covered(seed: int, fit: Fit) -> None:
-    verdict = verdict_of(fit, seed, tolerance=0.005)
+@pytest.mark.parametrize("sticks", [False, True])
+@pytest.mark.parametrize("seed", range(50, 54))
+def test_clean_runs_are_covered(seed: int, sticks: bool, fit: Fit) -> None:
+    verdict = verdict_of(fit, seed, tolerance=0.005, sticks=sticks)
     assert verdict.answer == COVERED, verdict
     assert verdict.largest < 0.001
 
@@ -104,7 +107,7 @@ def test_a_fit_that_did_not_converge_decides_nothing(fit: Fit) -> None:
 
 def test_probabilities_of_clean_runs_are_neither_all_large_nor_all_small(fit: Fit) -> None:
     """It is neither always large, as with a band that is too wide, nor small."""
-    probabilities = np.array([verdict_of(fit, seed).probability for seed in range(100, 112)])
+    probabilities = np.array([verdict_of(fit, seed, sticks=True).probability for seed in range(100, 112)])
     assert 0.2 < probabilities.mean() < 0.9
     assert probabilities.min() < 0.5 < probabilities.max()
 
@@ -130,6 +133,19 @@ def part(run: Run, begin: float) -> Run:
         reference=run.reference[first:],
         end_ns=run.end_ns - int(run.time_ns[first]),
     )
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1, 0.25, 1.0])
+def test_the_mean_of_readings_keeps_the_rounding_error_that_noise_does_not_shake(noise: float) -> None:
+    """`noise` in steps of the encoder; each place between two steps is as likely."""
+    rng, step, count = np.random.default_rng(3), 1e-3, 25
+    sensing = Sensing(position_resolution=(step,) * 3, position_noise=(noise * step,) * 3)
+    rig = LAB.model_copy(update={"effects": LAB.effects.model_copy(update={"sensing": sensing})})
+    places = step * rng.uniform(-0.5, 0.5, 4000)
+    readings = np.round(places / step + noise * rng.standard_normal((count, 4000))) * step
+    error = float(np.sqrt(np.mean(np.square(readings.mean(axis=0) - places))))
+    stated = float(reading_noise(rig, count)[0])
+    assert 0.97 * error < stated < 1.25 * error
 
 
 def test_used_runs_are_refused(fit: Fit, runs: list[Run]) -> None:
