@@ -19,7 +19,16 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from cranectl.measured.experiment import CHECK, MODEL, Experiment, Unknown, rig_with, unknowns_of
+from cranectl.measured.comparison import BLOCK_SAMPLES, Comparison, compare_readings
+from cranectl.measured.experiment import (
+    CHECK,
+    MODEL,
+    Experiment,
+    Unknown,
+    reading_noise,
+    rig_with,
+    unknowns_of,
+)  # fmt: skip
 from cranectl.measured.replay import Replay, default_replay
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
@@ -61,7 +70,12 @@ class Identification:
     covariance: Array  # of the estimates, from the spread between runs and from noise (P, P)
     misfit: float  # mean square of the residuals in units of noise: 1 for a model without error
     converged: bool
-    runs: int
+    comparisons: tuple[Comparison, ...]  # of the fitted runs
+
+    @property
+    def runs(self) -> int:
+        """Number of fitted runs."""
+        return len(self.comparisons)
 
 
 def identify(
@@ -254,7 +268,10 @@ class LeastSquares:
             covariance=(covariance + max(self.misfit, 1.0) * self.inverse) * np.outer(scales, scales),
             misfit=self.misfit,
             converged=self.done and self.misfit < LARGEST_MISFIT,
-            runs=len(self.experiments),
+            comparisons=tuple(
+                compare_readings(e, e.predicted(values, own * e.own_scale), reading_noise(rig, BLOCK_SAMPLES))
+                for e, own in zip(self.experiments, self.own, strict=True)
+            ),
         )
 
 

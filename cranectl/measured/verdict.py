@@ -11,12 +11,14 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cranectl.measured.experiment import CHANNELS, Experiment, encoders_of, reading_noise, rig_with
+from cranectl.measured.comparison import BLOCK_SAMPLES, Comparison, block_means, compare_readings
+from cranectl.measured.experiment import Experiment, encoders_of, reading_noise, rig_with
 from cranectl.measured.identification import Identification
 from cranectl.measured.replay import Replay
 from cranectl.scenario.load import load_rig
@@ -26,12 +28,11 @@ from cranectl.support.arrays import Array
 from cranectl.support.documents import parse_json
 from cranectl.support.errors import InputError
 
-BLOCK_SAMPLES = 25  # samples whose mean is compared
-DRAWS = 400  # cranes that are drawn
+DRAWS = 400  # cranes that are drawn for up to RUNS_PER_DRAWS runs, and again as many for each more
+RUNS_PER_DRAWS = 10
 SEED = 0  # of the draws
 FALSE_ALARMS = 0.05  # probability that a model without error is called not covered, of all runs together
 BAND_DEVIATIONS = 2.0  # standard deviations of the band around a prediction
-IS_ANGLE = np.array([name in ("alpha", "beta") for name in CHANNELS])
 FIT_ENDING = "-fit.json"
 
 COVERED = "covered"
@@ -57,27 +58,6 @@ class Fit:
         """Standard deviations of the numbers (P,)."""
         deviations: Array = np.sqrt(np.diag(self.covariance).clip(min=0.0))
         return deviations
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Readings of a run and their prediction, as means over blocks; angles in m at the rope's end."""
-
-    time: Array  # middle of each block (B,) [s]
-    channels: tuple[str, ...]  # names (C,)
-    measured: Array  # (B, C) [m]
-    predicted: Array  # (B, C) [m]
-    deviation: Array  # standard deviation that the identified crane leaves open (B, C) [m]
-
-    @property
-    def difference(self) -> Array:
-        """Measured minus predicted (B, C) [m]."""
-        return self.measured - self.predicted
-
-    @property
-    def ratio(self) -> Array:
-        """Size of the difference in standard deviations (B, C); infinite where the prediction has ended."""
-        return np.nan_to_num(np.abs(self.difference) / self.deviation, nan=np.inf)
 
 
 @dataclass(frozen=True)
@@ -111,11 +91,6 @@ class RunVerdict:
         return float(self.comparison.time[self.worst[0]])
 
     @property
-    def largest(self) -> float:
-        """Largest difference at any time [m]."""
-        return float(np.nanmax(np.abs(self.comparison.difference)))
-
-    @property
     def band(self) -> float:
         """Widest half of the band around the prediction [m]."""
         return float(np.nanmax(BAND_DEVIATIONS * self.comparison.deviation))
@@ -130,7 +105,7 @@ class RunVerdict:
             "channel": self.channel,
             "time_s": self.time,
             "difference_m": float(self.comparison.difference[self.worst]),
-            "largest_m": self.largest,
+            "largest_m": self.comparison.largest,
             "band_m": self.band,
         }
 
@@ -217,6 +192,12 @@ def judge(runs: Mapping[str, Run], fit: Fit, *, tolerance: float | None = None) 
 
 def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | None) -> RunVerdict:
     experiment = Experiment(run, fit.rig, fit.replay, len(run.time_ns))
+    if len(run.time_ns) < BLOCK_SAMPLES:
+        raise InputError(
+            f"{name} has {len(run.time_ns)} samples",
+            allowed=f"at least {BLOCK_SAMPLES}, whose means are compared",
+            remedy="record a longer run",
+        )
     if not experiment.at_rest:
         raise InputError(
             f"{name} begins in motion",
@@ -231,21 +212,14 @@ def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | No
         for (number, value), deviation in zip(fit.values.items(), fit.deviations, strict=True)
     ]
     slopes = np.array(changes) / fit.deviations[:, None, None]  # (P, N, 5)
-    mean_slopes = np.array([_means(slope) for slope in slopes])  # (P, B, 5)
+    mean_slopes = np.array([block_means(slope) for slope in slopes])  # (P, B, 5)
     variance = np.einsum("pbc,pq,qbc->bc", mean_slopes, fit.covariance, mean_slopes)
     variance += reading_noise(fit.rig, BLOCK_SAMPLES) ** 2 + zeros_deviation**2
-    drawn = _drawn_differences(predicted, slopes, zeros_deviation, fit)  # (DRAWS, B, 5)
-    shown = experiment.channels
-    statistics = np.abs(drawn / np.sqrt(variance))[:, :, shown].max(axis=(1, 2))
-    lengths = _means(np.where(IS_ANGLE, predicted[:, 2:3], 1.0))
-    comparison = Comparison(
-        time=_means(run.time[:, None])[:, 0],
-        channels=CHANNELS[shown],
-        measured=(lengths * _means(experiment.readings))[:, shown],
-        predicted=(lengths * _means(predicted))[:, shown],
-        deviation=(lengths * np.sqrt(variance))[:, shown],
-    )
-    probability = float(np.mean(statistics >= comparison.ratio.max()))
+    draws = DRAWS * ceil(judged / RUNS_PER_DRAWS)
+    drawn = _drawn_differences(predicted, slopes, zeros_deviation, fit, draws)[:, :, experiment.channels]
+    comparison = compare_readings(experiment, predicted, np.sqrt(variance))
+    statistics = np.abs(drawn / np.sqrt(variance)[:, experiment.channels]).max(axis=(1, 2))
+    probability = float(1 + np.sum(statistics >= comparison.ratio.max())) / (1 + draws)
     answer = _answer(comparison, probability >= FALSE_ALARMS / judged, fit.converged, tolerance)
     return RunVerdict(name, answer, probability, comparison)
 
@@ -275,15 +249,10 @@ def _resting_place(experiment: Experiment) -> tuple[Array, Array]:
     return zeros, deviation
 
 
-def _means(values: Array) -> Array:
-    """Return the means (B, C) of values (N, C) over BLOCK_SAMPLES samples."""
-    whole = len(values) // BLOCK_SAMPLES * BLOCK_SAMPLES
-    means: Array = values[:whole].reshape(-1, BLOCK_SAMPLES, values.shape[1]).mean(axis=1)
-    return means
-
-
-def _drawn_differences(predicted: Array, slopes: Array, zeros_deviation: Array, fit: Fit) -> Array:
-    """Return measured minus predicted (DRAWS, B, 5) of cranes that the identification leaves open.
+def _drawn_differences(
+    predicted: Array, slopes: Array, zeros_deviation: Array, fit: Fit, draws: int
+) -> Array:
+    """Return measured minus predicted (draws, B, 5) of cranes that the identification leaves open.
 
     Their readings have the noise and the steps of the encoders.
     """
@@ -292,9 +261,9 @@ def _drawn_differences(predicted: Array, slopes: Array, zeros_deviation: Array, 
     values, vectors = np.linalg.eigh(fit.covariance)
     root = vectors * np.sqrt(values.clip(min=0.0))
     differences = []
-    for _ in range(DRAWS):
+    for _ in range(draws):
         spread = np.sqrt(freedom / rng.chisquare(freedom))
         readings = predicted + np.tensordot(spread * root @ rng.standard_normal(len(root)), slopes, axes=1)
         readings += zeros_deviation * rng.standard_normal(5) + noise * rng.standard_normal(predicted.shape)
-        differences.append(_means(np.round(readings / steps) * steps - predicted))
+        differences.append(block_means(np.round(readings / steps) * steps - predicted))
     return np.array(differences)

@@ -1,0 +1,66 @@
+"""Measured and predicted readings of a run side by side, as means over blocks of samples."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cranectl.measured.experiment import CHANNELS, Experiment
+from cranectl.support.arrays import Array
+
+BLOCK_SAMPLES = 25  # samples whose mean is compared
+IS_ANGLE = np.array([name in ("alpha", "beta") for name in CHANNELS])
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Readings of a run and their prediction, as means over blocks; angles in m at the rope's end."""
+
+    time: Array  # middle of each block (B,) [s]
+    channels: tuple[str, ...]  # names (C,)
+    measured: Array  # (B, C) [m]
+    predicted: Array  # (B, C) [m]
+    deviation: Array  # standard deviation of the difference of a model without error (B, C) [m]
+
+    @property
+    def difference(self) -> Array:
+        """Measured minus predicted (B, C) [m]."""
+        return self.measured - self.predicted
+
+    @property
+    def ratio(self) -> Array:
+        """Size of the difference in standard deviations (B, C); infinite where the prediction has ended."""
+        return np.nan_to_num(np.abs(self.difference) / self.deviation, nan=np.inf)
+
+    @property
+    def largest(self) -> float:
+        """Largest difference at any time [m]."""
+        return float(np.nanmax(np.abs(self.difference)))
+
+
+def compare_readings(experiment: Experiment, predicted: Array, deviation: Array) -> Comparison:
+    """Compare the readings of a run with predicted ones.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        The measured run.
+    predicted : Array
+        Predicted readings of all channels (N, 5) [m or rad].
+    deviation : Array
+        Standard deviation of the means, without an error of the model (B, 5) or (5,) [m or rad].
+    """
+    lengths = block_means(np.where(IS_ANGLE, predicted[:, 2:3], 1.0))
+    readings = block_means(experiment.readings), block_means(predicted), deviation
+    shown = experiment.channels
+    return Comparison(
+        block_means(experiment.run.time[:, None])[:, 0],
+        CHANNELS[shown],
+        *((lengths * values)[:, shown] for values in readings),
+    )
+
+
+def block_means(values: Array) -> Array:
+    """Return the means (B, C) of values (N, C) over BLOCK_SAMPLES samples; the rest of less is left out."""
+    whole = len(values) // BLOCK_SAMPLES * BLOCK_SAMPLES
+    means: Array = values[:whole].reshape(-1, BLOCK_SAMPLES, values.shape[1]).mean(axis=1)
+    return means
