@@ -25,7 +25,7 @@ from cranectl.scenario.settings import parse_settings
 from cranectl.support import documents
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
-from cranectl.support.provenance import HARMLESS, provenance
+from cranectl.support.provenance import HARMLESS, provenance, provenance_differences
 
 FORMAT = 3
 RULE = 1  # version of the identities; parts of all formats have the same
@@ -48,6 +48,20 @@ def software_of(plants: Iterable[str], controllers: Iterable[str]) -> dict[str, 
     """Return the versions of the installed software: cranectl, registered modules, controllers from files."""
     own = plant_sources(plants) | controller_sources(controllers) | controller_digests(controllers)
     return provenance() | own
+
+
+def changes_of_software(
+    versions: Mapping[str, str], plants: Iterable[str], controllers: Iterable[str]
+) -> tuple[str, ...]:
+    """Return a phrase for each difference of the installed software from `versions`.
+
+    Controllers from files that this process has not read are left out: it cannot tell whether they changed.
+    """
+    installed, read = software_of(plants, controllers), controller_digests(controllers)
+    comparable = {
+        name: version for name, version in versions.items() if not name.startswith("law ") or name in read
+    }
+    return tuple(provenance_differences(comparable, installed))
 
 
 def has_lags(manifest: Mapping[str, Any]) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.campaign.definition import nominal_scenario, sampled_scenario
-from cranectl.campaign.manifest import software_of
+from cranectl.campaign.manifest import changes_of_software
 from cranectl.campaign.results import Results
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.summary import worst_first
@@ -18,7 +18,6 @@ from cranectl.metrics import run_metrics
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.provenance import provenance_differences
 
 
 @dataclass(frozen=True)
@@ -130,7 +129,7 @@ def replay_run(
         "status": run.status.label,
         "end_s": run.end_s,
     }
-    installed = software_of(campaign.settings.plants, campaign.settings.controllers)
+    settings = campaign.settings
     log = write_log(directory / f"{plant}-{controller}-{sample:07d}.mcap", [run], every=every)
     return Replay(
         sample=sample,
@@ -140,7 +139,7 @@ def replay_run(
         status=run.status.label,
         max_error_m=None if metrics is None else metrics.max_error_m,
         differences=tuple(differences(recorded, repeated)),
-        software_differences=tuple(provenance_differences(origin.versions, installed)),
+        software_differences=changes_of_software(origin.versions, settings.plants, settings.controllers),
     )
 
 

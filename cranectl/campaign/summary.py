@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.manifest import has_lags, software_of
+from cranectl.campaign.manifest import changes_of_software, has_lags
 from cranectl.campaign.results import Results
 from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS
@@ -22,7 +22,6 @@ from cranectl.metrics.limits import within
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array, Mask
 from cranectl.support.consistency import check_ascending, check_sum
-from cranectl.support.provenance import provenance_differences
 
 Rows = NDArray[np.intp]
 Columns = Callable[[str], Any]  # returns the values (runs,) of a column by its name; absent ones None or NaN
@@ -250,10 +249,9 @@ class Maker:
 def makers(results: Results) -> tuple[Maker, ...]:
     """Return all software that made runs, beginning with the software of the start."""
     settings = results.campaign.settings
-    installed = software_of(settings.plants, settings.controllers)
     counts = np.bincount(results.made_by, minlength=len(results.origins)).tolist()
     return tuple(
-        Maker(count, dict(versions), tuple(provenance_differences(versions, installed)))
+        Maker(count, dict(versions), changes_of_software(versions, settings.plants, settings.controllers))
         for (_, versions), count in zip(results.origins, counts, strict=True)
         if count
     )

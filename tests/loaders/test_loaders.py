@@ -151,7 +151,9 @@ def test_a_result_of_a_campaign_is_read_without_its_laws_and_replayed_with_them(
     assert main(["campaign", "run", "own.toml", "--out", "result"]) == 2
     assert main(["campaign", "run", "own.toml", "--out", "result", "--trust"]) == 0
     close_controllers()
+    capsys.readouterr()
     assert main(["campaign", "report", "result"]) == 0
+    assert "other software" not in capsys.readouterr().out + Path("result.html").read_text()
     replay = ["campaign", "replay", "result", "--worst", "1"]
     capsys.readouterr()
     assert main(replay) == 2
