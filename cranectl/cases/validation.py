@@ -211,10 +211,9 @@ def _faults(result: CaseResult) -> Iterator[str]:
                 f"{agreement.max_angle_error_rad:.2e} rad, limits {agreement.limit_m:.2e} m and "
                 f"{agreement.limit_rad:.2e} rad"
             )
-    for run in result.runs:
-        for limit in run.limits:
-            if not limit.kept:
-                yield f"{run.plant} {limit.fault}"
+    for run, limit in judged_limits(result.runs):
+        if not limit.kept:
+            yield f"{run.plant} {limit.fault}"
 
 
 def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:

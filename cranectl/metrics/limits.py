@@ -53,7 +53,10 @@ class LimitVerdict:
     def fault(self) -> str:
         """A phrase for a run that breaks the limit."""
         value, limit = self.texts
-        return f"breaks the limit {limit} of {self.metric}: {value or 'no value'}"
+        unit = next(metric.unit for metric in all_metrics() if metric.name == self.metric)
+        return (
+            f"breaks the limit {limit} {unit} of {self.metric}: {f'{value} {unit}' if value else 'no value'}"
+        )
 
     @property
     def texts(self) -> tuple[str, str]:

@@ -182,7 +182,7 @@ def test_failures_report_signal_time_difference_limit_and_log(repository: Path) 
     for plant, run in log("test_limits", "-2").items():
         error = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
         since = run.time[np.argmax(error > 0.05)]
-        line = f"{plant} breaks the limit 0.05 of max_error_m: {error.max():.4g}, from {since:g} s on"
+        line = f"{plant} breaks the limit 0.05 m of max_error_m: {error.max():.4g} m, from {since:g} s on"
         assert line in failures["test_limits"]
     analytic, _, mujoco = log("test_agree").values()
     difference = np.linalg.norm(analytic.load_position - mujoco.load_position, axis=1)

@@ -61,7 +61,7 @@ def test_a_limit_is_kept_up_to_its_value_and_a_lower_one_down_to_it() -> None:
     assert are_kept(max_error_m=0.0999, min_rope_tension_n=5.01) == [False, False]
     assert are_kept(settling_time_s=1e9) == [False], "what a run lacks it has not kept"
     barely = LimitVerdict("max_error_m", 0.1200004, 0.12, kept=False)
-    assert barely.fault == "breaks the limit 0.12 of max_error_m: 0.1200004"
+    assert barely.fault == "breaks the limit 0.12 m of max_error_m: 0.1200004 m"
     assert judge_limits(None, {"max_error_m": 1.0}) == (LimitVerdict("max_error_m", None, 1.0, kept=False),)
     lost = replace(metrics, values={"max_error_m": float("nan")})
     assert not judge_limits(lost, {"max_error_m": 1.0})[0].kept
