@@ -26,7 +26,7 @@ from cranectl.compare.golden import (
     load_tolerances,
     worst_first,
 )
-from cranectl.compare.runs import compare_runs, differing_fields
+from cranectl.compare.runs import compare_runs, differing_fields, first_differences
 from cranectl.log.reader import describe_log, read_log
 from cranectl.log.writer import write_log
 from cranectl.metrics import run_metrics
@@ -216,12 +216,13 @@ def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None
         ]
         if len(failed) > MAX_SHOWN_SIGNALS:
             faults.append(f"and in {len(failed) - MAX_SHOWN_SIGNALS} more signals")
-        differing = [f"golden and new differ in {field}" for field in differing_fields(old, new)]
+        settings = first_differences(differing_fields(old, new))
+        differing = [f"golden and new differ in {setting}" for setting in settings]
     if faults:
         versions = provenance_differences(describe_log(golden_log).versions, provenance(), word="new")
         software = [f"golden was made by other software: {version}" for version in versions]
         where = f"golden: {golden_log}; if the new run is right, pytest --cranectl-update keeps it"
-        _raise_for(faults, [*differing, *software, where])
+        _raise_for([*differing, *faults], [*software, where])
 
 
 def _stated_limits(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> AgreementLimits:

@@ -107,7 +107,7 @@ def compare_command(
             _compare_labelled(runs, screen) if is_overlay(layers) else _compare_plants(logs[0], runs, screen)
         )
     from cranectl.cases.assertions import software_differences
-    from cranectl.compare.runs import compare_runs, differing_fields
+    from cranectl.compare.runs import compare_runs, differing_fields, first_differences
 
     _refuse_replay(logs[0], plants, replay, out)
     if merge is None:
@@ -116,7 +116,7 @@ def compare_command(
         pairs, software = [_merged(logs[0], logs[1], merge, despite_differences)], []
     differing = differing_fields(*pairs[0])
     comparisons = [compare_runs(a, b) for a, b in pairs]
-    screen.print_each(f"the runs differ in {difference}" for difference in differing)
+    screen.print_each(f"the runs differ in {difference}" for difference in first_differences(differing))
     a, b = short_names(logs)
     for (run, _), comparison in zip(pairs, comparisons, strict=True):
         alike = comparison.a == comparison.b
@@ -218,13 +218,15 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
 def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> int:
     from cranectl.cases.assertions import regression_of
     from cranectl.compare.golden import load_tolerances
+    from cranectl.compare.runs import first_differences
     from cranectl.report.run.differences import regression_table
 
     regression = regression_of(new_log, golden_log, load_tolerances(tolerances))
+    settings = first_differences(regression.differing_fields)
+    screen.print_each(f"golden and new differ in {difference}" for difference in settings)
     for verdict in regression.verdicts:
         screen.print(regression_table(verdict))
     screen.print_each(f"not compared: {plant}, only in {only}" for plant, only in regression.unshared.items())
-    screen.print_each(f"golden and new differ in {difference}" for difference in regression.differing_fields)
     screen.print_each(
         f"golden was made by other software: {difference}" for difference in regression.software_differences
     )

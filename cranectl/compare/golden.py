@@ -8,7 +8,13 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from cranectl.compare.runs import COMPARED_GROUPS, compare_runs, compared_signals, named_signals
+from cranectl.compare.runs import (
+    COMPARED_GROUPS,
+    compare_runs,
+    compared_signals,
+    first_differences,
+    named_signals,
+)
 from cranectl.scenario import NANOSECONDS, nanoseconds
 from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.simulate import Run
@@ -152,8 +158,10 @@ def _limits(new: Run, golden: Run, limits: Sequence[SignalLimit]) -> dict[str, S
         chosen = {**dict.fromkeys(matched, limit), **chosen}
     unmatched_names = [name for name in chosen if name not in in_golden or name not in in_new]
     if unmatched_names:
+        controllers = golden.design.name, new.design.name
+        why = f"the controllers are {' and '.join(controllers)}: " if len(set(controllers)) > 1 else ""
         raise InputError(
-            f"only one of the runs has {', '.join(unmatched_names)}",
+            f"{why}only one of the runs has {', '.join(first_differences(unmatched_names))}",
             allowed="runs of controllers with the same states",
             remedy="compare runs of the same controller, or limit only signals that both have",
         )

@@ -16,7 +16,7 @@ from cranectl.support.errors import InputError
 
 COMPARED_GROUPS = ("state", "load", "input")
 Sampled = tuple[Run, NDArray[np.intp]]  # a run and the indices of some of its samples
-SHOWN_DIFFERENCES = 10  # in an error message
+SHOWN_DIFFERENCES = 10  # of settings, on the screen and in messages
 
 
 @dataclass(frozen=True)
@@ -136,10 +136,13 @@ def compared_signals(run: Run) -> list[str]:
 
 
 def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
-    """Return a line for each difference of two scenarios, such as `design.input_weight: 0.1 and 0.11`.
+    """Return a line for each setting that differs, such as `design.input_weight: 0.1 and 0.11`.
 
-    If the scenarios are equal, the lines are differences of the computed designs.
+    The lines name different controllers and drives, then differences of the scenarios. If there are none,
+    they name differences of the computed designs.
     """
+    pairs = {"controller": (a.design.name, b.design.name), "drive": (a.drive, b.drive)}
+    named = tuple(f"{kind}: {one} and {other}" for kind, (one, other) in pairs.items() if one != other)
     scenarios = (run.scenario.model_dump(mode="json") for run in (a, b))
     designs = [{"controller": run.design.to_json()} for run in (a, b)]
     for design in designs:  # the digest of a controller's file differs too, so its text is left out
@@ -147,9 +150,16 @@ def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
     for tables in (scenarios, designs):
         first, second = (dict(leaves(table)) for table in tables)
         differing = differences(first, second, absent="nothing")
-        if lines := tuple(f"{name}: {' and '.join(_shortened(old, new))}" for name, old, new in differing):
-            return lines
-    return ()
+        named += tuple(f"{name}: {' and '.join(_shortened(old, new))}" for name, old, new in differing)
+        if named:
+            break
+    return named
+
+
+def first_differences(differences: Sequence[str]) -> list[str]:
+    """Return at most SHOWN_DIFFERENCES of the lines, and how many more there are."""
+    more = len(differences) - SHOWN_DIFFERENCES
+    return [*differences[:SHOWN_DIFFERENCES], *([f"{more} more"] if more > 0 else [])]
 
 
 def _shortened(*values: Any) -> list[str]:
@@ -225,10 +235,8 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
 def refuse_differences(problem: str, differences: Sequence[str], *, described: str) -> None:
     """Raise InputError if there are differences: a merged log describes the run of plant `described` only."""
     if differences:
-        more = len(differences) - SHOWN_DIFFERENCES
-        shown = [*differences[:SHOWN_DIFFERENCES], *([f"and {more} more"] if more > 0 else [])]
         raise InputError(
-            f"{problem}: {'; '.join(shown)}",
+            f"{problem}: {'; '.join(first_differences(differences))}",
             allowed="two runs of the same scenario, by the installed versions",
             remedy="run one of them again, or merge with --despite-differences: the log then describes the "
             f"{described} run's scenario and the installed versions",

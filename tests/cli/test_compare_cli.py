@@ -73,6 +73,27 @@ def test_an_identical_run_passes_and_a_run_with_another_gain_fails(
         assert {"signal", "unit", "max_abs", "at_s", "limit", "passed"} == set(verdict["signals"][0])
 
 
+def test_other_settings_are_named_first_and_in_few_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    run("golden.mcap", "--plants", "analytic")
+    run("new.mcap", "--plants", "analytic", controller="pid")
+    changes = [f"rig.{part}_mass=7" for part in ("bridge", "trolley", "load")] + ["disturbances=[]"]
+    options = [word for change in changes for word in ("--set", change)]
+    run("other.mcap", "--plants", "analytic", *options, controller="pid")
+    capsys.readouterr()
+    rounding = ("--tolerances", "rounding")
+    for arguments, who, code in (((), "the runs", 0), (rounding, "golden and new", 1)):
+        pair = ("golden.mcap", "new.mcap") if code == 0 else ("new.mcap", "golden.mcap")
+        assert main(["compare", *pair, *arguments]) == code
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[0] == f"{who} differ in controller: lqr and pid"
+        assert sum("differ in" in line for line in lines) == 1
+    assert main(["compare", "other.mcap", "golden.mcap", *rounding, "--json", "v.json"]) == 1
+    lines = [line for line in capsys.readouterr().out.splitlines() if "golden and new differ in" in line]
+    fields = json.loads(Path("v.json").read_text())["differing_fields"]
+    assert len(fields) > len(lines) == 11
+    assert lines[10] == f"golden and new differ in {len(fields) - 10} more"
+
+
 def test_one_plant_out_of_limits_fails_the_comparison() -> None:
     run("golden.mcap", "--every", "1")
     for plant in ("analytic", "mujoco"):

@@ -171,8 +171,13 @@ def test_limits_that_would_not_judge_what_they_say(run: Run, limits: list[Any], 
 def test_signals_that_only_one_run_has(short: Scenario, run: Run) -> None:
     plain = simulate_run(short, plant="analytic", controller="lqr").every(4)
     for pair in ((run, plain), (plain, run)):
-        with pytest.raises(InputError, match=r"only one of the runs has controller.robustifier_x_1"):
+        with pytest.raises(
+            InputError, match=r"only one of the runs has controller.robustifier_x_1"
+        ) as caught:
             judge_regression(*pair, EXACT)
+        names = [run.design.name for run in pair[::-1]]
+        assert f"the controllers are {' and '.join(names)}: " in caught.value.found
+        assert len(caught.value.found) < 400
     both = [("controller.zeta*", 9.0), *((f"{group}.*", 9e9) for group in COMPARED_GROUPS)]
     assert judge_regression(run, plain, tolerances(*both)).passed
 

@@ -14,6 +14,7 @@ from cranectl.compare.runs import (
     named_signals,
     refuse_differences,
 )
+from cranectl.controllers.registry import controller_design
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
@@ -131,6 +132,11 @@ def test_what_differs_in_scenarios_and_designs_is_named(short: Scenario) -> None
 
     run = simulate_run(short, plant="analytic")
     assert differing_fields(run, run) == ()
+    other = replace(run, design=controller_design("lqr+hinf", short), drive="velocity")
+    assert differing_fields(run, other) == (
+        "controller: pole-placement and lqr+hinf",
+        "drive: ideal and velocity",
+    ), "designs of different controllers have nothing in common"
     assert differing_fields(run, changed(duration=1.0)) == ("duration: 0.5 and 1.0",)
     heavier = short.rig.model_copy(update={"load_mass": 2.0})
     assert differing_fields(run, changed(rig=heavier)) == ("rig.load_mass: 1.0 and 2.0",)
@@ -192,5 +198,5 @@ def test_differences_are_named_up_to_ten() -> None:
             "the runs differ in", [f"field{k}: 1 and 2" for k in range(12)], described="analytic"
         )
     assert "field0: 1 and 2; " in caught.value.found
-    assert caught.value.found.endswith("field9: 1 and 2; and 2 more")
+    assert caught.value.found.endswith("field9: 1 and 2; 2 more")
     assert "--despite-differences" in caught.value.remedy
