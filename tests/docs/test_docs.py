@@ -4,6 +4,7 @@ import re
 import shlex
 import subprocess
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -171,6 +172,42 @@ def test_lines_of_prose_are_short(page: Path) -> None:
 def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
         assert target.startswith("http") or (page.parent / target).exists(), target
+
+
+def anchors(text: str) -> set[str]:
+    """Return the anchors of a page's headings, as GitHub and MyST make them."""
+    prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    found: set[str] = set()
+    for heading in re.findall(r"^#{1,4} +(.*?) *$", prose, re.MULTILINE):  # to the level of docs/conf.py
+        title = re.sub(r"\[(.*?)\]\(.*?\)|[*`]", r"\1", heading)
+        slug = re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")
+        found.add(next(s for k in count() if (s := f"{slug}-{k}" if k else slug) not in found))
+    return found
+
+
+def broken_anchors(page: Path) -> list[str]:
+    """Return the links of a page, `other.md#anchor` or `#anchor`, without a heading."""
+    links = re.findall(r"\]\((?!http)([^)#]*)#([^)]+)\)", page.read_text(encoding="utf-8"))
+    targets = {file: (page.parent / file if file else page) for file, _ in links}
+    known = {file: anchors(path.read_text(encoding="utf-8")) for file, path in targets.items()}
+    return [f"{file}#{anchor}" for file, anchor in links if anchor not in known[file]]
+
+
+@pytest.mark.parametrize(
+    "page", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"], ids=lambda page: page.name
+)
+def test_links_to_headings_lead_to_one(page: Path) -> None:
+    assert broken_anchors(page) == []
+
+
+def test_a_link_without_its_heading_is_seen(tmp_path: Path) -> None:
+    (tmp_path / "other.md").write_text("## Read `a.toml`, [then](x.md) run_it!\n\n## Again\n\n## Again\n")
+    page = tmp_path / "page.md"
+    good = "[a](other.md#read-atoml-then-run_it) [b](other.md#again) [c](other.md#again-1) [d](#here)\n"
+    page.write_text(f"# Here\n\n```sh\n# No heading\n```\n\n{good}")
+    assert broken_anchors(page) == []
+    page.write_text(f"# Here\n\n```sh\n# No heading\n```\n\n[e](#no-heading) [f](other.md#again-2) {good}")
+    assert broken_anchors(page) == ["#no-heading", "other.md#again-2"]
 
 
 def test_every_test_that_the_page_of_promises_names_exists() -> None:
