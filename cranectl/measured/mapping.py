@@ -56,14 +56,7 @@ class ClockMap(Settings):
 
     @model_validator(mode="after")
     def _has_one_source(self) -> "ClockMap":
-        if (self.column is None) == (self.period is None):
-            raise RuleError(
-                "a clock with both column and period"
-                if self.column is not None
-                else "a clock without column",
-                allowed="either a column of times or a period",
-                remedy='write column = "NAME", or period = 0.01 for a file without times',
-            )
+        _check_one_source("clock", self, "period", "period = 0.01 for a file without times")
         return self
 
 
@@ -82,14 +75,7 @@ class SignalMap(Settings):
 
     @model_validator(mode="after")
     def _has_one_source(self) -> "SignalMap":
-        if (self.column is None) == (self.value is None):
-            raise RuleError(
-                "a signal with both column and value"
-                if self.column is not None
-                else "a signal without column",
-                allowed="either a column or a constant value",
-                remedy='write column = "NAME", or value = 0.0 for a signal that does not change',
-            )
+        _check_one_source("signal", self, "value", "value = 0.0 for a signal that does not change")
         if self.unit in COUNTS and "scale" not in self.model_fields_set:
             raise RuleError(
                 "unit = 'count' without scale",
@@ -97,6 +83,17 @@ class SignalMap(Settings):
                 remedy="set scale to the size of one count in m, rad, m/s, m/s² or N",
             )
         return self
+
+
+def _check_one_source(what: str, settings: ClockMap | SignalMap, other: str, remedy: str) -> None:
+    """Raise RuleError unless exactly one of `column` and the key `other` is given."""
+    has_column = settings.column is not None
+    if has_column == (getattr(settings, other) is not None):
+        raise RuleError(
+            f"a {what} with both column and {other}" if has_column else f"a {what} without column",
+            allowed=f"either a column or a {other}",
+            remedy=f'write column = "NAME", or {remedy}',
+        )
 
 
 class SignalMaps(Settings):
