@@ -5,6 +5,8 @@ The type of a file is recognised by how it begins. Sizes and types are checked b
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -149,31 +151,39 @@ def _seconds(index: Any) -> Any:
 
 
 def _excel(path: Path, where: str) -> TableHead:
+    """Return the head of an Excel file; a sheet is read when one of its columns is."""
     from openpyxl import load_workbook
 
-    book = load_workbook(path, read_only=True, data_only=True)
-    sheets = {sheet.title: sheet for sheet in book.worksheets if (sheet.max_row or 0) > 1}
-    columns: dict[str, tuple[Any, ...]] = {}
-    for title, sheet in sheets.items():
+    book = load_workbook(BytesIO(path.read_bytes()), read_only=True, data_only=True)
+    sheets = [sheet for sheet in book.worksheets if (sheet.max_row or 0) > 1]
+    names: list[str] = []
+    places: list[tuple[Any, int, bool]] = []  # sheet, index in its rows, whether its first row has names
+    for sheet in sheets:
         checked_rows(sheet.max_row, where)
-        rows = [row for row in sheet.iter_rows(values_only=True) if any(cell is not None for cell in row)]
-        named = not all(isinstance(cell, int | float) or cell is None for cell in rows[0])
-        before = f"{title}." if len(sheets) > 1 else ""
-        for k, cells in enumerate(zip(*rows, strict=True), 1):
-            name = str(cells[0]) if named and cells[0] is not None else str(k)
-            columns[before + name] = cells[named:]
-    book.close()
-    if not columns:
+        first = next(_filled_rows(sheet), ())
+        named = not all(isinstance(cell, int | float) or cell is None for cell in first)
+        before = f"{sheet.title}." if len(sheets) > 1 else ""
+        for k, cell in enumerate(first):
+            names.append(before + (str(cell) if named and cell is not None else str(k + 1)))
+            places.append((sheet, k, named))
+    if not names:
         raise InputError(f"{where} has no rows", allowed=READABLE, remedy="save it as CSV")
-    names = tuple(columns)
+    rows_of = cache(lambda sheet: list(_filled_rows(sheet)))
 
     def read(column: int) -> ReadColumn:
-        cells = columns[names[column]]
+        sheet, k, named = places[column]
+        with _reported(where):
+            cells = [row[k] for row in rows_of(sheet)[named:]]
         values = np.array([_cell(cell, names[column], where) for cell in cells])
         is_time = any(hasattr(cell, "timestamp") for cell in cells)
         return ReadColumn(values - values[0] if is_time else values, is_time)
 
-    return TableHead(names, None, read)
+    return TableHead(tuple(names), None, read)
+
+
+def _filled_rows(sheet: Any) -> Iterator[tuple[Any, ...]]:
+    rows = sheet.iter_rows(values_only=True)
+    return (row for row in rows if any(cell is not None for cell in row))
 
 
 def _cell(value: Any, name: str, where: str) -> float:

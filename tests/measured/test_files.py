@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cranectl.measured import tables
 from cranectl.measured.importing import Imported
 from cranectl.measured.mapping import read_map
 from cranectl.measured.suggestion import guessed_columns, suggest_map
@@ -305,6 +306,27 @@ READERS: list[tuple[Reader, float]] = [
     (ros_bag, ROUNDED),
     (late_camera, 1e-4),
 ]
+
+
+def test_a_sheet_is_read_when_it_is_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And two columns with one name are told apart by their numbers."""
+    from openpyxl import Workbook
+
+    several_sheets(tmp_path)
+    read = []
+    rows_of = tables._filled_rows
+    monkeypatch.setattr(tables, "_filled_rows", lambda sheet: read.append(sheet.title) or rows_of(sheet))
+    head = tables.read_head(tmp_path / "a.xlsx")
+    assert head.read(head.names.index("Monday.t")).values.tolist() == [0.0]
+    assert read == ["Sheet", "Monday", "Monday"], "the first row of each, and all of one"
+    book = Workbook()
+    for row in (["t", "x", "x"], [0.0, 1.0, 2.0]):
+        book["Sheet"].append(row)
+    book.save(tmp_path / "twice.xlsx")
+    head = tables.read_head(tmp_path / "twice.xlsx")
+    assert [head.read(head.column(key, "")).values.tolist() for key in (2, 3)] == [[1.0], [2.0]]
+    with pytest.raises(InputError, match="2 columns are called 'x'"):
+        head.column("x", "twice.xlsx")
 
 
 @pytest.mark.parametrize(("read", "error"), READERS, ids=lambda value: getattr(value, "__name__", ""))
