@@ -4,8 +4,7 @@ import math
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
-from xml.etree import ElementTree
+from typing import Any, NamedTuple
 
 from cranectl.cases.case import Case, CaseResult, Failure, RunSummary, judged_limits
 from cranectl.cases.workers import CasesOutcome
@@ -15,10 +14,10 @@ from cranectl.metrics import all_metrics
 from cranectl.metrics.limits import LimitVerdict
 from cranectl.plants.registry import reference_plant
 from cranectl.support.consistency import check_sum
+from cranectl.support.junit import JUnitCase, Outcome
 from cranectl.support.units import difference_in, quantity, scaled
 
 PLANTS = "plants"  # key of a difference between plants
-Kind = Literal["passed", "failed", "error"]  # error: no result
 
 
 class Verdict(NamedTuple):
@@ -28,7 +27,7 @@ class Verdict(NamedTuple):
     controller: str
     drive: str
     plants: tuple[str, ...]
-    kind: Kind
+    kind: Outcome
     faults: tuple[str, ...]  # sentences that say why it did not pass
     log: str  # empty without a log
     overrun: float = math.inf  # largest ratio of a value to its limit; inf for an unexpected end
@@ -150,7 +149,7 @@ class Validation:
         return list(zip(self.cases, self.outcome.results, strict=True))
 
     def _verdict(self, case: Case, result: CaseResult | Failure | None) -> Verdict:
-        kind: Kind = "error"
+        kind: Outcome = "error"
         log, overrun = "", math.inf
         if isinstance(result, CaseResult):
             overrun = _overrun(result)
@@ -216,34 +215,15 @@ def _faults(result: CaseResult) -> Iterator[str]:
             yield f"{run.plant} {limit.fault}"
 
 
-def junit_xml(verdicts: Sequence[Verdict], options: Sequence[str]) -> str:
-    """Return JUnit XML with a class for each scenario and a test case for each verdict."""
-    count = {kind: sum(verdict.kind == kind for verdict in verdicts) for kind in ("failed", "error")}
-    totals = {"tests": str(len(verdicts)), "failures": str(count["failed"]), "errors": str(count["error"])}
-    root = ElementTree.Element("testsuites", totals)
-    suite = ElementTree.SubElement(root, "testsuite", {"name": "cranectl validate", **totals})
+def junit_cases(verdicts: Sequence[Verdict], options: Sequence[str]) -> list[JUnitCase]:
+    """Return a test for each verdict, in the group of its scenario."""
+    cases = []
     for verdict in verdicts:
-        name = " / ".join(
-            part for part in (verdict.controller, verdict.drive, ", ".join(verdict.plants)) if part
-        )
-        case = ElementTree.SubElement(suite, "testcase", {"classname": verdict.scenario, "name": name})
-        if verdict.kind != "passed":
-            tag = "failure" if verdict.kind == "failed" else "error"
-            fault = ElementTree.SubElement(
-                case, tag, {"message": _printable(verdict.faults[0].splitlines()[0])}
-            )
-            lines = [*verdict.faults, f"again: {verdict.command(options)}"]
-            if verdict.log:
-                lines.append(f"log: {verdict.log}")
-            fault.text = _printable("\n".join(lines))
-    ElementTree.indent(root)
-    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
-    return text.decode() + "\n"
-
-
-def _printable(text: str) -> str:
-    """Replace characters that XML does not allow."""
-    return "".join(char if char in "\n\t" or ord(char) >= 0x20 else "?" for char in text)
+        parts = filter(None, (verdict.controller, verdict.drive, ", ".join(verdict.plants)))
+        lines = [*verdict.faults, f"again: {verdict.command(options)}"]
+        lines += [f"log: {verdict.log}"] if verdict.log else []
+        cases.append(JUnitCase(verdict.scenario, " / ".join(parts), verdict.kind, lines))
+    return cases
 
 
 def judged_values(result: CaseResult) -> Iterator[JudgedValue]:

@@ -10,12 +10,10 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.measured import measured_run
 from cranectl.cli.output import Screen
-from cranectl.support.files import JSON, Kind, check_place, write_text, writing
+from cranectl.support.files import HTML, JSON, Kind, check_place, write_text, writing
 
 if TYPE_CHECKING:
-    from cranectl.measured.identification import Identification
     from cranectl.measured.replay import Replay
-    from cranectl.report.table import Table
 
 IDENTIFIED = Kind("file of an identified crane", rb"# (Identified from|The crane identified from) ")
 
@@ -31,9 +29,15 @@ IDENTIFIED = Kind("file of an identified crane", rb"# (Identified from|The crane
 @command.output_option(
     "--out", IDENTIFIED, "Rig file. A campaign and the fit are written beside it. Default: identified.toml"
 )
+@command.output_option("--report", HTML, "Write one HTML page: numbers, intervals, residuals.")
 @command.json_option
 def identify_command(
-    logs: tuple[Path, ...], rig: str, replay: "Replay | None", out: Path | None, screen: Screen
+    logs: tuple[Path, ...],
+    rig: str,
+    replay: "Replay | None",
+    out: Path | None,
+    report: Path | None,
+    screen: Screen,
 ) -> int:
     """Fit the numbers of a crane to measured LOGs.
 
@@ -48,10 +52,13 @@ def identify_command(
     \b
     cranectl identify monday.mcap tuesday.mcap friday.mcap --rig lab-rig
     cranectl identify runs/*.mcap --rig my-crane.toml --replay motion --out identified.toml
+    cranectl identify *.mcap --rig lab-rig --report identified.html
     """
-    from cranectl.measured.identification import LARGEST_MISFIT, identify
+    from cranectl.measured.identification import identify
     from cranectl.measured.identified import campaign_text, rig_text
     from cranectl.measured.verdict import fit_path, fit_text
+    from cranectl.report.measured import estimates_table, identification_page, remarks
+    from cranectl.report.page import write_page
     from cranectl.scenario.load import load_rig
 
     path = out or Path("identified.toml")
@@ -67,18 +74,15 @@ def identify_command(
         write_text(campaign, campaign_text(result, path.name, f"{path.stem}-campaign", names))
         write_text(path, rig_text(result, base, names))
     screen.print(estimates_table(result))
-    if result.unidentifiable:
-        screen.print(f"not identifiable from these logs: {', '.join(result.unidentifiable)}")
-    for a, b, correlation in result.correlated:
-        screen.print(f"{a} and {b} can replace one another here: correlation {correlation:.3f}")
-    if not result.converged:
-        screen.print(
-            f"NOT CONVERGED: the residuals are {result.misfit:.3g} times the squared noise of the readings, "
-            f"and {LARGEST_MISFIT:g} is allowed. The crane does something that the model does not."
-        )
+    for remark in remarks(result):
+        screen.print(remark)
     screen.print(f"rig: {path}")
     screen.print(f"campaign: {campaign}")
     screen.print(f"judge runs that were not used: cranectl validate LOG --rig {shlex.quote(str(path))}")
+    if report is not None:
+        page = identification_page(result, [log.name for log in logs], command.command_given())
+        write_page(page, report)
+        screen.print(f"report: {report}")
     screen.write_json(
         {
             "rig": str(path),
@@ -93,25 +97,3 @@ def identify_command(
         }
     )
     return exit_codes.GOOD if result.converged else exit_codes.LIMIT_EXCEEDED
-
-
-def estimates_table(result: "Identification") -> "Table":
-    """Return the fitted numbers with their intervals, and what the intervals come from."""
-    from cranectl.report.table import Table, cells
-
-    rows = [
-        cells(
-            estimate.name.removeprefix("effects."),
-            estimate.unit,
-            f"{estimate.value:.5g}",
-            f"{estimate.half_width:.2g}",
-            f"{estimate.spread:.2g}",
-            f"{estimate.model_error:.2g}",
-        )
-        for estimate in result.estimates
-    ]
-    title = f"Identified from the {result.replay} of {result.runs} runs"
-    columns = ("number", "unit", "value", "± (95 %)", "spread of runs", "to MuJoCo")
-    return Table(
-        title, columns, tuple(rows), labels=2, note=f"Residuals over noise, squared: {result.misfit:.3g}"
-    )

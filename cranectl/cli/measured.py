@@ -10,18 +10,19 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cranectl.cli import exit_codes
+from cranectl.cli.command import command_given
 from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
-from cranectl.support.files import MCAP, check_place
+from cranectl.support.files import MCAP, check_place, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.log.overlay import Layer
     from cranectl.measured.replay import Replay
-    from cranectl.measured.verdict import RunVerdict
     from cranectl.report.table import Table
     from cranectl.simulate import Run
 
 MEASURED_LABEL = "measured-crane"  # in an overlay
+JUDGED_OPTIONS = ("scenarios", "rig", "tolerance", "junit", "report", "json_file")  # for measured logs
 SHOWN = {"m": (1e3, "mm"), "rad": (degrees(1.0), "°")}
 
 
@@ -127,9 +128,19 @@ def measured_run(log: Path) -> "Run":
     return run
 
 
-def judge_logs(names: tuple[str, ...], rig: Path | str | None, tolerance: str | None, screen: Screen) -> int:
-    """Judge measured logs by an identified crane, and print the answers; return the exit code."""
+def judge_logs(
+    names: tuple[str, ...],
+    rig: Path | str | None,
+    tolerance: str | None,
+    junit: Path | None,
+    report: Path | None,
+    screen: Screen,
+) -> int:
+    """Judge measured logs by an identified crane, and tell the answers; return the exit code."""
     from cranectl.measured.verdict import COVERED, WITHIN_TOLERANCE, judge, read_fit
+    from cranectl.report.measured import fault_of, verdict_page, verdict_sentence, verdict_table
+    from cranectl.report.page import write_page
+    from cranectl.support.junit import JUnitCase, junit_text
 
     _refuse_other_options()
     if others := [name for name in names if not name.endswith(".mcap")]:
@@ -147,44 +158,23 @@ def judge_logs(names: tuple[str, ...], rig: Path | str | None, tolerance: str | 
     accepted = None if tolerance is None else _length(tolerance)
     runs = {name: measured_run(Path(name)) for name in names}
     verdicts = judge(runs, read_fit(Path(rig)), tolerance=accepted)
-    screen.print(_verdict_table(verdicts))
-    good = [verdict for verdict in verdicts if verdict.answer in (COVERED, WITHIN_TOLERANCE)]
-    screen.print(_sentence(len(verdicts), sum(v.answer == COVERED for v in verdicts)))
+    good = [verdict.answer in (COVERED, WITHIN_TOLERANCE) for verdict in verdicts]
+    screen.print(verdict_table(verdicts))
+    screen.print(verdict_sentence(verdicts))
     screen.write_json({"tolerance_m": accepted, "verdicts": [verdict.to_json() for verdict in verdicts]})
-    return exit_codes.GOOD if len(good) == len(verdicts) else exit_codes.LIMIT_EXCEEDED
-
-
-def _verdict_table(verdicts: "Sequence[RunVerdict]") -> "Table":
-    from cranectl.report.table import Table, cells
-
-    rows = [
-        cells(
-            v.name,
-            v.answer,
-            f"{1e3 * v.largest:.2f}",
-            f"{1e3 * v.band:.2f}",
-            v.channel,
-            f"{v.time:g}",
-            f"{v.statistic:.1f}",
-            f"{v.probability:.3f}",
-        )
-        for v in verdicts
-    ]
-    columns = ("log", "answer", "largest [mm]", "band ± [mm]", "clearest in", "at [s]", "times its σ", "p")
-    return Table("Measured minus predicted, runs that were not used", columns, tuple(rows), labels=2)
-
-
-def _sentence(runs: int, covered: int) -> str:
-    """Return what was shown, and how often the verdict errs."""
-    from cranectl.measured.verdict import FALSE_ALARMS
-
-    errs = (
-        f"A model without error is called not covered in at most {100 * FALSE_ALARMS:g} % of such verdicts."
-    )
-    if covered < runs:
-        return f"{covered} of {runs} runs are covered. {errs}"
-    share = FALSE_ALARMS ** (1.0 / runs)
-    return f"All runs are covered: so are at least {100 * share:.0f} % of such motions, at 95 %. {errs}"
+    if junit is not None:
+        again = f"again: {command_given()}"
+        cases = [
+            JUnitCase(str(rig), v.name, "passed" if passed else "failed", (fault_of(v), again))
+            for v, passed in zip(verdicts, good, strict=True)
+        ]
+        with writing(junit):
+            write_text(junit, junit_text(cases))
+        screen.print(f"JUnit: {junit}")
+    if report is not None:
+        write_page(verdict_page(verdicts, accepted, command_given()), report)
+        screen.print(f"report: {report}")
+    return exit_codes.GOOD if all(good) else exit_codes.LIMIT_EXCEEDED
 
 
 def _length(text: str) -> float:
@@ -207,12 +197,12 @@ def _refuse_other_options() -> None:
     given = [
         option.opts[0]
         for option in context.command.params
-        if option.name not in ("scenarios", "rig", "tolerance", "json_file")
+        if option.name not in JUDGED_OPTIONS
         and context.get_parameter_source(str(option.name)) is click.core.ParameterSource.COMMANDLINE
     ]
     if given:
         raise InputError(
             f"{', '.join(given)} with measured logs",
-            allowed="--rig, --tolerance and --json",
+            allowed="--rig, --tolerance, --junit, --report and --json",
             remedy=f"leave out {', '.join(given)}",
         )

@@ -108,7 +108,7 @@ def validate_command(
     """
     from cranectl.cases.case import check_logs_differ, default_log, make_case
     from cranectl.cases.pairwise import pairwise as pairwise_of
-    from cranectl.cases.validation import Validation, junit_xml
+    from cranectl.cases.validation import Validation, junit_cases
     from cranectl.cases.workers import available_cores, run_cases
     from cranectl.controllers.registry import chosen_controllers
     from cranectl.log.writer import check_writable
@@ -118,11 +118,12 @@ def validate_command(
     from cranectl.scenario.load import scenario_names
     from cranectl.simulate import checked_drive
     from cranectl.simulate.child import BLOCK_TIMEOUT
+    from cranectl.support.junit import junit_text
 
     if any(scenario.endswith(".mcap") for scenario in scenarios) or tolerance is not None:
         from cranectl.cli.measured import judge_logs
 
-        return judge_logs(scenarios, request.rig, tolerance, screen)
+        return judge_logs(scenarios, request.rig, tolerance, junit, report, screen)
     names = chosen_controllers(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
     drives = several.get(drive) or (checked_drive(drive),)
@@ -173,7 +174,7 @@ def validate_command(
     ]
     if junit is not None:
         with writing(junit):
-            write_text(junit, junit_xml(validation.verdicts, options))
+            write_text(junit, junit_text(junit_cases(validation.verdicts, options)))
         screen.print(f"JUnit: {junit}")
     if report is not None:
         _write_report(report, validation, options, pairs, screen)

@@ -50,12 +50,13 @@ def compare_readings(experiment: Experiment, predicted: Array, deviation: Array)
         Standard deviation of the means, without an error of the model (B, 5) or (5,) [m or rad].
     """
     lengths = block_means(np.where(IS_ANGLE, predicted[:, 2:3], 1.0))
-    readings = block_means(experiment.readings), block_means(predicted), deviation
     shown = experiment.channels
     return Comparison(
-        block_means(experiment.run.time[:, None])[:, 0],
-        CHANNELS[shown],
-        *((lengths * values)[:, shown] for values in readings),
+        time=block_means(experiment.run.time[:, None])[:, 0],
+        channels=CHANNELS[shown],
+        measured=(lengths * block_means(experiment.readings))[:, shown],
+        predicted=(lengths * block_means(predicted))[:, shown],
+        deviation=(lengths * deviation)[:, shown],
     )
 
 

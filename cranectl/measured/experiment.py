@@ -17,7 +17,7 @@ from cranectl.support.errors import InputError
 
 MODEL, CHECK = "elastic", "mujoco"  # the plant that is fitted, and the one that checks it
 AXES = ("bridge", "trolley", "winch")
-CHANNELS = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
+CHANNELS: tuple[str, ...] = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
 LEAST_ERROR = 0.002  # of time constants and load: errors that all runs share
 LEAST_DELAY_ERROR = 60e-6  # [s] on the laboratory rig; grows with the root of the size
 SHORT_SPAN = 0.5  # of the time 1/w of the swing, in which its start is read

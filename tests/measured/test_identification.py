@@ -101,7 +101,11 @@ def test_an_identified_crane_is_a_rig_and_a_campaign(
     for k, run in enumerate(runs):
         write_log(tmp_path / f"{k}.mcap", [run])
     logs = ["0.mcap", "1.mcap", "2.mcap"]
-    assert main(["identify", *logs, "--rig", "lab-rig", "--out", "mine.toml", "--json", "r.json"]) == 0
+    identified = ["identify", *logs, "--rig", "lab-rig", "--out", "mine.toml"]
+    assert main([*identified, "--json", "r.json", "--report", "r.html"]) == 0
+    page = Path("r.html").read_text(encoding="utf-8")
+    assert "The model repeats the fitted runs as well as the encoders can tell." in page
+    assert page.count("<svg") == 1 + len(logs)  # intervals, and a figure for each run
     assert "Identified from the commands of 3 runs" in capsys.readouterr().out
     rig = load_rig("mine.toml")
     assert rig.load_mass == pytest.approx(NUMBERS["load_mass"], rel=0.01)

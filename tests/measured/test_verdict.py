@@ -1,9 +1,11 @@
 """Runs that were not used are judged: clean ones are covered, and changes of the crane are found."""
 
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -168,8 +170,21 @@ def test_the_answers_of_the_command_line(
     assert main([*judged, "--tolerance", "5mm", "--json", "v.json"]) == 0
     assert "All runs are covered" in capsys.readouterr().out
     assert json.loads(Path("v.json").read_text())["verdicts"][0]["answer"] == COVERED
-    assert main(["validate", "new.mcap", "gusts.mcap", "--rig", "mine.toml"]) == 1
+    both = ["validate", "new.mcap", "gusts.mcap", "--rig", "mine.toml"]
+    assert main([*both, "--junit", "j.xml", "--report", "v.html"]) == 1
     assert "1 of 2 runs are covered" in capsys.readouterr().out
+    passed, failed = ElementTree.parse("j.xml").getroot().iter("testcase")
+    assert passed.get("name") == "new.mcap"
+    assert passed.find("failure") is None
+    (failure,) = failed
+    assert "standard deviations; the largest difference is" in failure.get("message", "")
+    assert f"again: cranectl {' '.join(both)}" in str(failure.text)
+    page = Path("v.html").read_text(encoding="utf-8")
+    assert "covered: new.mcap" in page
+    assert "not covered: gusts.mcap" in page
+    assert page.count("<svg") == 2
+    figures = [text for text in re.findall(r"<text[^>]*>([^<]*)</text>", page) if "load" in text]
+    assert figures == 2 * ["α, at the load [m]", "β, at the load [m]"]
     assert main(["validate", "gusts.mcap", "--rig", "mine.toml", "--tolerance", "5cm"]) == 0
     refused = {
         (*judged, "--tolerance", "5"): "write --tolerance 5mm",
