@@ -218,7 +218,6 @@ KNOWN = {
     ("campaign/manifest.py", "cranectl"): ABOVE,
     ("campaign/results.py", "cranectl campaign"): ORIGIN,
     ("cases/validation.py", "cranectl"): ABOVE,
-    ("cases/validation.py", "cranectl validate"): "the name of the suite in JUnit XML",
     ("cli/benchmark.py", "cranectl tune"): ORIGIN,
     ("cli/command.py", "cranectl"): ABOVE,
     ("cli/compare.py", "cranectl log"): "describes which logs are allowed",
@@ -253,6 +252,7 @@ KNOWN = {
     ("report/validation.py", "cranectl"): ABOVE,
     ("report/viewer_layouts.py", "cranectl log"): ORIGIN,
     ("report/viewer_layouts.py", "cranectl ladder"): ORIGIN,
+    ("support/junit.py", "cranectl validate"): "the name of the suite in JUnit XML",
 }
 
 

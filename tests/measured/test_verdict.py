@@ -125,6 +125,13 @@ def test_a_run_that_begins_in_motion_is_identified_but_not_judged(fit: Fit, runs
     assert "begins at rest, by from in its map" in error.value.remedy
 
 
+def test_a_run_without_a_mean_to_compare_is_refused(fit: Fit) -> None:
+    run = measured_run(LAB, NUMBERS, 50, seconds=0.1)
+    with pytest.raises(InputError, match="a has 21 samples") as error:
+        judge({"a": run}, fit)
+    assert error.value.remedy == "record a longer run"
+
+
 def part(run: Run, begin: float) -> Run:
     """The run from `begin` [s] on, as an import with `from` gives it."""
     first = int(np.searchsorted(run.time, begin))
