@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from cranectl.measured.comparison import BLOCK_SAMPLES, Comparison, block_means, compare_readings
 from cranectl.measured.experiment import Experiment, encoders_of, reading_noise, rig_with
@@ -204,19 +205,23 @@ def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | No
             allowed="runs that begin with axes and load at rest, from where the prediction starts",
             remedy="import a part that begins at rest, by from in its map",
         )
-    zeros, zeros_deviation = _resting_place(experiment)
-    predicted = experiment.predicted(fit.values, zeros[experiment.channels])
+    rest, rest_deviations = _resting_place(experiment)
+    predicted = experiment.predicted(fit.values, rest)
     changes = [
-        experiment.predicted({**fit.values, number: value + deviation}, zeros[experiment.channels])
-        - predicted
+        experiment.predicted({**fit.values, number: value + deviation}, rest) - predicted
         for (number, value), deviation in zip(fit.values.items(), fit.deviations, strict=True)
     ]
-    slopes = np.array(changes) / fit.deviations[:, None, None]  # (P, N, 5)
+    changes += [
+        experiment.predicted(fit.values, rest + change) - predicted for change in np.diag(rest_deviations)
+    ]
+    deviations = np.concatenate([fit.deviations, rest_deviations])
+    slopes = np.array(changes) / deviations[:, None, None]  # (P, N, 5)
+    covariance = block_diag(fit.covariance, np.diag(rest_deviations**2))
     mean_slopes = np.array([block_means(slope) for slope in slopes])  # (P, B, 5)
-    variance = np.einsum("pbc,pq,qbc->bc", mean_slopes, fit.covariance, mean_slopes)
-    variance += reading_noise(fit.rig, BLOCK_SAMPLES) ** 2 + zeros_deviation**2
+    variance = np.einsum("pbc,pq,qbc->bc", mean_slopes, covariance, mean_slopes)
+    variance += reading_noise(fit.rig, BLOCK_SAMPLES) ** 2
     draws = DRAWS * ceil(judged / RUNS_PER_DRAWS)
-    drawn = _drawn_differences(predicted, slopes, zeros_deviation, fit, draws)[:, :, experiment.channels]
+    drawn = _drawn_differences(predicted, slopes, rest_deviations, fit, draws)[:, :, experiment.channels]
     comparison = compare_readings(experiment, predicted, np.sqrt(variance))
     statistics = np.abs(drawn / np.sqrt(variance)[:, experiment.channels]).max(axis=(1, 2))
     probability = float(1 + np.sum(statistics >= comparison.ratio.max())) / (1 + draws)
@@ -235,22 +240,22 @@ def _answer(comparison: Comparison, is_covered: bool, converged: bool, tolerance
 
 
 def _resting_place(experiment: Experiment) -> tuple[Array, Array]:
-    """Return where the channels (5,) rest before the axes move, with standard deviations.
+    """Return where the compared channels (C,) rest before the axes move, with standard deviations.
 
     Positions are relative to the first reading.
     """
     still, rig = experiment.still_samples(), experiment.rig
     readings = experiment.readings[:still].mean(axis=0)
-    zeros = np.concatenate([readings[:3] - experiment.readings[0, :3], readings[3:]])
+    rest = np.concatenate([readings[:3] - experiment.readings[0, :3], readings[3:]])
     deviation = reading_noise(rig, min(still, BLOCK_SAMPLES))
     # A pivot that sticks holds the rope anywhere within the angle at which its friction carries the weight.
     stuck = rig.effects.friction.pivot_coulomb / (rig.load_mass * rig.gravity * readings[2])
     deviation[3:] = np.hypot(deviation[3:], stuck / np.sqrt(3.0))
-    return zeros, deviation
+    return rest[experiment.channels], deviation[experiment.channels]
 
 
 def _drawn_differences(
-    predicted: Array, slopes: Array, zeros_deviation: Array, fit: Fit, draws: int
+    predicted: Array, slopes: Array, rest_deviations: Array, fit: Fit, draws: int
 ) -> Array:
     """Return measured minus predicted (draws, B, 5) of cranes that the identification leaves open.
 
@@ -263,7 +268,9 @@ def _drawn_differences(
     differences = []
     for _ in range(draws):
         spread = np.sqrt(freedom / rng.chisquare(freedom))
-        readings = predicted + np.tensordot(spread * root @ rng.standard_normal(len(root)), slopes, axes=1)
-        readings += zeros_deviation * rng.standard_normal(5) + noise * rng.standard_normal(predicted.shape)
+        errors = spread * root @ rng.standard_normal(len(root))
+        rest_errors = rest_deviations * rng.standard_normal(len(rest_deviations))
+        readings = predicted + np.tensordot(np.concatenate([errors, rest_errors]), slopes, axes=1)
+        readings += noise * rng.standard_normal(predicted.shape)
         differences.append(block_means(np.round(readings / steps) * steps - predicted))
     return np.array(differences)

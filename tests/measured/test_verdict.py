@@ -144,6 +144,18 @@ def part(run: Run, begin: float) -> Run:
     )
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_step_of_the_rope_encoder_leaves_the_phase_of_the_swing_open(seed: int, fit: Fit) -> None:
+    """A rope that is a millimetre longer than its first reading swings later and later."""
+    sensing = LAB.effects.sensing.model_copy(update={"position_resolution": (1e-4, 1e-4, 4e-3)})
+    coarse = LAB.model_copy(update={"effects": LAB.effects.model_copy(update={"sensing": sensing})})
+    run = measured_run(coarse, NUMBERS, seed, seconds=20.0)
+    (verdict,) = judge({"a": run}, replace(fit, rig=coarse))
+    assert verdict.answer == COVERED, verdict
+    angles = verdict.comparison.deviation[:, 3:].max(axis=1)
+    assert angles.max() > 10.0 * angles[0]
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.1, 0.25, 1.0])
 def test_the_mean_of_readings_keeps_the_rounding_error_that_noise_does_not_shake(noise: float) -> None:
     """`noise` in steps of the encoder; each place between two steps is as likely."""

@@ -1,6 +1,7 @@
 """Identify cranes that are hidden in MuJoCo and judge new runs of them: how exact it is, and how often wrong.
 
-    .venv/bin/python -m validation.proofs.identification --rigs 12 --out identification.json
+    .venv/bin/python -m validation.proofs.identification            # 12 rigs, into identification.json
+    .venv/bin/python -m validation.proofs.identification --rigs 2 --out two.json
 
 Each rig has another size, from 1 to 30 times the laboratory rig's, and other numbers than those from which
 the fit starts. All estimates are written before any true number is compared.
@@ -8,13 +9,13 @@ the fit starts. All estimates are written before any true number is compared.
 
 import argparse
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cranectl.measured.identification import identify
+from cranectl.measured.identification import Identification, identify
 from cranectl.measured.verdict import COVERED, Fit, judge
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
@@ -22,9 +23,11 @@ from cranectl.scenario.settings import parse_settings
 from cranectl.scenario.similarity import completed_rig, length_scale
 from tests.measured.hidden import hidden_numbers, measured_run
 
-SEED = 1946
+SEED = 2611
 LARGEST = 30.0  # times the laboratory rig
 RUNS, CLEAN = 4, 4  # runs that are fitted, and unchanged ones that are judged
+CLEAN_KIND = "unchanged"
+DATA = Path(__file__).with_name("identification.json")
 ROPE = 1.4  # [m] of the laboratory rig
 GUSTS = 0.5  # [m/s] on the laboratory rig
 TILT = 0.003  # [rad]
@@ -80,60 +83,88 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--rigs", type=int, default=12)
-    parser.add_argument("--out", type=Path, default=Path("identification.json"))
+    parser.add_argument("--out", type=Path, default=DATA)
     arguments = parser.parse_args()
-    rigs = [np.random.default_rng([SEED, k]) for k in range(arguments.rigs)]
-    drawn = [(rig := drawn_rig(rng), hidden_numbers(rig, rng)) for rng in rigs]
+    rngs = [np.random.default_rng([SEED, k]) for k in range(arguments.rigs)]
+    drawn = [(rig := drawn_rig(rng), hidden_numbers(rig, rng)) for rng in rngs]
     fits = []
+    rigs: list[dict[str, Any]] = []
     for k, (rig, numbers) in enumerate(drawn):
-        size = length_scale(rig.rope_range[1])
-        timing = {"seconds": 15.0 * size**0.5, "period": round(5.0 * size**0.5) / 1000.0}
-        runs = [measured_run(rig, numbers, 1000 * k + seed, **timing) for seed in range(RUNS)]
-        fits.append((identify(runs, rig), timing))
-        print(f"rig {k}: size {size:.1f}, misfit {fits[-1][0].misfit:.3f}", flush=True)
-    estimates = [[vars(e) for e in result.estimates] for result, _ in fits]
-    arguments.out.write_text(json.dumps({"estimates": estimates}, indent=1))
-    answers: list[dict[str, Any]] = []
-    for k, ((rig, numbers), (result, timing)) in enumerate(zip(drawn, fits, strict=True)):
-        values = {e.name: e.value for e in result.estimates}
-        fit = Fit(
-            result.rig, result.replay, values, result.covariance, result.runs, result.converged, frozenset()
+        runs = [measured_run(rig, numbers, 1000 * k + seed, **timing_of(rig)) for seed in range(RUNS)]
+        result = identify(runs, rig)
+        fits.append(result)
+        rigs.append(
+            {
+                "size": length_scale(rig.rope_range[1]),
+                "misfit": result.misfit,
+                "converged": result.converged,
+                "estimates": {e.name: [e.value, e.half_width] for e in result.estimates},
+            }
         )
-        judged: dict[str, tuple[Mapping[str, float], Change | None]] = {
-            f"clean {n}": (numbers, None) for n in range(CLEAN)
-        }
-        judged |= changes(rig, numbers, timing["period"])
-        for n, (name, (crane, change)) in enumerate(judged.items()):
-            more = {} if change is None else {"change": change}
-            try:
-                run = measured_run(rig, dict(crane), 1000 * k + 100 + n, **timing, **more)
-            except AssertionError as error:  # the changed crane cannot do the motion
-                answers.append({"rig": k, "kind": name, "answer": f"stopped: {error}"})
-                continue
-            (verdict,) = judge({name: run}, fit)
-            answers.append({"rig": k, "kind": name, **verdict.to_json()})
-            print(k, name, verdict.answer, f"T = {verdict.statistic:.1f}", flush=True)
-    report(drawn, fits, estimates, answers)
-    arguments.out.write_text(json.dumps({"estimates": estimates, "answers": answers}, indent=1))
+        print(f"rig {k}: size {rigs[-1]['size']:.1f}, misfit {result.misfit:.3f}", flush=True)
+    arguments.out.write_text(json.dumps({"seed": SEED, "rigs": rigs}, indent=1), encoding="utf-8")
+    for row, (_, numbers) in zip(rigs, drawn, strict=True):
+        row["true"] = {name: numbers[name] for name in row["estimates"]}
+    verdicts = []
+    for k, ((rig, numbers), result) in enumerate(zip(drawn, fits, strict=True)):
+        for kind, answer, statistic in judged(k, rig, numbers, result):
+            verdicts.append([k, kind, answer, statistic])
+            print(k, kind, answer, f"T = {statistic:.1f}", flush=True)
+    data = {"seed": SEED, "rigs": rigs, "verdicts": verdicts}
+    arguments.out.write_text(data_text(data), encoding="utf-8")
+    print("\n".join(f"{name}: {value}" for name, value in summary(data).items()))
 
 
-def report(drawn: Any, fits: Any, estimates: Any, answers: list[dict[str, Any]]) -> None:
-    """Print errors of the numbers, coverage of the intervals, and shares of the answers."""
-    inside, worst = [], {}
-    for (_, numbers), rows in zip(drawn, estimates, strict=True):
-        for row in rows:
-            error = abs(row["value"] - numbers[row["name"]])
-            inside.append(error <= row["half_width"])
-            relative = error / abs(numbers[row["name"]])
-            worst[row["name"]] = max(worst.get(row["name"], 0.0), relative)
-    print(f"converged: {sum(result.converged for result, _ in fits)} of {len(fits)}")
-    print(f"numbers inside their intervals: {100.0 * np.mean(inside):.1f} % of {len(inside)}")
-    for name, error in worst.items():
-        print(f"{name}: at most {100.0 * error:.3f} % off")
-    for kind in dict.fromkeys(answer["kind"].partition(" ")[0] if answer["kind"].startswith("clean")
-                              else answer["kind"] for answer in answers):  # fmt: skip
-        of_kind = [a["answer"] for a in answers if a["kind"] == kind or a["kind"].startswith(kind + " ")]
-        print(f"{kind}: {sum(a == COVERED for a in of_kind)} covered of {len(of_kind)}")
+def timing_of(rig: RigParameters) -> dict[str, float]:
+    """Return length and period of a rig's runs [s], which grow with the root of its size."""
+    size = length_scale(rig.rope_range[1])
+    return {"seconds": 15.0 * size**0.5, "period": round(5.0 * size**0.5) / 1000.0}
+
+
+def judged(
+    k: int, rig: RigParameters, numbers: Numbers, result: Identification
+) -> Iterator[tuple[str, str, float]]:
+    """Yield kind, answer and statistic of new runs of the k-th rig, unchanged ones first."""
+    values, timing = {e.name: e.value for e in result.estimates}, timing_of(rig)
+    fit = Fit(
+        result.rig, result.replay, values, result.covariance, result.runs, result.converged, frozenset()
+    )
+    kinds: list[tuple[str, tuple[Numbers, Change | None]]] = [(CLEAN_KIND, (numbers, None))] * CLEAN
+    kinds += changes(rig, numbers, timing["period"]).items()
+    for n, (kind, (crane, change)) in enumerate(kinds):
+        more = {} if change is None else {"change": change}
+        run = measured_run(rig, crane, 1000 * k + 100 + n, **timing, **more)
+        (verdict,) = judge({kind: run}, fit)
+        yield kind, verdict.answer, verdict.statistic
+
+
+def data_text(data: Mapping[str, Any]) -> str:
+    """Return the results as JSON with a line for each rig and verdict, and six digits."""
+    rounded = json.loads(json.dumps(data), parse_float=lambda text: float(f"{float(text):.6g}"))
+    rigs, verdicts = (",\n  ".join(map(json.dumps, rounded[name])) for name in ("rigs", "verdicts"))
+    return f'{{"seed": {SEED},\n "rigs": [\n  {rigs}],\n "verdicts": [\n  {verdicts}]}}\n'
+
+
+def summary(data: Mapping[str, Any]) -> dict[str, str]:
+    """Return in words how exact the numbers are, and how often the verdicts err."""
+    inside: list[bool] = []
+    worst: dict[str, float] = {}
+    for rig in data["rigs"]:
+        for name, (value, half_width) in rig["estimates"].items():
+            true = rig["true"][name]
+            inside.append(abs(value - true) <= half_width)
+            worst[name] = max(worst.get(name, 0.0), abs(value - true) / abs(true))
+    converged = sum(rig["converged"] for rig in data["rigs"])
+    words = {
+        "converged": f"{converged} of {len(data['rigs'])}",
+        "numbers inside their intervals": f"{sum(inside)} of {len(inside)}",
+    }
+    words |= {f"largest error of {name}": f"{100.0 * error:.2f} %" for name, error in worst.items()}
+    kinds: dict[str, list[bool]] = {}
+    for _, kind, answer, _ in data["verdicts"]:
+        kinds.setdefault(kind, []).append(answer != COVERED)
+    words |= {f"not covered, {kind}": f"{sum(found)} of {len(found)}" for kind, found in kinds.items()}
+    return words
 
 
 if __name__ == "__main__":
