@@ -37,7 +37,7 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import MeasuredScenario, longest_step
 from cranectl.scenario.settings import parse_settings
 from cranectl.scenario.similarity import length_scale
-from cranectl.signals import SignalGroup, measured_groups
+from cranectl.signals import STATE, SignalGroup, measured_groups
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
@@ -51,6 +51,7 @@ LAB_STEP = 0.001  # [s] of physics on the laboratory rig
 RATE_SPAN = 0.1  # [s] of samples from which a rate is computed
 RATE_ORDER = 3  # of the polynomials whose slopes are the rates
 MIN_RATE_SAMPLES = 5
+RATES = dict(zip(STATE.names[::2], STATE.names[1::2], strict=True)) | {name: f"{name}_dot" for name in LOAD}
 DRIVES: dict[str | None, Drive] = {
     None: "ideal",
     "acceleration": "ideal",
@@ -107,67 +108,41 @@ def import_files(
     period_ns = nanoseconds(mapping.period) if mapping.period else next(iter(clocks.values())).period_ns
     time_ns = np.arange(nanoseconds(end - begin) // period_ns + 1, dtype=np.int64) * period_ns
     time = begin + time_ns / NANOSECONDS
-    table, groups = _empty_table(mapping, len(time))
-    columns = _joints_and_commands(table, mapping)
-    for name, column in columns.items():  # one after the other: all readings take as much memory as the run
-        signal = mapping.signals.declared[name]
-        if name not in sources:
-            column[:] = _constant(signal, mapping.units(name))
+    declared = mapping.signals.declared
+    has_angles, has_load = ANGLES[0] in declared, LOAD[0] in declared
+    groups = measured_groups(mapping.commands or "", angles=has_angles, load=has_angles or has_load)
+    names = [name for group in groups for name in group.names]
+    table = np.empty((len(time), len(names)), order="F")  # signals are computed one after the other
+    columns = dict(zip(names, table.T, strict=True))
+    for name, signal in declared.items():  # one after the other: all readings take as much memory as the run
+        unit = mapping.units(name)[signal.unit]
+        if signal.value is not None:
+            columns[name][:] = signal.convert(signal.value, unit)
             continue
         clock = clocks[signal.file, mapping.clock(signal)]
         where, head = str(files[signal.file - 1]), heads[signal.file - 1]
-        readings = _read(name, signal, mapping.units(name)[signal.unit], head, clock=clock, where=where)
+        readings = _read(name, signal, unit, head, clock=clock, where=where)
         inside = (readings.time >= begin - clock.largest_gap) & (readings.time <= end + clock.largest_gap)
         readings = Readings(readings.time[inside], readings.values[inside])
         check_gaps(name, readings.time, clock.largest_gap, (begin, end), where)
         check_motion(name, *readings, parameters)
-        column[:] = _resampled(name, readings, time)
+        columns[name][:] = _resampled(name, readings, time)
         del clock, readings
     del clocks, time
     findings: tuple[Finding, ...] = ()
-    if ANGLES[0] in columns:
+    if has_angles:
         findings = compare_with_physics(columns, period_ns / NANOSECONDS, parameters.gravity)
         if mapping.check_physics:
             for finding in findings:
                 finding.refuse()
-    _complete(table, columns, period_ns / NANOSECONDS)
+    if has_angles and not has_load:
+        _put_load(columns)
+    for name, rate in RATES.items():
+        if name in columns:
+            columns[rate][:] = _slopes(columns[name], period_ns / NANOSECONDS)
     description = describe_files(files, mapping)
     run = _run(table, groups, time_ns, mapping=mapping, rig=parameters, description=description)
     return Imported(run, findings)
-
-
-def _empty_table(mapping: MeasuredMap, rows: int) -> tuple[Array, tuple[SignalGroup, ...]]:
-    """Return a table for all signals of the run, and the groups of its columns."""
-    declared = mapping.signals.declared
-    has_angles = ANGLES[0] in declared
-    groups = measured_groups(
-        mapping.commands or "", angles=has_angles, load=has_angles or LOAD[0] in declared
-    )
-    # Column by column in memory, since signals are computed one after the other.
-    return np.empty((rows, sum(map(len, groups))), order="F"), groups
-
-
-def _joints_and_commands(table: Array, mapping: MeasuredMap) -> dict[str, Array]:
-    """Return the columns of `table` (views) for the signals of the map, by name."""
-    declared = mapping.signals.declared
-    joints = (*POSITIONS, *ANGLES) if ANGLES[0] in declared else POSITIONS
-    places = {name: 2 * k for k, name in enumerate(joints)}
-    places |= {name: 2 * len(joints) + k for k, name in enumerate(LOAD) if name in declared}
-    commands = table.shape[1] - len(COMMANDS)
-    places |= {name: commands + k for k, name in enumerate(COMMANDS) if name in declared}
-    return {name: table[:, place] for name, place in places.items()}
-
-
-def _complete(table: Array, columns: Mapping[str, Array], period: float) -> None:
-    """Compute the load from the joints, unless it was measured, and the rates of all positions."""
-    joints = 10 if ANGLES[0] in columns else 6
-    for k in range(0, joints, 2):
-        table[:, k + 1] = rates(table[:, k], period)
-    if ANGLES[0] in columns or LOAD[0] in columns:
-        if LOAD[0] not in columns:
-            put_load(table[:, :joints:2], table[:, joints : joints + 3])
-        for k in range(joints, joints + 3):
-            table[:, k + 3] = rates(table[:, k], period)
 
 
 def _check_files(files: Sequence[Path], mapping: MeasuredMap) -> None:
@@ -210,14 +185,7 @@ def _read(
             allowed=f"at least {MIN_ROWS} numbers",
             remedy=f"map another column, or leave out signals.{name}",
         )
-    values = values - signal.zero
-    values *= signal.sign * unit * signal.scale
-    return Readings(time, values)
-
-
-def _constant(signal: SignalMap, units: Mapping[str, float]) -> float:
-    assert signal.value is not None
-    return signal.sign * units[signal.unit] * signal.scale * (signal.value - signal.zero)
+    return Readings(time, signal.convert(values, unit))
 
 
 def _resampled(name: str, reading: Readings, time: Array) -> Array:
@@ -235,7 +203,7 @@ def rate_samples(period: float) -> int:
     return max(MIN_RATE_SAMPLES, round(RATE_SPAN / period)) // 2 * 2 + 1
 
 
-def rates(values: Array, period: float) -> Array:
+def _slopes(values: Array, period: float) -> Array:
     """Return the rate of a signal (N,) as the slope of cubics fitted around each sample."""
     samples = rate_samples(period)
     slopes: Array = (
@@ -271,13 +239,13 @@ def _run(
     )
 
 
-def put_load(joints: Array, load: Array) -> None:
-    """Write the position of the load (N, 3) from bridge, trolley, rope, alpha and beta (N, 5) to `load`."""
-    x, y, rope, alpha, beta = joints.T
+def _put_load(columns: Mapping[str, Array]) -> None:
+    """Compute the columns of the load from those of the joints."""
+    x, y, rope, alpha, beta = (columns[name] for name in (*POSITIONS, *ANGLES))
     lateral = rope * np.cos(beta)
-    np.add(x, rope * np.sin(beta), out=load[:, 0])
-    np.add(y, lateral * np.sin(alpha), out=load[:, 1])
-    np.multiply(-lateral, np.cos(alpha), out=load[:, 2])
+    np.add(x, rope * np.sin(beta), out=columns["load_x"])
+    np.add(y, lateral * np.sin(alpha), out=columns["load_y"])
+    np.multiply(-lateral, np.cos(alpha), out=columns["load_z"])
 
 
 def _scenario(mapping: MeasuredMap, rig: RigParameters, time_ns: NDArray[np.int64], table: Array) -> Scenario:

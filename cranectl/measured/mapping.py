@@ -9,7 +9,7 @@ and belongs to a time `delay` seconds before the clock of its row.
 
 from math import pi
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -83,6 +83,12 @@ class SignalMap(Settings):
                 remedy="set scale to the size of one count in m, rad, m/s, m/s² or N",
             )
         return self
+
+    def convert(self, readings: Any, unit: float) -> Any:
+        """Return readings, a number or an array, in SI units; `unit` is the size of their unit."""
+        converted = readings - self.zero
+        converted *= self.sign * unit * self.scale  # in place, for long columns
+        return converted
 
 
 def _check_one_source(what: str, settings: ClockMap | SignalMap, other: str, remedy: str) -> None:
