@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from cranectl.reference.files import SI_FACTORS
+from cranectl.reference.tables import is_number, is_time
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
 
@@ -79,10 +80,10 @@ def from_arrow(column: Any, name: str, where: str) -> ReadColumn:
     import pyarrow as pa
 
     kind = column.type
-    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+    if is_time(kind):
         ticks = column.cast(pa.int64()).to_numpy()
         return ReadColumn((ticks - ticks[:1]) * SI_FACTORS[kind.unit], is_time=True)
-    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
+    if not is_number(kind):
         text = next((cell for cell in column.to_pylist()[:1000] if isinstance(cell, str)), "")
         raise not_numbers(where, name, f"the text '{text[:40]}'" if text else f"values of the type {kind}")
     return ReadColumn(column.cast(pa.float64()).to_numpy())

@@ -1,7 +1,5 @@
 """Read columns of numbers from text files, as programs for measuring write them."""
 
-import csv
-import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,11 +14,8 @@ from cranectl.measured.columns import (
     from_arrow,
     not_numbers,
 )
+from cranectl.reference.tables import COMMENT, SEPARATORS, split_cells
 from cranectl.support.errors import InputError
-
-SEPARATORS = ";\t,"  # the first of those that a line has equally often: a comma may be decimal
-
-_COMMENT = re.compile(r"\s*(#|//|%|sep=.$)")
 
 
 def read_text(path: Path, begins: bytes, where: str) -> TableHead:
@@ -32,8 +27,8 @@ def read_text(path: Path, begins: bytes, where: str) -> TableHead:
     whole = begins if len(begins) < HEAD_BYTES else begins[: begins.rfind(b"\n") + 1]
     lines = whole.decode(encoding, "replace").removeprefix("\ufeff").splitlines()
     names, separator, skipped = _header(lines, where)
-    data = [line for line in lines[skipped:] if line.strip() and not _COMMENT.match(line)]
-    first = tuple(_cells(data[0], separator)) if data else ()
+    data = [line for line in lines[skipped:] if line.strip() and not COMMENT.match(line)]
+    first = tuple(split_cells(data[0], separator)) if data else ()
     names = (*names, *(str(k) for k in range(len(names) + 1, len(first) + 1)))  # columns without a name
     commas = (
         separator != ","
@@ -44,7 +39,7 @@ def read_text(path: Path, begins: bytes, where: str) -> TableHead:
 
     def refused(row: Any) -> str:
         text = row.text or ""
-        if _COMMENT.match(text):
+        if COMMENT.match(text):
             return "skip"
         wrong.append(row)
         return "error"
@@ -102,25 +97,21 @@ def _encoding(begins: bytes) -> str:
 
 def _header(lines: Sequence[str], where: str) -> tuple[Sequence[str], str, int]:
     """Return the names of columns, or their numbers; the separator; and the lines before the numbers."""
-    first = next((k for k, line in enumerate(lines) if line.strip() and not _COMMENT.match(line)), None)
+    first = next((k for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)), None)
     if first is None:
         raise InputError(f"{where} has no line of numbers", allowed=READABLE, remedy="record it again")
     after = next(
-        (line for line in lines[first + 1 :] if line.strip() and not _COMMENT.match(line)), lines[first]
+        (line for line in lines[first + 1 :] if line.strip() and not COMMENT.match(line)), lines[first]
     )
     separator = max(SEPARATORS, key=after.count)
-    cells = _cells(lines[first], separator)
+    cells = split_cells(lines[first], separator)
     if not all(map(_is_number, cells)):
         return cells, separator, first + 1
-    comment = _COMMENT.sub("", lines[first - 1], count=1) if first else ""
-    named = _cells(comment, separator)
+    comment = COMMENT.sub("", lines[first - 1], count=1) if first else ""
+    named = split_cells(comment, separator)
     if comment.strip() and len(named) == len(cells) > 1:  # the last comment is the line of names
         return named, separator, first
     return [str(k) for k in range(1, len(cells) + 1)], separator, first
-
-
-def _cells(line: str, separator: str) -> list[str]:
-    return [cell.strip() for cell in next(csv.reader(io.StringIO(line), delimiter=separator), [])]
 
 
 def _is_number(cell: str) -> bool:

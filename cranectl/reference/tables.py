@@ -35,7 +35,7 @@ FOREIGN_UNITS = {
 ALLOWED_FILES = (
     "a CSV file with the names of its columns in the first line, a Parquet file, or a log of cranectl"
 )
-_COMMENT = re.compile(r"\s*(#|//|%|sep=.$)")  # Excel writes the last
+COMMENT = re.compile(r"\s*(#|//|%|sep=.$)")  # Excel writes the last
 # A single letter after '_' is no unit: x_m may mean the measured x.
 _UNIT = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$|/\s*(\w+)\s*$|_(mm|ms|us|ns)$")
 
@@ -116,10 +116,10 @@ def canonical_unit(unit: str) -> str:
 def _to_numbers(kind: str, name: str, column: Any, unit: str, where: str) -> FileColumn:
     import pyarrow as pa
 
-    if kind == "time" and _is_time(column.type):
+    if kind == "time" and is_time(column.type):
         ticks = column.cast(pa.int64()).to_numpy()
         return FileColumn((ticks - ticks[:1]) * TICK_SECONDS[column.type.unit], "s")
-    if not _is_number(column.type):
+    if not is_number(column.type):
         raise InputError(
             f"{where}: column '{name}' holds {_describe_column(column)}",
             allowed="numbers" + (", or time stamps as in ISO 8601" if kind == "time" else ""),
@@ -136,13 +136,15 @@ def _to_numbers(kind: str, name: str, column: Any, unit: str, where: str) -> Fil
     return FileColumn(values.astype(np.float64), unit)
 
 
-def _is_time(kind: Any) -> bool:
+def is_time(kind: Any) -> bool:
+    """Return True for an Arrow type of time stamps or durations."""
     import pyarrow as pa
 
     return bool(pa.types.is_timestamp(kind) or pa.types.is_duration(kind))
 
 
-def _is_number(kind: Any) -> bool:
+def is_number(kind: Any) -> bool:
+    """Return True for an Arrow type of numbers."""
     import pyarrow as pa
 
     return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind))
@@ -182,7 +184,7 @@ def _read_parquet(content: bytes, column_names: Mapping[str, str], where: str) -
     units = {}
     for kind, name in column_names.items():
         field = schema.field(name)
-        if not (_is_number(field.type) or (kind == "time" and _is_time(field.type))):
+        if not (is_number(field.type) or (kind == "time" and is_time(field.type))):
             raise InputError(
                 f"{where}: column '{name}' holds values of the type {field.type}",
                 allowed="numbers" + (", time stamps or durations" if kind == "time" else ""),
@@ -250,16 +252,16 @@ def _read_csv(content: bytes, column_names: Mapping[str, str], where: str) -> tu
 
 def _read_header(lines: Sequence[str], where: str) -> tuple[list[str], str, int]:
     """Return the column names, the separator, and the number of lines before the numbers."""
-    first = next((k for k, line in enumerate(lines) if line.strip() and not _COMMENT.match(line)), len(lines))
+    first = next((k for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)), len(lines))
     rows = [line for line in lines[first : first + 2] if line.strip()]
     line = rows[0] if rows else ""
     separator = max(SEPARATORS, key=line.count)
-    cells = _split_cells(line, separator)
+    cells = split_cells(line, separator)
     if cells and not all(map(_is_numeric, cells)):
         return _check_separator(cells, line, where), separator, first + 1
     if first:  # the last comment may be the line of names
-        comment = _COMMENT.sub("", lines[first - 1], count=1)
-        names = _split_cells(comment, max(SEPARATORS, key=comment.count))
+        comment = COMMENT.sub("", lines[first - 1], count=1)
+        names = split_cells(comment, max(SEPARATORS, key=comment.count))
         if comment.strip() and (len(names) == len(cells) or not cells):
             separator = separator if cells else max(SEPARATORS, key=comment.count)
             return _check_separator(names, comment, where), separator, first
@@ -274,7 +276,8 @@ def _read_header(lines: Sequence[str], where: str) -> tuple[list[str], str, int]
     )
 
 
-def _split_cells(line: str, separator: str) -> list[str]:
+def split_cells(line: str, separator: str) -> list[str]:
+    """Return the cells of a line of CSV, without blanks around them."""
     return [cell.strip() for cell in next(csv.reader(io.StringIO(line), delimiter=separator), [])]
 
 
