@@ -3,11 +3,10 @@
 from cranectl.campaign.definition import Campaign, UncertainParameter, sampled_scenario
 from cranectl.campaign.load import load_campaign, make_campaign
 from cranectl.campaign.sampling import sample_values
-from cranectl.campaign.settings import CampaignSettings, campaign_file, campaign_names, read_campaign
+from cranectl.campaign.settings import campaign_file, campaign_names, read_campaign
 
 __all__ = [
     "Campaign",
-    "CampaignSettings",
     "UncertainParameter",
     "campaign_file",
     "campaign_names",

@@ -29,9 +29,7 @@ class TableHead(NamedTuple):
     """What a file holds, before its numbers are read."""
 
     names: tuple[str, ...]  # of the columns; their numbers where the file has no names
-    rows: int | None  # None: not known before reading
     read: Callable[[int], ReadColumn]  # a column by its index from 0 on
-    first: tuple[str, ...] = ()  # the first row as text, where the file is text
 
     def column(self, key: Key, where: str) -> int:
         """Return the index of a column; raise InputError if it is missing or its name is not unique."""
@@ -55,15 +53,14 @@ class TableHead(NamedTuple):
         return self.names.index(key)
 
 
-def checked_rows(rows: int, where: str) -> int:
-    """Return `rows`; raise InputError if a file with so many would need too much memory."""
+def check_rows(rows: int, where: str) -> None:
+    """Raise InputError if a file with so many rows would need too much memory."""
     if rows > MAX_COLUMN_LENGTH:
         raise InputError(
             f"{where} has {rows} rows",
             allowed=f"at most {MAX_COLUMN_LENGTH}",
             remedy="leave out rows, for example every second one",
         )
-    return rows
 
 
 def not_numbers(where: str, name: str, holds: str) -> InputError:
@@ -94,5 +91,5 @@ def from_arrays(where: str, arrays: Mapping[str, Array]) -> TableHead:
     names = tuple(arrays)
     if not names:
         raise InputError(f"{where} has no columns of numbers", allowed=READABLE, remedy="save it as CSV")
-    rows = checked_rows(max(map(len, arrays.values())), where)
-    return TableHead(names, rows, lambda column: ReadColumn(arrays[names[column]]))
+    check_rows(max(map(len, arrays.values())), where)
+    return TableHead(names, lambda column: ReadColumn(arrays[names[column]]))

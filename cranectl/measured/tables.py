@@ -18,7 +18,7 @@ from cranectl.measured.columns import (
     READABLE,
     ReadColumn,
     TableHead,
-    checked_rows,
+    check_rows,
     from_arrays,
     from_arrow,
     not_numbers,
@@ -88,12 +88,13 @@ def _parquet(path: Path, where: str) -> TableHead:
     from pyarrow import parquet
 
     with parquet.ParquetFile(path) as file:
-        names, rows = tuple(file.schema_arrow.names), checked_rows(file.metadata.num_rows, where)
+        names = tuple(file.schema_arrow.names)
+        check_rows(file.metadata.num_rows, where)
 
     def read(column: int) -> ReadColumn:
         return from_arrow(parquet.read_table(path, columns=[names[column]]).column(0), names[column], where)
 
-    return TableHead(names, rows, read)
+    return TableHead(names, read)
 
 
 def _matlab(path: Path, where: str) -> TableHead:
@@ -104,7 +105,7 @@ def _matlab(path: Path, where: str) -> TableHead:
         described = whosmat(path)
     except TypeError:  # SciPy knows no size of an object
         described = [("", (), "opaque")]
-    checked_rows(max((max(shape) for _, shape, _ in described if shape), default=0), where)
+    check_rows(max((max(shape) for _, shape, _ in described if shape), default=0), where)
     if any(kind in ("opaque", "unknown") for *_, kind in described):
         from matio import load_from_mat  # timeseries, tables and timetables are objects
 
@@ -159,7 +160,7 @@ def _excel(path: Path, where: str) -> TableHead:
     names: list[str] = []
     places: list[tuple[Any, int, bool]] = []  # sheet, index in its rows, whether its first row has names
     for sheet in sheets:
-        checked_rows(sheet.max_row, where)
+        check_rows(sheet.max_row, where)
         first = next(_filled_rows(sheet), ())
         named = not all(isinstance(cell, int | float) or cell is None for cell in first)
         before = f"{sheet.title}." if len(sheets) > 1 else ""
@@ -178,7 +179,7 @@ def _excel(path: Path, where: str) -> TableHead:
         is_time = any(hasattr(cell, "timestamp") for cell in cells)
         return ReadColumn(values - values[0] if is_time else values, is_time)
 
-    return TableHead(tuple(names), None, read)
+    return TableHead(tuple(names), read)
 
 
 def _filled_rows(sheet: Any) -> Iterator[tuple[Any, ...]]:

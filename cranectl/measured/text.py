@@ -10,7 +10,7 @@ from cranectl.measured.columns import (
     READABLE,
     ReadColumn,
     TableHead,
-    checked_rows,
+    check_rows,
     from_arrow,
     not_numbers,
 )
@@ -28,7 +28,7 @@ def read_text(path: Path, begins: bytes, where: str) -> TableHead:
     lines = whole.decode(encoding, "replace").removeprefix("\ufeff").splitlines()
     names, separator, skipped = _header(lines, where)
     data = [line for line in lines[skipped:] if line.strip() and not COMMENT.match(line)]
-    first = tuple(split_cells(data[0], separator)) if data else ()
+    first = split_cells(data[0], separator) if data else []
     names = (*names, *(str(k) for k in range(len(names) + 1, len(first) + 1)))  # columns without a name
     commas = (
         separator != ","
@@ -70,10 +70,10 @@ def read_text(path: Path, begins: bytes, where: str) -> TableHead:
         values = from_arrow(pa.chunked_array(column_blocks), names[column], where)
         del column_blocks
         pa.default_memory_pool().release_unused()  # or an hour at 1 kHz takes 100 MiB more
-        checked_rows(len(values.values), where)
+        check_rows(len(values.values), where)
         return values
 
-    return TableHead(tuple(names), None, read, first)
+    return TableHead(tuple(names), read)
 
 
 def _uneven(row: Any, where: str) -> InputError:

@@ -14,7 +14,6 @@ from pydantic import Field, model_validator
 from cranectl.scenario.effects import EffectNumbers, EffectSettings
 from cranectl.scenario.settings import LENGTH, MASS, TIME, Pair, Position, RuleError, Settings
 
-Positive = Annotated[float, Field(gt=0.0)]
 # Bounds far beyond any crane: within them nothing over- or underflows.
 Load = Annotated[float, Field(ge=1e-3, le=1e6), MASS]
 Mass = Annotated[float, Field(ge=1e-6, le=1e8), MASS]  # of parts, wide enough for any scaled crane

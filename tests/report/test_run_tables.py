@@ -29,8 +29,8 @@ def texts(cells: tuple[Cell, ...]) -> list[str]:
 
 def test_what_runs_share_stands_in_the_title() -> None:
     stopped = replace(RUN, plant="mujoco", status=RunStatus.SLACK_ROPE, end_s=1.25)
-    table = run_table({"a": [RUN, stopped]}, "a note")
-    assert (table.title, table.note) == ("Runs, fast, lqr, ideal drives", "a note")
+    table = run_table({"a": [RUN, stopped]})
+    assert table.title == "Runs, fast, lqr, ideal drives"
     assert table.headings[:3] == ("plant", "ended", "at [s]")
     assert [texts(row)[:3] for row in table.rows] == [
         ["analytic", "completed", "2"],

@@ -18,7 +18,7 @@ Drives = dict[str, tuple[Agreement, str]]  # by name; with what else is wrong wi
 SharedLimits = dict[str, tuple[float, float] | None]  # by drive; None where limits differ
 
 
-def run_table(logs: Mapping[str, Sequence[RunSummary]], note: str = "") -> Table:
+def run_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
     """Return a table of how each run ended; facts that all runs share stand in its title."""
     runs = [run for log in logs.values() for run in log]
     facts = {
@@ -34,7 +34,7 @@ def run_table(logs: Mapping[str, Sequence[RunSummary]], note: str = "") -> Table
         (*cells(*identity), *_outcome(run)) for *identity, run in zip(*differing.values(), runs, strict=True)
     )
     headings = (*differing, "ended", "at [s]", "max error [m]", "outside rig [m]")
-    return Table(", ".join(["Runs", *shared]), headings, rows, labels=len(differing) + 1, note=note)
+    return Table(", ".join(["Runs", *shared]), headings, rows, labels=len(differing) + 1)
 
 
 def _outcome(run: RunSummary) -> tuple[Cell, ...]:
