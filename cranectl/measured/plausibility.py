@@ -10,7 +10,7 @@ A right mapping has gain = 1. The sign of the gain tells an inverted angle or ax
 from radians, and the residual tells which angle belongs to which axis.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import degrees, pi, sqrt
 from typing import Any
@@ -117,7 +117,7 @@ def compare_with_physics(columns: Mapping[str, Array], period: float, gravity: f
     rope, band = columns["rope_length"], _Band(frequency, period)
     angles = {name: np.clip(columns[name], -1.2, 1.2) for name in PAIRS}
 
-    def fitted(alpha: str, beta: str) -> dict[str, _Fit]:
+    def fitted(alpha: str, beta: str) -> list[tuple[Finding, float]]:
         """Return how these angles answer the trolley and the bridge, if the rope has them in this order."""
         a, b = angles[alpha], angles[beta]
         fall = gravity - band.second(rope * np.cos(a) * np.cos(b))
@@ -125,53 +125,45 @@ def compare_with_physics(columns: Mapping[str, Array], period: float, gravity: f
             beta: (PAIRS["beta"], rope * np.sin(b), np.tan(b) / np.cos(a)),
             alpha: (PAIRS["alpha"], rope * np.cos(b) * np.sin(a), np.tan(a)),
         }
-        return {
-            angle: _Fit.of(
-                band, columns[axis], columns[angle], band.second(beside) + fall * band.plain(slope)
-            )
+        return [
+            _fit(angle, axis, columns, band, -(band.second(beside) + fall * band.plain(slope)))
             for angle, (axis, beside, slope) in answers.items()
-        }
+        ]
 
     fits, crossed = fitted("alpha", "beta"), fitted("beta", "alpha")
-    findings = [_finding(angle, axis, fits[angle]) for angle, axis in PAIRS.items()]
-    if _residual(crossed) < min(CLOSE, 0.5 * _residual(fits)):
+    if _largest_residual(crossed) < min(CLOSE, 0.5 * _largest_residual(fits)):
         why = "alpha answers the bridge, and beta the trolley: the columns of the two angles are swapped"
-        return tuple(_contradicting(f, why, "exchange signals.alpha and signals.beta") for f in findings)
-    return tuple(findings)
+        return tuple(_contradicting(f, why, "exchange signals.alpha and signals.beta") for f, _ in fits)
+    return tuple(_judged(finding) for finding, _ in fits)
 
 
-@dataclass(frozen=True)
-class _Fit:
-    """How one angle answers one axis."""
+def _fit(
+    angle: str, axis: str, columns: Mapping[str, Array], band: "_Band", answer: Array
+) -> tuple[Finding, float]:
+    """Return how `answer`, computed from an angle, fits the acceleration of an axis.
 
-    correlation: float  # absolute; NaN without enough motion
-    gain: float
-    residual: float  # of the answer with gain 1, as a share of the pivot's acceleration
-    delay: float  # [s]
-    mean: float  # [rad]
-
-    @classmethod
-    def of(cls, band: "_Band", axis: Array, angle: Array, acceleration: Array) -> "_Fit":
-        pivot, answer = band.second(axis), -acceleration
-        settled = min(round(3.0 / band.frequency / band.period), len(axis) // 4)
-        pivot, answer = pivot[settled:], answer[settled:]
-        if float(np.std(angle)) < LEAST_SWING or not pivot.any():
-            return cls(np.nan, np.nan, np.nan, 0.0, float(angle.mean()))
-        late = _best_shift(pivot, answer, round(1.0 / band.frequency / band.period))
-        shifted = pivot[: len(pivot) - late], answer[late:]
-        if abs(_correlation(*shifted)) > abs(_correlation(pivot, answer)) + LEAST_GAIN:
-            pivot, answer = shifted
-        else:
-            late = 0
-        correlation, delay = _correlation(pivot, answer), late * band.period
-        residual = sqrt(float(np.square(pivot - answer).sum() / np.square(pivot).sum()))
-        gain = float(pivot @ answer) / max(float(answer @ answer), 1e-300)
-        return cls(abs(correlation), gain, residual, delay, float(angle.mean()))
+    The second value is the residual with gain 1, as a share of the axis's acceleration; NaN without enough
+    motion.
+    """
+    pivot, mean = band.second(columns[axis]), float(columns[angle].mean())
+    settled = min(round(3.0 / band.frequency / band.period), len(pivot) // 4)
+    pivot, answer = pivot[settled:], answer[settled:]
+    if float(np.std(columns[angle])) < LEAST_SWING or not pivot.any():
+        return Finding(angle, axis, np.nan, np.nan, 0.0, mean), np.nan
+    late = _best_shift(pivot, answer, round(1.0 / band.frequency / band.period))
+    shifted = pivot[: len(pivot) - late], answer[late:]
+    if abs(_correlation(*shifted)) > abs(_correlation(pivot, answer)) + LEAST_GAIN:
+        pivot, answer = shifted
+    else:
+        late = 0
+    residual = sqrt(float(np.square(pivot - answer).sum() / np.square(pivot).sum()))
+    gain = float(pivot @ answer) / max(float(answer @ answer), 1e-300)
+    return Finding(angle, axis, abs(_correlation(pivot, answer)), gain, late * band.period, mean), residual
 
 
-def _residual(fits: Mapping[str, _Fit]) -> float:
-    """Return the largest residual of both angles; infinite if both hardly move."""
-    return max((fit.residual for fit in fits.values() if not np.isnan(fit.residual)), default=np.inf)
+def _largest_residual(fits: Sequence[tuple[Finding, float]]) -> float:
+    """Return the larger residual of both angles; infinite if both hardly move."""
+    return max((residual for _, residual in fits if not np.isnan(residual)), default=np.inf)
 
 
 @dataclass(frozen=True)
@@ -213,11 +205,12 @@ def _best_shift(pivot: Array, answer: Array, most: int) -> int:
     return max(shifts, key=lambda k: abs(_correlation(pivot[: len(pivot) - k], answer[k:])))
 
 
-def _finding(angle: str, axis: str, fit: _Fit) -> Finding:
-    finding = Finding(angle, axis, fit.correlation, fit.gain, fit.delay, fit.mean)
-    if not fit.correlation > CLEAR:
+def _judged(finding: Finding) -> Finding:
+    """Return a finding with what contradicts physics in it."""
+    angle, axis = finding.angle, finding.axis
+    if not finding.correlation > CLEAR:
         return finding
-    size = abs(fit.gain)
+    size = abs(finding.gain)
     if 0.5 < size * degrees(1.0) < 2.0:  # a small gain: the angle is too large
         why = (
             f"{angle} is {1.0 / size:.3g} times too large for the motion of {axis}: degrees taken for radians"
@@ -226,7 +219,7 @@ def _finding(angle: str, axis: str, fit: _Fit) -> Finding:
     if 0.5 < size / degrees(1.0) < 2.0:
         why = f"{angle} is {size:.3g} times too small for the motion of {axis}: radians taken for degrees"
         return _contradicting(finding, why, f"write signals.{angle}.unit = 'rad'")
-    if fit.gain < 0.0:
+    if finding.gain < 0.0:
         why = f"{angle} swings the wrong way for the motion of {axis}: one of both signs is inverted"
         return _contradicting(finding, why, f"write sign = -1 in signals.{angle}, or in signals.{axis}")
     return finding
