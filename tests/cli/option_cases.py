@@ -197,7 +197,6 @@ DIFFERENCES = (
 ROOM = "make room and go on with --resume: finished batches are kept"
 WAIT = "wait for it, or choose another place with --out"
 BEGAN = "the command that began it and --resume"
-PATIENCE = "took more than {} s for a block; --patience allows more"
 FIXED = "add --set rig.{}={}, or choose other plants with --plants"
 DISTURBED = "{}, or add --set 'disturbances=[]'"
 DRIVE = "take '--drive {}'"

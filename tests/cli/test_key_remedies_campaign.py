@@ -20,7 +20,6 @@ SETTINGS, DEFINITION, LOAD, SAMPLING = (
     f"campaign/{name}.py" for name in ("settings", "definition", "load", "sampling")
 )
 UNIFORM = "{distribution='uniform', low=0.8, high=1.2}"
-CHOICE = "{distribution='choice', values=[0.8, 1.2]}"
 MASS, GRAVITY = "uncertain.rig.load_mass", "uncertain.rig.gravity"
 GRID, CORRELATED = "sampling='grid'", "correlation=[{between=['rig.load_mass', 'rig.gravity'], value=0.5}]"
 OTHER_GRAVITY = f"{GRAVITY}={{distribution='uniform', low=9.7, high=9.9}}"
