@@ -57,7 +57,7 @@ def identify_command(
     from cranectl.measured.identification import identify
     from cranectl.measured.identified import campaign_text, rig_text
     from cranectl.measured.verdict import fit_path, fit_text
-    from cranectl.report.measured import estimates_table, identification_page, remarks
+    from cranectl.report.measured import identification_page, identified_table, remarks
     from cranectl.report.page import write_page
     from cranectl.scenario.load import load_rig
 
@@ -73,7 +73,7 @@ def identify_command(
         write_text(fit, fit_text(result, runs))
         write_text(campaign, campaign_text(result, path.name, f"{path.stem}-campaign", names))
         write_text(path, rig_text(result, base, names))
-    screen.print(estimates_table(result))
+    screen.print(identified_table(result))
     for remark in remarks(result):
         screen.print(remark)
     screen.print(f"rig: {path}")

@@ -2,8 +2,10 @@
 
 import re
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from os.path import relpath
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,7 +13,12 @@ from cranectl.cli.command import PATH, Command
 from cranectl.support.errors import InputError
 from cranectl.support.files import exists, write_text, writing
 
+if TYPE_CHECKING:
+    from cranectl.report.table import Table
+    from cranectl.simulate import Run
+
 MAP = "map"  # of measured files; NAME is such a file
+EXPERIMENT = "experiment"  # set-points for a crane; NAME is its rig
 TEMPLATES = Path(__file__).parent / "templates"
 ENDINGS = {
     "scenario": "toml",
@@ -24,12 +31,19 @@ ENDINGS = {
 
 
 @click.command("new", cls=Command)
-@click.argument("kind", type=click.Choice([*ENDINGS, MAP]))
+@click.argument("kind", type=click.Choice([*ENDINGS, MAP, EXPERIMENT]))
 @click.argument("name")
 @click.option(
     "--in", "directory", metavar="DIR", type=PATH, default=Path(), help="Where to write. Default: here."
 )
-def new_command(kind: str, name: str, directory: Path) -> None:
+@click.option("--seed", type=click.IntRange(0), metavar="N", help="Of an experiment. Default: 0.")
+@click.option(
+    "--period",
+    type=click.FloatRange(0.0, min_open=True),
+    metavar="SECONDS",
+    help="Of an experiment's set-points. Default: 0.005 on the laboratory rig, longer on larger ones.",
+)
+def new_command(kind: str, name: str, directory: Path, seed: int | None, period: float | None) -> None:
     """Write a small working example of a file, with its test.
 
     NAME has lower case letters, digits and hyphens. Existing files are never replaced. The test runs
@@ -47,7 +61,23 @@ def new_command(kind: str, name: str, directory: Path) -> None:
 
     \b
     cranectl new map monday.csv
+
+    For an experiment NAME is the rig of your crane. The files are set-points for its drives: play them,
+    record the crane, and let cranectl identify fit its numbers. Each run keeps the rig's workspace and
+    limits of speed and acceleration, and ends at rest. The screen shows how exact each number becomes.
+
+    \b
+    cranectl new experiment my-crane.toml
+    cranectl new experiment lab-rig --seed 1 --period 0.01 --in monday
     """
+    for option, value in (("--seed", seed), ("--period", period)):
+        if value is not None and kind != EXPERIMENT:
+            raise InputError(
+                f"{option} for a {kind}", allowed=f"{option} for an experiment", remedy=f"leave {option} out"
+            )
+    if kind == EXPERIMENT:
+        _propose(name, directory, seed or 0, period)
+        return
     if kind == MAP:
         from cranectl.measured.suggestion import suggest_map
 
@@ -75,6 +105,60 @@ def new_command(kind: str, name: str, directory: Path) -> None:
         library = shlex.quote(str(source.with_suffix(".so")))
         click.echo(f"run it: cranectl run fast-diagonal --controller {library}")
     click.echo(f"try it: python -m pytest {shlex.quote(str(directory / f'test_{module}.py'))}")
+
+
+def _propose(rig_name: str, directory: Path, seed: int, period: float | None) -> None:
+    """Write the set-points of an experiment and the map of its recordings, and print what it tells."""
+    from cranectl.cli.output import Screen
+    from cranectl.measured.programme import predict_estimates, propose_runs, recording_map, set_points_text
+    from cranectl.measured.suggestion import run_name
+    from cranectl.report.measured import estimates_table
+    from cranectl.scenario.load import load_rig
+
+    rig, name, screen = load_rig(rig_name), run_name(Path(rig_name)), Screen()
+    runs = propose_runs(rig, seed=seed, period=period)
+    base = Path(relpath(rig_name, directory)).as_posix() if Path(rig_name).is_file() else rig_name
+    mapping = directory / f"{name}-map.toml"
+    texts = {directory / f"{name}-run-{k}.csv": set_points_text(run) for k, run in enumerate(runs, 1)}
+    starts = ("{:.4g}, {:.4g} and {:.4g} m".format(*run.block("state")[0, :6:2]) for run in runs)
+    notes = [
+        f"# Run {k} begins with bridge, trolley and rope at {place}.\n" for k, place in enumerate(starts, 1)
+    ]
+    _write({**texts, mapping: "".join(notes) + recording_map(name, base)})
+    screen.print(programme_table(runs))
+    estimates, unidentifiable = predict_estimates(runs[:-1], rig)
+    title = f"Predicted from runs 1 to {len(runs) - 1}, if the crane has the rig's numbers and encoders"
+    screen.print(estimates_table(estimates, title))
+    if unidentifiable:
+        names = ", ".join(unidentifiable)
+        screen.print(f"not identifiable, with intervals as large as the numbers: {names}")
+    screen.print("record each run with the columns that the map names, and import it:")
+    screen.print(f"  cranectl log import RECORDED.csv --map {shlex.quote(str(mapping))}")
+
+
+def programme_table(runs: "Sequence[Run]") -> "Table":
+    """Return where each run begins, how long it takes, and how fast and how far the crane moves."""
+    import numpy as np
+
+    from cranectl.measured.programme import largest_swing
+    from cranectl.report.table import Table, cells
+
+    rows = [
+        cells(
+            str(k),
+            *(f"{position:.4g}" for position in run.block("state")[0, :6:2]),
+            f"{run.scenario.duration:.1f}",
+            *(f"{speed:.3g}" for speed in np.abs(run.block("command")[:, :3]).max(axis=0)),
+            f"{np.degrees(largest_swing(run).max()):.1f}",
+        )
+        for k, run in enumerate(runs, 1)
+    ]
+    starts, speeds = (
+        [f"{what}\n{axis}" for axis in ("bridge", "trolley", "rope")]
+        for what in ("start [m]", "top speed [m/s]")
+    )
+    headings = ("run", *starts, "duration [s]", *speeds, "swing [°]")
+    return Table("Go to the start, let the load rest, and play the set-points", headings, tuple(rows))
 
 
 def _write(texts: Mapping[Path, str], *, shared: str = "") -> None:

@@ -2,9 +2,10 @@
 
 The squared differences between measured and predicted readings are minimised by Levenberg and Marquardt's
 method. Readings are predicted with the plant `elastic`, from the measured commands, or from the measured
-motion of bridge, trolley and rope. Each number has a 95 % interval with two parts:
+motion of bridge, trolley and rope. Each number has a 95 % interval with three parts:
 
 - the spread between runs (delete-one jackknife with one Gauss-Newton step for each run)
+- steps and noise of the encoders, from drawn readings that are rounded as encoders do
 - a floor for errors that all runs share: how far MuJoCo would move the number, and at least a fixed share
 
 Viscous friction of a drive with velocity set-points cannot be told from a shorter time constant and a
@@ -25,6 +26,7 @@ from cranectl.measured.experiment import (
     MODEL,
     Experiment,
     Unknown,
+    encoders_of,
     reading_noise,
     rig_with,
     unknowns_of,
@@ -41,6 +43,8 @@ LARGEST_MISFIT = 1.5  # mean square of the residuals, in units of the readings' 
 LEAST_EFFECT = 5.0  # standard deviations by which a change by its scale must move all readings of a number
 LARGEST_SPREAD = 0.5  # of its scale, above which a number is not identifiable
 STRONG_CORRELATION = 0.99  # correlation above which two numbers replace one another
+ENCODER_DRAWS = 50  # of readings, from which the covariance of encoders is computed
+NORMAL = 1.96  # half-widths of a 95 % interval in standard deviations
 MAX_FIT_STEPS = 40  # of the fit
 
 Progress = Callable[[str], None]
@@ -55,6 +59,7 @@ class Estimate:
     value: float
     half_width: float
     spread: float  # standard deviation between runs
+    encoders: float  # standard deviation from steps and noise of encoders
     model_error: float  # by which MuJoCo would move it
 
 
@@ -67,7 +72,7 @@ class Identification:
     estimates: tuple[Estimate, ...]
     unidentifiable: tuple[str, ...]  # settings of which these runs say nothing
     correlated: tuple[tuple[str, str, float], ...]  # pairs whose errors go together, with their correlation
-    covariance: Array  # of the estimates, from the spread between runs and from noise (P, P)
+    covariance: Array  # of the estimates, from the spread between runs and from encoders (P, P)
     misfit: float  # mean square of the residuals in units of noise: 1 for a model without error
     converged: bool
     comparisons: tuple[Comparison, ...]  # of the fitted runs
@@ -137,6 +142,7 @@ class LeastSquares:
         self.common = np.array([u.start / u.scale for u in self.unknowns])
         self.own = [np.zeros(len(e.own_scale)) for e in self.experiments]
         self.misfit, self.done = np.inf, False
+        self.parts: list[tuple[Array, Array, Array]] = []
 
     def values(self, common: Array) -> dict[str, float]:
         return {u.name: float(z * u.scale) for u, z in zip(self.unknowns, common, strict=True)}
@@ -161,8 +167,8 @@ class LeastSquares:
 
     def drop_without_effect(self) -> None:
         """Leave out the numbers that move no reading of these runs."""
-        parts = [self.jacobian(k, self.common, own)[1] for k, own in enumerate(self.own)]
-        effect = np.sqrt(sum(np.square(part).sum(axis=0) for part in parts))
+        self.parts = [self.jacobian(k, self.common, own) for k, own in enumerate(self.own)]
+        effect = np.sqrt(sum(np.square(by_common).sum(axis=0) for _, by_common, _ in self.parts))
         self._keep(effect > LEAST_EFFECT)
 
     def drop_unidentifiable(self) -> bool:
@@ -175,9 +181,10 @@ class LeastSquares:
         self.dropped += [u.name for u, keep in zip(self.unknowns, kept, strict=True) if not keep]
         self.unknowns = [u for u, keep in zip(self.unknowns, kept, strict=True) if keep]
         self.common = self.common[kept]
+        self.parts = [(base, by_common[:, kept], by_own) for base, by_common, by_own in self.parts]
 
     def solve(self) -> None:
-        """Find the numbers of least squares, and the normal equations of each run there."""
+        """Find the numbers of least squares, and reduce the equations there."""
         sizes = np.cumsum([len(self.common), *map(len, self.own)])
 
         def split(z: Array) -> tuple[Array, list[Array]]:
@@ -206,7 +213,6 @@ class LeastSquares:
             residuals, start, jac=jacobian, bounds=(low, np.inf), xtol=1e-4, ftol=1e-4, max_nfev=MAX_FIT_STEPS
         )
         self.common, self.own = split(solution.x)
-        self.misfit = float(np.mean(np.square(solution.fun)))
         self.done = bool(solution.success)
         ends = np.cumsum([len(e.rows) * e.compared for e in self.experiments])[:-1]
         self.parts = [
@@ -215,7 +221,12 @@ class LeastSquares:
                 zip(np.split(solution.fun, ends), np.split(solution.jac, ends), strict=True)
             )
         ]
-        self.normal = [_reduced(*part) for part in self.parts]
+        self.reduce()
+
+    def reduce(self) -> None:
+        """Compute the normal equations of each run, misfit and deviations from the linearised equations."""
+        self.misfit = float(np.mean(np.square(np.concatenate([base for base, _, _ in self.parts]))))
+        self.normal = [reduced_equations(*part) for part in self.parts]
         inverse = np.linalg.pinv(sum(matrix for matrix, _ in self.normal))
         self.deviations = np.sqrt(np.diag(inverse).clip(min=0.0) * max(self.misfit, 1.0))
         self.inverse = inverse
@@ -236,20 +247,46 @@ class LeastSquares:
         pulls = []
         for k, (base, by_common, by_own) in enumerate(self.parts):
             own = self.own[k]
-            pulls.append(_reduced(self.residuals(k, self.common, own, CHECK) - base, by_common, by_own)[1])
+            pulls.append(
+                reduced_equations(self.residuals(k, self.common, own, CHECK) - base, by_common, by_own)[1]
+            )
         moved: Array = -self.inverse @ sum(pulls)
         return moved
 
-    def result(self, rig: RigParameters, replay: Replay) -> Identification:
-        covariance, shifts = self.jackknife(), self.model_error()
+    def encoder_covariance(self) -> Array:
+        """Return the covariance of the numbers from steps and noise of encoders, in scales (P, P).
+
+        Readings are drawn and rounded, since a reading that stays in one step keeps its error.
+        """
+        rng = np.random.default_rng(0)
+        pulls = np.zeros((len(self.unknowns), ENCODER_DRAWS))
+        for experiment, (_, by_common, by_own) in zip(self.experiments, self.parts, strict=True):
+            steps, noise = (values[experiment.channels] for values in encoders_of(experiment.rig))
+            readings = experiment.readings[experiment.rows][:, experiment.channels]
+            exact = readings + steps * rng.uniform(size=(ENCODER_DRAWS, 1, len(steps)))
+            drawn = np.round((exact + noise * rng.standard_normal(exact.shape)) / steps) * steps
+            errors = (drawn - exact) / experiment.noise[experiment.channels]
+            pulls += reduced_equations(errors.reshape(ENCODER_DRAWS, -1).T, by_common, by_own)[1]
+        moved = self.inverse @ pulls
+        covariance: Array = moved @ moved.T / ENCODER_DRAWS
+        return covariance
+
+    def estimates(self, between_runs: Array, of_encoders: Array) -> tuple[Estimate, ...]:
+        """Return the numbers with their intervals, given two covariances in scales (P, P)."""
+        shifts, estimates = self.model_error(), []
         factor = float(student.ppf(0.975, len(self.experiments) - 1))
-        values, estimates = self.values(self.common), []
+        values = self.values(self.common)
         for k, unknown in enumerate(self.unknowns):
-            spread, shift = unknown.scale * sqrt(covariance[k, k]), abs(unknown.scale * shifts[k])
-            value = values[unknown.name]
+            spread, encoders = (unknown.scale * sqrt(matrix[k, k]) for matrix in (between_runs, of_encoders))
+            value, shift = values[unknown.name], abs(unknown.scale * shifts[k])
             floor = unknown.floor + unknown.relative_floor * abs(value)
-            half = sqrt((factor * spread) ** 2 + shift**2 + floor**2)
-            estimates.append(Estimate(unknown.name, unknown.unit, value, half, spread, shift))
+            half = sqrt((factor * spread) ** 2 + (NORMAL * encoders) ** 2 + shift**2 + floor**2)
+            estimates.append(Estimate(unknown.name, unknown.unit, value, half, spread, encoders, shift))
+        return tuple(estimates)
+
+    def result(self, rig: RigParameters, replay: Replay) -> Identification:
+        between_runs, of_encoders = self.jackknife(), self.encoder_covariance()
+        values = self.values(self.common)
         scales = np.array([unknown.scale for unknown in self.unknowns])
         deviations = np.sqrt(np.diag(self.inverse))
         correlation = self.inverse / np.outer(deviations, deviations)
@@ -262,10 +299,10 @@ class LeastSquares:
         return Identification(
             rig=rig_with(rig, values),
             replay=replay,
-            estimates=tuple(estimates),
+            estimates=self.estimates(between_runs, of_encoders),
             unidentifiable=tuple(self.dropped),
             correlated=tuple(pairs),
-            covariance=(covariance + max(self.misfit, 1.0) * self.inverse) * np.outer(scales, scales),
+            covariance=(between_runs + of_encoders) * np.outer(scales, scales),
             misfit=self.misfit,
             converged=self.done and self.misfit < LARGEST_MISFIT,
             comparisons=tuple(
@@ -275,8 +312,25 @@ class LeastSquares:
         )
 
 
-def _reduced(base: Array, by_common: Array, by_own: Array) -> tuple[Array, Array]:
-    """Return the normal equations of a run for the common numbers, its own numbers eliminated."""
+def reduced_equations(base: Array, by_common: Array, by_own: Array) -> tuple[Array, Array]:
+    """Return the normal equations of a run for the common numbers, its own numbers eliminated.
+
+    Parameters
+    ----------
+    base : ndarray, shape (M,) or (M, D)
+        Residuals in units of noise, of one or D sets of readings.
+    by_common : ndarray, shape (M, P)
+        Derivatives by the common numbers.
+    by_own : ndarray, shape (M, Q)
+        Derivatives by the numbers of this run.
+
+    Returns
+    -------
+    ndarray, shape (P, P)
+        The matrix of the normal equations.
+    ndarray, shape (P,) or (P, D)
+        Their right sides, with opposite sign.
+    """
     own, _ = np.linalg.qr(by_own)
     by_common = by_common - own @ (own.T @ by_common)
     base = base - own @ (own.T @ base)

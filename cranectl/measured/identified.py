@@ -2,11 +2,10 @@
 
 from collections import defaultdict
 
-from cranectl.measured.identification import Estimate, Identification
+from cranectl.measured.identification import NORMAL, Estimate, Identification
 
 MILLISECOND = 1e-3  # to which a rig's delay is rounded, since it must be a whole number of control periods
 MOST_DEVIATIONS = 2.5  # half-widths from the value to the end of a distribution
-NORMAL = 1.96  # half-widths of a 95 % interval in standard deviations
 
 
 def rig_text(result: Identification, base: str, logs: str) -> str:

@@ -108,13 +108,11 @@ def import_files(
     period_ns = nanoseconds(mapping.period) if mapping.period else next(iter(clocks.values())).period_ns
     time_ns = np.arange(nanoseconds(end - begin) // period_ns + 1, dtype=np.int64) * period_ns
     time = begin + time_ns / NANOSECONDS
-    declared = mapping.signals.declared
-    has_angles, has_load = ANGLES[0] in declared, LOAD[0] in declared
-    groups = measured_groups(mapping.commands or "", angles=has_angles, load=has_angles or has_load)
-    names = [name for group in groups for name in group.names]
-    table = np.empty((len(time), len(names)), order="F")  # signals are computed one after the other
-    columns = dict(zip(names, table.T, strict=True))
-    for name, signal in declared.items():  # one after the other: all readings take as much memory as the run
+    table, columns, groups = _empty_table(mapping, len(time))
+    for (
+        name,
+        signal,
+    ) in mapping.signals.declared.items():  # one after the other: all readings take as much memory as the run
         unit = mapping.units(name)[signal.unit]
         if signal.value is not None:
             columns[name][:] = signal.convert(signal.value, unit)
@@ -130,19 +128,64 @@ def import_files(
         del clock, readings
     del clocks, time
     findings: tuple[Finding, ...] = ()
-    if has_angles:
+    if ANGLES[0] in columns:
         findings = compare_with_physics(columns, period_ns / NANOSECONDS, parameters.gravity)
         if mapping.check_physics:
             for finding in findings:
                 finding.refuse()
-    if has_angles and not has_load:
-        _put_load(columns)
-    for name, rate in RATES.items():
-        if name in columns:
-            columns[rate][:] = _slopes(columns[name], period_ns / NANOSECONDS)
+    _complete(columns, mapping, period_ns / NANOSECONDS)
     description = describe_files(files, mapping)
     run = _run(table, groups, time_ns, mapping=mapping, rig=parameters, description=description)
     return Imported(run, findings)
+
+
+def assemble_run(
+    signals: Mapping[str, Array], mapping: MeasuredMap, rig: RigParameters, period_ns: int
+) -> Run:
+    """Return the run of a crane whose signals at even times are known.
+
+    Parameters
+    ----------
+    signals : Mapping of str to ndarray, shape (N,)
+        Each signal of the map by its name, in SI units.
+    mapping : MeasuredMap
+        The names of the signals, and the kind of the commands.
+    rig : RigParameters
+        The crane.
+    period_ns : int
+        Time between two samples [ns].
+
+    Returns
+    -------
+    Run
+        The run, as an import of a file with these signals gives it.
+    """
+    time_ns = period_ns * np.arange(len(next(iter(signals.values()))), dtype=np.int64)
+    table, columns, groups = _empty_table(mapping, len(time_ns))
+    for name, values in signals.items():
+        columns[name][:] = values
+    _complete(columns, mapping, period_ns / NANOSECONDS)
+    return _run(table, groups, time_ns, mapping=mapping, rig=rig, description="known signals")
+
+
+def _empty_table(mapping: MeasuredMap, rows: int) -> tuple[Array, dict[str, Array], tuple[SignalGroup, ...]]:
+    """Return a table for all signals of the run, its columns (views) by name, and their groups."""
+    declared = mapping.signals.declared
+    has_angles, has_load = ANGLES[0] in declared, LOAD[0] in declared
+    groups = measured_groups(mapping.commands or "", angles=has_angles, load=has_angles or has_load)
+    names = [name for group in groups for name in group.names]
+    table = np.empty((rows, len(names)), order="F")  # signals are computed one after the other
+    return table, dict(zip(names, table.T, strict=True)), groups
+
+
+def _complete(columns: Mapping[str, Array], mapping: MeasuredMap, period: float) -> None:
+    """Compute the load from the joints, unless it was measured, and the rates of all positions."""
+    declared = mapping.signals.declared
+    if ANGLES[0] in declared and LOAD[0] not in declared:
+        _put_load(columns)
+    for name, rate in RATES.items():
+        if name in columns:
+            columns[rate][:] = _slopes(columns[name], period)
 
 
 def _check_files(files: Sequence[Path], mapping: MeasuredMap) -> None:

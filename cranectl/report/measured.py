@@ -40,19 +40,25 @@ RESIDUALS_CAPTION = (
 )
 
 
-def estimates_table(result: Identification) -> Table:
-    """Return the fitted numbers with their intervals, and what the intervals come from."""
+def estimates_table(estimates: Sequence[Estimate], title: str, note: str = "") -> Table:
+    """Return numbers of the crane with their intervals, and what the intervals come from."""
     columns: dict[str, Callable[[Estimate], Cell | str]] = {
         "number": lambda e: _short(e.name),
         "unit": lambda e: e.unit,
         "value": lambda e: f"{e.value:.5g}",
         "± (95 %)": lambda e: f"{e.half_width:.2g}",
         "spread of runs": lambda e: f"{e.spread:.2g}",
+        "encoders": lambda e: f"{e.encoders:.2g}",
         "to MuJoCo": lambda e: f"{e.model_error:.2g}",
     }
-    note = f"Residuals over noise, squared: {result.misfit:.3g}"
+    return tabulate(title, estimates, columns, labels=2, note=note)
+
+
+def identified_table(result: Identification) -> Table:
+    """Return the fitted numbers, and how well the model repeats the runs."""
     title = f"Identified from the {result.replay} of {result.runs} runs"
-    return tabulate(title, result.estimates, columns, labels=2, note=note)
+    note = f"Residuals over noise, squared: {result.misfit:.3g}"
+    return estimates_table(result.estimates, title, note)
 
 
 def remarks(result: Identification) -> list[str]:
@@ -89,7 +95,7 @@ def identification_page(result: Identification, names: Sequence[str], remade_by:
         "numbers",
         "Numbers",
         tuple(f"{remark[0].upper()}{remark[1:]}." for remark in remarks(result)),
-        (estimates_table(result),),
+        (identified_table(result),),
         (Figure.drawn("Intervals", INTERVALS_CAPTION, _intervals_figure, result, alone=True),),
     )
     residuals = [

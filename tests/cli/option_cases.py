@@ -223,6 +223,8 @@ KNOWN = {
     ("cli/command.py", " --plants {}"): COMMAND,
     ("cli/command.py", "{} view.json --log {}"): COMMAND,
     ("cli/new.py", "run it: cranectl run fast-diagonal --controller {}"): "tests/cli/test_new.py",
+    ("cli/new.py", "cranectl log import RECORDED.csv --map {}"): "tests/measured/test_programme.py",
+    ("measured/programme.py", "leave --period out, or choose"): "tests/measured/test_programme.py",
     ("controllers/preparation.py", "add --set control.period={} to the"): "tests/loaders/test_c_law.py",
     ("cli/ladder.py", "leave out {}, or --predict"): "tests/analysis/budget/test_budget.py",
     ("cli/identify.py", "judge runs that were not used"): "tests/measured/test_identification.py",

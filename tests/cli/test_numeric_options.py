@@ -31,6 +31,7 @@ QUICK_LINES = {
     "live": "live short.toml --plants analytic",
     "tune": "tune lqr-integral",
     "benchmark run": "benchmark run --controller lqr-integral",
+    "new": "new experiment lab-rig",
 }
 # Valid values with which a command runs for a long time.
 LONG_VALUES = {

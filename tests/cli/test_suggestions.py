@@ -230,6 +230,7 @@ KNOWN = {
     ("cli/log.py", "cranectl compare"): "tests/measured/test_runs.py",
     ("cli/log.py", "cranectl log"): ABOVE,
     ("cli/measured.py", "cranectl report"): "tests/measured/test_runs.py",
+    ("cli/new.py", "cranectl log"): "tests/measured/test_programme.py",
     ("cli/new.py", "cranectl run"): "tests/cli/test_new.py",
     ("cli/report.py", "cranectl ladder"): ABOVE,
     ("cli/run.py", "cranectl log"): ABOVE,

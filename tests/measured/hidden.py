@@ -69,15 +69,17 @@ def measured_run(
     period: float = 0.005,
     axes: tuple[int, ...] = (0, 1, 2),
     sticks: bool = False,
+    motion: tuple[Array, Array] | None = None,
     change: Callable[[Scenario], Scenario] = lambda scenario: scenario,
 ) -> Run:
     """What a measuring system writes of the crane with `numbers`, described by `nominal`.
 
+    The drives get random set-points for so many `seconds`, or a `motion`: start (3,) and speeds (N, 3).
     A load that `sticks` rests off the vertical, as far as friction of the pivot can hold it.
     """
     rng, true = np.random.default_rng(seed), rig_with(nominal, numbers)
-    time = period * np.arange(round(seconds / period) + 1)
-    start, speeds = set_points(nominal, rng, time, axes)
+    time = period * np.arange(round(seconds / period) + 1 if motion is None else len(motion[1]))
+    start, speeds = motion or set_points(nominal, rng, time, axes)
     still = np.zeros((len(time), len(CHANNELS)))
     still[:, :3] = start
     run = run_of(nominal, time, still, speeds)

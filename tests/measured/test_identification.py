@@ -34,6 +34,17 @@ def test_all_numbers_are_found_within_their_intervals(result: Identification) ->
     assert abs(errors["effects.installation.rope_offset"]) < 1e-4
 
 
+def test_intervals_have_what_coarse_encoders_leave_open() -> None:
+    """A reading that stays in one step repeats its error, also if four runs happen to agree."""
+    sensing = LAB.effects.sensing.model_copy(update={"position_resolution": (2e-3, 2e-3, 2e-3)})
+    coarse = LAB.model_copy(update={"effects": LAB.effects.model_copy(update={"sensing": sensing})})
+    result = identify([measured_run(coarse, NUMBERS, seed) for seed in range(3)], coarse)
+    outside = [e.name for e in result.estimates if abs(e.value - NUMBERS[e.name]) > e.half_width]
+    assert len(outside) <= 1, outside
+    rope = next(e for e in result.estimates if e.name.endswith("rope_offset"))
+    assert rope.half_width > 1.9 * rope.encoders > 1e-5
+
+
 def test_the_motion_of_the_axes_tells_rope_and_pivot(runs: list[Run]) -> None:
     result = identify(runs, LAB, replay="motion")
     values = {estimate.name: estimate.value for estimate in result.estimates}
