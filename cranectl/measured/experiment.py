@@ -18,6 +18,7 @@ from cranectl.support.errors import InputError
 MODEL, CHECK = "elastic", "mujoco"  # the plant that is fitted, and the one that checks it
 AXES = ("bridge", "trolley", "winch")
 CHANNELS: tuple[str, ...] = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
+ANGLE_SCALE, ANGLE_DELAY = "angles.scale", "angles.delay"  # of their sensor: no settings of a rig
 LEAST_ERROR = 0.002  # of time constants and load: errors that all runs share
 LEAST_DELAY_ERROR = 60e-6  # [s] on the laboratory rig; grows with the root of the size
 SHORT_SPAN = 0.5  # of the time 1/w of the swing, in which its start is read
@@ -58,6 +59,9 @@ def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
         fitted.append(Unknown("effects.delay.seconds", "s", late, late, 0.0, LEAST_DELAY_ERROR * sqrt(size)))
         mass = rig.load_mass
         fitted.append(Unknown("load_mass", "kg", mass, mass, 0.05 * mass, relative_floor=LEAST_ERROR))
+    else:
+        late = 0.1 / sqrt(rig.gravity / rig.rope_range[1])
+        fitted += [Unknown(ANGLE_SCALE, "1", 1.0, 0.1, 0.1), Unknown(ANGLE_DELAY, "s", 0.0, late)]
     length = 0.02 * rig.rope_range[1]
     fitted.append(Unknown("effects.installation.rope_offset", "m", 0.0, length))
     for name, unit in (("pivot_coulomb", "N m"), ("pivot_viscous", "N m s/rad")):
@@ -172,7 +176,11 @@ class Experiment:
         state = simulated.block(STATE.name)
         readings[: len(state)] = state[:, 0::2]
         readings[:, 2] += offset
-        readings[:, 3:] += zeros[3:]
+        if ANGLE_DELAY in values:
+            time = self.run.time
+            seen = [np.interp(time - values[ANGLE_DELAY], time, angle) for angle in readings[:, 3:].T]
+            readings[:, 3:] = np.column_stack(seen)
+        readings[:, 3:] = values.get(ANGLE_SCALE, 1.0) * readings[:, 3:] + zeros[3:]
         return readings
 
     def is_offset(self, j: int) -> bool:

@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 
+from cranectl.measured.experiment import ANGLE_DELAY, ANGLE_SCALE
 from cranectl.measured.identification import NORMAL, Estimate, Identification
 
 MILLISECOND = 1e-3  # to which a rig's delay is rounded, since it must be a whole number of control periods
@@ -10,9 +11,9 @@ MOST_DEVIATIONS = 2.5  # half-widths from the value to the end of a distribution
 
 def rig_text(result: Identification, base: str, logs: str) -> str:
     """Return the rig file of an identified crane: `base`, with what was fitted to `logs`."""
-    values = {estimate.name: estimate for estimate in result.estimates}
+    values = {estimate.name: estimate for estimate in _of_rig(result)}
     tables: dict[str, list[str]] = defaultdict(list)
-    for estimate in result.estimates:
+    for estimate in values.values():
         table, _, name = estimate.name.rpartition(".")
         if name.isdigit():  # one of three axes: the others have the rig's own value
             table, _, name = table.rpartition(".")
@@ -48,7 +49,7 @@ def campaign_text(result: Identification, rig: str, name: str, logs: str) -> str
         f'drive = "{drive}"',
         "runs = 200",
     ]
-    for estimate in result.estimates:
+    for estimate in _of_rig(result):
         setting = estimate.name if estimate.name.startswith("effects.") else f"rig.{estimate.name}"
         lines += [
             "",
@@ -60,6 +61,11 @@ def campaign_text(result: Identification, rig: str, name: str, logs: str) -> str
         if estimate.name != "effects.installation.rope_offset":
             lines.append(f"low = {max(estimate.value - MOST_DEVIATIONS * estimate.half_width, 0.0):.6g}")
     return "\n".join(lines) + "\n"
+
+
+def _of_rig(result: Identification) -> list[Estimate]:
+    """Return the numbers that are settings of a rig, without those of the angles' sensor."""
+    return [estimate for estimate in result.estimates if estimate.name not in (ANGLE_SCALE, ANGLE_DELAY)]
 
 
 def _interval(estimate: Estimate) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 
 from cranectl.measured.comparison import Comparison
-from cranectl.measured.experiment import CHECK, MODEL
+from cranectl.measured.experiment import ANGLE_DELAY, ANGLE_SCALE, CHECK, MODEL
 from cranectl.measured.identification import LARGEST_MISFIT, Estimate, Identification
 from cranectl.measured.verdict import (
     BAND_DEVIATIONS,
@@ -68,6 +68,14 @@ def remarks(result: Identification) -> list[str]:
         sentences.append(f"not identifiable from these logs: {', '.join(result.unidentifiable)}")
     for a, b, correlation in result.correlated:
         sentences.append(f"{a} and {b} can replace one another here: correlation {correlation:.3f}")
+    sensor = {e.name: e for e in result.estimates}
+    scale, delay = sensor.get(ANGLE_SCALE), sensor.get(ANGLE_DELAY)
+    if scale is not None and abs(scale.value - 1.0) > scale.half_width:
+        factor = f"multiply the scale of alpha and beta in the map by {1.0 / scale.value:.3f}"
+        sentences.append(f"angles are read as {scale.value:.3f} of what they are: {factor}")
+    if delay is not None and abs(delay.value) > delay.half_width:
+        more = f"add {delay.value:.4g} to the delay of alpha and beta in the map"
+        sentences.append(f"angles are {1e3 * delay.value:.3g} ms late: {more}")
     if not result.converged:
         sentences.append(
             f"NOT CONVERGED: the residuals are {result.misfit:.3g} times the squared noise of the readings, "

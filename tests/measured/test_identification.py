@@ -1,6 +1,7 @@
 """The numbers of a hidden crane in MuJoCo are found from its readings, and what cannot be found is named."""
 
 import json
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,8 @@ from cranectl.cli.main import main
 from cranectl.log.writer import write_log
 from cranectl.measured.experiment import delayed
 from cranectl.measured.identification import Identification, identify
+from cranectl.measured.identified import campaign_text, rig_text
+from cranectl.report.measured import remarks
 from cranectl.scenario.effects import Frame
 from cranectl.scenario.load import load_rig
 from cranectl.simulate import Run
@@ -48,13 +51,36 @@ def test_intervals_have_what_coarse_encoders_leave_open() -> None:
 def test_the_motion_of_the_axes_tells_rope_and_pivot(runs: list[Run]) -> None:
     result = identify(runs, LAB, replay="motion")
     values = {estimate.name: estimate.value for estimate in result.estimates}
-    assert len(values) == 3
+    assert len(values) == 5
+    assert values["angles.scale"] == pytest.approx(1.0, abs=1e-3)
+    assert values["angles.delay"] == pytest.approx(0.0, abs=1e-3)
     name = "effects.installation.rope_offset"
     assert values[name] == pytest.approx(NUMBERS[name], abs=2e-4)
     # Only friction over mass is seen, and the mass is that of the rig.
     assert values["effects.friction.pivot_viscous"] == pytest.approx(
         NUMBERS["effects.friction.pivot_viscous"] * LAB.load_mass / NUMBERS["load_mass"], rel=0.15
     )
+
+
+def test_scale_and_delay_of_a_camera_are_found(runs: list[Run]) -> None:
+    """Angles of a camera that sees 9/10 of the angle, 60 ms late."""
+    seen = []
+    for run in runs:
+        table, late = run.table.copy(), round(0.06 / run.scenario.period_ns * 1e9)
+        for name in ("state.alpha", "state.beta"):
+            column = next(k for k, values in enumerate(table.T) if (values == run.signal(name)).all())
+            table[late:, column] = 0.9 * table[:-late, column]
+            table[:late, column] *= 0.9
+        seen.append(replace(run, table=table))
+    result = identify(seen, LAB, replay="motion")
+    values = {estimate.name: estimate.value for estimate in result.estimates}
+    assert values["angles.scale"] == pytest.approx(0.9, abs=2e-3)
+    assert values["angles.delay"] == pytest.approx(0.06, abs=1e-3)
+    said = " ".join(remarks(result))
+    assert "multiply the scale of alpha and beta in the map by 1.11" in said
+    assert re.search(r"add 0\.0[56]\d* to the delay of alpha and beta in the map", said)
+    assert "angles" not in rig_text(result, "lab-rig", "three runs")
+    assert "angles" not in campaign_text(result, "mine.toml", "mine", "three runs")
 
 
 def test_runs_along_one_axis_say_nothing_of_the_others() -> None:
