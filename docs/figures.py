@@ -1,9 +1,10 @@
-"""Draw the figures of docs/explanation/ into docs/pictures/ from runs that this script makes.
+"""Draw the figures of docs/explanation/ into docs/pictures/, from runs or from results of a proof.
 
 python docs/figures.py            draw all of them
 python docs/figures.py DIRECTORY  draw them into another folder
 """
 
+import json
 import sys
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from cranectl.model.flatness import states_and_inputs
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 
+IDENTIFICATION = Path(__file__).resolve().parents[1] / "validation" / "proofs" / "identification.json"
 PICTURES = Path(__file__).resolve().parent / "pictures"
 COLOURS = ("#1f6fb4", "#d9601a", "#2f8f4e", "#8a4fa3")
 GREY = "#666666"
@@ -114,7 +116,25 @@ def observers() -> Figure:
     return figure
 
 
-FIGURES = {"flatness": flatness, "drives": drives, "delays": delays, "observers": observers}
+def verdicts() -> Figure:
+    """Draw the statistic of the verdicts on unchanged and on changed cranes, from the proof's results."""
+    rows = json.loads(IDENTIFICATION.read_text(encoding="utf-8"))["verdicts"]
+    kinds = list(dict.fromkeys(kind for _, kind, _, _ in rows))
+    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    axes = figure.subplots()
+    for answer, colour, marker in (("covered", COLOURS[2], "o"), ("not covered", COLOURS[1], "x")):
+        shown = [(statistic, kinds.index(kind)) for _, kind, own, statistic in rows if own == answer]
+        axes.plot(*zip(*shown, strict=True), marker, color=colour, ls="", ms=5, alpha=0.7, label=answer)
+    axes.set_xscale("log")
+    axes.set_yticks(range(len(kinds)), kinds)
+    axes.invert_yaxis()
+    finish_axes(axes, "New runs of 12 hidden cranes", "largest difference, in standard deviations", "")
+    return figure
+
+
+FIGURES = {
+    "flatness": flatness, "drives": drives, "delays": delays, "observers": observers, "verdicts": verdicts,
+}  # fmt: skip
 
 
 def main(directory: Path) -> None:

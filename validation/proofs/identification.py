@@ -27,6 +27,7 @@ SEED = 2611
 LARGEST = 30.0  # times the laboratory rig
 RUNS, CLEAN = 4, 4  # runs that are fitted, and unchanged ones that are judged
 CLEAN_KIND = "unchanged"
+DEAD_TIME = "effects.delay.seconds"
 DATA = Path(__file__).with_name("identification.json")
 ROPE = 1.4  # [m] of the laboratory rig
 GUSTS = 0.5  # [m/s] on the laboratory rig
@@ -51,7 +52,7 @@ def with_effects(**effects: Any) -> Change:
 def changes(rig: RigParameters, numbers: Numbers, period: float) -> dict[str, tuple[Numbers, Change | None]]:
     """Return kinds of change: other numbers, and another crane."""
     size, effects = length_scale(rig.rope_range[1]), rig.effects
-    offset, delay = "effects.installation.rope_offset", "effects.delay.seconds"
+    offset, delay = "effects.installation.rope_offset", DEAD_TIME
     tilted = effects.installation.model_copy(update={"tilt": (TILT, TILT)})
     weak = effects.limits.model_copy(
         update={
@@ -149,17 +150,21 @@ def summary(data: Mapping[str, Any]) -> dict[str, str]:
     """Return in words how exact the numbers are, and how often the verdicts err."""
     inside: list[bool] = []
     worst: dict[str, float] = {}
+    late = 0.0
     for rig in data["rigs"]:
         for name, (value, half_width) in rig["estimates"].items():
             true = rig["true"][name]
             inside.append(abs(value - true) <= half_width)
             worst[name] = max(worst.get(name, 0.0), abs(value - true) / abs(true))
+            if name == DEAD_TIME:
+                late = max(late, abs(value - true) / rig["size"] ** 0.5)
     converged = sum(rig["converged"] for rig in data["rigs"])
     words = {
         "converged": f"{converged} of {len(data['rigs'])}",
         "numbers inside their intervals": f"{sum(inside)} of {len(inside)}",
     }
     words |= {f"largest error of {name}": f"{100.0 * error:.2f} %" for name, error in worst.items()}
+    words["largest error of the dead time"] = f"{1e6 * late:.0f} µs, over the root of the size"
     kinds: dict[str, list[bool]] = {}
     for _, kind, answer, _ in data["verdicts"]:
         kinds.setdefault(kind, []).append(answer != COVERED)
