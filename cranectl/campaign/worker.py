@@ -22,7 +22,7 @@ from cranectl.simulate.memory import check_planned
 from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import Block, start_run, stream_run
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, MachineError, is_of_machine, tried_again
+from cranectl.support.errors import InputError, MachineError, is_of_machine, with_retries
 
 Stop = Callable[[], bool]
 
@@ -122,7 +122,7 @@ class Worker:
         Raises StoppedError soon after `stop` returns True, and MachineError if the machine fails again.
         """
         samples = range(batch.first, batch.last)
-        return [tried_again(functools.partial(self._run_sample, batch, sample, stop)) for sample in samples]
+        return [with_retries(functools.partial(self._run_sample, batch, sample, stop)) for sample in samples]
 
     def close(self) -> None:
         """Do nothing: this worker has no process to end."""

@@ -29,7 +29,7 @@ from cranectl.loaders.opening import open_again
 from cranectl.simulate.child import BLOCK_TIMEOUT
 from cranectl.support.children import Child, ChildError, requests, spawn_child
 from cranectl.support.documents import Table
-from cranectl.support.errors import InputError, MachineError, is_of_machine, report_to_parent, tried_again
+from cranectl.support.errors import InputError, MachineError, is_of_machine, report_to_parent, with_retries
 
 # Runs the batches of a campaign, and stops soon after its argument `stop` returns True.
 Engine = Callable[..., Generator[tuple[Batch, list[Row]], None, None]]
@@ -172,7 +172,7 @@ class ChildWorker:
     def run_batch(self, batch: Batch, stop: Stop = lambda: False) -> list[Row]:
         """Return the rows of `batch`; raise StoppedError soon after `stop` returns True."""
         single = (batch._replace(first=k, last=k + 1) for k in range(batch.first, batch.last))
-        return [tried_again(partial(self._try, one_run, stop)) for one_run in single]
+        return [with_retries(partial(self._try, one_run, stop)) for one_run in single]
 
     def close(self) -> None:
         """Give the child process back; call it between batches, when the process is idle."""

@@ -21,7 +21,7 @@ from cranectl.simulate import Run, plan_scenario, prepare_controller, simulate_r
 from cranectl.simulate.child import BLOCK_TIMEOUT
 from cranectl.simulate.memory import check_runs
 from cranectl.status import RunStatus
-from cranectl.support.errors import InputError, describe_error, tried_again
+from cranectl.support.errors import InputError, describe_error, with_retries
 
 LOG_DIRECTORY = Path("logs")
 
@@ -279,6 +279,6 @@ def _pair_differences(runs: Sequence[Run]) -> tuple[PairDifference, ...]:
 def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:
     """Run a case as `run_case` does, but return errors as failures, so that other cases can go on."""
     try:
-        return tried_again(lambda: run_case(case, progress=progress))
+        return with_retries(lambda: run_case(case, progress=progress))
     except Exception as error:
         return Failure.of(error)

@@ -22,7 +22,7 @@ from cranectl.support.extensions import loaded
 from cranectl.support.files import open_input, replacing
 from cranectl.support.provenance import syntax_of
 
-MAX_BESIDE = 64 * 2**20  # [bytes] of all files that a controller uses
+MAX_COMPANIONS = 64 * 2**20  # [bytes] of all files that a controller uses
 LOADERS = {  # by file ending; each returns a controller, and its file with all files that it uses
     ".py": "cranectl.loaders.python_law:open_python",
     ".so": "cranectl.loaders.c_law:open_library",
@@ -44,21 +44,21 @@ class ControllerFile(NamedTuple):
     place: str = ""  # absolute path where it was read
     # What else it is made of, by path relative to its folder. An absolute path stays where it is, and its
     # content here is the digest of the file.
-    beside: tuple[tuple[str, bytes], ...] = ()
+    companions: tuple[tuple[str, bytes], ...] = ()
 
     @property
     def digest(self) -> str:
         """SHA-256 of the content, of the table and of all files beside it, hexadecimal."""
         digest = hashlib.sha256(self.content + self.table)
-        for name, content in self.beside:
+        for name, content in self.companions:
             digest.update(f"\0{name}\0{len(content)}\0".encode() + content)
         return digest.hexdigest()
 
     @property
     def code_digest(self) -> str:
         """The same digest without comments and docstrings of Python source, hexadecimal."""
-        beside = tuple((name, _code(name, content)) for name, content in self.beside)
-        return self._replace(content=_code(self.path.name, self.content), beside=beside).digest
+        companions = tuple((name, _code(name, content)) for name, content in self.companions)
+        return self._replace(content=_code(self.path.name, self.content), companions=companions).digest
 
     @property
     def folder(self) -> Path:
@@ -69,25 +69,25 @@ class ControllerFile(NamedTuple):
         """Return True if both name the same controller at the same place, whatever the content."""
         return (self.place, self.symbol) == (other.place, other.symbol)
 
-    def with_beside(self, folder: Path, names: Iterable[str]) -> "ControllerFile":
+    def with_companions(self, folder: Path, names: Iterable[str]) -> "ControllerFile":
         """Return the file together with the files `names`, relative to `folder`, that it also uses.
 
         Raises OSError, and InputError if these files are too large.
         """
         contents = {name: _part(folder, name) for name in names}
         size = sum(map(len, contents.values()))
-        if size > MAX_BESIDE:
+        if size > MAX_COMPANIONS:
             raise InputError(
                 f"{self.reference} takes {size / 2**20:.0f} MiB of files along",
-                allowed=f"at most {MAX_BESIDE // 2**20} MiB of modules, programs and data",
+                allowed=f"at most {MAX_COMPANIONS // 2**20} MiB of modules, programs and data",
                 remedy="install large data as a package of its own, or read it from another folder",
             )
-        return self._replace(beside=tuple(sorted(contents.items())))
+        return self._replace(companions=tuple(sorted(contents.items())))
 
     def read_again(self) -> "ControllerFile":
         """Return the file with the present content of all its parts; a missing part is empty."""
-        contents = [(name, self._read(name)) for name, _ in self.beside]
-        return self._replace(content=self._read(Path(self.place).name), beside=tuple(contents))
+        contents = [(name, self._read(name)) for name, _ in self.companions]
+        return self._replace(content=self._read(Path(self.place).name), companions=tuple(contents))
 
     def _read(self, name: str) -> bytes:
         with contextlib.suppress(OSError):
@@ -126,9 +126,9 @@ def whole_copy_of(file: ControllerFile) -> Path:
     """Return the file's own path, or that of a complete copy if any of its files has changed."""
     if file.read_again() == file:
         return Path(file.place)
-    above = max((name.split("/").count("..") for name, _ in file.beside), default=0)
+    above = max((name.split("/").count("..") for name, _ in file.companions), default=0)
     folder = directory_of(file).joinpath("whole", *file.folder.parts[1:][-above:] if above else ())
-    for name, content in (*file.beside, (Path(file.place).name, file.content)):
+    for name, content in (*file.companions, (Path(file.place).name, file.content)):
         path = Path(os.path.normpath(folder / name))
         if not Path(name).is_absolute() and not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -83,7 +83,7 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     if not file.reference.startswith(UDP):
         table = parse_toml(file.content.decode("utf-8", "replace"), str(file.path))
     settings = parse_settings(ProcessSettings, table, file.reference)
-    if not file.beside:  # a worker process already has these files
+    if not file.companions:  # a worker process already has these files
         file = _with_named_files(settings, file)
     check_name("controller", settings.name)
     connect = _connector(settings, file)
@@ -123,7 +123,7 @@ def _with_named_files(settings: ProcessSettings, file: ControllerFile) -> Contro
             )
         named |= {path.relative_to(folder).as_posix() for path in files}
     try:
-        return file.with_beside(folder, named)
+        return file.with_companions(folder, named)
     except OSError as error:
         raise InputError(
             f"{file.reference}: {error.filename}: {error.strerror}",
@@ -208,14 +208,18 @@ def _connector(settings: ProcessSettings, file: ControllerFile) -> "Callable[[],
 
 def _check_program(first: str, file: ControllerFile) -> None:
     """Raise InputError if the program is missing, or differs from that where the file was opened."""
-    if not _is_file(file.folder / first) and first not in dict(file.beside) and shutil.which(first) is None:
+    if (
+        not _is_file(file.folder / first)
+        and first not in dict(file.companions)
+        and shutil.which(first) is None
+    ):
         raise InputError(
             f"{file.reference}: there is no program '{first}'",
             allowed=f"a program on the path, or relative to {file.path.parent}",
             remedy="correct 'program'",
         )
-    here = dict(file.read_again().beside)
-    for name, digest in file.beside:
+    here = dict(file.read_again().companions)
+    for name, digest in file.companions:
         if Path(name).is_absolute() and here[name] != digest:
             raise InputError(
                 f"{file.reference}: {name} differs from the file on the machine that opened the controller",

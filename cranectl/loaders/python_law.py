@@ -74,22 +74,22 @@ def open_python(file: ControllerFile) -> tuple[Controller, ControllerFile]:
 def _load(file: ControllerFile) -> tuple[ModuleType, ControllerFile]:
     """Run the file and return its module; a worker on another machine runs a copy."""
     path = whole_copy_of(file)
-    beside = Neighbours(path)
-    module = ModuleType(f"{beside.package}.{path.stem}")
+    neighbours = Neighbours(path)
+    module = ModuleType(f"{neighbours.package}.{path.stem}")
     module.__file__ = str(path)
     module.__package__ = ""  # as for any script
-    module.__dict__["__builtins__"] = beside.names
+    module.__dict__["__builtins__"] = neighbours.names
     sys.modules[module.__name__] = module
     linecache.checkcache(str(path))
     try:
-        with contained(), beside.running(), reported_when_slow(f"{file.reference} has been loading"):
+        with contained(), neighbours.running(), reported_when_slow(f"{file.reference} has been loading"):
             exec(compile(file.content, str(path), "exec"), module.__dict__)
-        return module, file.with_beside(beside.folder, beside.taken(path))
+        return module, file.with_companions(neighbours.folder, neighbours.taken(path))
     except (InputError, KeyboardInterrupt):  # about a wrong declaration
         raise
     except BaseException as error:
         raise InputError(
-            f"{_where(error, path)}: {describe_error(error)}".replace(f"{beside.package}.", ""),
+            f"{_where(error, path)}: {describe_error(error)}".replace(f"{neighbours.package}.", ""),
             allowed="a file that Python can run",
             remedy="correct it",
         ) from error

@@ -14,7 +14,7 @@ from cranectl.scenario.rig import RigParameters
 Panel = tuple[str, dict[str, Any]]  # its kind and configuration
 Layout = Panel | dict[str, Any]  # a panel, or two layouts side by side
 
-WISH = 0.4  # of the drives' speed: what hands may wish is at most half of what is left to them of it
+BUTTON_SPEED = 0.4  # share of the speed limits that a button commands; up to half is allowed
 CAMERA = {  # looks at the middle of the rig from outside a long side, past the posts
     "perspective": True, "phi": 68.0, "thetaOffset": 18.0, "fovy": 40.0, "near": 0.05, "far": 100.0,
     "target": [0.0, 0.0, 0.0], "targetOffset": [1.0, 0.77, -0.62], "targetOrientation": [0.0, 0.0, 0.0, 1.0],
@@ -140,7 +140,7 @@ def pad(title: str, horizontal: str, vertical: str) -> Panel:
     wishes = {}
     for axis, names in ((horizontal, ("right", "left")), (vertical, ("up", "down"))):
         for name, sign in zip(names, (1, -1), strict=True):
-            wishes[f"{name}Button"] = {"field": f"linear-{axis}", "value": WISH * sign}
+            wishes[f"{name}Button"] = {"field": f"linear-{axis}", "value": BUTTON_SPEED * sign}
     return panel("Teleop", title, topic="/wish", publishRate=10, **wishes)
 
 

@@ -215,7 +215,7 @@ def was_killed(exit_code: int) -> bool:
     return exit_code in _KILLED
 
 
-def tried_again(attempt: Callable[[], T]) -> T:
+def with_retries(attempt: Callable[[], T]) -> T:
     """Return the result of `attempt`, which is repeated after a failure of the machine.
 
     Raises MachineError if the last try fails in this way too.

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from cranectl.support.errors import InputError, MachineError, is_of_machine, tried_again, was_killed
+from cranectl.support.errors import InputError, MachineError, is_of_machine, was_killed, with_retries
 
 
 def caused(error: Exception, cause: BaseException) -> Exception:
@@ -41,15 +41,15 @@ def test_only_what_the_machine_fails_at_is_tried_again() -> None:
             raise error
         return "done"
 
-    assert tried_again(lambda: attempt(MemoryError(), 2)) == "done"
+    assert with_retries(lambda: attempt(MemoryError(), 2)) == "done"
     assert len(tries) == 3
     tries.clear()
     with pytest.raises(MachineError, match="MemoryError") as caught:
-        tried_again(lambda: attempt(MemoryError(), 9))
+        with_retries(lambda: attempt(MemoryError(), 9))
     assert len(tries) == 3
     assert "free memory or disk space" in caught.value.remedy
     for error in (ValueError("own"), InputError("own")):
         tries.clear()
         with pytest.raises(type(error), match="own"):
-            tried_again(lambda error=error: attempt(error, 9))  # type: ignore[misc]
+            with_retries(lambda error=error: attempt(error, 9))  # type: ignore[misc]
         assert len(tries) == 1
