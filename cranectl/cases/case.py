@@ -14,6 +14,7 @@ from cranectl.log.header import check_recordable
 from cranectl.log.writer import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
+from cranectl.plants.model_files import examine
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import plants_to_run, reference_plant
 from cranectl.scenario import Scenario
@@ -194,6 +195,8 @@ def make_case(
     Raises InputError for plants that cannot run and for impossible limits.
     """
     plants = plants_to_run(plants)
+    for plant in plants:
+        examine(plant, scenario.rig)
     limits_of(scenario, plants)
     controller = controller or scenario.controller.name
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)

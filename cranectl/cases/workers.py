@@ -17,7 +17,8 @@ from cranectl.cases.case import Case, CaseResult, Failure, try_case
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
 from cranectl.controllers.registry import runs_alone
 from cranectl.loaders.opening import open_again
-from cranectl.plants.registry import PLANTS
+from cranectl.plants.model_files import model_plants
+from cranectl.plants.registry import PLANTS, PlantEntry
 from cranectl.support.children import Child, ChildError, requests, safe_path, spawn_child
 from cranectl.support.errors import TRIES
 from cranectl.support.interrupts import interrupts_blocked, interrupts_wait
@@ -134,7 +135,8 @@ class _Worker:
             self._child.end()
 
     def _start_child(self) -> Child:
-        return spawn_child(_serve_cases, OPEN.share(), _plant_modules(), context=self._context, daemon=False)
+        arguments = OPEN.share(), _plant_modules(), model_plants()
+        return spawn_child(_serve_cases, *arguments, context=self._context, daemon=False)
 
     def _pass_on_stop(self) -> None:
         if self._child is not None and self._stop.is_set() and not self._is_stopping:
@@ -165,12 +167,15 @@ def _plant_modules() -> tuple[str, ...]:
     return tuple(entry.where.partition(":")[0] for entry in PLANTS.values() if entry.by_default)
 
 
-def _serve_cases(connection: Connection, shared: SharedControllers, plants: tuple[str, ...]) -> None:
+def _serve_cases(
+    connection: Connection, shared: SharedControllers, plants: tuple[str, ...], models: dict[str, PlantEntry]
+) -> None:
     """Run cases in a worker until the parent asks it to end.
 
     `shared` are the parent's controllers from files. `plants` are modules that the server may not have found,
-    since only this process has the parent's search path.
+    since only this process has the parent's search path. `models` are plants from model files.
     """
+    PLANTS.update(models)
     for module in plants:
         with suppress(ImportError):
             importlib.import_module(module)

@@ -256,10 +256,12 @@ def _plants(
     names = names_given(context, parameter, texts)
     if not names or context.resilient_parsing:
         return ()
-    from cranectl.plants.registry import ALL, PLANTS, plant_entry
+    from cranectl.plants.model_files import forget_models, plants_named
+    from cranectl.plants.registry import ALL, PLANTS
 
+    forget_models()
     if names not in ALL:
-        return tuple(plant_entry(name).name for name in names)
+        return plants_named(names)
     able = []
     for name, entry in PLANTS.items():
         try:

@@ -6,28 +6,88 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.cli.command import PATH, Command, json_option, predict_option
+from cranectl.cli import exit_codes
+from cranectl.cli.command import (
+    PATH,
+    Command,
+    ScenarioRequest,
+    json_option,
+    predict_option,
+    scenario_options,
+)
 from cranectl.cli.output import Screen
+from cranectl.support.errors import InputError
 
 if TYPE_CHECKING:
     from cranectl.log.overlay import Layer
     from cranectl.log.reader import LogDescription
+    from cranectl.scenario.rig import ModelNames
     from cranectl.simulate import Run
 
 
 @click.command("info", cls=Command)
-@click.argument("log", metavar="LOG", type=PATH)
+@click.argument("file", metavar="FILE", type=PATH)
+@scenario_options
+@click.option("--as-is", is_flag=True, help="Of a model: it is meant to differ, so the exit code is 0.")
 @predict_option
 @json_option
-def info_command(log: Path, screen: Screen) -> None:
-    """Show what LOG contains, what made it, and whether it is complete.
+def info_command(file: Path, request: ScenarioRequest, as_is: bool, screen: Screen) -> int:
+    """Show what a log contains, or what crane a model file is.
 
-    Shows scenario, design, parameters, versions, topics and verdict. Every message and checksum is read.
-    A damaged file is refused with the reason.
+    Of a log: scenario, design, parameters, versions, topics and verdict. Every message and checksum is
+    read. A damaged file is refused with the reason.
+
+    Of a model in MJCF, a file that ends in '.xml': its drives, the numbers of a rig that it has, and how
+    it differs from the rigid crane of the other plants. Exit code 1 if it differs, unless --as-is is
+    given. The rig has the names of its sites and actuators.
 
     \b
     cranectl info logs/fixed-position/lqr-ideal.mcap
+    cranectl info mine.xml --set rig.plant.names.load=hook
     """
+    from cranectl.plants.model_files import MODEL_ENDING
+
+    if file.suffix == MODEL_ENDING:
+        return _tell_model(file, request.read().rig.plant.names, as_is=as_is, screen=screen)
+    if as_is or request.rig or request.overrides:
+        raise InputError(
+            f"--as-is, --rig or --set with {file}",
+            allowed=f"these options with a model, a file that ends in {MODEL_ENDING}",
+            remedy="leave these options out",
+        )
+    _tell_log(file, screen)
+    return exit_codes.GOOD
+
+
+def _tell_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen) -> int:
+    """Print what a model file is as a crane, and how it differs from others; return the exit code."""
+    from cranectl.plants.mujoco.own_check import find_differences
+    from cranectl.plants.mujoco.own_model import open_model
+    from cranectl.plants.mujoco.own_plant import built_in
+
+    own, differences = open_model(file, names), find_differences(file, names)
+    facts = [
+        ("file", file),
+        *((key.replace("_", " "), name) for key, name in names),
+        ("drives", f"{own.servo}; turns of drives per axis: {', '.join(f'{r:g}' for r in own.ratios)}"),
+        ("pivot", f"{own.height:g} m above the model's origin, which is height 0 in runs"),
+        *((f"rig.{name}", f"{number:g}") for name, number in built_in(own).items()),
+        *((finding.text, finding.meaning) for finding in differences),
+        ("check", "differs from the rigid crane" if differences else "no difference from the rigid crane"),
+    ]
+    screen.print_each(f"{name:26} {text}" for name, text in facts)
+    screen.write_json(
+        {
+            "drives": own.servo,
+            "rig": built_in(own),
+            "differences": [finding._asdict() for finding in differences],
+        }
+    )
+    return exit_codes.LIMIT_EXCEEDED if differences and not as_is else exit_codes.GOOD
+
+
+def _tell_log(log: Path, screen: Screen) -> None:
+    """Print what a log contains."""
     from cranectl.log.overlay import is_overlay, read_layers
     from cranectl.log.reader import describe_log
     from cranectl.report.run.tables import topic_table

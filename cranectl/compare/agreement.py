@@ -81,6 +81,9 @@ def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> Agre
     if without_servos:
         label = plant_entry(without_servos[0]).label
         return NoLimits(f"velocity drives of the {label} plant do not feel the load, unlike those of others")
+    for entry in map(plant_entry, pair):
+        if entry.differs:
+            return NoLimits(f"the {entry.label} plant is another crane: {entry.differs}")
     by_effect, limits = _closed_loop()["effects"], agreement_limits(drive)
     if scenario.effects.sensing and len(by_effect.keys() & set(scenario.effects.names)) > 1:
         return ENCODER_STEPS

@@ -191,6 +191,7 @@ def _unknown_plant(plant: str, declared: Mapping[str, str]) -> PlantEntry:
         batch=0,
         servos=declared.get("servos") == "true",
         by_default=False,
+        differs=declared.get("differs", ""),
     )
 
 
@@ -258,8 +259,8 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
     }
     for entry in (plant_entry(run.plant) for run in runs):
         if not entry.is_own:  # so that the log can be read where its package is not installed
-            servos = str(entry.servos).lower()
-            records[f"plant/{entry.name}"] = {"label": entry.label, "colour": entry.colour, "servos": servos}
+            declared = {"label": entry.label, "colour": entry.colour, "servos": str(entry.servos).lower()}
+            records[f"plant/{entry.name}"] = declared | ({"differs": entry.differs} if entry.differs else {})
     return records | {f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs}
 
 

@@ -28,14 +28,16 @@ def check_scenario(scenario: Scenario, *, plant: str, drive: Drive) -> None:
                 allowed=f"disturbances = [], or {capable}",
                 remedy=f"{remedy.partition(', or ')[0]}, or add --set 'disturbances=[]'",
             )
-    for name, value in entry.fixed.items():
-        stated = getattr(scenario.rig, name)
-        if stated != value:
-            raise InputError(
-                f"rig.{name} = {stated:g} on the {entry.label} plant, which has {value:g} built in",
-                allowed=f"rig.{name} = {value:g}",
-                remedy=f"add --set rig.{name}={value:g}, or choose other plants with --plants",
-            )
+    stated = {name: getattr(scenario.rig, name) for name in entry.fixed}
+    built_in = {name: f"{value:g}" for name, value in entry.fixed.items() if stated[name] != value}
+    if built_in:
+        settings = " ".join(f"--set rig.{name}={value}" for name, value in built_in.items())
+        raise InputError(
+            f"{', '.join(f'rig.{name} = {stated[name]:g}' for name in built_in)} on the {entry.label} plant, "
+            f"which has {', '.join(built_in.values())} built in",
+            allowed=", ".join(f"rig.{name} = {value}" for name, value in built_in.items()),
+            remedy=f"add {settings}, or choose other plants with --plants",
+        )
 
 
 def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:

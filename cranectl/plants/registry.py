@@ -5,9 +5,10 @@ Another package adds a plant in one of two ways. It declares a `PlantEntry` as a
 """
 
 import functools
-from collections.abc import Collection, Iterable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
+from typing import Any
 
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.scenario.effects import PARTS, WHOLE_EFFECTS
@@ -58,6 +59,10 @@ class PlantEntry:
         Whether commands run it where no plants are named.
     package : str
         A package that it needs and that only the extra with the plant's name installs.
+    arguments : Mapping
+        Further arguments of its class, such as the file of a model.
+    differs : str
+        How it differs from the crane of the other plants. If not empty, their agreement is not judged.
     """
 
     name: str
@@ -72,6 +77,8 @@ class PlantEntry:
     fixed: Mapping[str, float] = field(default_factory=dict)
     by_default: bool = True
     package: str = ""
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    differs: str = ""
 
     def __post_init__(self) -> None:
         check_name("plant", self.name)
@@ -95,7 +102,7 @@ class PlantEntry:
     @property
     def is_own(self) -> bool:
         """Whether the plant belongs to this package, whose tests compare it with the equations."""
-        return self.where.startswith("cranectl.")
+        return self.where.startswith("cranectl.") and not self.arguments
 
     def lack(self, setting: str) -> str | None:
         """Return why the plant does not honour `setting`, one of LACKS, or None if no reason is declared."""
@@ -139,11 +146,11 @@ class PlantEntry:
                 remedy=f"take '--plants {REFERENCE_PLANT}', and {self.name} for single runs",
             )
 
-    def load(self) -> type[Plant]:
+    def load(self) -> Callable[..., Plant]:
         """Return the class of the plant, imported now; raise InputError as `check_installed` does."""
         self.check_installed()
         plant: type[Plant] = loaded(self.where)
-        return plant
+        return functools.partial(plant, **self.arguments) if self.arguments else plant
 
 
 class Plants(MutableMapping[str, PlantEntry]):

@@ -30,6 +30,22 @@ class Look(Settings):
     )
 
 
+class ModelNames(Settings):
+    """Names of sites and actuators in a model file that is run as a plant."""
+
+    pivot: str = Field("pivot", description="site where the rope leaves the trolley")
+    load: str = Field("load", description="site whose motion is that of the load")
+    bridge_drive: str = Field("bridge_drive", description="actuator that moves the pivot along x")
+    trolley_drive: str = Field("trolley_drive", description="actuator that moves the pivot along y")
+    winch_drive: str = Field("winch_drive", description="actuator that pays out rope")
+
+
+class PlantSettings(Settings):
+    """What plants from model files need to know; it changes no other plant."""
+
+    names: ModelNames = ModelNames()
+
+
 class RigParameters(Settings):
     """Physical parameters of the rig, in SI units."""
 
@@ -72,6 +88,11 @@ class RigParameters(Settings):
         EffectNumbers(), description="numbers of the effects on this crane, for a run that has them"
     )
     look: Look = Field(Look(), description="how it is drawn")
+    plant: PlantSettings = Field(
+        PlantSettings(),
+        description="names in a model file that is run as a plant",
+        exclude_if=lambda plant: plant == PlantSettings(),
+    )
 
     @model_validator(mode="after")
     def _ranges_increase(self) -> "RigParameters":

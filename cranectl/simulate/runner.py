@@ -18,6 +18,7 @@ from cranectl.controllers.preparation import linearised
 from cranectl.controllers.registry import controller_design, controller_of
 from cranectl.design import ControllerDesign, Design
 from cranectl.plants.capabilities import check_scenario
+from cranectl.plants.model_files import examine
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
 from cranectl.reference import build_trajectory
@@ -220,9 +221,10 @@ def nominal_crane(
 
 def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
     """Make the plant `name` for a scenario; raise InputError if it is unknown or cannot show the scenario."""
+    examine(name, scenario.rig)
     check_scenario(scenario, plant=name, drive=drive)
     entry = plant_entry(name)
-    if not entry.is_own:
+    if not entry.where.startswith("cranectl."):
         from cranectl.plants.trials import check_honest
 
         check_honest(name, drive)

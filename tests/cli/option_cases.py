@@ -197,7 +197,7 @@ DIFFERENCES = (
 ROOM = "make room and go on with --resume: finished batches are kept"
 WAIT = "wait for it, or choose another place with --out"
 BEGAN = "the command that began it and --resume"
-FIXED = "add --set rig.{}={}, or choose other plants with --plants"
+FIXED = "add {}, or choose other plants with --plants"
 DISTURBED = "{}, or add --set 'disturbances=[]'"
 DRIVE = "take '--drive {}'"
 
@@ -212,6 +212,7 @@ KNOWN = {
     **dict.fromkeys((("campaign/results.py", text) for text in (DIFFERENCES, ROOM, WAIT, BEGAN)), HERE),
     **dict.fromkeys((("plants/capabilities.py", text) for text in (FIXED, DISTURBED, DRIVE)), HERE),
     ("simulate/child.py", "--patience allows more"): HERE,
+    ("plants/mujoco/own_file.py", "add --set rig.plant.names.{}=NAME"): "tests/plants/test_own_model.py",
     ("cli/validate.py", "and {} more, with --details"): "tests/cli/test_validate_cli.py",
     ("cli/compare.py", "--despite-differences without --merge"): FOUND,
     ("cli/compare.py", "--merge and one log"): FOUND,

@@ -17,14 +17,15 @@ PAGE = (ROOT / "docs" / "explanation" / "limits.md").read_text(encoding="utf-8")
 
 
 def test_the_page_names_what_is_tested_here() -> None:
-    for words in ("MJCF", "600 s", "10⁶ runs", "passes through obstacles", "measured crane", "1000 t"):
+    for words in ("URDF", "600 s", "10⁶ runs", "passes through obstacles", "measured crane", "1000 t"):
         assert words in PAGE
 
 
 @pytest.mark.parametrize(
     "command",
     [
-        ("run", "fixed-position", "--rig", str(ROOT / "models" / "crane.xml")),
+        ("run", "fixed-position", "--plants", "crane.urdf"),
+        ("run", "fixed-position", "--plants", "crane.xml", "--drive", "velocity"),
         ("run", "fixed-position", "--set", "duration=601"),
         ("run", "fixed-position", "--set", "rig.load_mass=1.1e6"),
         ("run", "fixed-position", "--set", "rig.slewing_range=[0,6]"),
@@ -39,6 +40,8 @@ def test_it_is_refused(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    for name in ("crane.urdf", "crane.xml"):  # also if a URDF has the ending of an MJCF
+        Path(name).write_text('<robot name="crane"><link name="bridge"/></robot>', encoding="utf-8")
     Path("measured.csv").write_text("time,load_x\n0.0,1.0\n0.1,1.0\n", encoding="utf-8")
     assert main([*command]) == 2
     assert capsys.readouterr().err

@@ -23,7 +23,7 @@ from cranectl.campaign.worker import BLOCK, PreparedCampaign, Worker
 from cranectl.campaign.workers import run_batches
 from cranectl.design import design_controller
 from cranectl.planning import load_scenario
-from cranectl.plants.mujoco.disturbed_step import mj_step
+from cranectl.plants.mujoco.engine import mj_step
 from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_addresses
 from cranectl.simulate import make_plant, plan_scenario, prepare_controller
 from cranectl.simulate.run import record_width

@@ -6,75 +6,30 @@ is of fourth order. So this module takes the engine's own scheme stage by stage,
 the state of each stage. Without them it gives the same bits as `mj_step` if no ball joint turns, and agrees
 to the fifth order of the step if one does. (The engine's callback for such forces belongs to the whole
 process, and a model without springs and dampers skips it.)
-
-Compiled code calls the engine's functions. Their symbols are resolved at link time from the library that the
-`mujoco` package has loaded. So neither a C compiler nor struct offsets are needed, and Numba's cache works.
-An error inside the library ends the process. Therefore callers take their first step through the Python
-binding.
-
-The binding gives the engine a clock to fill `mjData.timer`. Reading it takes a quarter of the time of a step
-as small as the crane's. Loading this module removes the clock, for the whole process.
 """
 
-import ctypes
 from math import cos, sin, sqrt
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import llvmlite.binding as llvm
 import mujoco
-import numba
 import numpy as np
-from numba import types
 
+from cranectl.plants.mujoco.engine import (
+    mj_check_acc,
+    mj_check_pos,
+    mj_check_vel,
+    mj_forward_skip,
+    mj_fwd_position,
+    mj_fwd_velocity,
+    mj_integrate_pos,
+    mj_sensor_pos,
+    mj_sensor_vel,
+)
 from cranectl.plants.mujoco.rope import pay_out
+from cranectl.plants.mujoco.sites import swing_of, turn_about_centre
 from cranectl.plants.surroundings import FORCE
 from cranectl.support.arrays import Array
-from cranectl.support.errors import CranectlError
 from cranectl.support.jit import jit
-
-ADDRESS, FLAG, NUMBER = types.intp, types.int32, types.float64
-_IN_PYTHON = {ADDRESS: ctypes.c_ssize_t, FLAG: ctypes.c_int, NUMBER: ctypes.c_double}
-_numba_config: Any = numba.config
-
-
-def _library() -> str:
-    candidates = sorted(Path(mujoco.__file__).parent.glob("*mujoco*.so*"))
-    candidates += sorted(Path(mujoco.__file__).parent.glob("*mujoco*.dylib"))
-    candidates += sorted(Path(mujoco.__file__).parent.glob("mujoco.dll"))
-    for path in candidates:
-        if path.name.startswith(("libmujoco", "mujoco")):
-            return str(path)
-    raise CranectlError("the mujoco package contains no engine library that compiled code can call")
-
-
-_LIBRARY = _library()
-llvm.load_library_permanently(_LIBRARY)
-ctypes.c_void_p.in_dll(ctypes.CDLL(_LIBRARY), "mjcb_time").value = None  # the clock
-
-
-def _engine(name: str, *arguments: Any) -> Any:
-    """Return the engine's function `name`, which returns nothing: for compiled code or through ctypes."""
-    if not _numba_config.DISABLE_JIT:
-        return types.ExternalFunction(name, types.void(*arguments))
-    function = getattr(ctypes.CDLL(_LIBRARY), name)
-    function.argtypes, function.restype = [_IN_PYTHON[kind] for kind in arguments], None
-    return function
-
-
-# All take the addresses of model and data first; comments give further arguments.
-mj_step = _engine("mj_step", ADDRESS, ADDRESS)
-mj_check_pos = _engine("mj_checkPos", ADDRESS, ADDRESS)
-mj_check_vel = _engine("mj_checkVel", ADDRESS, ADDRESS)
-mj_check_acc = _engine("mj_checkAcc", ADDRESS, ADDRESS)
-mj_fwd_position = _engine("mj_fwdPosition", ADDRESS, ADDRESS)
-mj_fwd_velocity = _engine("mj_fwdVelocity", ADDRESS, ADDRESS)
-mj_sensor_pos = _engine("mj_sensorPos", ADDRESS, ADDRESS)
-mj_sensor_vel = _engine("mj_sensorVel", ADDRESS, ADDRESS)
-# ... stage up to which nothing is computed again, whether sensors are skipped
-mj_forward_skip = _engine("mj_forwardSkip", ADDRESS, ADDRESS, FLAG, FLAG)
-# model, positions that change, velocities, time [s]
-mj_integrate_pos = _engine("mj_integratePos", ADDRESS, ADDRESS, ADDRESS, NUMBER)
 
 # The classical Runge-Kutta scheme of order 4: where the next stage is, and the weight of each stage.
 REACH = (0.5, 0.5, 1.0)
@@ -96,25 +51,25 @@ class StageWork(NamedTuple):
     turn: Array  # (3,) rotation vector of the load since the start, about its own axes
     mean_slope: Array  # (nv,)
     mean_acceleration: Array  # (nv,)
-    sensed: Array  # (7,) sensor values of the load at the start of the step
+    sensed: Array  # sensor values of the load at the start of the step
 
 
-def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, has_body: bool) -> StageWork:
-    """Make the work space for steps of `data`."""
+def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, swing: int = -1, sensors: int = 7) -> StageWork:
+    """Make the work space for steps of `data`, whose load has `sensors` sensor values."""
     slope = np.zeros(model.nv)
     return StageWork(
         qacc=data.qacc,
         warmstart=data.qacc_warmstart,
         qpos_address=data.qpos.ctypes.data,
         slope_address=slope.ctypes.data,
-        swing=int(model.joint("swing").dofadr[0]) if has_body else -1,
+        swing=swing,
         start_position=np.zeros(model.nq),
         start_velocity=np.zeros(model.nv),
         slope=slope,
         turn=np.zeros(3),
         mean_slope=np.zeros(model.nv),
         mean_acceleration=np.zeros(model.nv),
-        sensed=np.zeros(7),
+        sensed=np.zeros(sensors),
     )
 
 
@@ -135,8 +90,7 @@ def push_body(rig, disturbance):
     It is a force at the load's centre, since torques at the cardan hinges would act on the massless hook. The
     opposite force acts on the trolley, as it does with a torque. So a load of no size moves the same.
     """
-    length = rig.qpos[rig.joints[2]]
-    alpha, beta = rig.qpos[rig.joints[3]], rig.qpos[rig.joints[4]]
+    length, alpha, beta = swing_of(rig)
     sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
     along_alpha = rig.load_mass * length * cb * disturbance[0]
     along_beta = rig.load_mass * length * disturbance[1]
@@ -145,6 +99,8 @@ def push_body(rig, disturbance):
     rig.reaction[2] = -(sa * along_alpha + ca * sb * along_beta)
     for i in range(3):
         rig.wrench[i] = rig.air[i] - rig.reaction[i]
+    if rig.sites.active:
+        turn_about_centre(rig)
 
 
 @jit
@@ -168,6 +124,8 @@ def apply_drag(rig, wind):
     rig.air[2] = factor * v_z + wind[FORCE + 2]
     for i in range(3):
         rig.wrench[i] = rig.air[i] - rig.reaction[i]
+    if rig.sites.active:
+        turn_about_centre(rig)
 
 
 @jit
@@ -179,8 +137,8 @@ def evaluate(rig, disturbance, wind, first):
     """
     if rig.rope.active:
         pay_out(rig.rope, rig.qpos)
-    push_load(rig, disturbance)
     mj_fwd_position(rig.model, rig.data)
+    push_load(rig, disturbance)
     if first:
         mj_sensor_pos(rig.model, rig.data)
     mj_fwd_velocity(rig.model, rig.data)
@@ -196,8 +154,8 @@ def release_load(rig):
     """Remove disturbance and drag, and restore the sensor values of the start of the step."""
     rig.applied[rig.rates[3]] = rig.applied[rig.rates[4]] = 0.0
     for i in range(3):
-        rig.wrench[i] = rig.reaction[i] = rig.air[i] = 0.0
-    for i in range(7):
+        rig.wrench[i] = rig.wrench[3 + i] = rig.reaction[i] = rig.air[i] = 0.0
+    for i in range(len(rig.load_sensors)):
         rig.sensors[rig.load_sensors[i]] = rig.work.sensed[i]
 
 
@@ -212,7 +170,7 @@ def _begin(rig):
         work.mean_slope[i] = work.mean_acceleration[i] = 0.0
     for i in range(3):
         work.turn[i] = 0.0
-    for i in range(7):
+    for i in range(len(rig.load_sensors)):
         work.sensed[i] = rig.sensors[rig.load_sensors[i]]
 
 

@@ -7,8 +7,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.mujoco.disturbed_step import StageWork, mj_step, stage_work, step_in_stages
+from cranectl.plants.mujoco.disturbed_step import StageWork, stage_work, step_in_stages
 from cranectl.plants.mujoco.effects import EFFECT_MODELS, derive_constants, write_model
+from cranectl.plants.mujoco.engine import mj_step
 from cranectl.plants.mujoco.model import (
     compiled_model,
     drive_addresses,
@@ -27,6 +28,7 @@ from cranectl.plants.mujoco.rope import (
     set_damping,
     start_taut,
 )
+from cranectl.plants.mujoco.sites import NO_SITES, SiteViews, measure_sites, tension_of_sites
 from cranectl.plants.plant import DRIVES, Drive, Kernels, check_hook, check_rate
 from cranectl.plants.surroundings import air_drag
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
@@ -49,13 +51,16 @@ class MujocoRig(NamedTuple):
     rates: NDArray[np.int64]  # (5,) indices of the same joints in qvel
     distance: NDArray[np.int64]  # (2,) indices in qpos and qvel of the distance from pivot to rope end
     drives: NDArray[np.int64]  # (3,) indices in ctrl
-    load_sensors: NDArray[np.int64]  # (7,) indices in sensordata
+    scale: Array  # (3,) control over command
+    integrates: bool  # whether the drives are position servos, whose set-points follow velocity commands
+    load_sensors: NDArray[np.int64]  # indices in sensordata of position, velocity, tension of the load
     warnings: NDArray[np.int32]  # counts of the engine's numerical warnings
     load_mass: float
     air: Array  # (3,) drag and other forces on the load [N]
     wrench: Array  # (6,) xfrc_applied of the load: force, torque
     reaction: Array  # (6,) of the trolley
-    has_body: bool  # whether the load is a body that swings under its hook
+    has_body: bool  # whether a disturbance is a force on the load instead of torques at the cardan hinges
+    sites: SiteViews
     rope: ElasticRope
     in_air: bool  # whether the effect `wind` is on, which sets `air`
     drag: float  # force over the square of the load's speed through the air [kg/m]
@@ -67,6 +72,9 @@ class MujocoRig(NamedTuple):
 @jit
 def measure_joints(rig, state):
     """Write the joint positions and velocities (10,) into `state`, in the order of `signals.STATE`."""
+    if rig.sites.active:
+        measure_sites(rig, state)
+        return
     for i in range(5):
         state[2 * i] = rig.qpos[rig.joints[i]]
         state[2 * i + 1] = rig.qvel[rig.rates[i]]
@@ -75,8 +83,17 @@ def measure_joints(rig, state):
 @jit
 def set_command(rig, command):
     """Write `command` (3,), in the unit of the drive, into the engine's controls."""
-    for i in range(3):
-        rig.ctrl[rig.drives[i]] = command[i]
+    if not rig.integrates:
+        for i in range(3):
+            rig.ctrl[rig.drives[i]] = rig.scale[i] * command[i]
+
+
+@jit
+def move_set_points(rig, command):
+    """Move the set-points of position servos by half a physics step at the velocity `command` (3,)."""
+    if rig.integrates:
+        for i in range(3):
+            rig.ctrl[rig.drives[i]] += 0.5 * rig.step * rig.scale[i] * command[i]
 
 
 @jit
@@ -84,6 +101,9 @@ def read_load(rig, load):
     """Write load position, velocity and rope tension (7,) at the beginning of the last step into `load`."""
     for i in range(7):
         load[i] = rig.sensors[rig.load_sensors[i]]
+    if rig.sites.active:
+        load[2] -= rig.sites.height
+        load[6] = tension_of_sites(rig)
 
 
 @jit
@@ -92,10 +112,12 @@ def advance(rig, command, disturbance, wind, load):
     set_command(rig, command)
     changing = rig.in_air or rig.rope.active or disturbance[0] != 0.0 or disturbance[1] != 0.0
     for k in range(rig.substeps):
+        move_set_points(rig, command)
         if changing:
             step_in_stages(rig, disturbance, wind)
         else:
             mj_step(rig.model, rig.data)
+        move_set_points(rig, command)
         if k == 0:
             read_load(rig, load)
 
@@ -136,6 +158,8 @@ class MujocoPlant:
             rates=rate_addresses(self.model),
             distance=np.array([distance.qposadr[0], distance.dofadr[0]], dtype=np.int64),
             drives=drive_addresses(self.model),
+            scale=np.ones(3),
+            integrates=False,
             load_sensors=sensor_addresses(self.model),
             warnings=self.data.warning.number,
             load_mass=rig.load_mass,
@@ -143,10 +167,13 @@ class MujocoPlant:
             wrench=self.data.xfrc_applied[self.model.body("load").id],
             reaction=self.data.xfrc_applied[self.model.body("trolley").id],
             has_body=effects.body is not None,
+            sites=NO_SITES,
             rope=elastic_rope(self.model, effects),
             in_air=effects.wind is not None,
             drag=air_drag(effects),
-            work=stage_work(self.model, self.data, has_body=effects.body is not None),
+            work=stage_work(
+                self.model, self.data, swing=int(self.model.joint("swing").dofadr[0]) if effects.body else -1
+            ),
             substeps=substeps,
             step=step,
         )
@@ -220,10 +247,12 @@ class MujocoPlant:
         set_command(self.rig, command)
         changing = self.rig.in_air or self.rig.rope.active or disturbance.any()
         for k in range(self.rig.substeps):
+            move_set_points(self.rig, command)
             if changing:
                 step_in_stages(self.rig, disturbance, wind)
             else:
                 mujoco.mj_step(self.model, self.data)
+            move_set_points(self.rig, command)
             if k == 0:
                 read_load(self.rig, load)
 

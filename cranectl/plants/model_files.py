@@ -1,0 +1,89 @@
+"""Plants from model files: a command that names `mine.xml` among its plants runs that model as `mine`."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from cranectl.plants.registry import LONGEST_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
+from cranectl.scenario.rig import RigParameters
+from cranectl.support.errors import InputError
+from cranectl.support.extensions import check_free, check_name, loaded
+
+MODEL_ENDING = ".xml"
+OWN_PLANT = "cranectl.plants.mujoco.own_plant:OwnPlant"
+_AS_MODELLED = "whose model file says what it has"
+LACKING = (
+    "rope",
+    "body",
+    "frame",
+    "force",
+    "friction.pivot_coulomb",
+    "friction.pivot_viscous",
+    "installation.tilt",
+)
+
+
+def plants_named(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the plants that a user names, by name or by model file; raise InputError for an unknown one."""
+    files = {name: register_model(name) for name in names if name.endswith(MODEL_ENDING)}
+    plants = tuple(files.get(name) or plant_entry(name).name for name in names)
+    if len(set(plants)) < len(plants):
+        raise InputError(
+            f"{', '.join(names)}: two of these are the plant {max(plants, key=plants.count)}",
+            allowed="model files of different names, each plant once",
+            remedy="rename one of the files",
+        )
+    return plants
+
+
+def register_model(file: str) -> str:
+    """Make the plant of a model file known to this process, and return its name.
+
+    The plant has the name of its file, in lower case and with hyphens. Raises InputError if there is no such
+    file, or if another kind of plant has the name.
+    """
+    path = Path(file)
+    name = re.sub(r"[^a-z0-9]+", "-", path.stem.lower()).strip("-")
+    if not path.is_file():
+        raise InputError(
+            f"no model file {file}",
+            allowed=f"names of plants, or an MJCF file, whose name ends in {MODEL_ENDING}",
+            remedy="check the path",
+        )
+    check_name("plant", name)
+    check_free("plant", name, PLANTS.keys() - model_plants().keys())
+    used = [PLANTS[known].colour for known in PLANTS if known != name]
+    PLANTS[name] = PlantEntry(
+        name,
+        path.name[-LONGEST_LABEL:],
+        next((colour for colour in PLANT_COLOURS if colour not in used), PLANT_COLOURS[-1]),
+        OWN_PLANT,
+        batch=0,
+        drives=("velocity", "force"),
+        servos=True,
+        lacks=dict.fromkeys(LACKING, _AS_MODELLED),
+        by_default=False,
+        arguments={"file": str(path.resolve()), "name": name},
+    )
+    return name
+
+
+def examine(name: str, rig: RigParameters) -> None:
+    """Complete the entry of a plant from a model file by what its model has; leave other entries.
+
+    The rig gives the names of sites and actuators. Raises InputError if the model is not a crane.
+    """
+    entry = plant_entry(name)
+    if entry.where == OWN_PLANT:
+        PLANTS[name] = loaded("cranectl.plants.mujoco.own_plant:examined")(entry, rig.plant.names)
+
+
+def forget_models() -> None:
+    """Remove the plants from model files, such as those of an earlier command in this process."""
+    for name in model_plants():
+        del PLANTS[name]
+
+
+def model_plants() -> dict[str, PlantEntry]:
+    """Return the plants from model files that this process knows."""
+    return {name: entry for name, entry in PLANTS.items() if entry.where == OWN_PLANT}

@@ -1,0 +1,106 @@
+"""Read the state of a crane from two sites of its model, the pivot and the load, in place of its joints."""
+
+from math import asin, atan2, cos, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from cranectl.plants.mujoco.engine import SITE, mj_com_pos, mj_com_vel, mj_kinematics, mj_object_velocity
+from cranectl.support.arrays import Array
+from cranectl.support.jit import jit
+
+
+class SiteViews(NamedTuple):
+    """Views of the sites of a model whose joints may have any names and arrangement."""
+
+    active: bool  # False for the shipped model, whose joints are the state
+    pivot: Array  # (3,) position [m]
+    load: Array  # (3,) position [m]
+    centre: Array  # (3,) of the body that has the load's site; the engine applies forces there [m]
+    pivot_id: int
+    load_id: int
+    pivot_motion: Array  # (6,) angular and linear velocity, work space
+    load_motion: Array  # (6,)
+    shown: Array  # (10,) state, work space
+    height: float  # of the pivot in the model's world, which is height 0 in ours [m]
+    winch_inertia: float  # referred to the rope [kg]
+    winch_ratio: float  # velocity of the winch's actuator over that of the rope
+
+
+_NONE = np.zeros(0)
+NO_SITES = SiteViews(False, _NONE, _NONE, _NONE, 0, 0, _NONE, _NONE, _NONE, 0.0, 0.0, 0.0)
+
+
+@jit
+def state_of_sites(pivot, load, pivot_velocity, load_velocity, state):
+    """Write the state (10,) that positions [m] and velocities [m/s] of pivot and load (3,) show."""
+    x, y, z = load[0] - pivot[0], load[1] - pivot[1], load[2] - pivot[2]
+    v_x = load_velocity[0] - pivot_velocity[0]
+    v_y = load_velocity[1] - pivot_velocity[1]
+    v_z = load_velocity[2] - pivot_velocity[2]
+    across = y * y + z * z  # square of the rope's length beside the x axis
+    length = sqrt(x * x + across)
+    rate = (x * v_x + y * v_y + z * v_z) / length
+    beta = asin(x / length)
+    state[0], state[1] = pivot[0], pivot_velocity[0]
+    state[2], state[3] = pivot[1], pivot_velocity[1]
+    state[4], state[5] = length, rate
+    state[6], state[7] = atan2(y, -z), (y * v_z - z * v_y) / across
+    state[8], state[9] = beta, (v_x - rate * x / length) / (length * cos(beta))
+
+
+@jit
+def measure_sites(rig, state):
+    """Write the state (10,) that the sites show at the present positions and velocities of the joints."""
+    sites = rig.sites
+    mj_kinematics(rig.model, rig.data)
+    mj_com_pos(rig.model, rig.data)
+    mj_com_vel(rig.model, rig.data)
+    mj_object_velocity(rig.model, rig.data, SITE, sites.pivot_id, sites.pivot_motion.ctypes.data, 0)
+    mj_object_velocity(rig.model, rig.data, SITE, sites.load_id, sites.load_motion.ctypes.data, 0)
+    state_of_sites(sites.pivot, sites.load, sites.pivot_motion[3:], sites.load_motion[3:], state)
+
+
+@jit
+def swing_of(rig):
+    """Return rope length, alpha and beta at the positions for which the engine computes forces now."""
+    sites = rig.sites
+    if not sites.active:
+        return rig.qpos[rig.joints[2]], rig.qpos[rig.joints[3]], rig.qpos[rig.joints[4]]
+    state_of_sites(sites.pivot, sites.load, sites.pivot_motion[3:], sites.load_motion[3:], sites.shown)
+    return sites.shown[4], sites.shown[6], sites.shown[8]
+
+
+@jit
+def turn_about_centre(rig):
+    """Set the torque that moves the force in `rig.wrench` from the centre of the load's body to its site."""
+    sites, wrench = rig.sites, rig.wrench
+    x, y, z = (
+        sites.load[0] - sites.centre[0],
+        sites.load[1] - sites.centre[1],
+        sites.load[2] - sites.centre[2],
+    )
+    wrench[3] = y * wrench[2] - z * wrench[1]
+    wrench[4] = z * wrench[0] - x * wrench[2]
+    wrench[5] = x * wrench[1] - y * wrench[0]
+
+
+@jit
+def tension_of_sites(rig):
+    """Return the force of the rope on the winch [N], from the winch's force and acceleration.
+
+    Sensors give position, velocity of the load, force of the winch, and then position, velocity and
+    acceleration of the pivot and acceleration of the load, all at the start of the step. Gravity is in both
+    accelerations alike.
+    """
+    seen, sensors = rig.load_sensors, rig.sensors
+    square, rate, speed, pull = 0.0, 0.0, 0.0, 0.0
+    for i in range(3):
+        way = sensors[seen[i]] - sensors[seen[7 + i]]
+        velocity = sensors[seen[3 + i]] - sensors[seen[10 + i]]
+        square += way * way
+        rate += way * velocity
+        speed += velocity * velocity
+        pull += way * (sensors[seen[16 + i]] - sensors[seen[13 + i]])
+    acceleration = (pull + speed - rate * rate / square) / sqrt(square)
+    return rig.sites.winch_inertia * acceleration - rig.sites.winch_ratio * sensors[seen[6]]

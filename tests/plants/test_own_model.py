@@ -1,0 +1,434 @@
+"""A model file of the user is a plant: it agrees if it is the same crane, and is refused if it is none."""
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.compare.agreement import judge
+from cranectl.compare.runs import compare_runs
+from cranectl.log.reader import read_log
+from cranectl.planning import load_scenario
+from cranectl.plants.model_files import forget_models, register_model
+from cranectl.plants.mujoco.own_check import find_differences
+from cranectl.plants.mujoco.own_model import open_model, place, shown_state
+from cranectl.plants.registry import PLANTS
+from cranectl.scenario import Scenario
+from cranectl.scenario.rig import ModelNames
+from cranectl.simulate import Run, simulate_run
+from cranectl.support import resources
+from cranectl.support.errors import InputError
+from tests.conftest import random_states
+from tests.packages import run_all_beside
+
+MODELS = Path(__file__).parent / "models"
+HALL_NAMES = ModelNames(pivot="sheave", load="hook", bridge_drive="LT", trolley_drive="CT", winch_drive="H")
+NAMES = {"hall": HALL_NAMES}
+HALL = """\
+name = "hall"
+duration = 12.0
+reference.start = [5.0, 3.0, -4.0]
+reference.segments = [{ kind = "line", to = [9.0, 5.0, -5.0], duration = 10.0 }]
+
+[[disturbances]]
+joint = "alpha"
+start = 3.0
+magnitude = 0.01
+
+[rig]
+bridge_range = [0.0, 30.0]
+trolley_range = [0.0, 12.0]
+rope_range = [1.0, 8.0]
+bridge_mass = 6000.0
+trolley_mass = 1500.0
+winch_mass = 400.0
+load_mass = 5000.0
+rated_load = 5000.0
+bridge_time_constant = 0.25
+trolley_time_constant = 0.25
+winch_time_constant = 0.15
+
+[rig.plant.names]
+pivot = "sheave"
+load = "hook"
+bridge_drive = "LT"
+trolley_drive = "CT"
+winch_drive = "H"
+"""
+UNDISTURBED = "disturbances=[]"
+PUSHED = "disturbances=[{joint='alpha',start=0.1,magnitude=1.0}]"
+# Numbers of the rig that a model has instead of the laboratory's.
+RIGS = {"tendon": ["rig.winch_mass=1e-6"]}
+
+
+@pytest.fixture(autouse=True)
+def no_model_afterwards() -> Iterator[None]:
+    yield
+    forget_models()
+
+
+def crane_with(folder: Path, *changes: tuple[str, str], name: str = "mine") -> Path:
+    """Write the shipped model with `changes` of its text, each of which must occur."""
+    text = resources.MODEL_FILE.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    file = folder / f"{name}.xml"
+    file.write_text(text)
+    return file
+
+
+def compared(file: Path, scenario: Scenario, drive: str = "velocity") -> tuple[Run, Run]:
+    """Return the runs of a model file and of the shipped MuJoCo plant."""
+    plant = register_model(str(file))
+    own, ours = (
+        simulate_run(scenario, plant=name, drive=drive, controller="lqr+hinf") for name in (plant, "mujoco")
+    )
+    return own, ours
+
+
+def largest_difference(runs: tuple[Run, Run]) -> float:
+    """Return the largest difference of load [m] and angles [rad], of runs whose tension agrees."""
+    comparison = compare_runs(*runs, signals=("load.rope_tension", "load.load_z"))
+    tension, height = comparison.signals
+    assert tension.max_abs < 1e-6 * runs[0].scenario.rig.weight
+    return max(comparison.max_load_error_m, comparison.max_angle_error_rad, height.max_abs)
+
+
+@pytest.mark.parametrize("drive", ["velocity", "force"])
+def test_the_shipped_model_is_the_shipped_plant(drive: str, tmp_path: Path) -> None:
+    """Disturbances, wind and forces act through the sites as they do through the joints."""
+    wind = "effects.wind={mean=[3.0, 1.0, 0.0]}"
+    force = "disturbances=[{joint='beta',start=2.0,magnitude=0.3},{force=[0.5,0.2,0.1],start=1.0,end=3.0}]"
+    scenario = load_scenario("settled-trajectory", overrides=["duration=25", wind, force])
+    changes = servos("motor") if drive == "force" else []
+    own, ours = compared(crane_with(tmp_path, *changes), scenario, drive)
+    assert largest_difference((own, ours)) < 1e-12
+    assert judge(own, ours).passed
+
+
+@pytest.mark.parametrize(("name", "bound"), [("tendon", 2e-7), ("double-pendulum", 1e-3)])
+def test_foreign_cranes_run(name: str, bound: float) -> None:
+    scenario = load_scenario("settled-trajectory", overrides=[UNDISTURBED, *RIGS.get(name, [])])
+    own, ours = compared(MODELS / f"{name}.xml", scenario)
+    verdict = judge(own, ours)
+    assert 0.0 < verdict.max_load_error_m < bound
+    assert verdict.passed is (True if name == "tendon" else None)
+    if name == "double-pendulum":
+        assert "is another crane: bridge 0.0019 m/s²" in verdict.limits
+        assert verdict.max_load_error_m > 1e-6
+
+
+def test_a_bridge_crane_with_names_heights_and_falls_of_its_own(tmp_path: Path) -> None:
+    """Its pivot is 8 m high, its winch has two falls and pays out downwards, and its file includes others."""
+    (tmp_path / "hall.toml").write_text(HALL)
+    own, ours = compared(MODELS / "hall.xml", load_scenario(tmp_path / "hall.toml"))
+    assert judge(own, ours).passed
+    assert largest_difference((own, ours)) < 1e-7
+    assert own.model.startswith("<mujoco")
+
+
+def test_a_slewing_crane_is_refused_with_the_reason() -> None:
+    name = register_model(str(MODELS / "slewing.xml"))
+    with pytest.raises(InputError, match="trolley_drive does not move the trolley alone and evenly") as error:
+        simulate_run(load_scenario("fixed-position"), plant=name, drive="velocity")
+    assert "no crane may slew or luff" in error.value.remedy
+
+
+@pytest.mark.parametrize("name", ["tendon", "double-pendulum", "hall"])
+def test_the_sites_show_the_state_of_a_reset(name: str) -> None:
+    own = open_model(MODELS / f"{name}.xml", NAMES.get(name, ModelNames()))
+    data = mujoco.MjData(own.model)
+    for state in random_states(20):
+        mujoco.mj_resetData(own.model, data)
+        place(own.model, data, own.sites, state)
+        shown, _ = shown_state(own.model, data, own.sites)
+        np.testing.assert_allclose(shown, state, rtol=0.0, atol=1e-12)
+
+
+def test_both_loops_give_the_same_bits() -> None:
+    name = register_model(str(resources.MODEL_FILE))
+    scenario = load_scenario("fixed-position", overrides=["duration=1", PUSHED])
+    runs = [simulate_run(scenario, plant=name, drive="velocity", compiled=c) for c in (True, False)]
+    np.testing.assert_array_equal(runs[0].table, runs[1].table)
+
+
+MUTANTS = [
+    ("weight", [('biasprm="-9.81 0 -70"', 'biasprm="0 0 -70"')], "rope at rest", 7.01, "hold the weight"),
+    (
+        "spring",
+        [('joint name="beta"', 'joint name="beta" stiffness="0.5"')],
+        "swing",
+        0.2,
+        "stiffness of beta",
+    ),
+    (
+        "hinge",
+        [('joint name="alpha"', 'joint name="alpha" damping="0.01"')],
+        "swing",
+        0.019,
+        "damping of alpha",
+    ),
+    (
+        "axle",
+        [('name="bridge_position" type', 'name="bridge_position" frictionloss="1" type')],
+        "bridge",
+        0.12,
+        "frictionloss of bridge_position",
+    ),
+    (
+        "rail",
+        [('name="trolley_position" type', 'name="trolley_position" damping="2" type')],
+        "trolley",
+        0.5,
+        "damping of trolley_position",
+    ),
+    (
+        "inertia",
+        [('diaginertia="1e-15 1e-15 1e-15"', 'diaginertia="1e-3 1e-3 1e-3"')],
+        "swing",
+        0.016,
+        "inertia",
+    ),
+    (
+        "centre",
+        [('<site name="load" pos="0 0 0"/>', '<site name="load" pos="0.02 0 0"/>')],
+        "swing",
+        0.35,
+        "inertia",
+    ),
+    (
+        "wire",
+        [
+            (
+                "</spatial>",
+                '</spatial><spatial name="wire" stiffness="9" springlength="0.1">'
+                '<site site="pivot"/><site site="load"/></spatial>',
+            )
+        ],
+        "rope",
+        1.0,
+        "stiffness of wire",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("changes", "what", "size", "cause"), [mutant[1:] for mutant in MUTANTS], ids=[m[0] for m in MUTANTS]
+)
+def test_each_difference_is_named_with_its_size(
+    changes: list[tuple[str, str]], what: str, size: float, cause: str, tmp_path: Path
+) -> None:
+    found = find_differences(crane_with(tmp_path, *changes), ModelNames())
+    (difference,) = [difference for difference in found if difference.what == what]
+    assert difference.size == pytest.approx(size, rel=0.5)
+    assert cause in difference.meaning
+
+
+def test_the_shipped_model_does_not_differ(tmp_path: Path) -> None:
+    """Nor does it with an actuator that nobody commands, and with end stops at the place of the file."""
+    idle = ('<velocity name="bridge_drive"', '<motor name="idle" joint="beta"/><velocity name="bridge_drive"')
+    for file in (resources.MODEL_FILE, crane_with(tmp_path, idle)):
+        assert find_differences(file, ModelNames()) == ()
+
+
+def test_an_error_of_the_engine_is_named(tmp_path: Path) -> None:
+    """The engine computes the armature of a tendon wrongly where both of its ends move."""
+    text = (MODELS / "tendon.xml").read_text()
+    (tmp_path / "heavy.xml").write_text(text.replace('name="rope"', 'name="rope" armature="0.4"'))
+    assert find_differences(MODELS / "tendon.xml", ModelNames()) == ()
+    found = find_differences(tmp_path / "heavy.xml", ModelNames())
+    assert max(difference.size for difference in found) > 0.05
+    assert all(
+        "armature of rope, which MuJoCo 4.0.0 gets wrong" in difference.meaning for difference in found
+    )
+
+
+def servos(kind: str) -> list[tuple[str, str]]:
+    """Return the changes that replace the drives of the shipped model."""
+    text = resources.MODEL_FILE.read_text()
+    joints = {"bridge": "bridge_position", "trolley": "trolley_position", "winch": "rope_length"}
+    gains = ' kp="900" kv="90"' if kind == "position" else ""
+    return [
+        (
+            re.findall(rf'<(?:velocity|general) name="{name}_drive"[^>]*>', text)[0],
+            f'<{kind} name="{name}_drive" joint="{joint}"{gains}/>',
+        )
+        for name, joint in joints.items()
+    ]
+
+
+def test_position_servos_follow_the_commanded_velocity(tmp_path: Path) -> None:
+    """Their set-points are the integral of the command. They sag under the weight, and are not judged."""
+    name = register_model(str(crane_with(tmp_path, *servos("position"))))
+    settings = ["duration=8", UNDISTURBED, "initial.load_offset=[0.02, 0.0, 0.0]"]
+    scenario = load_scenario("fixed-position", overrides=settings)
+    run = simulate_run(scenario, plant=name, drive="velocity", controller="lqr")
+    assert run.status.label == "completed"
+    assert abs(run.block("error")[0, 0]) == pytest.approx(0.02, abs=1e-9)
+    assert np.abs(run.block("error")[-1, [0, 3, 9]]).max() < 3e-2
+    assert PLANTS[name].differs.endswith("drives")
+
+
+BRIDGE = 'joint="bridge_position" kv="425"'
+SLIDE = 'joint name="trolley_position" type="slide" axis="0 1 0'
+REFUSED = [
+    ([('"pivot"', '"hanger"')], "no site named 'pivot'"),
+    ([('name="winch_drive"', 'name="hoist"')], "no actuator named 'winch_drive'"),
+    ([('gravity="0 0 -9.81"', 'gravity="0 0.1 -9.81"')], "gravity [0.0, 0.1, -9.81]"),
+    ([('gravity="0 0 -9.81"', 'gravity="0 0 0"')], "gravity [0.0, 0.0, 0.0]"),
+    ([(BRIDGE, f'{BRIDGE} gear="-1"')], "bridge_drive does not move the bridge alone and evenly"),
+    ([(BRIDGE, BRIDGE.replace("bridge", "trolley"))], "bridge_drive does not move the bridge"),
+    (
+        [
+            (
+                f'<velocity name="bridge_drive" {BRIDGE}/>',
+                '<motor name="bridge_drive" joint="bridge_position"/>',
+            )
+        ],
+        "bridge_drive is of the kind force",
+    ),
+    (
+        [
+            (
+                f'<velocity name="bridge_drive" {BRIDGE}/>',
+                '<cylinder name="bridge_drive" joint="bridge_position" timeconst="1"/>',
+            )
+        ],
+        "bridge_drive is of the kind other",
+    ),
+    ([("</mujoco>", "")], "no element found"),
+    ([('type="slide" axis="1 0 0"', 'type="slider" axis="1 0 0"')], "slider"),
+    ([('<site name="load" pos="0 0 0"/>', '<site name="load" pos="0 0 0.7"/>')], "a rope of 0 m"),
+    ([("<option", '<include file="../other.xml"/><option')], "reads ../other.xml"),
+    ([("<asset>", '<asset><mesh name="m" file="/etc/m.obj"/>')], "reads /etc/m.obj"),
+    ([("<asset>", '<asset><texture name="t" type="cube" fileup="../a.png"/>')], "reads ../a.png"),
+    ([(f'{SLIDE}"', f'{SLIDE}.1"')], "the pivot rises"),
+]
+
+
+@pytest.mark.parametrize(("changes", "reason"), REFUSED, ids=[reason for _, reason in REFUSED])
+def test_a_model_that_is_no_such_crane_is_refused(
+    changes: list[tuple[str, str]], reason: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError) as error:
+        open_model(crane_with(tmp_path, *changes), ModelNames())
+    assert reason in str(error.value)
+    assert error.value.allowed
+    assert error.value.remedy
+
+
+def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "secret.xml").write_text("<mujocoinclude/>")
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "part.xml").symlink_to(tmp_path / "secret.xml")
+    file = crane_with(tmp_path / "own", ("<option", '<include file="part.xml"/><option'))
+    with pytest.raises(InputError, match=r"reads part\.xml"):
+        open_model(file, ModelNames())
+
+
+@pytest.mark.parametrize(
+    ("setting", "found"),
+    [
+        ("effects.rope={}", "effects.rope"),
+        ("effects.body={}", "effects.body"),
+        ("effects.frame={}", "effects.frame"),
+        ("effects.friction={}", "effects.friction"),
+        ("effects.limits={}", "effects.limits.force"),
+        ("effects.installation.tilt=[0.01,0.0]", "effects.installation.tilt"),
+        ("rig.load_mass=2.0", "rig.load_mass = 2 on the mine.xml plant, which has 1 built in"),
+        ("rig.gravity=9.8", "rig.gravity"),
+        ("rig.winch_time_constant=0.05", "rig.winch_time_constant"),
+    ],
+)
+def test_what_the_model_has_cannot_be_set(setting: str, found: str, tmp_path: Path) -> None:
+    name = register_model(str(crane_with(tmp_path)))
+    scenario = load_scenario("fixed-position", overrides=["duration=0.5", PUSHED, setting])
+    with pytest.raises(InputError, match=re.escape(found)) as error:
+        simulate_run(scenario, plant=name, drive="velocity")
+    assert "mine.xml" in str(error.value)
+
+
+def test_a_start_that_the_joints_cannot_reach_is_refused(tmp_path: Path) -> None:
+    own = open_model(crane_with(tmp_path), ModelNames())
+    state = own.rest.copy()
+    state[4] = -0.5
+    with pytest.raises(InputError, match="no joints of the model bring its sites to"):
+        place(own.model, mujoco.MjData(own.model), own.sites, state)
+
+
+SHORT = ["--drive", "velocity", "--set", "duration=1", "--set", UNDISTURBED]
+
+
+def test_commands_work_on_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A model that differs is run, validated by workers and shown, also where its file is not."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "double.xml").write_text((MODELS / "double-pendulum.xml").read_text())
+    given = [*SHORT, "--set", "initial.load_offset=[0.02,0.0,0.0]", "--plants", "double.xml,mujoco"]
+    assert main(["run", "fixed-position", *given, "--out", "two.mcap"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "the double.xml plant is another crane: bridge 0.0019 m/s²" in shown
+    assert main(["validate", "fixed-position", *given, "--jobs", "2", "--controller", "lqr,pid"]) == 0
+    assert "2 of 2 pairs not judged" in capsys.readouterr().out
+    (tmp_path / "away").mkdir()
+    Path("two.mcap").rename(tmp_path / "away" / "two.mcap")
+    Path("double.xml").unlink()
+    output = run_all_beside(
+        tmp_path / "away",
+        "info two.mcap",
+        "compare two.mcap",
+        "report two.mcap --out page.html",
+        "log layout comparison view.json --log two.mcap",
+        "log export two.mcap --signals double.state.alpha --out two.csv",
+        "render two.mcap two.png --time 0.5",
+    )
+    assert "not judged: the double.xml plant is another crane" in " ".join(output.split())
+    assert "double.xml" in (tmp_path / "away" / "page.html").read_text()
+
+
+def test_info_shows_the_crane_and_its_differences(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    model = str(MODELS / "double-pendulum.xml")
+    assert main(["info", model]) == 1
+    assert "swing 0.075 m/s²" in capsys.readouterr().out
+    assert main(["info", model, "--as-is"]) == 0
+    assert main(["info", str(MODELS / "hall.xml")]) == 2
+    assert "add --set rig.plant.names.pivot=NAME" in capsys.readouterr().err
+    (tmp_path / "hall.toml").write_text(HALL.partition("[rig]\n")[2].replace("[rig.plant", "[plant"))
+    assert main(["info", str(MODELS / "hall.xml"), "--rig", "hall.toml", "--json", "hall.json"]) == 0
+    shown = json.loads((tmp_path / "hall.json").read_text())
+    assert shown["differences"] == []
+    assert shown["rig"]["load_mass"] == 5000.0
+    assert main(["info", "old.mcap", "--as-is"]) == 2
+    assert "leave these options out" in capsys.readouterr().err
+
+
+def test_names_of_files_are_names_of_plants(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        crane_with(tmp_path / folder, name="My crane 2")
+    run = ["run", "fixed-position", *SHORT, "--out", "one.mcap", "--plants"]
+    assert main([*run, "a/My crane 2.xml"]) == 0
+    assert list(read_log("one.mcap")) == ["my-crane-2"]
+    assert main(["run", "fixed-position", *SHORT, "--plants", "all", "--out", "all.mcap"]) == 0
+    assert "my-crane-2" not in read_log("all.mcap")
+    assert main([*run, "b/My crane 2.xml"]) == 0, "another command may name another file"
+    assert main([*run, "a/My crane 2.xml,b/My crane 2.xml"]) == 2
+    assert "rename one of the files" in capsys.readouterr().err
+    assert main([*run, "absent.xml"]) == 2
+    assert "check the path" in capsys.readouterr().err
+    crane_with(tmp_path, name="mujoco")
+    assert main([*run, "mujoco.xml"]) == 2
+    assert "take another name" in capsys.readouterr().err
