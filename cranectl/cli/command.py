@@ -256,17 +256,16 @@ def _plants(
     names = names_given(context, parameter, texts)
     if not names or context.resilient_parsing:
         return ()
-    from cranectl.plants.model_files import forget_models, plants_named
+    from cranectl.plants.model_files import plants_named
     from cranectl.plants.registry import ALL, PLANTS
 
-    forget_models()
+    named, able = plants_named(names), []
     if names not in ALL:
-        return plants_named(names)
-    able = []
-    for name, entry in PLANTS.items():
+        return named
+    for name in named:
         try:
             if check:
-                getattr(entry, check)()
+                getattr(PLANTS[name], check)()
             able.append(name)
         except InputError as error:
             click.echo(f"cranectl: without {name}: {error.remedy}", err=True)

@@ -65,24 +65,22 @@ def _tell_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen)
     from cranectl.plants.mujoco.own_model import open_model
     from cranectl.plants.mujoco.own_plant import built_in
 
-    own, differences = open_model(file, names), find_differences(file, names)
+    own = open_model(file, names)
+    numbers, differences = built_in(own), find_differences(own)
     facts = [
-        ("file", file),
+        ("model", file),
         *((key.replace("_", " "), name) for key, name in names),
-        ("drives", f"{own.servo}; turns of drives per axis: {', '.join(f'{r:g}' for r in own.ratios)}"),
-        ("pivot", f"{own.height:g} m above the model's origin, which is height 0 in runs"),
-        *((f"rig.{name}", f"{number:g}") for name, number in built_in(own).items()),
-        *((finding.text, finding.meaning) for finding in differences),
+        (
+            "drives",
+            f"take {own.servo}; an axis moves them {', '.join(f'{r:g}' for r in own.ratios)} times as fast",
+        ),
+        *((f"rig.{name}", f"{number:g}") for name, number in numbers.items()),
+        *((difference.text, difference.meaning) for difference in differences),
         ("check", "differs from the rigid crane" if differences else "no difference from the rigid crane"),
     ]
     screen.print_each(f"{name:26} {text}" for name, text in facts)
-    screen.write_json(
-        {
-            "drives": own.servo,
-            "rig": built_in(own),
-            "differences": [finding._asdict() for finding in differences],
-        }
-    )
+    listed = [difference._asdict() for difference in differences]
+    screen.write_json({"drives": own.servo, "rig": numbers, "differences": listed})
     return exit_codes.LIMIT_EXCEEDED if differences and not as_is else exit_codes.GOOD
 
 

@@ -4,15 +4,14 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from cranectl.plants.registry import LONGEST_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
+from cranectl.plants.registry import ALL, LONGEST_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.errors import InputError
 from cranectl.support.extensions import check_free, check_name, loaded
 
 MODEL_ENDING = ".xml"
 OWN_PLANT = "cranectl.plants.mujoco.own_plant:OwnPlant"
-_AS_MODELLED = "whose model file says what it has"
-LACKING = (
+LACKED = (
     "rope",
     "body",
     "frame",
@@ -24,23 +23,23 @@ LACKING = (
 
 
 def plants_named(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the plants that a user names, by name or by model file; raise InputError for an unknown one."""
-    files = {name: register_model(name) for name in names if name.endswith(MODEL_ENDING)}
-    plants = tuple(files.get(name) or plant_entry(name).name for name in names)
-    if len(set(plants)) < len(plants):
-        raise InputError(
-            f"{', '.join(names)}: two of these are the plant {max(plants, key=plants.count)}",
-            allowed="model files of different names, each plant once",
-            remedy="rename one of the files",
-        )
-    return plants
+    """Return the plants that a command names, by name or by model file; raise InputError for an unknown one.
+
+    Models of an earlier command in this process are forgotten.
+    """
+    forget_models()
+    if tuple(names) in ALL:
+        return tuple(PLANTS)
+    return tuple(
+        register_model(name) if name.endswith(MODEL_ENDING) else plant_entry(name).name for name in names
+    )
 
 
 def register_model(file: str) -> str:
     """Make the plant of a model file known to this process, and return its name.
 
     The plant has the name of its file, in lower case and with hyphens. Raises InputError if there is no such
-    file, or if another kind of plant has the name.
+    file, or if another plant has the name.
     """
     path = Path(file)
     name = re.sub(r"[^a-z0-9]+", "-", path.stem.lower()).strip("-")
@@ -51,8 +50,8 @@ def register_model(file: str) -> str:
             remedy="check the path",
         )
     check_name("plant", name)
-    check_free("plant", name, PLANTS.keys() - model_plants().keys())
-    used = [PLANTS[known].colour for known in PLANTS if known != name]
+    check_free("plant", name, PLANTS)
+    used = [entry.colour for entry in PLANTS.values()]
     PLANTS[name] = PlantEntry(
         name,
         path.name[-LONGEST_LABEL:],
@@ -61,7 +60,7 @@ def register_model(file: str) -> str:
         batch=0,
         drives=("velocity", "force"),
         servos=True,
-        lacks=dict.fromkeys(LACKING, _AS_MODELLED),
+        lacks=dict.fromkeys(LACKED, "whose model file says what it has"),
         by_default=False,
         arguments={"file": str(path.resolve()), "name": name},
     )
@@ -78,12 +77,12 @@ def examine(name: str, rig: RigParameters) -> None:
         PLANTS[name] = loaded("cranectl.plants.mujoco.own_plant:examined")(entry, rig.plant.names)
 
 
-def forget_models() -> None:
-    """Remove the plants from model files, such as those of an earlier command in this process."""
-    for name in model_plants():
-        del PLANTS[name]
-
-
 def model_plants() -> dict[str, PlantEntry]:
     """Return the plants from model files that this process knows."""
     return {name: entry for name, entry in PLANTS.items() if entry.where == OWN_PLANT}
+
+
+def forget_models() -> None:
+    """Remove the plants from model files."""
+    for name in model_plants():
+        del PLANTS[name]

@@ -39,6 +39,11 @@ class ModelNames(Settings):
     trolley_drive: str = Field("trolley_drive", description="actuator that moves the pivot along y")
     winch_drive: str = Field("winch_drive", description="actuator that pays out rope")
 
+    @property
+    def drives(self) -> tuple[str, str, str]:
+        """Names of the actuators of bridge, trolley and winch."""
+        return self.bridge_drive, self.trolley_drive, self.winch_drive
+
 
 class PlantSettings(Settings):
     """What plants from model files need to know; it changes no other plant."""

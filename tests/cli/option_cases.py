@@ -211,6 +211,7 @@ PYTEST = "tests/cli/test_pytest_plugin.py"
 KNOWN = {
     **dict.fromkeys((("campaign/results.py", text) for text in (DIFFERENCES, ROOM, WAIT, BEGAN)), HERE),
     **dict.fromkeys((("plants/capabilities.py", text) for text in (FIXED, DISTURBED, DRIVE)), HERE),
+    ("plants/capabilities.py", "--set rig.{}={}"): HERE,
     ("simulate/child.py", "--patience allows more"): HERE,
     ("plants/mujoco/own_file.py", "add --set rig.plant.names.{}=NAME"): "tests/plants/test_own_model.py",
     ("cli/validate.py", "and {} more, with --details"): "tests/cli/test_validate_cli.py",

@@ -15,8 +15,8 @@ from cranectl.compare.runs import compare_runs
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.plants.model_files import forget_models, register_model
-from cranectl.plants.mujoco.own_check import find_differences
-from cranectl.plants.mujoco.own_model import open_model, place, shown_state
+from cranectl.plants.mujoco.own_check import ModelDifference, find_differences
+from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import ModelNames
@@ -83,6 +83,10 @@ def crane_with(folder: Path, *changes: tuple[str, str], name: str = "mine") -> P
     return file
 
 
+def differences_of(file: Path) -> tuple[ModelDifference, ...]:
+    return find_differences(open_model(file, ModelNames()))
+
+
 def compared(file: Path, scenario: Scenario, drive: str = "velocity") -> tuple[Run, Run]:
     """Return the runs of a model file and of the shipped MuJoCo plant."""
     plant = register_model(str(file))
@@ -146,8 +150,8 @@ def test_the_sites_show_the_state_of_a_reset(name: str) -> None:
     data = mujoco.MjData(own.model)
     for state in random_states(20):
         mujoco.mj_resetData(own.model, data)
-        place(own.model, data, own.sites, state)
-        shown, _ = shown_state(own.model, data, own.sites)
+        own.place(data, state)
+        shown, _ = own.show(data)
         np.testing.assert_allclose(shown, state, rtol=0.0, atol=1e-12)
 
 
@@ -224,7 +228,7 @@ MUTANTS = [
 def test_each_difference_is_named_with_its_size(
     changes: list[tuple[str, str]], what: str, size: float, cause: str, tmp_path: Path
 ) -> None:
-    found = find_differences(crane_with(tmp_path, *changes), ModelNames())
+    found = differences_of(crane_with(tmp_path, *changes))
     (difference,) = [difference for difference in found if difference.what == what]
     assert difference.size == pytest.approx(size, rel=0.5)
     assert cause in difference.meaning
@@ -234,15 +238,15 @@ def test_the_shipped_model_does_not_differ(tmp_path: Path) -> None:
     """Nor does it with an actuator that nobody commands, and with end stops at the place of the file."""
     idle = ('<velocity name="bridge_drive"', '<motor name="idle" joint="beta"/><velocity name="bridge_drive"')
     for file in (resources.MODEL_FILE, crane_with(tmp_path, idle)):
-        assert find_differences(file, ModelNames()) == ()
+        assert differences_of(file) == ()
 
 
 def test_an_error_of_the_engine_is_named(tmp_path: Path) -> None:
     """The engine computes the armature of a tendon wrongly where both of its ends move."""
     text = (MODELS / "tendon.xml").read_text()
     (tmp_path / "heavy.xml").write_text(text.replace('name="rope"', 'name="rope" armature="0.4"'))
-    assert find_differences(MODELS / "tendon.xml", ModelNames()) == ()
-    found = find_differences(tmp_path / "heavy.xml", ModelNames())
+    assert differences_of(MODELS / "tendon.xml") == ()
+    found = differences_of(tmp_path / "heavy.xml")
     assert max(difference.size for difference in found) > 0.05
     assert all(
         "armature of rope, which MuJoCo 4.0.0 gets wrong" in difference.meaning for difference in found
@@ -358,8 +362,8 @@ def test_a_start_that_the_joints_cannot_reach_is_refused(tmp_path: Path) -> None
     own = open_model(crane_with(tmp_path), ModelNames())
     state = own.rest.copy()
     state[4] = -0.5
-    with pytest.raises(InputError, match="no joints of the model bring its sites to"):
-        place(own.model, mujoco.MjData(own.model), own.sites, state)
+    with pytest.raises(InputError, match="no joints bring its sites to"):
+        own.place(mujoco.MjData(own.model), state)
 
 
 SHORT = ["--drive", "velocity", "--set", "duration=1", "--set", UNDISTURBED]
@@ -426,7 +430,7 @@ def test_names_of_files_are_names_of_plants(
     assert "my-crane-2" not in read_log("all.mcap")
     assert main([*run, "b/My crane 2.xml"]) == 0, "another command may name another file"
     assert main([*run, "a/My crane 2.xml,b/My crane 2.xml"]) == 2
-    assert "rename one of the files" in capsys.readouterr().err
+    assert "take another name" in capsys.readouterr().err
     assert main([*run, "absent.xml"]) == 2
     assert "check the path" in capsys.readouterr().err
     crane_with(tmp_path, name="mujoco")

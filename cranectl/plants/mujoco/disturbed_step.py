@@ -26,7 +26,7 @@ from cranectl.plants.mujoco.engine import (
     mj_sensor_vel,
 )
 from cranectl.plants.mujoco.rope import pay_out
-from cranectl.plants.mujoco.sites import swing_of, turn_about_centre
+from cranectl.plants.mujoco.sites import swing_of
 from cranectl.plants.surroundings import FORCE
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
@@ -54,7 +54,7 @@ class StageWork(NamedTuple):
     sensed: Array  # sensor values of the load at the start of the step
 
 
-def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, swing: int = -1, sensors: int = 7) -> StageWork:
+def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, swing: int, sensors: int) -> StageWork:
     """Make the work space for steps of `data`, whose load has `sensors` sensor values."""
     slope = np.zeros(model.nv)
     return StageWork(
@@ -99,8 +99,6 @@ def push_body(rig, disturbance):
     rig.reaction[2] = -(sa * along_alpha + ca * sb * along_beta)
     for i in range(3):
         rig.wrench[i] = rig.air[i] - rig.reaction[i]
-    if rig.sites.active:
-        turn_about_centre(rig)
 
 
 @jit
@@ -124,8 +122,6 @@ def apply_drag(rig, wind):
     rig.air[2] = factor * v_z + wind[FORCE + 2]
     for i in range(3):
         rig.wrench[i] = rig.air[i] - rig.reaction[i]
-    if rig.sites.active:
-        turn_about_centre(rig)
 
 
 @jit
@@ -154,7 +150,7 @@ def release_load(rig):
     """Remove disturbance and drag, and restore the sensor values of the start of the step."""
     rig.applied[rig.rates[3]] = rig.applied[rig.rates[4]] = 0.0
     for i in range(3):
-        rig.wrench[i] = rig.wrench[3 + i] = rig.reaction[i] = rig.air[i] = 0.0
+        rig.wrench[i] = rig.reaction[i] = rig.air[i] = 0.0
     for i in range(len(rig.load_sensors)):
         rig.sensors[rig.load_sensors[i]] = rig.work.sensed[i]
 

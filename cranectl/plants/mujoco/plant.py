@@ -1,7 +1,7 @@
 """The MuJoCo plant: `models/crane.xml` behind the plant interface; it uses none of our equations."""
 
 import copy
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -28,7 +28,7 @@ from cranectl.plants.mujoco.rope import (
     set_damping,
     start_taut,
 )
-from cranectl.plants.mujoco.sites import NO_SITES, SiteViews, measure_sites, tension_of_sites
+from cranectl.plants.mujoco.sites import NO_SITES, SiteViews, measure_sites, read_load_of_sites
 from cranectl.plants.plant import DRIVES, Drive, Kernels, check_hook, check_rate
 from cranectl.plants.surroundings import air_drag
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
@@ -102,8 +102,7 @@ def read_load(rig, load):
     for i in range(7):
         load[i] = rig.sensors[rig.load_sensors[i]]
     if rig.sites.active:
-        load[2] -= rig.sites.height
-        load[6] = tension_of_sites(rig)
+        read_load_of_sites(rig, load)
 
 
 @jit
@@ -128,6 +127,41 @@ def count_warnings(rig):
     return rig.warnings.sum()
 
 
+def views_of(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    effects: EffectSettings,
+    *,
+    step: float,
+    substeps: int,
+    bodies: tuple[int, int],
+    swing: int = -1,
+    **addresses: Any,
+) -> MujocoRig:
+    """Return the views of a model with `addresses`; `bodies` are those of load and trolley."""
+    load, trolley = bodies
+    return MujocoRig(
+        model=model._address,
+        data=data._address,
+        qpos=data.qpos,
+        qvel=data.qvel,
+        ctrl=data.ctrl,
+        applied=data.qfrc_applied,
+        sensors=data.sensordata,
+        warnings=data.warning.number,
+        air=np.zeros(3),
+        wrench=data.xfrc_applied[load],
+        reaction=data.xfrc_applied[trolley],
+        rope=elastic_rope(model, effects),
+        in_air=effects.wind is not None,
+        drag=air_drag(effects),
+        work=stage_work(model, data, swing=swing, sensors=len(addresses["load_sensors"])),
+        substeps=substeps,
+        step=step,
+        **addresses,
+    )
+
+
 class MujocoPlant:
     """The MuJoCo crane as a plant.
 
@@ -146,14 +180,14 @@ class MujocoPlant:
         self.model = copy.copy(compiled_model(rig, drive, step, self.effects))
         self.data = mujoco.MjData(self.model)
         distance = self.model.joint(DISTANCE if effects.rope else "rope_length")
-        self.rig = MujocoRig(
-            model=self.model._address,
-            data=self.data._address,
-            qpos=self.data.qpos,
-            qvel=self.data.qvel,
-            ctrl=self.data.ctrl,
-            applied=self.data.qfrc_applied,
-            sensors=self.data.sensordata,
+        self.rig = views_of(
+            self.model,
+            self.data,
+            effects,
+            step=step,
+            substeps=substeps,
+            bodies=(self.model.body("load").id, self.model.body("trolley").id),
+            swing=int(self.model.joint("swing").dofadr[0]) if effects.body else -1,
             joints=state_addresses(self.model),
             rates=rate_addresses(self.model),
             distance=np.array([distance.qposadr[0], distance.dofadr[0]], dtype=np.int64),
@@ -161,21 +195,9 @@ class MujocoPlant:
             scale=np.ones(3),
             integrates=False,
             load_sensors=sensor_addresses(self.model),
-            warnings=self.data.warning.number,
             load_mass=rig.load_mass,
-            air=np.zeros(3),
-            wrench=self.data.xfrc_applied[self.model.body("load").id],
-            reaction=self.data.xfrc_applied[self.model.body("trolley").id],
             has_body=effects.body is not None,
             sites=NO_SITES,
-            rope=elastic_rope(self.model, effects),
-            in_air=effects.wind is not None,
-            drag=air_drag(effects),
-            work=stage_work(
-                self.model, self.data, swing=int(self.model.joint("swing").dofadr[0]) if effects.body else -1
-            ),
-            substeps=substeps,
-            step=step,
         )
 
     @property

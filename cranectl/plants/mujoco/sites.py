@@ -16,19 +16,17 @@ class SiteViews(NamedTuple):
     active: bool  # False for the shipped model, whose joints are the state
     pivot: Array  # (3,) position [m]
     load: Array  # (3,) position [m]
-    centre: Array  # (3,) of the body that has the load's site; the engine applies forces there [m]
     pivot_id: int
     load_id: int
     pivot_motion: Array  # (6,) angular and linear velocity, work space
     load_motion: Array  # (6,)
     shown: Array  # (10,) state, work space
-    height: float  # of the pivot in the model's world, which is height 0 in ours [m]
     winch_inertia: float  # referred to the rope [kg]
     winch_ratio: float  # velocity of the winch's actuator over that of the rope
 
 
 _NONE = np.zeros(0)
-NO_SITES = SiteViews(False, _NONE, _NONE, _NONE, 0, 0, _NONE, _NONE, _NONE, 0.0, 0.0, 0.0)
+NO_SITES = SiteViews(False, _NONE, _NONE, 0, 0, _NONE, _NONE, _NONE, 0.0, 0.0)
 
 
 @jit
@@ -38,7 +36,7 @@ def state_of_sites(pivot, load, pivot_velocity, load_velocity, state):
     v_x = load_velocity[0] - pivot_velocity[0]
     v_y = load_velocity[1] - pivot_velocity[1]
     v_z = load_velocity[2] - pivot_velocity[2]
-    across = y * y + z * z  # square of the rope's length beside the x axis
+    across = y * y + z * z  # square of the distance from the x axis
     length = sqrt(x * x + across)
     rate = (x * v_x + y * v_y + z * v_z) / length
     beta = asin(x / length)
@@ -72,26 +70,11 @@ def swing_of(rig):
 
 
 @jit
-def turn_about_centre(rig):
-    """Set the torque that moves the force in `rig.wrench` from the centre of the load's body to its site."""
-    sites, wrench = rig.sites, rig.wrench
-    x, y, z = (
-        sites.load[0] - sites.centre[0],
-        sites.load[1] - sites.centre[1],
-        sites.load[2] - sites.centre[2],
-    )
-    wrench[3] = y * wrench[2] - z * wrench[1]
-    wrench[4] = z * wrench[0] - x * wrench[2]
-    wrench[5] = x * wrench[1] - y * wrench[0]
+def read_load_of_sites(rig, load):
+    """Write height of the load below the pivot [m] and force of the rope on the winch [N] into `load`.
 
-
-@jit
-def tension_of_sites(rig):
-    """Return the force of the rope on the winch [N], from the winch's force and acceleration.
-
-    Sensors give position, velocity of the load, force of the winch, and then position, velocity and
-    acceleration of the pivot and acceleration of the load, all at the start of the step. Gravity is in both
-    accelerations alike.
+    Sensors have the values of `own_file.SENSORS` at the start of the step. The force follows from that of the
+    winch's drive and its acceleration. Gravity is in both accelerations alike.
     """
     seen, sensors = rig.load_sensors, rig.sensors
     square, rate, speed, pull = 0.0, 0.0, 0.0, 0.0
@@ -103,4 +86,5 @@ def tension_of_sites(rig):
         speed += velocity * velocity
         pull += way * (sensors[seen[16 + i]] - sensors[seen[13 + i]])
     acceleration = (pull + speed - rate * rate / square) / sqrt(square)
-    return rig.sites.winch_inertia * acceleration - rig.sites.winch_ratio * sensors[seen[6]]
+    load[2] = sensors[seen[2]] - sensors[seen[9]]
+    load[6] = rig.sites.winch_inertia * acceleration - rig.sites.winch_ratio * sensors[seen[6]]
