@@ -11,7 +11,7 @@ from cranectl.cases.case import Case, PairDifference
 from cranectl.cases.validation import Validation
 from cranectl.compare.agreement import with_finer_steps
 from cranectl.compare.runs import compare_runs
-from cranectl.plants.registry import in_order
+from cranectl.plants.registry import in_order, plant_entry
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Z
 from cranectl.simulate import make_plant, simulate_run
@@ -56,7 +56,7 @@ class PlantAlone:
     controller: str
     step_error_m: float  # largest change of the load's position with steps a quarter as long
     order: float  # of convergence; NaN where differences are rounding
-    energy_drift: float  # of a free swing of 20 s with locked drives, as a share of m g l
+    energy_drift: float  # of a free swing of 20 s, as a share of m g l; NaN where drives cannot be locked
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Pairwise:
         """Return the result as plain data, with null for NaN."""
         plants = [asdict(plant) for plant in self.plants]
         for plant in plants:
-            plant["order"] = plant["order"] if isfinite(plant["order"]) else None
+            plant |= {name: None for name in ("order", "energy_drift") if not isfinite(plant[name])}
         return {"pairs": [asdict(pair) for pair in self.pairs], "plants": plants}
 
 
@@ -95,7 +95,9 @@ def pairwise(validation: Validation) -> Pairwise:
     for plant in in_order(plant for plant, _ in cases):
         for drive in dict.fromkeys(drive for other, drive in cases if other == plant):
             case = cases[plant, drive][1]
-            drift.setdefault(plant, energy_drift(plant, case.scenario))
+            if plant not in drift:
+                can_lock = "ideal" in plant_entry(plant).drives
+                drift[plant] = energy_drift(plant, case.scenario) if can_lock else nan
             steps = convergence(plant, case)
             alone.append(PlantAlone(plant, drive, case.scenario.name, case.controller, *steps, drift[plant]))
     return Pairwise(rows, tuple(alone))

@@ -12,8 +12,9 @@ from cranectl.design import ControllerDesign
 from cranectl.live.hand import HandRequest
 from cranectl.live.session import Session
 from cranectl.loaders.opening import open_again
+from cranectl.plants.model_files import model_plants
 from cranectl.plants.plant import Drive
-from cranectl.plants.registry import plants_to_run
+from cranectl.plants.registry import PLANTS, plants_to_run
 from cranectl.scenario import Scenario
 from cranectl.simulate.child import BLOCK_TIMEOUT
 from cranectl.simulate.plan import plan_scenario
@@ -111,7 +112,7 @@ class ChildSession:
 
     def _start(self) -> list[Run]:
         """Start the child process and return runs without rows, or an empty list if the process has ended."""
-        settings = (self.scenario, self.design, self._names, self.drive, self.origin_ns)
+        settings = (self.scenario, self.design, self._names, model_plants(), self.drive, self.origin_ns)
         self._child = spawn_child(_serve_requests, OPEN.share(), settings)
         return (
             self._ask("advance", 0, patience=inf) or []
@@ -122,7 +123,8 @@ def _serve_requests(connection: Connection, shared: SharedControllers, settings:
     """Serve requests in the child process: call the session, and answer with the result and its time."""
     report_to_parent(connection.send)
     open_again(shared)
-    scenario, design, plants, drive, origin_ns = settings
+    scenario, design, plants, models, drive, origin_ns = settings
+    PLANTS.update(models)
     session: Session | None = None
     for method, arguments in requests(connection):
         try:

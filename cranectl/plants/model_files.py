@@ -38,11 +38,12 @@ def plants_named(names: Sequence[str]) -> tuple[str, ...]:
 def register_model(file: str) -> str:
     """Make the plant of a model file known to this process, and return its name.
 
-    The plant has the name of its file, in lower case and with hyphens. Raises InputError if there is no such
-    file, or if another plant has the name.
+    The plant has the name of its file, in lower case letters, digits and hyphens. Raises InputError if there
+    is no such file, or if another plant has the name.
     """
     path = Path(file)
     name = re.sub(r"[^a-z0-9]+", "-", path.stem.lower()).strip("-")
+    name = name if name[:1].isalpha() else f"model-{name}".rstrip("-")
     if not path.is_file():
         raise InputError(
             f"no model file {file}",

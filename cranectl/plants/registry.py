@@ -141,7 +141,8 @@ class PlantEntry:
         if not self.batch:
             able = [entry for entry in PLANTS.values() if entry.batch]
             raise InputError(
-                f"a campaign on the {self.label} plant, which is too slow for thousands of runs",
+                f"a campaign on the {self.label} plant, which "
+                f"{'is a model of one crane' if self.arguments else 'is too slow for thousands of runs'}",
                 allowed=labels_of(able),
                 remedy=f"take '--plants {REFERENCE_PLANT}', and {self.name} for single runs",
             )

@@ -12,6 +12,9 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.compare.agreement import judge
 from cranectl.compare.runs import compare_runs
+from cranectl.controllers.registry import controller_design
+from cranectl.live.child_session import ChildSession
+from cranectl.live.session import Session
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.plants.model_files import forget_models, register_model
@@ -207,6 +210,13 @@ MUTANTS = [
         "inertia",
     ),
     (
+        "limits",
+        [('joint="bridge_position" kv="425"', 'joint="bridge_position" kv="425" ctrlrange="-1 1"')],
+        "limits of drives",
+        0.0,
+        "have none",
+    ),
+    (
         "wire",
         [
             (
@@ -276,7 +286,7 @@ def test_position_servos_follow_the_commanded_velocity(tmp_path: Path) -> None:
     assert run.status.label == "completed"
     assert abs(run.block("error")[0, 0]) == pytest.approx(0.02, abs=1e-9)
     assert np.abs(run.block("error")[-1, [0, 3, 9]]).max() < 3e-2
-    assert PLANTS[name].differs.endswith("drives")
+    assert PLANTS[name].differs.endswith("position servos")
 
 
 BRIDGE = 'joint="bridge_position" kv="425"'
@@ -325,6 +335,13 @@ def test_a_model_that_is_no_such_crane_is_refused(
     assert reason in str(error.value)
     assert error.value.allowed
     assert error.value.remedy
+
+
+def test_a_sub_model_may_not_read_files_elsewhere(tmp_path: Path) -> None:
+    (tmp_path / "sub.xml").write_text('<mujoco><asset><mesh name="m" file="../m.obj"/></asset></mujoco>')
+    file = crane_with(tmp_path, ("<asset>", '<asset><model name="sub" file="sub.xml"/>'))
+    with pytest.raises(InputError, match=r"reads \.\./m\.obj"):
+        open_model(file, ModelNames())
 
 
 def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
@@ -379,8 +396,15 @@ def test_commands_work_on_it(
     assert main(["run", "fixed-position", *given, "--out", "two.mcap"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "the double.xml plant is another crane: bridge 0.0019 m/s²" in shown
-    assert main(["validate", "fixed-position", *given, "--jobs", "2", "--controller", "lqr,pid"]) == 0
+    validate = ["validate", "fixed-position", *given, "--jobs", "2", "--pairwise", "--json", "pairs.json"]
+    assert main([*validate, "--controller", "lqr,pid"]) == 0
     assert "2 of 2 pairs not judged" in capsys.readouterr().out
+    drifts = {
+        p["plant"]: p["energy_drift"]
+        for p in json.loads(Path("pairs.json").read_text())["pairwise"]["plants"]
+    }
+    assert drifts["double"] is None, "its drives cannot be locked"
+    assert drifts["mujoco"] is not None
     (tmp_path / "away").mkdir()
     Path("two.mcap").rename(tmp_path / "away" / "two.mcap")
     Path("double.xml").unlink()
@@ -395,6 +419,19 @@ def test_commands_work_on_it(
     )
     assert "not judged: the double.xml plant is another crane" in " ".join(output.split())
     assert "double.xml" in (tmp_path / "away" / "page.html").read_text()
+
+
+def test_live_sessions_run_it_here_and_in_a_child_process() -> None:
+    name = register_model(str(resources.MODEL_FILE))
+    scenario = load_scenario("fixed-position")
+    design = controller_design("lqr", scenario)
+    session = Session(scenario, design, plants=[name], drive="velocity")
+    child = ChildSession(scenario, design, plants=[name], drive="velocity")
+    (run,), (other,) = session.advance(20), child.advance(20)
+    assert child._child is not None
+    child._child.end()
+    assert run.plant == other.plant == name
+    np.testing.assert_array_equal(run.table, other.table)
 
 
 def test_info_shows_the_crane_and_its_differences(
@@ -433,6 +470,11 @@ def test_names_of_files_are_names_of_plants(
     assert "take another name" in capsys.readouterr().err
     assert main([*run, "absent.xml"]) == 2
     assert "check the path" in capsys.readouterr().err
+    crane_with(tmp_path, name="2nd")
+    assert main([*run, "2nd.xml"]) == 0
+    assert list(read_log("one.mcap")) == ["model-2nd"]
+    assert main(["campaign", "run", "lab-rig", "--plants", "2nd.xml", "--out", "many"]) == 2
+    assert "a campaign on the 2nd.xml plant, which is a model of one crane" in capsys.readouterr().err
     crane_with(tmp_path, name="mujoco")
     assert main([*run, "mujoco.xml"]) == 2
     assert "take another name" in capsys.readouterr().err

@@ -27,7 +27,7 @@ class ModelDifference(NamedTuple):
     """A difference between a model and the rigid crane."""
 
     what: str
-    size: float  # [m/s²]; 0 for servos of another kind
+    size: float  # [m/s²]; 0 for drives of another kind
     meaning: str
 
     @property
@@ -51,7 +51,9 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
     ]
     found = [ModelDifference(what, float(size), why) for what, size, why in sized if not size <= EXPLAINED]
     if own.servo == "position":
-        found.append(ModelDifference("drives", 0.0, "they are position servos, not servos for velocity"))
+        found.append(ModelDifference("position servos", 0.0, "drives of other plants take velocities"))
+    if own.model.actuator_ctrllimited[own.drives].any() or own.model.actuator_forcelimited[own.drives].any():
+        found.append(ModelDifference("limits of drives", 0.0, "drives of other plants have none"))
     return tuple(found)
 
 

@@ -57,9 +57,9 @@ def check_files(file: Path) -> None:
     for path in paths:  # which grows
         for element in ElementTree.parse(path).iter():
             attributes += element.items()
-            included = folder / element.get("file", "") if element.tag == "include" else file
-            if included not in paths and included.is_file():
-                paths.append(included)
+            part = folder / element.get("file", "")
+            if element.tag in ("include", "model") and part not in paths and part.is_file():
+                paths.append(part)
     starts = [folder, *(folder / value for key, value in attributes if key in FOLDERS)]
     for name in (value for key, value in attributes if key.startswith("file")):
         if not all((start / name).resolve().is_relative_to(folder) for start in starts):

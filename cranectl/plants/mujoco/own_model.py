@@ -141,7 +141,7 @@ class OwnModel:
             motion = moment @ np.linalg.pinv(gradient)  # (3, 5) of actuators, by axis
             ratios = ratios if ratios.any() else np.diag(motion).copy()
             others = np.hstack([motion - np.eye(3, 5) * ratios[:, np.newaxis], moment - motion @ gradient])
-            for k in np.flatnonzero(~(np.abs(others).max(axis=1) <= MAX_COUPLING * ratios)):
+            for k in np.flatnonzero(~(np.abs(others).max(axis=1) < MAX_COUPLING * ratios)):
                 moved = ", ".join(f"{axis} {part:.3g}" for axis, part in zip(AXES, motion[k], strict=True))
                 raise InputError(
                     f"{self.names.drives[k]} does not move the {AXES[k]} alone and evenly: "

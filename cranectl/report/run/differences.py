@@ -198,7 +198,8 @@ def pair_tables(pairwise: Pairwise) -> tuple[Table, Table]:
     rows = []
     for plant in pairwise.plants:
         order = "-" if isnan(plant.order) else f"{plant.order:.1f}"
-        where, drift = f"{plant.scenario}, {plant.controller}", difference_text(plant.energy_drift)
+        where = f"{plant.scenario}, {plant.controller}"
+        drift = "-" if isnan(plant.energy_drift) else difference_text(plant.energy_drift)
         rows.append(cells(plant.drive, plant.plant, difference_text(plant.step_error_m), order, drift, where))
     headings = ("drives", "plant", "step error\n[m]", "order", "energy drift\n[m g l]", "step error, where")
     note = (
