@@ -272,7 +272,7 @@ def _plants(
     return tuple(able)
 
 
-run_plants_option = plants_option("Default: analytic,elastic,mujoco.", check="check_installed")
+run_plants_option = plants_option("Or MJCF files. Default: analytic,elastic,mujoco.", check="check_installed")
 
 
 def names_given(_: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from cranectl.cli.command import (
     predict_option,
     scenario_options,
 )
+from cranectl.cli.idle import idle_lines, tell_idle
 from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
 
@@ -48,7 +49,9 @@ def info_command(file: Path, request: ScenarioRequest, as_is: bool, screen: Scre
     from cranectl.plants.model_files import MODEL_ENDING
 
     if file.suffix == MODEL_ENDING:
-        return _tell_model(file, request.read().rig.plant.names, as_is=as_is, screen=screen)
+        scenario = request.read()
+        tell_idle(screen, idle_lines(scenario, request, (), unread=("[!r]*", "rig.[!p]*")))
+        return _tell_model(file, scenario.rig.plant.names, as_is=as_is, screen=screen)
     if as_is or request.rig or request.overrides:
         raise InputError(
             f"--as-is, --rig or --set with {file}",
