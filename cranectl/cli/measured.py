@@ -131,6 +131,7 @@ def measured_run(log: Path) -> "Run":
 def judge_logs(
     names: tuple[str, ...],
     rig: Path | str | None,
+    *,
     tolerance: str | None,
     junit: Path | None,
     report: Path | None,

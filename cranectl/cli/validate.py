@@ -123,7 +123,9 @@ def validate_command(
     if any(scenario.endswith(".mcap") for scenario in scenarios) or tolerance is not None:
         from cranectl.cli.measured import judge_logs
 
-        return judge_logs(scenarios, request.rig, tolerance, junit, report, screen)
+        return judge_logs(
+            scenarios, request.rig, tolerance=tolerance, junit=junit, report=report, screen=screen
+        )
     names = chosen_controllers(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
     drives = several.get(drive) or (checked_drive(drive),)

@@ -208,11 +208,8 @@ def _connector(settings: ProcessSettings, file: ControllerFile) -> "Callable[[],
 
 def _check_program(first: str, file: ControllerFile) -> None:
     """Raise InputError if the program is missing, or differs from that where the file was opened."""
-    if (
-        not _is_file(file.folder / first)
-        and first not in dict(file.companions)
-        and shutil.which(first) is None
-    ):
+    known = first in dict(file.companions) or _is_file(file.folder / first)
+    if not known and shutil.which(first) is None:
         raise InputError(
             f"{file.reference}: there is no program '{first}'",
             allowed=f"a program on the path, or relative to {file.path.parent}",

@@ -12,7 +12,7 @@ IS_ANGLE = np.array([name in ("alpha", "beta") for name in CHANNELS])
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ReadingsComparison:
     """Readings of a run and their prediction, as means over blocks; angles in m at the rope's end."""
 
     time: Array  # middle of each block (B,) [s]
@@ -37,7 +37,7 @@ class Comparison:
         return float(np.nanmax(np.abs(self.difference)))
 
 
-def compare_readings(experiment: Experiment, predicted: Array, deviation: Array) -> Comparison:
+def compare_readings(experiment: Experiment, predicted: Array, deviation: Array) -> ReadingsComparison:
     """Compare the readings of a run with predicted ones.
 
     Parameters
@@ -51,7 +51,7 @@ def compare_readings(experiment: Experiment, predicted: Array, deviation: Array)
     """
     lengths = block_means(np.where(IS_ANGLE, predicted[:, 2:3], 1.0))
     shown = experiment.channels
-    return Comparison(
+    return ReadingsComparison(
         time=block_means(experiment.run.time[:, None])[:, 0],
         channels=CHANNELS[shown],
         measured=(lengths * block_means(experiment.readings))[:, shown],

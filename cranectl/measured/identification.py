@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from cranectl.measured.comparison import BLOCK_SAMPLES, Comparison, compare_readings
+from cranectl.measured.comparison import BLOCK_SAMPLES, ReadingsComparison, compare_readings
 from cranectl.measured.experiment import (
     CHECK,
     MODEL,
@@ -75,7 +75,7 @@ class Identification:
     covariance: Array  # of the estimates, from the spread between runs and from encoders (P, P)
     misfit: float  # mean square of the residuals in units of noise: 1 for a model without error
     converged: bool
-    comparisons: tuple[Comparison, ...]  # of the fitted runs
+    comparisons: tuple[ReadingsComparison, ...]  # of the fitted runs
 
     @property
     def runs(self) -> int:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from cranectl.measured.comparison import BLOCK_SAMPLES, Comparison, block_means, compare_readings
+from cranectl.measured.comparison import BLOCK_SAMPLES, ReadingsComparison, block_means, compare_readings
 from cranectl.measured.experiment import Experiment, encoders_of, reading_noise, rig_with
 from cranectl.measured.identification import Identification
 from cranectl.measured.replay import Replay
@@ -68,7 +68,7 @@ class RunVerdict:
     name: str
     answer: str
     probability: float  # that a model without error has a statistic as large
-    comparison: Comparison
+    comparison: ReadingsComparison
 
     @property
     def statistic(self) -> float:
@@ -229,7 +229,9 @@ def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | No
     return RunVerdict(name, answer, probability, comparison)
 
 
-def _answer(comparison: Comparison, is_covered: bool, converged: bool, tolerance: float | None) -> str:
+def _answer(
+    comparison: ReadingsComparison, is_covered: bool, converged: bool, tolerance: float | None
+) -> str:
     bands = BAND_DEVIATIONS * comparison.deviation
     if not converged or (is_covered and tolerance is not None and float(bands.max()) > tolerance):
         return NOT_DECIDED

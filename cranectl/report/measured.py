@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.measured.comparison import Comparison
+from cranectl.measured.comparison import ReadingsComparison
 from cranectl.measured.experiment import ANGLE_DELAY, ANGLE_SCALE, CHECK, MODEL
 from cranectl.measured.identification import LARGEST_MISFIT, Estimate, Identification
 from cranectl.measured.verdict import (
@@ -194,7 +194,7 @@ def verdict_page(verdicts: Sequence[RunVerdict], tolerance: float | None, remade
     return Page("Does the model cover the crane?", lead, tuple(sections), remade_by, first)
 
 
-def _comparison_figure(comparison: Comparison, label: str, tolerance: float | None = None) -> Drawing:
+def _comparison_figure(comparison: ReadingsComparison, label: str, tolerance: float | None = None) -> Drawing:
     """Draw a run with its prediction, and beside it the difference with its band; a row for each channel."""
     rows = len(comparison.channels)
     figure, grid = canvas(1.5 * WIDTH, 0.7 + 1.25 * rows, rows, 2, sharex=True, squeeze=False)
