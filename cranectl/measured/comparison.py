@@ -1,10 +1,11 @@
 """Measured and predicted readings of a run side by side, as means over blocks of samples."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from cranectl.measured.experiment import CHANNELS, Experiment
+from cranectl.measured.experiment import CHANNELS, Experiment, rig_with
 from cranectl.support.arrays import Array
 
 BLOCK_SAMPLES = 25  # samples whose mean is compared
@@ -32,12 +33,19 @@ class ReadingsComparison:
         return np.nan_to_num(np.abs(self.difference) / self.deviation, nan=np.inf)
 
     @property
+    def misfit(self) -> float:
+        """Mean square of the ratio: 1 for a model without error, more for differences that last."""
+        return float(np.mean(np.square(self.ratio)))
+
+    @property
     def largest(self) -> float:
         """Largest difference at any time [m]."""
         return float(np.nanmax(np.abs(self.difference)))
 
 
-def compare_readings(experiment: Experiment, predicted: Array, deviation: Array) -> ReadingsComparison:
+def compare_readings(
+    experiment: Experiment, predicted: Array, deviation: Array, values: Mapping[str, float]
+) -> ReadingsComparison:
     """Compare the readings of a run with predicted ones.
 
     Parameters
@@ -48,8 +56,11 @@ def compare_readings(experiment: Experiment, predicted: Array, deviation: Array)
         Predicted readings of all channels (N, 5) [m or rad].
     deviation : Array
         Standard deviation of the means, without an error of the model (B, 5) or (5,) [m or rad].
+    values : Mapping
+        Numbers of the crane by name; the zero of the rope tells how long it is.
     """
-    lengths = block_means(np.where(IS_ANGLE, predicted[:, 2:3], 1.0))
+    rope = predicted[:, 2:3] - rig_with(experiment.rig, values).effects.installation.rope_offset
+    lengths = block_means(np.where(IS_ANGLE, rope, 1.0))
     shown = experiment.channels
     return ReadingsComparison(
         time=block_means(experiment.run.time[:, None])[:, 0],

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import sqrt
+from math import degrees, sqrt
 
 import numpy as np
 
@@ -24,6 +24,7 @@ LEAST_DELAY_ERROR = 60e-6  # [s] on the laboratory rig; grows with the root of t
 SHORT_SPAN = 0.5  # of the time 1/w of the swing, in which its start is read
 FEWEST_SLOPES = 8  # samples from which a slope is read
 REST_SWING = 0.01  # [rad] of a load that counts as at rest; zeros of its sensors included
+STILL_STEPS, STILL_NOISE = 1.5, 4.0  # steps of an encoder and deviations of its noise in readings at rest
 REST_SPEED = 1e-3  # of a drive's speed limit, below which a run begins at rest
 
 
@@ -121,33 +122,53 @@ class Experiment:
         self.readings = state[:, 0::2]
         self.commands = run.block("command")[:, :3] if replay == "commands" else measured_motion(run)
         self.noise = reading_noise(rig)
-        limits = np.array(rig.effects.limits.velocity)
-        speed = self.commands[0, :3] if replay == "commands" else self.commands[0, 3:6]
-        frequency = sqrt(rig.gravity / float(state[0, 4]))
-        swing = self._first_swing(frequency)
-        self.at_rest = bool((np.abs(speed) < REST_SPEED * limits).all() and swing < REST_SWING)
+        self.frequency = sqrt(rig.gravity / float(state[0, 4]))
+        self.motion = self._first_motion()  # of a run that begins in motion, in words
+        self.at_rest = not self.motion
         self.start = state[0].copy()
         if self.at_rest:
             self.start[1::2] = 0.0
         self.channels = slice(0, 5) if replay == "commands" else slice(3, 5)
         self.compared = 5 if replay == "commands" else 2
         noise = 10.0 * self.noise
-        swing_scale = [noise[3], noise[3] * frequency, noise[4], noise[4] * frequency]
+        swing_scale = [noise[3], noise[3] * self.frequency, noise[4], noise[4] * self.frequency]
         self.own_scale = np.array([*noise[self.channels], *([] if self.at_rest else swing_scale)])
 
     def still_samples(self) -> int:
-        """Return how many samples pass before the axes are moved, at least one."""
-        moving = np.abs(self.commands[:, :3] - self.commands[0, :3]).max(axis=1) > 0.0
+        """Return how many samples pass before the axes are moved, at least one.
+
+        An axis that was measured rests while its readings stay within a step and the noise of its encoder.
+        """
+        if self.replay == "commands":
+            moving = (self.commands != self.commands[0]).any(axis=1)
+        else:
+            steps, noise = encoders_of(self.rig)
+            allowed = STILL_STEPS * steps[:3] + STILL_NOISE * noise[:3]
+            moving = (np.abs(self.readings[:, :3] - self.readings[0, :3]) > allowed).any(axis=1)
         return max(int(np.argmax(moving)), 1) if moving.any() else len(moving)
 
-    def _first_swing(self, frequency: float) -> float:
-        """Return the amplitude of the swing at the start [rad], from readings before the axes move."""
-        first = min(max(round(SHORT_SPAN / (frequency * self.period)), 2), self.still_samples())
+    def _first_motion(self) -> str:
+        """Return in words what moves at the start, or an empty text at rest."""
+        first = max(round(SHORT_SPAN / (self.frequency * self.period)), 2)
+        still = self.still_samples()
+        if self.replay == "commands":
+            limits = np.array(self.rig.effects.limits.velocity)
+            moving = bool((np.abs(self.commands[0, :3]) >= REST_SPEED * limits).any())
+        else:
+            moving = still < min(first, len(self.readings))
+        if moving:
+            return f"an axis moves within the first {first * self.period:.2g} s"
+        swing = self._first_swing(min(first, still))
+        noise = STILL_NOISE * float(self.noise[3]) / sqrt(min(first, still))
+        return f"its load swings by {degrees(swing):.2g}°" if swing >= REST_SWING + noise else ""
+
+    def _first_swing(self, first: int) -> float:
+        """Return the amplitude of the swing at the start [rad], from the first readings."""
         angles = self.readings[:first, 3:]
         if first < FEWEST_SLOPES:
             return float(np.abs(angles[0]).max())
         slopes = np.polyfit(self.period * np.arange(first), angles, 1)[0]
-        return float(np.hypot(np.abs(angles.mean(axis=0)), slopes / frequency).max())
+        return float(np.hypot(np.abs(angles.mean(axis=0)), slopes / self.frequency).max())
 
     def predicted(self, values: Mapping[str, float], own: Array, plant: str = MODEL) -> Array:
         """Return the readings (N, 5) that a crane with these numbers gives on a plant; NaN after its end."""

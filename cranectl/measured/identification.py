@@ -306,7 +306,9 @@ class LeastSquares:
             misfit=self.misfit,
             converged=self.done and self.misfit < LARGEST_MISFIT,
             comparisons=tuple(
-                compare_readings(e, e.predicted(values, own * e.own_scale), reading_noise(rig, BLOCK_SAMPLES))
+                compare_readings(
+                    e, e.predicted(values, own * e.own_scale), reading_noise(rig, BLOCK_SAMPLES), values
+                )
                 for e, own in zip(self.experiments, self.own, strict=True)
             ),
         )

@@ -120,8 +120,9 @@ def import_files(
         clock = clocks[signal.file, mapping.clock(signal)]
         where, head = str(files[signal.file - 1]), heads[signal.file - 1]
         readings = _read(name, signal, unit, head, clock=clock, where=where)
-        inside = (readings.time >= begin - clock.largest_gap) & (readings.time <= end + clock.largest_gap)
-        readings = Readings(readings.time[inside], readings.values[inside])
+        first, last = np.searchsorted(readings.time, [begin, end], side="right")
+        part = slice(max(int(first) - 1, 0), int(last) + 1)  # with the readings just before and after it
+        readings = Readings(readings.time[part], readings.values[part])
         check_gaps(name, readings.time, clock.largest_gap, (begin, end), where)
         check_motion(name, *readings, parameters)
         columns[name][:] = _resampled(name, readings, time)

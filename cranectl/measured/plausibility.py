@@ -92,7 +92,8 @@ class Finding:
         late = f", {self.delay:.3g} s late: delay = {self.delay:.3g}" if self.delay else ""
         return (
             f"{self.angle} answers the motion of {self.axis} with correlation {self.correlation:.2f} and "
-            f"gain {self.gain:.3g}, where 1 and 1 are expected{late}{offset}"
+            f"gain {self.gain:.3g} (1 and 1 for exact readings; less with noise, or a rope read too long)"
+            f"{late}{offset}"
         )
 
     def to_json(self) -> dict[str, Any]:

@@ -201,7 +201,7 @@ def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | No
         )
     if not experiment.at_rest:
         raise InputError(
-            f"{name} begins in motion",
+            f"{name} begins in motion: {experiment.motion}",
             allowed="runs that begin with axes and load at rest, from where the prediction starts",
             remedy="import a part that begins at rest, by from in its map",
         )
@@ -222,7 +222,7 @@ def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | No
     variance += reading_noise(fit.rig, BLOCK_SAMPLES) ** 2
     draws = DRAWS * ceil(judged / RUNS_PER_DRAWS)
     drawn = _drawn_differences(predicted, slopes, rest_deviations, fit, draws)[:, :, experiment.channels]
-    comparison = compare_readings(experiment, predicted, np.sqrt(variance))
+    comparison = compare_readings(experiment, predicted, np.sqrt(variance), fit.values)
     statistics = np.abs(drawn / np.sqrt(variance)[:, experiment.channels]).max(axis=(1, 2))
     probability = float(1 + np.sum(statistics >= comparison.ratio.max())) / (1 + draws)
     answer = _answer(comparison, probability >= FALSE_ALARMS / judged, fit.converged, tolerance)

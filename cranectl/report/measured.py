@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.measured.comparison import ReadingsComparison
+from cranectl.measured.comparison import BLOCK_SAMPLES, ReadingsComparison
 from cranectl.measured.experiment import ANGLE_DELAY, ANGLE_SCALE, CHECK, MODEL
 from cranectl.measured.identification import LARGEST_MISFIT, Estimate, Identification
 from cranectl.measured.verdict import (
@@ -76,6 +76,16 @@ def remarks(result: Identification) -> list[str]:
     if delay is not None and abs(delay.value) > delay.half_width:
         more = f"add {delay.value:.4g} to the delay of alpha and beta in the map"
         sentences.append(f"angles are {1e3 * delay.value:.3g} ms late: {more}")
+    rope = sensor.get("effects.installation.rope_offset")
+    if scale is not None and rope is not None and abs(rope.value) > rope.half_width:
+        wrong = f"{MILLIMETRES * abs(rope.value):.3g} mm too {'long' if rope.value > 0.0 else 'short'}"
+        advice = f"add {rope.value:.4g} to the zero of rope_length in the map"
+        sentences.append(f"the rope is read {wrong}: {advice}")
+    if result.converged and (lasting := max(c.misfit for c in result.comparisons)) > LARGEST_MISFIT:
+        sentences.append(
+            f"residuals last: as means over {BLOCK_SAMPLES} samples they are up to {lasting:.3g} times the "
+            "squared noise of such means. If readings drift, as of a camera, intervals are too narrow"
+        )
     if not result.converged:
         sentences.append(
             f"NOT CONVERGED: the residuals are {result.misfit:.3g} times the squared noise of the readings, "
@@ -88,7 +98,7 @@ def identification_page(result: Identification, names: Sequence[str], remade_by:
     """Return the page of an identification from the logs of these names."""
     badge = Cell("fitted", "good") if result.converged else Cell("NOT CONVERGED", "bad")
     reason = (
-        "The model repeats the fitted runs as well as the encoders can tell."
+        "The residuals are as large as the stated noise of the readings."
         if result.converged
         else "The model does not repeat the fitted runs, so its numbers mean little."
     )

@@ -446,3 +446,15 @@ def test_the_suggested_map_of_a_planar_rig_needs_only_its_units(tmp_path: Path) 
     run = imported(path, mapping=read_map(tmp_path / "a.toml")).run
     assert (run.signal("state.bridge_position") == 0.0).all()
     assert np.allclose(run.signal("state.alpha"), np.interp(run.time, columns()["t"], columns()["alpha"]))
+
+
+@pytest.mark.parametrize("begin", [0.006, 0.05, 0.2])
+def test_a_jump_before_the_part_is_left_out(begin: float, tmp_path: Path) -> None:
+    table = columns()
+    table["x"] = table["x"].copy()
+    table["x"][0] += 0.3
+    path = write_csv(tmp_path / "a.csv", table)
+    with pytest.raises(InputError, match="bridge_position jumps by"):
+        imported(path, mapping=mapping())
+    run = imported(path, mapping=mapping(**{"from": begin})).run
+    assert largest_error(run, begins=begin) < 1e-4

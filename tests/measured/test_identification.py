@@ -26,6 +26,7 @@ def test_all_numbers_are_found_within_their_intervals(result: Identification) ->
     assert result.converged
     assert not result.unidentifiable
     assert 0.9 < result.misfit < 1.1
+    assert remarks(result) == []
     errors = {e.name: e.value - NUMBERS[e.name] for e in result.estimates}
     assert errors.keys() == NUMBERS.keys()
     inside = [abs(errors[e.name]) < e.half_width for e in result.estimates]
@@ -79,8 +80,28 @@ def test_scale_and_delay_of_a_camera_are_found(runs: list[Run]) -> None:
     said = " ".join(remarks(result))
     assert "multiply the scale of alpha and beta in the map by 1.11" in said
     assert re.search(r"add 0\.0[56]\d* to the delay of alpha and beta in the map", said)
+    rope = 1e3 * NUMBERS["effects.installation.rope_offset"]
+    assert f"the rope is read {abs(rope):.2g}" in said
+    assert "to the zero of rope_length in the map" in said
     assert "angles" not in rig_text(result, "lab-rig", "three runs")
     assert "angles" not in campaign_text(result, "mine.toml", "mine", "three runs")
+
+
+def test_residuals_that_last_are_told_though_noise_would_explain_their_size() -> None:
+    """Angles that drift, as of a camera, with a noise that is stated as large as the drift."""
+    sensing = LAB.effects.sensing.model_copy(update={"angle_noise": 4e-3})
+    rig = LAB.model_copy(update={"effects": LAB.effects.model_copy(update={"sensing": sensing})})
+    runs = []
+    for seed in range(3):
+        run = measured_run(LAB, NUMBERS, seed)
+        table = run.table.copy()
+        column = next(k for k, c in enumerate(table.T) if (c == run.signal("state.alpha")).all())
+        table[:, column] += 4e-3 * np.sin(2.5 * run.time + seed)
+        runs.append(replace(run, table=table))
+    result = identify(runs, rig, replay="motion")
+    assert result.converged
+    (said,) = (remark for remark in remarks(result) if remark.startswith("residuals last"))
+    assert "intervals are too narrow" in said
 
 
 def test_runs_along_one_axis_say_nothing_of_the_others() -> None:
@@ -141,7 +162,7 @@ def test_an_identified_crane_is_a_rig_and_a_campaign(
     identified = ["identify", *logs, "--rig", "lab-rig", "--out", "mine.toml"]
     assert main([*identified, "--json", "r.json", "--report", "r.html"]) == 0
     page = Path("r.html").read_text(encoding="utf-8")
-    assert "The model repeats the fitted runs as well as the encoders can tell." in page
+    assert "The residuals are as large as the stated noise of the readings." in page
     assert page.count("<svg") == 1 + len(logs)  # intervals, and a figure for each run
     assert "Identified from the commands of 3 runs" in capsys.readouterr().out
     rig = load_rig("mine.toml")

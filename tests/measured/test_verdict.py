@@ -12,7 +12,8 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log.writer import write_log
-from cranectl.measured.experiment import reading_noise
+from cranectl.measured.comparison import block_means, compare_readings
+from cranectl.measured.experiment import Experiment, reading_noise
 from cranectl.measured.identification import Identification, identify
 from cranectl.measured.verdict import (
     COVERED,
@@ -29,6 +30,7 @@ from cranectl.measured.verdict import (
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import Body, Rope, Sensing, Wind
 from cranectl.simulate import Run
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from tests.measured.hidden import LAB, NUMBERS, measured_run
 
@@ -120,9 +122,43 @@ def test_a_run_that_begins_in_motion_is_identified_but_not_judged(fit: Fit, runs
     assert result.converged
     values = {estimate.name: estimate.value for estimate in result.estimates}
     assert values["load_mass"] == pytest.approx(NUMBERS["load_mass"], rel=0.01)
-    with pytest.raises(InputError, match="a begins in motion") as error:
+    with pytest.raises(InputError, match="a begins in motion: an axis moves within the first") as error:
         judge({"a": part(measured_run(LAB, NUMBERS, 50), 1.0)}, fit)
     assert "begins at rest, by from in its map" in error.value.remedy
+
+
+def with_rope(run: Run, values: Array) -> Run:
+    """The run with other readings of the rope, shape (N,)."""
+    table = run.table.copy()
+    table[:, next(k for k, c in enumerate(table.T) if (c == run.signal("state.rope_length")).all())] = values
+    return replace(run, table=table)
+
+
+@pytest.mark.parametrize("rope", [0.35, 0.3775, 0.3885, 1.0])
+def test_rest_is_read_from_readings_and_not_from_their_smoothing(rope: float) -> None:
+    """A smoothed constant differs by rounding, and a smoothed step has a speed."""
+    run = measured_run(LAB, NUMBERS, 50, axes=(1,))
+    trolley = run.signal("state.trolley_position")
+    first = int(np.argmax(np.abs(trolley - trolley[0]) > 1.5e-4))
+    assert first > 50
+    constant = with_rope(run, np.full(len(trolley), rope))
+    assert Experiment(constant, LAB, "motion", 1000).still_samples() == first
+    stepped = np.full(len(trolley), rope)
+    stepped[:2] -= LAB.effects.sensing.position_resolution[2]
+    assert Experiment(with_rope(run, stepped), LAB, "motion", 1000).at_rest
+    moved = np.linspace(rope, rope + 0.2, len(trolley))
+    assert "an axis moves within the first" in Experiment(with_rope(run, moved), LAB, "motion", 1000).motion
+
+
+def test_angles_are_compared_in_metres_at_the_true_length_of_the_rope(fit: Fit) -> None:
+    """A rope that is read 0.5 m too long swings no wider for it."""
+    run = measured_run(LAB, NUMBERS, 50)
+    values = {**fit.values, OFFSET: 0.5}
+    experiment = Experiment(run, LAB, "commands", 1000)
+    shown = compare_readings(experiment, experiment.readings, np.ones(5), values)
+    rope = block_means(experiment.readings)[:, 2]
+    assert shown.deviation[:, 3] == pytest.approx(rope - 0.5)
+    assert (shown.deviation[:, 2] == 1.0).all()
 
 
 def test_a_run_without_a_mean_to_compare_is_refused(fit: Fit) -> None:
