@@ -14,6 +14,7 @@ import numpy as np
 from cranectl.controllers.preparation import prepared
 from cranectl.controllers.registry import controller_design, controller_of
 from cranectl.design import ControllerDesign
+from cranectl.plants.model_files import OWN_PLANT
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PLANTS, plant_entry
 from cranectl.scenario import Scenario
@@ -26,6 +27,7 @@ from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, matching
 
 LAG = "rig.*_time_constant"
+MODEL_NAMES = "rig.plant.names.*"
 # A setting acts only if none of these groups has all its numbers zero.
 FACTORS = {
     **{
@@ -100,6 +102,8 @@ def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bo
     for lack in (group, group.partition(".")[0]):
         if reason := entry.lack(lack):
             return f"the {entry.label} plant, {reason}"
+    if fnmatchcase(name, MODEL_NAMES) and entry.where != OWN_PLANT:
+        return f"the {entry.label} plant is not from a model file"
     if name.removeprefix("rig.") in entry.fixed:
         return f"it is built into the {entry.label} plant"
     if fnmatchcase(name, LAG) and not DRIVES[drive].is_servo:

@@ -25,6 +25,7 @@ from cranectl.plants.registry import PLANTS as PLANT_ENTRIES
 from cranectl.plants.registry import PlantEntry
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import idle_effects, read_scenario
+from cranectl.scenario.rig import ModelNames
 from cranectl.simulate import simulate_run
 from cranectl.simulate.idle_settings import RunKind, idle_settings
 from cranectl.support.documents import leaves
@@ -57,7 +58,13 @@ LABELS = {
     "rig.rated_load": "scales what is not given; tests/scenario/test_similarity.py has it",
     "reference.continuity": "what a reference is refused for; tests/reference/test_trajectory.py has it",
 }
-ELSEWHERE = {"limits": "a table of metrics by name, of which one is tried"}
+ELSEWHERE = {
+    "limits": "a table of metrics by name, of which one is tried",
+    **{
+        f"rig.plant.names.{name}": "of a model file; tests/plants/test_own_model.py has them"
+        for name in ModelNames.model_fields
+    },
+}
 # Overrides without which a setting has no effect.
 CONDITIONS = {
     "workspace.on_exit": ["rig.bridge_range=[0.0,0.72]", "reference.segments=[]"],
@@ -204,6 +211,13 @@ def test_every_setting_of_the_models_is_tried() -> None:
     assert known.isdisjoint(
         set(LABELS) - {"rig.look.frame", "rig.rated_load", "log.every"} - {"name", "title", "obstacles.name"}
     )
+
+
+def test_names_of_a_model_file_change_nothing_on_a_shipped_plant() -> None:
+    name = "rig.plant.names.load"
+    read = read_scenario(SCENARIO, overrides=[*SHORT, f"{name}=hook"])
+    uses = [RunKind("mujoco", "ideal", "lqr")]
+    assert idle_settings(read, read, [name], uses) == {"the MuJoCo plant is not from a model file": [name]}
 
 
 def test_how_often_a_log_is_written_to_is_a_setting(tmp_path: Path) -> None:
