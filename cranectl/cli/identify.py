@@ -51,8 +51,8 @@ def identify_command(
 
     \b
     cranectl identify monday.mcap tuesday.mcap friday.mcap --rig lab-rig
-    cranectl identify runs/*.mcap --rig my-crane.toml --replay motion --out identified.toml
-    cranectl identify *.mcap --rig lab-rig --report identified.html
+    cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig my-crane.toml --replay motion
+    cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig lab-rig --report identified.html
     """
     from cranectl.measured.identification import identify
     from cranectl.measured.identified import campaign_text, rig_text
