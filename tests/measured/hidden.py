@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
-from cranectl.measured.experiment import CHANNELS, crane_scenario, delayed, rig_with, unknowns_of
+from cranectl.measured.experiment import CHANNELS, crane_scenario, delayed, encoders_of, rig_with, unknowns_of
 from cranectl.measured.importing import import_files
 from cranectl.measured.mapping import MeasuredMap
 from cranectl.measured.replay import simulate_replay
@@ -98,9 +98,7 @@ def measured_run(
     readings = simulated.block("state")[:, 0::2].copy()
     readings[:, 2] += installation.rope_offset
     readings[:, 3:] += rng.uniform(-0.002, 0.002, 2)  # zeros of the sensors
-    sensing = nominal.effects.sensing
-    steps = np.array([*sensing.position_resolution, *[sensing.angle_resolution] * 2])
-    noise = np.array([*sensing.position_noise, *[sensing.angle_noise] * 2])
+    steps, noise = encoders_of(nominal)
     readings += noise * rng.standard_normal(readings.shape)
     return run_of(nominal, time, np.round(readings / steps) * steps, speeds)
 

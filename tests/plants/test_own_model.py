@@ -238,8 +238,8 @@ MUTANTS = [
 def test_each_difference_is_named_with_its_size(
     changes: list[tuple[str, str]], what: str, size: float, cause: str, tmp_path: Path
 ) -> None:
-    found = differences_of(crane_with(tmp_path, *changes))
-    (difference,) = [difference for difference in found if difference.what == what]
+    differences = differences_of(crane_with(tmp_path, *changes))
+    (difference,) = [difference for difference in differences if difference.what == what]
     assert difference.size == pytest.approx(size, rel=0.5)
     assert cause in difference.meaning
 
@@ -256,10 +256,10 @@ def test_an_error_of_the_engine_is_named(tmp_path: Path) -> None:
     text = (MODELS / "tendon.xml").read_text()
     (tmp_path / "heavy.xml").write_text(text.replace('name="rope"', 'name="rope" armature="0.4"'))
     assert differences_of(MODELS / "tendon.xml") == ()
-    found = differences_of(tmp_path / "heavy.xml")
-    assert max(difference.size for difference in found) > 0.05
+    differences = differences_of(tmp_path / "heavy.xml")
+    assert max(difference.size for difference in differences) > 0.05
     assert all(
-        "armature of rope, which MuJoCo 4.0.0 gets wrong" in difference.meaning for difference in found
+        "armature of rope, which MuJoCo 4.0.0 gets wrong" in difference.meaning for difference in differences
     )
 
 

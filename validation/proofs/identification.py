@@ -168,7 +168,10 @@ def summary(data: Mapping[str, Any]) -> dict[str, str]:
     kinds: dict[str, list[bool]] = {}
     for _, kind, answer, _ in data["verdicts"]:
         kinds.setdefault(kind, []).append(answer != COVERED)
-    words |= {f"not covered, {kind}": f"{sum(found)} of {len(found)}" for kind, found in kinds.items()}
+    words |= {
+        f"not covered, {kind}": f"{sum(not_covered)} of {len(not_covered)}"
+        for kind, not_covered in kinds.items()
+    }
     return words
 
 

@@ -49,12 +49,14 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
         *((f"{axis} at rest", size, rest) for axis, size in zip(AXES, unrest, strict=True)),
         *zip((*AXES[:3], "swing"), excess, meanings, strict=True),
     ]
-    found = [ModelDifference(what, float(size), why) for what, size, why in sized if not size <= EXPLAINED]
+    differences = [
+        ModelDifference(what, float(size), why) for what, size, why in sized if not size <= EXPLAINED
+    ]
     if own.servo == "position":
-        found.append(ModelDifference("position servos", 0.0, "drives of other plants take velocities"))
+        differences.append(ModelDifference("position servos", 0.0, "drives of other plants take velocities"))
     if own.model.actuator_ctrllimited[own.drives].any() or own.model.actuator_forcelimited[own.drives].any():
-        found.append(ModelDifference("limits of drives", 0.0, "drives of other plants have none"))
-    return tuple(found)
+        differences.append(ModelDifference("limits of drives", 0.0, "drives of other plants have none"))
+    return tuple(differences)
 
 
 def _random_states(own: OwnModel) -> Iterator[Array]:
