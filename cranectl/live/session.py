@@ -6,7 +6,6 @@ holds the last reference point and the last disturbances. Time never goes back, 
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,29 +14,19 @@ from cranectl.controllers.addressed import bind_address, with_own_memory
 from cranectl.controllers.flat import MEMORY
 from cranectl.design import ControllerDesign
 from cranectl.live.hand import RELEASED, HandReference, HandRequest, check_can_be_driven
-from cranectl.plants.plant import Drive, Plant
+from cranectl.plants.plant import Drive
 from cranectl.plants.registry import plants_to_run
 from cranectl.plants.surroundings import air_velocity
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.disturbances import Disturbance
 from cranectl.scenario.settings import MAX_DURATION
-from cranectl.signals import PATH_WIDTH, Z
+from cranectl.signals import Z
 from cranectl.simulate.plan import plan_scenario
-from cranectl.simulate.run import Run, record_width
-from cranectl.simulate.runner import PreparedRun, make_plant, prepare_controller, start_run
-from cranectl.simulate.signal_path import make_encoders, whole_record
-from cranectl.status import RunStatus
+from cranectl.simulate.run import Run
+from cranectl.simulate.runner import make_plant, prepare_controller, start_run
+from cranectl.simulate.signal_path import make_encoders
+from cranectl.simulate.stepping import SteppedRun, rows_at
 from cranectl.support.arrays import Array
-
-
-@dataclass
-class _PlantState:
-    """One plant with its own copy of the controller's memory."""
-
-    plant: Plant
-    run: PreparedRun
-    end_ns: int  # of the last sample, or where it stopped
-    status: RunStatus = RunStatus.RUNNING
 
 
 def _carried_over_size(before: ControllerDesign, after: ControllerDesign, memory: Array) -> int:
@@ -100,9 +89,9 @@ class Session:
         time_ns = self.origin_ns + index * self.scenario.period_ns
         reference = self._reference(index)
         disturbance = self._disturbance(index)
-        wind = self.plan.wind[np.minimum(index, self.scenario.steps)]
-        wind[:, :3] = self._air_velocity[np.minimum(index, len(self._air_velocity) - 1)]
-        runs = [self._increment(state, time_ns, reference, disturbance, wind) for state in self._states]
+        wind = rows_at(self.plan.wind, index)
+        wind[:, :3] = rows_at(self._air_velocity, index)
+        runs = [state.advance(time_ns, reference, disturbance, wind) for state in self._states]
         self._samples += samples
         now = self._samples * self.scenario.period_ns / NANOSECONDS
         self._active_pulses = [pulse for pulse in self._active_pulses if pulse.end and pulse.end > now]
@@ -126,7 +115,7 @@ class Session:
             if carried_over := _carried_over_size(before, design, state.run.memory):
                 memory[:carried_over] = state.run.memory[:carried_over]
             inputs = state.run.inputs._replace(controller=own)
-            state.run = state.run._replace(inputs=inputs, memory=memory)
+            state.run, state.design = state.run._replace(inputs=inputs, memory=memory), design
             self._use_hand_reference(state)
 
     def pulse(self, acceleration: tuple[float, float], seconds: float) -> None:
@@ -171,9 +160,9 @@ class Session:
             run = start_run(plant, self.scenario, self._compiled, self.plan, nominal=self.scenario)
             if run.path and self._encoders:
                 run = run._replace(path=run.path._replace(encoders=self._encoders))
-            self._states.append(_PlantState(plant, run, self.origin_ns))
+            self._states.append(SteppedRun(self.scenario, self.design, plant, run, self.origin_ns))
 
-    def _use_hand_reference(self, state: _PlantState) -> None:
+    def _use_hand_reference(self, state: SteppedRun) -> None:
         """Let the controller of `state` read the reference of driving by hand."""
         if self._hand:
             compiled = state.run.inputs.controller._replace(
@@ -185,41 +174,11 @@ class Session:
         """Return the reference at the next samples `index` (n,): shape (n, 15)."""
         if self._hand:
             return self._hand.rows(index)
-        return self.plan.reference[np.minimum(index, self.scenario.steps)]
+        return rows_at(self.plan.reference, index)
 
     def _disturbance(self, index: NDArray[np.intp]) -> Array:
         """Return the disturbances of scenario and pulses at samples `index` (n,): shape (n, 2)."""
-        rows = self.plan.disturbance[np.minimum(index, self.scenario.steps)]
+        rows = rows_at(self.plan.disturbance, index)
         for pulse in self._active_pulses:
             rows[pulse.acts(index * self.scenario.period_ns)] += pulse.acceleration
         return rows
-
-    def _increment(
-        self,
-        state: _PlantState,
-        time_ns: NDArray[np.int64],
-        reference: Array,
-        disturbance: Array,
-        wind: Array,
-    ) -> Run:
-        record = np.zeros((len(time_ns), record_width(self.design)))
-        path, rows = state.run.path, 0
-        if path is not None:
-            path = path._replace(record=np.zeros((len(time_ns), PATH_WIDTH)))
-        if not state.status.stopped and len(time_ns):
-            inputs = state.run.inputs._replace(reference=reference, disturbance=disturbance, wind=wind)
-            rows, end, code = state.run.advance(inputs, path, record, state.run.memory, 0, len(time_ns))
-            state.status = RunStatus(code)
-            state.end_ns = int(time_ns[end if state.status.stopped else -1])
-        return Run(
-            scenario=self.scenario,
-            design=self.design,
-            plant=state.plant.name,
-            drive=self.drive,
-            model=state.plant.description,
-            time_ns=time_ns[:rows],
-            table=whole_record(self.scenario, record, path, wind)[:rows],
-            reference=reference[:rows],
-            status=state.status,
-            end_ns=state.end_ns,
-        )

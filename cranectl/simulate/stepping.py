@@ -1,0 +1,62 @@
+"""Advance a run on one plant by any number of samples at a time, without a fixed end."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cranectl.design import ControllerDesign
+from cranectl.plants.plant import Plant
+from cranectl.scenario import Scenario
+from cranectl.signals import PATH_WIDTH
+from cranectl.simulate.run import Run, record_width
+from cranectl.simulate.runner import PreparedRun
+from cranectl.simulate.signal_path import whole_record
+from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
+
+
+def rows_at(rows: Array, index: NDArray[np.integer[Any]]) -> Array:
+    """Return the rows at samples `index` (n,), as a copy; after the end the last row is repeated."""
+    chosen: Array = rows[np.minimum(index, len(rows) - 1)]
+    return chosen
+
+
+@dataclass
+class SteppedRun:
+    """A run that has begun; it waits after its last sample, and for ever once it has stopped."""
+
+    scenario: Scenario
+    design: ControllerDesign
+    plant: Plant
+    run: PreparedRun
+    end_ns: int  # of the last sample, or where it stopped
+    status: RunStatus = RunStatus.RUNNING
+
+    def advance(self, time_ns: NDArray[np.int64], reference: Array, disturbance: Array, wind: Array) -> Run:
+        """Return the run at the next samples, each with its row of reference, disturbance and wind.
+
+        It has fewer rows if it stops, and none if it had stopped before.
+        """
+        record = np.zeros((len(time_ns), record_width(self.design)))
+        path, rows = self.run.path, 0
+        if path is not None:
+            path = path._replace(record=np.zeros((len(time_ns), PATH_WIDTH)))
+        if not self.status.stopped and len(time_ns):
+            inputs = self.run.inputs._replace(reference=reference, disturbance=disturbance, wind=wind)
+            rows, end, code = self.run.advance(inputs, path, record, self.run.memory, 0, len(time_ns))
+            self.status = RunStatus(code)
+            self.end_ns = int(time_ns[end if self.status.stopped else -1])
+        return Run(
+            scenario=self.scenario,
+            design=self.design,
+            plant=self.plant.name,
+            drive=self.plant.drive,
+            model=self.plant.description,
+            time_ns=time_ns[:rows],
+            table=whole_record(self.scenario, record, path, wind)[:rows],
+            reference=reference[:rows],
+            status=self.status,
+            end_ns=self.end_ns,
+        )
