@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from cranectl.scenario.rig import RigParameters
     from cranectl.signals import Signal
     from cranectl.simulate import Run, simulate_run
+    from cranectl.simulate.open_run import OpenRun, open_run
+    from cranectl.simulate.open_runs import OpenRuns, open_runs
     from cranectl.status import RunStatus
     from cranectl.support.errors import CranectlError, InputError, LogError
 
@@ -55,6 +57,8 @@ _NAMES = {  # public names by module
     "scenario.rig": "RigParameters",
     "signals": "Signal",
     "simulate": "Run simulate_run",
+    "simulate.open_run": "OpenRun open_run",
+    "simulate.open_runs": "OpenRuns open_runs",
     "status": "RunStatus",
     "support.errors": "CranectlError InputError LogError",
 }
@@ -71,6 +75,8 @@ __all__ = [
     "LogError",
     "Logged",
     "Nominal",
+    "OpenRun",
+    "OpenRuns",
     "Parameter",
     "PlantEntry",
     "RigParameters",
@@ -88,6 +94,8 @@ __all__ = [
     "judge",
     "load_scenario",
     "open_controller",
+    "open_run",
+    "open_runs",
     "read_log",
     "read_signal",
     "register_controller",

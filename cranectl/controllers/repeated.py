@@ -1,7 +1,7 @@
-"""Repeat a measured run: its commands, or the motion of its bridge, trolley and rope.
+"""Repeat rows of numbers: commands, or the measured motion of bridge, trolley and rope.
 
-These controllers are not registered: `measured.replay` prepares them with the rows that they repeat in place
-of a reference.
+These controllers are not registered. `simulate.stepping.prepare_repetition` prepares them with the rows that
+they repeat, in place of a reference.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ LOOP_SPEED = 0.1  # of the loop that keeps the axes on their measured motion, ti
 
 
 def repeat_commands(parameters, measured, reference, memory, command):  # noqa: ARG001
-    """Copy the measured commands, the first three numbers of each row."""
+    """Copy the commands, the first three numbers of each row."""
     for axis in range(3):
         command[axis] = reference[axis]
     return 0
@@ -30,11 +30,11 @@ def follow_motion(parameters, measured, reference, memory, command):  # noqa: AR
     return 0
 
 
-def measured_commands(kind: Command) -> Controller:
+def repeated_commands(kind: Command, name: str = "measured-commands") -> Controller:
     """Return the controller that repeats commands of this kind."""
     return Controller(
-        name="measured-commands",
-        title="the measured commands",
+        name=name,
+        title="commands that are repeated",
         step=repeat_commands,
         prepare=lambda _: (np.zeros(1), np.zeros(1)),
         command=kind,

@@ -11,21 +11,18 @@ from typing import Literal
 import numpy as np
 from scipy.signal import savgol_filter
 
-from cranectl.controllers.addressed import compile_controller
-from cranectl.controllers.controller import Command, Nominal
-from cranectl.controllers.repeated import MEASURED_MOTION, measured_commands
-from cranectl.design import ControllerDesign
+from cranectl.controllers.repeated import MEASURED_MOTION, repeated_commands
 from cranectl.measured.importing import RATE_ORDER, rate_samples
-from cranectl.plants.plant import Drive
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import LOAD, REFERENCE, RESIDUAL, STATE
 from cranectl.simulate import Plan, Run, simulate_run
+from cranectl.simulate.stepping import prepare_repetition
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 Replay = Literal["commands", "motion"]
 PREDICTED = (STATE, LOAD)  # groups that a predicted run keeps
-_COMMANDS: dict[str, Command] = {"ideal": "acceleration", "velocity": "velocity", "force": "force"}
 
 
 def default_replay(run: Run) -> Replay:
@@ -106,14 +103,10 @@ def simulate_replay(
     drive: Drive = run.drive if replay == "commands" else "ideal"
     if commands is None:
         commands = run.block("command")[:, :3] if replay == "commands" else measured_motion(run)
-    rows = np.zeros((len(run.time_ns), len(REFERENCE)))
-    rows[:, : commands.shape[1]] = commands
     state, samples = run.block("state"), len(run.time_ns)
     start = state[0].copy() if initial is None else initial
-    controller = MEASURED_MOTION if replay == "motion" else measured_commands(_COMMANDS[run.drive])
-    nominal = Nominal(scenario.limited_rig, drive, scenario.period_ns / NANOSECONDS, rows, start, {})
-    design = ControllerDesign(controller.name)
-    compiled = compile_controller(controller, nominal, sum(map(len, design.groups)))
+    controller = MEASURED_MOTION if replay == "motion" else repeated_commands(DRIVES[drive].command)
+    design, compiled = prepare_repetition(controller, scenario, drive, commands, start)
     plan = Plan(
         time_ns=run.time_ns,
         reference=np.zeros((samples, len(REFERENCE))),

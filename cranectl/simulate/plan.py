@@ -85,6 +85,12 @@ def _initial_state(scenario: Scenario, planned: PlannedReference) -> Array:
     state: Array = states_and_inputs(row, planned.gravity)[0][0]
     state[ALPHA] += scenario.initial.alpha_offset
     state[BETA] += scenario.initial.beta_offset
+    check_start(scenario, state, remedy="reduce the offsets in [initial]")
+    return state
+
+
+def check_start(scenario: Scenario, state: Array, *, remedy: str) -> None:
+    """Raise InputError if `state` (10,) is outside the workspace, or has an angle of pi/2 or more."""
     low, high = scenario.rig.workspace.T
     outside = (state[:5:2] < low - 1e-9) | (state[:5:2] > high + 1e-9)
     if outside.any() or np.abs(state[[ALPHA, BETA]]).max() >= 0.5 * np.pi:
@@ -92,9 +98,8 @@ def _initial_state(scenario: Scenario, planned: PlannedReference) -> Array:
         raise InputError(
             f"the run would start outside the workspace: {name}",
             allowed="a start within the rig's ranges, with angles within pi/2",
-            remedy="reduce the offsets in [initial]",
+            remedy=remedy,
         )
-    return state
 
 
 def disturbances_at(scenario: Scenario, time_ns: NDArray[np.int64]) -> Array:

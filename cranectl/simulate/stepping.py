@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.controllers.addressed import CompiledController, compile_controller
+from cranectl.controllers.controller import Controller, Nominal
 from cranectl.design import ControllerDesign
-from cranectl.plants.plant import Plant
-from cranectl.scenario import Scenario
-from cranectl.signals import PATH_WIDTH
+from cranectl.plants.plant import Drive, Plant
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import PATH_WIDTH, REFERENCE
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.runner import PreparedRun
 from cranectl.simulate.signal_path import whole_record
@@ -21,6 +23,20 @@ def rows_at(rows: Array, index: NDArray[np.integer[Any]]) -> Array:
     """Return the rows at samples `index` (n,), as a copy; after the end the last row is repeated."""
     chosen: Array = rows[np.minimum(index, len(rows) - 1)]
     return chosen
+
+
+def prepare_repetition(
+    controller: Controller, scenario: Scenario, drive: Drive, rows: Array, start: Array
+) -> tuple[ControllerDesign, CompiledController]:
+    """Prepare a controller of `repeated` for a run from the state `start` (10,).
+
+    Each sample repeats its row of `rows`, shape (N, 3) or (N, 9).
+    """
+    padded = np.zeros((len(rows), len(REFERENCE)))
+    padded[:, : rows.shape[1]] = rows
+    nominal = Nominal(scenario.limited_rig, drive, scenario.period_ns / NANOSECONDS, padded, start, {})
+    design = ControllerDesign(controller.name)
+    return design, compile_controller(controller, nominal, sum(map(len, design.groups)))
 
 
 @dataclass

@@ -73,6 +73,16 @@ def unpacker(kind: Any) -> Any:
 
 
 @cast(Any, intrinsic)
+def moved(_typing, pointer, words):  # noqa: ARG001
+    """Return, in compiled code, a pointer to the block that lies `words` numbers after `pointer`."""
+
+    def generate(_context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        return builder.gep(arguments[0], [arguments[1]])
+
+    return pointer(pointer, types.int64), generate
+
+
+@cast(Any, intrinsic)
 def array_at(_typing, pointer, length):
     """Return, in compiled code, the array of `length` doubles at `pointer`; `length` is a constant."""
     kind = types.Array(types.float64, 1, "C")

@@ -1,0 +1,258 @@
+"""A crane that a program steps itself: reset, give a command, read the state."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cranectl.controllers.controller import check_whole, shown
+from cranectl.controllers.repeated import repeated_commands
+from cranectl.plants.plant import DRIVES, Plant
+from cranectl.plants.registry import REFERENCE_PLANT
+from cranectl.plants.surroundings import FORCE, air_velocity
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import STATE, TENSION
+from cranectl.simulate.plan import Plan, check_start, plan_scenario
+from cranectl.simulate.run import Run
+from cranectl.simulate.runner import checked_drive, make_plant, start_run
+from cranectl.simulate.stepping import SteppedRun, prepare_repetition, rows_at
+from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+
+DRAWN_MARGIN = 0.1  # share of each range of the workspace, at both ends, where no drawn start lies
+MAX_STEPPED = 10**7  # samples in one step
+
+
+class OpenRun:
+    """A run without a controller, which a program advances with commands of its own.
+
+    A command is held until the next one. Effects on the way to the drives act on it: limits, dead zone, gain
+    and delay. After the end of the scenario, reference, disturbances and wind keep their last values.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Crane, effects, disturbances, and the state in which the run begins.
+    plant, drive : str
+        Plant and kind of drive.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or the plant cannot show the scenario.
+
+    Examples
+    --------
+    >>> import cranectl
+    >>> crane = cranectl.open_run(cranectl.load_scenario("fixed-position"), drive="velocity")
+    >>> state = crane.step([0.1, 0.0, 0.0], samples=500)  # half a second at 0.1 m/s
+    >>> print(f"{crane.time:g} s, bridge {state[0]:.3f} m, {crane.status.label}")
+    0.5 s, bridge 1.048 m, running
+    """
+
+    def __init__(self, scenario: Scenario, *, plant: str = REFERENCE_PLANT, drive: str = "ideal") -> None:
+        self._scenario, self._plan = scenario, plan_scenario(scenario)
+        self._plant = plant_to_step(plant, scenario, drive)
+        self.reset()
+
+    def reset(self, state: Sequence[float] | Array | None = None, *, seed: int | None = None) -> Array:
+        """Begin again, and return the state.
+
+        Parameters
+        ----------
+        state : array_like, shape (10,), optional
+            The state at the start, in the order of `signals.STATE`; by default the scenario's, or drawn.
+        seed : int, optional
+            Draws noise and gusts anew. Without `state` it also draws where the crane begins at rest: uniform
+            over the workspace, less a tenth of each range at both ends.
+
+        Returns
+        -------
+        ndarray, shape (10,)
+            The state.
+
+        Raises
+        ------
+        InputError
+            If the state is outside the workspace, or no state of a crane.
+        """
+        self._run, plan, self._command = begin(self._plant, self._scenario, self._plan, state, seed)
+        self._rows = (plan.reference, plan.disturbance, plan.wind)
+        self._samples, self._parts = 0, list[Run]()
+        self._load = np.full(TENSION + 1, np.nan)
+        return self.state
+
+    def step(self, command: Sequence[float] | Array, samples: int = 1) -> Array:
+        """Hold a command for some samples, and return the state after them.
+
+        Nothing happens once the run has stopped; `status` says why.
+
+        Parameters
+        ----------
+        command : array_like, shape (3,)
+            For bridge, trolley and rope, by the kind of drive: accelerations [m/s²], velocities [m/s] or
+            forces [N]. The last one pays out rope if it is positive.
+        samples : int
+            Control samples, of `scenario.control.period` each.
+
+        Returns
+        -------
+        ndarray, shape (10,)
+            The state.
+
+        Raises
+        ------
+        InputError
+            If the command is not three finite numbers, or `samples` is below one.
+        """
+        self._command[:] = checked_numbers("command", command, 3)
+        check_samples(samples)
+        index = np.arange(self._samples, self._samples + samples)
+        time_ns = index * self._scenario.period_ns
+        part = self._run.advance(time_ns, *(rows_at(rows, index) for rows in self._rows))
+        if rows := len(part.table):
+            self._samples += rows
+            self._parts.append(part)
+            self._load = part.block("load")[-1]
+        return self.state
+
+    @property
+    def state(self) -> Array:
+        """The present state, shape (10,), in the order of `signals.STATE`."""
+        state = np.empty(len(STATE))
+        self._plant.measure(state)
+        return state
+
+    @property
+    def load(self) -> Array:
+        """Position and velocity of the load in the world [m, m/s], shape (6,), at the last sample.
+
+        NaN before the first step.
+        """
+        return self._load[:TENSION]
+
+    @property
+    def tension(self) -> float:
+        """Tension of the rope at the last sample [N], under the command of that sample; NaN before it."""
+        return float(self._load[TENSION])
+
+    @property
+    def status(self) -> RunStatus:
+        """RUNNING, or why the run has stopped."""
+        return self._run.status
+
+    @property
+    def time(self) -> float:
+        """Time since the last reset [s]."""
+        return self._samples * self._scenario.period_ns / NANOSECONDS
+
+    @property
+    def reference(self) -> Array:
+        """Desired position of the load and four derivatives, shape (15,), in the order of `REFERENCE`."""
+        row: Array = rows_at(self._rows[0], np.array([self._samples]))[0]
+        return row
+
+    def recorded(self) -> Run:
+        """Return all samples since the last reset as a run, to the end of the scenario at most.
+
+        It can be written to a log, plotted and measured like any other run.
+        """
+        first = np.arange(0)
+        parts = [*self._parts, self._run.advance(first, *(rows_at(rows, first) for rows in self._rows))]
+        last = self._scenario.steps + 1
+        table, reference = (
+            np.concatenate([getattr(part, name) for part in parts])[:last] for name in ("table", "reference")
+        )
+        status = self.status
+        if not status.stopped or len(table) == last:
+            status = RunStatus.COMPLETED if len(table) == last else RunStatus.INTERRUPTED
+        time_ns = np.arange(len(table), dtype=np.int64) * self._scenario.period_ns
+        end_ns = self._run.end_ns if status == self.status else int(time_ns[-1]) if len(table) else 0
+        return replace(
+            parts[-1], time_ns=time_ns, table=table, reference=reference, status=status, end_ns=end_ns
+        )
+
+
+open_run = OpenRun  # the public name
+
+
+def plant_to_step(name: str, scenario: Scenario, drive: str) -> Plant:
+    """Make a plant that may go anywhere in its workspace; raise InputError if its effects forbid that."""
+    plant = make_plant(name, scenario, checked_drive(drive))
+    plant.check_length(scenario.rig.rope_range[0])
+    return plant
+
+
+def begin(
+    plant: Plant,
+    scenario: Scenario,
+    plan: Plan,
+    state: Sequence[float] | Array | None = None,
+    seed: int | None = None,
+    *,
+    path_record: Array | None = None,
+) -> tuple[SteppedRun, Plan, Array]:
+    """Put a plant at the start of a run that repeats its command; return run, plan, and the command (3,).
+
+    `plan` is that of the scenario. `state` and `seed` are as in `OpenRun.reset`. The signal path writes to
+    `path_record`.
+    """
+    if seed is not None:
+        draw = np.random.default_rng(checked_seed(seed))
+        scenario = _with_seeds(scenario, *draw.integers(2**32, size=2).tolist())
+        if state is None:
+            state = np.zeros(len(STATE))
+            low, high = scenario.rig.workspace.T
+            margin = DRAWN_MARGIN * (high - low)
+            state[:5:2] = draw.uniform(low + margin, high - margin)
+        if wind := scenario.effects.wind:
+            air = air_velocity(wind, len(plan.wind), scenario.period_ns / NANOSECONDS)
+            plan = replace(plan, wind=np.hstack([air, plan.wind[:, FORCE:]]))
+    if state is not None:
+        start = checked_numbers("state", state, len(STATE))
+        check_start(scenario, start, remedy="give a state inside it")
+        plan = replace(plan, initial_state=start)
+    controller = repeated_commands(DRIVES[plant.drive].command, "commands")
+    design, compiled = prepare_repetition(
+        controller, scenario, plant.drive, np.zeros((1, 3)), plan.initial_state
+    )
+    run = start_run(plant, scenario, compiled, plan, nominal=scenario, path_record=path_record)
+    return SteppedRun(scenario, design, plant, run, 0), plan, compiled.reference[0, :3]
+
+
+def _with_seeds(scenario: Scenario, sensing: int, wind: int) -> Scenario:
+    """Return the scenario with these seeds of noise and gusts, where it has them."""
+    seeds = {"sensing": sensing, "wind": wind}
+    effects = {
+        name: part.model_copy(update={"seed": seed})
+        for name, seed in seeds.items()
+        if (part := getattr(scenario.effects, name)) is not None
+    }
+    return scenario.model_copy(update={"effects": scenario.effects.model_copy(update=effects)})
+
+
+def checked_seed(seed: int) -> int:
+    """Return `seed`; raise InputError unless it is a whole number from 0."""
+    check_whole("seed", seed, 0, 2**63 - 1, "a whole number, from which noise and starts are drawn")
+    return seed
+
+
+def checked_numbers(what: str, values: Sequence[float] | Array, *shape: int) -> Array:
+    """Return finite numbers of this shape; raise InputError for anything else."""
+    try:
+        numbers = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        numbers = np.full(0, np.nan)
+    if numbers.shape != shape or not np.isfinite(numbers).all():
+        raise InputError(
+            f"{what} = {shown(values)}",
+            allowed=f"finite numbers in the shape {shape}",
+            remedy=f"give {' times '.join(map(str, shape))} numbers",
+        )
+    return numbers
+
+
+def check_samples(samples: int) -> None:
+    """Raise InputError unless `samples` is a whole number from 1."""
+    check_whole("samples", samples, 1, MAX_STEPPED, "how many control samples a step lasts")

@@ -1,0 +1,297 @@
+"""Many cranes that a program steps together, in one call of compiled code."""
+
+import ctypes
+import functools
+import hashlib
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from cranectl.plants.addressed import measure_addressed
+from cranectl.plants.registry import REFERENCE_PLANT
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import LOAD_COLUMN, PATH_WIDTH, STATE, TENSION
+from cranectl.simulate.loops import CompiledLoop, LoopInputs, advance_block, measure, shared_loop
+from cranectl.simulate.open_run import (
+    begin,
+    check_samples,
+    checked_numbers,
+    plant_to_step,
+)
+from cranectl.simulate.plan import plan_scenario
+from cranectl.simulate.run import record_width
+from cranectl.simulate.signal_path import SignalPath
+from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+from cranectl.support.jit import UNCOMPILED, jit_address, jit_loop
+from cranectl.support.packed import moved, packed, type_of, unpacker
+
+RUNNING = int(RunStatus.RUNNING)
+ROWS = 256  # samples of a crane that are computed at a time
+
+
+class Crane(NamedTuple):
+    """One of many cranes, with views of its rows of what all of them share."""
+
+    plant: Any  # AddressedPlant, or Plant for those that are stepped from Python
+    inputs: LoopInputs  # whose rows are those of the next samples
+    path: SignalPath | None
+    record: Array  # (ROWS, columns)
+    memory: Array
+    reference: Array  # (N, 15) of the plan
+    disturbance: Array  # (N, 2) of the plan
+    wind: Array  # (N, 6) of the plan
+    command: Array  # (3,)
+    clock: NDArray[np.int64]  # (1,) samples since its reset
+    status: NDArray[np.int64]  # (1,)
+    state: Array  # (10,)
+    load: Array  # (7,) at the last sample
+
+
+class OpenRuns:
+    """Runs without a controller, which a program advances together with commands of its own.
+
+    All cranes have the same plant, kind of drive and control period. Everything else may differ.
+
+    Parameters
+    ----------
+    scenarios : iterable of Scenario
+        One for each crane; the same one may occur often.
+    plant, drive : str
+        Plant and kind of drive.
+
+    Raises
+    ------
+    InputError
+        If there is no scenario, control periods differ, or a plant cannot show its scenario.
+
+    Examples
+    --------
+    >>> import cranectl
+    >>> import numpy as np
+    >>> scenario = cranectl.load_scenario("fixed-position")
+    >>> cranes = cranectl.open_runs([scenario] * 3, drive="velocity")
+    >>> states = cranes.reset(seeds=range(3))
+    >>> states = cranes.step(np.full((3, 3), 0.01), samples=20)
+    >>> states.shape, cranes.time
+    ((3, 10), array([0.02, 0.02, 0.02]))
+    """
+
+    def __init__(
+        self, scenarios: Iterable[Scenario], *, plant: str = REFERENCE_PLANT, drive: str = "ideal"
+    ) -> None:
+        self._scenarios = list(scenarios)
+        periods = {scenario.period_ns / NANOSECONDS for scenario in self._scenarios}
+        if len(periods) != 1:
+            raise InputError(
+                f"{len(periods)} control periods in {len(self._scenarios)} scenarios",
+                allowed="one or more scenarios with the same control.period",
+                remedy="give scenarios that differ in other settings only",
+            )
+        (self._period,) = periods
+        plan = functools.cache(plan_scenario)
+        self._plans = [plan(scenario) for scenario in self._scenarios]
+        self._plants = [plant_to_step(plant, scenario, drive) for scenario in self._scenarios]
+        count = len(self._plants)
+        self._cranes: list[Any] = [None] * count  # of class Crane; they keep the packed arrays alive
+        self._blocks: list[Any] = [None] * count  # Numba's type of each crane, and its numbers packed
+        self._record: Array | None = None
+        self._commands = np.zeros((count, 3))
+        self._clock, self._status = np.zeros((2, count), dtype=np.int64)
+        self._states, self._loads = np.zeros((count, len(STATE))), np.full((count, TENSION + 1), np.nan)
+        self._rows = [np.zeros((ROWS, columns)) for columns in (15, 2, 6, PATH_WIDTH)]
+        self.reset()
+
+    def __len__(self) -> int:
+        return len(self._plants)
+
+    def reset(
+        self,
+        states: Array | None = None,
+        *,
+        seeds: Iterable[int] | None = None,
+        cranes: Sequence[int] | NDArray[np.integer[Any]] | None = None,
+    ) -> Array:
+        """Begin again with all cranes, or with some; return the states of all.
+
+        Parameters
+        ----------
+        states : array_like, shape (n, 10), optional
+            The states at the start; by default those of the scenarios, or drawn.
+        seeds : iterable of int, optional
+            One for each crane that begins, as in `OpenRun.reset`.
+        cranes : sequence of int, optional
+            Which cranes begin; by default all.
+
+        Returns
+        -------
+        ndarray, shape (cranes, 10)
+            The states of all cranes.
+
+        Raises
+        ------
+        InputError
+            If a state is outside the workspace, or numbers of states, seeds and cranes differ.
+        """
+        chosen = list(range(len(self))) if cranes is None else [int(i) for i in cranes]
+        starts = [None] * len(chosen) if states is None else list(states)
+        seeded = [None] * len(chosen) if seeds is None else list(seeds)
+        if not len(chosen) == len(starts) == len(seeded) or not set(chosen) <= set(range(len(self))):
+            raise InputError(
+                f"{len(starts)} states and {len(seeded)} seeds for the cranes {chosen}",
+                allowed=f"one state and one seed for each; cranes from 0 to {len(self) - 1}",
+                remedy="give as many states and seeds as cranes",
+            )
+        for crane, state, seed in zip(chosen, starts, seeded, strict=True):
+            self._begin(crane, state, seed)
+        self._groups = [
+            (kind, np.stack([block for own, block in self._blocks if own == kind]))
+            for kind in dict.fromkeys(kind for kind, _ in self._blocks)
+        ]
+        return self.states
+
+    def step(self, commands: Array, samples: int = 1) -> Array:
+        """Hold commands for some samples, and return the states after them.
+
+        A crane that has stopped waits until it is reset.
+
+        Parameters
+        ----------
+        commands : array_like, shape (cranes, 3)
+            As in `OpenRun.step`.
+        samples : int
+            Control samples.
+
+        Returns
+        -------
+        ndarray, shape (cranes, 10)
+            The states.
+
+        Raises
+        ------
+        InputError
+            If a command is not finite or the shape is wrong, or `samples` is below one.
+        """
+        self._commands[:] = checked_numbers("commands", commands, len(self), 3)
+        check_samples(samples)
+        for kind, blocks in self._groups:
+            if kind is None:
+                for crane in self._cranes:
+                    advance_crane(crane, samples)
+            else:
+                _compiled(kind)(blocks.ctypes.data, blocks.shape[1], len(blocks), samples)
+        return self.states
+
+    @property
+    def states(self) -> Array:
+        """The present states, shape (cranes, 10), in the order of `signals.STATE`."""
+        return self._states.copy()
+
+    @property
+    def loads(self) -> Array:
+        """Positions and velocities of the loads [m, m/s], shape (cranes, 6), each at its last sample."""
+        return self._loads[:, :TENSION].copy()
+
+    @property
+    def tensions(self) -> Array:
+        """Tensions of the ropes at the last samples [N], shape (cranes,)."""
+        return self._loads[:, TENSION].copy()
+
+    @property
+    def statuses(self) -> list[RunStatus]:
+        """For each crane RUNNING, or why it has stopped."""
+        return [RunStatus(code) for code in self._status.tolist()]
+
+    @property
+    def time(self) -> Array:
+        """Times since the last resets [s], shape (cranes,)."""
+        return np.array(self._clock * self._period)
+
+    @property
+    def references(self) -> Array:
+        """Desired positions of the loads with four derivatives, shape (cranes, 15)."""
+        samples = zip(self._plans, self._clock.tolist(), strict=True)
+        return np.array([plan.reference[min(k, len(plan.reference) - 1)] for plan, k in samples])
+
+    def _begin(self, i: int, state: Array | None, seed: int | None) -> None:
+        """Put crane `i` at its start."""
+        plant, (reference, disturbance, wind, path_record) = self._plants[i], self._rows
+        run, plan, _ = begin(plant, self._scenarios[i], self._plans[i], state, seed, path_record=path_record)
+        width = record_width(run.design)
+        if self._record is None:
+            self._record = np.zeros((ROWS, width))
+        self._clock[i], self._status[i], self._loads[i] = 0, RUNNING, np.nan
+        plant.measure(self._states[i])
+        loop = run.run.advance
+        is_compiled = isinstance(loop, CompiledLoop) and not UNCOMPILED
+        self._cranes[i] = crane = Crane(
+            plant=cast(CompiledLoop, loop).plant if is_compiled else plant,
+            inputs=run.run.inputs._replace(reference=reference, disturbance=disturbance, wind=wind),
+            path=run.run.path,
+            record=self._record,
+            memory=run.run.memory,
+            reference=plan.reference,
+            disturbance=plan.disturbance,
+            wind=plan.wind,
+            command=self._commands[i],
+            clock=self._clock[i : i + 1],
+            status=self._status[i : i + 1],
+            state=self._states[i],
+            load=self._loads[i],
+        )
+        self._blocks[i] = (type_of(crane), packed(crane)) if is_compiled else (None, np.zeros(0))
+
+
+open_runs = OpenRuns  # the public name
+
+
+def advance_crane(crane, samples):
+    """Advance one crane by `samples`, or until it stops; compiled code has other names for the callees."""
+    done = 0
+    for axis in range(3):
+        crane.inputs.controller.reference[0, axis] = crane.command[axis]
+    while done < samples and crane.status[0] == RUNNING:
+        rows = min(samples - done, crane.record.shape[0])
+        for row in range(rows):
+            k = min(crane.clock[0] + row, crane.reference.shape[0] - 1)
+            for i in range(15):
+                crane.inputs.reference[row, i] = crane.reference[k, i]
+            for i in range(2):
+                crane.inputs.disturbance[row, i] = crane.disturbance[k, i]
+            for i in range(6):
+                crane.inputs.wind[row, i] = crane.wind[k, i]
+        complete, _, status = advance_block(
+            crane.plant, crane.inputs, crane.path, crane.record, crane.memory, 0, rows
+        )
+        crane.status[0] = status
+        crane.clock[0] += complete
+        done += rows
+        if complete > 0:
+            for i in range(7):
+                crane.load[i] = crane.record[complete - 1, LOAD_COLUMN + i]
+    measure(crane.plant, crane.state)
+
+
+# `_compiled` replaces this name by a function that reads a crane from its block.
+unpack: Any = None
+
+
+def _advance_all(blocks, words, cranes, samples):
+    """Advance all cranes, whose blocks of `words` numbers lie one after the other."""
+    for i in range(cranes):
+        advance_crane(unpack(moved(blocks, i * words)), samples)
+    return 0
+
+
+@functools.cache
+def _compiled(kind: Any) -> Any:
+    """Compile `_advance_all` for cranes of Numba's type `kind`."""
+    advance = jit_loop(advance_crane, "compiled", advance_block=shared_loop(), measure=measure_addressed)
+    arguments = (types.CPointer(types.float64), *[types.int64] * 3)
+    name = hashlib.sha256(str(kind).encode()).hexdigest()[:16]
+    address = jit_address(_advance_all, name, arguments, unpack=unpacker(kind), advance_crane=advance)
+    return ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, *[ctypes.c_int64] * 3)(address)

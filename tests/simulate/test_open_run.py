@@ -1,0 +1,250 @@
+"""A crane stepped from a program gives the bits of a run, alone and among many cranes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cranectl
+from cranectl import OpenRun, OpenRuns, RunStatus, Scenario, open_run, open_runs
+from cranectl.planning import load_scenario
+from cranectl.plants.plant import DRIVES
+from cranectl.simulate import Run, simulate_run
+from tests.conftest import PLANTS
+
+EFFECTS = [  # all that change a command or what happens to it; and noise, gusts and friction
+    "effects.limits.velocity=[0.3,0.3,0.2]", "effects.sensing.seed=3", "effects.delay.seconds=0.004",
+    "effects.installation.dead_zone=[0.002,0.002,0.002]", "effects.installation.drive_gain=[1.05,0.97,1.0]",
+    "effects.friction.pivot_viscous=0.01", "effects.wind.mean=[1.0,0.5,0.0]",
+]  # fmt: skip
+SENSING = ["effects.sensing.seed=3", "effects.delay.seconds=0.004"]  # which every plant and drive has
+
+
+def moving(*overrides: str) -> Scenario:
+    """Return half a second of a disturbed motion along all axes."""
+    return load_scenario(
+        "fixed-position",
+        overrides=[
+            "duration=0.5", "disturbances.0.start=0.1", "disturbances.1.start=0.2",
+            "initial.load_offset=[0.05,-0.04,0.03]", *overrides,
+        ],
+    )  # fmt: skip
+
+
+def commands_of(run: Run) -> np.ndarray:
+    """Return the commands (N, 3) that the controller of a run gave."""
+    if run.drive == "force":
+        return run.block("command")[:, :3]
+    return run.block("input")[:, :3] if run.drive == "ideal" else run.block("input")[:, 3:]
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("plant", PLANTS)
+def test_the_commands_of_a_run_give_its_bits(plant: str, drive: str) -> None:
+    scenario = moving()
+    run = simulate_run(scenario, plant=plant, drive=drive, controller="lqr")
+    stepped = open_run(scenario, plant=plant, drive=drive)
+    for k, command in enumerate(commands_of(run)):
+        assert stepped.time == pytest.approx(k * 1e-3)
+        assert stepped.state == pytest.approx(run.block("state")[k], abs=1e-12, rel=0.0)
+        stepped.step(command)
+        rounding = 1e-12 if drive == "force" else 0.0  # forces become accelerations, and forces again
+        assert [*stepped.load, stepped.tension] == pytest.approx(run.block("load")[k], abs=rounding, rel=0.0)
+    again = stepped.recorded()
+    assert again.status == run.status == RunStatus.COMPLETED
+    assert again.end_ns == run.end_ns
+    assert np.array_equal(again.block("disturbance"), run.block("disturbance"))
+    assert again.block("error") == pytest.approx(run.block("error")[:, :6], abs=rounding, rel=0.0)
+    assert again.block("state")[:, :6].std(axis=0).min() > 5e-4  # it moves
+
+
+@pytest.mark.parametrize("plant", ["elastic", "mujoco"])
+def test_effects_act_on_commands_as_in_a_run(plant: str) -> None:
+    scenario = moving(*EFFECTS)
+    run = simulate_run(scenario, plant=plant, drive="velocity", controller="pid")  # it commands velocities
+    stepped = open_run(scenario, plant=plant, drive="velocity")
+    for command in commands_of(run):
+        stepped.step(command)
+    again = stepped.recorded()
+    for group in ("state", "load", "measurement", "command"):
+        assert np.array_equal(again.block(group), run.block(group))
+    assert not np.array_equal(run.block("command")[:, :3], commands_of(run))
+
+
+def varied(i: int) -> Scenario:
+    """Return one of several cranes: every second one has a signal path."""
+    return moving(f"rig.load_mass={1.0 + 0.1 * i}", *(SENSING if i % 2 else []))
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("plant", [*PLANTS, "python"])
+def test_many_cranes_give_the_bits_of_each_alone(
+    plant: str, drive: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The plant `python` is one that has no compiled kernels."""
+    if plant == "python":
+        monkeypatch.setattr("cranectl.plants.elastic.plant.ElasticPlant.kernels", None)
+        plant = "elastic"
+    scenarios = [varied(i) for i in range(5)]
+    together = open_runs(scenarios, plant=plant, drive=drive)
+    alone = [open_run(scenario, plant=plant, drive=drive) for scenario in scenarios]
+    seeds = range(10, 10 + len(alone))
+    assert np.array_equal(
+        together.reset(seeds=seeds), [run.reset(seed=seed) for run, seed in zip(alone, seeds, strict=True)]
+    )
+    size = np.array([0.3, 0.3, 0.1]) if drive != "force" else np.array([5.0, 2.0, 0.5])
+    offset = np.array([0.0, 0.0, -9.81]) if drive == "force" else np.zeros(3)
+    draw = np.random.default_rng(4)
+    for samples in (1, 7, 300):  # the last one is longer than the rows that are computed at a time
+        commands = offset + draw.uniform(-size, size, size=(len(alone), 3))
+        states = together.step(commands, samples)
+        expected = [run.step(command, samples) for run, command in zip(alone, commands, strict=True)]
+        assert np.array_equal(states, expected)
+        assert np.array_equal(together.states, states)
+        assert np.array_equal(together.loads, [run.load for run in alone])
+        assert np.array_equal(together.tensions, [run.tension for run in alone])
+        assert np.array_equal(together.references, [run.reference for run in alone])
+        assert np.array_equal(together.time, [run.time for run in alone])
+        assert together.statuses == [run.status for run in alone]
+
+
+def test_a_crane_that_has_stopped_waits_until_it_is_reset() -> None:
+    cranes = open_runs([moving("workspace.on_exit=stop")] * 2, drive="velocity")
+    for _ in range(30):
+        cranes.step([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], samples=100)
+    assert cranes.statuses == [RunStatus.WORKSPACE_LEFT, RunStatus.RUNNING]
+    assert cranes.time[0] < cranes.time[1] == pytest.approx(3.0)
+    before = cranes.states
+    after = cranes.reset(cranes=[0])
+    assert np.array_equal(after[1], before[1])
+    assert cranes.statuses == [RunStatus.RUNNING] * 2
+    assert cranes.time.tolist() == [0.0, pytest.approx(3.0)]
+    alone = open_run(moving("workspace.on_exit=stop"), drive="velocity")
+    assert np.array_equal(cranes.states[0], alone.state)
+    cranes.step([[0.1, 0.0, 0.0]] * 2, samples=50)
+    assert np.array_equal(cranes.states[0], alone.step([0.1, 0.0, 0.0], samples=50))
+
+
+def test_a_run_that_stopped_is_recorded_until_there() -> None:
+    crane = open_run(moving("workspace.on_exit=stop", "duration=5.0"), drive="velocity")
+    crane.step([1.0, 0.0, 0.0], samples=4000)
+    state = crane.state
+    assert np.array_equal(crane.step([-1.0, 0.0, 0.0]), state)
+    run = crane.recorded()
+    assert run.status == crane.status == RunStatus.WORKSPACE_LEFT
+    assert run.end_s == run.time[-1] == pytest.approx(crane.time, abs=1.1e-3)
+
+
+def test_a_run_can_go_on_after_the_end_and_is_recorded_to_the_end(tmp_path: Path) -> None:
+    crane = open_run(moving(), drive="velocity")
+    empty = crane.recorded()
+    assert (empty.status, len(empty.table)) == (RunStatus.INTERRUPTED, 0)
+    crane.step([0.0, 0.0, 0.0], samples=200)
+    assert crane.recorded().status == RunStatus.INTERRUPTED
+    crane.step([0.0, 0.0, 0.0], samples=1000)
+    assert crane.time == pytest.approx(1.2)
+    assert np.array_equal(crane.reference, crane.recorded().reference[-1])
+    run = crane.recorded()
+    assert (run.status, run.end_s) == (RunStatus.COMPLETED, 0.5)
+    cranectl.write_log(tmp_path / "stepped.mcap", [run])
+    (read,) = cranectl.read_log(tmp_path / "stepped.mcap").values()
+    assert read.controller == "commands"
+    assert np.array_equal(read.block("state"), run.every(read.scenario.log.every).block("state"))
+    assert cranectl.run_metrics(run).max_error_m > 0.01
+
+
+def test_a_reset_starts_where_it_is_told() -> None:
+    crane = open_run(moving(*EFFECTS), plant="elastic", drive="velocity")
+    start = crane.state
+    wanted = np.array([1.0, 0.1, 0.5, 0.0, 0.8, 0.0, 0.05, -0.1, 0.0, 0.2])
+    assert crane.reset(wanted) == pytest.approx(wanted, abs=1e-15)
+    assert np.array_equal(crane.reset(), start)
+
+
+def test_a_seed_draws_start_noise_and_gusts() -> None:
+    scenario = moving(*EFFECTS)
+    crane = open_run(scenario, plant="elastic", drive="velocity")
+    starts = np.array([crane.reset(seed=seed) for seed in range(200)])
+    assert not starts[:, 1::2].any()
+    low, high = scenario.rig.workspace.T
+    share = (starts[:, :5:2] - low) / (high - low)
+    assert share.min() == pytest.approx(0.1, abs=0.02)
+    assert share.max() == pytest.approx(0.9, abs=0.02)
+    runs = {}
+    for name, seed in (("first", 7), ("same", 7), ("other", 8), ("none", None)):
+        crane.reset(np.array([1.0, 0.0, 0.7, 0.0, 0.8, 0.0, 0.0, 0.0, 0.0, 0.0]), seed=seed)
+        crane.step([0.0, 0.0, 0.0], samples=100)
+        runs[name] = crane.recorded()
+    assert np.array_equal(runs["first"].table, runs["same"].table)
+    for name in ("other", "none"):
+        for group in ("measurement", "state"):
+            assert np.abs(runs["first"].block(group) - runs[name].block(group)).max() > 1e-9
+    assert runs["first"].scenario.effects.sensing.seed != runs["first"].scenario.effects.wind.seed
+
+
+@pytest.mark.parametrize(
+    ("command", "samples", "expected"),
+    [
+        ([0.0, 0.0], 1, "command = [0.0, 0.0]"),
+        ([0.0, 0.0, np.nan], 1, "nan"),
+        ("fast", 1, "command = 'fast'"),
+        ([0.0, 0.0, 0.0], 0, "samples = 0"),
+        ([0.0, 0.0, 0.0], 1.5, "samples = 1.5"),
+    ],
+)
+def test_a_wrong_step_is_refused_and_changes_nothing(command: object, samples: int, expected: str) -> None:
+    crane = open_run(moving())
+    before = crane.state
+    with pytest.raises(cranectl.InputError) as error:
+        crane.step(command, samples)
+    assert expected in error.value.found
+    assert np.array_equal(crane.state, before)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        ({"state": np.zeros(9)}, "state = "),
+        ({"state": np.array([9.0, 0, 0.5, 0, 0.8, 0, 0, 0, 0, 0])}, "outside the workspace"),
+        ({"state": np.array([1.0, 0, 0.5, 0, 0.8, 0, 1.6, 0, 0, 0])}, "a cardan angle"),
+        ({"seed": -1}, "seed = -1"),
+    ],
+)
+def test_a_wrong_reset_is_refused_and_changes_nothing(arguments: dict[str, object], expected: str) -> None:
+    crane = open_run(moving())
+    state = crane.step([0.1, 0.1, 0.1], samples=10)
+    with pytest.raises(cranectl.InputError) as error:
+        crane.reset(**arguments)
+    assert expected in error.value.found
+    assert np.array_equal(crane.state, state)
+    assert crane.time == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize(
+    ("scenarios", "expected"),
+    [
+        ([], "0 control periods in 0 scenarios"),
+        ([moving(), moving("control.period=0.002")], "2 control periods in 2 scenarios"),
+    ],
+)
+def test_cranes_of_several_periods_are_refused(scenarios: list[Scenario], expected: str) -> None:
+    with pytest.raises(cranectl.InputError) as error:
+        open_runs(scenarios)
+    assert error.value.found == expected
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [{"cranes": [2]}, {"seeds": [1]}, {"states": np.zeros((3, 10))}, {"cranes": [0], "seeds": [1, 2]}],
+)
+def test_a_wrong_reset_of_many_is_refused(arguments: dict[str, object]) -> None:
+    cranes = open_runs([moving()] * 2)
+    with pytest.raises(cranectl.InputError, match="for the cranes"):
+        cranes.reset(**arguments)
+
+
+def test_an_unknown_plant_or_drive_is_refused() -> None:
+    for arguments in ({"plant": "paper"}, {"drive": "steam"}):
+        with pytest.raises(cranectl.InputError, match="unknown"):
+            open_run(moving(), **arguments)
+    assert (OpenRun, OpenRuns) == (open_run, open_runs)
