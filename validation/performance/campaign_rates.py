@@ -26,6 +26,7 @@ from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.engine import mj_step
 from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_addresses
 from cranectl.simulate import make_plant, plan_scenario, prepare_controller
+from cranectl.simulate.open_runs import OpenRuns, open_runs
 from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import start_run, stream_run
 from cranectl.support import resources
@@ -40,6 +41,7 @@ from validation.performance.figures import (
 )
 
 SCENARIO, DRIVE = "settled-trajectory", "velocity"
+STEPPED_CRANES, STEPPED_SAMPLES = 16, 20
 HEAVY = ("lqr+hinf", "lqr+loop-shaping")  # controllers with the longest steps
 # Names of measurements that `scaling.py` uses.
 RATE = "campaign on MuJoCo, 2 threads, runs of 25 s"
@@ -114,11 +116,11 @@ def run_in_threads(tasks: Sequence[Callable[[], object]]) -> None:
         thread.join()
 
 
-def make_loop(controller: str) -> Callable[[], object]:
+def make_loop(controller: str, plant: str = "mujoco") -> Callable[[], object]:
     """Return a function that runs the compiled loop without sampling, metrics and results."""
     scenario = load_scenario(SCENARIO)
     design, plan = design_controller(controller, scenario.design), plan_scenario(scenario)
-    prepared, crane = prepare_controller(scenario, design, DRIVE, plan), make_plant("mujoco", scenario, DRIVE)
+    prepared, crane = prepare_controller(scenario, design, DRIVE, plan), make_plant(plant, scenario, DRIVE)
     record = np.zeros((BLOCK, record_width(design)))
 
     def run_loop() -> None:
@@ -175,6 +177,29 @@ def compare_plants_and_threads(repeats: int) -> list[Measurement]:
         summarise("rate of runs: analytic campaign / MuJoCo campaign", speedups, "", 3.0, at_least=True),
         compare_best("rate of runs: 2 threads / 1 thread, best of each", one, two, 1.9, at_least=True),
     ]
+
+
+def compare_stepping_with_loop(repeats: int) -> list[Measurement]:
+    """Compare cranes that are stepped together, with a command every 20 samples, with the compiled loop."""
+    scenario, results = load_scenario(SCENARIO), []
+    steps = (scenario.steps + 1) // STEPPED_SAMPLES
+    commands = np.tile([1e-3, -1e-3, 1e-3], (STEPPED_CRANES, 1))  # [m/s], all cranes stay inside
+
+    def step_all(cranes: OpenRuns) -> None:
+        cranes.reset()
+        for _ in range(steps):
+            cranes.step(commands, STEPPED_SAMPLES)
+
+    for plant in ("analytic", "elastic", "mujoco"):
+        cranes, loop = (
+            open_runs([scenario] * STEPPED_CRANES, plant=plant, drive=DRIVE),
+            make_loop("lqr", plant),
+        )
+        times = time_alternately({"stepped": lambda c=cranes: step_all(c), "loop": loop}, repeats)
+        ratios = [STEPPED_CRANES * ratio for ratio in ratios_of(times["loop"], times["stepped"])]
+        title = f"{plant}: rate of samples, {STEPPED_CRANES} stepped cranes / compiled loop with lqr"
+        results.append(summarise(title, ratios, "", 0.6, at_least=True))
+    return results
 
 
 def measure_many_runs(_repeats: int) -> list[Measurement]:

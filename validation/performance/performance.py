@@ -30,6 +30,7 @@ from validation.performance.campaign_rates import (
     compare_campaign_with_engine,
     compare_other_implementations,
     compare_plants_and_threads,
+    compare_stepping_with_loop,
     measure_many_runs,
 )
 from validation.performance.controller_times import controllers_section, measure_controllers
@@ -165,6 +166,7 @@ PARTS = (
     compare_elastic_with_engine,
     compare_campaign_with_engine,
     compare_plants_and_threads,
+    compare_stepping_with_loop,
     measure_many_runs,
     measure_result_costs,
     compare_other_implementations,
