@@ -107,9 +107,10 @@ package: setup ## install the wheel with pip, uvx and pipx, validate and test an
 	$(call saying,600,"installing uv and pipx") $(BIN)/python $(PIP_INSTALL) --group installers
 	$(call limit,1800) $(INSTALLERS) $(BIN)/uvx --from build/package/*.whl cranectl list
 	$(call limit,1800) $(INSTALLERS) $(BIN)/pipx run --spec build/package/*.whl cranectl list
-	cp -r examples/harbour-crane build/package/example
-	cd build/package/example && PATH="$(CURDIR)/build/package/venv/bin:$$PATH" PIP_CONSTRAINT=$(CURDIR)/constraints.txt \
-		$(PYTHON) $(CURDIR)/.ci/limited.py $@ 3600 sh -exc "$$(sed -n 's/^ *- run: //p' .github/workflows/test.yml)"
+	cp -r examples build/package/examples
+	cd build/package/examples && export PATH="$(CURDIR)/build/package/venv/bin:$$PATH" PIP_CONSTRAINT=$(CURDIR)/constraints.txt && \
+		for example in *; do (cd $$example && $(PYTHON) $(CURDIR)/.ci/limited.py $@ 3600 \
+			sh -exc "$$(sed -n 's/^ *- run: //p' .github/workflows/test.yml)") || exit; done
 
 ## Results
 docs: .venv/site ## run the examples, and build the site of all pages into build/docs

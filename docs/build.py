@@ -34,6 +34,7 @@ RENAMED = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changes.md",
     "examples/harbour-crane/README.md": "how-to/harbour-crane.md",
+    "examples/gymnasium/README.md": "how-to/gymnasium.md",
 }
 GALLERY = {"docs/gallery/README.rst": "examples/index.rst"}  # which sphinx-gallery writes
 BUILT = {  # pages that only the site has, by section

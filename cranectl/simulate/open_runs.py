@@ -84,18 +84,18 @@ class OpenRuns:
     def __init__(
         self, scenarios: Iterable[Scenario], *, plant: str = REFERENCE_PLANT, drive: str = "ideal"
     ) -> None:
-        self._scenarios = list(scenarios)
-        periods = {scenario.period_ns / NANOSECONDS for scenario in self._scenarios}
+        self.scenarios = list(scenarios)
+        periods = {scenario.period_ns / NANOSECONDS for scenario in self.scenarios}
         if len(periods) != 1:
             raise InputError(
-                f"{len(periods)} control periods in {len(self._scenarios)} scenarios",
+                f"{len(periods)} control periods in {len(self.scenarios)} scenarios",
                 allowed="one or more scenarios with the same control.period",
                 remedy="give scenarios that differ in other settings only",
             )
         (self._period,) = periods
         plan = functools.cache(plan_scenario)
-        self._plans = [plan(scenario) for scenario in self._scenarios]
-        self._plants = [plant_to_step(plant, scenario, drive) for scenario in self._scenarios]
+        self._plans = [plan(scenario) for scenario in self.scenarios]
+        self._plants = [plant_to_step(plant, scenario, drive) for scenario in self.scenarios]
         count = len(self._plants)
         self._cranes: list[Any] = [None] * count  # of class Crane; they keep the packed arrays alive
         self._blocks: list[Any] = [None] * count  # Numba's type of each crane, and its numbers packed
@@ -220,7 +220,7 @@ class OpenRuns:
     def _begin(self, i: int, state: Array | None, seed: int | None) -> None:
         """Put crane `i` at its start."""
         plant, (reference, disturbance, wind, path_record) = self._plants[i], self._rows
-        run, plan, _ = begin(plant, self._scenarios[i], self._plans[i], state, seed, path_record=path_record)
+        run, plan, _ = begin(plant, self.scenarios[i], self._plans[i], state, seed, path_record=path_record)
         width = record_width(run.design)
         if self._record is None:
             self._record = np.zeros((ROWS, width))
