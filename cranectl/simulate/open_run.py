@@ -25,35 +25,14 @@ MAX_STEPPED = 10**7  # samples in one step
 
 
 class OpenRun:
-    """A run without a controller, which a program advances with commands of its own.
+    """A run that a program advances with commands of its own; `open_run` makes it.
 
     A command is held until the next one. Effects on the way to the drives act on it: limits, dead zone, gain
     and delay. After the end of the scenario, reference, disturbances and wind keep their last values.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        Crane, effects, disturbances, and the state in which the run begins.
-    plant, drive : str
-        Plant and kind of drive.
-
-    Raises
-    ------
-    InputError
-        If a name is unknown, or the plant cannot show the scenario.
-
-    Examples
-    --------
-    >>> import cranectl
-    >>> crane = cranectl.open_run(cranectl.load_scenario("fixed-position"), drive="velocity")
-    >>> state = crane.step([0.1, 0.0, 0.0], samples=500)  # half a second at 0.1 m/s
-    >>> print(f"{crane.time:g} s, bridge {state[0]:.3f} m, {crane.status.label}")
-    0.5 s, bridge 1.048 m, running
     """
 
-    def __init__(self, scenario: Scenario, *, plant: str = REFERENCE_PLANT, drive: str = "ideal") -> None:
-        self._scenario, self._plan = scenario, plan_scenario(scenario)
-        self._plant = plant_to_step(plant, scenario, drive)
+    def __init__(self, scenario: Scenario, plant: Plant) -> None:
+        self._scenario, self._plan, self._plant = scenario, plan_scenario(scenario), plant
         self.reset()
 
     def reset(self, state: Sequence[float] | Array | None = None, *, seed: int | None = None) -> Array:
@@ -174,7 +153,35 @@ class OpenRun:
         )
 
 
-open_run = OpenRun  # the public name
+def open_run(scenario: Scenario, *, plant: str = REFERENCE_PLANT, drive: str = "ideal") -> OpenRun:
+    """Open a run without a controller, to be stepped by a program.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Crane, effects, disturbances, and the state in which the run begins.
+    plant, drive : str
+        Plant and kind of drive.
+
+    Returns
+    -------
+    OpenRun
+        The run, at its start.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or the plant cannot show the scenario.
+
+    Examples
+    --------
+    >>> import cranectl
+    >>> crane = cranectl.open_run(cranectl.load_scenario("fixed-position"), drive="velocity")
+    >>> state = crane.step([0.1, 0.0, 0.0], samples=500)  # half a second at 0.1 m/s
+    >>> print(f"{crane.time:g} s, bridge {state[0]:.3f} m, {crane.status.label}")
+    0.5 s, bridge 1.048 m, running
+    """
+    return OpenRun(scenario, plant_to_step(plant, scenario, drive))
 
 
 def plant_to_step(name: str, scenario: Scenario, drive: str) -> Plant:

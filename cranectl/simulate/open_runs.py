@@ -11,6 +11,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from cranectl.plants.addressed import measure_addressed
+from cranectl.plants.plant import Plant
 from cranectl.plants.registry import REFERENCE_PLANT
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import LOAD_COLUMN, PATH_WIDTH, STATE, TENSION
@@ -53,49 +54,16 @@ class Crane(NamedTuple):
 
 
 class OpenRuns:
-    """Runs without a controller, which a program advances together with commands of its own.
+    """Runs that a program advances together with commands of its own; `open_runs` makes them.
 
-    All cranes have the same plant, kind of drive and control period. Everything else may differ.
-
-    Parameters
-    ----------
-    scenarios : iterable of Scenario
-        One for each crane; the same one may occur often.
-    plant, drive : str
-        Plant and kind of drive.
-
-    Raises
-    ------
-    InputError
-        If there is no scenario, control periods differ, or a plant cannot show its scenario.
-
-    Examples
-    --------
-    >>> import cranectl
-    >>> import numpy as np
-    >>> scenario = cranectl.load_scenario("fixed-position")
-    >>> cranes = cranectl.open_runs([scenario] * 3, drive="velocity")
-    >>> states = cranes.reset(seeds=range(3))
-    >>> states = cranes.step(np.full((3, 3), 0.01), samples=20)
-    >>> states.shape, cranes.time
-    ((3, 10), array([0.02, 0.02, 0.02]))
+    `scenarios` lists the scenario of each crane. Commands act as in `OpenRun`.
     """
 
-    def __init__(
-        self, scenarios: Iterable[Scenario], *, plant: str = REFERENCE_PLANT, drive: str = "ideal"
-    ) -> None:
-        self.scenarios = list(scenarios)
-        periods = {scenario.period_ns / NANOSECONDS for scenario in self.scenarios}
-        if len(periods) != 1:
-            raise InputError(
-                f"{len(periods)} control periods in {len(self.scenarios)} scenarios",
-                allowed="one or more scenarios with the same control.period",
-                remedy="give scenarios that differ in other settings only",
-            )
-        (self._period,) = periods
+    def __init__(self, scenarios: list[Scenario], plants: list[Plant]) -> None:
+        self.scenarios, self._plants = scenarios, plants
+        self._period = scenarios[0].period_ns / NANOSECONDS
         plan = functools.cache(plan_scenario)
         self._plans = [plan(scenario) for scenario in self.scenarios]
-        self._plants = [plant_to_step(plant, scenario, drive) for scenario in self.scenarios]
         count = len(self._plants)
         self._cranes: list[Any] = [None] * count  # of class Crane; they keep the packed arrays alive
         self._blocks: list[Any] = [None] * count  # Numba's type of each crane, and its numbers packed
@@ -246,7 +214,48 @@ class OpenRuns:
         self._blocks[i] = (type_of(crane), packed(crane)) if is_compiled else (None, np.zeros(0))
 
 
-open_runs = OpenRuns  # the public name
+def open_runs(
+    scenarios: Iterable[Scenario], *, plant: str = REFERENCE_PLANT, drive: str = "ideal"
+) -> OpenRuns:
+    """Open runs without a controller, to be stepped together by a program.
+
+    Parameters
+    ----------
+    scenarios : iterable of Scenario
+        One for each crane, all with the same control period; the same scenario may occur often.
+    plant, drive : str
+        Plant and kind of drive of all cranes.
+
+    Returns
+    -------
+    OpenRuns
+        The runs, at their start.
+
+    Raises
+    ------
+    InputError
+        If there is no scenario, control periods differ, or a plant cannot show its scenario.
+
+    Examples
+    --------
+    >>> import cranectl
+    >>> import numpy as np
+    >>> scenario = cranectl.load_scenario("fixed-position")
+    >>> cranes = cranectl.open_runs([scenario] * 3, drive="velocity")
+    >>> states = cranes.reset(seeds=range(3))
+    >>> states = cranes.step(np.full((3, 3), 0.01), samples=20)
+    >>> states.shape, cranes.time
+    ((3, 10), array([0.02, 0.02, 0.02]))
+    """
+    chosen = list(scenarios)
+    periods = {scenario.period_ns for scenario in chosen}
+    if len(periods) != 1:
+        raise InputError(
+            f"{len(periods)} control periods in {len(chosen)} scenarios",
+            allowed="one or more scenarios with the same control.period",
+            remedy="give scenarios that differ in other settings only",
+        )
+    return OpenRuns(chosen, [plant_to_step(plant, scenario, drive) for scenario in chosen])
 
 
 def advance_crane(crane, samples):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cranectl
-from cranectl import OpenRun, OpenRuns, RunStatus, Scenario, open_run, open_runs
+from cranectl import RunStatus, Scenario, open_run, open_runs
 from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
 from cranectl.simulate import Run, simulate_run
@@ -247,4 +247,3 @@ def test_an_unknown_plant_or_drive_is_refused() -> None:
     for arguments in ({"plant": "paper"}, {"drive": "steam"}):
         with pytest.raises(cranectl.InputError, match="unknown"):
             open_run(moving(), **arguments)
-    assert (OpenRun, OpenRuns) == (open_run, open_runs)
