@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from cranectl.plants.plant import DRIVES, Plant
 from cranectl.plants.registry import REFERENCE_PLANT
 from cranectl.plants.surroundings import FORCE, air_velocity
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import STATE, TENSION
+from cranectl.signals import REFERENCE, STATE, TENSION
 from cranectl.simulate.plan import Plan, check_start, plan_scenario
 from cranectl.simulate.run import Run
 from cranectl.simulate.runner import checked_drive, make_plant, start_run
@@ -24,7 +25,15 @@ DRAWN_MARGIN = 0.1  # share of each range of the workspace, at both ends, where 
 MAX_STEPPED = 10**7  # samples in one step
 
 
-class OpenRun:
+class Uncopyable:
+    """A run whose compiled code refers to its memory, so that a copy would change the original."""
+
+    def __reduce__(self) -> NoReturn:
+        """Raise TypeError when the run is to be copied or pickled."""
+        raise TypeError("an open run cannot be copied or pickled; open another one, and reset it to `state`")
+
+
+class OpenRun(Uncopyable):
     """A run that a program advances with commands of its own; `open_run` makes it.
 
     A command is held until the next one. Effects on the way to the drives act on it: limits, dead zone, gain
@@ -35,7 +44,13 @@ class OpenRun:
         self._scenario, self._plan, self._plant = scenario, plan_scenario(scenario), plant
         self.reset()
 
-    def reset(self, state: Sequence[float] | Array | None = None, *, seed: int | None = None) -> Array:
+    def reset(
+        self,
+        state: Sequence[float] | Array | None = None,
+        *,
+        seed: int | None = None,
+        target: Sequence[float] | Array | None = None,
+    ) -> Array:
         """Begin again, and return the state.
 
         Parameters
@@ -45,6 +60,8 @@ class OpenRun:
         seed : int, optional
             Draws noise and gusts anew. Without `state` it also draws where the crane begins at rest: uniform
             over the workspace, less a tenth of each range at both ends.
+        target : array_like, shape (3,), optional
+            Where the load shall come to rest [m], in place of the scenario's reference.
 
         Returns
         -------
@@ -54,9 +71,11 @@ class OpenRun:
         Raises
         ------
         InputError
-            If the state is outside the workspace, or no state of a crane.
+            If state or target is outside the workspace, or the state is no state of a crane.
         """
-        self._run, plan, self._command = begin(self._plant, self._scenario, self._plan, state, seed)
+        self._run, plan, self._command = begin(
+            self._plant, self._scenario, self._plan, state, seed, target=target
+        )
         self._rows = (plan.reference, plan.disturbance, plan.wind)
         self._samples, self._parts = 0, list[Run]()
         self._load = np.full(TENSION + 1, np.nan)
@@ -85,8 +104,8 @@ class OpenRun:
         InputError
             If the command is not three finite numbers, or `samples` is below one.
         """
-        self._command[:] = checked_numbers("command", command, 3)
         check_samples(samples)
+        self._command[:] = checked_numbers("command", command, 3)
         index = np.arange(self._samples, self._samples + samples)
         time_ns = index * self._scenario.period_ns
         part = self._run.advance(time_ns, *(rows_at(rows, index) for rows in self._rows))
@@ -102,6 +121,14 @@ class OpenRun:
         state = np.empty(len(STATE))
         self._plant.measure(state)
         return state
+
+    @property
+    def measured(self) -> Array:
+        """Measurements of a controller at the last sample, shape (12,), in the order of `MEASUREMENT`.
+
+        They differ from the state only if the scenario has encoders. NaN before the first step.
+        """
+        return self._run.run.inputs.controller.measured.copy()
 
     @property
     def load(self) -> Array:
@@ -135,21 +162,26 @@ class OpenRun:
     def recorded(self) -> Run:
         """Return all samples since the last reset as a run, to the end of the scenario at most.
 
-        It can be written to a log, plotted and measured like any other run.
+        It can be written to a log, plotted and measured like any other run. The present state is not among
+        them: it belongs to the next sample.
+
+        Raises
+        ------
+        InputError
+            If there has been no sample.
         """
-        first = np.arange(0)
-        parts = [*self._parts, self._run.advance(first, *(rows_at(rows, first) for rows in self._rows))]
-        last = self._scenario.steps + 1
-        table, reference = (
-            np.concatenate([getattr(part, name) for part in parts])[:last] for name in ("table", "reference")
-        )
-        status = self.status
-        if not status.stopped or len(table) == last:
-            status = RunStatus.COMPLETED if len(table) == last else RunStatus.INTERRUPTED
-        time_ns = np.arange(len(table), dtype=np.int64) * self._scenario.period_ns
-        end_ns = self._run.end_ns if status == self.status else int(time_ns[-1]) if len(table) else 0
+        if not self._parts:
+            raise InputError("no sample since the last reset", allowed="one or more", remedy="take a step")
+        samples = self._scenario.steps + 1
+        table = np.concatenate([part.table for part in self._parts])[:samples]
+        is_cut = self._samples > samples or not self.status.stopped
         return replace(
-            parts[-1], time_ns=time_ns, table=table, reference=reference, status=status, end_ns=end_ns
+            self._parts[-1],
+            time_ns=np.arange(len(table), dtype=np.int64) * self._scenario.period_ns,
+            table=table,
+            reference=np.concatenate([part.reference for part in self._parts])[:samples],
+            status=RunStatus.COMPLETED if is_cut else self.status,
+            end_ns=(len(table) - 1) * self._scenario.period_ns if is_cut else self._run.end_ns,
         )
 
 
@@ -198,13 +230,16 @@ def begin(
     state: Sequence[float] | Array | None = None,
     seed: int | None = None,
     *,
+    target: Sequence[float] | Array | None = None,
     path_record: Array | None = None,
 ) -> tuple[SteppedRun, Plan, Array]:
     """Put a plant at the start of a run that repeats its command; return run, plan, and the command (3,).
 
-    `plan` is that of the scenario. `state` and `seed` are as in `OpenRun.reset`. The signal path writes to
-    `path_record`.
+    `plan` is that of the scenario. `state`, `seed` and `target` are as in `OpenRun.reset`. The signal path
+    writes to `path_record`.
     """
+    if target is not None:
+        plan = replace(plan, reference=rest_at(scenario, checked_numbers("target", target, 3)))
     if seed is not None:
         draw = np.random.default_rng(checked_seed(seed))
         scenario = _with_seeds(scenario, *draw.integers(2**32, size=2).tolist())
@@ -225,7 +260,19 @@ def begin(
         controller, scenario, plant.drive, np.zeros((1, 3)), plan.initial_state
     )
     run = start_run(plant, scenario, compiled, plan, nominal=scenario, path_record=path_record)
+    run.inputs.controller.measured[: len(STATE)] = np.nan
     return SteppedRun(scenario, design, plant, run, 0), plan, compiled.reference[0, :3]
+
+
+def rest_at(scenario: Scenario, target: Array) -> Array:
+    """Return the reference (1, 15) that rests at `target` (3,); raise InputError if the load cannot."""
+    reference = np.zeros((1, len(REFERENCE)))
+    reference[0, :3] = target
+    hanging = np.zeros(len(STATE))
+    hanging[:5:2] = target * (1.0, 1.0, -1.0)
+    remedy = "give a target below the workspace of bridge and trolley, within reach of the rope"
+    check_start(scenario, hanging, remedy=remedy, what="the target is")
+    return reference
 
 
 def _with_seeds(scenario: Scenario, sensing: int, wind: int) -> Scenario:
@@ -250,10 +297,12 @@ def checked_numbers(what: str, values: Sequence[float] | Array, *shape: int) -> 
     try:
         numbers = np.array(values, dtype=float)
     except (TypeError, ValueError):
-        numbers = np.full(0, np.nan)
-    if numbers.shape != shape or not np.isfinite(numbers).all():
+        numbers = np.zeros(0)
+    bad = np.argwhere(~np.isfinite(numbers))
+    if numbers.shape != shape or len(bad):
+        where = f", with {numbers[tuple(bad[0])]} at {bad[0].tolist()}" if len(bad) else ""
         raise InputError(
-            f"{what} = {shown(values)}",
+            f"{what} = {shown(values)}, of shape {numbers.shape}{where}",
             allowed=f"finite numbers in the shape {shape}",
             remedy=f"give {' times '.join(map(str, shape))} numbers",
         )

@@ -10,6 +10,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from cranectl.controllers.controller import shown
 from cranectl.plants.addressed import measure_addressed
 from cranectl.plants.plant import Plant
 from cranectl.plants.registry import REFERENCE_PLANT
@@ -17,6 +18,7 @@ from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import LOAD_COLUMN, PATH_WIDTH, STATE, TENSION
 from cranectl.simulate.loops import CompiledLoop, LoopInputs, advance_block, measure, shared_loop
 from cranectl.simulate.open_run import (
+    Uncopyable,
     begin,
     check_samples,
     checked_numbers,
@@ -28,7 +30,7 @@ from cranectl.simulate.signal_path import SignalPath
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
-from cranectl.support.jit import UNCOMPILED, jit_address, jit_loop
+from cranectl.support.jit import UNCOMPILED, jit, jit_address, jit_loop
 from cranectl.support.packed import moved, packed, type_of, unpacker
 
 RUNNING = int(RunStatus.RUNNING)
@@ -53,7 +55,7 @@ class Crane(NamedTuple):
     load: Array  # (7,) at the last sample
 
 
-class OpenRuns:
+class OpenRuns(Uncopyable):
     """Runs that a program advances together with commands of its own; `open_runs` makes them.
 
     `scenarios` lists the scenario of each crane. Commands act as in `OpenRun`.
@@ -67,6 +69,7 @@ class OpenRuns:
         count = len(self._plants)
         self._cranes: list[Any] = [None] * count  # of class Crane; they keep the packed arrays alive
         self._blocks: list[Any] = [None] * count  # Numba's type of each crane, and its numbers packed
+        self._references = [plan.reference for plan in self._plans]
         self._record: Array | None = None
         self._commands = np.zeros((count, 3))
         self._clock, self._status = np.zeros((2, count), dtype=np.int64)
@@ -82,7 +85,8 @@ class OpenRuns:
         states: Array | None = None,
         *,
         seeds: Iterable[int] | None = None,
-        cranes: Sequence[int] | NDArray[np.integer[Any]] | None = None,
+        targets: Array | None = None,
+        cranes: Sequence[int] | NDArray[np.integer[Any] | np.bool_] | None = None,
     ) -> Array:
         """Begin again with all cranes, or with some; return the states of all.
 
@@ -92,8 +96,10 @@ class OpenRuns:
             The states at the start; by default those of the scenarios, or drawn.
         seeds : iterable of int, optional
             One for each crane that begins, as in `OpenRun.reset`.
-        cranes : sequence of int, optional
-            Which cranes begin; by default all.
+        targets : array_like, shape (n, 3), optional
+            Where the loads shall come to rest [m], in place of the references.
+        cranes : sequence of int or mask, optional
+            Which cranes begin, by their numbers or by True for each that begins; by default all.
 
         Returns
         -------
@@ -105,17 +111,19 @@ class OpenRuns:
         InputError
             If a state is outside the workspace, or numbers of states, seeds and cranes differ.
         """
-        chosen = list(range(len(self))) if cranes is None else [int(i) for i in cranes]
-        starts = [None] * len(chosen) if states is None else list(states)
-        seeded = [None] * len(chosen) if seeds is None else list(seeds)
-        if not len(chosen) == len(starts) == len(seeded) or not set(chosen) <= set(range(len(self))):
+        chosen = self._chosen(cranes)
+        values = [
+            [None] * len(chosen) if given is None else list(given) for given in (states, seeds, targets)
+        ]
+        if any(len(given) != len(chosen) for given in values):
             raise InputError(
-                f"{len(starts)} states and {len(seeded)} seeds for the cranes {chosen}",
-                allowed=f"one state and one seed for each; cranes from 0 to {len(self) - 1}",
-                remedy="give as many states and seeds as cranes",
+                f"{', '.join(str(len(given)) for given in values)} states, seeds and targets "
+                f"for {len(chosen)} cranes",
+                allowed="one of each for each crane, or none",
+                remedy="give as many as cranes begin",
             )
-        for crane, state, seed in zip(chosen, starts, seeded, strict=True):
-            self._begin(crane, state, seed)
+        for crane, state, seed, target in zip(chosen, *values, strict=True):
+            self._begin(crane, state, seed, target)
         self._groups = [
             (kind, np.stack([block for own, block in self._blocks if own == kind]))
             for kind in dict.fromkeys(kind for kind, _ in self._blocks)
@@ -160,6 +168,11 @@ class OpenRuns:
         return self._states.copy()
 
     @property
+    def measured(self) -> Array:
+        """Measurements of the controllers, shape (cranes, 12), as in `OpenRun.measured`."""
+        return np.array([crane.inputs.controller.measured for crane in self._cranes])
+
+    @property
     def loads(self) -> Array:
         """Positions and velocities of the loads [m, m/s], shape (cranes, 6), each at its last sample."""
         return self._loads[:, :TENSION].copy()
@@ -182,13 +195,36 @@ class OpenRuns:
     @property
     def references(self) -> Array:
         """Desired positions of the loads with four derivatives, shape (cranes, 15)."""
-        samples = zip(self._plans, self._clock.tolist(), strict=True)
-        return np.array([plan.reference[min(k, len(plan.reference) - 1)] for plan, k in samples])
+        samples = zip(self._references, self._clock.tolist(), strict=True)
+        return np.array([reference[min(k, len(reference) - 1)] for reference, k in samples])
 
-    def _begin(self, i: int, state: Array | None, seed: int | None) -> None:
+    def _chosen(self, cranes: Sequence[int] | NDArray[np.integer[Any] | np.bool_] | None) -> list[int]:
+        """Return the numbers of the cranes that `reset` names; raise InputError if it names none of ours."""
+        count = len(self)
+        numbers = np.arange(count) if cranes is None else np.asarray(cranes)
+        if numbers.shape == (count,) and numbers.dtype == bool:
+            numbers = np.flatnonzero(numbers)
+        chosen: list[int] = numbers.tolist()
+        if (
+            numbers.ndim != 1
+            or (chosen and numbers.dtype.kind not in "iu")  # an empty list has no type
+            or len(set(chosen)) < len(chosen)
+            or not set(chosen) <= set(range(count))
+        ):
+            raise InputError(
+                f"cranes = {shown(cranes)}",
+                allowed=f"different numbers from 0 to {count - 1}, or {count} times True or False",
+                remedy="name the cranes that begin again",
+            )
+        return chosen
+
+    def _begin(self, i: int, state: Array | None, seed: int | None, target: Array | None) -> None:
         """Put crane `i` at its start."""
         plant, (reference, disturbance, wind, path_record) = self._plants[i], self._rows
-        run, plan, _ = begin(plant, self.scenarios[i], self._plans[i], state, seed, path_record=path_record)
+        run, plan, _ = begin(
+            plant, self.scenarios[i], self._plans[i], state, seed, target=target, path_record=path_record
+        )
+        self._references[i] = plan.reference
         width = record_width(run.design)
         if self._record is None:
             self._record = np.zeros((ROWS, width))
@@ -258,6 +294,15 @@ def open_runs(
     return OpenRuns(chosen, [plant_to_step(plant, scenario, drive) for scenario in chosen])
 
 
+@jit
+def copy_rows(source, first, rows, target):
+    """Copy `rows` rows of `source` from `first` on; after its end the last row is repeated."""
+    for row in range(rows):
+        k = min(first + row, source.shape[0] - 1)
+        for i in range(source.shape[1]):
+            target[row, i] = source[k, i]
+
+
 def advance_crane(crane, samples):
     """Advance one crane by `samples`, or until it stops; compiled code has other names for the callees."""
     done = 0
@@ -265,14 +310,9 @@ def advance_crane(crane, samples):
         crane.inputs.controller.reference[0, axis] = crane.command[axis]
     while done < samples and crane.status[0] == RUNNING:
         rows = min(samples - done, crane.record.shape[0])
-        for row in range(rows):
-            k = min(crane.clock[0] + row, crane.reference.shape[0] - 1)
-            for i in range(15):
-                crane.inputs.reference[row, i] = crane.reference[k, i]
-            for i in range(2):
-                crane.inputs.disturbance[row, i] = crane.disturbance[k, i]
-            for i in range(6):
-                crane.inputs.wind[row, i] = crane.wind[k, i]
+        copy_rows(crane.reference, crane.clock[0], rows, crane.inputs.reference)
+        copy_rows(crane.disturbance, crane.clock[0], rows, crane.inputs.disturbance)
+        copy_rows(crane.wind, crane.clock[0], rows, crane.inputs.wind)
         complete, _, status = advance_block(
             crane.plant, crane.inputs, crane.path, crane.record, crane.memory, 0, rows
         )

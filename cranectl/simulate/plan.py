@@ -89,15 +89,17 @@ def _initial_state(scenario: Scenario, planned: PlannedReference) -> Array:
     return state
 
 
-def check_start(scenario: Scenario, state: Array, *, remedy: str) -> None:
+def check_start(scenario: Scenario, state: Array, *, remedy: str, what: str = "the run would start") -> None:
     """Raise InputError if `state` (10,) is outside the workspace, or has an angle of pi/2 or more."""
     low, high = scenario.rig.workspace.T
     outside = (state[:5:2] < low - 1e-9) | (state[:5:2] > high + 1e-9)
     if outside.any() or np.abs(state[[ALPHA, BETA]]).max() >= 0.5 * np.pi:
-        name = [*WORKSPACE_SIGNALS, "a cardan angle"][int(np.argmax([*outside, True]))]
+        worst = int(np.argmax([*outside, True]))
+        name = [*WORKSPACE_SIGNALS, "a cardan angle"][worst]
+        value = f" = {state[2 * worst]:.4g} m, of {low[worst]:g} to {high[worst]:g}" if worst < 3 else ""
         raise InputError(
-            f"the run would start outside the workspace: {name}",
-            allowed="a start within the rig's ranges, with angles within pi/2",
+            f"{what} outside the workspace: {name}{value}",
+            allowed="positions within the rig's ranges, with angles within pi/2",
             remedy=remedy,
         )
 

@@ -1,5 +1,8 @@
 """A crane stepped from a program gives the bits of a run, alone and among many cranes."""
 
+import copy
+import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -137,10 +140,10 @@ def test_a_run_that_stopped_is_recorded_until_there() -> None:
 
 def test_a_run_can_go_on_after_the_end_and_is_recorded_to_the_end(tmp_path: Path) -> None:
     crane = open_run(moving(), drive="velocity")
-    empty = crane.recorded()
-    assert (empty.status, len(empty.table)) == (RunStatus.INTERRUPTED, 0)
+    with pytest.raises(cranectl.InputError, match="no sample"):
+        crane.recorded()
     crane.step([0.0, 0.0, 0.0], samples=200)
-    assert crane.recorded().status == RunStatus.INTERRUPTED
+    assert (crane.recorded().status, crane.recorded().end_s) == (RunStatus.COMPLETED, 0.199)
     crane.step([0.0, 0.0, 0.0], samples=1000)
     assert crane.time == pytest.approx(1.2)
     assert np.array_equal(crane.reference, crane.recorded().reference[-1])
@@ -185,8 +188,8 @@ def test_a_seed_draws_start_noise_and_gusts() -> None:
 @pytest.mark.parametrize(
     ("command", "samples", "expected"),
     [
-        ([0.0, 0.0], 1, "command = [0.0, 0.0]"),
-        ([0.0, 0.0, np.nan], 1, "nan"),
+        ([0.0, 0.0], 1, "command = [0.0, 0.0], of shape (2,)"),
+        ([0.0, 0.0, np.nan], 1, "with nan at [2]"),
         ("fast", 1, "command = 'fast'"),
         ([0.0, 0.0, 0.0], 0, "samples = 0"),
         ([0.0, 0.0, 0.0], 1.5, "samples = 1.5"),
@@ -205,7 +208,9 @@ def test_a_wrong_step_is_refused_and_changes_nothing(command: object, samples: i
     ("arguments", "expected"),
     [
         ({"state": np.zeros(9)}, "state = "),
-        ({"state": np.array([9.0, 0, 0.5, 0, 0.8, 0, 0, 0, 0, 0])}, "outside the workspace"),
+        ({"state": np.array([9.0, 0, 0.5, 0, 0.8, 0, 0, 0, 0, 0])}, "bridge_position = 9 m, of 0 to 2"),
+        ({"target": [1.0, 0.5, -9.0]}, "the target is outside the workspace: rope_length = 9 m"),
+        ({"target": [1.0, 0.5]}, "target = [1.0, 0.5]"),
         ({"state": np.array([1.0, 0, 0.5, 0, 0.8, 0, 1.6, 0, 0, 0])}, "a cardan angle"),
         ({"seed": -1}, "seed = -1"),
     ],
@@ -234,13 +239,66 @@ def test_cranes_of_several_periods_are_refused(scenarios: list[Scenario], expect
 
 
 @pytest.mark.parametrize(
-    "arguments",
-    [{"cranes": [2]}, {"seeds": [1]}, {"states": np.zeros((3, 10))}, {"cranes": [0], "seeds": [1, 2]}],
+    ("arguments", "expected"),
+    [
+        ({"seeds": [1]}, "2, 1, 2 states, seeds and targets for 2 cranes"),
+        ({"states": np.zeros((3, 10))}, "3, 2, 2"),
+        ({"cranes": [0], "targets": np.zeros((2, 3))}, "1, 1, 2"),
+        *(({"cranes": cranes}, f"cranes = {cranes}") for cranes in ([2], [-1], [1, 1], [1.0], 1, [True])),
+    ],
 )
-def test_a_wrong_reset_of_many_is_refused(arguments: dict[str, object]) -> None:
+def test_a_wrong_reset_of_many_is_refused(arguments: dict[str, object], expected: str) -> None:
     cranes = open_runs([moving()] * 2)
-    with pytest.raises(cranectl.InputError, match="for the cranes"):
+    with pytest.raises(cranectl.InputError) as error:
         cranes.reset(**arguments)
+    assert expected in error.value.found
+
+
+@pytest.mark.parametrize(("cranes", "begun"), [([False, True, False], [1]), ([], []), ([2, 0], [0, 2])])
+def test_cranes_are_chosen_by_number_or_mask(cranes: list[int], begun: list[int]) -> None:
+    together = open_runs([moving()] * 3)
+    together.step(np.full((3, 3), 0.1), samples=5)
+    together.reset(cranes=cranes)
+    assert np.flatnonzero(together.time == 0.0).tolist() == begun
+
+
+def test_a_target_replaces_the_reference() -> None:
+    target = np.array([1.2, 0.5, -0.6])
+    crane, cranes = open_run(moving()), open_runs([moving()] * 2)
+    crane.reset(seed=1, target=target)
+    cranes.reset(seeds=[1, 1], targets=[target, target + 0.1])
+    crane.step([0.0, 0.0, 0.0], samples=300)
+    cranes.step(np.zeros((2, 3)), samples=300)
+    expected = np.concatenate([target, np.zeros(12)])
+    assert np.array_equal(crane.reference, expected)
+    assert np.array_equal(cranes.references[0], expected)
+    assert np.array_equal(cranes.references[1, :3], target + 0.1)
+    run = crane.recorded()
+    assert np.array_equal(run.reference, np.tile(expected, (300, 1)))
+    assert run.block("error")[:, :3] == pytest.approx(target - run.load_position, abs=1e-12)
+    crane.reset()
+    assert not np.array_equal(crane.reference[:3], target)
+
+
+def test_measurements_are_those_of_a_controller() -> None:
+    crane = open_run(moving(*EFFECTS), plant="elastic", drive="velocity")
+    cranes = open_runs([moving(*EFFECTS), moving()], plant="elastic", drive="velocity")
+    assert np.isnan(crane.measured[:10]).all()
+    crane.step([0.1, 0.0, 0.0], samples=50)
+    cranes.step([[0.1, 0.0, 0.0]] * 2, samples=50)
+    assert np.array_equal(crane.measured, crane.recorded().block("measurement")[-1])
+    assert np.array_equal(crane.measured, cranes.measured[0])
+    other = open_run(moving(), plant="elastic", drive="velocity")
+    other.step([0.1, 0.0, 0.0], samples=50)
+    assert np.array_equal(cranes.measured[1], [*other.recorded().block("state")[-1], 0.0, 0.0])
+
+
+@pytest.mark.parametrize("copier", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_copy_is_refused(copier: Callable[[object], object]) -> None:
+    """Its compiled code would change the memory of the original."""
+    for run in (open_run(moving()), open_runs([moving()])):
+        with pytest.raises(TypeError, match="cannot be copied"):
+            copier(run)
 
 
 def test_an_unknown_plant_or_drive_is_refused() -> None:
