@@ -172,6 +172,8 @@ def _mark_disturbances(axes: Axes, timeline: Timeline, *, named: bool) -> None:
     line: dict[str, Any] = {"color": LIGHT["series-4"], "linewidth": 0.9}
     names, above = {"alpha": "disturbance on α", "beta": "disturbance on β"}, axes.get_xaxis_transform()
     for disturbance in timeline.main.run.scenario.disturbances:
+        if disturbance.start > timeline.duration:  # a name outside the diagram would leave no room for it
+            continue
         axes.axvline(disturbance.start, **line)
         if disturbance.end is not None:
             axes.axvline(disturbance.end, linestyle=(0, (2, 2)), **line)

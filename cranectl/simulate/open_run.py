@@ -162,8 +162,8 @@ class OpenRun(Uncopyable):
     def recorded(self) -> Run:
         """Return all samples since the last reset as a run, to the end of the scenario at most.
 
-        It can be written to a log, plotted and measured like any other run. The present state is not among
-        them: it belongs to the next sample.
+        It can be written to a log, plotted and measured like any other run. If the scenario would go on, the
+        run is interrupted. The present state is not part of it: it belongs to the next sample.
 
         Raises
         ------
@@ -174,14 +174,17 @@ class OpenRun(Uncopyable):
             raise InputError("no sample since the last reset", allowed="one or more", remedy="take a step")
         samples = self._scenario.steps + 1
         table = np.concatenate([part.table for part in self._parts])[:samples]
-        is_cut = self._samples > samples or not self.status.stopped
+        status, end_ns = self.status, self._run.end_ns
+        if not status.stopped or self._samples > samples:
+            status = RunStatus.COMPLETED if len(table) == samples else RunStatus.INTERRUPTED
+            end_ns = (len(table) - 1) * self._scenario.period_ns
         return replace(
             self._parts[-1],
             time_ns=np.arange(len(table), dtype=np.int64) * self._scenario.period_ns,
             table=table,
             reference=np.concatenate([part.reference for part in self._parts])[:samples],
-            status=RunStatus.COMPLETED if is_cut else self.status,
-            end_ns=(len(table) - 1) * self._scenario.period_ns if is_cut else self._run.end_ns,
+            status=status,
+            end_ns=end_ns,
         )
 
 
@@ -239,7 +242,10 @@ def begin(
     writes to `path_record`.
     """
     if target is not None:
-        plan = replace(plan, reference=rest_at(scenario, checked_numbers("target", target, 3)))
+        point = checked_numbers("target", target, 3)
+        plan = replace(plan, reference=rest_at(scenario, point))
+        rest = scenario.reference.model_copy(update={"start": tuple(point.tolist()), "segments": ()})
+        scenario = scenario.model_copy(update={"reference": rest})
     if seed is not None:
         draw = np.random.default_rng(checked_seed(seed))
         scenario = _with_seeds(scenario, *draw.integers(2**32, size=2).tolist())

@@ -4,15 +4,19 @@ from pathlib import Path
 
 import gymnasium
 import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
 
 import cranectl
 
 SCENARIO = Path(__file__).parent / "scenarios" / "move.toml"
 SAMPLES = 20  # control samples of 1 ms that an action lasts
 FASTEST = np.array([0.5, 0.5, 0.3])  # set-points of bridge, trolley and rope [m/s] at an action of 1
-EPISODE = 8.0  # [s]
+STEPS = 400  # of an episode: 8 s
 WIDEST = 100.0  # bound of all observations [m, m/s, rad, rad/s]
 SWING_WEIGHT = 0.3  # [s] of the swing in the reward
+OBSERVATIONS = gymnasium.spaces.Box(-WIDEST, WIDEST, (10,), np.float64)
+ACTIONS = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float64)
 
 
 def draw_target(random, scenario):
@@ -38,7 +42,7 @@ def observe(states, targets):
         ],
         axis=1,
     )
-    return np.hstack([targets - load, states[:, [1, 3, 5, 6, 8, 7, 9]]])
+    return np.clip(np.hstack([targets - load, states[:, [1, 3, 5, 6, 8, 7, 9]]]), -WIDEST, WIDEST)
 
 
 def act(gains, seen):
@@ -58,7 +62,15 @@ def rewards(states, targets):
     """Return the rewards (n,): less for each metre to the target and for each metre a second of swing."""
     seen, rope = observe(states, targets), states[:, 4]
     distance, swing = np.linalg.norm(seen[:, :3], axis=1), rope * np.linalg.norm(seen[:, 8:], axis=1)
-    return -distance - SWING_WEIGHT * swing
+    return np.maximum(-distance - SWING_WEIGHT * swing, -WIDEST)
+
+
+def costs_until_the_end(reward, steps):
+    """Return what a crane earns that stops after `steps` with `reward`: it stands there until the end.
+
+    A crane stops when it leaves its rig or its rope goes slack. Without this, a crash would pay.
+    """
+    return reward * (STEPS + 1 - steps)
 
 
 class GantryCrane(gymnasium.Env):
@@ -67,23 +79,68 @@ class GantryCrane(gymnasium.Env):
     def __init__(self, scenario=SCENARIO, plant="elastic"):
         self.scenario = cranectl.load_scenario(scenario)
         self.crane = cranectl.open_run(self.scenario, plant=plant, drive="velocity")
-        self.observation_space = gymnasium.spaces.Box(-WIDEST, WIDEST, (10,), np.float64)
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float64)
+        self.observation_space, self.action_space = OBSERVATIONS, ACTIONS
 
     def reset(self, *, seed=None, options=None):  # noqa: ARG002
         super().reset(seed=seed)
-        self.target = draw_target(self.np_random, self.scenario)
-        self.crane.reset(seed=int(self.np_random.integers(2**31)))
+        target = draw_target(self.np_random, self.scenario)
+        self.crane.reset(seed=int(self.np_random.integers(2**31)), target=target)
+        self.steps = 0
         return self._observe(), {}
 
     def step(self, action):
         self.crane.step(FASTEST * np.clip(action, -1.0, 1.0), SAMPLES)
-        reward = rewards(self.crane.state[np.newaxis], self.target[np.newaxis])
-        stopped, over = self.crane.status.stopped, self.crane.time >= EPISODE
-        return self._observe(), float(reward[0]), stopped, over, {"status": self.crane.status.label}
+        self.steps += 1
+        reward = float(rewards(self.crane.state[np.newaxis], self.crane.reference[np.newaxis, :3])[0])
+        if stopped := self.crane.status.stopped:
+            reward = costs_until_the_end(reward, self.steps)
+        information = {"status": self.crane.status.label}
+        return self._observe(), reward, stopped, self.steps >= STEPS and not stopped, information
 
     def _observe(self):
-        return observe(self.crane.state[np.newaxis], self.target[np.newaxis])[0]
+        return observe(self.crane.state[np.newaxis], self.crane.reference[np.newaxis, :3])[0]
 
 
-gymnasium.register("GantryCrane-v0", entry_point=GantryCrane)
+class GantryCranes(VectorEnv):
+    """Many cranes in one compiled call, each as in GantryCrane."""
+
+    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
+
+    def __init__(self, num_envs=1, scenario=SCENARIO, plant="elastic"):
+        self.scenario, self.num_envs = cranectl.load_scenario(scenario), num_envs
+        self.cranes = cranectl.open_runs([self.scenario] * num_envs, plant=plant, drive="velocity")
+        self.single_observation_space, self.single_action_space = OBSERVATIONS, ACTIONS
+        self.observation_space = batch_space(OBSERVATIONS, num_envs)
+        self.action_space = batch_space(ACTIONS, num_envs)
+        self.steps = np.zeros(num_envs, dtype=int)
+
+    def reset(self, *, seed=None, options=None):  # noqa: ARG002
+        """Begin with all cranes; `seed` is one number, or one for each crane."""
+        seeds = seed if isinstance(seed, list) else np.random.SeedSequence(seed).spawn(self.num_envs)
+        self.random = [np.random.default_rng(own) for own in seeds]
+        return self._begin(range(self.num_envs)), {}
+
+    def step(self, actions):
+        states = self.cranes.step(FASTEST * np.clip(actions, -1.0, 1.0), SAMPLES)
+        targets = self.cranes.references[:, :3]
+        self.steps += 1
+        reward, seen = rewards(states, targets), observe(states, targets)
+        stopped = np.array([status.stopped for status in self.cranes.statuses])
+        reward = np.where(stopped, costs_until_the_end(reward, self.steps), reward)
+        over = ~stopped & (self.steps >= STEPS)
+        information, ended = {}, stopped | over
+        if ended.any():
+            information = {"final_obs": seen, "_final_obs": ended}
+            seen = self._begin(np.flatnonzero(ended))
+        return seen, reward, stopped, over, information
+
+    def _begin(self, chosen):
+        """Begin again with the `chosen` cranes; return what all see."""
+        targets = [draw_target(self.random[i], self.scenario) for i in chosen]
+        seeds = [int(self.random[i].integers(2**31)) for i in chosen]
+        states = self.cranes.reset(seeds=seeds, targets=targets, cranes=chosen)
+        self.steps[chosen] = 0
+        return observe(states, self.cranes.references[:, :3])
+
+
+gymnasium.register("GantryCrane-v0", entry_point=GantryCrane, vector_entry_point=GantryCranes)

@@ -9,35 +9,31 @@ reinforcement learning, 2018).
 from pathlib import Path
 
 import numpy as np
-from crane_env import EPISODE, FASTEST, SAMPLES, SCENARIO, act, draw_target, observe, rewards
-
-import cranectl
+from crane_env import STEPS, GantryCranes, act
 
 POLICY = Path(__file__).with_name("policy.txt")
-CRANES, BEST, GENERATIONS, TARGETS = 32, 6, 12, 2
+CRANES, BEST, GENERATIONS, EPISODES = 32, 6, 12, 2
 FIRST_DEVIATION = 3.0  # of the gains in the first generation
 
 
-def episode(cranes, gains, random):
-    """Return the sum of rewards (n,) of each policy over an episode, all from one start to one target."""
-    count = len(cranes)
-    targets = np.tile(draw_target(random, cranes.scenarios[0]), (count, 1))
-    states, total = cranes.reset(seeds=[int(random.integers(2**31))] * count), np.zeros(count)
-    while cranes.time.max() < EPISODE:
-        states = cranes.step(FASTEST * act(gains, observe(states, targets)), SAMPLES)
-        total += rewards(states, targets)
+def episode(cranes, gains, seed):
+    """Return the sum of rewards (n,) of each policy over an episode, all with the same start and target."""
+    seen, _ = cranes.reset(seed=[seed] * cranes.num_envs)
+    total, running = np.zeros(cranes.num_envs), np.full(cranes.num_envs, True)
+    for _ in range(STEPS):
+        seen, reward, stopped, _, _ = cranes.step(act(gains, seen))
+        total += reward * running
+        running &= ~stopped
     return total
 
 
-def train(generations=GENERATIONS, seed=0):
+def train(seed=0):
     """Return the gains (6,) of the policy."""
-    random = np.random.default_rng(seed)
-    scenario = cranectl.load_scenario(SCENARIO)
-    cranes = cranectl.open_runs([scenario] * CRANES, plant="elastic", drive="velocity")
+    random, cranes = np.random.default_rng(seed), GantryCranes(CRANES)
     mean, deviation = np.zeros(6), np.full(6, FIRST_DEVIATION)
-    for generation in range(generations):
+    for generation in range(GENERATIONS):
         gains = mean + deviation * random.standard_normal((CRANES, 6))
-        total = sum(episode(cranes, gains, random) for _ in range(TARGETS))
+        total = sum(episode(cranes, gains, int(random.integers(2**31))) for _ in range(EPISODES))
         best = gains[np.argsort(total)[-BEST:]]
         mean, deviation = best.mean(axis=0), best.std(axis=0) + 0.5 * 0.8**generation
         print(f"generation {generation + 1}: gains {mean.round(1)}, which vary by {deviation.max():.2f}")

@@ -10,6 +10,7 @@ from cranectl.plants.registry import PLANTS
 from cranectl.render.plots import Plots
 from cranectl.render.timeline import timeline_of
 from cranectl.support.colours import LIGHT, rgb
+from tests.conftest import closed_loop, cut
 from tests.render.pictures import both_runs, moving_run
 
 SIZE = (480, 720)
@@ -80,3 +81,11 @@ def test_the_dot_is_on_the_curve() -> None:
     early, late = (error[np.searchsorted(run.time, time)] for time in (1.0, 13.0))
     assert late > 1000 * early
     assert heights[0] - heights[1] > 100  # towards the top
+
+
+def test_a_run_that_ends_before_a_disturbance_is_drawn_without_it() -> None:
+    """Matplotlib warns, and warnings are errors here, if the name of one is far outside the diagram."""
+    run = cut(closed_loop("settled-trajectory", "lqr", "analytic"), 500)
+    assert run.scenario.disturbances[0].start > run.time[-1]
+    picture = strip(Plots(timeline_of({"analytic": run}), *SIZE), 0.2)
+    assert not has(picture, LIGHT["series-4"]).any()
