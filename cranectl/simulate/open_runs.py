@@ -68,7 +68,7 @@ class OpenRuns(Uncopyable):
         self._plans = [plan(scenario) for scenario in self.scenarios]
         count = len(self._plants)
         self._cranes: list[Any] = [None] * count  # of class Crane; they keep the packed arrays alive
-        self._blocks: list[Any] = [None] * count  # Numba's type of each crane, and its numbers packed
+        self._blocks: list[Any] = [(None, np.zeros(0))] * count  # Numba's type of each, and its numbers
         self._references = [plan.reference for plan in self._plans]
         self._record: Array | None = None
         self._commands = np.zeros((count, 3))
@@ -109,7 +109,8 @@ class OpenRuns(Uncopyable):
         Raises
         ------
         InputError
-            If a state is outside the workspace, or numbers of states, seeds and cranes differ.
+            If a state or target is outside the workspace, or numbers of states, seeds and cranes differ.
+            Cranes before a refused one have begun again.
         """
         chosen = self._chosen(cranes)
         values = [
@@ -122,12 +123,14 @@ class OpenRuns(Uncopyable):
                 allowed="one of each for each crane, or none",
                 remedy="give as many as cranes begin",
             )
-        for crane, state, seed, target in zip(chosen, *values, strict=True):
-            self._begin(crane, state, seed, target)
-        self._groups = [
-            (kind, np.stack([block for own, block in self._blocks if own == kind]))
-            for kind in dict.fromkeys(kind for kind, _ in self._blocks)
-        ]
+        try:
+            for crane, state, seed, target in zip(chosen, *values, strict=True):
+                self._begin(crane, state, seed, target)
+        finally:  # also if one is refused: blocks of the others before it would refer to freed memory
+            self._groups = [
+                (kind, np.stack([block for own, block in self._blocks if own == kind]))
+                for kind in dict.fromkeys(kind for kind, _ in self._blocks)
+            ]
         return self.states
 
     def step(self, commands: Array, samples: int = 1) -> Array:
@@ -152,8 +155,8 @@ class OpenRuns(Uncopyable):
         InputError
             If a command is not finite or the shape is wrong, or `samples` is below one.
         """
-        self._commands[:] = checked_numbers("commands", commands, len(self), 3)
         check_samples(samples)
+        self._commands[:] = checked_numbers("commands", commands, len(self), 3)
         for kind, blocks in self._groups:
             if kind is None:
                 for crane in self._cranes:

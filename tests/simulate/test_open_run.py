@@ -254,6 +254,18 @@ def test_a_wrong_reset_of_many_is_refused(arguments: dict[str, object], expected
     assert expected in error.value.found
 
 
+def test_a_refused_reset_leaves_cranes_that_can_be_stepped() -> None:
+    """Their compiled form refers to the memory of the new start."""
+    cranes, alone = open_runs([moving()] * 2), open_run(moving())
+    start = alone.state
+    with pytest.raises(cranectl.InputError, match="outside the workspace"):
+        cranes.reset([start, start + 9.0])
+    waste = [np.full(1000, 1e300) for _ in range(100)]  # in the place of freed memory
+    states = cranes.step(np.full((2, 3), 0.1), samples=100)
+    assert np.array_equal(states, [alone.step([0.1, 0.1, 0.1], samples=100)] * 2)
+    assert len(waste) == 100
+
+
 @pytest.mark.parametrize(("cranes", "begun"), [([False, True, False], [1]), ([], []), ([2, 0], [0, 2])])
 def test_cranes_are_chosen_by_number_or_mask(cranes: list[int], begun: list[int]) -> None:
     together = open_runs([moving()] * 3)
