@@ -86,6 +86,7 @@ DIALECT = {
         "told": "declared, reported",
         "asked": "requested",
         "each": "the item's name",
+        "patience": "timeout",
         "wish": "velocity command",
         "door": "loader",
         "LawDesign": "ControllerDesign",

@@ -37,12 +37,12 @@ Engine = Callable[..., Generator[tuple[Batch, list[Row]], None, None]]
 
 @contextmanager
 def batch_engine(
-    scheduler: str | None, patience: float, *, workers: int = 1, local_cluster: bool = False
+    scheduler: str | None, timeout: float, *, workers: int = 1, local_cluster: bool = False
 ) -> Iterator[Engine]:
     """Yield the function that runs batches: in `workers` threads, or on a cluster.
 
     The cluster is that of `scheduler`, or with `local_cluster` one of `workers` processes here. A controller
-    from a file may take `patience` [s] for a block of samples.
+    from a file may take `timeout` [s] for a block of samples.
     """
     if scheduler or local_cluster:
         from cranectl.campaign.cluster import cluster_client, run_batches_on
@@ -51,7 +51,7 @@ def batch_engine(
             yield partial(run_batches_on, client)
     else:
         with Children() as children:
-            yield partial(run_batches, workers=workers, patience=patience, children=children)
+            yield partial(run_batches, workers=workers, timeout=timeout, children=children)
 
 
 def run_batches(
@@ -59,13 +59,13 @@ def run_batches(
     batches: Sequence[Batch],
     *,
     workers: int = 1,
-    patience: float = BLOCK_TIMEOUT,
+    timeout: float = BLOCK_TIMEOUT,
     stop: Stop = lambda: False,
     children: "Children | None" = None,
 ) -> Generator[tuple[Batch, list[Row]], None, None]:
     """Run `batches` in `workers` threads, and yield each with all its rows as soon as it ends.
 
-    Each thread runs controllers from files in a child process, which may take `patience` [s] for a block. It
+    Each thread runs controllers from files in a child process, which may take `timeout` [s] for a block. It
     takes the process from `children` and gives it back, so that the next campaign can use it. Without
     `children` all processes end with this call.
 
@@ -86,7 +86,7 @@ def run_batches(
             raise StoppedError
         if not hasattr(thread_state, "worker"):
             pool_of_children = own_children if children is None else children
-            thread_state.worker = make_worker(prepared, pool_of_children, patience)
+            thread_state.worker = make_worker(prepared, pool_of_children, timeout)
             started.append(thread_state.worker)
         return batch, thread_state.worker.run_batch(batch, must_stop)
 
@@ -104,15 +104,15 @@ def run_batches(
 
 
 def make_worker(
-    prepared: PreparedCampaign, children: "Children", patience: float = BLOCK_TIMEOUT
+    prepared: PreparedCampaign, children: "Children", timeout: float = BLOCK_TIMEOUT
 ) -> "Worker | ChildWorker":
     """Make the worker of one thread; it runs controllers from files in one of `children`.
 
-    A block of a run may take `patience` [s].
+    A block of a run may take `timeout` [s].
     """
     if not controller_digests(prepared.campaign.settings.controllers):
         return Worker(prepared)
-    return ChildWorker(prepared, children, patience)
+    return ChildWorker(prepared, children, timeout)
 
 
 def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
@@ -164,9 +164,9 @@ class Children:
 class ChildWorker:
     """Runs batches as `Worker` does, in a child process; `close` gives the process back."""
 
-    def __init__(self, prepared: PreparedCampaign, children: Children, patience: float) -> None:
-        """Make a worker without a child process yet; a block of a run may take `patience` [s]."""
-        self._prepared, self._children, self._patience = prepared, children, patience
+    def __init__(self, prepared: PreparedCampaign, children: Children, timeout: float) -> None:
+        """Make a worker without a child process yet; a block of a run may take `timeout` [s]."""
+        self._prepared, self._children, self._timeout = prepared, children, timeout
         self._child: Child | None = None
 
     def run_batch(self, batch: Batch, stop: Stop = lambda: False) -> list[Row]:
@@ -197,7 +197,7 @@ class ChildWorker:
             child.send(batch)
             row: Row | None = child.receive(inf, check_stop)  # no timeout: the process imports and compiles
             while row is None:
-                row = child.receive(self._patience, check_stop)
+                row = child.receive(self._timeout, check_stop)
         except ChildError as error:
             self._end()
             if error.is_killed:

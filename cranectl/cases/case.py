@@ -41,7 +41,7 @@ class Case:
     source: str  # name or file of the scenario, as requested
     keep: Keep = "all"  # logs to keep
     pairwise: bool = False  # whether every plant is compared with every other
-    patience: float = BLOCK_TIMEOUT  # [s] for a block of a run with an external controller
+    timeout: float = BLOCK_TIMEOUT  # [s] for a block of a run with an external controller
 
     @property
     def simulated_seconds(self) -> float:
@@ -188,7 +188,7 @@ def make_case(
     source: str | None = None,
     keep: Keep = "all",
     pairwise: bool = False,
-    patience: float = BLOCK_TIMEOUT,
+    timeout: float = BLOCK_TIMEOUT,
 ) -> Case:
     """Make a case, by default with the scenario's controller, plants and log.
 
@@ -200,7 +200,7 @@ def make_case(
     limits_of(scenario, plants)
     controller = controller or scenario.controller.name
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
-    return Case(scenario, controller, drive, plants, log, source or scenario.name, keep, pairwise, patience)
+    return Case(scenario, controller, drive, plants, log, source or scenario.name, keep, pairwise, timeout)
 
 
 def default_log(directory: Path, scenario: Scenario, controller: str, drive: str) -> Path:
@@ -227,7 +227,7 @@ def prepare_case(case: Case) -> dict[str, Any]:
     check_runs(case.scenario, design, case.drive, len(case.plants), logged=case.keep != "none")
     plan = plan_scenario(case.scenario)
     compiled = prepare_controller(case.scenario, design, case.drive, plan)
-    return {"drive": case.drive, "design": design, "plan": plan, "law": compiled, "patience": case.patience}
+    return {"drive": case.drive, "design": design, "plan": plan, "law": compiled, "timeout": case.timeout}
 
 
 def simulate_case(

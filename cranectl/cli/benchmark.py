@@ -10,8 +10,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, CommandGroup, command_given, json_option, output_option
-from cranectl.cli.idle import idle_in_benchmark, idle_patience, tell_idle
-from cranectl.cli.laws import controllers_option, opened, patience_option, trust_option
+from cranectl.cli.idle import idle_in_benchmark, idle_timeout, tell_idle
+from cranectl.cli.laws import controllers_option, opened, timeout_option, trust_option
 from cranectl.cli.output import Screen, progress, progress_bar
 from cranectl.support.errors import InputError
 from cranectl.support.files import HTML, PARQUET, exists
@@ -90,7 +90,7 @@ tuned_option = click.option(
 )
 @tuned_option
 @click.option("--despite-differences", is_flag=True, help="Go on with what other sources or versions began.")
-@patience_option
+@timeout_option
 @trust_option("BENCHMARK")
 def run_benchmark(
     benchmark: str,
@@ -104,7 +104,7 @@ def run_benchmark(
     scheduler: str | None,
     out: Path | None,
     despite_differences: bool,
-    patience: float,
+    timeout: float,
     trust: bool,
 ) -> int:
     """Run what is missing of BENCHMARK, by default `literature`.
@@ -141,7 +141,7 @@ def run_benchmark(
     directory = out or Path("logs") / f"benchmark-{settings.name}"
     screen = Screen()
     idle = idle_in_benchmark(settings, [(trial.scenario, trial.plant, trial.law) for trial in trials])
-    idle += idle_patience(names, patience, cluster=scheduler is not None)
+    idle += idle_timeout(names, timeout, cluster=scheduler is not None)
     if tuned is not None and division == "published":
         idle.append("--tuned changes nothing here: controllers run with their defaults, add --division tuned")
     tell_idle(screen, idle)
@@ -149,7 +149,7 @@ def run_benchmark(
         tuned_settings, tuned or settings.file.parent / "tuned", rules, benchmark=benchmark
     )
     campaign = functools.partial(campaign_of, settings, max_cranes=draws, tuned=numbers)
-    with batch_engine(scheduler, patience) as engine, progress(*BAR) as shown:
+    with batch_engine(scheduler, timeout) as engine, progress(*BAR) as shown:
         task = shown.add_task(settings.name, total=len(trials))
         done = run_trials(
             trials,

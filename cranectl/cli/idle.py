@@ -29,7 +29,7 @@ OF_MOTIONS = (
 
 
 def tell_idle(screen: Screen, lines: Sequence[str]) -> None:
-    """Print what `idle_lines` and `idle_patience` say, as much as is read."""
+    """Print what `idle_lines` and `idle_timeout` say, as much as is read."""
     for line in lines[:SHOWN_NAMES]:
         screen.print(styled(f"  {line}", "yellow"))
     if len(lines) > SHOWN_NAMES:
@@ -161,14 +161,14 @@ def _listed(names: Iterable[str]) -> str:
     return f"{listed} {'changes' if len(whole) == 1 else 'change'}"
 
 
-def idle_patience(controllers: Iterable[str], patience: float, *, cluster: bool = False) -> list[str]:
-    """Say why `--patience`, where it is given, changes nothing for these controllers."""
+def idle_timeout(controllers: Iterable[str], timeout: float, *, cluster: bool = False) -> list[str]:
+    """Say why `--timeout`, where it is given, changes nothing for these controllers."""
     from cranectl.controllers.open_controllers import OPEN
     from cranectl.simulate.child import BLOCK_TIMEOUT
 
-    if patience == BLOCK_TIMEOUT:
+    if timeout == BLOCK_TIMEOUT:
         return []
     if cluster:
-        return ["--patience changes nothing here: it is for runs of this machine"]
+        return ["--timeout changes nothing here: it is for runs of this machine"]
     is_used = any(name in OPEN.files for name in controllers)
-    return [] if is_used else ["--patience changes nothing here: no controller is from a file"]
+    return [] if is_used else ["--timeout changes nothing here: no controller is from a file"]

@@ -6,8 +6,8 @@ from pathlib import Path
 import click
 
 from cranectl.cli import command, exit_codes
-from cranectl.cli.idle import idle_lines, idle_patience, tell_idle
-from cranectl.cli.laws import controller_option, patience_option
+from cranectl.cli.idle import idle_lines, idle_timeout, tell_idle
+from cranectl.cli.laws import controller_option, timeout_option
 from cranectl.cli.output import Screen, progress_bar, styled
 from cranectl.support.files import MCAP
 
@@ -19,7 +19,7 @@ from cranectl.support.files import MCAP
 @command.drive_option(default="ideal")
 @command.scenario_options
 @command.every_option
-@patience_option
+@timeout_option
 @command.output_option("--out", MCAP, "Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap")
 @command.predict_option
 @command.json_option
@@ -28,7 +28,7 @@ def run_command(
     controller: str | None,
     plants: tuple[str, ...],
     drive: str,
-    patience: float,
+    timeout: float,
     out: Path | None,
     screen: Screen,
 ) -> int:
@@ -51,7 +51,7 @@ def run_command(
         drive=checked_drive(drive),
         plants=plants,
         log=out,
-        patience=patience,
+        timeout=timeout,
     )
     replaced = " (in place of the one that was there)" if case.log.exists() else ""
     with progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
@@ -62,7 +62,7 @@ def run_command(
         screen.print(styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
     uses = [(plant, case.drive, case.controller) for plant in case.plants]
     idle = idle_lines(case.scenario, request, uses)
-    tell_idle(screen, [*idle, *idle_patience([case.controller], patience)])
+    tell_idle(screen, [*idle, *idle_timeout([case.controller], timeout)])
     screen.print(tables.metrics_table({"": result.runs}))
     if (limits := tables.limits_table([result.runs])) is not None:
         screen.print(limits)

@@ -8,8 +8,8 @@ import click
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.command import PATH, Command, json_option
 from cranectl.cli.completion import complete_controllers
-from cranectl.cli.idle import idle_in_benchmark, idle_patience, tell_idle
-from cranectl.cli.laws import patience_option, trust_option
+from cranectl.cli.idle import idle_in_benchmark, idle_timeout, tell_idle
+from cranectl.cli.laws import timeout_option, trust_option
 from cranectl.cli.output import Screen, progress_bar
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     type=click.IntRange(min=1),
     help="Budget in simulated runs. Default: the benchmark's.",
 )
-@patience_option
+@timeout_option
 @trust_option("the benchmark")
 @json_option
 def tune_command(
@@ -53,7 +53,7 @@ def tune_command(
     out: Path,
     workers: int | None,
     runs: int | None,
-    patience: float,
+    timeout: float,
     trust: bool,
     screen: Screen,
 ) -> None:
@@ -78,14 +78,14 @@ def tune_command(
     (name,) = measured_controllers(benchmark, [controller], trust=trust)
     files, rules = tuned_files(out, name), rules_of(benchmark)
     runs_of = [(scenario, benchmark.plant, name) for scenario in benchmark.tuning.scenarios]
-    tell_idle(screen, [*idle_in_benchmark(benchmark, runs_of), *idle_patience([name], patience)])
+    tell_idle(screen, [*idle_in_benchmark(benchmark, runs_of), *idle_timeout([name], timeout)])
     with progress_bar(runs or benchmark.tuning.runs, name, unit="runs", done="done") as advance:
         tuned = tune(
             benchmark,
             name,
             runs=runs,
             workers=workers or available_cores(),
-            patience=patience,
+            timeout=timeout,
             advance=advance,
         )
     table = tuned_table(tuned, benchmark, rules)

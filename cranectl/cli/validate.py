@@ -10,8 +10,8 @@ import click
 
 from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_scenarios
-from cranectl.cli.idle import idle_lines, idle_patience, tell_idle
-from cranectl.cli.laws import controllers_option, patience_option
+from cranectl.cli.idle import idle_lines, idle_timeout, tell_idle
+from cranectl.cli.laws import controllers_option, timeout_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
 from cranectl.support.errors import InputError
 from cranectl.support.files import HTML, XML, exists, write_text, writing
@@ -46,7 +46,7 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 )
 @command.predict_option
 @command.every_option
-@patience_option
+@timeout_option
 @click.option(
     "--keep",
     type=click.Choice(["all", "failed", "none"]),
@@ -72,7 +72,7 @@ def validate_command(
     request: command.ScenarioRequest,
     out: Path,
     jobs: int | None,
-    patience: float,
+    timeout: float,
     keep: "Keep",
     pairwise: bool,
     details: bool,
@@ -142,7 +142,7 @@ def validate_command(
             source=source,
             keep=keep,
             pairwise=pairwise,
-            patience=patience,
+            timeout=timeout,
         )
         for source, scenario in loaded.items()
         for name in names
@@ -162,7 +162,7 @@ def validate_command(
     pairs = pairwise_of(validation) if pairwise else None
     screen.print_each(pair_tables(pairs) if pairs and pairs.pairs else ())
     _tell(validation, code, out, screen, details=details)
-    idle = idle_patience(names, patience)
+    idle = idle_timeout(names, timeout)
     for source, scenario in loaded.items():
         uses, unread = product(chosen, drives, names), ("log.*",) * (keep == "none")
         idle += idle_lines(scenario, request._replace(source=source), uses, unread=unread)
@@ -172,7 +172,7 @@ def validate_command(
     options = [
         *(("--rig", str(request.rig)) if request.rig else ()),
         *(part for override in request.overrides for part in ("--set", override)),
-        *(("--patience", f"{patience:g}") if patience != BLOCK_TIMEOUT else ()),
+        *(("--timeout", f"{timeout:g}") if timeout != BLOCK_TIMEOUT else ()),
     ]
     if junit is not None:
         with writing(junit):

@@ -38,13 +38,13 @@ class ChildSession:
         *,
         plants: Iterable[str] = (),
         drive: Drive = "ideal",
-        patience: float = BLOCK_TIMEOUT,
+        timeout: float = BLOCK_TIMEOUT,
     ) -> None:
         """Prepare the session at time zero; raise InputError as `simulate_run` does."""
         self.scenario, self.design, self.drive = scenario, design, drive
         self.plan = plan_scenario(scenario)
         self.origin_ns, self.now_ns, self.moving = 0, 0, True
-        self._names, self._patience = plants_to_run(plants), patience
+        self._names, self._timeout = plants_to_run(plants), timeout
         self._child: Child | None = None
         self._runs = self._start()
         if not self._runs:
@@ -55,7 +55,7 @@ class ChildSession:
             )
 
     def prepare(self) -> None:
-        self._ask("prepare", patience=inf)  # this compiles all remaining code
+        self._ask("prepare", timeout=inf)  # this compiles all remaining code
 
     def advance(self, samples: int) -> list[Run]:
         self._runs = self._ask("advance", samples) or self._failed_runs()
@@ -82,7 +82,7 @@ class ChildSession:
         else:
             self._ask("reset")
 
-    def _ask(self, method: str, *arguments: Any, patience: float = 0.0) -> Any:
+    def _ask(self, method: str, *arguments: Any, timeout: float = 0.0) -> Any:
         """Call a method of the session in the child process, and return its result.
 
         Returns None if there is no child process. Raises the InputError that the session raises.
@@ -91,7 +91,7 @@ class ChildSession:
             return None
         try:
             self._child.send((method, arguments))
-            answer, self.origin_ns, self.now_ns, self.moving = self._child.receive(patience or self._patience)
+            answer, self.origin_ns, self.now_ns, self.moving = self._child.receive(timeout or self._timeout)
         except ChildError as error:
             self._child, self.moving, answer = None, False, None
             print(f"cranectl: {self.design.name} {error}", file=sys.stderr)
@@ -115,7 +115,7 @@ class ChildSession:
         settings = (self.scenario, self.design, self._names, model_plants(), self.drive, self.origin_ns)
         self._child = spawn_child(_serve_requests, OPEN.share(), settings)
         return (
-            self._ask("advance", 0, patience=inf) or []
+            self._ask("advance", 0, timeout=inf) or []
         )  # the start imports and may compile, so it has no time limit
 
 

@@ -40,11 +40,11 @@ def blocks_here(advance: Advance, total: int) -> Iterator[tuple[int, int, int]]:
 
 
 def blocks_in_child(
-    advance: Advance, total: int, name: str, patience: float
+    advance: Advance, total: int, name: str, timeout: float
 ) -> Iterator[tuple[int, int, int]]:
     """Yield the results of `advance`, block by block, computed in a child process.
 
-    If the child dies, or takes longer than `patience` [s] for a block, a message is printed and the run ends
+    If the child dies, or takes longer than `timeout` [s] for a block, a message is printed and the run ends
     as `controller-failed`. Time that it waits for a processor or for a program to start does not count.
     Raises MachineError if the child is killed from outside, or lacks memory or disk space.
     """
@@ -59,12 +59,12 @@ def blocks_in_child(
     rows, status, child = 0, int(RunStatus.RUNNING), fork_child(work)
     try:
         while rows < total and status == RunStatus.RUNNING:
-            rows, end, status = child.receive(patience)
+            rows, end, status = child.receive(timeout)
             yield rows, end, status
     except ChildError as error:
         if error.is_killed:
             raise MachineError.of(f"the run with {name} {error}, from outside") from None
-        hint = "; --patience allows more" if error.is_silent else ""
+        hint = "; --timeout allows more" if error.is_silent else ""
         print(printable(f"cranectl: {name} {error}{hint}"), file=sys.stderr)
         yield rows, rows, int(RunStatus.CONTROLLER_FAILED)
     except MachineError:

@@ -34,6 +34,7 @@ from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_re
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.errors import unknown_name
+from cranectl.support.renamed import renamed_arguments
 
 Progress = Callable[[float], None]  # called with the simulated seconds since the last call
 
@@ -49,6 +50,7 @@ class PreparedRun(NamedTuple):
     memory: Array
 
 
+@renamed_arguments(patience="timeout")
 def simulate_run(
     scenario: Scenario,
     *,
@@ -60,7 +62,7 @@ def simulate_run(
     plan: Plan | None = None,
     law: CompiledController | None = None,
     compiled: bool = True,
-    patience: float = BLOCK_TIMEOUT,
+    timeout: float = BLOCK_TIMEOUT,
     progress: Progress | None = None,
 ) -> Run:
     """Simulate a scenario on one plant and record every sample.
@@ -83,7 +85,7 @@ def simulate_run(
         Results of `plan_scenario` and `prepare_controller`, if they exist already.
     compiled : bool
         Whether the compiled loop runs; the one in Python is slower and easy to debug.
-    patience : float
+    timeout : float
         Time [s] that a block of samples may take with a controller from outside the package.
     progress : Callable, optional
         Called with the simulated seconds since the last call.
@@ -120,7 +122,7 @@ def simulate_run(
         bind=outside is None,
     )
     record = zeros((samples, width))
-    rows, last, status = _run_blocks(run, record, plan, outside, patience=patience, progress=progress)
+    rows, last, status = _run_blocks(run, record, plan, outside, timeout=timeout, progress=progress)
     return Run(
         scenario=scenario,
         design=design,
@@ -276,7 +278,7 @@ def _run_blocks(
     plan: Plan,
     outside: Controller | None,
     *,
-    patience: float,
+    timeout: float,
     progress: Progress | None,
 ) -> tuple[int, int, RunStatus]:
     """Run all blocks; return (complete rows, index of the last sample, status)."""
@@ -294,7 +296,7 @@ def _run_blocks(
             run.advance(
                 run.inputs, run.path, record, run.memory, 0, 0
             )  # compile before the time limit counts
-            blocks = blocks_in_child(advance, total, outside.name, patience)
+            blocks = blocks_in_child(advance, total, outside.name, timeout)
         for complete, ended_at, code in blocks:
             done, rows, end, status = rows, complete, ended_at, RunStatus(code)
             if progress is not None:

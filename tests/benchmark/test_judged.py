@@ -110,7 +110,7 @@ def assert_as_shipped(judged: BenchmarkTable, trials: Sequence[Trial], directory
     rules = rules_of(BENCHMARK)
     numbers = functools.partial(tuned_settings, BENCHMARK_FOLDER / "tuned", rules)
     campaign = functools.partial(campaign_of, BENCHMARK, max_cranes=1, tuned=numbers)
-    with batch_engine(None, patience=HANG) as engine:
+    with batch_engine(None, timeout=HANG) as engine:
         finished_trials = [
             finished.trial for finished in run_trials(list(trials), campaign, directory, engine, workers=2)
         ]

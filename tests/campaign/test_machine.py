@@ -71,9 +71,9 @@ def of(name: str) -> Campaign:
     return campaign({"rig.load_mass": fixed(0.8)}, controllers=[name], plants=["analytic"], runs=1, set=SHORT)
 
 
-def rows(campaign_to_run: Campaign, patience: float = 1e9) -> list[Row]:
+def rows(campaign_to_run: Campaign, timeout: float = 1e9) -> list[Row]:
     with Children() as children:
-        worker = ChildWorker(PreparedCampaign(campaign_to_run), children, patience=patience)
+        worker = ChildWorker(PreparedCampaign(campaign_to_run), children, timeout=timeout)
         try:
             return worker.run_batch(Batch("analytic", campaign_to_run.settings.controllers[0], 0, 1))
         finally:

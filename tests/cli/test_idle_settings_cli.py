@@ -21,7 +21,7 @@ MESSAGES = [
      "planning.lean, planning.share change nothing here: no segment of the reference is planned"),
     (f"run fixed-position --plants analytic {SHORT} --set planning.solver='ipopt'",
      "planning.solver changes nothing here: one solver plans all motions"),
-    *((f"{command} --patience 5", "--patience changes nothing here: no controller is from a file")
+    *((f"{command} --timeout 5", "--timeout changes nothing here: no controller is from a file")
       for command in (
           f"run fixed-position --plants analytic {SHORT}",
           f"campaign run load-and-lag --plants analytic --controller lqr {SHORT}",

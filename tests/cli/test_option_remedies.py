@@ -141,10 +141,10 @@ def test_an_incomplete_result_without_its_command_can_be_resumed(refused: Refuse
     assert main(["campaign", "report", "result", "--out", "page.html"]) == 0
 
 
-def test_patience_allows_a_slow_controller(capfd: pytest.CaptureFixture[str]) -> None:
-    run = f"{RUN} analytic --controller slow.py:slow --out slow.mcap --patience"
+def test_timeout_allows_a_slow_controller(capfd: pytest.CaptureFixture[str]) -> None:
+    run = f"{RUN} analytic --controller slow.py:slow --out slow.mcap --timeout"
     assert main([*run.split(), "1"]) == 3
-    assert "took more than 1 s for a block; --patience allows more" in capfd.readouterr().err
+    assert "took more than 1 s for a block; --timeout allows more" in capfd.readouterr().err
     close_controllers()
     assert main([*run.split(), "600"]) in (0, 1)
 

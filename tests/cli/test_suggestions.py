@@ -55,7 +55,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 @pytest.mark.parametrize("keep", ["failed", "none"])
 def test_commands_that_a_validation_suggests_work(keep: str) -> None:
     controllers = ["--controller", f"{CONTROLLER_FILE}:BridgeServo,{CONTROLLER_FILE}:damper,lqr"]
-    validate = ["validate", "the ship.toml", *controllers, *ON, "--keep", keep, "--patience", "7"]
+    validate = ["validate", "the ship.toml", *controllers, *ON, "--keep", keep, "--timeout", "7"]
     assert main([*validate, "--junit", "the cases.xml", "--report", "the cases.html"]) == 1
     failures = list(ElementTree.parse("the cases.xml").getroot().iter("failure"))
     in_junit = [suggested_commands(str(failure.text))[0] for failure in failures]

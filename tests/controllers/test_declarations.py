@@ -163,6 +163,6 @@ def test_a_place_that_the_memory_does_not_have_is_refused_before_the_run(
 
 
 @pytest.mark.parametrize("seconds", ["inf", "nan", "1e300", "0"])
-def test_a_patience_without_an_end_is_refused(seconds: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "fixed-position", "--patience", seconds]) == 2
-    assert "'--patience'" in capsys.readouterr().err
+def test_a_timeout_without_end_is_refused(seconds: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "fixed-position", "--timeout", seconds]) == 2
+    assert "'--timeout'" in capsys.readouterr().err

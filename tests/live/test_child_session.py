@@ -78,7 +78,7 @@ def test_a_failing_controller_stops_the_plants_until_the_next_reset(
     session = ChildSession(SCENARIO, design, plants=PLANTS)
     session.prepare()
     assert all(len(run.time_ns) == 550 for run in session.advance(550))
-    session._patience = 1.0
+    session._timeout = 1.0
     for _ in range(2):
         for run in session.advance(100):
             assert run.status == RunStatus.CONTROLLER_FAILED
@@ -86,7 +86,7 @@ def test_a_failing_controller_stops_the_plants_until_the_next_reset(
             assert run.end_ns == session.now_ns == 550 * SCENARIO.period_ns
     assert not session.moving
     assert capfd.readouterr().err.count(message) == 1
-    session._patience = HANG
+    session._timeout = HANG
     session.reset()
     assert session.moving
     runs = session.advance(10)

@@ -360,7 +360,7 @@ def test_an_fmu_that_fails_ends_its_run_only(
     """With a sentence, exit code 3 and a closed log that has what came before."""
     path, log = fmu(tmp_path / "law.fmu", fmi, library=binary(fmi, replaced)), tmp_path / "run.mcap"
     run = ["run", "fast-diagonal", "--controller", str(path), "--plants", "analytic", *ASKED, "--every", "1"]
-    assert main([*run, "--patience", "1", "--out", str(log)]) == 3
+    assert main([*run, "--timeout", "1", "--out", str(log)]) == 3
     assert said in capfd.readouterr().err
     (found,) = read_log(log).values()
     assert found.status.label == "controller-failed"

@@ -193,7 +193,7 @@ def test_a_law_that_ends_or_never_returns_costs_a_campaign_one_row(law: Path) ->
         side = {"initial.alpha_offset": choice(-0.03, 0.03)}
         made = campaign(side, controllers=[name], plants=["analytic"], runs=3, set=SHORT)
         with Children() as children:
-            worker = ChildWorker(PreparedCampaign(made), children, patience=1.0)
+            worker = ChildWorker(PreparedCampaign(made), children, timeout=1.0)
             rows = worker.run_batch(Batch("analytic", name, 0, 3))
             worker.close()
         failing = [row["initial.alpha_offset"] > 0.0 for row in rows]
@@ -316,7 +316,7 @@ def test_a_law_that_fails_ends_its_run_only(
         *short,
         "--every",
         "1",
-        "--patience",
+        "--timeout",
         "2",
     ]
     assert main([*run, "--out", str(log)]) == 3

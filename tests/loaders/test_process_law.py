@@ -222,10 +222,10 @@ def test_an_address_is_asked_by_one_run_at_a_time(
 
 
 @pytest.mark.parametrize("where", ["simulate.child", "campaign.workers", "live.child_session"])
-def test_no_patience_counts_while_a_program_starts(
+def test_starting_a_program_does_not_count_to_the_timeout(
     where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It may import or compile. The patience of the run holds again from its first answer on."""
+    """It may import or compile. The timeout of the run holds again from its first answer on."""
     allowed: list[float] = []
 
     class Noted(Timeout):
@@ -237,12 +237,12 @@ def test_no_patience_counts_while_a_program_starts(
     name = open_controller(str(program(tmp_path)))
     if where == "simulate.child":
         scenario = load_scenario("fast-diagonal", overrides=SHORT)
-        run = simulate_run(scenario, plant="analytic", controller=name, patience=7.0)
+        run = simulate_run(scenario, plant="analytic", controller=name, timeout=7.0)
         assert run.status.label == "completed"
     elif where == "live.child_session":
         scenario = load_scenario("fast-diagonal", overrides=SHORT)
         design = controller_design(name, scenario)
-        session = ChildSession(scenario, design, plants=("analytic",), patience=7.0)
+        session = ChildSession(scenario, design, plants=("analytic",), timeout=7.0)
         del allowed[:]
         session.reset()
         assert [len(run.time_ns) for run in session.advance(20)] == [20]
@@ -265,8 +265,8 @@ def test_an_estimate_of_time_waits_for_as_long_as_a_run_takes(monkeypatch: pytes
     """A run that is given up would be taken for one that is quick."""
     given: list[float] = []
 
-    def noted(prepared: PreparedCampaign, _: Children, patience: float) -> Worker:
-        given.append(patience)
+    def noted(prepared: PreparedCampaign, _: Children, timeout: float) -> Worker:
+        given.append(timeout)
         return Worker(prepared)
 
     monkeypatch.setattr("cranectl.campaign.workers.make_worker", noted)

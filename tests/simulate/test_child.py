@@ -10,8 +10,9 @@ from pathlib import Path
 
 import click
 import pytest
+from click.testing import CliRunner
 
-from cranectl.cli.laws import patience_option
+from cranectl.cli.laws import timeout_option
 from cranectl.log.reader import read_log
 from cranectl.simulate.child import BLOCK_TIMEOUT, blocks_in_child
 from cranectl.support.children import spawn_child
@@ -88,6 +89,10 @@ def test_what_a_controller_raises_cannot_act_on_a_terminal(capfd: pytest.Capture
 
 
 def test_the_command_line_waits_as_long_as_the_library() -> None:
-    command = click.command()(patience_option(lambda patience: patience))
-    (option,) = command.params
+    command = click.command()(timeout_option(lambda timeout: timeout))
+    (option,) = (option for option in command.params if option.name == "timeout")
     assert option.default == BLOCK_TIMEOUT
+    for given, seconds in (["--patience", "5"], 5.0), (["--patience", "5", "--timeout", "6"], 6.0):
+        result = CliRunner().invoke(command, given, standalone_mode=False)
+        assert (result.return_value, result.stderr.count("\n")) == (seconds, 1)
+        assert "--patience is now --timeout" in result.stderr

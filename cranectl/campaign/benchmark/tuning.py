@@ -142,7 +142,7 @@ class _Cranes:
     controller: str
     variables: tuple[Variable, ...]
     campaigns: Mapping[str, Campaign]  # of the untuned controller, by scenario
-    patience: float  # [s], time limit of a controller from a file for a block of samples
+    timeout: float  # [s], time limit of a controller from a file for a block of samples
 
     @property
     def runs(self) -> int:
@@ -155,7 +155,7 @@ class _Cranes:
         """Run `scenario` with the numbers `values` on all cranes; raise InputError if they are refused."""
         settings = assignments(self.variables, values, size_of(self.campaigns[scenario].nominal.rig))
         campaign = tuning_campaign(self.benchmark, scenario, self.controller, settings)
-        with closing(make_worker(PreparedCampaign(campaign), children, self.patience)) as worker:
+        with closing(make_worker(PreparedCampaign(campaign), children, self.timeout)) as worker:
             return worker.run_batch(Batch(self.benchmark.plant, self.controller, 0, campaign.runs), stop)
 
     def costs(self, scenario: str, rows: Sequence[Row]) -> tuple[list[float], int]:
@@ -175,14 +175,14 @@ def tune(
     *,
     runs: int | None = None,
     workers: int = 1,
-    patience: float = BLOCK_TIMEOUT,
+    timeout: float = BLOCK_TIMEOUT,
     advance: Advance = lambda _: None,
 ) -> Tuned:
     """Tune `controller` by the rules of `benchmark`.
 
     The budget is `runs`, by default that of the benchmark. The result does not depend on the number of
     threads, `workers`. Each thread runs a controller from a file in a child process, with a time limit of
-    `patience` [s] for a block of samples. Raises InputError if the untuned controller cannot run, or if the
+    `timeout` [s] for a block of samples. Raises InputError if the untuned controller cannot run, or if the
     budget is too small.
     """
     variables = variables_of(controller)
@@ -199,7 +199,7 @@ def tune(
         controller,
         variables,
         {name: tuning_campaign(benchmark, name, controller) for name in suited},
-        patience,
+        timeout,
     )
     for campaign in cranes.campaigns.values():
         check_values(campaign)

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from cranectl.cli import exit_codes
 from cranectl.cli.campaign.options import campaign_argument
 from cranectl.cli.command import Command, arguments_given, json_option
-from cranectl.cli.laws import patience_option
+from cranectl.cli.laws import timeout_option
 from cranectl.cli.output import Screen, progress
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ BAR = (
     "which runs were made by what.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace a result that is there.")
-@patience_option
+@timeout_option
 @json_option
 def run_campaign(
     campaign: "Campaign",
@@ -73,7 +73,7 @@ def run_campaign(
     resume: bool,
     despite_differences: bool,
     overwrite: bool,
-    patience: float,
+    timeout: float,
     screen: Screen,
 ) -> int:
     """Run CAMPAIGN, a name or a TOML file, and store all results.
@@ -98,7 +98,7 @@ def run_campaign(
     from cranectl.campaign.workers import batch_engine
     from cranectl.cases.workers import available_cores
     from cranectl.cli.campaign.results import show_result
-    from cranectl.cli.idle import idle_in_campaign, idle_patience, tell_idle
+    from cranectl.cli.idle import idle_in_campaign, idle_timeout, tell_idle
 
     if resume and overwrite:
         raise click.UsageError("--resume and --overwrite exclude each other")
@@ -109,10 +109,10 @@ def run_campaign(
     directory = out or Path("logs") / f"campaign-{campaign.settings.name}"
     options = {"resume": resume, "despite_differences": despite_differences, "overwrite": overwrite}
     controllers, elsewhere = campaign.settings.controllers, bool(scheduler or cluster)
-    tell_idle(screen, [*idle_in_campaign(campaign), *idle_patience(controllers, patience, cluster=elsewhere)])
+    tell_idle(screen, [*idle_in_campaign(campaign), *idle_timeout(controllers, timeout, cluster=elsewhere)])
     with (
         batch_engine(
-            scheduler, patience, workers=workers or available_cores(), local_cluster=bool(cluster)
+            scheduler, timeout, workers=workers or available_cores(), local_cluster=bool(cluster)
         ) as engine,
         open_store(campaign, directory, command=arguments_given(), **options) as store,
     ):

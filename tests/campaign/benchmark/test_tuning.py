@@ -166,7 +166,7 @@ def test_refused_numbers_have_the_largest_cost(tiny: Benchmark) -> None:
 
 
 def test_controller_that_never_returns_has_the_cost_of_a_stop(tiny: Benchmark) -> None:
-    tuned = tune(tiny, open_controller("mine.py:HANGS"), runs=10, patience=0.5)
+    tuned = tune(tiny, open_controller("mine.py:HANGS"), runs=10, timeout=0.5)
     hanging = [point for point in tuned.points if point.values[0] > 1.0005]
     assert 0 < len(hanging) < len(tuned.points) == 5
     assert {(point.cost, point.failed) for point in hanging} == {(11.0, 1.0)}
