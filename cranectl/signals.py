@@ -283,9 +283,9 @@ POSITION, VELOCITY, ACCELERATION, JERK, SNAP = range(0, len(REFERENCE), len(AXES
 TENSION = LOAD.names.index("rope_tension")  # index in the group of the load
 TENSION_COLUMN = LOAD_COLUMN + TENSION
 BASE_WIDTH = _STARTS[-1]  # columns of the flat tracker without robustifier states
-LAW_LOAD_COLUMN = FLAT_OUTPUT_COLUMN  # other controllers record the load here, then errors and own signals
-LAW_ERROR_COLUMN = LAW_LOAD_COLUMN + 6
-LAW_SIGNALS_COLUMN = LAW_ERROR_COLUMN + 6
+CONTROLLER_LOAD_COLUMN = FLAT_OUTPUT_COLUMN  # others record the load here, then errors and own signals
+CONTROLLER_ERROR_COLUMN = CONTROLLER_LOAD_COLUMN + 6
+CONTROLLER_SIGNALS_COLUMN = CONTROLLER_ERROR_COLUMN + 6
 COMMAND_COLUMN = len(MEASUREMENT)  # in the record of the signal path
 PATH_WIDTH = len(MEASUREMENT) + len(command_group("acceleration"))
 

@@ -122,9 +122,9 @@ def settings() -> str:
     """Return a section for each table of scenario, controllers, campaign and benchmark."""
     models = (Scenario, CampaignSettings, Benchmark)
     scenario, campaign, benchmark = (_sections(model.model_json_schema()) for model in models)
-    laws = map(_law_section, WHERE)
+    controllers = map(_controller_section, WHERE)
     files = ("## Campaign\n", *campaign, "## Benchmark\n", *benchmark)
-    return "\n".join(("## Scenario\n", *scenario, *laws, *files))
+    return "\n".join(("## Scenario\n", *scenario, *controllers, *files))
 
 
 def standings() -> str:
@@ -132,20 +132,20 @@ def standings() -> str:
     settings, file = read_benchmark("literature"), benchmark_file("literature")
     parts = []
     for judged in judged_divisions(settings, read_table(file.parent / "literature.parquet")):
-        rows: dict[str, list[str]] = {law: [] for law in judged.best_first}
+        rows: dict[str, list[str]] = {name: [] for name in judged.best_first}
         sets = {name: found for name in settings.sets if (found := judged.ranking(name))}
         for found in sets.values():
             for each, full in zip(found, undominated(points_of(found)), strict=True):
                 numbers = f"{100.0 * each.failed:.1f} / {100.0 * each.unsettled:.1f} / "
                 numbers += finite(each.effort, ".2f", "fails")
-                rows[each.law].append(f"**{numbers}**" if full else numbers)
-        shown = ([*(cell.text for cell in named(judged, law)), *row] for law, row in rows.items())
+                rows[each.controller].append(f"**{numbers}**" if full else numbers)
+        shown = ([*(cell.text for cell in named(judged, name)), *row] for name, row in rows.items())
         parts.append(f"## {TITLES[judged.division]}\n\n{table((*NAMED, *sets), shown)}")
     return "\n".join(parts)
 
 
-def _law_section(name: str) -> str:
-    law = load_controller(name)
+def _controller_section(name: str) -> str:
+    controller = load_controller(name)
     rows = [
         (
             f"`{each.name}`",
@@ -153,10 +153,10 @@ def _law_section(name: str) -> str:
             _allowed({"enum": each.choices} if each.choices else _bounds(each.lowest, each.highest)),
             f"{each.description} [{each.unit}]" if each.unit else each.description,
         )
-        for each in law.parameters
+        for each in controller.parameters
     ]
     text = table(("key", "default", "allowed", "meaning"), rows)
-    return f"### `[controller.{name}]`\n\n{law.title}.\n\n{text}"
+    return f"### `[controller.{name}]`\n\n{controller.title}.\n\n{text}"
 
 
 def _bounds(lowest: float, highest: float) -> dict[str, Any]:

@@ -226,8 +226,13 @@ def prepare_case(case: Case) -> dict[str, Any]:
     design = controller_design(case.controller, case.scenario)
     check_runs(case.scenario, design, case.drive, len(case.plants), logged=case.keep != "none")
     plan = plan_scenario(case.scenario)
-    compiled = prepare_controller(case.scenario, design, case.drive, plan)
-    return {"drive": case.drive, "design": design, "plan": plan, "law": compiled, "timeout": case.timeout}
+    return {
+        "drive": case.drive,
+        "design": design,
+        "plan": plan,
+        "compiled_controller": prepare_controller(case.scenario, design, case.drive, plan),
+        "timeout": case.timeout,
+    }
 
 
 def simulate_case(

@@ -10,8 +10,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, CommandGroup, command_given, json_option, output_option
+from cranectl.cli.controller_options import controllers_option, opened, timeout_option, trust_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, tell_idle
-from cranectl.cli.laws import controllers_option, opened, timeout_option, trust_option
 from cranectl.cli.output import Screen, progress, progress_bar
 from cranectl.support.errors import InputError
 from cranectl.support.files import HTML, PARQUET, exists
@@ -70,7 +70,7 @@ tuned_option = click.option(
     type=click.Choice(["published", "tuned"]),
     default="published",
     show_default=True,
-    help="Laws with their defaults, or with what `cranectl tune` has found.",
+    help="Controllers with their defaults, or with what `cranectl tune` has found.",
 )
 @click.option(
     "--draws",
@@ -140,7 +140,7 @@ def run_benchmark(
     rules = rules_of(settings)
     directory = out or Path("logs") / f"benchmark-{settings.name}"
     screen = Screen()
-    idle = idle_in_benchmark(settings, [(trial.scenario, trial.plant, trial.law) for trial in trials])
+    idle = idle_in_benchmark(settings, [(trial.scenario, trial.plant, trial.controller) for trial in trials])
     idle += idle_timeout(names, timeout, cluster=scheduler is not None)
     if tuned is not None and division == "published":
         idle.append("--tuned changes nothing here: controllers run with their defaults, add --division tuned")
@@ -165,7 +165,7 @@ def run_benchmark(
             for phrase in quarantined:
                 shown.console.print(f"{trial.folder}: {phrase}")
             if reason:
-                not_run.append(f"could not be run: {trial.law} on {trial.scenario}: {reason}")
+                not_run.append(f"could not be run: {trial.controller} on {trial.scenario}: {reason}")
     for line in sorted(not_run):
         screen.print(line)
     screen.print(f"{len(trials)} pieces of {len(names)} controllers: {directory}")
@@ -176,7 +176,7 @@ def run_benchmark(
 @click.argument("result", type=click.Path(path_type=Path))
 @click.option("--benchmark", default="literature", show_default=True, help="Name or TOML file.")
 @controllers_option(
-    "Laws of the result, by name or file; repeatable. Default: all of the benchmark's.", opens=False
+    "Controllers of the result, by name or file; repeatable. Default: all of the benchmark's.", opens=False
 )
 @click.option(
     "--beside",
@@ -259,7 +259,7 @@ def report_benchmark(
         rankings[judged.division] = {}
         for name in settings.sets:
             standings = judged.ranking(name)
-            rankings[judged.division][name] = [standing._asdict() for standing in standings]
+            rankings[judged.division][name] = [standing.to_json() for standing in standings]
             if standings:
                 title = f"{TITLES[judged.division]}, {name}, on {settings.plant}"
                 screen.print(ranking_table(judged, standings, title))

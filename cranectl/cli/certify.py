@@ -14,8 +14,8 @@ from cranectl.cli.command import (
     scenario_options,
 )
 from cranectl.cli.completion import complete_controllers, complete_scenarios
+from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, tell_idle_in_analysis
-from cranectl.cli.laws import Law
 from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.files import PLOTS
 
@@ -27,7 +27,7 @@ DRIVES = ("bridge", "trolley", "winch")
 
 
 @click.command("certify", cls=Command)
-@click.argument("controller", type=Law(), shell_complete=complete_controllers)
+@click.argument("controller", type=ControllerName(), shell_complete=complete_controllers)
 @click.option(
     "--scenario",
     metavar="NAME",

@@ -7,19 +7,24 @@ import click
 
 from cranectl.cli.command import Command, ScenarioRequest, json_option, output_option, scenario_options
 from cranectl.cli.completion import complete_controllers, complete_scenarios
+from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, tell_idle_in_analysis
-from cranectl.cli.laws import Law
 from cranectl.cli.output import Screen
 from cranectl.support.files import PLOTS
 
 # What only runs read, and what designs of the flat family do not read either.
 UNREAD = (*OF_RUNS, *OF_MOTIONS, "control.physics_step", "control.lag_compensation")
-OF_LAWS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_constant", "rig.*_range.*")
+OF_OTHER_CONTROLLERS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_constant", "rig.*_range.*")
 
 
 @click.command("design", cls=Command)
 @click.argument(
-    "names", metavar="NAME...", type=Law(), nargs=-1, required=True, shell_complete=complete_controllers
+    "names",
+    metavar="NAME...",
+    type=ControllerName(),
+    nargs=-1,
+    required=True,
+    shell_complete=complete_controllers,
 )
 @click.option(
     "--scenario",
@@ -79,7 +84,7 @@ def design_command(
 
         save_figure(design_figure(flat[0]) if len(flat) == 1 else designs_figure(flat), plot)
     screen.print_each(design_tables(flat[0]) if len(flat) == 1 else [designs_table(flat)])
-    tell(unread=(*UNREAD, *OF_LAWS))
+    tell(unread=(*UNREAD, *OF_OTHER_CONTROLLERS))
     if plot is not None:
         screen.print(f"picture: {plot}")
     results = [design.to_json() for design in flat]

@@ -16,8 +16,8 @@ from cranectl.cli.command import (
     scenario_argument,
     scenario_options,
 )
+from cranectl.cli.controller_options import controller_option
 from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
-from cranectl.cli.laws import controller_option
 from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.errors import InputError
 from cranectl.support.files import HTML, MCAP

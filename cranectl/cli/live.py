@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 
 from cranectl.cli import command, exit_codes
+from cranectl.cli.controller_options import controller_option
 from cranectl.cli.idle import idle_lines, tell_idle
-from cranectl.cli.laws import controller_option
 from cranectl.cli.output import Screen
 from cranectl.support.errors import printable
 from cranectl.support.files import JSON, MCAP, write_text, writing

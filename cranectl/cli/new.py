@@ -83,7 +83,7 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
 
         _write({directory / f"{Path(name).stem}-map.toml": suggest_map(Path(name))})
         return
-    from cranectl.loaders.c_law import HEADER, compile_command
+    from cranectl.loaders.c_controller import HEADER, compile_command
     from cranectl.support.extensions import check_name
 
     check_name(kind, name)

@@ -62,7 +62,7 @@ def closed_loop(
         __tracebackhide__ = True
         from cranectl.cases.assertions import CaseRuns
         from cranectl.cases.case import make_case
-        from cranectl.cli.laws import opened
+        from cranectl.cli.controller_options import opened
         from cranectl.planning import load_scenario
         from cranectl.simulate import checked_drive
         from cranectl.support.errors import InputError

@@ -6,8 +6,8 @@ from pathlib import Path
 import click
 
 from cranectl.cli import command, exit_codes
+from cranectl.cli.controller_options import controller_option, timeout_option
 from cranectl.cli.idle import idle_lines, idle_timeout, tell_idle
-from cranectl.cli.laws import controller_option, timeout_option
 from cranectl.cli.output import Screen, progress_bar, styled
 from cranectl.support.files import MCAP
 

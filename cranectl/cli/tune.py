@@ -8,8 +8,8 @@ import click
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.command import PATH, Command, json_option
 from cranectl.cli.completion import complete_controllers
+from cranectl.cli.controller_options import timeout_option, trust_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, tell_idle
-from cranectl.cli.laws import timeout_option, trust_option
 from cranectl.cli.output import Screen, progress_bar
 
 if TYPE_CHECKING:

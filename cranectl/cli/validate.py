@@ -10,8 +10,8 @@ import click
 
 from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_scenarios
+from cranectl.cli.controller_options import controllers_option, timeout_option
 from cranectl.cli.idle import idle_lines, idle_timeout, tell_idle
-from cranectl.cli.laws import controllers_option, timeout_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
 from cranectl.support.errors import InputError
 from cranectl.support.files import HTML, XML, exists, write_text, writing

@@ -18,7 +18,12 @@ from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.preparation import prepared
 from cranectl.model.dynamics import AxisMasses, axis_masses
 from cranectl.model.flatness import flat_output
-from cranectl.signals import INPUT_COLUMN, LAW_ERROR_COLUMN, LAW_LOAD_COLUMN, LAW_SIGNALS_COLUMN
+from cranectl.signals import (
+    CONTROLLER_ERROR_COLUMN,
+    CONTROLLER_LOAD_COLUMN,
+    CONTROLLER_SIGNALS_COLUMN,
+    INPUT_COLUMN,
+)
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -166,14 +171,14 @@ def record_controller(compiled, state, reference, memory, row):
     if compiled.records_all:
         first = memory.shape[0] - recorded
         for i in range(recorded):
-            row[LAW_LOAD_COLUMN + i] = memory[first + i]
+            row[CONTROLLER_LOAD_COLUMN + i] = memory[first + i]
         return
     flat_output(state, 0.0, 0.0, 0.0, compiled.scratch)
     for i in range(6):
-        row[LAW_LOAD_COLUMN + i] = compiled.scratch[i]
-        row[LAW_ERROR_COLUMN + i] = reference[i] - compiled.scratch[i]
+        row[CONTROLLER_LOAD_COLUMN + i] = compiled.scratch[i]
+        row[CONTROLLER_ERROR_COLUMN + i] = reference[i] - compiled.scratch[i]
     for i in range(recorded):
-        row[LAW_SIGNALS_COLUMN + i] = memory[compiled.places[i]]
+        row[CONTROLLER_SIGNALS_COLUMN + i] = memory[compiled.places[i]]
 
 
 @jit

@@ -33,7 +33,7 @@ class OpenControllers:
     def folder(self) -> Path:
         """Folder with copies of files. It exists while this process runs, or the parent that shares it."""
         if self._folder is None or not self._folder.is_dir():
-            self._folder = temporary_directory("laws")
+            self._folder = temporary_directory("controllers")
         return self._folder
 
     def share(self, names: Iterable[str] | None = None) -> SharedControllers:

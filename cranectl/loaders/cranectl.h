@@ -3,7 +3,7 @@
  *     cc -O2 -shared -fPIC -ffp-contract=off -o law.so law.c
  *     cranectl run fixed-position --controller ./law.so
  *
- * Nothing may be remembered outside of `memory`: two cranes step one law in turn.
+ * Nothing may be remembered outside of `memory`: two cranes step one controller in turn.
  */
 #ifndef CRANECTL_H
 #define CRANECTL_H
@@ -28,7 +28,7 @@ enum { CRANECTL_STATE, CRANECTL_ENCODERS };                        /* measured *
 
 typedef struct {
     const char *name, *unit, *description;
-    double initial, lowest, highest; /* --set controller.LAW.PARAMETER=..., within these */
+    double initial, lowest, highest; /* --set controller.CONTROLLER.PARAMETER=..., within these */
     double search[2];                /* sizes between which `cranectl tune` looks, 0 < low < high; none: 0 */
     double length_power;             /* both are the laboratory rig's, times L^length_power on one L times as
                                         large: -0.5 for 1/s */
@@ -57,7 +57,7 @@ typedef struct {
     double period;     /* between two steps [s], for which the code was made: another is refused. 0: any */
 } cranectl_declaration;
 
-/* What a law is prepared for: the crane that it takes the real one for. */
+/* The crane for which a controller is prepared; it takes the real one for it. */
 typedef struct {
     double gravity, bridge_mass, trolley_mass, winch_mass, load_mass;
     double time_constants[3]; /* of velocity drives: bridge, trolley, winch [s] */

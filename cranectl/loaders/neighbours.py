@@ -35,7 +35,7 @@ from cranectl.support.provenance import INSTALLED
 PREFIX = "_law_"
 OUR_PACKAGE = "cranectl"  # never imported from a controller's folder
 _COUNT = itertools.count(1)
-_READING = threading.local()  # .law: whose file is run in this thread
+_READING = threading.local()  # .controller: whose file is run in this thread
 
 
 class Neighbours(MetaPathFinder):
@@ -159,12 +159,12 @@ class Neighbours(MetaPathFinder):
 
     @contextlib.contextmanager
     def _noting(self, owner: "Neighbours | None") -> Iterator[None]:
-        before = getattr(_READING, "law", None)
-        _READING.law = owner if self._running else None
+        before = getattr(_READING, "controller", None)
+        _READING.controller = owner if self._running else None
         try:
             yield
         finally:
-            _READING.law = before
+            _READING.controller = before
 
 
 def _located(path: Path) -> Path:
@@ -211,7 +211,7 @@ def _listen() -> None:
 
 def _hear(event: str, arguments: tuple[Any, ...]) -> None:
     """Record which files the controller's code opens to read, both modules and data."""
-    if event != "open" or (owner := getattr(_READING, "law", None)) is None:
+    if event != "open" or (owner := getattr(_READING, "controller", None)) is None:
         return
     path, mode, flags = arguments
     reads = not set(mode) & set("wax+") if isinstance(mode, str) else not flags & (os.O_WRONLY | os.O_RDWR)

@@ -24,12 +24,12 @@ from cranectl.support.provenance import syntax_of
 
 MAX_COMPANIONS = 64 * 2**20  # [bytes] of all files that a controller uses
 LOADERS = {  # by file ending; each returns a controller, and its file with all files that it uses
-    ".py": "cranectl.loaders.python_law:open_python",
-    ".so": "cranectl.loaders.c_law:open_library",
-    ".dylib": "cranectl.loaders.c_law:open_library",
-    ".dll": "cranectl.loaders.c_law:open_library",
+    ".py": "cranectl.loaders.python_controller:open_python",
+    ".so": "cranectl.loaders.c_controller:open_library",
+    ".dylib": "cranectl.loaders.c_controller:open_library",
+    ".dll": "cranectl.loaders.c_controller:open_library",
     ".fmu": "cranectl.loaders.fmu:open_fmu",
-    ".toml": "cranectl.loaders.process_law:open_process",
+    ".toml": "cranectl.loaders.process_controller:open_process",
 }
 
 
@@ -144,7 +144,7 @@ def _put(path: Path, content: bytes) -> None:
 
 
 def slug(name: str) -> str:
-    """Return a controller name made from a function, class or model name: `SlowLaw` becomes slow-law."""
+    """Return a controller name made from a function, class or model name: `SlowServo` becomes slow-servo."""
     parted = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name)
     return re.sub(r"[^a-z0-9]+", "-", parted.lower()).strip("-")
 

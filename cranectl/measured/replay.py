@@ -116,7 +116,9 @@ def simulate_replay(
         disturbance=np.zeros((samples, 2)),
         wind=np.zeros((samples, 6)),
     )
-    return simulate_run(scenario, plant=plant, drive=drive, design=design, plan=plan, law=compiled)
+    return simulate_run(
+        scenario, plant=plant, drive=drive, design=design, plan=plan, compiled_controller=compiled
+    )
 
 
 def measured_motion(run: Run) -> Array:

@@ -50,7 +50,7 @@ class PreparedRun(NamedTuple):
     memory: Array
 
 
-@renamed_arguments(patience="timeout")
+@renamed_arguments(law="compiled_controller", patience="timeout")
 def simulate_run(
     scenario: Scenario,
     *,
@@ -60,7 +60,7 @@ def simulate_run(
     design: ControllerDesign | None = None,
     nominal: Scenario | None = None,
     plan: Plan | None = None,
-    law: CompiledController | None = None,
+    compiled_controller: CompiledController | None = None,
     compiled: bool = True,
     timeout: float = BLOCK_TIMEOUT,
     progress: Progress | None = None,
@@ -81,7 +81,7 @@ def simulate_run(
         A finished design in place of `controller`.
     nominal : Scenario, optional
         The crane that the controller assumes; it may differ in rig, effects, initial state and disturbances.
-    plan, law : Plan, CompiledController, optional
+    plan, compiled_controller : Plan, CompiledController, optional
         Results of `plan_scenario` and `prepare_controller`, if they exist already.
     compiled : bool
         Whether the compiled loop runs; the one in Python is slower and easy to debug.
@@ -106,7 +106,7 @@ def simulate_run(
     check_runs(scenario, design, kind)
     plan = plan or plan_run(plan_reference(nominal), scenario)
     crane = make_plant(plant, scenario, kind)
-    law = law or prepare_controller(nominal, design, crane.drive, plan)
+    compiled_controller = compiled_controller or prepare_controller(nominal, design, crane.drive, plan)
     samples, width = len(plan.time_ns), record_width(design)
     outside = controller_of(design) if design.origin and compiled and CAN_FORK else None
     zeros = np.zeros if outside is None else shared_zeros
@@ -114,7 +114,7 @@ def simulate_run(
     run = start_run(
         crane,
         scenario,
-        law,
+        compiled_controller,
         plan,
         nominal=nominal,
         path_record=path_record,

@@ -40,7 +40,7 @@ def fingerprints() -> dict[str, str]:
     package = Path(__file__).parents[1]
     sources = (path for path in package.rglob("*.py") if "_data" not in path.parts[len(package.parts) :])
     models, data = resources.MODEL_FILE.parent, resources.TOLERANCE_FILE.parent
-    # Results of a benchmark hold all that its files say: a law more, or one tuned, makes the others no other.
+    # Results of a benchmark hold all that its files say: one controller more, or one tuned, changes no other.
     said = (path for path in data.rglob("*.toml") if resources.BENCHMARK_DIRECTORY not in path.parents)
     return {
         "sources": fingerprint(package, sources),

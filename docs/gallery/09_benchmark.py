@@ -27,9 +27,9 @@ print(subprocess.check_output(report.split(), text=True))
 rows = json.loads(Path("trial.json").read_text(encoding="utf-8"))["divisions"]["published"]["nominal"]
 figure, axes = plt.subplots(1, 2, figsize=(8, 3), sharey=True, layout="constrained")
 figure.suptitle("What a controller reaches, and what it spends")
-laws = [row["law"] for row in rows]
-axes[0].barh(laws, [100.0 * row["unsettled"] for row in rows])
+controllers = [row["law"] for row in rows]
+axes[0].barh(controllers, [100.0 * row["unsettled"] for row in rows])
 axes[0].set(xlabel="time at rest that passes unsettled [%]")
-axes[1].barh(laws, [row["effort"] for row in rows])
+axes[1].barh(controllers, [row["effort"] for row in rows])
 axes[1].set(xlabel="RMS of the commanded accelerations [m/s²]")
 plt.show()

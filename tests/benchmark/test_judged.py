@@ -50,8 +50,8 @@ def test_table_has_every_controller_on_every_crane(
         for trial in trials_of(BENCHMARK, controllers, JUDGED_SETS[division], division=division):
             share = BENCHMARK.second_share if trial.plant == BENCHMARK.second_plant else 1.0
             expected[trial] = max(1, round(share * draws[trial.crane_set]))
-            if trial.law == BENCHMARK.baseline:
-                expected[trial._replace(law=COMPILED)] = expected[trial]
+            if trial.controller == BENCHMARK.baseline:
+                expected[trial._replace(controller=COMPILED)] = expected[trial]
     assert {trial: len(runs.status) for trial, runs in judged.trials.items()} == expected
     not_simulated = defaultdict(set)
     for trial, runs in judged.trials.items():
@@ -154,5 +154,5 @@ def test_own_controller_is_undominated_on_all_judged_sets(judged: BenchmarkTable
     """If this fails, docs/reference/standings.md must name the controller that is better, and why."""
     for division, name in [(d, name) for d in DIVISIONS for name in JUDGED_SETS[d] if name in BENCHMARK.sets]:
         ranking = Judged(BENCHMARK, judged, division).ranking(name)
-        index = [standing.law for standing in ranking].index("lqr-offset-free")
+        index = [standing.controller for standing in ranking].index("lqr-offset-free")
         assert undominated(points_of(ranking))[index], (division, name)

@@ -21,7 +21,7 @@ from tests.benchmark.linear_loop import (
     relative_distances,
 )
 from tests.conftest import ROOT
-from tests.controllers.laws import known
+from tests.controllers.own_controllers import known
 from validation.benchmark.lqg import LQG, MEMORY, kalman, prepare, regulator, step
 
 CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'lqg.py'}:LQG"

@@ -14,7 +14,7 @@ from cranectl.simulate import simulate_run
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 from tests.conftest import ROOT
-from tests.controllers.laws import known
+from tests.controllers.own_controllers import known
 from validation.benchmark.model_reference import MODEL_REFERENCE, model_and_cost, step
 
 CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'model_reference.py'}:MODEL_REFERENCE"

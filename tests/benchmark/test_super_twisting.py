@@ -11,7 +11,7 @@ from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.jit import jit
 from tests.conftest import ROOT
-from tests.controllers.laws import known
+from tests.controllers.own_controllers import known
 from validation.benchmark.super_twisting import SUPER_TWISTING, slopes, step
 
 CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'super_twisting.py'}:SUPER_TWISTING"

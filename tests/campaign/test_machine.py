@@ -18,7 +18,7 @@ from cranectl.simulate import simulate_run
 from cranectl.support.children import Timeout
 from cranectl.support.errors import MachineError
 from tests.campaign.campaigns import campaign, fixed
-from tests.loaders.law_files import LAW
+from tests.loaders.controller_files import LAW
 
 SHORT = ["duration=3.2", "disturbances=[]"]
 # A file holds the number of failures that are left; `failing` returns True if there must be another one.

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from tests.loaders.law_files import LAW
+from tests.loaders.controller_files import LAW
 
 SHORT = "duration = 0.3\nreference = { start = [1.0, 0.77, -0.7] }\n"
 MANY = """\
@@ -213,7 +213,7 @@ KNOWN = {
     **dict.fromkeys((("plants/capabilities.py", text) for text in (FIXED, DISTURBED, DRIVE)), HERE),
     ("plants/capabilities.py", "--set rig.{}={}"): HERE,
     ("simulate/child.py", "--timeout allows more"): HERE,
-    ("cli/laws.py", "--patience is now --timeout"): "tests/simulate/test_child.py",
+    ("cli/controller_options.py", "--patience is now --timeout"): "tests/simulate/test_child.py",
     ("plants/mujoco/own_file.py", "add --set rig.plant.names.{}=NAME"): "tests/plants/test_own_model.py",
     ("cli/validate.py", "and {} more, with --details"): "tests/cli/test_validate_cli.py",
     ("cli/compare.py", "--despite-differences without --merge"): FOUND,
@@ -228,7 +228,10 @@ KNOWN = {
     ("cli/new.py", "run it: cranectl run fast-diagonal --controller {}"): "tests/cli/test_new.py",
     ("cli/new.py", "cranectl log import RECORDED.csv --map {}"): "tests/measured/test_programme.py",
     ("measured/programme.py", "leave --period out, or choose"): "tests/measured/test_programme.py",
-    ("controllers/preparation.py", "add --set control.period={} to the"): "tests/loaders/test_c_law.py",
+    (
+        "controllers/preparation.py",
+        "add --set control.period={} to the",
+    ): "tests/loaders/test_c_controller.py",
     ("cli/ladder.py", "leave out {}, or --predict"): "tests/analysis/budget/test_budget.py",
     ("cli/identify.py", "judge runs that were not used"): "tests/measured/test_identification.py",
     ("cli/measured.py", "cranectl validate LOG --rig identified.toml"): "tests/measured/test_verdict.py",

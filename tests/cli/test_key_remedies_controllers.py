@@ -2,7 +2,7 @@
 
 import sys
 
-from tests.loaders.test_process_law import PROGRAM
+from tests.loaders.test_process_controller import PROGRAM
 from tests.remedies import Case, remedy_test, written
 
 RUN = ["run", "s.toml", "--plants", "analytic", "--controller"]
@@ -48,7 +48,9 @@ FILES = {
     "own.toml": f"name = 'peer'\n{PROCESS_SETTINGS}files = ['*.py']\n",
     "unreachable.toml": "name = 'peer'\naddress = 'tcp://127.0.0.1:9'\n",
 }
-PYTHON, PROCESS, OPENING = (f"loaders/{name}.py" for name in ("python_law", "process_law", "opening"))
+PYTHON, PROCESS, OPENING = (
+    f"loaders/{name}.py" for name in ("python_controller", "process_controller", "opening")
+)
 DECLARED, PREPARED = (f"controllers/{name}.py" for name in ("controller", "preparation"))
 INTEGRAL, OFFSET_FREE = "controller.lqr-integral", "controller.lqr-offset-free"
 SAMPLED = "control.period=0.05"

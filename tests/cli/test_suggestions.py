@@ -16,7 +16,7 @@ from cranectl.log.reader import read_log
 from cranectl.log.writer import unfinished
 from tests.cli.suggestions import commands_in, commands_of_page, execute, suggested_commands
 from tests.conftest import ROOT
-from tests.loaders.law_files import LAW
+from tests.loaders.controller_files import LAW
 
 CONTROLLER_FILE = "crane's laws/own law.py"
 SHIP = """\
@@ -235,8 +235,8 @@ KNOWN = {
     ("cli/report.py", "cranectl ladder"): ABOVE,
     ("cli/run.py", "cranectl log"): ABOVE,
     ("loaders/library.py", "cranectl new"): "tests/cli/test_new.py",
-    ("loaders/c_law.py", "cranectl new"): "tests/cli/test_new.py",
-    ("loaders/python_law.py", "cranectl new"): "tests/cli/test_new.py",
+    ("loaders/c_controller.py", "cranectl new"): "tests/cli/test_new.py",
+    ("loaders/python_controller.py", "cranectl new"): "tests/cli/test_new.py",
     ("controllers/registry.py", "cranectl ladder"): ABOVE,
     ("controllers/registry.py", "cranectl campaign"): ABOVE,
     ("live/child_session.py", "cranectl run"): "the same scenario and options, which the session was given",

@@ -15,7 +15,7 @@ from cranectl.simulate import Run, loops, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from tests.conftest import PLANTS
-from tests.controllers.laws import FOLLOWING, PUSHING, giving_up, known, noting
+from tests.controllers.own_controllers import FOLLOWING, PUSHING, giving_up, known, noting
 
 SENSED = ("effects.sensing.angle_resolution=0.001", "effects.delay.seconds=0.004")
 

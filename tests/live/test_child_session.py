@@ -14,7 +14,7 @@ from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
-from tests.loaders.law_files import LAW, built
+from tests.loaders.controller_files import LAW, built
 from tests.pace import HANG
 
 SCENARIO = load_scenario("fast-diagonal")

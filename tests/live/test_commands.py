@@ -12,7 +12,7 @@ from cranectl.live.commands import Controls, LogText, Pulse, Reset, UseControlle
 from cranectl.live.hand import RELEASED, VELOCITY_TIMEOUT, HandRequest, LatestRequest
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from tests.controllers.laws import FOLLOWING, known
+from tests.controllers.own_controllers import FOLLOWING, known
 from tests.pace import within
 
 NAMES = ["pause", "speed", "controller", "k0", "k1", "k2", "k3", "pulse_alpha", "pulse_beta"]

@@ -15,7 +15,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.documents import MAX_DOCUMENT_BYTES, toml_text
 from cranectl.support.errors import InputError
-from tests.controllers.laws import FOLLOWING, known
+from tests.controllers.own_controllers import FOLLOWING, known
 
 SHORT = ("disturbances=[{joint='beta', start=0.3, end=0.5, magnitude=1.0}]", "duration=2.0")
 PLANTS = ("analytic", "mujoco")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.loaders.opening import close_controllers
-from tests.loaders.law_files import LAW
+from tests.loaders.controller_files import LAW
 
 
 @pytest.fixture(autouse=True)

@@ -1,4 +1,4 @@
-"""FMUs of the law `damper` of `law_files`, good and broken, for FMI 2.0 and 3.0."""
+"""FMUs of the law `damper` of `controller_files`, good and broken, for FMI 2.0 and 3.0."""
 
 import platform
 import subprocess

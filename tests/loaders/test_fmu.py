@@ -20,8 +20,8 @@ from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
+from tests.loaders.controller_files import LAW
 from tests.loaders.fmu_files import Replaced, binary, description, fmu
-from tests.loaders.law_files import LAW
 
 SHORT = ["duration=3.2", "disturbances=[]"]
 ASKED = [part for text in SHORT for part in ("--set", text)]

@@ -23,7 +23,7 @@ from cranectl.simulate.child import CAN_FORK
 from cranectl.support.children import spawn_child
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign, choice, fixed
-from tests.loaders.law_files import LAW, built
+from tests.loaders.controller_files import LAW, built
 
 SHORT = ["duration=3.2", "disturbances=[]"]
 
@@ -173,7 +173,7 @@ def test_what_a_compiled_law_writes_where_it_must_not_harms_itself_only(law: Pat
     shared = {
         "design": design,
         "plan": plan,
-        "law": prepare_controller(short, design, "ideal", plan),
+        "compiled_controller": prepare_controller(short, design, "ideal", plan),
         "plant": "analytic",
     }
     first, second = (simulate_run(short, **shared) for _ in range(2))

@@ -25,7 +25,7 @@ from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.documents import toml_text
 from cranectl.support.errors import InputError
-from tests.loaders.test_process_law import PROGRAM
+from tests.loaders.test_process_controller import PROGRAM
 
 STEP = """
 def NAME(parameters, measured, reference, memory, command):

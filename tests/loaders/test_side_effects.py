@@ -10,7 +10,7 @@ from cranectl.cli.main import main
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
-from tests.loaders.law_files import LAW, built
+from tests.loaders.controller_files import LAW, built
 
 SHORT = ["duration=3.2", "disturbances=[]"]
 

@@ -12,7 +12,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from cranectl.cli.laws import timeout_option
+from cranectl.cli.controller_options import timeout_option
 from cranectl.log.reader import read_log
 from cranectl.simulate.child import BLOCK_TIMEOUT, blocks_in_child
 from cranectl.support.children import spawn_child

@@ -19,7 +19,7 @@ from cranectl.cli.benchmark import measured_controllers
 from cranectl.controllers.addressed import _call, bind_address, with_own_memory
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.registry import controller_design, load_controller, register_controller
-from cranectl.loaders.c_law import HEADER
+from cranectl.loaders.c_controller import HEADER
 from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
@@ -71,7 +71,7 @@ def build_library(*sources: Path, folder: Path | None = None) -> Path:
 class ControllerTime:
     """Time of one controller."""
 
-    law: str  # name of the controller
+    law: str  # name of the controller; the key of the results in performance.json
     every: int  # samples from step to step
     sample: Measurement  # [µs]
     ratio: float  # least time over the least time of the benchmark's baseline
@@ -97,7 +97,12 @@ class RepeatedRun:
         plan, design = plan_scenario(scenario), controller_design(controller, scenario)
         self.controller = prepare_controller(scenario, design, DRIVE, plan)
         run = simulate_run(
-            scenario, plant="analytic", drive=DRIVE, design=design, plan=plan, law=self.controller
+            scenario,
+            plant="analytic",
+            drive=DRIVE,
+            design=design,
+            plan=plan,
+            compiled_controller=self.controller,
         )
         self.states = np.ascontiguousarray(run.block("state"))
 

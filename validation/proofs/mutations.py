@@ -101,7 +101,7 @@ SUITE = [
     "tests/model/test_flatness.py",
     "tests/controllers/test_flat.py",
     "tests/controllers/test_observer.py",
-    "tests/controllers/test_law_design.py",
+    "tests/controllers/test_controller_design.py",
     "tests/simulate/test_actuation.py",
     "tests/scenario/test_rig.py",
     "tests/plants/test_disturbed_step.py",

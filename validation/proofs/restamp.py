@@ -39,7 +39,7 @@ from cranectl.campaign.benchmark.tuned import DEFAULT, code_of, tuned_settings
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.cli.benchmark import measured_controllers
-from cranectl.cli.laws import opened
+from cranectl.cli.controller_options import opened
 from cranectl.controllers.registry import controller_digests
 from cranectl.support.documents import read_toml, toml_text
 from cranectl.support.files import write_text
@@ -57,7 +57,7 @@ def sampled_rows(table: BenchmarkTable, controllers: Sequence[str], rows: int) -
     """Yield a total of `rows` trials with the index of a row, the same number for each controller."""
     random = np.random.default_rng(SEED)
     for controller in controllers:
-        trials = [trial for trial in table.trials if trial.law == controller]
+        trials = [trial for trial in table.trials if trial.controller == controller]
         for index in random.integers(len(trials), size=-(-rows // len(controllers))):
             trial = trials[index]
             yield trial, int(random.integers(len(table.trials[trial].status)))
@@ -67,7 +67,7 @@ def run_again(trial: Trial, sample: int, rules: str, numbers: Path) -> Runs:
     """Run one row of the table again, with the tuned numbers in the directory `numbers`."""
     settings = functools.partial(tuned_settings, numbers, rules)
     campaign = campaign_of(BENCHMARK, trial, tuned=settings)
-    batch = Batch(trial.plant, trial.law, sample, sample + 1)
+    batch = Batch(trial.plant, trial.controller, sample, sample + 1)
     rows = Worker(PreparedCampaign(campaign)).run_batch(batch)
     return runs_of(lambda name: np.array([row[name] for row in rows]), campaign.settings.limits.given)
 

@@ -56,8 +56,8 @@ nominal = "known" if "known" in inspect.signature(runner.start_run).parameters e
 def seconds():
     crane = runner.make_plant(plant, scenario, drive)
     prepare = getattr(runner, "prepare_controller", None) or runner.law_of
-    law = prepare(scenario, design, crane.drive, plan)
-    run = runner.start_run(crane, scenario, law, plan, **{nominal: scenario})
+    compiled = prepare(scenario, design, crane.drive, plan)
+    run = runner.start_run(crane, scenario, compiled, plan, **{nominal: scenario})
     record = np.zeros((len(plan.time_ns), record_width(design)))
     inputs = run.inputs if hasattr(run, "inputs") else run.sampling
     path = run.path if hasattr(run, "path") else run.stages

@@ -28,7 +28,7 @@ class Ports(NamedTuple):
     """Known errors at the ports of a loop of N samples, zero where an effect has none."""
 
     drive: Array  # (N - 1, 3) of the commands to the drives [m/s²] if they are ideal, else [m/s]
-    law: Array  # (N - 1, 3) of the commanded acceleration [m/s²]
+    command: Array  # (N - 1, 3) of the commanded acceleration [m/s²]
     arriving: Array  # (N - 1, 3) of the commanded acceleration as it arrives at the drives [m/s²]
     measured: Array  # (N, 10) measured minus true joints
     disturbance: Array  # (N - 1, 2) angular accelerations of alpha, beta [rad/s²]
@@ -101,7 +101,7 @@ def propagate_signals(loop, ports, friction, deviation):
         measured = x.copy()
         measured[:10] += ports.measured[k]
         outputs = np.dot(loop.outputs[k], measured)
-        commanded[k] = outputs[3:6] + ports.law[k]
+        commanded[k] = outputs[3:6] + ports.command[k]
         arrived = ports.arriving[k].copy()
         if k >= loop.delay:
             arrived += commanded[k - loop.delay]
@@ -160,7 +160,7 @@ def second_order(run: Run, loop: TrajectoryLoop, ports: Ports, predicted: Deviat
     at[:, 12:] += v
     command = command_outputs(tracker.gravity, at)[:, 12:] - run.block("input")[rows, :3]
     linear = np.einsum("kij,kj->ki", loop.outputs[rows], change)
-    defect.law[:] = command - predicted.commanded
+    defect.command[:] = command - predicted.commanded
     beyond = np.hstack([v, command, error[:, 0]]) - linear
     defect.local[:, p + EXTENSION :] = beyond @ loop.controller_input.T
     states = loop.states.copy()

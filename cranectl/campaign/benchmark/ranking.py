@@ -17,7 +17,7 @@ from cranectl.support.consistency import check_ascending
 class Standing(NamedTuple):
     """Results of one controller on one set of cranes and plant, over all scenarios of the ranking."""
 
-    law: str  # name of the controller
+    controller: str  # name of the controller
     runs: int
     failures: int
     settled: float  # share of runs that settle
@@ -30,11 +30,15 @@ class Standing(NamedTuple):
         """Share of the runs that failed."""
         return self.failures / self.runs
 
+    def to_json(self) -> dict[str, Any]:
+        """Return all fields by the keys of the JSON output."""
+        return dict(zip(("law", *self._fields[1:]), self, strict=True))
+
 
 def checked_standing(*fields: Any) -> Standing:
     """Return a standing; raise InconsistentError if counts or shares contradict each other."""
     standing = Standing(*fields)
-    check_ascending(("failures", standing.failures), (f"runs of {standing.law}", standing.runs))
+    check_ascending(("failures", standing.failures), (f"runs of {standing.controller}", standing.runs))
     for name, share in (("settled", standing.settled), ("unsettled", standing.unsettled)):
         check_ascending(("zero", 0.0), (f"the share that {name}", share), ("one", 1.0), rounding=1e-12)
     return standing
@@ -79,22 +83,22 @@ class Judged(NamedTuple):
 
     def unfinished(self, crane_set: str) -> list[str]:
         """Return the controllers that have runs on a set, but not on all scenarios of its ranking."""
-        ranked = {standing.law for standing in self.ranking(crane_set)}
+        ranked = {standing.controller for standing in self.ranking(crane_set)}
         group = (self.division, self.benchmark.plant, crane_set)
-        with_runs = dict.fromkeys(trial.law for trial in self.table.trials if trial[:3] == group)
+        with_runs = dict.fromkeys(trial.controller for trial in self.table.trials if trial[:3] == group)
         return [controller for controller in with_runs if controller not in ranked]
 
     @property
     def controllers(self) -> list[str]:
         """Names of all controllers that have runs, in any division."""
-        return list(dict.fromkeys(trial.law for trial in self.table.trials))
+        return list(dict.fromkeys(trial.controller for trial in self.table.trials))
 
     @property
     def best_first(self) -> list[str]:
         """All controllers, in the order of the ranking on the set with the widest spread that has runs."""
         widest = sorted(self.benchmark.sets, key=lambda name: -self.benchmark.sets[name].spread)
         standings = next(filter(None, map(self.ranking, widest)), [])
-        return list(dict.fromkeys([*(standing.law for standing in standings), *self.controllers]))
+        return list(dict.fromkeys([*(standing.controller for standing in standings), *self.controllers]))
 
 
 def _standing(controller: str, runs: Sequence[Runs], durations: Sequence[float]) -> Standing:

@@ -157,7 +157,7 @@ def collect_results(
         results = read_results(directory / trial.folder, unfinished=True)
         if results.missing:
             continue
-        _check_same(results, expected_manifest(trial._replace(law=ANY_CONTROLLER)), trial.law)
+        _check_same(results, expected_manifest(trial._replace(controller=ANY_CONTROLLER)), trial.controller)
         trials[trial] = runs_of(results.column, results.campaign.settings.limits.given)
         for origin in results.origins:
             software = {
@@ -166,7 +166,9 @@ def collect_results(
             made_by[tuple(software.items())] = software
         nominal[trial.scenario] = results.campaign.nominal
         if trial.division == "tuned":
-            numbers = tuned_settings(tuned, rules, trial.law, lengths[trial.scenario], str(benchmark.file))
+            numbers = tuned_settings(
+                tuned, rules, trial.controller, lengths[trial.scenario], str(benchmark.file)
+            )
             expected = (*benchmark.set, *benchmark.scenarios[trial.scenario].set, *numbers)
             if tuple(results.campaign.settings.set) != expected:
                 raise InputError(
@@ -185,10 +187,10 @@ def collect_results(
         "seed": benchmark.seed,
         "made_by": list(made_by.values()),
         "durations": {name: scenario.duration for name, scenario in nominal.items()},
-        "laws": {trial.law: information(trial.law) for trial in trials},
+        "laws": {trial.controller: information(trial.controller) for trial in trials},
         "tuned": {
             controller: tuned_facts(tuned, rules, controller, str(benchmark.file))
-            for controller in dict.fromkeys(trial.law for trial in trials if trial.division == "tuned")
+            for controller in dict.fromkeys(trial.controller for trial in trials if trial.division == "tuned")
         },
     }
     return BenchmarkTable(about, trials)

@@ -30,6 +30,7 @@ METRICS = (
     "saturated_s",
     "rest_s",
 )
+TRIAL_COLUMNS = ("division", "plant", "crane_set", "scenario", "law")  # the fields of a trial, as filed
 ABOUT = b"benchmark"  # key of the metadata
 ABOUT_KEYS = ("rules", "seed", "made_by", "durations", "laws", "tuned")  # keys of its JSON
 
@@ -92,11 +93,11 @@ def write_table(path: Path, table: BenchmarkTable) -> None:
     import pyarrow
     from pyarrow import parquet
 
-    columns: dict[str, list[Any]] = {name: [] for name in (*Trial._fields, "sample", "failed", "status")}
+    columns: dict[str, list[Any]] = {name: [] for name in (*TRIAL_COLUMNS, "sample", "failed", "status")}
     numbers: dict[str, list[Array]] = {name: [] for name in (*METRICS, EFFORT, VARIATION)}
     for trial, runs in table.trials.items():
         n = len(runs.status)
-        for name, value in trial._asdict().items():
+        for name, value in zip(TRIAL_COLUMNS, trial, strict=True):
             columns[name] += [value] * n
         columns["sample"] += range(n)
         columns["failed"] += runs.failed.tolist()
@@ -126,7 +127,7 @@ def read_table(path: Path) -> BenchmarkTable:
             arrow = parquet.read_table(stream)
         metadata = json.loads(arrow.schema.metadata[ABOUT])
         about = {name: metadata[name] for name in ABOUT_KEYS}
-        keys = list(zip(*(arrow[name].to_pylist() for name in Trial._fields), strict=True))
+        keys = list(zip(*(arrow[name].to_pylist() for name in TRIAL_COLUMNS), strict=True))
         columns = {name: arrow[name].to_numpy() for name in (*METRICS, EFFORT, VARIATION, "failed", "status")}
     except (OSError, pyarrow.ArrowException, KeyError, TypeError, ValueError) as error:
         raise InputError(
@@ -188,5 +189,5 @@ def select_controllers(table: BenchmarkTable, controllers: Collection[str]) -> B
         for part in ("laws", "tuned")
     }
     return BenchmarkTable(
-        {**table.about, **about}, {p: r for p, r in table.trials.items() if p.law in controllers}
+        {**table.about, **about}, {p: r for p, r in table.trials.items() if p.controller in controllers}
     )

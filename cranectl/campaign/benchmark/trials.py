@@ -43,7 +43,7 @@ class Trial(NamedTuple):
     plant: str
     crane_set: str
     scenario: str
-    law: str  # name of the controller
+    controller: str
 
     @property
     def folder(self) -> Path:
@@ -128,11 +128,11 @@ def campaign_of(
         draws = max(1, round(benchmark.second_share * draws))
     numbers: Sequence[str] = ()
     if trial.division == "tuned":
-        numbers = tuned(trial.law, crane_length(benchmark, trial.scenario))
+        numbers = tuned(trial.controller, crane_length(benchmark, trial.scenario))
     return trial_campaign(
         benchmark,
         trial.scenario,
-        trial.law,
+        trial.controller,
         plant=trial.plant,
         runs=draws,
         seed=benchmark.seed,

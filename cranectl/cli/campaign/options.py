@@ -9,7 +9,7 @@ import click
 
 from cranectl.cli.command import plants_option
 from cranectl.cli.completion import complete_campaigns, complete_drives, complete_rigs
-from cranectl.cli.laws import controllers_option, opened, trust_option
+from cranectl.cli.controller_options import controllers_option, opened, trust_option
 
 
 def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:

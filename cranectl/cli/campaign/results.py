@@ -8,7 +8,7 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, command_given, json_option, output_option, plants_option
-from cranectl.cli.laws import controllers_option
+from cranectl.cli.controller_options import controllers_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
 from cranectl.support.files import HTML
 

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from cranectl.cli import exit_codes
 from cranectl.cli.campaign.options import campaign_argument
 from cranectl.cli.command import Command, arguments_given, json_option
-from cranectl.cli.laws import timeout_option
+from cranectl.cli.controller_options import timeout_option
 from cranectl.cli.output import Screen, progress
 
 if TYPE_CHECKING:

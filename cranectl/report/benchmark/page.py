@@ -20,7 +20,7 @@ from cranectl.report.page import Page, Section
 from cranectl.report.table import Cell, Table, cells
 from cranectl.status import RunStatus
 
-FILE = "FILE"  # of a law, where it is not known
+FILE = "FILE"  # of a controller, where it is not known
 NOT_DECLARED = "not declared"
 SHOWN = ("failed %", "unsettled %", "RMS u")  # of each set in the summary
 OUR_CONTROLLER = "lqr-offset-free"
@@ -89,7 +89,9 @@ def _summary(divisions: list[Judged]) -> Iterator[Section]:
         fronts = {}
         for name, standings in sets.items():
             full = scores.undominated(points_of(standings))
-            fronts[name] = {standing.law for standing, best in zip(standings, full, strict=True) if best}
+            fronts[name] = {
+                standing.controller for standing, best in zip(standings, full, strict=True) if best
+            }
         everywhere = [
             controller
             for controller in judged.best_first
@@ -106,8 +108,8 @@ def _undominated(
     judged: Judged, sets: Mapping[str, Sequence[Standing]], fronts: Mapping[str, set[str]]
 ) -> Table:
     """Return the controllers on any of the fronts, those on most of them first."""
-    by_law = {
-        name: {standing.law: standing for standing in standings_of_set}
+    by_set = {
+        name: {standing.controller: standing for standing in standings_of_set}
         for name, standings_of_set in sets.items()
     }
     count = {
@@ -120,7 +122,7 @@ def _undominated(
     rows = []
     for controller in controllers:
         row: list[Cell | str] = []
-        for name, standings in by_law.items():
+        for name, standings in by_set.items():
             if controller not in standings:
                 row += [""] * len(SHOWN)
                 continue
@@ -130,7 +132,7 @@ def _undominated(
             row += [failed, f"{unsettled:.1f}", finite(own_standing.effort, ".2f", "fails")]
         rows.append(cells(*named(judged, controller), *row))
     headings = (*NAMED, *(f"{name}\n{column}" for name in sets for column in SHOWN))
-    every = set().union(*by_law.values())
+    every = set().union(*by_set.values())
     title = f"{TITLES[judged.division]}: {len(controllers)} of {len(every)} controllers"
     note = "A star: undominated on that set. RMS u in m/s²."
     return Table(title, headings, tuple(rows), labels=2, note=note)

@@ -15,7 +15,7 @@ from cranectl.report.page import Section
 from cranectl.report.table import Table, cells
 from cranectl.support.arrays import Mask
 
-BEST = 5  # laws whose single effects are not folded
+BEST = 5  # controllers whose single effects are not folded
 
 
 def radius_section(judged: Judged) -> Iterator[Section]:

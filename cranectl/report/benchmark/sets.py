@@ -23,7 +23,7 @@ COMPARED = "rms_error_m"  # with the baseline, crane by crane
 NAMED = ("controller", "knows")
 TITLES: dict[Division, str] = {"tuned": "Tuned", "published": "As published (defaults)"}
 MOST_RATIO = 10.0
-NAMED_PROFILES = 8  # laws that have a line of their own in a profile
+NAMED_PROFILES = 8  # controllers that have a line of their own in a profile
 LEAST_EFFORT = 1e-2  # [m/s²] that is drawn, on a logarithmic scale
 DIFFERENCES = tuple(
     f"{what} less baseline\n{heading}"
@@ -71,17 +71,17 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
         "Filled and named: no other is as good in settling, effort and failures and better in one. "
         "Larger circles fail more often.",
         _draw_fronts,
-        [s.law for s, there in zip(standings, drawable, strict=True) if there],
+        [s.controller for s, there in zip(standings, drawable, strict=True) if there],
         points[drawable],
         best[drawable],
         alone=True,
     )
-    controllers, tasks = [s.law for s in standings], []
+    controllers, tasks = [s.controller for s in standings], []
     for scenario in judged.shared_scenarios(name):
         runs = restrict_to_common_cranes(
             [judged.table.trials[judged.trial(name, scenario, controller)] for controller in controllers]
         )
-        tasks.append(np.stack([run.task for run in runs]))  # (laws, cranes that all of them have met)
+        tasks.append(np.stack([run.task for run in runs]))  # (controllers, cranes that all of them have met)
     profiles = Figure.drawn(
         "performance profiles",
         "Share of all runs that a controller has settled within so many times the time of the one that was "
@@ -101,7 +101,7 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
         f"Differences to {benchmark.baseline} are crane by crane: of RMS errors where neither fails, of "
         "unsettled time on all cranes, where a failed run is unsettled to the end; none is shown of fewer "
         f"than {scores.MIN_INTERVAL_VALUES} cranes. Effect: share of cranes on which it is larger less that "
-        "on which it is smaller. Laws of set points never see the path and have no error to it."
+        "on which it is smaller. Controllers of set points never see the path and have no error to it."
     )
     if all(judged.runs(name, scenario, benchmark.baseline) is None for scenario in benchmark.scenarios):
         text += f" No differences are shown: no runs of {benchmark.baseline} are here."
@@ -121,12 +121,12 @@ def ranking_table(judged: Judged, standings: Sequence[Standing], title: str) -> 
     rows = []
     for standing, ahead in zip(standings, better.T, strict=True):
         low, high = failure_interval(standing.failures, standing.runs)
-        front = standings[int(np.argmax(ahead))].law if ahead.any() else ANSWERS[True]
+        front = standings[int(np.argmax(ahead))].controller if ahead.any() else ANSWERS[True]
         failed = f"{100.0 * standing.failed:.1f}", f"{100.0 * low:.1f} to {100.0 * high:.1f}"
         settled = f"{100.0 * standing.settled:.0f}", f"{100.0 * standing.unsettled:.1f}"
         inputs = finite(standing.effort, ".3f", "fails"), finite(standing.variation, ".1f", "fails")
         rows.append(
-            cells(*named(judged, standing.law), front, str(standing.runs), *failed, *settled, *inputs)
+            cells(*named(judged, standing.controller), front, str(standing.runs), *failed, *settled, *inputs)
         )
     note = (
         "Over scenarios that suit every kind of controller; effort and variation are medians of the runs. "
@@ -229,7 +229,7 @@ def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
 def _draw_fronts(controllers: Sequence[str], points: Array, best: Mask) -> Drawing:
     """Draw effort against the unsettled share of the rest; points (n, 3) with the share of failures.
 
-    Laws that no other dominates have their names and are full; the size tells the failures.
+    Controllers that no other dominates have their names and are full; the size tells the failures.
     """
     figure, axes = canvas(1.2 * WIDTH, max(3.8, 0.18 * np.count_nonzero(best)))
     settling, effort = 100.0 * points[:, 0], np.maximum(points[:, 1], LEAST_EFFORT)

@@ -61,7 +61,7 @@ def test_a_delay_is_a_delay() -> None:
     """A command error of one sample reaches the plant so many samples later."""
     _, loop = nominal("lqr")
     ports = no_errors(loop)
-    ports.law[100, 1] = 1.0
+    ports.command[100, 1] = 1.0
     late = propagate(loop._replace(delay=7), ports)
     assert np.flatnonzero(late.drive[:, 1])[0] == 107
     assert late.drive[107, 1] == 1.0

@@ -26,7 +26,7 @@ from cranectl.report.benchmark.page import benchmark_page
 from cranectl.report.page import Section, render
 from cranectl.report.table import Table
 from cranectl.support.errors import InputError
-from tests.controllers.laws import FOLLOWING, known
+from tests.controllers.own_controllers import FOLLOWING, known
 
 FACTS = {
     "follows": "path",
@@ -253,7 +253,9 @@ def test_controllers_are_compared_on_common_cranes(small: Path) -> None:
     scenario = {row[0]: row for row in texts(shown.tables[2])}["mine"]
     assert scenario[7:] == ["", "", "", "", "-0.10", "-0.10 to -0.10", "-1.00"]
     assert texts(sections(benchmark, results)["published-second"].tables[0])[0][2] == "6", "number of runs"
-    for trial in [trial for trial in results.trials if trial.law == "mine" and trial.plant == "mujoco"]:
+    for trial in [
+        trial for trial in results.trials if trial.controller == "mine" and trial.plant == "mujoco"
+    ]:
         results.trials[trial] = runs(0.01).first(5)  # type: ignore[index]
     shown = sections(benchmark, results)
     scenario = {row[0]: row for row in texts(shown["published-wide"].tables[2])}["mine"]

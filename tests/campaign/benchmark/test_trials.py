@@ -67,7 +67,7 @@ def test_controllers_run_on_suitable_scenarios(small: Path) -> None:
     )
     trials = trials_of(benchmark, ("lqr-integral", servo))
     assert len(trials) == len(set(trials)) == 2 * 2 * 3 + 2 * 2 + 2 * 2
-    assert not [trial for trial in trials if trial.law == servo and trial.scenario == "path"]
+    assert not [trial for trial in trials if trial.controller == servo and trial.scenario == "path"]
     selected = trials_of(benchmark, ("lqr-integral",), ("nominal",), ("path",))
     assert selected == [
         Trial("published", plant, "nominal", "path", "lqr-integral") for plant in ("mujoco", "analytic")

@@ -29,7 +29,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.support.children import Timeout
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign, fixed
-from tests.loaders.law_files import LAW
+from tests.loaders.controller_files import LAW
 from tests.pace import HANG
 
 SHORT = ["duration=3.2", "disturbances=[]"]
@@ -156,7 +156,7 @@ def test_free_running_holds_the_last_command_and_counts_what_it_missed(
 def test_a_program_that_fails_ends_its_run_only(
     broken: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("cranectl.loaders.process_law.ANSWER_TIMEOUT", 2.0)
+    monkeypatch.setattr("cranectl.loaders.process_controller.ANSWER_TIMEOUT", 2.0)
     monkeypatch.chdir(tmp_path)
     law = str(program(tmp_path, broken))
     short = [part for text in SHORT for part in ("--set", text)]

@@ -3,7 +3,7 @@
 import subprocess
 from pathlib import Path
 
-from cranectl.loaders.c_law import HEADER
+from cranectl.loaders.c_controller import HEADER
 
 LAW = '''
 import numpy as np

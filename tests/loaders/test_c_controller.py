@@ -10,14 +10,14 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.controllers.controller import Parameter
 from cranectl.controllers.registry import controller_design, load_controller
-from cranectl.loaders.c_law import HEADER
+from cranectl.loaders.c_controller import HEADER
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from tests.benchmark.linear_loop import nominal_at
-from tests.loaders.law_files import built
+from tests.loaders.controller_files import built
 
 DAMPING = Parameter("damping", 8.0, "1/s", "damper", 0.0, 1e4)
 STIFFNESS = Parameter("stiffness", 16.0, "1/s^2", "spring", 0.0, 1e4)

@@ -12,7 +12,7 @@ from cranectl.cli.command import F, names_given
 from cranectl.cli.completion import complete_controllers
 
 
-class Law(click.ParamType):  # type: ignore[type-arg]
+class ControllerName(click.ParamType):  # type: ignore[type-arg]
     """The type of an option that names a controller, or the file of one, which is opened."""
 
     name = "controller"
@@ -55,7 +55,7 @@ def opened(name: str, directory: Path = Path()) -> str:
     from cranectl.loaders.opening import open_controller
 
     if not is_reference(name):
-        from cranectl.loaders.c_law import check_compiled
+        from cranectl.loaders.c_controller import check_compiled
 
         check_compiled(directory / name)
         return name
@@ -68,7 +68,7 @@ def controller_option(function: F) -> F:
     @click.option(
         "--controller",
         metavar="NAME",
-        type=Law(),
+        type=ControllerName(),
         shell_complete=complete_controllers,
         help="A controller, or the file of one: law.py:NAME, law.so, law.fmu. Default: the scenario's own.",
     )
