@@ -50,7 +50,7 @@ class PreparedRun(NamedTuple):
     memory: Array
 
 
-@renamed_arguments(law="compiled_controller", patience="timeout")
+@renamed_arguments(known="nominal", law="compiled_controller", patience="timeout")
 def simulate_run(
     scenario: Scenario,
     *,

@@ -20,7 +20,9 @@ def test_a_former_name_works_and_warns_the_caller() -> None:
     assert warned[0].filename == __file__
 
 
-@pytest.mark.parametrize(("former", "present"), [("law", "compiled_controller"), ("patience", "timeout")])
+@pytest.mark.parametrize(
+    ("former", "present"), [("known", "nominal"), ("law", "compiled_controller"), ("patience", "timeout")]
+)
 def test_former_names_of_a_run_lead_to_the_present_ones(former: str, present: str) -> None:
     assert present in inspect.signature(cranectl.simulate_run).parameters
     with (
