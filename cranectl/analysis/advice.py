@@ -28,8 +28,7 @@ from cranectl.status import RunStatus
 from cranectl.support.documents import merged
 
 IMPROVEMENTS = 5  # number of improvements that are tried
-# The effects that drives and sensors have.
-GIVEN = [name for name, kind in EFFECTS.items() if kind.is_staged and kind.adds]
+DRIVE_AND_SENSOR_EFFECTS = [name for name, kind in EFFECTS.items() if kind.is_staged and kind.adds]
 STILL = 0.02  # [m/s], below which the rope counts as still
 Progress = Callable[[float], None]  # called with one for each controller and improvement
 
@@ -135,8 +134,14 @@ class Advice:
 def advise(
     scenario: Scenario, controllers: Sequence[str] = CONTROLLERS, *, progress: Progress | None = None
 ) -> Advice:
-    """Assess the controllers with velocity drives and the effects GIVEN, as set or by default."""
-    rig = with_effects(scenario, [*GIVEN, *(n for n in scenario.effects.names if n not in GIVEN)])
+    """Assess the controllers with velocity drives and DRIVE_AND_SENSOR_EFFECTS, as set or by default."""
+    rig = with_effects(
+        scenario,
+        [
+            *DRIVE_AND_SENSOR_EFFECTS,
+            *(n for n in scenario.effects.names if n not in DRIVE_AND_SENSOR_EFFECTS),
+        ],
+    )
     points = tuple(visited_points(rig))
     assessments = []
     for name in controllers:

@@ -15,21 +15,21 @@ from cranectl.support.compiled_step import FAILED, report_failure
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 _STEP = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)
-_KEPT: list[object] = []  # callbacks are called by address, so they must not be collected
+_CALLBACKS: list[object] = []  # called by address, so they must not be collected
 
 
-def called_back(step: Callable[..., int], name: str, sizes: Sizes) -> int:
+def callback_address(step: Callable[..., int], name: str, sizes: Sizes) -> int:
     """Return the address of a C function that calls `step`; only memory and command are writable."""
     lengths = tuple(sizes)
-    known: dict[tuple[int, int], Array] = {}
+    views: dict[tuple[int, int], Array] = {}
 
     def array(address: int, k: int) -> Array:
-        view = known.get((address, k))
+        view = views.get((address, k))
         if view is None:
             view = np.ctypeslib.as_array(ctypes.cast(address, _DOUBLES), (lengths[k],))
             view.flags.writeable = k > 2
             if k != 2:  # not for the reference, which has a new address at each sample
-                known[address, k] = view
+                views[address, k] = view
         return view
 
     def call(*addresses: int) -> int:
@@ -45,5 +45,5 @@ def called_back(step: Callable[..., int], name: str, sizes: Sizes) -> int:
             return FAILED
 
     function = _STEP(call)
-    _KEPT.append(function)
+    _CALLBACKS.append(function)
     return ctypes.cast(function, ctypes.c_void_p).value or 0

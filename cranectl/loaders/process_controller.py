@@ -30,7 +30,7 @@ from pydantic import Field
 from cranectl.controllers.controller import Controller, called_by_address
 from cranectl.controllers.registry import UDP
 from cranectl.controllers.slots import Slots
-from cranectl.loaders.called_back import called_back
+from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, whole_copy_of
 from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.signals import Signal
@@ -103,7 +103,7 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
         logged=MEMORY.logged(
             missed=[missed], reported=[Signal(name, name, "", "") for name in settings.logged]
         ),
-        entry=lambda sizes, _: called_back(_step(settings, connect), file.reference, sizes),
+        entry=lambda sizes, _: callback_address(_step(settings, connect), file.reference, sizes),
         alone=bool(settings.address),
     )
     return controller, file

@@ -29,7 +29,7 @@ from cranectl.controllers.controller import (
 )
 from cranectl.controllers.preparation import real_numbers
 from cranectl.controllers.slots import Slots
-from cranectl.loaders.called_back import called_back
+from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.neighbours import Neighbours
 from cranectl.loaders.opening import ControllerFile, slug, whole_copy_of
 from cranectl.signals import Signal
@@ -207,5 +207,7 @@ def _callable(controller: Controller, file: ControllerFile) -> Controller:
                 f"sample: Numba cannot compile it: {where}: {said}",
                 file=sys.stderr,
             )
-        return replace(controller, entry=lambda sizes, _: called_back(controller.step, file.reference, sizes))
+        return replace(
+            controller, entry=lambda sizes, _: callback_address(controller.step, file.reference, sizes)
+        )
     return controller

@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cranectl.analysis.advice import GIVEN, IMPROVEMENTS, Advice, advise, assess, improved, visited_points
+from cranectl.analysis.advice import (
+    DRIVE_AND_SENSOR_EFFECTS,
+    IMPROVEMENTS,
+    Advice,
+    advise,
+    assess,
+    improved,
+    visited_points,
+)
 from cranectl.analysis.certificate.certify import REQUIRED_MARGIN
 from cranectl.analysis.levels import with_effects
 from cranectl.planning import load_scenario
@@ -68,7 +76,7 @@ def test_improvements_are_ordered_by_what_they_save(found: Advice) -> None:
 
 
 def test_each_improvement_changes_one_thing() -> None:
-    rig = with_effects(load_scenario("fixed-position"), list(GIVEN))
+    rig = with_effects(load_scenario("fixed-position"), list(DRIVE_AND_SENSOR_EFFECTS))
     before = rig.model_dump(mode="json")
     changed = {
         name: {key for key, value in better.model_dump(mode="json").items() if value != before[key]}

@@ -39,7 +39,7 @@ from cranectl.controllers.observer import (
 from cranectl.design import design_controller
 from cranectl.model.dynamics import angular_accelerations
 from cranectl.model.flatness import flat_output
-from cranectl.plants.mujoco.linearisation import Anchor, change_since, coordinates, put
+from cranectl.plants.mujoco.linearisation import BaseState, change_since, count_coordinates, set_state
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import Scenario
@@ -119,8 +119,8 @@ def linear_plant(
     tracker = tracker_of(scenario, design_controller("pole-placement"))  # for its feedback linearisation only
     wind = scenario.effects.wind
     air = np.array([*(wind.mean if wind else (0.0, 0.0, 0.0)), 0.0, 0.0, 0.0])
-    anchor, command, state = find_equilibrium(plant, point, drive, air, tracker.gravity)
-    crane_matrix = _crane_matrix(plant, anchor, command, np.array(point.tilt), air)
+    base, command, state = find_equilibrium(plant, point, drive, air, tracker.gravity)
+    crane_matrix = _crane_matrix(plant, base, command, np.array(point.tilt), air)
     sensing = scenario.effects.sensing
     arguments = {"period": tracker.period, "gravity": tracker.gravity}
     observer = None if sensing is None else make_observer(sensing.observer_bandwidth, **arguments)
@@ -144,20 +144,20 @@ def run_plant(scenario: Scenario, drive: Drive) -> MujocoPlant:
     return plant
 
 
-def _crane_matrix(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, air: Array) -> Array:
+def _crane_matrix(plant: MujocoPlant, base: BaseState, command: Array, tilt: Array, air: Array) -> Array:
     """Return the matrix (n, n + 3) from (change of state, command) to the change one period later.
 
     The ten joints come first, see `plants.mujoco.linearisation`. Coordinates that affect nothing are left
     out.
     """
-    n, load = coordinates(plant), np.zeros(7)
+    n, load = count_coordinates(plant), np.zeros(7)
 
     def crane(values: Array) -> Array:
-        put(plant, anchor, values[:n])
+        set_state(plant, base, values[:n])
         plant.advance(values[n:], tilt, air, load)
-        return change_since(plant, anchor)
+        return change_since(plant, base)
 
-    at, step = np.append(np.zeros(n), command), step_at(plant, anchor)
+    at, step = np.append(np.zeros(n), command), step_at(plant, base)
     matrix = jacobian(crane, at, np.full(n + 3, step))
     moving = np.abs(matrix[:, :n] * (1.0 - np.eye(n))) >= ZERO_TOLERANCE  # [state, by another]
     retained = np.arange(n)

@@ -23,13 +23,13 @@ import numpy as np
 from cranectl.analysis.certificate.systems import jacobian
 from cranectl.model.flatness import slopes_from_angles
 from cranectl.plants.mujoco.linearisation import (
-    Anchor,
-    anchor_of,
+    BaseState,
+    displace,
     free_coordinates,
     load_velocity,
-    moved,
-    stretch,
-    unbalanced,
+    present_state,
+    rope_stretch,
+    unbalanced_forces,
 )
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive
@@ -142,7 +142,7 @@ REST_ITERATIONS = 30
 
 def find_equilibrium(
     plant: MujocoPlant, point: OperatingPoint, drive: Drive, air: Array, gravity: float
-) -> tuple[Anchor, Array, EquilibriumState]:
+) -> tuple[BaseState, Array, EquilibriumState]:
     """Find the engine's state, the command (3,) that keeps it, and the tracker's signals at the equilibrium.
 
     Raises InputError if it finds no equilibrium.
@@ -150,13 +150,13 @@ def find_equilibrium(
     start, free = _starting_guess(plant, point, gravity), free_coordinates(plant)
     commands = 0 if DRIVES[drive].at_rest == "nothing" else 3
 
-    def split(unknown: Array) -> tuple[Anchor, Array]:
+    def split(unknown: Array) -> tuple[BaseState, Array]:
         displacement, command = np.zeros(plant.model.nv), np.zeros(3)
         displacement[free], command[:commands] = unknown[commands:], unknown[:commands]
-        return moved(plant, start, displacement), command
+        return displace(plant, start, displacement), command
 
     def residual(unknown: Array) -> Array:
-        force = unbalanced(plant, *split(unknown), np.array(point.tilt), air)
+        force = unbalanced_forces(plant, *split(unknown), np.array(point.tilt), air)
         return force if commands else force[free]
 
     unknown, tolerance = np.zeros(commands + len(free)), REST_FORCE_TOLERANCE * plant.rig.load_mass * gravity
@@ -178,17 +178,17 @@ def find_equilibrium(
     return state._replace(load_velocity=load_velocity(plant)), command, signals_at(joints, gravity)
 
 
-def _starting_guess(plant: MujocoPlant, point: OperatingPoint, gravity: float) -> Anchor:
+def _starting_guess(plant: MujocoPlant, point: OperatingPoint, gravity: float) -> BaseState:
     """Return the equilibrium of a crane without effects, with the rope stretched as at rest."""
     joints = np.zeros(10)
     joints[ROPE] = point.rope_length
     joints[ALPHA], joints[BETA] = tilt_angles(point, gravity)
     plant.reset(joints)
-    start = anchor_of(plant)
+    start = present_state(plant)
     start.qvel[[plant.rig.rates[2], plant.rig.distance[1]]] = point.hoisting_speed
     return start
 
 
-def step_at(plant: MujocoPlant, anchor: Anchor) -> float:
-    """Return the step of the differences about `anchor`."""
-    return min(STEP, MAX_STRETCH_SHARE * max(stretch(plant, anchor), 1e-9))
+def step_at(plant: MujocoPlant, base: BaseState) -> float:
+    """Return the step of the differences about `base`."""
+    return min(STEP, MAX_STRETCH_SHARE * max(rope_stretch(plant, base), 1e-9))

@@ -19,7 +19,7 @@ from cranectl.plants.mujoco.plant import MujocoPlant, set_command
 from cranectl.support.arrays import Array
 
 
-class Anchor(NamedTuple):
+class BaseState(NamedTuple):
     """The state from which changes are counted."""
 
     qpos: Array  # (nq,)
@@ -27,15 +27,15 @@ class Anchor(NamedTuple):
     load_velocity: Array  # (3,) [m/s], sensed at the start of the last step
 
 
-def anchor_of(plant: MujocoPlant) -> Anchor:
+def present_state(plant: MujocoPlant) -> BaseState:
     """Return the present state of `plant`, to count changes from."""
     mujoco.mj_forward(plant.model, plant.data)
-    return Anchor(plant.data.qpos.copy(), plant.data.qvel.copy(), load_velocity(plant))
+    return BaseState(plant.data.qpos.copy(), plant.data.qvel.copy(), load_velocity(plant))
 
 
 def load_velocity(plant: MujocoPlant) -> Array:
     """Return the velocity of the load (3,) from the sensors [m/s]."""
-    velocity: Array = plant.data.sensordata[_seen(plant)].copy()
+    velocity: Array = plant.data.sensordata[_load_velocity_places(plant)].copy()
     return velocity
 
 
@@ -44,19 +44,19 @@ def free_coordinates(plant: MujocoPlant) -> NDArray[np.int64]:
     return np.setdiff1d(np.arange(plant.model.nv), plant.rig.rates[:3])
 
 
-def moved(plant: MujocoPlant, anchor: Anchor, turn: Array) -> Anchor:
-    """Return `anchor` with its positions changed by `turn` (nv,), in the tangent space."""
-    qpos = anchor.qpos.copy()
-    mujoco.mj_integratePos(plant.model, qpos, turn, 1.0)
-    return anchor._replace(qpos=qpos)
+def displace(plant: MujocoPlant, base: BaseState, displacement: Array) -> BaseState:
+    """Return `base` with its positions changed by `displacement` (nv,), in the tangent space."""
+    qpos = base.qpos.copy()
+    mujoco.mj_integratePos(plant.model, qpos, displacement, 1.0)
+    return base._replace(qpos=qpos)
 
 
-def unbalanced(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, air: Array) -> Array:
-    """Return the unbalanced generalised forces (nv,) at `anchor`, mass matrix times acceleration.
+def unbalanced_forces(plant: MujocoPlant, base: BaseState, command: Array, tilt: Array, air: Array) -> Array:
+    """Return the unbalanced generalised forces (nv,) at `base`, mass matrix times acceleration.
 
     The accelerations themselves would be ill conditioned for a hook without mass.
     """
-    _set(plant, anchor)
+    _set_positions_and_rates(plant, base)
     set_command(plant.rig, command)
     evaluate(plant.rig, tilt, air, True)
     force = np.zeros(plant.model.nv)
@@ -64,40 +64,40 @@ def unbalanced(plant: MujocoPlant, anchor: Anchor, command: Array, tilt: Array, 
     return force
 
 
-def stretch(plant: MujocoPlant, anchor: Anchor) -> float:
+def rope_stretch(plant: MujocoPlant, base: BaseState) -> float:
     """Return the stretch of the rope, its length minus the length paid out [m]; infinite for a rigid rope."""
     rig = plant.rig
-    return float(anchor.qpos[rig.distance[0]] - anchor.qpos[rig.joints[2]]) if rig.rope.active else np.inf
+    return float(base.qpos[rig.distance[0]] - base.qpos[rig.joints[2]]) if rig.rope.active else np.inf
 
 
-def coordinates(plant: MujocoPlant) -> int:
+def count_coordinates(plant: MujocoPlant) -> int:
     """Return the number of coordinates that a change of state has."""
     return 2 * int(plant.model.nv) + (3 if plant.rig.drag > 0.0 else 0)
 
 
-def put(plant: MujocoPlant, anchor: Anchor, change: Array) -> None:
-    """Set the state to `anchor` changed by `change`."""
-    nv, total = plant.model.nv, np.zeros(coordinates(plant))
+def set_state(plant: MujocoPlant, base: BaseState, change: Array) -> None:
+    """Set the state to `base` changed by `change`."""
+    nv, total = plant.model.nv, np.zeros(count_coordinates(plant))
     total[_order(plant)] = change
-    changed = moved(plant, anchor, total[:nv])
-    qvel = _about_axes_of(plant, changed, anchor, anchor.qvel + total[nv : 2 * nv])
-    _set(plant, changed._replace(qvel=qvel))
+    changed = displace(plant, base, total[:nv])
+    qvel = _about_axes_of(plant, changed, base, base.qvel + total[nv : 2 * nv])
+    _set_positions_and_rates(plant, changed._replace(qvel=qvel))
     if plant.rig.drag > 0.0:
-        plant.data.sensordata[_seen(plant)] = anchor.load_velocity + total[2 * nv :]
+        plant.data.sensordata[_load_velocity_places(plant)] = base.load_velocity + total[2 * nv :]
 
 
-def change_since(plant: MujocoPlant, anchor: Anchor) -> Array:
-    """Return the present state as a change from `anchor`, the inverse of `put`."""
+def change_since(plant: MujocoPlant, base: BaseState) -> Array:
+    """Return the present state as a change from `base`, the inverse of `set_state`."""
     data, position = plant.data, np.zeros(plant.model.nv)
-    mujoco.mj_differentiatePos(plant.model, position, 1.0, anchor.qpos, data.qpos)
-    now = anchor._replace(qpos=data.qpos)
-    parts = [position, _about_axes_of(plant, anchor, now, data.qvel) - anchor.qvel]
+    mujoco.mj_differentiatePos(plant.model, position, 1.0, base.qpos, data.qpos)
+    now = base._replace(qpos=data.qpos)
+    parts = [position, _about_axes_of(plant, base, now, data.qvel) - base.qvel]
     if plant.rig.drag > 0.0:
-        parts.append(load_velocity(plant) - anchor.load_velocity)
+        parts.append(load_velocity(plant) - base.load_velocity)
     return np.array(np.concatenate(parts)[_order(plant)])
 
 
-def _about_axes_of(plant: MujocoPlant, new: Anchor, old: Anchor, qvel: Array) -> Array:
+def _about_axes_of(plant: MujocoPlant, new: BaseState, old: BaseState, qvel: Array) -> Array:
     """Return `qvel` (nv,) with the load's spin turned from its axes at `old` to those at `new`."""
     if not plant.rig.has_body:
         return qvel
@@ -110,12 +110,12 @@ def _about_axes_of(plant: MujocoPlant, new: Anchor, old: Anchor, qvel: Array) ->
     return turned
 
 
-def _set(plant: MujocoPlant, anchor: Anchor) -> None:
+def _set_positions_and_rates(plant: MujocoPlant, base: BaseState) -> None:
     mujoco.mj_resetData(plant.model, plant.data)
-    plant.data.qpos[:], plant.data.qvel[:] = anchor.qpos, anchor.qvel
+    plant.data.qpos[:], plant.data.qvel[:] = base.qpos, base.qvel
 
 
-def _seen(plant: MujocoPlant) -> NDArray[np.int64]:
+def _load_velocity_places(plant: MujocoPlant) -> NDArray[np.int64]:
     return plant.rig.load_sensors[3:6]
 
 
@@ -123,4 +123,4 @@ def _order(plant: MujocoPlant) -> NDArray[np.int64]:
     """Return, for each coordinate of a change, its index in (positions, velocities, sensors)."""
     nv, rates = plant.model.nv, plant.rig.rates
     measured = np.column_stack([rates, nv + rates]).ravel()
-    return np.concatenate([measured, np.setdiff1d(np.arange(coordinates(plant)), measured)])
+    return np.concatenate([measured, np.setdiff1d(np.arange(count_coordinates(plant)), measured)])

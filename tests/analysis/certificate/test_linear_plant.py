@@ -21,7 +21,7 @@ from cranectl.analysis.certificate.operating_points import (
 from cranectl.controllers.flat import MEMORY, RUNNING, control_step
 from cranectl.controllers.registry import controller_design
 from cranectl.design import design_controller
-from cranectl.plants.mujoco.linearisation import change_since, coordinates, put
+from cranectl.plants.mujoco.linearisation import change_since, count_coordinates, set_state
 from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS
@@ -65,7 +65,7 @@ def nonlinear_loop(
     """
     design = design_controller("lqr+loop-shaping", scenario.design)
     tracker, plant, air = tracker_of(scenario, design), run_plant(scenario, drive), air_of(scenario)
-    anchor, command, held = find_equilibrium(plant, point, drive, air, G)
+    base, command, held = find_equilibrium(plant, point, drive, air, G)
     row = np.zeros(BASE_WIDTH + 3 * design.robustifier.sampled_order)
     reference = np.zeros(15)
     memory = np.zeros(MEMORY.robustifier + 3 * design.robustifier.sampled_order)
@@ -77,7 +77,7 @@ def nonlinear_loop(
     reference[:12] = row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 12]
     reference[12:] = held.virtual_input
     line, state, states = [command.copy()] * scenario.delay_samples, np.zeros(10), []
-    put(plant, anchor, np.append(offset, np.zeros(coordinates(plant) - 10)))
+    set_state(plant, base, np.append(offset, np.zeros(count_coordinates(plant) - 10)))
     for _ in range(steps):
         plant.measure(state)
         states.append(state - held.joints)
@@ -116,12 +116,12 @@ def test_linear_loop_moves_as_the_real_one(drive: Drive, name: str) -> None:
     """Two hundred samples of MuJoCo, tilted, delayed, from an offset; and otherwise without the effect."""
     point, delay = OperatingPoint(0.6, (1.0, -0.5)), "effects.delay.seconds=0.004"
     scenario = default_scenario(overrides=[delay, *EFFECTS[name]])
-    moved = nonlinear_loop(scenario, point, drive, OFFSET, 200)
-    assert misfit(linear_loop(scenario, point, drive, OFFSET, 200), moved) < 2e-3
-    assert np.abs(moved[-1] - moved[0]).max() > 3e-2 * np.abs(OFFSET).max(), "nothing moved"
+    displaced = nonlinear_loop(scenario, point, drive, OFFSET, 200)
+    assert misfit(linear_loop(scenario, point, drive, OFFSET, 200), displaced) < 2e-3
+    assert np.abs(displaced[-1] - displaced[0]).max() > 3e-2 * np.abs(OFFSET).max(), "nothing moved"
     if name != "none" and drive == "velocity":
         plain = linear_loop(default_scenario(overrides=[delay]), point, drive, OFFSET, 200)
-        assert misfit(plain, moved) > 1e-2
+        assert misfit(plain, displaced) > 1e-2
 
 
 @pytest.mark.parametrize(
@@ -132,10 +132,10 @@ def test_linear_loop_moves_as_the_real_one_with_all_effects_together(
 ) -> None:
     """By the difference of two runs, with offset and without: with a running rope the point moves on."""
     scenario = default_scenario(overrides=TOGETHER)
-    still, moved = (
+    still, displaced = (
         nonlinear_loop(scenario, point, "velocity", offset, steps) for offset in (np.zeros(10), OFFSET)
     )
-    assert misfit(linear_loop(scenario, point, "velocity", OFFSET, steps), moved - still) < 5e-3
+    assert misfit(linear_loop(scenario, point, "velocity", OFFSET, steps), displaced - still) < 5e-3
 
 
 @pytest.mark.parametrize("point", POINTS, ids=str)
@@ -145,13 +145,13 @@ def test_one_step_leaves_an_equilibrium(name: str, point: OperatingPoint) -> Non
     overrides = TOGETHER if name == "together" else EFFECTS[name]
     scenario = default_scenario(overrides=overrides)
     plant, air = run_plant(scenario, "velocity"), air_of(scenario)
-    anchor, command, _ = find_equilibrium(plant, point, "velocity", air, G)
-    put(plant, anchor, np.zeros(coordinates(plant)))
+    base, command, _ = find_equilibrium(plant, point, "velocity", air, G)
+    set_state(plant, base, np.zeros(count_coordinates(plant)))
     plant.advance(command, np.array(point.tilt), air, np.zeros(7))
-    assert np.abs(change_since(plant, anchor)).max() < 1e-7
-    put(plant, anchor, np.zeros(coordinates(plant)))
+    assert np.abs(change_since(plant, base)).max() < 1e-7
+    set_state(plant, base, np.zeros(count_coordinates(plant)))
     plant.advance(command + np.array([0.0, 0.0, 1e-3]), np.array(point.tilt), air, np.zeros(7))
-    assert np.abs(change_since(plant, anchor)).max() > 1e-6
+    assert np.abs(change_since(plant, base)).max() > 1e-6
 
 
 def test_a_turn_of_the_load_about_its_rope_is_no_state_of_the_loop() -> None:
