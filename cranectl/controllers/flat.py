@@ -42,12 +42,14 @@ ANGLE_SINGULAR = int(RunStatus.ANGLE_SINGULAR)
 LENGTH_SINGULAR = int(RunStatus.LENGTH_SINGULAR)
 NON_FINITE = int(RunStatus.NON_FINITE)
 
-GIVEN = Slots(gain=4, feedthrough=1, period=1, gravity=1, blocks=1, matrices=0)  # matrices: of all blocks
+PARAMETERS = Slots(
+    gain=4, feedthrough=1, period=1, gravity=1, blocks=1, matrices=0
+)  # matrices: of all blocks
 BLOCK_SIZE = 8  # numbers of a block of the robustifier: A (2, 2), B (2,), C (2,)
 # `begun` says whether the extension has been set to the reference, and `slack` is the `slack_place`. In
 # `robustifier` the states of the axes x, y, z come first, then a row of the record.
 MEMORY = Slots(zeta=1, zeta_dot=1, begun=1, slack=1, robustifier=0)
-LEAST_TENSION = 0.05  # least tension, over the load's weight, that a recovering tracker commands; assumed
+MIN_TENSION = 0.05  # least tension, over the load's weight, that a recovering tracker commands; assumed
 
 
 class Tracker(NamedTuple):
@@ -184,8 +186,8 @@ def begin(reference, memory):
 
 @jit
 def keep_taut(tracker, memory):
-    """Limit the dynamic extension, so that it commands at least LEAST_TENSION of the load's weight."""
-    least = (LEAST_TENSION - 1.0) * tracker.gravity
+    """Limit the dynamic extension, so that it commands at least MIN_TENSION of the load's weight."""
+    least = (MIN_TENSION - 1.0) * tracker.gravity
     if memory[MEMORY.zeta] < least:
         memory[MEMORY.zeta], memory[MEMORY.zeta_dot] = least, max(memory[MEMORY.zeta_dot], 0.0)
 
@@ -210,17 +212,17 @@ def wait_step(tracker, state, reference, memory, row):
 
 def step(parameters, measured, reference, memory, command):
     """Compute the accelerations of one sample from state and path; see `controller` for the arguments."""
-    blocks = int(carray(parameters, (GIVEN.matrices,))[GIVEN.blocks])
-    inputs_array = carray(parameters, (GIVEN.matrices + BLOCK_SIZE * blocks,))
-    inputs, outputs = GIVEN.matrices + 4 * blocks, GIVEN.matrices + 6 * blocks
+    blocks = int(carray(parameters, (PARAMETERS.matrices,))[PARAMETERS.blocks])
+    inputs_array = carray(parameters, (PARAMETERS.matrices + BLOCK_SIZE * blocks,))
+    inputs, outputs = PARAMETERS.matrices + 4 * blocks, PARAMETERS.matrices + 6 * blocks
     tracker = Tracker(
-        inputs_array[GIVEN.gain : GIVEN.feedthrough],
-        inputs_array[GIVEN.matrices : inputs],
+        inputs_array[PARAMETERS.gain : PARAMETERS.feedthrough],
+        inputs_array[PARAMETERS.matrices : inputs],
         inputs_array[inputs:outputs],
         inputs_array[outputs:],
-        inputs_array[GIVEN.feedthrough],
-        inputs_array[GIVEN.period],
-        inputs_array[GIVEN.gravity],
+        inputs_array[PARAMETERS.feedthrough],
+        inputs_array[PARAMETERS.period],
+        inputs_array[PARAMETERS.gravity],
     )
     states = MEMORY.robustifier + 6 * blocks
     whole = carray(memory, (states + BASE_WIDTH + 6 * blocks,))
@@ -246,7 +248,7 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
     tracker = make_tracker(nominal.axis_design, period=nominal.period, gravity=nominal.rig.gravity)
     blocks = len(tracker.input_matrix) // 2
     matrices = (tracker.state_matrix, tracker.input_matrix, tracker.output_matrix)
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         gain=tracker.gain,
         feedthrough=tracker.feedthrough,
         period=tracker.period,

@@ -45,7 +45,7 @@ from cranectl.support.jit import jit
 
 POLES = tuple(f"pole_{k}" for k in range(1, 5))
 
-GIVEN = Slots(gain=4, period=1, gravity=1, lead=3)
+PARAMETERS = Slots(gain=4, period=1, gravity=1, lead=3)
 MEMORY = Slots(tracker=TRACKED.size, row=BASE_WIDTH)  # the tracker's memory, and its record
 VIRTUAL = MEMORY.row + VIRTUAL_INPUT_COLUMN
 
@@ -65,14 +65,18 @@ def set_points(tracker, lead, measured, reference, extension, row, command):
 
 def step(parameters, measured, reference, memory, command):
     """Compute the velocity set-points of one sample from state and path; see `controller`."""
-    numbers, buffer = carray(parameters, (GIVEN.size,)), carray(memory, (MEMORY.size,))
+    numbers, buffer = carray(parameters, (PARAMETERS.size,)), carray(memory, (MEMORY.size,))
     begin(reference, buffer)
     none = carray(parameters, (0,))
-    gain, period, gravity = numbers[: GIVEN.period], numbers[GIVEN.period], numbers[GIVEN.gravity]
+    gain, period, gravity = (
+        numbers[: PARAMETERS.period],
+        numbers[PARAMETERS.period],
+        numbers[PARAMETERS.gravity],
+    )
     tracker = Tracker(gain, none, none, none, 0.0, period, gravity)
     return set_points(
         tracker,
-        numbers[GIVEN.lead :],
+        numbers[PARAMETERS.lead :],
         carray(measured, (12,)),
         carray(reference, (15,)),
         buffer[: MEMORY.row],
@@ -99,7 +103,7 @@ def lead_times(nominal: Nominal) -> Array:
 def prepare(nominal: Nominal) -> tuple[Array, Array]:
     """Return parameters and memory."""
     tracker = tracker_of(nominal)
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         gain=tracker.gain, period=tracker.period, gravity=tracker.gravity, lead=lead_times(nominal)
     )
     return parameters, MEMORY.array()

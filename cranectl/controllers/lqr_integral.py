@@ -28,7 +28,7 @@ from cranectl.support.jit import jit
 GRID = 33  # rope lengths
 STATES = 5  # dx, dx', db, db', s
 
-GIVEN = Slots(period=1, gravity=1, shortest=1, length_step=1, rope_gain=3, gain=0)
+PARAMETERS = Slots(period=1, gravity=1, shortest=1, length_step=1, rope_gain=3, gain=0)
 MEMORY = Slots(integral=3, desired=10, inputs=3, load=12)
 
 
@@ -37,8 +37,8 @@ def feedback(parameters, measured, desired, integral, joint, angle, row, share):
     """Return K(l) (dx, dx', db, db', s) of one axis; K is interpolated by `share` between two rows."""
     total = 0.0
     for i in range(STATES):
-        first = parameters[GIVEN.gain + STATES * row + i]
-        gain = first + share * (parameters[GIVEN.gain + STATES * (row + 1) + i] - first)
+        first = parameters[PARAMETERS.gain + STATES * row + i]
+        gain = first + share * (parameters[PARAMETERS.gain + STATES * (row + 1) + i] - first)
         column = joint + i if i < 2 else angle + i - 2
         total += gain * (integral if i == 4 else measured[column] - desired[column])
     return total
@@ -49,11 +49,11 @@ def step(parameters, measured, reference, memory, command):
     buffer = carray(memory, (MEMORY.size,))
     integral, desired = buffer[: MEMORY.desired], buffer[MEMORY.desired : MEMORY.inputs]
     inputs, load = buffer[MEMORY.inputs : MEMORY.load], buffer[MEMORY.load :]
-    gravity, period = parameters[GIVEN.gravity], parameters[GIVEN.period]
+    gravity, period = parameters[PARAMETERS.gravity], parameters[PARAMETERS.period]
     if not state_on_path(reference, gravity, desired, inputs):
         return RunStatus.SLACK_ROPE
     flat_output(measured, 0.0, 0.0, gravity, load)
-    grid = (measured[ROPE] - parameters[GIVEN.shortest]) / parameters[GIVEN.length_step]
+    grid = (measured[ROPE] - parameters[PARAMETERS.shortest]) / parameters[PARAMETERS.length_step]
     row = min(max(int(grid), 0), GRID - 2)
     share = min(max(grid - row, 0.0), 1.0)
     x = feedback(parameters, measured, desired, integral[X], BRIDGE, BETA, row, share)
@@ -61,9 +61,9 @@ def step(parameters, measured, reference, memory, command):
     command[X], command[Y] = inputs[X] - x, inputs[Y] - y
     command[Z] = (
         inputs[Z]
-        - parameters[GIVEN.rope_gain] * (measured[ROPE] - desired[ROPE])
-        - parameters[GIVEN.rope_gain + 1] * (measured[ROPE_RATE] - desired[ROPE_RATE])
-        + parameters[GIVEN.rope_gain + 2] * integral[Z]
+        - parameters[PARAMETERS.rope_gain] * (measured[ROPE] - desired[ROPE])
+        - parameters[PARAMETERS.rope_gain + 1] * (measured[ROPE_RATE] - desired[ROPE_RATE])
+        + parameters[PARAMETERS.rope_gain + 2] * integral[Z]
     )
     for axis in range(3):
         integral[axis] += period * (load[axis] - reference[axis])
@@ -123,7 +123,7 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
     shortest, longest = nominal.rig.rope_range
     lengths = np.linspace(shortest, longest, GRID)
     gains = np.array([gain_at(length, nominal) for length in lengths])
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         period=nominal.period,
         gravity=nominal.rig.gravity,
         shortest=shortest,

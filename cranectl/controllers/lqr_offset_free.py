@@ -61,7 +61,7 @@ from cranectl.support.jit import jit
 
 LEVELS = 17  # values of ρ, the smallest first
 STATES = 4
-GIVEN = Slots(period=1, gravity=1, rope_pole=1, observer=3, limit=2, levels=0)
+PARAMETERS = Slots(period=1, gravity=1, rope_pole=1, observer=3, limit=2, levels=0)
 LEVEL = Slots(gain=STATES, ellipsoid=STATES * STATES)  # K, then (B·P B) P
 MEMORY = Slots(estimate=6, leaning=15, desired=10, inputs=3, load=12, state=STATES, begun=1)
 PUSH = 2  # index of d in the estimate z, z', d of an axis
@@ -79,7 +79,7 @@ def expect(estimate, specific_force, period):
 @jit
 def reached(parameters, level, state):
     """Return the largest acceleration over g that a level commands on its ellipsoid through `state` (4,)."""
-    start = GIVEN.levels + LEVEL.size * level + LEVEL.ellipsoid
+    start = PARAMETERS.levels + LEVEL.size * level + LEVEL.ellipsoid
     total = 0.0
     for i in range(STATES):
         for k in range(STATES):
@@ -100,7 +100,7 @@ def feedback(parameters, state, limit):
         level, high = level - 1, low
     total = 0.0
     for i in range(STATES):
-        first = GIVEN.levels + LEVEL.size * level + LEVEL.gain + i
+        first = PARAMETERS.levels + LEVEL.size * level + LEVEL.gain + i
         last = first + LEVEL.size
         total += (parameters[first] + share * (parameters[last] - parameters[first])) * state[i]
     return total
@@ -112,7 +112,7 @@ def step(parameters, measured, reference, memory, command):
     leaning, desired = buffer[MEMORY.leaning : MEMORY.desired], buffer[MEMORY.desired : MEMORY.inputs]
     inputs, load = buffer[MEMORY.inputs : MEMORY.load], buffer[MEMORY.load : MEMORY.state]
     state = buffer[MEMORY.state : MEMORY.begun]
-    gravity, period, length = parameters[GIVEN.gravity], parameters[GIVEN.period], measured[ROPE]
+    gravity, period, length = parameters[PARAMETERS.gravity], parameters[PARAMETERS.period], measured[ROPE]
     lift = reference[ACCELERATION + Z] + gravity
     if lift <= 0.0 or reference[Z] >= 0.0 or length <= 0.0:
         return RunStatus.SLACK_ROPE
@@ -128,7 +128,7 @@ def step(parameters, measured, reference, memory, command):
             estimate[0], estimate[1] = load[axis], load[VELOCITY + axis]
         innovation = load[axis] - estimate[0]
         for i in range(3):
-            estimate[i] += parameters[GIVEN.observer + i] * innovation
+            estimate[i] += parameters[PARAMETERS.observer + i] * innovation
         leaning[ACCELERATION + axis] -= estimate[PUSH]
     buffer[MEMORY.begun] = 1.0
     state_and_input(leaning, gravity, desired, inputs)
@@ -142,12 +142,12 @@ def step(parameters, measured, reference, memory, command):
         state[2] = (estimate[0] - reference[axis]) / length
         state[3] = (estimate[1] - reference[VELOCITY + axis]) / speed
         left = max(
-            parameters[GIVEN.limit + axis] - abs(command[axis]),
-            MIN_FEEDBACK_SHARE * parameters[GIVEN.limit + axis],
+            parameters[PARAMETERS.limit + axis] - abs(command[axis]),
+            MIN_FEEDBACK_SHARE * parameters[PARAMETERS.limit + axis],
         )
         command[axis] -= gravity * feedback(parameters, state, left / gravity)
         expect(estimate, -lift * (slope_x if axis == X else slope_y), period)
-    pole = parameters[GIVEN.rope_pole]
+    pole = parameters[PARAMETERS.rope_pole]
     command[Z] = inputs[Z] - pole * (
         pole * (length - desired[ROPE]) + 2.0 * (measured[ROPE_RATE] - desired[ROPE_RATE])
     )
@@ -194,7 +194,7 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
     check_sampled("lqr-offset-free", phi - hold @ table[-1:, :STATES], nominal.period, remedy=remedy)
     observer = make_observer(observer_pole, period=nominal.period, gravity=gravity)
     limits = nominal.rig.effects.limits.acceleration[:2]
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         period=nominal.period,
         gravity=gravity,
         rope_pole=rope_pole,

@@ -27,7 +27,7 @@ VIBRATION = 0.05  # V of ei: the share of the unshaped vibration that may remain
 MAX_IMPULSES = 3
 KEPT = 6  # numbers of a row of the path that are stored: position and velocity
 
-GIVEN = Slots(
+PARAMETERS = Slots(
     period=1,
     proportional=1,
     integral=1,
@@ -55,29 +55,33 @@ def impulses(shaper: str, period: float) -> tuple[tuple[float, ...], tuple[float
 
 def step(parameters, measured, reference, memory, command):
     """Compute the velocity set-points of one sample from readings and path; see `controller`."""
-    period, clock, rows = parameters[GIVEN.period], int(memory[MEMORY.clock]), int(parameters[GIVEN.rows])
+    period, clock, rows = (
+        parameters[PARAMETERS.period],
+        int(memory[MEMORY.clock]),
+        int(parameters[PARAMETERS.rows]),
+    )
     memory[MEMORY.clock] += 1.0
     for i in range(KEPT):
         memory[MEMORY.ring + KEPT * (clock % rows) + i] = reference[i]
     for axis in range(3):
         sign = -1.0 if axis == 2 else 1.0  # a lower load means a longer rope
         position, velocity = 0.0, 0.0
-        for k in range(int(parameters[GIVEN.impulses])):
-            past = MEMORY.ring + KEPT * (max(clock - int(parameters[GIVEN.delay + k]), 0) % rows) + axis
-            position += sign * parameters[GIVEN.amplitude + k] * memory[past]
-            velocity += sign * parameters[GIVEN.amplitude + k] * memory[past + 3]
+        for k in range(int(parameters[PARAMETERS.impulses])):
+            past = MEMORY.ring + KEPT * (max(clock - int(parameters[PARAMETERS.delay + k]), 0) % rows) + axis
+            position += sign * parameters[PARAMETERS.amplitude + k] * memory[past]
+            velocity += sign * parameters[PARAMETERS.amplitude + k] * memory[past + 3]
         error = position - measured[axis]
         rate = (error - memory[MEMORY.error + axis]) / period
         memory[MEMORY.rate + axis] += (
-            period / (period + parameters[GIVEN.filter]) * (rate - memory[MEMORY.rate + axis])
+            period / (period + parameters[PARAMETERS.filter]) * (rate - memory[MEMORY.rate + axis])
         )
         memory[MEMORY.error + axis] = error
         memory[MEMORY.shaped + axis] = position
         command[axis] = (
             velocity
-            + parameters[GIVEN.proportional] * error
-            + parameters[GIVEN.integral] * memory[MEMORY.integral + axis]
-            + parameters[GIVEN.derivative] * memory[MEMORY.rate + axis]
+            + parameters[PARAMETERS.proportional] * error
+            + parameters[PARAMETERS.integral] * memory[MEMORY.integral + axis]
+            + parameters[PARAMETERS.derivative] * memory[MEMORY.rate + axis]
         )
         memory[MEMORY.integral + axis] += period * error
     return 0
@@ -90,7 +94,7 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
     amplitudes, times = impulses(str(numbers["shaper"]), 2.0 * pi * sqrt(length / nominal.rig.gravity))
     delays = [round(time / nominal.period) for time in times]
     rows, unused = delays[-1] + 1, (0, MAX_IMPULSES - len(delays))
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         period=nominal.period,
         filter=numbers["filter_time"],
         impulses=len(amplitudes),

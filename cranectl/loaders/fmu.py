@@ -136,11 +136,13 @@ class Fmu:
                 "run, campaign and live do not"
             )
         known, variables = self._functions, self.variables
-        first = fmu_step.GIVEN.sources + len((*variables.sources, *variables.commands, *variables.factors))
+        first = fmu_step.PARAMETERS.sources + len(
+            (*variables.sources, *variables.commands, *variables.factors)
+        )
         instance = fmi.initialised(known, self.model(), parameters[first:])
         self._made = True
         called = (known["Set"], known["ExitInitializationMode"], known["DoStep"], known["Get"], self._tell)
-        parameters[: fmu_step.GIVEN.fmi] = (
+        parameters[: fmu_step.PARAMETERS.fmi] = (
             instance,
             *map(fmi.address, called),
             *(references.ctypes.data for references in self._references),
@@ -180,7 +182,7 @@ def open_fmu(file: ControllerFile) -> tuple[Controller, ControllerFile]:
         inputs, outputs = len(variables.input_references), len(variables.output_references)
         values = [float(value) for value in nominal.parameters.values()]
         sources = (*variables.sources, *variables.commands, *variables.factors, *values, *variables.constants)
-        parameters = fmu_step.GIVEN.array(
+        parameters = fmu_step.PARAMETERS.array(
             fmi=fmu.fmi, period=nominal.period, inputs=inputs, outputs=outputs, sources=sources
         )
         return parameters, fmu_step.MEMORY.array(values=np.zeros(inputs + outputs))

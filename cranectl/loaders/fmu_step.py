@@ -16,7 +16,7 @@ from cranectl.support.jit import jit
 
 # Addresses, then what does not change, then the source of each input, and for each command the output that it
 # is, or HELD, then the SI units in one unit of each input and of each command.
-GIVEN = Slots(
+PARAMETERS = Slots(
     instance=1, set=1, exit=1, step=1, get=1, tell=1, in_references=1, out_references=1,
     fmi=1, period=1, inputs=1, outputs=1, sources=0,
 )  # fmt: skip
@@ -26,7 +26,12 @@ MEASURED = 12  # sources below it are places of what is measured, from it on pla
 HELD = -1  # a command that stays zero
 FAILED = -1
 DISCARD = 2
-FUNCTIONS = {GIVEN.exit: "ExitInitializationMode", GIVEN.set: "Set", GIVEN.step: "DoStep", GIVEN.get: "Get"}
+FUNCTIONS = {
+    PARAMETERS.exit: "ExitInitializationMode",
+    PARAMETERS.set: "Set",
+    PARAMETERS.step: "DoStep",
+    PARAMETERS.get: "Get",
+}
 
 
 @cast(Any, intrinsic)
@@ -59,9 +64,9 @@ def _exchange(parameters, function, references, count, values):
     """Set or get `count` numbers at the address `values`; return the status."""
     if count == 0:
         return 0
-    c, instance = np.int64(parameters[function]), np.int64(parameters[GIVEN.instance])
+    c, instance = np.int64(parameters[function]), np.int64(parameters[PARAMETERS.instance])
     numbers = np.int64(parameters[references])
-    if parameters[GIVEN.fmi] == 2.0:
+    if parameters[PARAMETERS.fmi] == 2.0:
         return _call(c, (instance, numbers, count, values))
     return _call(c, (instance, numbers, count, values, count))
 
@@ -69,10 +74,10 @@ def _exchange(parameters, function, references, count, values):
 @jit
 def _do_step(parameters, memory):
     """Advance the FMU by one period; return the status."""
-    c, instance = np.int64(parameters[GIVEN.step]), np.int64(parameters[GIVEN.instance])
-    period, final = parameters[GIVEN.period], np.int32(1)
+    c, instance = np.int64(parameters[PARAMETERS.step]), np.int64(parameters[PARAMETERS.instance])
+    period, final = parameters[PARAMETERS.period], np.int32(1)
     time = memory[MEMORY.steps] * period
-    if parameters[GIVEN.fmi] == 2.0:
+    if parameters[PARAMETERS.fmi] == 2.0:
         return _call(c, (instance, time, period, final))
     memory[MEMORY.terminate] = 0.0
     event, terminate = _place(memory, MEMORY.event), _place(memory, MEMORY.terminate)
@@ -85,38 +90,40 @@ def _do_step(parameters, memory):
 @jit
 def _failed(parameters, memory, function, status):
     """Report the failure; return the code of a failed step."""
-    time = memory[MEMORY.steps] * parameters[GIVEN.period]
-    instance = np.int64(parameters[GIVEN.instance])
-    _call(np.int64(parameters[GIVEN.tell]), (instance, np.int64(function), np.int64(status), time))
+    time = memory[MEMORY.steps] * parameters[PARAMETERS.period]
+    instance = np.int64(parameters[PARAMETERS.instance])
+    _call(np.int64(parameters[PARAMETERS.tell]), (instance, np.int64(function), np.int64(status), time))
     return FAILED
 
 
 def step(parameters, measured, reference, memory, command):
     """Take one control step; the FMU keeps its own state."""
-    if parameters[GIVEN.instance] == 0.0:
+    if parameters[PARAMETERS.instance] == 0.0:
         return FAILED
-    inputs, outputs = np.int64(parameters[GIVEN.inputs]), np.int64(parameters[GIVEN.outputs])
-    first, factors = MEMORY.values + outputs, GIVEN.sources + inputs + 3
+    inputs, outputs = np.int64(parameters[PARAMETERS.inputs]), np.int64(parameters[PARAMETERS.outputs])
+    first, factors = MEMORY.values + outputs, PARAMETERS.sources + inputs + 3
     for i in range(inputs):
-        source = np.int64(parameters[GIVEN.sources + i])
+        source = np.int64(parameters[PARAMETERS.sources + i])
         value = measured[source] if source < MEASURED else reference[source - MEASURED]
         memory[first + i] = value / parameters[factors + i]
-    status = _exchange(parameters, GIVEN.set, GIVEN.in_references, inputs, _place(memory, first))
+    status = _exchange(parameters, PARAMETERS.set, PARAMETERS.in_references, inputs, _place(memory, first))
     if not 0 <= status < DISCARD:
-        return _failed(parameters, memory, GIVEN.set, status)
+        return _failed(parameters, memory, PARAMETERS.set, status)
     if memory[MEMORY.steps] == 0.0:  # initialisation ends with the first measured values
-        status = _call(np.int64(parameters[GIVEN.exit]), (np.int64(parameters[GIVEN.instance]),))
+        status = _call(np.int64(parameters[PARAMETERS.exit]), (np.int64(parameters[PARAMETERS.instance]),))
         if not 0 <= status < DISCARD:
-            return _failed(parameters, memory, GIVEN.exit, status)
+            return _failed(parameters, memory, PARAMETERS.exit, status)
     status = _do_step(parameters, memory)
     if not 0 <= status < DISCARD:
-        return _failed(parameters, memory, GIVEN.step, status)
-    status = _exchange(parameters, GIVEN.get, GIVEN.out_references, outputs, _place(memory, MEMORY.values))
+        return _failed(parameters, memory, PARAMETERS.step, status)
+    status = _exchange(
+        parameters, PARAMETERS.get, PARAMETERS.out_references, outputs, _place(memory, MEMORY.values)
+    )
     if not 0 <= status < DISCARD:
-        return _failed(parameters, memory, GIVEN.get, status)
+        return _failed(parameters, memory, PARAMETERS.get, status)
     memory[MEMORY.steps] += 1.0
     for i in range(3):
-        output = np.int64(parameters[GIVEN.sources + inputs + i])
+        output = np.int64(parameters[PARAMETERS.sources + inputs + i])
         scale = parameters[factors + inputs + i]
         command[i] = 0.0 if output == HELD else scale * memory[MEMORY.values + output]
     return 0

@@ -11,7 +11,7 @@ from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.registry import register_controller
 from cranectl.signals import Signal
 
-GIVEN = 12 + 3 * 15 + 1  # measured, three rows of the reference, steps so far
+INPUTS = 12 + 3 * 15 + 1  # measured, three rows of the reference, steps so far
 
 
 def note_all(parameters, measured, reference, memory, command):  # type: ignore[no-untyped-def]
@@ -45,7 +45,7 @@ def follow_blindly(parameters, _measured, reference, _memory, command):  # type:
 
 
 def _numbers(nominal: Nominal) -> tuple[np.ndarray, np.ndarray]:
-    return np.array([float(value) for value in nominal.parameters.values()]), np.zeros(GIVEN)
+    return np.array([float(value) for value in nominal.parameters.values()]), np.zeros(INPUTS)
 
 
 def noting(**declared: object) -> Controller:
@@ -57,7 +57,7 @@ def noting(**declared: object) -> Controller:
         prepare=_numbers,
         preview=2,
         parameters=tuple(Parameter(f"u_{axis}", 0.0, "m/s²", "commanded") for axis in "xyl"),
-        logged=tuple(Logged(k, Signal(f"given_{k}", f"g{k}", "1", "given")) for k in range(GIVEN)),
+        logged=tuple(Logged(k, Signal(f"given_{k}", f"g{k}", "1", "given")) for k in range(INPUTS)),
         **declared,  # type: ignore[arg-type]
     )
 

@@ -7,7 +7,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from cranectl.controllers.controller import Nominal
 from cranectl.controllers.flat import MEMORY, begin, control_step, make_tracker
 from cranectl.controllers.flat_velocity import lead_times, linear_gain, set_points
-from cranectl.controllers.lqr_integral import GIVEN, STATES, feedback, matrices
+from cranectl.controllers.lqr_integral import PARAMETERS, STATES, feedback, matrices
 from cranectl.controllers.pid import VIBRATION, impulses
 from cranectl.controllers.registry import controller_design
 from cranectl.design import design_controller
@@ -90,7 +90,7 @@ def test_the_gain_is_optimal() -> None:
 def test_feedback_is_gain_times_deviation_between_two_lengths(joint: int, angle: int) -> None:
     rng = np.random.default_rng(4)
     gains, measured, desired = rng.normal(size=(3, STATES)), rng.normal(size=12), rng.normal(size=10)
-    parameters = GIVEN.array(gain=gains)
+    parameters = PARAMETERS.array(gain=gains)
     deviation = np.append((measured[:10] - desired)[[joint, joint + 1, angle, angle + 1]], 0.3)
     for row, share in ((0, 0.0), (0, 0.25), (1, 1.0)):
         gain = (1.0 - share) * gains[row] + share * gains[row + 1]

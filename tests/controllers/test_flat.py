@@ -11,8 +11,8 @@ from cranectl import signals
 from cranectl.controllers.controller import ROPE_SLACK, ROPE_TAUT, Nominal
 from cranectl.controllers.flat import (
     FLAT_CONTROLLERS,
-    LEAST_TENSION,
     MEMORY,
+    MIN_TENSION,
     Tracker,
     begin,
     control_step,
@@ -236,7 +236,7 @@ def test_only_a_run_that_recovers_has_the_extension_kept_from_a_slack_rope() -> 
     recovers.memory[MEMORY.slack] = ROPE_TAUT
     assert stops(state, falling) == RunStatus.SLACK_ROPE
     assert recovers(state, falling) == RunStatus.RUNNING
-    assert recovers.row[signals.CONTROLLER_COLUMN + MEMORY.zeta] == (LEAST_TENSION - 1.0) * G
+    assert recovers.row[signals.CONTROLLER_COLUMN + MEMORY.zeta] == (MIN_TENSION - 1.0) * G
 
 
 def test_a_command_that_is_no_number_ends_the_run_as_such() -> None:

@@ -7,11 +7,11 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.controllers.lqr_offset_free import (
-    GIVEN,
     LEVEL,
     LEVELS,
     LQR_OFFSET_FREE,
     MEMORY,
+    PARAMETERS,
     STATES,
     A,
     B,
@@ -85,7 +85,7 @@ def test_its_command_stays_within_the_limit_on_the_whole_ellipsoid() -> None:
     direction = np.array([0.3, -0.2, 0.5, 0.1])
     values = np.array([feedback(parameters, k * direction, 0.1) for k in np.geomspace(1e-3, 3.0, 4000)])
     assert np.abs(np.diff(values)).max() < 2e-3
-    assert len(parameters) == GIVEN.levels + LEVELS * LEVEL.size
+    assert len(parameters) == PARAMETERS.levels + LEVELS * LEVEL.size
 
 
 @pytest.mark.parametrize(

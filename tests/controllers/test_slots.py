@@ -12,12 +12,12 @@ from cranectl.controllers.slots import per_axis
 from cranectl.support.jit import address_of, jit
 
 MEMORY = Slots(error=3, begun=1, ring=0)
-GIVEN = Slots(gain=1, limit=2)
+PARAMETERS = Slots(gain=1, limit=2)
 
 
 @jit
 def gained(parameters, axis):  # type: ignore[no-untyped-def]
-    return parameters[GIVEN.gain] * parameters[GIVEN.limit + axis]
+    return parameters[PARAMETERS.gain] * parameters[PARAMETERS.limit + axis]
 
 
 def step(parameters, _measured, _reference, memory, command):  # type: ignore[no-untyped-def]
@@ -28,7 +28,7 @@ def step(parameters, _measured, _reference, memory, command):  # type: ignore[no
     numbers[MEMORY.begun] = 1.0
     numbers[MEMORY.error : MEMORY.begun][2] = gained(parameters, 1)
     numbers[MEMORY.ring + 1] = 7.0
-    command[0] = parameters[GIVEN.limit]
+    command[0] = parameters[PARAMETERS.limit]
     return RunStatus.RUNNING
 
 
@@ -39,21 +39,21 @@ def called(address, parameters, memory, command):  # type: ignore[no-untyped-def
 
 def test_offsets_follow_from_sizes() -> None:
     assert (MEMORY.error, MEMORY.begun, MEMORY.ring, MEMORY.size) == (0, 3, 4, 4)
-    assert (GIVEN.gain, GIVEN.limit, GIVEN.size) == (0, 1, 3)
+    assert (PARAMETERS.gain, PARAMETERS.limit, PARAMETERS.size) == (0, 1, 3)
     assert all(type(offset) is int for offset in MEMORY)
 
 
 def test_arrays_have_numbers_by_slot_and_zeros_elsewhere() -> None:
     np.testing.assert_array_equal(MEMORY.array(), np.zeros(4))
-    np.testing.assert_array_equal(GIVEN.array(limit=(2, 3)), [0.0, 2.0, 3.0])
-    assert GIVEN.array(limit=(2, 3)).dtype == float
+    np.testing.assert_array_equal(PARAMETERS.array(limit=(2, 3)), [0.0, 2.0, 3.0])
+    assert PARAMETERS.array(limit=(2, 3)).dtype == float
     numbers = MEMORY.array(begun=1, ring=np.array([[5.0, 6.0], [7.0, 8.0]]))
     np.testing.assert_array_equal(numbers, [0, 0, 0, 1, 5, 6, 7, 8])
 
 
 def test_compiled_code_reads_and_writes_by_name() -> None:
     memory, command = MEMORY.array(ring=np.zeros(2)), np.zeros(3)
-    address, parameters = address_of(step), GIVEN.array(gain=3.0, limit=[4.0, 5.0])
+    address, parameters = address_of(step), PARAMETERS.array(gain=3.0, limit=[4.0, 5.0])
     assert called(address, parameters, memory, command) == 0
     np.testing.assert_array_equal(memory, MEMORY.array(error=[0, 0, 15.0], begun=1, ring=[0, 7.0]))
     assert command[0] == 4.0

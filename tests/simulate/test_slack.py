@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from cranectl.controllers.flat import LEAST_TENSION
+from cranectl.controllers.flat import MIN_TENSION
 from cranectl.log.events import events
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
@@ -27,7 +27,7 @@ def test_a_tracker_that_is_to_recover_keeps_the_rope_taut() -> None:
     recovered = run("slack-rope", "recover", "duration=12.0")
     assert recovered.status == RunStatus.COMPLETED
     assert recovered.signal("load.rope_tension").min() > 0.0
-    least = (LEAST_TENSION - 1.0) * 9.81
+    least = (MIN_TENSION - 1.0) * 9.81
     assert recovered.signal("controller.zeta").min() >= least * (1.0 + 1e-9)
     final = recovered.reference[-1, :3] - recovered.load_position[-1]
     assert np.linalg.norm(final) < 1e-3
