@@ -1,6 +1,7 @@
 """Names of classes and constants are unambiguous, and all names are words of the field."""
 
 import ast
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 
@@ -15,7 +16,7 @@ NUMBERS_OF_ONE_NAME = {
     "STATES": "the number of states of the model that is the subject of the module",
     "IDEAL_INERTIA": "the same inertia in two engines, each as large as its arithmetic allows",
     "GHOST": "opacity of the same ghost in a viewer and in pictures",
-    "LONGEST_ARROW": "length of the same arrow in a viewer and in pictures",
+    "MAX_ARROW": "length of the same arrow in a viewer and in pictures",
     "ROPE_WIDTH": "of the same rope, in pixels and in metres",
     "TRAIL_POINTS": "of the same trail in a viewer and in pictures",
 }
@@ -71,6 +72,14 @@ def test_class_names_are_unique() -> None:
 def test_constants_of_one_name_have_one_value() -> None:
     doubles = {name: places for name, places in numbers().items() if len(set(places.values())) > 1}
     assert doubles.keys() == NUMBERS_OF_ONE_NAME.keys(), doubles
+
+
+SUPERLATIVE = re.compile(r"_?(MOST|LEAST|LARGEST|SMALLEST|LONGEST|SHORTEST|FEWEST|HIGHEST|LOWEST)(_|$)")
+
+
+def test_limits_begin_with_max_or_min() -> None:
+    assert all(map(SUPERLATIVE.match, ("MOST_FRAMES", "_SHORTEST")))
+    assert not [name for name in numbers() if SUPERLATIVE.match(name)]
 
 
 def test_constants_of_all_forms_are_found() -> None:

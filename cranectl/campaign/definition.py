@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cranectl.campaign.distributions import LEAST_MASS, Distribution, FewValues, Normal
+from cranectl.campaign.distributions import MIN_PROBABILITY, Distribution, FewValues, Normal
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants.registry import plant_entry
 from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
@@ -211,7 +211,7 @@ def _parameter(
             remedy="give absolute numbers and leave 'relative' out",
         )
     distribution = distribution.spread_out(spread, float(nominal))
-    if isinstance(distribution, Normal) and distribution.mass(nominal) < LEAST_MASS:
+    if isinstance(distribution, Normal) and distribution.mass(nominal) < MIN_PROBABILITY:
         raise InputError(
             f"uncertain.{name}: low and high exclude the whole normal distribution",
             allowed="low and high within a few deviations of the mean",

@@ -19,7 +19,7 @@ Ends = tuple[float, float]
 Levels = Annotated[int, Field(ge=1, le=10_000)]
 
 TAILS = (0.05, 0.95)  # quantiles that replace the ends of a distribution with infinite ends
-LEAST_MASS = 1e-12  # least probability between low and high of a normal distribution
+MIN_PROBABILITY = 1e-12  # least probability between low and high of a normal distribution
 
 
 class Distribution(Settings, ABC):

@@ -54,7 +54,7 @@ def saltelli_blocks(campaign: Campaign, outputs: Array) -> dict[str, Array]:
 
 
 POINT_LIMITS = (2.0**-54, 1.0 - 2.0**-53)  # of random points, so that their normal scores are finite
-LEAST_EIGENVALUE = 1e-9  # of a correlation matrix; below, rounding makes it singular
+MIN_EIGENVALUE = 1e-9  # of a correlation matrix; below, rounding makes it singular
 BITS = 30  # of each coordinate of a Sobol point; SciPy 1.17 cannot skip points of more than 32 bits
 
 
@@ -200,7 +200,7 @@ def gaussian_copula(campaign: Campaign) -> tuple[list[int], Array]:
         a, b = (used.index(name) for name in pair)
         matrix[a, b] = matrix[b, a] = value
     smallest = float(np.linalg.eigvalsh(matrix)[0])
-    if smallest < LEAST_EIGENVALUE:
+    if smallest < MIN_EIGENVALUE:
         raise InputError(
             f"the correlations contradict each other: their matrix has the eigenvalue {smallest:.3g}",
             allowed="correlations whose matrix is positive definite; pairs that are not named have 0",

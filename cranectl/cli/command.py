@@ -22,7 +22,7 @@ try:
 except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
-LEAST_MEMORY = 10**9  # [bytes]; a run takes 850 MB of addresses
+MIN_ADDRESS_SPACE = 10**9  # [bytes]; a run takes 850 MB of addresses
 PATH = click.Path(path_type=Path)
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -94,10 +94,10 @@ def _check_memory() -> None:
     if resource is None:
         return
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
+    if limit != resource.RLIM_INFINITY and limit < MIN_ADDRESS_SPACE:
         raise InputError(
             f"this process may have {limit / 1e6:.0f} MB of address space",
-            allowed=f"at least {LEAST_MEMORY / 1e6:.0f} MB",
+            allowed=f"at least {MIN_ADDRESS_SPACE / 1e6:.0f} MB",
             remedy="raise the limit, for example with ulimit -v unlimited",
         )
 

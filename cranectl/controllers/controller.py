@@ -36,8 +36,8 @@ Measures = Literal["state", "encoders"]
 _COMPUTED = tuple(name for name, kind in vars(RigParameters).items() if isinstance(kind, property))
 READABLE = (*RigParameters.model_fields, *_COMPUTED, "limits", "path")
 SLACK_ENDS_RUN, ROPE_TAUT, ROPE_SLACK = 0.0, 1.0, 2.0  # what the loop writes into a `slack_place`
-LONGEST_SIGNAL = 200  # [characters] of the name of a signal that a controller logs
-LONGEST_SHOWN = 200  # [characters] of a value in a message
+MAX_SIGNAL_NAME = 200  # [characters] of the name of a signal that a controller logs
+MAX_SHOWN_LENGTH = 200  # [characters] of a value in a message
 # The same limits as `library.declaration` has for controllers in C.
 MAX_EVERY = 10**6  # control periods between two steps
 MAX_PREVIEW = 10**6  # rows of the reference
@@ -46,9 +46,9 @@ _NAMES = {  # by kind of thing: the verb for its owner, the pattern of its name,
     "parameter": ("has", r"(?s).+", "a name of its own for each parameter, one character or more"),
     "signal": (
         "logs",
-        rf"(?a)[A-Za-z_]\w{{0,{LONGEST_SIGNAL - 1}}}",
+        rf"(?a)[A-Za-z_]\w{{0,{MAX_SIGNAL_NAME - 1}}}",
         "a name of its own for each signal: letters A to Z, digits and '_', no digit first, "
-        f"at most {LONGEST_SIGNAL} characters",
+        f"at most {MAX_SIGNAL_NAME} characters",
     ),
 }
 _WHOLE = (  # whole numbers that a controller declares: name, range and meaning
@@ -375,4 +375,4 @@ def shown(value: Any) -> str:
         text = repr(value)
     except Exception:  # the `__repr__` of a user's class may raise anything
         text = ""
-    return text if 0 < len(text) <= LONGEST_SHOWN else f"a {type(value).__name__}"
+    return text if 0 < len(text) <= MAX_SHOWN_LENGTH else f"a {type(value).__name__}"

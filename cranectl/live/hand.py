@@ -16,7 +16,7 @@ from cranectl.reference import build_trajectory
 from cranectl.reference.driven import HandLimits, commands_at, derivatives, drive, rest_state
 from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
 from cranectl.scenario.disturbances import Disturbance
-from cranectl.scenario.recorded import MOST_CHANGES, SETTLING_TIME, Driven
+from cranectl.scenario.recorded import MAX_RECORDED_CHANGES, SETTLING_TIME, Driven
 from cranectl.scenario.segments import Hold, seconds
 from cranectl.scenario.settings import MAX_DURATION
 from cranectl.support.arrays import Array
@@ -69,7 +69,7 @@ class HandReference:
 
     def follow(self, sample: int, request: HandRequest) -> None:
         """Follow `request` from `sample` on; raise InputError if the session cannot record more."""
-        full = sample >= self._end or len(self._changes) >= MOST_CHANGES - 2
+        full = sample >= self._end or len(self._changes) >= MAX_RECORDED_CHANGES - 2
         now = RELEASED if full else request
         if now != self._request:
             self._request = self._changes[sample - self._first] = now
@@ -161,7 +161,7 @@ def _point(numbers: Array) -> str:
 def _too_late() -> InputError:
     return InputError(
         "the motion is too long for a scenario that repeats it",
-        allowed=f"{MAX_DURATION:g} s with the load at rest at the end, {MOST_CHANGES} requests",
+        allowed=f"{MAX_DURATION:g} s with the load at rest at the end, {MAX_RECORDED_CHANGES} requests",
         remedy="call /reset",
     )
 

@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from cranectl.controllers.controller import LONGEST_SIGNAL, Parameter
+from cranectl.controllers.controller import MAX_SIGNAL_NAME, Parameter
 from cranectl.loaders.fmu_step import HELD, MEASURED
 from cranectl.loaders.fmu_units import Conversion
 from cranectl.loaders.opening import ControllerFile
@@ -24,7 +24,7 @@ COMMANDS = ("command.bridge", "command.trolley", "command.rope")
 UNITS = {f"{group}.{signal.name}": signal.unit for group, signals in (
     ("encoders", STATE), ("state", STATE), ("measurement", MEASUREMENT), ("reference", REFERENCE)
 ) for signal in signals.signals}  # fmt: skip
-LARGEST_REFERENCE = 2**32 - 1
+MAX_REFERENCE = 2**32 - 1
 HOLD = "held"  # marks an axis that no output commands
 OUR_NAMES = re.compile(r"(encoders|state|measurement|reference)\b")
 REAL = ("Real", "Float64")
@@ -260,10 +260,10 @@ def _references(variables: Sequence[Any], file: ControllerFile) -> list[int]:
     """Return the value references; raise InputError for a reference that FMI does not allow."""
     references = [variable.valueReference for variable in variables]
     for reference, variable in zip(references, variables, strict=True):
-        if not 0 <= reference <= LARGEST_REFERENCE:
+        if not 0 <= reference <= MAX_REFERENCE:
             raise InputError(
                 f"{file.reference}: {variable.causality} '{variable.name}' has valueReference = {reference}",
-                allowed=f"0 to {LARGEST_REFERENCE}, a number of 32 bits",
+                allowed=f"0 to {MAX_REFERENCE}, a number of 32 bits",
                 remedy="correct the model's description, or export it again",
             )
     return references
@@ -305,7 +305,7 @@ def _named(variables: Sequence[Any], file: ControllerFile) -> dict[str, Any]:
     """Return the variables by names that signals allow; raise InputError if two would be equal."""
     named: dict[str, Any] = {}
     for variable in variables:
-        name = re.sub(r"\W+|^(?=\d)", "_", variable.name, flags=re.ASCII)[:LONGEST_SIGNAL]
+        name = re.sub(r"\W+|^(?=\d)", "_", variable.name, flags=re.ASCII)[:MAX_SIGNAL_NAME]
         if name in named:
             raise InputError(
                 f"{file.reference}: '{named[name].name}' and '{variable.name}' would both be called {name}",

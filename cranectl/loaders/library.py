@@ -41,9 +41,9 @@ CHOICES = {
     "follows": ("path", "set-point"),
     "measures": ("state", "encoders"),
 }
-HIGHEST = dict.fromkeys(("preview", "memory", "numbers", "every"), 10**6)  # limits of declared numbers
-HIGHEST |= {"parameter_count": 10**4, "signal_count": 10**4}
-HIGHEST |= {name: len(choices) - 1 for name, choices in CHOICES.items()}
+MAX_DECLARED = dict.fromkeys(("preview", "memory", "numbers", "every"), 10**6)  # limits of declared numbers
+MAX_DECLARED |= {"parameter_count": 10**4, "signal_count": 10**4}
+MAX_DECLARED |= {name: len(choices) - 1 for name, choices in CHOICES.items()}
 
 
 class CDeclaration(Structure):
@@ -121,9 +121,9 @@ def declaration(library: ctypes.CDLL) -> Plain:
     kind = DECLARATIONS[declared.abi]
     if declared.size != ctypes.sizeof(kind):
         raise ValueError(f"its declaration has {declared.size} bytes, it should have {ctypes.sizeof(kind)}")
-    plain: Plain = {name: getattr(declared, name) for name in HIGHEST}
+    plain: Plain = {name: getattr(declared, name) for name in MAX_DECLARED}
     for name, value in plain.items():
-        lowest, highest = int(name == "every"), HIGHEST[name]
+        lowest, highest = int(name == "every"), MAX_DECLARED[name]
         if not lowest <= value <= highest:
             raise ValueError(f"{name} = {value}, allowed is {lowest} to {highest}")
     parameters = cast(declared.parameters, POINTER(PARAMETERS[declared.abi]))

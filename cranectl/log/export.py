@@ -32,7 +32,7 @@ from cranectl.support.files import Kind, replacing, writing
 MAT_HEADER = b"MATLAB 5.0 MAT-file, written by cranectl".ljust(116)
 
 # Characters of a MATLAB name: the limit before version 7, and the limit now.
-SHORT_NAME, LONGEST_NAME = 31, 63
+SHORT_NAME, MAX_NAME_LENGTH = 31, 63
 MATLAB_KEYWORD = re.compile(
     "break|case|catch|classdef|continue|else|elseif|end|for|function|global|if|otherwise|parfor|persistent|"
     "return|spmd|switch|try|while"
@@ -257,10 +257,10 @@ def _valid_names(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, s
         valid = re.sub(r"^(?=[\d_])", "x", re.sub(r"\W", "_", name, flags=re.ASCII))
         if MATLAB_KEYWORD.fullmatch(valid):
             valid = f"x{valid.capitalize()}"
-        free, number = valid[:LONGEST_NAME], 0
+        free, number = valid[:MAX_NAME_LENGTH], 0
         while free in used:
             number += 1
-            free = f"{valid[: LONGEST_NAME - len(f'_{number}')]}_{number}"
+            free = f"{valid[: MAX_NAME_LENGTH - len(f'_{number}')]}_{number}"
         used.add(free)
         result[name] = free
     return result

@@ -20,7 +20,7 @@ from cranectl.mcap_columns.contents import foreign
 from cranectl.mcap_columns.records import DamageError, UnsupportedError
 from cranectl.mcap_columns.rows import MAX_DEFINITION
 from cranectl.plants.plant import Drive
-from cranectl.plants.registry import LONGEST_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
+from cranectl.plants.registry import MAX_PLANT_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import held_files, with_files
 from cranectl.scenario.scenario import MeasuredScenario
@@ -185,7 +185,7 @@ def _unknown_plant(plant: str, declared: Mapping[str, str]) -> PlantEntry:
     """Return the entry of a plant that is not installed, from its log; older logs have only its name."""
     return PlantEntry(
         name=plant,
-        label=declared.get("label", plant[:LONGEST_LABEL]),
+        label=declared.get("label", plant[:MAX_PLANT_LABEL]),
         colour=declared.get("colour", PLANT_COLOURS[-1]),
         where="",
         batch=0,

@@ -32,8 +32,8 @@ ZERO = fg.Vector3(x=0.0, y=0.0, z=0.0)
 ORIGIN = fg.Pose(position=ZERO, orientation=IDENTITY)
 
 RATE = 50  # [Hz] of poses and ropes
-MOST_FRAMES = 30_000  # of a run; longer ones have poses and ropes less often
-MOST_TRAILS = 10_000  # of a run, as for MOST_FRAMES
+MAX_FRAMES = 30_000  # of a run; longer ones have poses and ropes less often
+MAX_TRAILS = 10_000  # of a run, as for MAX_FRAMES
 TRAIL_POINTS = 50  # points of a trail besides the newest one
 ROPE_WIDTH, PATH_WIDTH = 3.0, 1.5  # of lines [pixels]
 TRAIL_WIDTH, GHOST_TRAIL_WIDTH = 3.0, 8.0  # [pixels]; a ghost's trail shows as a rim where both agree
@@ -41,7 +41,7 @@ GHOST = 0.3  # opacity of all ghosts together; with more, a red load behind ghos
 # Lengths on the laboratory rig, to be multiplied by the scale of a rig.
 GHOST_INSET = 0.001  # [m] by which a ghost is smaller, so that it does not colour a solid crane at its place
 ARROW_LENGTH = 0.25  # [m] of an arrow for 1 rad/s² on a rope of the laboratory rig
-SHORTEST_ARROW, LONGEST_ARROW = 0.1, 0.75  # [m]
+MIN_ARROW, MAX_ARROW = 0.1, 0.75  # [m]
 SHAFT, HEAD = 0.018, 0.05  # [m] diameters of an arrow's parts
 TARGET = 0.04  # [m] diameter of the ball at the desired load position
 
@@ -75,7 +75,7 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
 
 def frames(run: Run) -> NDArray[np.intp]:
     """Return the samples at which poses and ropes of a whole run are drawn."""
-    return rows_apart(run, max(1.0 / RATE, run.end_s / MOST_FRAMES))
+    return rows_apart(run, max(1.0 / RATE, run.end_s / MAX_FRAMES))
 
 
 def can_be_drawn(run: Run) -> bool:
@@ -168,7 +168,7 @@ def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
 
 def whole_trail(run: Run, opacity: float, *, colour: str | None = None) -> Stream:
     """Return the trail of a whole run."""
-    rows = rows_apart(run, max(trail_step(run.scenario.rig), run.end_s / MOST_TRAILS))
+    rows = rows_apart(run, max(trail_step(run.scenario.rig), run.end_s / MAX_TRAILS))
     return trail(run.plant, run.time_ns[rows], run.load_position[rows], opacity, colour=colour)
 
 
@@ -225,7 +225,7 @@ def _arrow(acceleration: Array, scale: float) -> fg.ArrowPrimitive:
     x, y, z = acceleration / size
     # Arrows point along their x axis: this quaternion turns it the shortest way.
     turn = np.array([0.0, -z, y, 1.0 + x]) if x > -1.0 else np.array([0.0, 0.0, 1.0, 0.0])
-    length = scale * float(np.clip(ARROW_LENGTH * size, SHORTEST_ARROW, LONGEST_ARROW))
+    length = scale * float(np.clip(ARROW_LENGTH * size, MIN_ARROW, MAX_ARROW))
     orientation = _quaternion((turn / np.linalg.norm(turn)).tolist())
     return fg.ArrowPrimitive(
         pose=fg.Pose(position=ZERO, orientation=orientation),

@@ -141,7 +141,7 @@ MAX_CHUNK = 16 * 2**20  # [bytes] unpacked; cranectl writes 64 KiB, other writer
 _MESSAGE, _SCHEMA, _CHANNEL = int(Opcode.MESSAGE), int(Opcode.SCHEMA), int(Opcode.CHANNEL)
 _PREFIX = PREFIX.size
 _MESSAGE_HEAD = 22  # [bytes] channel, sequence, log time, publish time
-_SHORTEST = 14  # [bytes] of the shortest record in a chunk, a schema with empty strings
+_MIN_RECORD = 14  # [bytes] of the shortest record in a chunk, a schema with empty strings
 
 Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
@@ -233,12 +233,12 @@ def record_tables(data: Bytes) -> tuple[Integers, Integers, int]:
     """
     size = len(data)
     messages = np.empty((size // (_PREFIX + _MESSAGE_HEAD), 4), dtype=np.int64)
-    definitions = np.empty((size // (_PREFIX + _SHORTEST), 3), dtype=np.int64)
+    definitions = np.empty((size // (_PREFIX + _MIN_RECORD), 3), dtype=np.int64)
     m, d, at = 0, 0, 0
-    while size - at >= _PREFIX + _SHORTEST:
+    while size - at >= _PREFIX + _MIN_RECORD:
         opcode, start = data[at], at + _PREFIX
         length = little_endian(data, at + 1, 8)
-        if length < _SHORTEST or length > size - start:
+        if length < _MIN_RECORD or length > size - start:
             break
         if opcode == _MESSAGE and length >= _MESSAGE_HEAD:
             messages[m, 0] = little_endian(data, start, 2)

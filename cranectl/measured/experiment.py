@@ -19,10 +19,10 @@ MODEL, CHECK = "elastic", "mujoco"  # the plant that is fitted, and the one that
 AXES = ("bridge", "trolley", "winch")
 CHANNELS: tuple[str, ...] = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
 ANGLE_SCALE, ANGLE_DELAY = "angles.scale", "angles.delay"  # of their sensor: no settings of a rig
-LEAST_ERROR = 0.002  # of time constants and load: errors that all runs share
-LEAST_DELAY_ERROR = 60e-6  # [s] on the laboratory rig; grows with the root of the size
+MIN_ERROR = 0.002  # of time constants and load: errors that all runs share
+MIN_DELAY_ERROR = 60e-6  # [s] on the laboratory rig; grows with the root of the size
 SHORT_SPAN = 0.5  # of the time 1/w of the swing, in which its start is read
-FEWEST_SLOPES = 8  # samples from which a slope is read
+MIN_SLOPE_SAMPLES = 8  # samples from which a slope is read
 REST_SWING = 0.01  # [rad] of a load that counts as at rest; zeros of its sensors included
 STILL_STEPS, STILL_NOISE = 1.5, 4.0  # steps of an encoder and deviations of its noise in readings at rest
 REST_SPEED = 1e-3  # of a drive's speed limit, below which a run begins at rest
@@ -49,7 +49,7 @@ def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
         for axis in AXES:
             tau = float(getattr(rig, f"{axis}_time_constant"))
             fitted.append(
-                Unknown(f"{axis}_time_constant", "s", tau, tau, 0.05 * tau, relative_floor=LEAST_ERROR)
+                Unknown(f"{axis}_time_constant", "s", tau, tau, 0.05 * tau, relative_floor=MIN_ERROR)
             )
         gains = rig.effects.installation.drive_gain
         fitted += [Unknown(f"effects.installation.drive_gain.{k}", "1", gains[k], 0.1, 0.1) for k in range(3)]
@@ -57,9 +57,9 @@ def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
             force = friction.coulomb[k] or 0.02 * rig.load_mass * rig.gravity
             fitted.append(Unknown(f"effects.friction.coulomb.{k}", "N", force, force, 0.0))
         late = rig.effects.delay.seconds or 0.1 * rig.trolley_time_constant
-        fitted.append(Unknown("effects.delay.seconds", "s", late, late, 0.0, LEAST_DELAY_ERROR * sqrt(size)))
+        fitted.append(Unknown("effects.delay.seconds", "s", late, late, 0.0, MIN_DELAY_ERROR * sqrt(size)))
         mass = rig.load_mass
-        fitted.append(Unknown("load_mass", "kg", mass, mass, 0.05 * mass, relative_floor=LEAST_ERROR))
+        fitted.append(Unknown("load_mass", "kg", mass, mass, 0.05 * mass, relative_floor=MIN_ERROR))
     else:
         late = 0.1 / sqrt(rig.gravity / rig.rope_range[1])
         fitted += [Unknown(ANGLE_SCALE, "1", 1.0, 0.1, 0.1), Unknown(ANGLE_DELAY, "s", 0.0, late)]
@@ -165,7 +165,7 @@ class Experiment:
     def _first_swing(self, first: int) -> float:
         """Return the amplitude of the swing at the start [rad], from the first readings."""
         angles = self.readings[:first, 3:]
-        if first < FEWEST_SLOPES:
+        if first < MIN_SLOPE_SAMPLES:
             return float(np.abs(angles[0]).max())
         slopes = np.polyfit(self.period * np.arange(first), angles, 1)[0]
         return float(np.hypot(np.abs(angles.mean(axis=0)), slopes / self.frequency).max())

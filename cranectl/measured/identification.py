@@ -38,10 +38,10 @@ from cranectl.support.arrays import Array, Mask
 from cranectl.support.errors import InputError
 
 FITTING_STEP = 1e-3  # of a number's scale: smaller differences see the corners of friction
-MOST_READINGS = 40_000  # of a channel that are compared, of all runs together
-LARGEST_MISFIT = 1.5  # mean square of the residuals, in units of the readings' noise
-LEAST_EFFECT = 5.0  # standard deviations by which a change by its scale must move all readings of a number
-LARGEST_SPREAD = 0.5  # of its scale, above which a number is not identifiable
+MAX_READINGS = 40_000  # of a channel that are compared, of all runs together
+MAX_MISFIT = 1.5  # mean square of the residuals, in units of the readings' noise
+MIN_EFFECT = 5.0  # standard deviations by which a change by its scale must move all readings of a number
+MAX_SPREAD = 0.5  # of its scale, above which a number is not identifiable
 STRONG_CORRELATION = 0.99  # correlation above which two numbers replace one another
 ENCODER_DRAWS = 50  # of readings, from which the covariance of encoders is computed
 NORMAL = 1.96  # half-widths of a 95 % interval in standard deviations
@@ -121,7 +121,7 @@ def identify(
         )
     has_commands = all(default_replay(run) == "commands" for run in runs)
     chosen: Replay = replay or ("commands" if has_commands else "motion")
-    experiments = [Experiment(run, rig, chosen, MOST_READINGS // len(runs)) for run in runs]
+    experiments = [Experiment(run, rig, chosen, MAX_READINGS // len(runs)) for run in runs]
     fit = LeastSquares(experiments, unknowns_of(rig, chosen))
     fit.drop_without_effect()
     progress(f"fitting {len(fit.unknowns)} numbers to {len(runs)} runs")
@@ -169,11 +169,11 @@ class LeastSquares:
         """Leave out the numbers that move no reading of these runs."""
         self.parts = [self.jacobian(k, self.common, own) for k, own in enumerate(self.own)]
         effect = np.sqrt(sum(np.square(by_common).sum(axis=0) for _, by_common, _ in self.parts))
-        self._keep(effect > LEAST_EFFECT)
+        self._keep(effect > MIN_EFFECT)
 
     def drop_unidentifiable(self) -> bool:
         """Leave out the numbers whose spread is too large; return whether there were any."""
-        wide = self.deviations > LARGEST_SPREAD
+        wide = self.deviations > MAX_SPREAD
         self._keep(~wide)
         return bool(wide.any())
 
@@ -304,7 +304,7 @@ class LeastSquares:
             correlated=tuple(pairs),
             covariance=(between_runs + of_encoders) * np.outer(scales, scales),
             misfit=self.misfit,
-            converged=self.done and self.misfit < LARGEST_MISFIT,
+            converged=self.done and self.misfit < MAX_MISFIT,
             comparisons=tuple(
                 compare_readings(
                     e, e.predicted(values, own * e.own_scale), reading_noise(rig, BLOCK_SAMPLES), values

@@ -6,7 +6,7 @@ from cranectl.measured.experiment import ANGLE_DELAY, ANGLE_SCALE
 from cranectl.measured.identification import NORMAL, Estimate, Identification
 
 MILLISECOND = 1e-3  # to which a rig's delay is rounded, since it must be a whole number of control periods
-MOST_DEVIATIONS = 2.5  # half-widths from the value to the end of a distribution
+MAX_DEVIATIONS = 2.5  # half-widths from the value to the end of a distribution
 
 
 def rig_text(result: Identification, base: str, logs: str) -> str:
@@ -59,7 +59,7 @@ def campaign_text(result: Identification, rig: str, name: str, logs: str) -> str
             f"deviation = {estimate.half_width / NORMAL:.3g}",
         ]
         if estimate.name != "effects.installation.rope_offset":
-            lines.append(f"low = {max(estimate.value - MOST_DEVIATIONS * estimate.half_width, 0.0):.6g}")
+            lines.append(f"low = {max(estimate.value - MAX_DEVIATIONS * estimate.half_width, 0.0):.6g}")
     return "\n".join(lines) + "\n"
 
 

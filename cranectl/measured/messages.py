@@ -11,7 +11,7 @@ import numpy as np
 from cranectl.measured.columns import DEEPEST, TableHead, from_arrays
 from cranectl.support.arrays import Array
 
-LONGEST_LIST = 32  # numbers of a list in a message; longer ones are pictures and clouds of points
+MAX_LIST = 32  # numbers of a list in a message; longer ones are pictures and clouds of points
 Series: TypeAlias = "dict[str, array[float]]"
 
 
@@ -73,7 +73,7 @@ def _append(series: Series, name: str, value: Any, depth: int = 0) -> None:
     """Append the numbers of a message to the series of its fields."""
     if isinstance(value, bool | int | float):
         series.setdefault(name, array("d")).append(float(value))
-    elif isinstance(value, np.ndarray | list) and len(value) <= LONGEST_LIST:
+    elif isinstance(value, np.ndarray | list) and len(value) <= MAX_LIST:
         for k, number in enumerate(value.tolist() if isinstance(value, np.ndarray) else value, 1):
             _append(series, f"{name}:{k}", number, DEEPEST)
     elif depth < DEEPEST:

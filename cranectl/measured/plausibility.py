@@ -28,9 +28,9 @@ PAIRS = {"beta": "bridge_position", "alpha": "trolley_position"}
 CLEAR = 0.8  # correlation above which an explanation counts
 CLOSE = 0.4  # residual below which two swapped angles explain the motion
 SAMPLES_PER_SWING = 40.0  # in the time 1/w of the pendulum, of signals that have more
-LEAST_GAIN = 0.01  # of the correlation, from which a delay is reported
+MIN_CORRELATION_GAIN = 0.01  # of the correlation, from which a delay is reported
 LARGE_MEAN = 0.01  # [rad] of an angle, from which its zero is questioned
-LEAST_SWING = 1e-6  # [rad] rms of an angle below which nothing is concluded
+MIN_SWING = 1e-6  # [rad] rms of an angle below which nothing is concluded
 
 
 def check_motion(name: str, time: Array, values: Array, rig: RigParameters) -> None:
@@ -149,11 +149,11 @@ def _fit(
     pivot, mean = band.second(columns[axis]), float(columns[angle].mean())
     settled = min(round(3.0 / band.frequency / band.period), len(pivot) // 4)
     pivot, answer = pivot[settled:], answer[settled:]
-    if float(np.std(columns[angle])) < LEAST_SWING or not pivot.any():
+    if float(np.std(columns[angle])) < MIN_SWING or not pivot.any():
         return Finding(angle, axis, np.nan, np.nan, 0.0, mean), np.nan
     late = _best_shift(pivot, answer, round(1.0 / band.frequency / band.period))
     shifted = pivot[: len(pivot) - late], answer[late:]
-    if abs(_correlation(*shifted)) > abs(_correlation(pivot, answer)) + LEAST_GAIN:
+    if abs(_correlation(*shifted)) > abs(_correlation(pivot, answer)) + MIN_CORRELATION_GAIN:
         pivot, answer = shifted
     else:
         late = 0

@@ -11,7 +11,7 @@ from math import pi, sqrt
 import numpy as np
 
 from cranectl.measured.experiment import CHANNELS, Experiment, unknowns_of
-from cranectl.measured.identification import MOST_READINGS, Estimate, LeastSquares
+from cranectl.measured.identification import MAX_READINGS, Estimate, LeastSquares
 from cranectl.measured.importing import assemble_run
 from cranectl.measured.mapping import ANGLES, COMMANDS, POSITIONS, MeasuredMap
 from cranectl.scenario import NANOSECONDS, nanoseconds
@@ -28,12 +28,12 @@ SAMPLES_IN_SWING = (40.0, 10_000.0)  # fewest and most set-points in a period of
 WORKSPACE_MARGIN = 0.1  # share of each range that stays free at both ends
 SLOW_SPEEDS, FAST_SPEEDS = (0.1, 0.25), (0.4, 0.8)  # shares of the speed limits
 ACCELERATIONS = (0.3, 0.8)  # shares of the acceleration limits
-LARGEST_ACCELERATION = 0.5  # of gravity, so that no rope goes slack
+MAX_ACCELERATION = 0.5  # of gravity, so that no rope goes slack
 HOLDS, PAUSES = (0.3, 0.8), (0.05, 0.4)  # times at a speed and at rest, in periods of the swing
 BEGINNING, ENDING = 0.3, 1.0  # pauses before and after all moves, in periods of the swing
 MOVES_TOGETHER = 4  # of each axis, fast and slow in turn
-LARGEST_SWING = 0.2  # [rad] to which horizontal moves are slowed down
-SLOWER, LEAST_FACTOR = 0.98, 0.5  # of speeds at once, since swing is not quite proportional to them
+MAX_SWING = 0.2  # [rad] to which horizontal moves are slowed down
+SLOWER, MIN_FACTOR = 0.98, 0.5  # of speeds at once, since swing is not quite proportional to them
 SPEED_DIGITS = 6  # of set-points in m/s, in files too
 
 
@@ -84,9 +84,9 @@ def _slowed_run(rig: RigParameters, start: Array, speeds: Array, period: float) 
     while True:
         run = _predicted_run(rig, start, np.round(speeds, SPEED_DIGITS), period)
         swing = largest_swing(run)
-        if (swing <= LARGEST_SWING).all():
+        if (swing <= MAX_SWING).all():
             return run
-        speeds = speeds * [*np.clip(SLOWER * LARGEST_SWING / swing, LEAST_FACTOR, 1.0), 1.0]
+        speeds = speeds * [*np.clip(SLOWER * MAX_SWING / swing, MIN_FACTOR, 1.0), 1.0]
 
 
 def _predicted_run(rig: RigParameters, start: Array, speeds: Array, period: float) -> Run:
@@ -110,7 +110,7 @@ def _drawn_motion(
     margin = WORKSPACE_MARGIN * (high - low)
     low, high = low + margin, high - margin
     start = low + (high - low) * rng.uniform(0.3, 0.7, 3)
-    acceleration = np.minimum(rig.effects.limits.acceleration, LARGEST_ACCELERATION * rig.gravity)
+    acceleration = np.minimum(rig.effects.limits.acceleration, MAX_ACCELERATION * rig.gravity)
     position, moves, free = start.copy(), [], np.full(3, BEGINNING * swing)
 
     def move(axis: int, shares: tuple[float, float]) -> float:
@@ -157,7 +157,7 @@ def predict_estimates(
     tuple of str
         Names of the numbers that cannot be identified: their intervals are as large as the numbers.
     """
-    most = MOST_READINGS // len(runs)
+    most = MAX_READINGS // len(runs)
     experiments = [Experiment(run, rig, "commands", most) for run in runs]
     fit = LeastSquares(experiments, unknowns_of(rig, "commands"))
     fit.drop_without_effect()

@@ -12,7 +12,7 @@ from cranectl.measured.tables import read_head
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-MOST_SHOWN = 100  # columns
+MAX_SHOWN_COLUMNS = 100  # columns
 _UNIT = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 _COMMAND = "cmd command control set setpoint ref reference soll desired target w"
 _X, _Y, _ROPE = "bridge x kran", "trolley cart y katze", "rope cable hoist length l seil winch"
@@ -57,7 +57,7 @@ _DESCRIPTIONS = {
 def suggest_map(path: Path) -> str:
     """Return the text of a map for the file at `path`; raise InputError if it cannot be read."""
     head = read_head(path)
-    columns = [_range(head, k) for k in range(min(len(head.names), MOST_SHOWN))]
+    columns = [_range(head, k) for k in range(min(len(head.names), MAX_SHOWN_COLUMNS))]
     guesses = guessed_columns(head.names)
     lines = [f"# Columns of {path.name}: number, name, smallest and largest value"]
     lines += [

@@ -23,7 +23,7 @@ from cranectl.support.arrays import Array
 
 EFFORT_WEIGHT = 1e-2  # of the mean square of the efforts, in durations
 PENALTIES = 6.0, 24.0  # on the largest excess as a share of its limit, in durations
-FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.1, 1.0, 1e-6  # of the trust region, in sizes of the unknowns
+FIRST_STEP, MAX_TRUST_STEP, MIN_TRUST_STEP = 0.1, 1.0, 1e-6  # of the trust region, in sizes of the unknowns
 MAX_CORRECTIONS = 4  # of a step
 MAX_STEPS = 80
 MIN_GAIN = 2e-5  # of a step, in durations; a smaller gain ends the descent
@@ -164,8 +164,8 @@ def _descend(merit: Merit, x: Array, max_steps: int) -> tuple[Solution, Array]:
         if ratio < 0.3:
             radius = 0.4 * min(radius, float(np.abs(move).max()))
         elif ratio > 0.7:
-            radius = min(2.0 * radius, LONGEST_STEP)
-        if radius < SHORTEST_STEP:
+            radius = min(2.0 * radius, MAX_TRUST_STEP)
+        if radius < MIN_TRUST_STEP:
             break
         if ratio > 0.1:
             x, value = x + merit.sizes * move, reached

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from cranectl.plants.registry import ALL, LONGEST_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
+from cranectl.plants.registry import ALL, MAX_PLANT_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.errors import InputError
 from cranectl.support.extensions import check_free, check_name, loaded
@@ -55,7 +55,7 @@ def register_model(file: str) -> str:
     used = [entry.colour for entry in PLANTS.values()]
     PLANTS[name] = PlantEntry(
         name,
-        path.name[-LONGEST_LABEL:],
+        path.name[-MAX_PLANT_LABEL:],
         next((colour for colour in PLANT_COLOURS if colour not in used), PLANT_COLOURS[-1]),
         OWN_PLANT,
         batch=0,

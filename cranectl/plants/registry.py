@@ -18,7 +18,7 @@ from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.extensions import check_free, check_name, loaded, with_extensions
 from cranectl.support.provenance import source_digests
 
-LONGEST_LABEL = 40  # [characters]
+MAX_PLANT_LABEL = 40  # [characters]
 PLANT_COLOURS = tuple(name for name in COLOURS if name in VIEWER and name.startswith("series-"))
 # What a plant may lack: effects, parts of effects, all forces on its axes, and disturbances of its load.
 LACKS = (*WHOLE_EFFECTS, *PARTS, "force", "disturbances", "disturbances.force")
@@ -82,10 +82,10 @@ class PlantEntry:
 
     def __post_init__(self) -> None:
         check_name("plant", self.name)
-        if not 0 < len(self.label) <= LONGEST_LABEL or not self.label.isprintable():
+        if not 0 < len(self.label) <= MAX_PLANT_LABEL or not self.label.isprintable():
             raise InputError(
-                f"the label {self.label[:LONGEST_LABEL]!r} of the plant {self.name}",
-                allowed=f"1 to {LONGEST_LABEL} printable characters",
+                f"the label {self.label[:MAX_PLANT_LABEL]!r} of the plant {self.name}",
+                allowed=f"1 to {MAX_PLANT_LABEL} printable characters",
                 remedy="take another label",
             )
         if self.colour not in PLANT_COLOURS:

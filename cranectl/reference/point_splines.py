@@ -12,7 +12,7 @@ from cranectl.reference.fitting import RecordedSamples, interpolate_path, interp
 from cranectl.reference.sanity import check_demand, check_length, check_numbers, check_samples
 from cranectl.scenario import Scenario
 from cranectl.scenario.recorded import TO_START, FitNumbers, FromFile
-from cranectl.scenario.segments import MAX_SPLINE_POINTS, MOST_SPANS, Hold, Samples, Spline, WayPoints
+from cranectl.scenario.segments import MAX_SPANS, MAX_SPLINE_POINTS, Hold, Samples, Spline, WayPoints
 from cranectl.scenario.settings import parse_settings
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -115,7 +115,7 @@ def fit_samples(segment: Samples, start: Array, scenario: Scenario, directory: P
     check_length(times[-1] - times[0], scenario, f"{where} lasts", TIMES_REMEDY)
     time = times - times[0]
     recorded = RecordedSamples(time, motion.points)
-    spans = segment.spans or recorded.choose_spans(MOST_SPANS, EXACT_SHARE * tolerance)
+    spans = segment.spans or recorded.choose_spans(MAX_SPANS, EXACT_SHARE * tolerance)
     try:
         free = recorded.fit(spans)
     except np.linalg.LinAlgError:

@@ -28,7 +28,7 @@ GHOST_OFFSET = 0.03  # [m] by which a ghost is farther from the camera, so as no
 ROPE_WIDTH = 0.006  # [m]
 TAUT_COLOUR, SLACK_COLOUR = rgb(LIGHT["ink"]), rgb(SLACK_ROPE)
 ARROW_LENGTH, ARROW_WIDTH = 0.25, 0.012  # [m] for 1 rad/s² at the scaled rope; [m]
-LONGEST_ARROW = 0.6  # [m]
+MAX_ARROW = 0.6  # [m]
 MARKER_RADIUS = 0.024  # [m], of the load's reference
 SHADOW_HEIGHT = 0.001  # [m] above the floor
 SHADOW_SIZE = (0.05, 0.0005, 0.0)  # radius and half the height [m]
@@ -157,7 +157,7 @@ class Renderer:
         """Add an arrow for the `acceleration` of the load by a disturbance [m/s²]."""
         size = float(np.linalg.norm(acceleration))
         if size > 0.0:
-            end = load + acceleration / size * self._scale * min(ARROW_LENGTH * size, LONGEST_ARROW)
+            end = load + acceleration / size * self._scale * min(ARROW_LENGTH * size, MAX_ARROW)
             self._connect(ARROW, ARROW_WIDTH * self._scale, load, end, (*rgb(LIGHT["series-4"]), 1.0))
 
     def _add_reference(self, track: Track, row: int) -> None:

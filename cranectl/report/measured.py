@@ -7,7 +7,7 @@ from matplotlib.figure import Figure as Drawing
 
 from cranectl.measured.comparison import BLOCK_SAMPLES, ReadingsComparison
 from cranectl.measured.experiment import ANGLE_DELAY, ANGLE_SCALE, CHECK, MODEL
-from cranectl.measured.identification import LARGEST_MISFIT, Estimate, Identification
+from cranectl.measured.identification import MAX_MISFIT, Estimate, Identification
 from cranectl.measured.verdict import (
     BAND_DEVIATIONS,
     COVERED,
@@ -81,7 +81,7 @@ def remarks(result: Identification) -> list[str]:
         wrong = f"{MILLIMETRES * abs(rope.value):.3g} mm too {'long' if rope.value > 0.0 else 'short'}"
         advice = f"add {rope.value:.4g} to the zero of rope_length in the map"
         sentences.append(f"the rope is read {wrong}: {advice}")
-    if result.converged and (lasting := max(c.misfit for c in result.comparisons)) > LARGEST_MISFIT:
+    if result.converged and (lasting := max(c.misfit for c in result.comparisons)) > MAX_MISFIT:
         sentences.append(
             f"residuals last: as means over {BLOCK_SAMPLES} samples they are up to {lasting:.3g} times the "
             "squared noise of such means. If readings drift, as of a camera, intervals are too narrow"
@@ -89,7 +89,7 @@ def remarks(result: Identification) -> list[str]:
     if not result.converged:
         sentences.append(
             f"NOT CONVERGED: the residuals are {result.misfit:.3g} times the squared noise of the readings, "
-            f"and {LARGEST_MISFIT:g} is allowed. The crane does something that the model does not."
+            f"and {MAX_MISFIT:g} is allowed. The crane does something that the model does not."
         )
     return sentences
 
@@ -106,7 +106,7 @@ def identification_page(result: Identification, names: Sequence[str], remade_by:
     facts = (
         Fact("Runs", str(result.runs), f"{result.replay} repeated on the plant {MODEL}"),
         Fact("Numbers", str(len(result.estimates)), f"{len(result.unidentifiable)} more are left open"),
-        Fact("Residuals over noise, squared", f"{result.misfit:.3g}", f"allowed: {LARGEST_MISFIT:g}"),
+        Fact("Residuals over noise, squared", f"{result.misfit:.3g}", f"allowed: {MAX_MISFIT:g}"),
         Fact("Largest residual", quantity(largest, "m"), "as means over 25 samples"),
     )
     numbers = Section(

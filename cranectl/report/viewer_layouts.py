@@ -40,11 +40,11 @@ SIGNALS: dict[tuple[str, str], Signal] = {
 }
 DISTANCE = topics.DISTANCE.signals[0]  # of the load
 SIGNALS |= {(group, DISTANCE.name): DISTANCE for group in (topics.DISTANCE.name, STEP)}
-LEAST_ORDER = -9.0  # power of ten of the least distance [m] that a fidelity level adds; less is rounding
+MIN_ORDER = -9.0  # power of ten of the least distance [m] that a fidelity level adds; less is rounding
 DISTANCE_EXPONENT = -14.0  # power of ten of the least distance in logs
 # Height of the standings in [%] of a window of 900 pixels.
-TITLE, ROW_HEIGHT, MOST = 8.0, 8.0, 64.0
-MOST_UNITS = 4  # of the signals that a controller logs
+TITLE, ROW_HEIGHT, MAX_STANDINGS_HEIGHT = 8.0, 8.0, 64.0
+MAX_UNITS = 4  # of the signals that a controller logs
 FOLLOWED = 30.0  # [s] that a live session's plots show
 
 
@@ -163,7 +163,7 @@ def _controller_plots(plant: str, logged: Sequence[Signal]) -> list[Panel]:
         if len(lines) < len(VIEWER_SERIES):
             colour = VIEWER_SERIES[len(lines)]
             lines.append(_line(field_of(topic, signal.name), signal, signal.name, colour))
-    return [plot("of the controller", lines) for lines in [*by_unit.values()][:MOST_UNITS]]
+    return [plot("of the controller", lines) for lines in [*by_unit.values()][:MAX_UNITS]]
 
 
 def _live(plants: Sequence[str]) -> Layout:
@@ -209,7 +209,7 @@ def _ladder(labels: Sequence[str]) -> Layout:
     orders = []
     for where, group in (("the level before", STEP), (labels[0], topics.DISTANCE.name)):
         lines = _of_labels(labels, group, DISTANCE.name, ".@log10")
-        orders.append(plot(f"log₁₀ of distance from {where}", lines, minYValue=LEAST_ORDER))
+        orders.append(plot(f"log₁₀ of distance from {where}", lines, minYValue=MIN_ORDER))
     metres = plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, DISTANCE.name))
     shown = [topics.plant_topic(labels[0], kind) for kind in ("model", topics.ROPE, topics.ARROW)]
     shown += [topics.plant_topic(label, "trail") for label in labels]
@@ -242,7 +242,7 @@ def _several(
 def _crane_and_standings(scene: Panel, names: Sequence[str]) -> Layout:
     """Return the crane above the table of runs, which is as high as its rows need."""
     panel = standings(names)
-    share = min(TITLE + ROW_HEIGHT * len(panel[1]["paths"]), MOST)
+    share = min(TITLE + ROW_HEIGHT * len(panel[1]["paths"]), MAX_STANDINGS_HEIGHT)
     return column([scene, panel], (100.0 - share, share))
 
 

@@ -21,14 +21,14 @@ from cranectl.support.errors import InputError
 
 SHORTEST = "shortest"
 Timed = Annotated[Other[Duration] | Text[Literal["shortest"]], TEXT_OR_OTHER]
-MOST_COEFFICIENTS = 20_000
+MAX_COEFFICIENTS = 20_000
 
 
 class SplineLaw(Settings):
     """A planned time law: the share s of the path over time, a B-spline of degree 7 on uniform knots, C⁶."""
 
     coefficients: Annotated[
-        Many[Annotated[float, Field(ge=0.0, le=1.0)]], Field(min_length=8, max_length=MOST_COEFFICIENTS)
+        Many[Annotated[float, Field(ge=0.0, le=1.0)]], Field(min_length=8, max_length=MAX_COEFFICIENTS)
     ] = Field(description="of s from 0 to 1 over the duration")
 
 

@@ -17,9 +17,9 @@ FILED_RADIUS = 0.05  # [m] of the model file's ball of 1 kg: 1910 kg/m³, like a
 RADIUS_LIMITS = (0.6, 2.0)  # over the scaled FILED_RADIUS: a light load is visible, a heavy one hides nothing
 FILED_TRAIL = 4.0  # [s], two swings of the laboratory's rope
 FILED_BOX = ((-0.125, -0.145, -1.4), (2.125, 1.685, 0.225))  # [m], corners of the rig in the model file
-LARGEST_FRAME = 3.0  # scale up to which a rig is drawn as the laboratory frame
-LEAST_PORTAL_LIFT = 15.0  # [m] of a ship-to-shore crane
-LEAST_PORTAL_SHARE = 0.5  # lift over the travel of the trolley; halls are wider than high
+MAX_FRAME_SCALE = 3.0  # scale up to which a rig is drawn as the laboratory frame
+MIN_PORTAL_LIFT = 15.0  # [m] of a ship-to-shore crane
+MIN_PORTAL_SHARE = 0.5  # lift over the travel of the trolley; halls are wider than high
 
 CraneKind = Literal["laboratory frame", "bridge crane", "ship-to-shore crane"]
 
@@ -59,10 +59,10 @@ def crane_kind(rig: RigParameters) -> CraneKind:
     A rig of at most three times the laboratory's size is a frame. A larger one is a ship-to-shore crane if
     it lifts loads by 15 m or more, and by half the travel of its trolley or more. Else it is a bridge crane.
     """
-    if drawn_scale(rig) <= LARGEST_FRAME:
+    if drawn_scale(rig) <= MAX_FRAME_SCALE:
         return "laboratory frame"
     _, travel, lift = np.ptp(drawn_ends(rig), axis=1) - (0.0, 0.0, rig.rope_range[0])
-    is_portal = lift >= max(LEAST_PORTAL_LIFT, LEAST_PORTAL_SHARE * travel)
+    is_portal = lift >= max(MIN_PORTAL_LIFT, MIN_PORTAL_SHARE * travel)
     return "ship-to-shore crane" if is_portal else "bridge crane"
 
 

@@ -18,13 +18,13 @@ from cranectl.scenario.settings import (
     Triple,
 )
 
-MOST_SAMPLES = 6_000_000  # of 120 bytes: ten minutes at 0.1 ms
-MOST_CHANGES = 20_000  # so that the file of a scenario is not too large
+MAX_SAMPLES = 6_000_000  # of 120 bytes: ten minutes at 0.1 ms
+MAX_RECORDED_CHANGES = 20_000  # so that the file of a scenario is not too large
 SETTLING_TIME = 40.0  # times 1/bandwidth; after it the four lags keep less than 1e-13 of a command
 Speed = Annotated[float, Field(ge=1e-6, le=1e4)]
 Time = Annotated[float, Field(ge=0.0, le=MAX_DURATION)]
 Change = Annotated[tuple[Time, float, float, float], Field(strict=False)]
-Changes = Annotated[Many[Change], Field(max_length=MOST_CHANGES)]
+Changes = Annotated[Many[Change], Field(max_length=MAX_RECORDED_CHANGES)]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 NameOrNumber = Annotated[Text[Name] | Other[Position], TEXT_OR_OTHER]  # of a column, or one for all rows
 Sign = Literal[1, -1]
@@ -58,11 +58,11 @@ class Driven(Settings):
 
     @model_validator(mode="after")
     def _was_driven(self) -> "Driven":
-        if self.duration / self.period > MOST_SAMPLES:
+        if self.duration / self.period > MAX_SAMPLES:
             raise RuleError(
                 f"duration = {self.duration:g} s has {self.duration / self.period:.3g} samples of period = "
                 f"{self.period:g} s",
-                allowed=f"at most {MOST_SAMPLES:g} fit into memory",
+                allowed=f"at most {MAX_SAMPLES:g} fit into memory",
                 remedy="lengthen period",
             )
         last = max(self.changes, default=(0, (0.0,) * 4))

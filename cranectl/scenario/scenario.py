@@ -23,7 +23,7 @@ from cranectl.scenario.settings import (
 )
 
 STILL = Wind(gust=0.0, drag_area=0.0)
-MOST_PARTS = 1_000_000  # divisors of a period that are tried
+MAX_DIVISOR = 1_000_000  # divisors of a period that are tried
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
 
 
@@ -264,7 +264,7 @@ def longest_step(period: float, longest: float) -> float:
     """Return the longest step [s] up to `longest` that divides `period`, in whole nanoseconds."""
     whole = nanoseconds(period)
     parts = range(math.ceil(whole / (longest * NANOSECONDS)), whole + 1)
-    return whole // next((n for n in parts[:MOST_PARTS] if whole % n == 0), whole) / NANOSECONDS
+    return whole // next((n for n in parts[:MAX_DIVISOR] if whole % n == 0), whole) / NANOSECONDS
 
 
 def _check_multiple(name: str, time: float, period: float) -> None:

@@ -22,8 +22,8 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from cranectl.scenario.along_path import (
+    MAX_COEFFICIENTS,
     MINIMUM_TIME,
-    MOST_COEFFICIENTS,
     TIME_LAW,
     AlongPath,
     Arc,
@@ -39,7 +39,7 @@ from cranectl.support import extensions
 from cranectl.support.extensions import with_extensions
 
 MAX_SPLINE_POINTS = 2000  # way points of a spline through all of them
-MOST_SPANS = 1000  # of a spline that is fitted to samples
+MAX_SPANS = 1000  # of a spline that is fitted to samples
 OF_FILE = ("columns", "units", "topic", "signs")  # settings that only a file with way points needs
 
 
@@ -137,7 +137,7 @@ class Samples(FromFile):
 
     kind: Literal["samples"]
     file: str = Field(description="with the samples, by its path from the scenario's file")
-    spans: Annotated[int, Field(ge=4, le=MOST_SPANS)] | None = Field(
+    spans: Annotated[int, Field(ge=4, le=MAX_SPANS)] | None = Field(
         None, description="of the spline; by default as many as predict left-out samples best"
     )
 
@@ -153,7 +153,7 @@ class Spline(Plannable):
     breaks: Annotated[Many[float], Field(min_length=2)] = Field(
         description="knots, each once, from 0 to the duration [s], or with a time law to any number"
     )
-    coefficients: Annotated[Many[Point3], Field(min_length=6, max_length=MOST_COEFFICIENTS)] = Field(
+    coefficients: Annotated[Many[Point3], Field(min_length=6, max_length=MAX_COEFFICIENTS)] = Field(
         description="(x, y, z) [m]; without a time law the first and the last five are equal"
     )
     time_law: TimeLaw | None = Field(None, description=f"of a path, as for lines; {TIME_LAW}")

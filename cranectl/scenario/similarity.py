@@ -18,10 +18,10 @@ from cranectl.scenario.settings import Scaled, Settings, scales_of
 from cranectl.support.documents import Table, assign, leaves, mapped, merged
 from cranectl.support.errors import InputError
 
-LONGEST_ROPES = (0.05, 1000.0)  # [m] range of longest ropes for which all scaled numbers are within bounds
+ROPE_BOUNDS = (0.05, 1000.0)  # [m] range of longest ropes for which all scaled numbers are within bounds
 OVERLOAD = 10.0  # largest load over rated load for which the rig's numbers are accepted
 PLAUSIBLE_MASSES = (0.02, 500.0)  # of bridge and trolley over the rated load; real cranes have 0.3 to 50
-MOST_STRAIN = 0.5  # of a rope under the weight of its load; steel has 0.002, nylon 0.1
+MAX_STRAIN = 0.5  # of a rope under the weight of its load; steel has 0.002, nylon 0.1
 STATED = ("rope_range", "rated_load", "load_mass")  # to which a rig's other numbers are scaled
 SCALED_TABLES: dict[str, type[Settings]] = {
     "design": DesignSettings,
@@ -35,7 +35,7 @@ def completed_rig(stated: Table) -> Table:
 
     Raises InputError for a longest rope to which they cannot be scaled.
     """
-    shortest, longest = LONGEST_ROPES
+    shortest, longest = ROPE_BOUNDS
     rope = stated.get("rope_range", RigParameters().rope_range)[1]
     if not shortest <= rope <= longest:
         raise InputError(
@@ -76,7 +76,7 @@ def assumed_settings(rig: RigParameters, effects: EffectSettings) -> set[str]:
     """
     usual, longest = RigParameters(), rig.rope_range[1]
     of_laboratory = (longest, rig.rated_load) == (usual.rope_range[1], usual.rated_load)
-    if of_laboratory or not LONGEST_ROPES[0] <= longest <= LONGEST_ROPES[1]:
+    if of_laboratory or not ROPE_BOUNDS[0] <= longest <= ROPE_BOUNDS[1]:
         return set()
     scaled = completed_rig({"rope_range": list(rig.rope_range), "rated_load": rig.rated_load})
     whole = rig.model_dump(mode="json")
@@ -160,10 +160,10 @@ def check_size(rig: RigParameters, effects: EffectSettings) -> None:
             allowed=f"a winch that pulls more than {weight:g} N",
             remedy="correct effects.limits.force, or give rig.rated_load, to which it is scaled",
         )
-    if effects.rope and weight > MOST_STRAIN * effects.rope.stiffness:
+    if effects.rope and weight > MAX_STRAIN * effects.rope.stiffness:
         raise InputError(
             f"effects.rope.stiffness = {effects.rope.stiffness:g} N, a rope that stretches by "
             f"{weight / effects.rope.stiffness:.0%} under {what}'s {weight:g} N",
-            allowed=f"E A above {weight / MOST_STRAIN:g} N",
+            allowed=f"E A above {weight / MAX_STRAIN:g} N",
             remedy="correct effects.rope.stiffness, or give rig.rated_load, to which it is scaled",
         )

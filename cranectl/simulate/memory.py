@@ -11,7 +11,7 @@ from cranectl.design import ControllerDesign
 from cranectl.plants.plant import Drive
 from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
 from cranectl.scenario.drawn_size import drawn_trail
-from cranectl.scenario.scenario import MOST_PARTS
+from cranectl.scenario.scenario import MAX_DIVISOR
 from cranectl.signals import DISTURBANCE, LOAD, REFERENCE, STATE, recorded_groups
 from cranectl.simulate.run import Run, groups_of
 from cranectl.simulate.signal_path import has_signal_path
@@ -100,7 +100,7 @@ def _longer_period(scenario: Scenario, times: int) -> float:
     delay = scenario.effects.delay.seconds if scenario.effects.delay else 0.0
     common = math.gcd(*(nanoseconds(time or 0.0) for time in (scenario.duration, delay, *ends)))
     periods = common // scenario.period_ns
-    fitting = (n for n in range(times, min(periods, times + MOST_PARTS) + 1) if periods % n == 0)
+    fitting = (n for n in range(times, min(periods, times + MAX_DIVISOR) + 1) if periods % n == 0)
     return next(fitting, times) * scenario.period_ns / NANOSECONDS
 
 

@@ -35,7 +35,7 @@ from cranectl.support.errors import (
 )
 from cranectl.support.interrupts import SIGNALS, in_background
 
-LONGEST_WAIT = 3600.0  # [s] the longest single wait
+MAX_WAIT = 3600.0  # [s] the longest single wait
 ASK_INTERVAL = 0.1  # [s] between two checks for other reasons to end a wait
 EXIT_INTERVAL = 0.01  # [s] between two checks whether a forked child has ended
 SAFE_PATH = "PYTHONSAFEPATH"  # any text keeps the working directory out of the search path
@@ -59,7 +59,7 @@ class Timeout:
         waited = max(0.0, processor_wait(self._pid) - self._waited)
         return max(0.0, self._seconds - (self._clock() - self._start - waited))
 
-    def wait_for(self, poll: Callable[[float], T], longest: float = LONGEST_WAIT) -> T | None:
+    def wait_for(self, poll: Callable[[float], T], longest: float = MAX_WAIT) -> T | None:
         """Return what `poll`, called with seconds to wait, returns once it is true; None if time is over."""
         while left := self.left:
             if result := poll(min(left, longest)):
@@ -107,7 +107,7 @@ class Child:
         try:
             self.connection.send(message)
         except OSError:
-            raise self._lost(LONGEST_WAIT) from None
+            raise self._lost(MAX_WAIT) from None
 
     def receive(self, timeout: float, look: Callable[[], None] | None = None) -> Any:
         """Return the next message of the process.
@@ -124,7 +124,7 @@ class Child:
             return False
 
         while True:
-            limit, longest = inf if self._is_starting else timeout, ASK_INTERVAL if look else LONGEST_WAIT
+            limit, longest = inf if self._is_starting else timeout, ASK_INTERVAL if look else MAX_WAIT
             try:
                 if not Timeout(self.pid, limit).wait_for(is_there, longest):
                     self.end()
@@ -146,7 +146,7 @@ class Child:
             os.killpg(self.pid, signal.SIGKILL)
         if self._process is not None:
             self._process.kill()  # it may not lead its group yet
-        while not self._has_ended(LONGEST_WAIT):
+        while not self._has_ended(MAX_WAIT):
             pass
         self.connection.close()
 

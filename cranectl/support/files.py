@@ -153,7 +153,7 @@ BY_ENDING = {
 }
 PLOTS = (".svg", ".pdf", ".png")
 VIDEOS = (".mp4", ".gif", ".png")
-LONGEST_BEGINNING = 256  # [bytes]
+MAX_BEGINNING = 256  # [bytes]
 
 
 def kind_of(path: Path, endings: Iterable[str]) -> Kind:
@@ -198,7 +198,7 @@ def _obstacle(path: Path, kind: Kind, inputs: Iterable[Path]) -> str:
     if not path.is_file():
         return "" if kind.piped else "it exists and is no regular file"
     with path.open("rb") as file:
-        beginning = file.read(LONGEST_BEGINNING)
+        beginning = file.read(MAX_BEGINNING)
     if beginning and not re.match(kind.begins, beginning, re.DOTALL | re.IGNORECASE):
         return f"it exists and is no {kind.name}"
     return ""

@@ -15,7 +15,7 @@ from cranectl.cli.main import main
 from cranectl.measured.experiment import CHANNELS
 from cranectl.measured.mapping import COMMANDS, read_map
 from cranectl.measured.programme import (
-    LARGEST_SWING,
+    MAX_SWING,
     WORKSPACE_MARGIN,
     largest_swing,
     predict_estimates,
@@ -59,7 +59,7 @@ def test_set_points_keep_the_limits_of_the_rig(name: str) -> None:
         assert (np.abs(np.diff(commands(run), axis=0)) <= period(run) * acceleration).all()
         way = start(run) + period(run) * np.cumsum(commands(run), axis=0)
         assert ((way >= low + margin) & (way <= high - margin)).all()
-        assert (largest_swing(run) <= LARGEST_SWING).all()
+        assert (largest_swing(run) <= MAX_SWING).all()
 
 
 @pytest.mark.parametrize("name", rig_names())
@@ -90,7 +90,7 @@ def test_drives_without_limits_do_not_swing_the_load_too_far() -> None:
     for run in propose_runs(rig):
         way = start(run) + period(run) * np.cumsum(commands(run), axis=0)
         assert ((way >= low) & (way <= high)).all()
-        assert (largest_swing(run) <= LARGEST_SWING).all()
+        assert (largest_swing(run) <= MAX_SWING).all()
         assert (np.abs(commands(run)).max(axis=0) > 0.02).all()
 
 

@@ -12,7 +12,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.compare.runs import compare_runs
 from cranectl.log.reader import read_log
-from cranectl.log.scene import MOST_FRAMES, MOST_TRAILS, scene_streams
+from cranectl.log.scene import MAX_FRAMES, MAX_TRAILS, scene_streams
 from cranectl.log.writer import write_log
 from cranectl.measured.replay import Replay, default_replay, predict
 from cranectl.planning import load_scenario
@@ -125,8 +125,8 @@ def test_drawings_of_an_hour_take_little_memory(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "a.csv", table | {"t": hour})
     run = imported(path, mapping=mapping(check_physics=False)).run
     sizes = {stream.topic: len(stream.time_ns) for stream in scene_streams([run])}
-    assert 9_000 < sizes["/measured/trail"] <= MOST_TRAILS + 1
-    assert 15_000 < sizes["/measured/rope"] <= 1.5 * MOST_FRAMES  # every whole number of samples
+    assert 9_000 < sizes["/measured/trail"] <= MAX_TRAILS + 1
+    assert 15_000 < sizes["/measured/rope"] <= 1.5 * MAX_FRAMES  # every whole number of samples
 
 
 def test_measured_and_predicted_runs_share_one_log(folder: Path) -> None:

@@ -10,7 +10,7 @@ from cranectl.controllers.registry import WHERE, load_controller
 from cranectl.planning import load_scenario
 from cranectl.scenario.load import default_scenario, load_rig, rig_names
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.similarity import LONGEST_ROPES, length_scale, mass_warning
+from cranectl.scenario.similarity import ROPE_BOUNDS, length_scale, mass_warning
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 
@@ -159,7 +159,7 @@ def test_a_rope_to_which_nothing_can_be_scaled_is_named(tmp_path: Path, longest:
     assert load_rig(tmp_path / "crane.toml")
 
 
-@pytest.mark.parametrize("longest", LONGEST_ROPES)
+@pytest.mark.parametrize("longest", ROPE_BOUNDS)
 def test_every_default_of_a_controller_is_allowed_on_the_smallest_and_the_largest_rig(longest: float) -> None:
     length = length_scale(longest)
     for name in WHERE:

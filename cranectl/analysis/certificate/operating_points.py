@@ -38,7 +38,7 @@ from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-LARGEST_SINE = 0.9999  # of alpha; at 1 the flat controller is singular
+MAX_SINE = 0.9999  # of alpha; at 1 the flat controller is singular
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def tilt_angles(point: OperatingPoint, gravity: float) -> tuple[float, float]:
     root = total * total - 4.0 * a * a * (1.0 - b * b)
     if abs(b) < 1.0 and root >= 0.0:
         sine = a * sqrt(2.0 * (1.0 - b * b) / (total + sqrt(root)))
-        if abs(sine) <= LARGEST_SINE:
+        if abs(sine) <= MAX_SINE:
             alpha = asin(sine)
             return alpha, asin(b / cos(alpha))
     raise InputError(
@@ -169,7 +169,7 @@ def find_equilibrium(
     state, command = split(unknown)
     joints = np.zeros(10)
     joints[0::2], joints[1::2] = state.qpos[plant.rig.joints], state.qvel[plant.rig.rates]
-    if not np.abs(force).max() < tolerance or np.abs(joints[[ALPHA, BETA]]).max() > np.arcsin(LARGEST_SINE):
+    if not np.abs(force).max() < tolerance or np.abs(joints[[ALPHA, BETA]]).max() > np.arcsin(MAX_SINE):
         raise InputError(
             f"there is no equilibrium at {point} with the scenario's effects",
             allowed="operating points with an equilibrium",

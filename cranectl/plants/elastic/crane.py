@@ -29,7 +29,7 @@ JOINTS = 5  # bridge, trolley, winch, alpha, beta; joint i has its position at 2
 # Ordinary Differential Equations I, 2nd ed., table II.5.2.
 STAGES = RK45.n_stages
 A, B = np.ascontiguousarray(RK45.A[:STAGES, :STAGES]), np.ascontiguousarray(RK45.B)
-SHORTEST = 1e-3  # [m] of rope for its stiffness, which would be infinite for a rope that is wound in
+MIN_ROPE = 1e-3  # [m] of rope for its stiffness, which would be infinite for a rope that is wound in
 
 
 class ElasticCrane(NamedTuple):
@@ -129,7 +129,7 @@ def _rails(rig: RigParameters, frame: Frame | None, gravity: Triple) -> dict[str
 def set_damping(crane: ElasticCrane, effects: EffectSettings, length: float) -> None:
     """Set the rope's viscosity so that the load has its damping ratio at the initial `length` [m]."""
     if effects.rope:
-        hanging = max(length - crane.offset, SHORTEST)
+        hanging = max(length - crane.offset, MIN_ROPE)
         critical = 2.0 * sqrt(crane.stiffness * (crane.load_mass + crane.hook_mass) * hanging)
         crane.viscosity[0] = effects.rope.damping_ratio * critical
 
@@ -142,7 +142,7 @@ def hanging_states(crane: ElasticCrane, joints: Array, tension: Array) -> Array:
     states = np.zeros((len(joints), STATES))
     states[:, : 2 * JOINTS] = joints
     if crane.has_elastic_rope:
-        paid_out = np.maximum(joints[:, ROPE] - crane.offset, SHORTEST)
+        paid_out = np.maximum(joints[:, ROPE] - crane.offset, MIN_ROPE)
         states[:, STRETCH] = tension * paid_out / crane.stiffness
     if crane.has_body:
         states[:, BODY : BODY + 3] = directions(joints)

@@ -11,7 +11,7 @@ the force that holds it. The forces of drives, friction and rails on the axes ar
 
 from math import cos, sin, sqrt
 
-from cranectl.plants.elastic.crane import BODY, JOINTS, RAILS, SHORTEST, SPIN, STRETCH, STRETCH_RATE
+from cranectl.plants.elastic.crane import BODY, JOINTS, MIN_ROPE, RAILS, SPIN, STRETCH, STRETCH_RATE
 from cranectl.plants.surroundings import FORCE
 from cranectl.support.jit import jit
 
@@ -60,7 +60,7 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
     """Write the derivative of `state` into `rate` (22,); the other arguments are those of `Plant.advance`."""
     matrix, force, acceleration, along = work.matrix, work.force, work.acceleration, work.along
     mass, offset, alpha_rate, beta_rate = crane.load_mass, crane.offset, state[7], state[9]
-    paid_out = max(state[4] - offset, SHORTEST)
+    paid_out = max(state[4] - offset, MIN_ROPE)
     r, r_rate = state[4] - offset + state[STRETCH], state[5] + state[STRETCH_RATE]
     n, by_alpha, by_beta = rope_directions(state[6], state[8])
     turn, curvature = rate_of_turn(alpha_rate, beta_rate, n, by_alpha, by_beta)

@@ -126,7 +126,7 @@ def body_entries(body: Body, of: Setting) -> list[Entry]:
 
 
 WINCH_MASS = 1e-9  # [kg] of the winch's body; the rotor's inertia is the joint's armature
-LARGEST_FORCE = 1e12  # [N]
+MAX_FORCE = 1e12  # [N]
 SLENDER = 1e-6  # inertia of the rope about its own axis, as a share of that across
 
 
@@ -147,7 +147,7 @@ def add_rope(spec: mujoco.MjSpec, rope: Rope, _of: Setting) -> None:
     pull.gaintype, pull.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
     pull.gainprm[0] = 0.0
     pull.forcelimited = True
-    pull.forcerange = (0.0, LARGEST_FORCE)
+    pull.forcerange = (0.0, MAX_FORCE)
     spec.delete(spec.sensor("rope_force"))
     spec.add_sensor(
         name="rope_force",

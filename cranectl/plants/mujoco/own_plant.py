@@ -20,7 +20,7 @@ from cranectl.scenario.rig import ModelNames, RigParameters
 from cranectl.support.arrays import Array
 
 DIGITS = 6  # of masses and time constants, which users copy from messages
-LEAST_STATED_MASS = 1e-6  # [kg] that a rig can state, for a winch without inertia
+MIN_STATED_MASS = 1e-6  # [kg] that a rig can state, for a winch without inertia
 
 
 class OwnPlant(MujocoPlant):
@@ -102,7 +102,7 @@ def examined(entry: PlantEntry, names: ModelNames) -> PlantEntry:
 def built_in(own: OwnModel) -> dict[str, float]:
     """Return the numbers of the rig that a model has, by their names in a rig."""
     both, trolley, winch = own.driven_masses
-    masses = (both - trolley, trolley, max(winch - own.load_mass, LEAST_STATED_MASS), own.load_mass)
+    masses = (both - trolley, trolley, max(winch - own.load_mass, MIN_STATED_MASS), own.load_mass)
     parts = ("bridge", "trolley", "winch", "load")
     numbers = {f"{part}_mass": mass for part, mass in zip(parts, masses, strict=True)}
     if own.servo == "velocity":

@@ -18,7 +18,7 @@ from cranectl.support.jit import jit
 DISTANCE = "hook_distance"  # joint: from the pivot to the end of the rope
 ELASTICITY = "rope_elasticity"  # actuator, and the tendon that it pulls
 MASS = "rope_mass"  # body
-SHORTEST = 1e-3  # [m] of rope for its stiffness, which would be infinite for a rope that is wound in
+MIN_ROPE = 1e-3  # [m] of rope for its stiffness, which would be infinite for a rope that is wound in
 MAX_TENSION_ROUNDS = 4  # iterations for the tension of a rope at rest, if its winch may stick
 
 
@@ -63,7 +63,7 @@ def elastic_rope(model: mujoco.MjModel, effects: EffectSettings) -> ElasticRope:
 
 def set_damping(views: ElasticRope, rope: Rope, mass: float, length: float) -> None:
     """Set the viscosity so that a `mass` [kg] at the initial `length` [m] has the damping ratio of `rope`."""
-    hanging = max(length - views.offset, SHORTEST)
+    hanging = max(length - views.offset, MIN_ROPE)
     views.viscosity[0] = 2.0 * rope.damping_ratio * np.sqrt(rope.stiffness * mass * hanging)
 
 
@@ -89,7 +89,7 @@ def start_taut(model: mujoco.MjModel, data: mujoco.MjData, views: ElasticRope) -
 @jit
 def pay_out(rope, qpos):
     """Set stiffness, damping and mass to those of the length of rope that is paid out."""
-    length = max(qpos[rope.winch] - rope.offset, SHORTEST)
+    length = max(qpos[rope.winch] - rope.offset, MIN_ROPE)
     rope.bias[1] = -rope.stiffness / length
     rope.bias[2] = -rope.viscosity[0] / length
     if rope.density > 0.0:

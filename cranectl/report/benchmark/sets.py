@@ -22,9 +22,9 @@ from cranectl.support.arrays import Array, Mask
 COMPARED = "rms_error_m"  # with the baseline, crane by crane
 NAMED = ("controller", "knows")
 TITLES: dict[Division, str] = {"tuned": "Tuned", "published": "As published (defaults)"}
-MOST_RATIO = 10.0
+MAX_RATIO = 10.0
 NAMED_PROFILES = 8  # controllers that have a line of their own in a profile
-LEAST_EFFORT = 1e-2  # [m/s²] that is drawn, on a logarithmic scale
+MIN_EFFORT = 1e-2  # [m/s²] that is drawn, on a logarithmic scale
 DIFFERENCES = tuple(
     f"{what} less baseline\n{heading}"
     for what, unit in (("RMS error", "mm"), ("unsettled", "s"))
@@ -210,7 +210,7 @@ def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
     `ratios` (controllers, problems) are those of the controllers that are drawn, the best of them by its line
     alone.
     """
-    at = np.geomspace(1.0, MOST_RATIO, 200)
+    at = np.geomspace(1.0, MAX_RATIO, 200)
     shares = scores.performance_profile(ratios, at)
     figure, axes = canvas(1.2 * WIDTH, 3.6)
     best = np.argsort(-shares.mean(axis=1), kind="stable")
@@ -218,7 +218,7 @@ def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
         axes.step(at, 100.0 * shares[k], where="post", color=STAND_IN["muted"], linewidth=0.6)
     for rank, k in enumerate(best[:NAMED_PROFILES]):
         axes.step(at, 100.0 * shares[k], where="post", label=controllers[k], **series_style(rank))
-    axes.set(xscale="log", xlim=(1.0, MOST_RATIO), ylim=(0.0, 100.0))
+    axes.set(xscale="log", xlim=(1.0, MAX_RATIO), ylim=(0.0, 100.0))
     axes.set(xlabel="time to settle over that of the quickest controller", ylabel="runs [%]")
     axes.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])
     axes.minorticks_off()
@@ -232,7 +232,7 @@ def _draw_fronts(controllers: Sequence[str], points: Array, best: Mask) -> Drawi
     Controllers that no other dominates have their names and are full; the size tells the failures.
     """
     figure, axes = canvas(1.2 * WIDTH, max(3.8, 0.18 * np.count_nonzero(best)))
-    settling, effort = 100.0 * points[:, 0], np.maximum(points[:, 1], LEAST_EFFORT)
+    settling, effort = 100.0 * points[:, 0], np.maximum(points[:, 1], MIN_EFFORT)
     colours = [STAND_IN[SERIES[0]] if full else STAND_IN["muted"] for full in best]
     faces = [colour if full else "none" for colour, full in zip(colours, best, strict=True)]
     axes.scatter(settling, effort, 14.0 + 160.0 * points[:, 2], facecolors=faces, edgecolors=colours)

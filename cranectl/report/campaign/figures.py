@@ -25,7 +25,7 @@ from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, label_log_axi
 from cranectl.support.arrays import Array, Mask
 
 Rows = NDArray[np.intp]
-MOST_POINTS = 600  # of a scatter, all series together
+MAX_SCATTER_POINTS = 600  # of a scatter, all series together
 DECADES = 30.0  # ratio of quantiles from which an axis is logarithmic
 BANDS = 12  # ranges of a parameter, at least 8 runs each
 RATES = 8
@@ -71,7 +71,7 @@ def distributions(groups: Sequence[Group], limits: dict[str, float]) -> Figure:
 def effort_and_error(groups: Sequence[Group]) -> Figure:
     """Draw RMS error against effort, a point for each run; crosses span 90 % of a controller's runs."""
     figure, axes = canvas(WIDTH, 3.6)
-    points_each = MOST_POINTS // max(1, len(groups))
+    points_each = MAX_SCATTER_POINTS // max(1, len(groups))
     for k, group in enumerate(groups):
         x, y = group.metrics[EFFORT], group.metrics["rms_error_m"]
         rows = np.flatnonzero(group.completed)
@@ -127,7 +127,7 @@ def _cloud(axes: Axes, x: Array, y: Array, colour: str) -> None:
         return
     ends = [min(x.min(), y.min()), max(x.max(), y.max())]
     scale: Literal["log", "linear"] = "log" if 0.0 < ends[0] * 5.0 < ends[1] else "linear"
-    if x.size <= MOST_POINTS:
+    if x.size <= MAX_SCATTER_POINTS:
         axes.plot(x, y, ".", markersize=4, alpha=0.6, color=colour)
     else:
         cells = axes.hexbin(x, y, gridsize=40, xscale=scale, yscale=scale, mincnt=1, linewidths=0.0)

@@ -23,9 +23,9 @@ from cranectl.support.colours import LIGHT
 
 Loops = tuple[NominalLoop, InnerLoop]  # of a controller: with the design model, and at the worst point
 
-LEAST = 1e-6  # [m], the smallest deviation in figures
+MIN_DEVIATION = 1e-6  # [m], the smallest deviation in figures
 EDGE = "At the left edge: 1 µm or less."
-LOWEST = 1e-2  # [rad/s] of the frequencies in figures
+MIN_FREQUENCY = 1e-2  # [rad/s] of the frequencies in figures
 STYLES = ("-", "--", ":", "-.")
 MARKS = {"gap": "o", "by frequency": "s", "refused": "x"}
 FROZEN = (
@@ -97,13 +97,13 @@ def deviation_dots(
     (drawing, axes), rows = canvas(WIDTH, 0.9 + 0.3 * len(names)), np.arange(len(names))
     for offset, role, marker, (label, values) in zip((-0.1, 0.1), SERIES, "oD", pair.items(), strict=False):
         style: dict[str, Any] = {"color": STAND_IN[role], "markersize": 5, "clip_on": False, "zorder": 3}
-        axes.plot(1e3 * np.maximum(values, LEAST), rows + offset, marker, label=label, **style)
+        axes.plot(1e3 * np.maximum(values, MIN_DEVIATION), rows + offset, marker, label=label, **style)
     bounded = [(1e3 * bound, k) for k, bound in enumerate(bounds) if 0.0 < bound < np.inf]
     if bounded:
         axes.plot(*zip(*bounded, strict=True), "|", color=STAND_IN["limit"], markersize=14, label="bound")
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter("{x:g}")
-    axes.set(xlim=(1e3 * LEAST, None), xlabel="largest deviation of the load [mm]")
+    axes.set(xlim=(1e3 * MIN_DEVIATION, None), xlabel="largest deviation of the load [mm]")
     axes.set_yticks(rows, names)
     make_room(drawing, names)
     axes.set_ylim(len(names) - 0.5, -0.5)
@@ -115,13 +115,13 @@ def level_distances(results: Sequence[LevelResult]) -> Drawing:
     """Draw the distance of each load from the first one's over time, solid, then dashed."""
     (drawing, axes), first = canvas(WIDTH, 3.4), results[0].run
     distances = [np.linalg.norm(load_difference(result.run, first), axis=1) for result in results[1:]]
-    apart = max((np.nanmax(distance, initial=0.0) for distance in distances), default=0.0) > LEAST
+    apart = max((np.nanmax(distance, initial=0.0) for distance in distances), default=0.0) > MIN_DEVIATION
     axes.set_autoscaley_on(apart)  # without a distance there is nothing to scale by
     for k, (result, apart_by) in enumerate(zip(results[1:], distances, strict=True)):
-        away = 1e3 * apart_by.clip(min=0.1 * LEAST)
+        away = 1e3 * apart_by.clip(min=0.1 * MIN_DEVIATION)
         style, colour = STYLES[k // len(SERIES) % 3], STAND_IN[SERIES[k % len(SERIES)]]
         axes.semilogy(first.time[: len(away)], away, style, color=colour, label=result.level.name)
-    axes.set(xlabel="time [s]", ylabel="distance [mm]", ylim=(1e3 * LEAST, None if apart else 1.0))
+    axes.set(xlabel="time [s]", ylabel="distance [mm]", ylim=(1e3 * MIN_DEVIATION, None if apart else 1.0))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.margins(x=0.0)
     drawing.legend(loc="outside upper center", ncols=4)
@@ -163,7 +163,7 @@ def _draw_map(axes: Axes, certificate: Certificate, colours: Mapping[str, str]) 
 def _draw_frequency(
     axes: Axes, nominal_loop: NominalLoop, worst: InnerLoop, colours: Mapping[str, str]
 ) -> None:
-    omega = np.geomspace(LOWEST, np.pi / nominal_loop.period, 600)
+    omega = np.geomspace(MIN_FREQUENCY, np.pi / nominal_loop.period, 600)
     z = np.exp(1j * omega * nominal_loop.period)
     run = orthonormal(nominal_loop.opening.graph(worst).response(z))
     model = orthonormal(nominal_loop.graph.response(z))

@@ -21,7 +21,7 @@ Values = Callable[[Run], Array]
 DEGREES = 180.0 / np.pi
 # The least span of a curve, by unit, that is more than rounding. Rounding moves loads at rest by 1e-12 m, and
 # inputs by 2e-12 m/s² and 4e-11 m/s⁴. Differences between plants begin at 1e-9 m.
-LEAST_SPAN = {"m": 1e-11, "mm": 1e-8, "°": 1e-9, "m/s²": 1e-11, "m/s⁴": 1e-10}
+MIN_SPAN = {"m": 1e-11, "mm": 1e-8, "°": 1e-9, "m/s²": 1e-11, "m/s⁴": 1e-10}
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def _over_time(family: Family, curves: Sequence[RunCurve]) -> Figure:
 
 def _constant_axis(interval: Array, unit: str) -> tuple[float, float] | None:
     """Return the range of an axis for values within `interval` (2,) that differ by rounding, else None."""
-    (low, high), least = interval, LEAST_SPAN[unit]
+    (low, high), least = interval, MIN_SPAN[unit]
     if not 0.0 <= high - low < least:
         return None
     middle = 0.0 if abs(high) < least else high

@@ -23,7 +23,7 @@ Agreements = Mapping[str, Sequence[Agreement]]  # by label of the log
 
 BADGES = {True: Cell("PASS", "good"), False: Cell("FAIL", "bad"), None: VERDICTS[None]}
 AGREEMENT_ONLY = Cell("PLANTS AGREE", "good")  # where no limits are set, nobody judges the controller
-SMALLEST_MM = 1e-3  # [mm] of an error that is shown
+MIN_SHOWN_MM = 1e-3  # [mm] of an error that is shown
 
 
 def first_screen_of(
@@ -208,8 +208,8 @@ def _tracking_error(run: Run, summary: RunSummary, metrics: RunMetrics) -> Fact:
 def _millimetres(length: float) -> str:
     """Return a length [m] in mm with three digits, whatever its size."""
     size = 1e3 * length
-    if 0.0 < size < SMALLEST_MM:
-        return f"< {SMALLEST_MM:g} mm"
+    if 0.0 < size < MIN_SHOWN_MM:
+        return f"< {MIN_SHOWN_MM:g} mm"
     return f"{size:.0f} mm" if size >= 100.0 else f"{size:.3g} mm"
 
 
