@@ -3,7 +3,7 @@
 import sys
 
 from cranectl.cli import exit_codes
-from cranectl.support.interrupts import came_of_interrupt, heed_interrupts, interrupt
+from cranectl.support.interrupts import heed_interrupts, interrupt, is_caused_by_interrupt
 
 
 def main() -> int:
@@ -14,7 +14,7 @@ def main() -> int:
 
         return main()
     except BaseException as error:
-        if not came_of_interrupt(error):
+        if not is_caused_by_interrupt(error):
             raise
         sys.stderr.write("cranectl: interrupted\n")
         return exit_codes.INTERRUPTED

@@ -16,7 +16,7 @@ from cranectl.campaign.manifest import software_of
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.registry import controller_digests, load_controller, register_controller
-from cranectl.loaders.opening import ControllerFile, close_controllers, open_controller, whole_copy_of
+from cranectl.loaders.opening import ControllerFile, close_controllers, complete_copy_of, open_controller
 from cranectl.planning import load_scenario, plan
 from cranectl.plants.registry import PLANTS, PlantEntry, plant_sources
 from cranectl.support import jit, kept
@@ -86,7 +86,7 @@ def copied(folder: Path, value: str) -> object:
     (file,) = OPEN.files.values()
     for path in folder.iterdir():
         path.unlink()
-    return whole_copy_of(file)
+    return complete_copy_of(file)
 
 
 def version(folder: Path, value: str) -> object:

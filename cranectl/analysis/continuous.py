@@ -188,7 +188,7 @@ def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: flo
     period = scenario.period_ns / NANOSECONDS
     parts = max(ceil(period / longest_step - 1e-9), ceil(period * fastest / STIFFNESS), 1)
     columns = record_width(design) + PART_COLUMNS * parts
-    check_several(scenario, design, 1, "a run in continuous time", columns=columns, most=MAX_BYTES)
+    check_several(scenario, design, 1, "a run in continuous time", columns=columns, max_bytes=MAX_BYTES)
     plan = plan_scenario(scenario)
     gain, a, b, c = (np.ascontiguousarray(x) for x in (design.gain, r.a, r.b, r.c))
     loop = ContinuousLoop(gain, a, b, c, float(r.d), scenario.rig.gravity)

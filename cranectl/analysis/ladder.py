@@ -89,7 +89,7 @@ def evaluate_levels(
         raise unknown_name("fidelity level", top, NAMES)
     design = controller_design(controller or scenario.controller.name, scenario)
     names = NAMES[: NAMES.index(top) + 1]
-    check_several(scenario, design, len(names) + EXTRA_RUNS, "a ladder", most=MAX_BYTES)
+    check_several(scenario, design, len(names) + EXTRA_RUNS, "a ladder", max_bytes=MAX_BYTES)
     added = [name for name in names if name in EFFECT_LEVELS]
     alone = {name: with_effects(scenario, [name]) for name in added}
     cumulative = {name: with_effects(scenario, added[: k + 1]) for k, name in enumerate(added)}

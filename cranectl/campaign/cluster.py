@@ -114,7 +114,7 @@ def run_batches_on(
         yield by_key[future.key], rows
 
 
-def _check_installed(client: "Client", wanted: Mapping[str, str]) -> None:
+def _check_installed(client: "Client", expected: Mapping[str, str]) -> None:
     """Raise InputError if a package is absent or has another version on the scheduler or a worker.
 
     Workers that join later are checked with their first batch.
@@ -126,7 +126,9 @@ def _check_installed(client: "Client", wanted: Mapping[str, str]) -> None:
     hosts = [("scheduler", versions["scheduler"]["packages"], ["cranectl"])]
     hosts += [(f"worker {worker}", its["packages"], names) for worker, its in versions["workers"].items()]
     for host, packages, required in hosts:
-        _check_software({**wanted, **{name: packages[name] or "absent" for name in required}}, wanted, host)
+        _check_software(
+            {**expected, **{name: packages[name] or "absent" for name in required}}, expected, host
+        )
 
 
 def _rows(client: "Client", future: "Future[Any]") -> list[Row]:
@@ -259,9 +261,9 @@ def dask_setup(_worker: Any) -> None:
             signal.signal(number, signal.SIG_IGN)
 
 
-def _check_software(versions: Mapping[str, str], wanted: Mapping[str, str], host: str) -> None:
-    """Raise InputError that names the packages if `versions` could give other rows than `wanted`."""
-    different = provenance_differences(versions, wanted, word="here")
+def _check_software(versions: Mapping[str, str], expected: Mapping[str, str], host: str) -> None:
+    """Raise InputError that names the packages if `versions` could give other rows than `expected`."""
+    different = provenance_differences(versions, expected, word="here")
     if different:
         raise InputError(
             f"the {host} has other software: {'; '.join(different)}",

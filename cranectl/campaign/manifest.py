@@ -156,9 +156,9 @@ def origin_of(manifest: Mapping[str, Any], versions: Mapping[str, str]) -> Softw
     return SoftwareOrigin(hashlib.sha256(text.encode()).hexdigest()[:16], versions)
 
 
-def differences(manifest: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
+def differences(manifest: Mapping[str, Any], expected: Mapping[str, Any]) -> list[str]:
     """Return how two campaigns differ, a short phrase for each value, without their software."""
-    different = documents.differences(_decisive(manifest), _decisive(wanted), absent="absent")
+    different = documents.differences(_decisive(manifest), _decisive(expected), absent="absent")
     return [f"{name} is {_short(a)}, not {_short(b)}" for name, a, b in different]
 
 

@@ -159,8 +159,8 @@ def _survey(
             parts[batch] = read_part(path, campaign, origins, batch)
         except ResultDamageError as error:
             damaged[path] = str(error)
-    strays = sorted(path for path in (directory / PARTS).glob("*.parquet") if path not in expected)
-    return parts, damaged | dict.fromkeys(strays, "its name belongs to no batch")
+    unexpected = sorted(path for path in (directory / PARTS).glob("*.parquet") if path not in expected)
+    return parts, damaged | dict.fromkeys(unexpected, "its name belongs to no batch")
 
 
 @dataclass(frozen=True)
@@ -257,14 +257,14 @@ def _check_empty(directory: Path) -> None:
         )
 
 
-def _check_same(directory: Path, manifest: Table, wanted: Table, *, resume: bool) -> None:
+def _check_same(directory: Path, manifest: Table, expected: Table, *, resume: bool) -> None:
     if not resume:
         raise InputError(
             f"{directory} already holds a result of the campaign '{manifest['campaign']['name']}'",
             allowed="a new or an empty directory",
             remedy="complete it with --resume, replace it with --overwrite, or choose another --out",
         )
-    different = differences(manifest, wanted)
+    different = differences(manifest, expected)
     if different:
         more = f" and {len(different) - SHOWN_PARTS} more" if len(different) > SHOWN_PARTS else ""
         raise InputError(

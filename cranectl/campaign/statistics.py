@@ -30,16 +30,16 @@ def quantiles(values: Array, at: tuple[float, ...] = LEVELS) -> Array:
     return values_at
 
 
-def empirical_distribution(values: Array, most: int = 400) -> tuple[Array, Array]:
+def empirical_distribution(values: Array, max_points: int = 400) -> tuple[Array, Array]:
     """Return the steps (x, F(x)) of the empirical distribution function of (n,) values.
 
-    NaN counts as larger than all numbers, so F then ends below 1. If there are more than `most` steps, it
-    returns `most` evenly spaced ones.
+    NaN counts as larger than all numbers, so F then ends below 1. If there are more than `max_points` steps,
+    it returns `max_points` evenly spaced ones.
     """
     finite = np.sort(values[~np.isnan(values)])
     steps = np.arange(1, finite.size + 1)
-    if finite.size > most:
-        chosen = np.unique(np.linspace(0, finite.size - 1, most).round().astype(np.intp))
+    if finite.size > max_points:
+        chosen = np.unique(np.linspace(0, finite.size - 1, max_points).round().astype(np.intp))
         finite, steps = finite[chosen], steps[chosen]
     return finite, steps / max(1, values.size)
 
@@ -134,8 +134,8 @@ def sign_test(first: int, second: int) -> float:
     return float(binomtest(min(first, second), first + second).pvalue) if first + second else 1.0
 
 
-def equal_bins(values: Array, most: int) -> Bins:
-    """Divide the indices of (n,) values into up to `most` bins of equal size, in the order of the values.
+def equal_bins(values: Array, max_bins: int) -> Bins:
+    """Divide the indices of (n,) values into up to `max_bins` bins of equal size, in the order of the values.
 
     Equal values share a bin, so bins of discrete values may differ in size. NaN is left out.
     """
@@ -144,9 +144,9 @@ def equal_bins(values: Array, most: int) -> Bins:
     if not order.size:
         return []
     sorted_values = values[order]
-    count = max(1, min(most, order.size // MIN_BIN_ROWS))
+    count = max(1, min(max_bins, order.size // MIN_BIN_ROWS))
     levels = np.unique(sorted_values)
-    if levels.size <= most:
+    if levels.size <= max_bins:
         cuts = np.searchsorted(sorted_values, levels[1:])
     else:
         ideal_cuts = np.arange(1, count) * order.size // count

@@ -54,11 +54,11 @@ class GroupSummary:
 
     def __post_init__(self) -> None:
         """Raise InconsistentError for counts, rates or quantiles that contradict each other."""
-        failed_runs, could_not = ("failures", self.failures), sum(self.not_run.values())
+        failed_runs, not_run_count = ("failures", self.failures), sum(self.not_run.values())
         check_ascending(("stopped runs", sum(self.stopped.values())), failed_runs, ("runs", self.runs))
         most = max(self.broken.values(), default=0) + sum(self.stopped.values())
         check_ascending(("runs that stopped or broke one limit", most), failed_runs)
-        check_sum("the number of runs that could not be run", self.stopped.get(FAILED, 0), [could_not])
+        check_sum("the number of runs that could not be run", self.stopped.get(FAILED, 0), [not_run_count])
         low, high = self.failure_rate_interval or (None, None)
         rates = (("its interval's low end", low), ("the failure rate", self.failure_rate))
         check_ascending(*rates, ("its interval's high end", high), rounding=QUANTILE_ROUNDING)

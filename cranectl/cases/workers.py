@@ -181,9 +181,9 @@ def _serve_cases(
             importlib.import_module(module)
     open_again(shared)
 
-    def interrupt_if_asked(_seconds: float) -> None:
+    def interrupt_if_requested(_seconds: float) -> None:
         if connection.poll():  # while a case runs, the parent sends only requests to stop
             raise KeyboardInterrupt
 
     for case in requests(connection):
-        connection.send(try_case(case, progress=interrupt_if_asked))
+        connection.send(try_case(case, progress=interrupt_if_requested))

@@ -16,7 +16,7 @@ from cranectl.cli.command import (
     scenario_options,
 )
 from cranectl.cli.completion import complete_controllers
-from cranectl.cli.idle import tell_idle_in_analysis
+from cranectl.cli.idle import print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.files import HTML
 
@@ -70,7 +70,7 @@ def advise_command(
     if advice.best is not None:
         screen.print(improvements_table(advice))
     screen.print_each(recommendation(advice))
-    tell_idle_in_analysis(screen, loaded, request, chosen)
+    print_idle_in_analysis(screen, loaded, request, chosen)
     if report is not None and advice.best is not None:
         _write_report(advice, report, command_given())
         screen.print(f"report: {report}")

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, CommandGroup, command_given, json_option, output_option
 from cranectl.cli.controller_options import controllers_option, opened, timeout_option, trust_option
-from cranectl.cli.idle import idle_in_benchmark, idle_timeout, tell_idle
+from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress, progress_bar
 from cranectl.support.errors import InputError
 from cranectl.support.files import HTML, PARQUET, exists
@@ -144,7 +144,7 @@ def run_benchmark(
     idle += idle_timeout(names, timeout, cluster=scheduler is not None)
     if tuned is not None and division == "published":
         idle.append("--tuned changes nothing here: controllers run with their defaults, add --division tuned")
-    tell_idle(screen, idle)
+    print_idle(screen, idle)
     numbers = functools.partial(
         tuned_settings, tuned or settings.file.parent / "tuned", rules, benchmark=benchmark
     )

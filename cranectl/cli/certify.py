@@ -15,7 +15,7 @@ from cranectl.cli.command import (
 )
 from cranectl.cli.completion import complete_controllers, complete_scenarios
 from cranectl.cli.controller_options import ControllerName
-from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, tell_idle_in_analysis
+from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.files import PLOTS
 
@@ -143,7 +143,7 @@ def certify_command(
         if names:
             screen.print(f"{what}: {', '.join(names)}")
     unread = (*OF_RUNS, *OF_MOTIONS)
-    tell_idle_in_analysis(screen, loaded, request, [controller], drive=checked, unread=unread)
+    print_idle_in_analysis(screen, loaded, request, [controller], drive=checked, unread=unread)
     if plot is not None:
         from cranectl.report.rig.page import certificate_figure  # matplotlib, only where asked for
         from cranectl.report.theme import save_figure

@@ -131,8 +131,8 @@ def json_option(function: F) -> F:
     return command  # type: ignore[return-value]
 
 
-def _refuse_predict(_context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
-    if wanted:
+def _refuse_predict(_context: click.Context, _parameter: click.Parameter, is_given: bool) -> None:
+    if is_given:
         raise InputError(
             "--predict",
             allowed="nothing in its place: velocity drives of all plants feel the load, so that plants "

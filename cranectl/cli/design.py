@@ -8,7 +8,7 @@ import click
 from cranectl.cli.command import Command, ScenarioRequest, json_option, output_option, scenario_options
 from cranectl.cli.completion import complete_controllers, complete_scenarios
 from cranectl.cli.controller_options import ControllerName
-from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, tell_idle_in_analysis
+from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen
 from cranectl.support.files import PLOTS
 
@@ -64,7 +64,7 @@ def design_command(
     loaded = request.read()
     designs = [controller_design(name, loaded) for name in dict.fromkeys(names)]
     tell = functools.partial(
-        tell_idle_in_analysis, screen, loaded, request, names, plant="analytic", drive="ideal"
+        print_idle_in_analysis, screen, loaded, request, names, plant="analytic", drive="ideal"
     )
     if designs[0].axis_design is None and len(designs) == 1 and plot is None:
         controller = designs[0]

@@ -2,7 +2,7 @@
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import ScenarioRequest
-from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
+from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
 
 LAST_LEVEL = "friction"  # by default
@@ -23,6 +23,6 @@ def print_prediction(request: ScenarioRequest, controller: str | None, top: str,
     unread += [
         f"effects.{model_field}.*" for model_field in EffectSettings.model_fields if model_field not in levels
     ]
-    tell_idle_in_analysis(screen, loaded, request, [budget.controller], unread=unread)
+    print_idle_in_analysis(screen, loaded, request, [budget.controller], unread=unread)
     screen.write_json(budget.to_json())
     return exit_codes.GOOD if budget.holds else exit_codes.LIMIT_EXCEEDED

@@ -28,7 +28,7 @@ OF_MOTIONS = (
 )  # fmt: skip
 
 
-def tell_idle(screen: Screen, lines: Sequence[str]) -> None:
+def print_idle(screen: Screen, lines: Sequence[str]) -> None:
     """Print what `idle_lines` and `idle_timeout` say, as much as is read."""
     for line in lines[:SHOWN_NAMES]:
         screen.print(styled(f"  {line}", "yellow"))
@@ -82,7 +82,7 @@ def idle_lines(
     return [*([_effects_line(scenario, effects, runs)] if effects else []), *lines]
 
 
-def tell_idle_in_analysis(
+def print_idle_in_analysis(
     screen: Screen,
     scenario: "Scenario",
     request: ScenarioRequest,
@@ -94,7 +94,7 @@ def tell_idle_in_analysis(
 ) -> None:
     """Print what changes nothing in a command that takes the effects of a rig and keeps no log."""
     uses = [(plant, drive, controller) for controller in controllers]
-    tell_idle(screen, idle_lines(scenario, request, uses, unread=unread, all_effects=True))
+    print_idle(screen, idle_lines(scenario, request, uses, unread=unread, all_effects=True))
 
 
 def idle_in_campaign(campaign: "Campaign") -> list[str]:

@@ -15,7 +15,7 @@ from cranectl.cli.command import (
     predict_option,
     scenario_options,
 )
-from cranectl.cli.idle import idle_lines, tell_idle
+from cranectl.cli.idle import idle_lines, print_idle
 from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
 
@@ -50,19 +50,19 @@ def info_command(file: Path, request: ScenarioRequest, as_is: bool, screen: Scre
 
     if file.suffix == MODEL_ENDING:
         scenario = request.read()
-        tell_idle(screen, idle_lines(scenario, request, (), unread=("[!r]*", "rig.[!p]*")))
-        return _tell_model(file, scenario.rig.plant.names, as_is=as_is, screen=screen)
+        print_idle(screen, idle_lines(scenario, request, (), unread=("[!r]*", "rig.[!p]*")))
+        return _print_model(file, scenario.rig.plant.names, as_is=as_is, screen=screen)
     if as_is or request.rig or request.overrides:
         raise InputError(
             f"--as-is, --rig or --set with {file}",
             allowed=f"these options with a model, a file that ends in {MODEL_ENDING}",
             remedy="leave these options out",
         )
-    _tell_log(file, screen)
+    _print_log(file, screen)
     return exit_codes.GOOD
 
 
-def _tell_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen) -> int:
+def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen) -> int:
     """Print what a model file is as a crane, and how it differs from others; return the exit code."""
     from cranectl.plants.mujoco.own_check import find_differences
     from cranectl.plants.mujoco.own_model import open_model
@@ -87,14 +87,14 @@ def _tell_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen)
     return exit_codes.LIMIT_EXCEEDED if differences and not as_is else exit_codes.GOOD
 
 
-def _tell_log(log: Path, screen: Screen) -> None:
+def _print_log(log: Path, screen: Screen) -> None:
     """Print what a log contains."""
     from cranectl.log.overlay import is_overlay, read_layers
     from cranectl.log.reader import describe_log
     from cranectl.report.run.tables import topic_table
 
     layers, description = read_layers(log), describe_log(log)
-    table = (_tell_overlay if is_overlay(layers) else _tell_plants)(description, layers, screen)
+    table = (_print_overlay if is_overlay(layers) else _print_plants)(description, layers, screen)
     screen.print(topic_table(description))
     screen.write_json({**description.to_json(), **table})
 
@@ -102,7 +102,7 @@ def _tell_log(log: Path, screen: Screen) -> None:
 WIDEST = 4  # runs whose settings are told beside each other
 
 
-def _tell_overlay(
+def _print_overlay(
     description: "LogDescription", layers: Mapping[str, "Layer"], screen: Screen
 ) -> dict[str, Any]:
     """Print what the runs of an overlay are; return it as plain data."""
@@ -134,7 +134,7 @@ def _tell_overlay(
     return {"runs": [{"label": name, **_outcome(run), **_asked(run)} for name, run in runs.items()]}
 
 
-def _tell_plants(
+def _print_plants(
     description: "LogDescription", layers: Mapping[str, "Layer"], screen: Screen
 ) -> dict[str, Any]:
     """Print what the runs of one scenario are, and how they agree; return it as plain data."""

@@ -17,7 +17,7 @@ from cranectl.cli.command import (
     scenario_options,
 )
 from cranectl.cli.controller_options import controller_option
-from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
+from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.errors import InputError
 from cranectl.support.files import HTML, MCAP
@@ -112,7 +112,7 @@ def ladder_command(
             if model_field not in added
         ),
     ]
-    tell_idle_in_analysis(screen, loaded, request, [name], unread=unread)
+    print_idle_in_analysis(screen, loaded, request, [name], unread=unread)
     screen.print(f"log: {log}")
     screen.print(f"view: cranectl log layout ladder view.json --log {shlex.quote(str(log))}")
     if report is not None:

@@ -10,7 +10,7 @@ import click
 
 from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controller_option
-from cranectl.cli.idle import idle_lines, tell_idle
+from cranectl.cli.idle import idle_lines, print_idle
 from cranectl.cli.output import Screen
 from cranectl.support.errors import printable
 from cranectl.support.files import JSON, MCAP, write_text, writing
@@ -90,7 +90,7 @@ def live_command(
     choices = [
         (plant, session.drive, name) for plant in plants for name in {design.name, *controller_names()}
     ]
-    tell_idle(Screen(), idle_lines(loaded, request, choices))  # the user may choose any of them
+    print_idle(Screen(), idle_lines(loaded, request, choices))  # the user may choose any of them
     with (
         _until_ended() as stop,
         report_warnings(_warn),

@@ -25,7 +25,7 @@ from cranectl.support.errors import (
     is_of_machine,
     printable,
 )
-from cranectl.support.interrupts import came_of_interrupt, heed_interrupts, interrupt
+from cranectl.support.interrupts import heed_interrupts, interrupt, is_caused_by_interrupt
 
 TRACEBACK = "--traceback"  # anywhere on the command line
 
@@ -134,7 +134,7 @@ def _run(arguments: list[str], full_traceback: bool) -> int:
         print(f"cranectl: bad input\n{error}", file=sys.stderr)
         return exit_codes.BAD_INPUT
     except (KeyboardInterrupt, Exception) as error:
-        if came_of_interrupt(error) or isinstance(error, click.Abort):
+        if is_caused_by_interrupt(error) or isinstance(error, click.Abort):
             print("cranectl: interrupted", file=sys.stderr)
             return exit_codes.INTERRUPTED
         if is_of_machine(error):

@@ -13,7 +13,7 @@ from cranectl.cli.command import (
     scenario_argument,
     scenario_options,
 )
-from cranectl.cli.idle import OF_RUNS, tell_idle_in_analysis
+from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
 from cranectl.support.files import PLOTS
@@ -64,7 +64,7 @@ def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, scree
     screen.print_each(plan_tables(ready, reviewed, least))
     effects = [name for name, kind in EFFECTS.items() if kind.is_structural or not kind.adds]
     unread = (*OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
-    tell_idle_in_analysis(screen, ready, request, [ready.controller.name], unread=unread)
+    print_idle_in_analysis(screen, ready, request, [ready.controller.name], unread=unread)
     if plot is not None:
         from cranectl.report.plan import plan_figure
         from cranectl.report.theme import save_figure

@@ -7,7 +7,7 @@ import click
 
 from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controller_option, timeout_option
-from cranectl.cli.idle import idle_lines, idle_timeout, tell_idle
+from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress_bar, styled
 from cranectl.support.files import MCAP
 
@@ -62,7 +62,7 @@ def run_command(
         screen.print(styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
     uses = [(plant, case.drive, case.controller) for plant in case.plants]
     idle = idle_lines(case.scenario, request, uses)
-    tell_idle(screen, [*idle, *idle_timeout([case.controller], timeout)])
+    print_idle(screen, [*idle, *idle_timeout([case.controller], timeout)])
     screen.print(tables.metrics_table({"": result.runs}))
     if (limits := tables.limits_table([result.runs])) is not None:
         screen.print(limits)

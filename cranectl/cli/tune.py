@@ -9,7 +9,7 @@ from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.command import PATH, Command, json_option
 from cranectl.cli.completion import complete_controllers
 from cranectl.cli.controller_options import timeout_option, trust_option
-from cranectl.cli.idle import idle_in_benchmark, idle_timeout, tell_idle
+from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress_bar
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def tune_command(
     (name,) = measured_controllers(benchmark, [controller], trust=trust)
     files, rules = tuned_files(out, name), rules_of(benchmark)
     runs_of = [(scenario, benchmark.plant, name) for scenario in benchmark.tuning.scenarios]
-    tell_idle(screen, [*idle_in_benchmark(benchmark, runs_of), *idle_timeout([name], timeout)])
+    print_idle(screen, [*idle_in_benchmark(benchmark, runs_of), *idle_timeout([name], timeout)])
     with progress_bar(runs or benchmark.tuning.runs, name, unit="runs", done="done") as advance:
         tuned = tune(
             benchmark,

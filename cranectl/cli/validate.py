@@ -11,7 +11,7 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_scenarios
 from cranectl.cli.controller_options import controllers_option, timeout_option
-from cranectl.cli.idle import idle_lines, idle_timeout, tell_idle
+from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
 from cranectl.support.errors import InputError
 from cranectl.support.files import HTML, XML, exists, write_text, writing
@@ -161,12 +161,12 @@ def validate_command(
     code = _exit_code(validation)
     pairs = pairwise_of(validation) if pairwise else None
     screen.print_each(pair_tables(pairs) if pairs and pairs.pairs else ())
-    _tell(validation, code, out, screen, details=details)
+    _print_results(validation, code, out, screen, details=details)
     idle = idle_timeout(names, timeout)
     for source, scenario in loaded.items():
         uses, unread = product(chosen, drives, names), ("log.*",) * (keep == "none")
         idle += idle_lines(scenario, request._replace(source=source), uses, unread=unread)
-    tell_idle(screen, idle)
+    print_idle(screen, idle)
     data = validation.to_json(passed=code == exit_codes.GOOD)
     screen.write_json(data if pairs is None else {**data, "pairwise": pairs.to_json()})
     options = [
@@ -268,7 +268,7 @@ def _check_controller(scenario: "Scenario", usual: Sequence[str]) -> None:
         )
 
 
-def _tell(validation: "Validation", code: int, out: Path, screen: Screen, *, details: bool) -> None:
+def _print_results(validation: "Validation", code: int, out: Path, screen: Screen, *, details: bool) -> None:
     """Print the results of the cases, and on standard error why some could not be run."""
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table, run_notes
 
@@ -296,7 +296,7 @@ def _tell(validation: "Validation", code: int, out: Path, screen: Screen, *, det
         if len(validation.plants) == 1:
             aside.append(f"(agreement not judged: {validation.plants[0]} is the only plant)")
         screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED, *aside)
-    _tell_failures(validation)
+    _print_failures(validation)
 
 
 def agreement_lines(agreements: "Sequence[Agreement]", others: Sequence[str] = ()) -> "Iterator[Table | str]":
@@ -312,7 +312,7 @@ def agreement_lines(agreements: "Sequence[Agreement]", others: Sequence[str] = (
             yield f"  and {len(failed) - SHOWN_FAILURES} more, with --details"
 
 
-def _tell_failures(validation: "Validation") -> None:
+def _print_failures(validation: "Validation") -> None:
     """Print why cases could not be run, each reason once for a scenario."""
     screen = Screen(stderr=True)
     alike: dict[tuple[str, Failure], list[str]] = {}

@@ -49,8 +49,8 @@ def masses_at(parameters, place):
 @jit
 def rope_acceleration(pole, measured, desired, planned):
     """Return `planned` [m/s²] plus feedback that puts two poles of the rope's length at -`pole` [1/s]."""
-    wanted = planned - pole * pole * (measured[ROPE] - desired[ROPE])
-    return wanted - 2.0 * pole * (measured[ROPE_RATE] - desired[ROPE_RATE])
+    acceleration = planned - pole * pole * (measured[ROPE] - desired[ROPE])
+    return acceleration - 2.0 * pole * (measured[ROPE_RATE] - desired[ROPE_RATE])
 
 
 @jit

@@ -226,7 +226,7 @@ def step(parameters, measured, reference, memory, command):
     )
     states = MEMORY.robustifier + 6 * blocks
     whole = carray(memory, (states + BASE_WIDTH + 6 * blocks,))
-    state_memory, row, wanted = whole[:states], whole[states:], carray(command, (3,))
+    state_memory, row, commands = whole[:states], whole[states:], carray(command, (3,))
     state, desired = carray(measured, (10,)), carray(reference, (15,))
     begin(desired, state_memory)
     if state_memory[MEMORY.slack] != SLACK_ENDS_RUN:
@@ -236,8 +236,8 @@ def step(parameters, measured, reference, memory, command):
         return RUNNING
     status = control_step(tracker, state, desired, state_memory, row)
     for axis in range(3):
-        wanted[axis] = row[INPUT_COLUMN + axis]
-        if status == RUNNING and not isfinite(wanted[axis]):
+        commands[axis] = row[INPUT_COLUMN + axis]
+        if status == RUNNING and not isfinite(commands[axis]):
             status = NON_FINITE
     return status
 

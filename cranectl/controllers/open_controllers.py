@@ -38,8 +38,8 @@ class OpenControllers:
 
     def share(self, names: Iterable[str] | None = None) -> SharedControllers:
         """Return the data for a child process to open the controllers `names`, by default all from files."""
-        wanted = self.files if names is None else names
-        files = tuple(self.files[name] for name in wanted if name in self.files)
+        selected = self.files if names is None else names
+        files = tuple(self.files[name] for name in selected if name in self.files)
         return SharedControllers(files, self.folder if files else None)
 
     def take_folder(self, folder: Path | None) -> None:

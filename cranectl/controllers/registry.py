@@ -112,10 +112,10 @@ def checked_controller(name: str) -> str:
 
 def chosen_controllers(names: Iterable[str]) -> tuple[str, ...]:
     """Return the chosen names of controllers; no names mean the flat family, `all` means all."""
-    wanted = dict.fromkeys(names)
-    if "all" in wanted:
+    selected = dict.fromkeys(names)
+    if "all" in selected:
         return controller_names()
-    return tuple(map(checked_controller, wanted)) or FLAT_FAMILY
+    return tuple(map(checked_controller, selected)) or FLAT_FAMILY
 
 
 def load_controller(name: str) -> "Controller":

@@ -44,12 +44,12 @@ def hinf_controller(
     y, and `name` is the problem's name in errors. Raises InputError if no controller exists.
     """
     gamma_opt = _smallest_gamma(generalised, controls, measurements, name)
-    wanted = wanted_gamma(gamma_opt, back_off, gamma, name)
-    controller, wanted = _synthesise(generalised, controls, measurements, name, job=4, gamma=wanted)
-    return checked_controller(controller, gamma_opt, closed_loop_norm(generalised, controller), wanted, name)
+    target = design_gamma(gamma_opt, back_off, gamma, name)
+    controller, target = _synthesise(generalised, controls, measurements, name, job=4, gamma=target)
+    return checked_controller(controller, gamma_opt, closed_loop_norm(generalised, controller), target, name)
 
 
-def wanted_gamma(smallest: float, back_off: float, gamma: float | None, name: str) -> float:
+def design_gamma(smallest: float, back_off: float, gamma: float | None, name: str) -> float:
     """Return the gamma to design for; raise InputError for a `gamma` below the smallest."""
     if gamma is not None and gamma < smallest:
         raise InputError(
@@ -67,13 +67,13 @@ def rounded_up(gamma: float) -> float:
 
 
 def checked_controller(
-    controller: control.StateSpace, smallest: float, achieved: float, wanted: float, name: str
+    controller: control.StateSpace, smallest: float, achieved: float, target: float, name: str
 ) -> HinfController:
-    """Return the design; raise InputError unless its norm lies between the smallest and the wanted one.
+    """Return the design; raise InputError unless its norm lies between the smallest and the target.
 
     If the norm is smaller than `smallest` by rounding, it replaces that.
     """
-    if not smallest * (1.0 - GAMMA_ROUNDING) <= achieved <= wanted * (1.0 + 1e-4):
+    if not smallest * (1.0 - GAMMA_ROUNDING) <= achieved <= target * (1.0 + 1e-4):
         raise ill_conditioned(name)
     return HinfController(controller, min(smallest, achieved), achieved)
 

@@ -14,11 +14,11 @@ from cranectl.design.hinf_synthesis import (
     FullInformation,
     central_controller,
     checked_controller,
+    design_gamma,
     full_information,
     hinf_controller,
     in_own_units,
     smallest_gamma,
-    wanted_gamma,
 )
 from cranectl.design.linear_systems import (
     HinfController,
@@ -90,20 +90,20 @@ def _by_full_information(
     problem: FullInformation, smallest: float, back_off: float, gamma: float | None
 ) -> HinfController:
     """Design by the Riccati equation, for weights with which SB10AD is inaccurate or fails."""
-    wanted = wanted_gamma(smallest, back_off, gamma, NAME)
-    if wanted < smallest:
+    target = design_gamma(smallest, back_off, gamma, NAME)
+    if target < smallest:
         raise InputError(
-            f"no {NAME} controller for gamma = {wanted:.6g}: the smallest is {smallest:.6g}",
+            f"no {NAME} controller for gamma = {target:.6g}: the smallest is {smallest:.6g}",
             allowed="weights that some stabilising controller meets",
             remedy="increase back_off to 1 or more",
         )
-    wanted = max(wanted, smallest * (1.0 + CLOSEST))
+    target = max(target, smallest * (1.0 + CLOSEST))
     try:
-        controller = central_controller(problem, wanted)
+        controller = central_controller(problem, target)
     except LinAlgError:
         raise ill_conditioned(NAME) from None
     achieved = closed_loop_norm(problem.system(), controller)
-    return checked_controller(in_own_units(problem, controller), smallest, achieved, wanted, NAME)
+    return checked_controller(in_own_units(problem, controller), smallest, achieved, target, NAME)
 
 
 def hinf_robustifier(gain: Array, settings: HinfSettings) -> Synthesised:

@@ -204,11 +204,11 @@ class Controls:
             controller = str(changes["controller"])
             design = controller_design(controller, self._scenario)
         before = tunable_values(design)
-        wanted = {name: value for name, value in changes.items() if name != "controller"}
-        for name in wanted:
+        values = {name: value for name, value in changes.items() if name != "controller"}
+        for name in values:
             if name not in before:
                 raise unknown_name("parameter", name, before)
-        design = _with_values(design, {**before, **wanted})
+        design = _with_values(design, {**before, **values})
         if design.to_json() == self._design.to_json():
             return
         prepare_controller(self._scenario, design, self._drive, self._planned)  # raises if unstable

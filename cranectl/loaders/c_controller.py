@@ -14,7 +14,7 @@ import numpy as np
 
 from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter, called_by_address
 from cranectl.loaders import library
-from cranectl.loaders.asking import ask
+from cranectl.loaders.declaration_process import ask_declaration
 from cranectl.loaders.opening import ControllerFile, copy_of
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
@@ -84,7 +84,7 @@ def _plain(nominal: Nominal, reads: list[str] | None) -> dict[str, Any]:
 def _ask(file: ControllerFile, values: list[float] | None, nominal: dict[str, Any] | None) -> dict[str, Any]:
     """Return the library's declaration, read in a separate process; raise InputError for errors."""
     try:
-        return ask(library.__file__, copy_of(file), {"values": values, "nominal": nominal})
+        return ask_declaration(library.__file__, copy_of(file), {"values": values, "nominal": nominal})
     except ValueError as error:
         sources = [source for ending in COMPILERS if (source := file.path.with_suffix(ending)).is_file()]
         again = f" and compile it again: {compile_command(sources[0])}" if sources else ""

@@ -1,6 +1,6 @@
 """Call the C functions of an FMU for co-simulation, FMI 2.0 or 3.0, with `ctypes` alone.
 
-`asking` runs this file in a separate process, so it imports nothing of the package.
+`declaration_process` runs this file in a separate process, so it imports nothing of the package.
 """
 
 import ctypes

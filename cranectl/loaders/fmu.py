@@ -21,7 +21,7 @@ import numpy as np
 
 from cranectl.controllers.controller import Controller, Logged, Nominal
 from cranectl.loaders import fmi, fmu_step
-from cranectl.loaders.asking import ask
+from cranectl.loaders.declaration_process import ask_declaration
 from cranectl.loaders.fmu_variables import Variables, variables_of
 from cranectl.loaders.opening import ControllerFile, directory_of, slug
 from cranectl.support.arrays import Array
@@ -167,7 +167,7 @@ def open_fmu(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     """Return the controller of an FMU; raise InputError if it is no FMU or cannot be initialised."""
     fmu = Fmu(file)
     try:
-        ask(fmi.__file__, fmu.binary, fmu.model())
+        ask_declaration(fmi.__file__, fmu.binary, fmu.model())
     except ValueError as error:
         needs = (
             f"; it says that it needs the tool that made it: {fmu.description.generationTool or 'unnamed'}"

@@ -1,6 +1,6 @@
 """Read, check and prepare the controller in a shared library, with `ctypes` alone.
 
-`asking` runs this file in a separate process, so it imports nothing of the package.
+`declaration_process` runs this file in a separate process, so it imports nothing of the package.
 """
 
 import ctypes

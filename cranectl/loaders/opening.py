@@ -122,7 +122,7 @@ def copy_of(file: ControllerFile) -> Path:
     return path
 
 
-def whole_copy_of(file: ControllerFile) -> Path:
+def complete_copy_of(file: ControllerFile) -> Path:
     """Return the file's own path, or that of a complete copy if any of its files has changed."""
     if file.read_again() == file:
         return Path(file.place)

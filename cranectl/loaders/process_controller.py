@@ -31,7 +31,7 @@ from cranectl.controllers.controller import Controller, called_by_address
 from cranectl.controllers.registry import UDP
 from cranectl.controllers.slots import Slots
 from cranectl.loaders.interpreted_step import callback_address
-from cranectl.loaders.opening import ControllerFile, whole_copy_of
+from cranectl.loaders.opening import ControllerFile, complete_copy_of
 from cranectl.scenario.settings import Settings, parse_settings
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
@@ -289,7 +289,7 @@ class _Program:
     """A program for one run, started in the folder that holds its files; raises OSError."""
 
     def __init__(self, program: tuple[str, ...], file: ControllerFile) -> None:
-        folder = whole_copy_of(file).parent
+        folder = complete_copy_of(file).parent
         first, *arguments = program
         own_program = folder / first
         self._process = subprocess.Popen(

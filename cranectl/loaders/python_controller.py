@@ -29,9 +29,9 @@ from cranectl.controllers.controller import (
 )
 from cranectl.controllers.preparation import real_numbers
 from cranectl.controllers.slots import Slots
+from cranectl.loaders.folder_imports import FolderImports
 from cranectl.loaders.interpreted_step import callback_address
-from cranectl.loaders.neighbours import Neighbours
-from cranectl.loaders.opening import ControllerFile, slug, whole_copy_of
+from cranectl.loaders.opening import ControllerFile, complete_copy_of, slug
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, describe_error
@@ -73,23 +73,23 @@ def open_python(file: ControllerFile) -> tuple[Controller, ControllerFile]:
 
 def _load(file: ControllerFile) -> tuple[ModuleType, ControllerFile]:
     """Run the file and return its module; a worker on another machine runs a copy."""
-    path = whole_copy_of(file)
-    neighbours = Neighbours(path)
-    module = ModuleType(f"{neighbours.package}.{path.stem}")
+    path = complete_copy_of(file)
+    imports = FolderImports(path)
+    module = ModuleType(f"{imports.package}.{path.stem}")
     module.__file__ = str(path)
     module.__package__ = ""  # as for any script
-    module.__dict__["__builtins__"] = neighbours.names
+    module.__dict__["__builtins__"] = imports.names
     sys.modules[module.__name__] = module
     linecache.checkcache(str(path))
     try:
-        with contained(), neighbours.running(), reported_when_slow(f"{file.reference} has been loading"):
+        with contained(), imports.running(), reported_when_slow(f"{file.reference} has been loading"):
             exec(compile(file.content, str(path), "exec"), module.__dict__)
-        return module, file.with_companions(neighbours.folder, neighbours.taken(path))
+        return module, file.with_companions(imports.folder, imports.files_read(path))
     except (InputError, KeyboardInterrupt):  # about a wrong declaration
         raise
     except BaseException as error:
         raise InputError(
-            f"{_where(error, path)}: {describe_error(error)}".replace(f"{neighbours.package}.", ""),
+            f"{_where(error, path)}: {describe_error(error)}".replace(f"{imports.package}.", ""),
             allowed="a file that Python can run",
             remedy="correct it",
         ) from error

@@ -104,8 +104,8 @@ def gather_layers(
     plants = plants_of_logs(plants, {name for layers in read if not is_overlay(layers) for name in layers})
     for path, layers in zip(paths, read, strict=True):
         overlaid = is_overlay(layers)
-        wanted = layers if overlaid else plants or (reference_plant(layers),)
-        named += [(name if overlaid else "", path.stem, layers[name]) for name in wanted if name in layers]
+        selected = layers if overlaid else plants or (reference_plant(layers),)
+        named += [(name if overlaid else "", path.stem, layers[name]) for name in selected if name in layers]
     chosen = [layer for _, _, layer in named]
     if not labels:
         short = labels_of([layer.run for layer in chosen], [stem for _, stem, _ in named])

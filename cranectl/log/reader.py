@@ -201,11 +201,11 @@ def _checked_channels(contents: Contents, groups: Mapping[str, SignalGroup]) -> 
     return channels
 
 
-def _channels_of(contents: Contents, wanted: Container[str]) -> dict[str, Channel]:
-    """Return the channel of each topic in `wanted`; raise UnsupportedError if one has several."""
+def _channels_of(contents: Contents, topics: Container[str]) -> dict[str, Channel]:
+    """Return the channel of each topic in `topics`; raise UnsupportedError if one has several."""
     channels: dict[str, Channel] = {}
     for channel in contents.channels.values():
-        if channel.topic in wanted and channels.setdefault(channel.topic, channel) is not channel:
+        if channel.topic in topics and channels.setdefault(channel.topic, channel) is not channel:
             raise UnsupportedError(
                 f"{channel.topic} has several channels, as in merged logs", "name one of the logs"
             )

@@ -22,20 +22,20 @@ _FIXED64 = 1  # protobuf wire type of a double
 
 
 def read_rows(
-    path: str | Path, stream: BinaryIO, wanted: Callable[[str], bool]
+    path: str | Path, stream: BinaryIO, is_selected: Callable[[str], bool]
 ) -> tuple[Contents, dict[int, Column]]:
-    """Read a closed file: return its contents, and by channel the rows of signals of the topics `wanted`.
+    """Read a closed file: return its contents, and by channel the rows of the selected topics.
 
     Raises LogError as `open_contents` does, and DamageError for damaged records.
     """
     contents = open_contents(path, stream)
-    return contents, columns_of(contents, contents.chunks(stream), wanted)
+    return contents, columns_of(contents, contents.chunks(stream), is_selected)
 
 
 def columns_of(
-    contents: Contents, chunks: Iterable[Content], wanted: Callable[[str], bool]
+    contents: Contents, chunks: Iterable[Content], is_selected: Callable[[str], bool]
 ) -> dict[int, Column]:
-    """Return the rows of signals of the topics `wanted` by channel, in the order of the file.
+    """Return the rows of signals of the selected topics by channel, in the order of the file.
 
     Raises DamageError for a message of another length than a row has.
     """
@@ -45,7 +45,7 @@ def columns_of(
         for number, channel in contents.channels.items():
             if number not in widths:
                 schema = contents.schemas[channel.schema_id]
-                widths[number] = row_width(channel, schema) if wanted(channel.topic) else 0
+                widths[number] = row_width(channel, schema) if is_selected(channel.topic) else 0
             if not widths[number]:
                 continue
             column = Column(*rows_of(content.data, content.table, number, widths[number]))

@@ -108,7 +108,7 @@ class Experiment:
     of the angles read at zero, and how the load swings at the start, unless it rests.
     """
 
-    def __init__(self, run: Run, rig: RigParameters, replay: Replay, most: int) -> None:
+    def __init__(self, run: Run, rig: RigParameters, replay: Replay, max_readings: int) -> None:
         if replay == "commands" and not run.has("command"):
             raise InputError(
                 f"the run {run.scenario.name} has no commands of the drives",
@@ -116,7 +116,7 @@ class Experiment:
                 remedy="add --replay motion",
             )
         self.run, self.rig, self.replay = run, rig, replay
-        self.rows = np.arange(0, len(run.time_ns), max(len(run.time_ns) // most, 1))
+        self.rows = np.arange(0, len(run.time_ns), max(len(run.time_ns) // max_readings, 1))
         self.period = run.scenario.period_ns / NANOSECONDS
         state = run.block("state")
         self.readings = state[:, 0::2]

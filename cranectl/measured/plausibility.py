@@ -199,10 +199,10 @@ def _correlation(a: Array, b: Array) -> float:
     return float(a @ b / max(sqrt(float(a @ a) * float(b @ b)), 1e-300))
 
 
-def _best_shift(pivot: Array, answer: Array, most: int) -> int:
-    """Return by how many samples `answer` is late, up to `most`."""
-    step = max(most // 50, 1)
-    shifts = range(0, min(most, len(pivot) // 4) + 1, step)
+def _best_shift(pivot: Array, answer: Array, max_shift: int) -> int:
+    """Return by how many samples `answer` is late, up to `max_shift`."""
+    step = max(max_shift // 50, 1)
+    shifts = range(0, min(max_shift, len(pivot) // 4) + 1, step)
     return max(shifts, key=lambda k: abs(_correlation(pivot[: len(pivot) - k], answer[k:])))
 
 

@@ -195,9 +195,9 @@ class Plants(MutableMapping[str, PlantEntry]):
         """Remove the plants that only logs describe."""
         self._logged.clear()
 
-    def ordered(self, wanted: Collection[str]) -> tuple[str, ...]:
-        """Return the known names among `wanted`, in the order of a log; those known only from logs last."""
-        return tuple(name for name in (*self, *self._logged) if name in wanted)
+    def ordered(self, names: Collection[str]) -> tuple[str, ...]:
+        """Return the known names among `names`, in the order of a log; those known only from logs last."""
+        return tuple(name for name in (*self, *self._logged) if name in names)
 
     def __setitem__(self, name: str, entry: PlantEntry) -> None:
         self._known()[name] = entry

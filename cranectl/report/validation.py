@@ -141,8 +141,8 @@ def causes(case: CaseVerdict) -> list[str]:
             how = f"at {run.end_s:g} s with {run.status.label}: {run.status.explanation}"
             ends.setdefault(how, []).append(run.plant)
     if ends:
-        wanted = "" if result.expected == "completed" else f" Expected was {result.expected}."
-        return [f"The run on {', '.join(plants)} ended {how}.{wanted}" for how, plants in ends.items()]
+        expectation = "" if result.expected == "completed" else f" Expected was {result.expected}."
+        return [f"The run on {', '.join(plants)} ended {how}.{expectation}" for how, plants in ends.items()]
     faults = [value.fault for value in judged_values(result) if not value.kept]
     steps = {agreement.curing_step_s for agreement in result.agreements} - {None}
     faults += [

@@ -54,9 +54,9 @@ def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
         configuration.update(plot_range(configuration["paths"], rig))
     for button in ("upButton", "downButton", "leftButton", "rightButton"):
         if button in configuration:
-            wanted = configuration[button]
-            most = rig.effects.limits.velocity["xyz".index(wanted["field"][-1])]
-            wanted["value"] = round(wanted["value"] * most, 4)
+            command = configuration[button]
+            most = rig.effects.limits.velocity["xyz".index(command["field"][-1])]
+            command["value"] = round(command["value"] * most, 4)
     if "cameraState" not in configuration or drawn_as_filed(rig):
         return
     camera, floor = configuration["cameraState"], configuration["layers"]["floor"]
@@ -137,11 +137,11 @@ def service(name: str) -> Panel:
 
 def pad(title: str, horizontal: str, vertical: str) -> Panel:
     """Return four buttons that drive by hand, here in shares of the drives' speed; see `show_rig`."""
-    wishes = {}
+    commands = {}
     for axis, names in ((horizontal, ("right", "left")), (vertical, ("up", "down"))):
         for name, sign in zip(names, (1, -1), strict=True):
-            wishes[f"{name}Button"] = {"field": f"linear-{axis}", "value": BUTTON_SPEED * sign}
-    return panel("Teleop", title, topic="/wish", publishRate=10, **wishes)
+            commands[f"{name}Button"] = {"field": f"linear-{axis}", "value": BUTTON_SPEED * sign}
+    return panel("Teleop", title, topic="/wish", publishRate=10, **commands)
 
 
 def standings(plants: Sequence[str]) -> Panel:

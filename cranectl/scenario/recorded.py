@@ -150,7 +150,7 @@ class FromFile(Settings):
     )
 
     @model_validator(mode="after")
-    def _has_what_has_a_unit(self) -> "FromFile":
+    def _check_units(self) -> "FromFile":
         if self.units.speed is not None and self.columns.speed is None:
             raise RuleError(
                 "units.speed without columns.speed",

@@ -65,7 +65,7 @@ class Move(Settings):
     )
 
     @model_validator(mode="after")
-    def _bends_if_told_how(self) -> "Move":
+    def _check_shortest(self) -> "Move":
         stated = [name for name in ("plane", "constant_rope") if getattr(self, name)]
         if stated and self.duration is not None:
             raise RuleError(
@@ -254,7 +254,7 @@ class AddedSegment(Settings):
         return kind
 
     @model_validator(mode="after")
-    def _as_its_kind_wants(self) -> "AddedSegment":
+    def _validate_by_kind(self) -> "AddedSegment":
         try:
             _ = self.settings
         except ValidationError as error:
@@ -304,10 +304,10 @@ def seconds(segment: Segment) -> float:
     return length
 
 
-def as_asked(segment: Segment) -> list[dict[str, Any]]:
+def before_planning(segment: Segment) -> list[dict[str, Any]]:
     """Return the tables, without defaults, that a scenario had before the segment was planned."""
     if isinstance(segment, BlendedPath):
-        return [requested for part in segment.parts for requested in as_asked(part)]
+        return [requested for part in segment.parts for requested in before_planning(part)]
     if isinstance(segment, Spline) and segment.made_from:
         return [segment.made_from]
     table = segment.model_dump(mode="json", exclude_defaults=True)

@@ -67,28 +67,28 @@ def fits(run: Run, *, more: int) -> bool:
 
 
 def check_several(
-    scenario: Scenario, design: ControllerDesign, runs: int, what: str, *, columns: int = 0, most: int
+    scenario: Scenario, design: ControllerDesign, runs: int, what: str, *, columns: int = 0, max_bytes: int
 ) -> None:
-    """Raise InputError if `what` takes more than `most` bytes: that many runs with effects, and `columns`.
+    """Raise InputError if `what` takes more than `max_bytes`: that many runs with effects, and `columns`.
 
     `columns` is how many numbers each sample needs besides the runs.
     """
     whole = sum(map(len, recorded_groups(design.groups, staged="velocity", forced=True)))
     needed = NUMBER * (scenario.steps + 1) * (PLANNING + runs * whole + columns)
-    check_held(scenario, needed, what, most=most)
+    check_held(scenario, needed, what, max_bytes=max_bytes)
 
 
 def check_held(
-    scenario: Scenario, needed: float, what: str, *, most: int = MAX_BYTES, fewer_plants: bool = False
+    scenario: Scenario, needed: float, what: str, *, max_bytes: int = MAX_BYTES, fewer_plants: bool = False
 ) -> None:
-    """Raise InputError if `what` of `scenario`, which needs `needed` bytes, takes more than `most`."""
-    if needed <= most:
+    """Raise InputError if `what` of `scenario`, which needs `needed` bytes, takes more than `max_bytes`."""
+    if needed <= max_bytes:
         return
-    times, samples = math.ceil(needed / most), scenario.steps + 1
+    times, samples = math.ceil(needed / max_bytes), scenario.steps + 1
     raise InputError(
         f"{what} of {scenario.name} with {samples} control samples would take "
         f"{needed / 2**30:.3g} GiB of memory",
-        allowed=f"at most {most / 2**30:g} GiB, which is {int(most / needed * samples)} samples",
+        allowed=f"at most {max_bytes / 2**30:g} GiB, which is {int(max_bytes / needed * samples)} samples",
         remedy=f"set control.period to {_longer_period(scenario, times):g}, or shorten duration"
         + (", or name fewer plants" if fewer_plants else ""),
     )

@@ -199,8 +199,8 @@ def sense(path, row, measured):
 
 
 @jit
-def act(path, actuation, wanted, row, commanded):
-    """Limit and delay the `wanted` command (3,); write the one that drives get, and which limits act.
+def act(path, actuation, intended, row, commanded):
+    """Limit and delay the `intended` command (3,); write the one that drives get, and which limits act.
 
     `commanded` (6,) receives both. The integral in `actuation` follows a limited set-point, so that it does
     not wind up. The observer assumes the acceleration for the limited set-point. Otherwise it would take the
@@ -209,11 +209,11 @@ def act(path, actuation, wanted, row, commanded):
     """
     command = commanded[:3]
     for axis in range(3):
-        command[axis] = limited(path.limits, axis, wanted[axis], path.previous[axis])
+        command[axis] = limited(path.limits, axis, intended[axis], path.previous[axis])
         path.assumed[axis] = row[INPUT_COLUMN + axis]
         commanded[3 + axis] = 0.0
-        cut = command[axis] - wanted[axis]
-        if command[axis] != wanted[axis]:
+        cut = command[axis] - intended[axis]
+        if command[axis] != intended[axis]:
             actuation.velocity[axis] += cut
         if abs(cut) > CUT_OFF * path.limits.velocity[axis]:
             velocity = path.estimate[EXPECTED.velocity + axis]

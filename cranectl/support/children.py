@@ -29,8 +29,8 @@ from cranectl.support.errors import (
     InputError,
     describe_error,
     printable,
+    report_machine_failure,
     report_to_parent,
-    tell_of_machine,
     was_killed,
 )
 from cranectl.support.interrupts import SIGNALS, in_background
@@ -284,7 +284,7 @@ def _serve_forked(work: Callable[[Connection], None], connection: Connection) ->
         code = 0
     except Exception as error:
         os.write(2, f"cranectl: {printable(describe_error(error), longest=MAX_PHRASE)}\n".encode())
-        tell_of_machine(error)
+        report_machine_failure(error)
     finally:
         os._exit(code)
 

@@ -18,7 +18,7 @@ from numba.core.registry import cpu_target
 from numba.core.types import Boolean, CPointer, Integer, IntEnumMember, float64, int64
 
 from cranectl.support.compilers import PausingCompiler
-from cranectl.support.errors import MAX_PHRASE, describe_error, printable, tell_of_machine
+from cranectl.support.errors import MAX_PHRASE, describe_error, printable, report_machine_failure
 
 FAILED = -1  # status of a step that raised an exception
 _POINTER: Any = CPointer  # Numba has no types
@@ -129,7 +129,7 @@ def report_failure(name: str, error: BaseException, raised: TracebackType | None
     text = printable(f"{name} failed{where}: {describe_error(error)}", longest=MAX_PHRASE)
     with suppress(OSError):  # the step may have closed it
         os.write(2, f"cranectl: {text}\n".encode())
-    tell_of_machine(error)
+    report_machine_failure(error)
 
 
 def report_compiled_failure(

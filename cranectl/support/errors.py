@@ -199,7 +199,7 @@ def starting() -> Iterator[None]:
         send(STARTING)
 
 
-def tell_of_machine(error: BaseException) -> None:
+def report_machine_failure(error: BaseException) -> None:
     """Tell the parent and end this process if `error` is a failure of the machine.
 
     This has no effect outside of a process that only runs controllers.

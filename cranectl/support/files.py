@@ -230,10 +230,10 @@ def open_input(path: Path, *, piped: int = 0, buffering: int = -1) -> BinaryIO:
     return io.BytesIO(_read_pipe(path, piped))
 
 
-def _read_pipe(path: Path, most: int) -> bytes:
+def _read_pipe(path: Path, max_bytes: int) -> bytes:
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     try:
-        first = os.read(descriptor, most)
+        first = os.read(descriptor, max_bytes)
         if not first:
             raise OSError(f"{path} is a pipe into which nobody writes")
     except BlockingIOError:  # a writer has opened it but not written yet
@@ -244,4 +244,4 @@ def _read_pipe(path: Path, most: int) -> bytes:
     os.set_blocking(descriptor, True)
     waits = f"{path} is a pipe whose writer has neither written nor ended"
     with os.fdopen(descriptor, "rb") as stream, reported_when_slow(waits):
-        return first + stream.read(most - len(first))
+        return first + stream.read(max_bytes - len(first))

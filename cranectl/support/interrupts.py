@@ -43,7 +43,7 @@ def in_background(act: Callable[[], None]) -> None:
     _thread.start_new_thread(act, ())
 
 
-def came_of_interrupt(error: BaseException) -> bool:
+def is_caused_by_interrupt(error: BaseException) -> bool:
     """Return True if an interrupt caused `error`, even if a library has wrapped it."""
     cause: BaseException | None = error
     while cause is not None and not isinstance(cause, KeyboardInterrupt):

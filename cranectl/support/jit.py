@@ -165,7 +165,7 @@ def _digest_of(*functions: Any) -> str:
 
 
 @functools.cache
-def _say_that_it_compiles() -> None:
+def _announce_compilation() -> None:
     """Report once, at a terminal, that code is being compiled; worker processes stay silent."""
     if sys.stderr.isatty() and multiprocessing.parent_process() is None:
         print(
@@ -216,7 +216,7 @@ class _Cache(FunctionCache):
             with contextlib.suppress(Exception):
                 self.flush()
         if loaded is None:
-            _say_that_it_compiles()
+            _announce_compilation()
         return loaded
 
     def save_overload(self, *arguments: Any) -> None:

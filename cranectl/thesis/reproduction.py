@@ -63,7 +63,7 @@ class Number:
     def is_within(self) -> bool:
         """Whether all computed numbers are within the tolerance and have the printed digits."""
         digits = self.decimals is None or all(
-            prints_as(v, self.printed, self.decimals) for v in self.judged_values
+            agrees_as_printed(v, self.printed, self.decimals) for v in self.judged_values
         )
         return digits and abs(self.difference) <= self.tolerance
 
@@ -226,7 +226,7 @@ def controller_name(name: str) -> str:
     return FEEDBACK[feedback] + (f" + {ROBUSTIFIERS[robustifier]}" if robustifier else "")
 
 
-def prints_as(value: float, printed: float, decimals: int) -> bool:
+def agrees_as_printed(value: float, printed: float, decimals: int) -> bool:
     """Return True if `value`, rounded or truncated to `decimals`, equals the printed number."""
     size, unit = abs(value), 10.0**-decimals
     digits = round(abs(printed) / unit)

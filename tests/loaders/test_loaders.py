@@ -266,7 +266,7 @@ def test_a_library_that_breaks_the_rules_is_refused(
     declared: str, broken: str, step: str, found: str, law: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if found == "no answer within":
-        monkeypatch.setattr("cranectl.loaders.asking.DECLARATION_TIMEOUT", 2.0)
+        monkeypatch.setattr("cranectl.loaders.declaration_process.DECLARATION_TIMEOUT", 2.0)
     with pytest.raises(InputError, match=found):
         open_controller(str(built(law.parent, declared=declared, broken=broken, step=step)))
 

@@ -200,7 +200,7 @@ def test_who_waits_at_a_terminal_is_told_once_that_it_compiles(
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
-    jit._say_that_it_compiles.cache_clear()
+    jit._announce_compilation.cache_clear()
 
     def half(x):
         return x / 2
@@ -208,7 +208,7 @@ def test_who_waits_at_a_terminal_is_told_once_that_it_compiles(
     assert (jit.jit(half)(3.0), jit.jit(half)(3)) == (1.5, 1.5)
     told = capsys.readouterr().err
     assert told.count(str(tmp_path)) == told.count("\n") == terminal
-    jit._say_that_it_compiles.cache_clear()
+    jit._announce_compilation.cache_clear()
     assert jit.jit(half)(3.0) == 1.5
     assert capsys.readouterr().err == "", "it was found compiled"
 

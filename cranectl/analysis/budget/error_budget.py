@@ -159,7 +159,7 @@ def error_budget(
     check_steps(scenario, scenarios[LEVELS.index("servos") :])
     design = flat_design(controller or scenario.controller.name, scenario)
     columns = PER_SAMPLE + PER_ROBUSTIFIER_STATE * design.robustifier.order
-    check_several(scenario, design, 3, "a budget", columns=columns, most=MAX_BUDGET_BYTES)
+    check_several(scenario, design, 3, "a budget", columns=columns, max_bytes=MAX_BUDGET_BYTES)
     nominal = nominal_run(scenario, controller)
     design, drives = only_flat(nominal.run.design), {"engine": "ideal"}
     first = before = simulate_continuous(scenarios[0], design)

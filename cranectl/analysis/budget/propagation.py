@@ -134,8 +134,8 @@ def add_friction(loop, friction, k, deviation):
         for joint in range(5):
             rate = friction.rates[k + 1, joint] + following[2 * joint + 1]
             limit, before = friction.coulomb[k, joint], coulomb[joint]
-            wanted = before - rate / by_signal[joint, 2 * joint + 1]
-            coulomb[joint] = min(max(wanted, -limit), limit)
+            stopping_force = before - rate / by_signal[joint, 2 * joint + 1]
+            coulomb[joint] = min(max(stopping_force, -limit), limit)
             following[:p] += by_signal[joint] * (coulomb[joint] - before)
     deviation.drive[k] += signals[:3] + coulomb[:3]
     deviation.disturbance[k] += signals[3:] + coulomb[3:]

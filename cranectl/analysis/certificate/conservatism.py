@@ -57,13 +57,15 @@ def find_limits(
     def stable(inner: InnerLoop) -> bool:
         return closed_loop_radius(inner, nominal_loop.opening.axis.robustifier) < 1.0
 
-    def find_both(loop: Callable[[int], InnerLoop], first: int, most: int) -> list[int | None]:
-        certified = find_last_passing(lambda k: nominal_loop.certifies(loop(k)), first, most)
-        return [certified, find_last_passing(lambda k: stable(loop(k)), first, most)]
+    def find_both_limits(loop: Callable[[int], InnerLoop], first: int, last: int) -> list[int | None]:
+        certified = find_last_passing(lambda k: nominal_loop.certifies(loop(k)), first, last)
+        return [certified, find_last_passing(lambda k: stable(loop(k)), first, last)]
 
-    delays = find_both(delayed, plant.delay, round(MAX_EXAMINED_DELAY / nominal_loop.period))
+    delays = find_both_limits(delayed, plant.delay, round(MAX_EXAMINED_DELAY / nominal_loop.period))
     lags = (
-        find_both(lagging, 0, round(MAX_EXAMINED_LAG / LAG_STEP)) if DRIVES[drive].is_servo else [None, None]
+        find_both_limits(lagging, 0, round(MAX_EXAMINED_LAG / LAG_STEP))
+        if DRIVES[drive].is_servo
+        else [None, None]
     )
     slowest = float(scenario.rig.time_constants.max())
     return LargestValues(
@@ -80,14 +82,14 @@ def with_further_lag(scenario: Scenario, lag: float) -> Scenario:
     return scenario.model_copy(update={"rig": rig})
 
 
-def find_last_passing(passes: Callable[[int], bool], first: int, most: int) -> int | None:
+def find_last_passing(passes: Callable[[int], bool], first: int, last: int) -> int | None:
     """Find the last number that passes, by growing strides and bisection; None if `first` fails."""
     if not passes(first):
         return None
     low, stride = first, STRIDE
-    while (high := low + stride) <= most and passes(high):
+    while (high := low + stride) <= last and passes(high):
         low, stride = high, 2 * stride
-    high = min(high, most + 1)
+    high = min(high, last + 1)
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (middle, high) if passes(middle) else (low, middle)

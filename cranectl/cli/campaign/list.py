@@ -59,12 +59,12 @@ def show_campaign(campaign: "Campaign", no_estimate: bool, screen: Screen) -> No
     cranectl campaign show lab-rig
     cranectl campaign show mine.toml --runs 10000 --no-estimate
     """
-    from cranectl.cli.idle import idle_in_campaign, tell_idle
+    from cranectl.cli.idle import idle_in_campaign, print_idle
 
     screen.print(_parameters_table(campaign))
     for line in _lines(campaign):
         screen.print(line)
-    tell_idle(screen, idle_in_campaign(campaign))
+    print_idle(screen, idle_in_campaign(campaign))
     facts = _facts(campaign)
     if not no_estimate:
         from cranectl.campaign.workers import estimated_seconds

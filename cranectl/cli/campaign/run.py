@@ -98,7 +98,7 @@ def run_campaign(
     from cranectl.campaign.workers import batch_engine
     from cranectl.cases.workers import available_cores
     from cranectl.cli.campaign.results import show_result
-    from cranectl.cli.idle import idle_in_campaign, idle_timeout, tell_idle
+    from cranectl.cli.idle import idle_in_campaign, idle_timeout, print_idle
 
     if resume and overwrite:
         raise click.UsageError("--resume and --overwrite exclude each other")
@@ -109,7 +109,7 @@ def run_campaign(
     directory = out or Path("logs") / f"campaign-{campaign.settings.name}"
     options = {"resume": resume, "despite_differences": despite_differences, "overwrite": overwrite}
     controllers, elsewhere = campaign.settings.controllers, bool(scheduler or cluster)
-    tell_idle(screen, [*idle_in_campaign(campaign), *idle_timeout(controllers, timeout, cluster=elsewhere)])
+    print_idle(screen, [*idle_in_campaign(campaign), *idle_timeout(controllers, timeout, cluster=elsewhere)])
     with (
         batch_engine(
             scheduler, timeout, workers=workers or available_cores(), local_cluster=bool(cluster)

@@ -266,12 +266,12 @@ def _over_parameters(
     analysis: Analysis,
     groups: Sequence[tuple[Group, Mask]],
     columns: Sequence[int],
-    most: int,
+    max_bins: int,
     label: str,
     *,
     band: Callable[[Group, Rows], Array],
 ) -> Figure:
-    """Draw a panel for each parameter: a band over up to `most` ranges with equally many of its runs.
+    """Draw a panel for each parameter: a band over up to `max_bins` ranges with equally many of its runs.
 
     `groups`: with the runs that count. `band`: low, middle, high of those in a range; `label` says of what.
     """
@@ -282,7 +282,7 @@ def _over_parameters(
     for axes, column in zip(panels, columns, strict=False):
         x = analysis.values[:, column]
         for k, (group, counted) in enumerate(groups):
-            bins = equal_bins(np.where(counted, x, np.nan), most)
+            bins = equal_bins(np.where(counted, x, np.nan), max_bins)
             if not bins:
                 continue
             places = [float(np.median(x[rows])) for rows in bins]

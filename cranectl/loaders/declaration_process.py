@@ -1,7 +1,8 @@
 """Ask foreign code in a separate process what it declares, so that a crash ends only that process.
 
-The process runs this file: `python asking.py PROGRAM BINARY` reads the question as one line of JSON. It calls
-`answer` of the file PROGRAM and writes the result as JSON. To start fast, it imports nothing of the package.
+The process runs this file: `python declaration_process.py PROGRAM BINARY` reads the question as one line of
+JSON. It calls `answer` of the file PROGRAM and writes the result as JSON. To start fast, it imports nothing
+of the package.
 """
 
 import json
@@ -14,7 +15,7 @@ from typing import Any
 DECLARATION_TIMEOUT = 600.0  # [s] for an answer, without waiting for a processor: it only ends what hangs
 
 
-def ask(program: str, binary: Path, question: dict[str, Any]) -> dict[str, Any]:
+def ask_declaration(program: str, binary: Path, question: dict[str, Any]) -> dict[str, Any]:
     """Return what `answer(binary, question)` of the file `program` returns; raise ValueError as it does."""
     from cranectl.support.children import answer_of_program, describe_exit  # which the process does without
 

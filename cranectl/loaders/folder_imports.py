@@ -32,13 +32,13 @@ from typing import Any
 
 from cranectl.support.provenance import INSTALLED
 
-PREFIX = "_law_"
+PREFIX = "_controller_"
 OUR_PACKAGE = "cranectl"  # never imported from a controller's folder
 _COUNT = itertools.count(1)
 _READING = threading.local()  # .controller: whose file is run in this thread
 
 
-class Neighbours(MetaPathFinder):
+class FolderImports(MetaPathFinder):
     """The files that one controller reads from its folder, and the finder of its modules."""
 
     def __init__(self, path: Path) -> None:
@@ -64,7 +64,7 @@ class Neighbours(MetaPathFinder):
         """
         self._before, self._running = sys.path[:], True
         try:
-            with self._noting(self):
+            with self._recording(self):
                 yield
         except BaseException:
             sys.meta_path.remove(self)
@@ -75,7 +75,7 @@ class Neighbours(MetaPathFinder):
             self._added, self._running = self._folders()[1:], False
             sys.path[:] = self._before
 
-    def taken(self, path: Path) -> list[str]:
+    def files_read(self, path: Path) -> list[str]:
         """Return the recorded files relative to the controller's folder, without its own file at `path`."""
         files = [file for file in self._opened if self._counts(file) and file != _located(path)]
         return [Path(os.path.relpath(file, self.folder)).as_posix() for file in files]
@@ -125,19 +125,19 @@ class Neighbours(MetaPathFinder):
         return any(file.is_relative_to(Path(folder).resolve()) for folder in self._folders())
 
     def _import(
-        self, name: str, names: Any = None, local: Any = None, wanted: Any = (), level: int = 0
+        self, name: str, names: Any = None, local: Any = None, fromlist: Any = (), level: int = 0
     ) -> Any:
         """Import as the `import` statement does, but search the controller's folder first."""
         top = name.partition(".")[0]
         if level or not self._is_beside(top):
-            with self._noting(self if level else None):
-                module = builtins.__import__(name, names, local, wanted or (), level)
+            with self._recording(self if level else None):
+                module = builtins.__import__(name, names, local, fromlist or (), level)
             if not level and self._running:
                 self._note_package(top)
             return module
         own = f"{self.package}.{name}"
-        leaf = builtins.__import__(own, None, None, tuple(wanted or ("__name__",)), 0)
-        return leaf if wanted else sys.modules[f"{self.package}.{top}"]
+        leaf = builtins.__import__(own, None, None, tuple(fromlist or ("__name__",)), 0)
+        return leaf if fromlist else sys.modules[f"{self.package}.{top}"]
 
     def _is_beside(self, top: str) -> bool:
         if top not in self._beside:
@@ -158,7 +158,7 @@ class Neighbours(MetaPathFinder):
                 self._opened.update(map(_located, folder.rglob("*.py")))
 
     @contextlib.contextmanager
-    def _noting(self, owner: "Neighbours | None") -> Iterator[None]:
+    def _recording(self, owner: "FolderImports | None") -> Iterator[None]:
         before = getattr(_READING, "controller", None)
         _READING.controller = owner if self._running else None
         try:
