@@ -7,7 +7,7 @@ from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import ROOT
-from validation.benchmark.mppi import GIVEN, KNOTS, MEMORY, STEPS, cost, normal, plan, uniform
+from validation.benchmark.mppi import KNOTS, MEMORY, PARAMETERS, STEPS, cost, normal, plan, uniform
 
 CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'mppi.py'}:MPPI"
 
@@ -31,7 +31,7 @@ def test_random_numbers_are_those_of_park_and_miller() -> None:
 def test_average_agrees_with_closed_form_for_quadratic_cost() -> None:
     """Normal weights and normal paths give the precision 1/s² + H/T, with H the cost's second derivative."""
     noise, gravity, temperature = 0.1, 9.81, 0.02
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         period=0.02, gravity=gravity, noise=noise, temperature=temperature, rate=0.3, effort=0.1
     )
     lengths = np.column_stack([np.linspace(1.2, 0.6, STEPS), np.full(STEPS, -0.6)])

@@ -58,41 +58,47 @@ from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
 LOAD = 3  # index in the masses: bridge and trolley, trolley, winch, load
-GIVEN = Slots(period=1, gravity=1, forgets=1, sways=1, rope_pole=1, gain=3, adaptation=4)
-MEMORY = Slots(mass=4, surface=3, desired=10, inputs=3, wanted=3)
+PARAMETERS = Slots(period=1, gravity=1, slope=1, sway_slope=1, rope_pole=1, gain=3, adaptation=4)
+MEMORY = Slots(mass=4, surface=3, desired=10, inputs=3, required=3)
 
 
 @jit
-def follow(parameters, measured, held, joint, angle):
+def follow(parameters, measured, stored, joint, angle):
     """Return s [m/s] and q_r'' [m/s²] of the horizontal axis `joint` whose rope swings by `angle`."""
     length, rate = measured[ROPE], 0.5 * measured[ROPE_RATE] / measured[ROPE]
-    pole = sqrt(parameters[GIVEN.gravity] / (3.0 * length))
-    forgets, sways = parameters[GIVEN.forgets] * pole, parameters[GIVEN.sways] * pole * length
+    pole = sqrt(parameters[PARAMETERS.gravity] / (3.0 * length))
+    slope, sway_slope = parameters[PARAMETERS.slope] * pole, parameters[PARAMETERS.sway_slope] * pole * length
     e, e_rate = (
-        measured[joint] - held[MEMORY.desired + joint],
-        measured[joint + 1] - held[MEMORY.desired + joint + 1],
+        measured[joint] - stored[MEMORY.desired + joint],
+        measured[joint + 1] - stored[MEMORY.desired + joint + 1],
     )
     b, b_rate = (
-        measured[angle] - held[MEMORY.desired + angle],
-        measured[angle + 1] - held[MEMORY.desired + angle + 1],
+        measured[angle] - stored[MEMORY.desired + angle],
+        measured[angle + 1] - stored[MEMORY.desired + angle + 1],
     )
-    wanted = held[MEMORY.inputs + joint // 2] - forgets * (e_rate - rate * e) + sways * (b_rate + rate * b)
-    return e_rate + forgets * e - sways * b, wanted
+    required = (
+        stored[MEMORY.inputs + joint // 2] - slope * (e_rate - rate * e) + sway_slope * (b_rate + rate * b)
+    )
+    return e_rate + slope * e - sway_slope * b, required
 
 
 def step(parameters, measured, reference, memory, command):
     """Compute the forces (3,) [N] of one sample from state and path."""
-    held = carray(memory, (MEMORY.size,))
-    mass, s, wanted = held[: MEMORY.surface], held[MEMORY.surface : MEMORY.desired], held[MEMORY.wanted :]
-    gravity = parameters[GIVEN.gravity]
-    desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs : MEMORY.wanted]
+    stored = carray(memory, (MEMORY.size,))
+    mass, s, required = (
+        stored[: MEMORY.surface],
+        stored[MEMORY.surface : MEMORY.desired],
+        stored[MEMORY.required :],
+    )
+    gravity = parameters[PARAMETERS.gravity]
+    desired, inputs = stored[MEMORY.desired : MEMORY.inputs], stored[MEMORY.inputs : MEMORY.required]
     if not state_on_path(reference, gravity, desired, inputs):
         return RunStatus.SLACK_ROPE
-    s[X], wanted[X] = follow(parameters, measured, held, BRIDGE, BETA)
-    s[Y], wanted[Y] = follow(parameters, measured, held, TROLLEY, ALPHA)
+    s[X], required[X] = follow(parameters, measured, stored, BRIDGE, BETA)
+    s[Y], required[Y] = follow(parameters, measured, stored, TROLLEY, ALPHA)
     rate = measured[ROPE_RATE] - desired[ROPE_RATE]
-    s[Z] = rate + parameters[GIVEN.rope_pole] * (measured[ROPE] - desired[ROPE])
-    wanted[Z] = inputs[Z] - parameters[GIVEN.rope_pole] * rate
+    s[Z] = rate + parameters[PARAMETERS.rope_pole] * (measured[ROPE] - desired[ROPE])
+    required[Z] = inputs[Z] - parameters[PARAMETERS.rope_pole] * rate
     alpha, alpha_rate, beta, beta_rate = (
         measured[ALPHA],
         measured[ALPHA_RATE],
@@ -102,34 +108,41 @@ def step(parameters, measured, reference, memory, command):
     n = rope_direction(alpha, beta)
     turn = rope_direction_rate(alpha, alpha_rate, beta, beta_rate)
     pull = specific_rope_force(
-        measured[ROPE], alpha, alpha_rate, beta, beta_rate, wanted[X], wanted[Y], wanted[Z], gravity
+        measured[ROPE], alpha, alpha_rate, beta, beta_rate, required[X], required[Y], required[Z], gravity
     )
     along, turning = n[0] * s[X] + n[1] * s[Y] + s[Z], turn[0] * s[X] + turn[1] * s[Y]
     # Update the masses first, so that V falls in the sampled loop too.
     for axis in range(3):
-        mass[axis] -= parameters[GIVEN.period] * parameters[GIVEN.adaptation + axis] * wanted[axis] * s[axis]
-    mass[LOAD] -= parameters[GIVEN.period] * parameters[GIVEN.adaptation + LOAD] * along * (pull - turning)
+        mass[axis] -= (
+            parameters[PARAMETERS.period]
+            * parameters[PARAMETERS.adaptation + axis]
+            * required[axis]
+            * s[axis]
+        )
+    mass[LOAD] -= (
+        parameters[PARAMETERS.period] * parameters[PARAMETERS.adaptation + LOAD] * along * (pull - turning)
+    )
     for axis in range(3):
         direction, change = (1.0, 0.0) if axis == Z else (n[axis], turn[axis])
         reaction = direction * (pull - 0.5 * turning) - 0.5 * change * along
         command[axis] = (
-            mass[axis] * wanted[axis] + mass[LOAD] * reaction - parameters[GIVEN.gain + axis] * s[axis]
+            mass[axis] * required[axis] + mass[LOAD] * reaction - parameters[PARAMETERS.gain + axis] * s[axis]
         )
     return 0
 
 
 def prepare(nominal):
     """Return the arrays of parameters and initial memory; the memory contains the nominal masses."""
-    rig, length, given = nominal.rig, nominal.state[ROPE], nominal.parameters
+    rig, length, settings = nominal.rig, nominal.state[ROPE], nominal.parameters
     pace, believed = np.sqrt(rig.gravity / length), np.array(axis_masses(rig)[:4])
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         period=nominal.period,
         gravity=rig.gravity,
-        forgets=given["position"],
-        sways=given["sway"],
-        rope_pole=given["rope_pole"] * pace,
-        gain=given["gain"] * pace * rig.driven_masses,
-        adaptation=given["adaptation"] * believed / (rig.gravity * length),
+        slope=settings["position"],
+        sway_slope=settings["sway"],
+        rope_pole=settings["rope_pole"] * pace,
+        gain=settings["gain"] * pace * rig.driven_masses,
+        adaptation=settings["adaptation"] * believed / (rig.gravity * length),
     )
     return parameters, MEMORY.array(mass=believed)
 

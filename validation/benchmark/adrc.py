@@ -42,7 +42,7 @@ from cranectl.signals import ACCELERATION, JERK, ROPE, SNAP, VELOCITY, Signal, X
 from cranectl.support.jit import jit
 
 # Double integrators, in the order of the observer's joints: load x, y, z, alpha, beta.
-GIVEN = Slots(bandwidth=1, observer=len(Observer._fields), limit=3)
+PARAMETERS = Slots(bandwidth=1, observer=len(Observer._fields), limit=3)
 MEMORY = Slots(chains=EXPECTED.size, begun=1)
 
 
@@ -63,9 +63,9 @@ def read_chains(observer, measured, estimate, begun):
 
 def step(parameters, measured, reference, memory, command):
     """Compute the accelerations (3,) [m/s²] of one sample from encoders and path."""
-    estimate, w = carray(memory, (MEMORY.size,)), parameters[GIVEN.bandwidth]
-    given, at = parameters, GIVEN.observer
-    observer = Observer(given[at], given[at + 1], given[at + 2], given[at + 3], given[at + 4])
+    estimate, w = carray(memory, (MEMORY.size,)), parameters[PARAMETERS.bandwidth]
+    numbers, at = parameters, PARAMETERS.observer
+    observer = Observer(numbers[at], numbers[at + 1], numbers[at + 2], numbers[at + 3], numbers[at + 4])
     read_chains(observer, measured, estimate, estimate[MEMORY.begun] == 1.0)
     estimate[MEMORY.begun] = 1.0
     gravity, period, length = observer.gravity, observer.period, measured[2]
@@ -77,8 +77,8 @@ def step(parameters, measured, reference, memory, command):
         acceleration = reference[ACCELERATION + axis] - pulled - estimate[EXPECTED.disturbance + axis]
         jerk = reference[JERK + axis] + gravity * estimate[EXPECTED.velocity + angle]
         v = reference[SNAP + axis] + w * (4.0 * jerk + w * (6.0 * acceleration + w * (4.0 * rate + w * load)))
-        wanted = length * (estimate[EXPECTED.disturbance + angle] + v / gravity)
-        command[axis] = saturate(wanted, parameters[GIVEN.limit + axis])
+        unsaturated = length * (estimate[EXPECTED.disturbance + angle] + v / gravity)
+        command[axis] = saturate(unsaturated, parameters[PARAMETERS.limit + axis])
         # Predict with the acceleration of the load in the middle of the period.
         pulled -= 0.5 * period * gravity * estimate[EXPECTED.velocity + angle]
         advance(estimate, axis, pulled, period)
@@ -87,7 +87,7 @@ def step(parameters, measured, reference, memory, command):
         reference[VELOCITY + Z] - estimate[EXPECTED.velocity + Z]
     )
     lifted += w * w * (reference[Z] - estimate[EXPECTED.position + Z])
-    command[Z] = saturate(estimate[EXPECTED.disturbance + Z] - lifted, parameters[GIVEN.limit + Z])
+    command[Z] = saturate(estimate[EXPECTED.disturbance + Z] - lifted, parameters[PARAMETERS.limit + Z])
     advance(estimate, Z, -command[Z], period)
     return 0
 
@@ -100,7 +100,7 @@ def prepare(nominal):
     observer = make_observer(fast, period=nominal.period, gravity=nominal.rig.gravity)
     limits = nominal.rig.effects.limits.acceleration
     rates = [*nominal.reference[0, VELOCITY : VELOCITY + 3], *nominal.state[[7, 9]]]
-    parameters = GIVEN.array(bandwidth=bandwidth, observer=observer, limit=limits)
+    parameters = PARAMETERS.array(bandwidth=bandwidth, observer=observer, limit=limits)
     return parameters, MEMORY.array(chains=EXPECTED.array(velocity=rates))
 
 

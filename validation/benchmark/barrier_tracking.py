@@ -41,7 +41,7 @@ from cranectl.model.dynamics import axis_masses, rope_direction, rope_direction_
 from cranectl.signals import ACCELERATION, ALPHA, ALPHA_RATE, BETA, BETA_RATE, ROPE, VELOCITY, X, Y, Z
 from cranectl.support.jit import jit
 
-GIVEN = Slots(masses=MASSES, share=1, bound=1, soft=1, stiffness=3, damping=3, friction=3)
+PARAMETERS = Slots(masses=MASSES, share=1, bound=1, soft=1, stiffness=3, damping=3, friction=3)
 MEMORY = Slots(error=3)
 
 
@@ -55,50 +55,50 @@ def barrier_force(stiffness, bound, error):
 @jit
 def feedback(parameters, axis, error, rate):
     """Return the force of one axis without the feed-forward F_d [N]."""
-    stiffness = parameters[GIVEN.stiffness + axis]
-    held = barrier_force(parameters[GIVEN.share] * stiffness, parameters[GIVEN.bound], error)
-    damped = parameters[GIVEN.damping + axis] * rate + parameters[GIVEN.friction + axis] * tanh(
-        rate / parameters[GIVEN.soft]
+    stiffness = parameters[PARAMETERS.stiffness + axis]
+    barrier = barrier_force(parameters[PARAMETERS.share] * stiffness, parameters[PARAMETERS.bound], error)
+    damped = parameters[PARAMETERS.damping + axis] * rate + parameters[PARAMETERS.friction + axis] * tanh(
+        rate / parameters[PARAMETERS.soft]
     )
-    return held - stiffness * error - damped
+    return barrier - stiffness * error - damped
 
 
 def step(parameters, measured, reference, memory, command):
     """Compute the forces (3,) [N] of one sample from state and path."""
-    masses = masses_at(parameters, GIVEN.masses)
+    masses = masses_at(parameters, PARAMETERS.masses)
     load = masses.load
     n = rope_direction(measured[ALPHA], measured[BETA])
     n_rate = rope_direction_rate(measured[ALPHA], measured[ALPHA_RATE], measured[BETA], measured[BETA_RATE])
     u_x, u_y, u_l = reference[ACCELERATION], reference[ACCELERATION + Y], -reference[ACCELERATION + Z]
     pay_out = -reference[VELOCITY + Z]
     along = n[0] * u_x + n[1] * u_y + u_l  # because n has length 1, and n' is normal to n
-    asked_x = (masses.bridge + load) * u_x + load * (u_l * n[0] + pay_out * n_rate[0])
-    asked_y = (masses.trolley + load) * u_y + load * (u_l * n[1] + pay_out * n_rate[1])
-    asked_l = masses.winch * u_l + load * (along - masses.gravity)
+    feed_forward_x = (masses.bridge + load) * u_x + load * (u_l * n[0] + pay_out * n_rate[0])
+    feed_forward_y = (masses.trolley + load) * u_y + load * (u_l * n[1] + pay_out * n_rate[1])
+    feed_forward_l = masses.winch * u_l + load * (along - masses.gravity)
     for axis in range(3):
-        asked = asked_x if axis == X else asked_y if axis == Y else asked_l
+        feed_forward = feed_forward_x if axis == X else feed_forward_y if axis == Y else feed_forward_l
         sign = -1.0 if axis == Z else 1.0
         error = measured[2 * axis] - sign * reference[axis]
         rate = measured[2 * axis + 1] - sign * reference[VELOCITY + axis]
-        command[axis] = asked + feedback(parameters, axis, error, rate)
+        command[axis] = feed_forward + feedback(parameters, axis, error, rate)
         memory[MEMORY.error + axis] = error
     return 0
 
 
 def prepare(nominal):
     """Return the arrays of parameters and initial memory for a nominal crane."""
-    rig, length, given = nominal.rig, nominal.state[ROPE], nominal.parameters
+    rig, length, settings = nominal.rig, nominal.state[ROPE], nominal.parameters
     pace, inertia = np.sqrt(rig.gravity / length), rig.driven_masses
-    stiffness = inertia * (given["frequency"] * pace) ** 2
-    damping = inertia * 2.0 * given["damping"] * given["frequency"] * pace
-    parameters = GIVEN.array(
+    stiffness = inertia * (settings["frequency"] * pace) ** 2
+    damping = inertia * 2.0 * settings["damping"] * settings["frequency"] * pace
+    parameters = PARAMETERS.array(
         masses=axis_masses(rig),
-        share=given["barrier"],
-        bound=given["bound"] * length,
+        share=settings["barrier"],
+        bound=settings["bound"] * length,
         soft=0.01 * pace * length,
         stiffness=stiffness,
         damping=damping,
-        friction=given["friction"] * rig.gravity * inertia,
+        friction=settings["friction"] * rig.gravity * inertia,
     )
     return parameters, MEMORY.array()
 

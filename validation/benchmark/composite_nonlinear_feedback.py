@@ -42,9 +42,9 @@ from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
 WEIGHTS = (0.1, 0.1, 1.0, 1.0)  # W
-LEAST_STEP = 0.1  # smallest |y_0|, in rope lengths: a disturbed load at its target counts as near
+MIN_STEP = 0.1  # smallest |y_0|, in rope lengths: a disturbed load at its target counts as near
 
-GIVEN = Slots(gravity=1, frequency=1, strength=1, sharpness=1, limit=3, gain=4, costate=4)
+PARAMETERS = Slots(gravity=1, frequency=1, strength=1, sharpness=1, limit=3, gain=4, costate=4)
 MEMORY = Slots(target=2, step=2, rho=2, begun=1)
 
 
@@ -56,8 +56,8 @@ def damping(strength, sharpness, share):
 
 def step(parameters, measured, reference, memory, command):
     """Compute the accelerations (3,) [m/s²] of one sample from state and set-point."""
-    held = carray(memory, (MEMORY.size,))
-    gravity, length = parameters[GIVEN.gravity], measured[ROPE]
+    stored = carray(memory, (MEMORY.size,))
+    gravity, length = parameters[PARAMETERS.gravity], measured[ROPE]
     if length <= 0.0:
         return RunStatus.SLACK_ROPE
     pole = sqrt(gravity / length)
@@ -65,24 +65,26 @@ def step(parameters, measured, reference, memory, command):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
         drive = (measured[joint] - reference[axis]) / length
         load = drive + measured[angle]
-        if held[MEMORY.begun] == 0.0 or held[MEMORY.target + axis] != reference[axis]:
-            held[MEMORY.target + axis] = reference[axis]
-            held[MEMORY.step + axis] = max(abs(load), LEAST_STEP)
+        if stored[MEMORY.begun] == 0.0 or stored[MEMORY.target + axis] != reference[axis]:
+            stored[MEMORY.target + axis] = reference[axis]
+            stored[MEMORY.step + axis] = max(abs(load), MIN_STEP)
         rho = damping(
-            parameters[GIVEN.strength], parameters[GIVEN.sharpness], load / held[MEMORY.step + axis]
+            parameters[PARAMETERS.strength],
+            parameters[PARAMETERS.sharpness],
+            load / stored[MEMORY.step + axis],
         )
-        wanted = 0.0
+        feedback = 0.0
         for i in range(4):
             value = drive if i == 0 else measured[angle] if i == 2 else measured[angle + 1] / pole
             if i == 1:
                 value = measured[joint + 1] / (pole * length)
-            wanted += (parameters[GIVEN.gain + i] + rho * parameters[GIVEN.costate + i]) * value
-        held[MEMORY.rho + axis] = rho
-        command[axis] = saturate(gravity * wanted, parameters[GIVEN.limit + axis])
-    held[MEMORY.begun] = 1.0
-    rope = parameters[GIVEN.frequency] * pole
+            feedback += (parameters[PARAMETERS.gain + i] + rho * parameters[PARAMETERS.costate + i]) * value
+        stored[MEMORY.rho + axis] = rho
+        command[axis] = saturate(gravity * feedback, parameters[PARAMETERS.limit + axis])
+    stored[MEMORY.begun] = 1.0
+    rope = parameters[PARAMETERS.frequency] * pole
     lifted = -rope * rope * (length + reference[Z]) - 2.0 * rope * measured[ROPE + 1]
-    command[Z] = saturate(lifted, parameters[GIVEN.limit + Z])
+    command[Z] = saturate(lifted, parameters[PARAMETERS.limit + Z])
     return 0
 
 
@@ -102,7 +104,7 @@ def prepare(nominal):
     names = ("frequency", "ratio", "strength", "sharpness")
     frequency, ratio, strength, sharpness = (float(nominal.parameters[name]) for name in names)
     _, b, gain, cost = linear_part(frequency, ratio)
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         gravity=nominal.rig.gravity,
         frequency=frequency,
         strength=strength,

@@ -27,16 +27,16 @@ from cranectl.controllers.controller import Controller, Parameter
 from cranectl.controllers.slots import Slots, per_axis
 from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, X, Z
 
-GIVEN = Slots(period=1, coupling=1, damping=1, stiffness=1)
+PARAMETERS = Slots(period=1, coupling=1, damping=1, stiffness=1)
 MEMORY = Slots(integral=2, error=2, begun=1)
 
 
 def step(parameters, measured, reference, memory, command):
     """Compute the accelerations (3,) [m/s²] of one sample from state and path."""
     coupling, damping, stiffness = (
-        parameters[GIVEN.coupling],
-        parameters[GIVEN.damping],
-        parameters[GIVEN.stiffness],
+        parameters[PARAMETERS.coupling],
+        parameters[PARAMETERS.damping],
+        parameters[PARAMETERS.stiffness],
     )
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
@@ -47,7 +47,7 @@ def step(parameters, measured, reference, memory, command):
             reference[ACCELERATION + axis] - damping * error - stiffness * memory[MEMORY.integral + axis]
         )
         command[axis] += coupling * measured[angle + 1] * cos(measured[angle])
-        memory[MEMORY.integral + axis] += parameters[GIVEN.period] * error
+        memory[MEMORY.integral + axis] += parameters[PARAMETERS.period] * error
         memory[MEMORY.error + axis] = error
     memory[MEMORY.begun] = 1.0
     command[Z] = -reference[ACCELERATION + Z] - damping * (measured[ROPE + 1] + reference[VELOCITY + Z])
@@ -57,7 +57,7 @@ def step(parameters, measured, reference, memory, command):
 
 def prepare(nominal):
     """Return the arrays of parameters and initial memory for a nominal crane."""
-    return GIVEN.array(period=nominal.period, **nominal.parameters), MEMORY.array()
+    return PARAMETERS.array(period=nominal.period, **nominal.parameters), MEMORY.array()
 
 
 COUPLING_TRACKING = Controller(

@@ -34,7 +34,7 @@ from cranectl.controllers.slots import Slots, per_axis
 from cranectl.model.dynamics import axis_masses, rope_direction, rope_direction_rate
 from cranectl.signals import ALPHA, ALPHA_RATE, BETA, BETA_RATE, ROPE, Y
 
-GIVEN = Slots(masses=MASSES, stiffness=2, damping=2, lead=2, hoist=1)
+PARAMETERS = Slots(masses=MASSES, stiffness=2, damping=2, lead=2, hoist=1)
 MEMORY = Slots(error=2)
 
 
@@ -43,29 +43,31 @@ def step(parameters, measured, reference, memory, command):
     n = rope_direction(measured[ALPHA], measured[BETA])
     n_rate = rope_direction_rate(measured[ALPHA], measured[ALPHA_RATE], measured[BETA], measured[BETA_RATE])
     for axis in range(2):
-        lead = parameters[GIVEN.lead + axis]
+        lead = parameters[PARAMETERS.lead + axis]
         error = measured[2 * axis] - reference[axis] - lead * n[axis]
         rate = measured[2 * axis + 1] - lead * n_rate[axis]
-        command[axis] = -parameters[GIVEN.stiffness + axis] * error - parameters[GIVEN.damping + axis] * rate
+        command[axis] = (
+            -parameters[PARAMETERS.stiffness + axis] * error - parameters[PARAMETERS.damping + axis] * rate
+        )
         memory[MEMORY.error + axis] = error
-    masses = masses_at(parameters, GIVEN.masses)
-    winch_servo(masses, parameters[GIVEN.hoist], measured, reference, command)
+    masses = masses_at(parameters, PARAMETERS.masses)
+    winch_servo(masses, parameters[PARAMETERS.hoist], measured, reference, command)
     return 0
 
 
 def prepare(nominal):
     """Return the arrays of parameters and initial memory for a nominal crane."""
-    masses, length, given = axis_masses(nominal.rig), nominal.state[ROPE], nominal.parameters
+    masses, length, settings = axis_masses(nominal.rig), nominal.state[ROPE], nominal.parameters
     pace = np.sqrt(masses.gravity / length)
     moved = np.array([masses.bridge, masses.trolley]) + masses.load
-    stiffness = moved * (given["frequency"] * pace) ** 2
-    damping = moved * 2.0 * given["damping"] * given["frequency"] * pace
-    parameters = GIVEN.array(
+    stiffness = moved * (settings["frequency"] * pace) ** 2
+    damping = moved * 2.0 * settings["damping"] * settings["frequency"] * pace
+    parameters = PARAMETERS.array(
         masses=masses,
         stiffness=stiffness,
         damping=damping,
-        lead=given["lead"] * length * moved[Y] / moved,
-        hoist=given["hoist"] * pace,
+        lead=settings["lead"] * length * moved[Y] / moved,
+        hoist=settings["hoist"] * pace,
     )
     return parameters, MEMORY.array()
 

@@ -53,7 +53,7 @@ from cranectl.signals import (
 )
 from cranectl.support.jit import jit
 
-GIVEN = Slots(masses=MASSES, coupling=1, exponent=1, inertia=3, stiffness=3, damping=3)
+PARAMETERS = Slots(masses=MASSES, coupling=1, exponent=1, inertia=3, stiffness=3, damping=3)
 MEMORY = Slots(energy=1)
 
 
@@ -75,19 +75,19 @@ def energy(masses, state):
 def spring(parameters, measured, reference, axis):
     """Return the force -K_p e - K_d v of an axis [N]."""
     target = -reference[Z] if axis == Z else reference[axis]
-    pull = parameters[GIVEN.stiffness + axis] * (measured[2 * axis] - target)
-    return -pull - parameters[GIVEN.damping + axis] * measured[2 * axis + 1]
+    pull = parameters[PARAMETERS.stiffness + axis] * (measured[2 * axis] - target)
+    return -pull - parameters[PARAMETERS.damping + axis] * measured[2 * axis + 1]
 
 
 def step(parameters, measured, reference, memory, command):
     """Compute the forces (3,) [N] of one sample from state and set-point."""
-    masses = masses_at(parameters, GIVEN.masses)
+    masses = masses_at(parameters, PARAMETERS.masses)
     memory[MEMORY.energy] = energy(masses, measured)
-    s = parameters[GIVEN.coupling] * memory[MEMORY.energy] ** parameters[GIVEN.exponent]
+    s = parameters[PARAMETERS.coupling] * memory[MEMORY.energy] ** parameters[PARAMETERS.exponent]
     felt = AxisMasses(
-        s * masses.bridge + parameters[GIVEN.inertia],
-        s * masses.trolley + parameters[GIVEN.inertia + 1],
-        s * masses.winch + parameters[GIVEN.inertia + 2],
+        s * masses.bridge + parameters[PARAMETERS.inertia],
+        s * masses.trolley + parameters[PARAMETERS.inertia + 1],
+        s * masses.winch + parameters[PARAMETERS.inertia + 2],
         s * masses.load,
         masses.gravity,
     )
@@ -100,21 +100,21 @@ def step(parameters, measured, reference, memory, command):
 
 def prepared(nominal, exponent):
     """Return the arrays of parameters and initial memory for s = k_E E^exponent."""
-    rig, length, given = nominal.rig, nominal.state[ROPE], nominal.parameters
-    pace = given["frequency"] * np.sqrt(rig.gravity / length)
-    coupling = given["coupling"] / (rig.weight * length) ** exponent
-    parameters = GIVEN.array(
+    rig, length, settings = nominal.rig, nominal.state[ROPE], nominal.parameters
+    pace = settings["frequency"] * np.sqrt(rig.gravity / length)
+    coupling = settings["coupling"] / (rig.weight * length) ** exponent
+    parameters = PARAMETERS.array(
         masses=axis_masses(rig),
         coupling=coupling,
         exponent=exponent,
         inertia=rig.driven_masses,
         stiffness=pace**2 * rig.driven_masses,
-        damping=2.0 * given["damping"] * pace * rig.driven_masses,
+        damping=2.0 * settings["damping"] * pace * rig.driven_masses,
     )
     return parameters, MEMORY.array()
 
 
-def law(name, title, exponent, coupling):
+def energy_controller(name, title, exponent, coupling):
     """Return one of the two controllers; `coupling` is the default of k_E."""
     unit = "k_E m g l" if exponent else "k_E"
     return Controller(
@@ -140,9 +140,9 @@ def law(name, title, exponent, coupling):
     )  # fmt: skip
 
 
-ENERGY_COUPLING = law(
+ENERGY_COUPLING = energy_controller(
     "energy-coupling", "E² coupling: spring and damper, drives heavier by the energy", 1.0, 3.0
 )
-KINETIC_ENERGY_COUPLING = law(
+KINETIC_ENERGY_COUPLING = energy_controller(
     "kinetic-energy-coupling", "gantry kinetic energy coupling: spring, damper, heavier drives", 0.0, 1.0
 )

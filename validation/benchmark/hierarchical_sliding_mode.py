@@ -51,7 +51,7 @@ from cranectl.signals import (
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
-GIVEN = Slots(period=1, gravity=1, lever=1, forgets=1, swings=1, hoist=1, decay=1, reach=1)
+PARAMETERS = Slots(period=1, gravity=1, lever=1, c_1=1, c_2=1, hoist=1, decay=1, reach=1)
 MEMORY = Slots(surface=3, desired=10, inputs=3)
 
 
@@ -71,70 +71,74 @@ def swing(state, u_x, u_y, gravity):
 
 
 @jit
-def reached(parameters, surface):
+def reaching_term(parameters, surface):
     """Return -k S - r sgn S [m/s²], where sgn takes the sign of S after one period."""
-    rest = surface / parameters[GIVEN.period] - parameters[GIVEN.decay] * surface
-    return -parameters[GIVEN.decay] * surface - min(
-        max(rest, -parameters[GIVEN.reach]), parameters[GIVEN.reach]
+    rest = surface / parameters[PARAMETERS.period] - parameters[PARAMETERS.decay] * surface
+    return -parameters[PARAMETERS.decay] * surface - min(
+        max(rest, -parameters[PARAMETERS.reach]), parameters[PARAMETERS.reach]
     )
 
 
 @jit
-def slide(parameters, measured, held, joint, angle):
+def slide(parameters, measured, stored, joint, angle):
     """Return S [m/s], and the part of S' that does not depend on accelerations [m/s²], of an axis."""
-    forgets, lever, swings = parameters[GIVEN.forgets], parameters[GIVEN.lever], parameters[GIVEN.swings]
+    c_1, lever, c_2 = parameters[PARAMETERS.c_1], parameters[PARAMETERS.lever], parameters[PARAMETERS.c_2]
     e, e_rate = (
-        measured[joint] - held[MEMORY.desired + joint],
-        measured[joint + 1] - held[MEMORY.desired + joint + 1],
+        measured[joint] - stored[MEMORY.desired + joint],
+        measured[joint + 1] - stored[MEMORY.desired + joint + 1],
     )
     b, b_rate = (
-        measured[angle] - held[MEMORY.desired + angle],
-        measured[angle + 1] - held[MEMORY.desired + angle + 1],
+        measured[angle] - stored[MEMORY.desired + angle],
+        measured[angle + 1] - stored[MEMORY.desired + angle + 1],
     )
-    return e_rate + forgets * e - lever * (b_rate + swings * b), forgets * e_rate - lever * swings * b_rate
+    return e_rate + c_1 * e - lever * (b_rate + c_2 * b), c_1 * e_rate - lever * c_2 * b_rate
 
 
 def step(parameters, measured, reference, memory, command):
     """Compute the accelerations (3,) [m/s²] of one sample from state and path."""
-    held = carray(memory, (MEMORY.size,))
-    gravity, lever, length = parameters[GIVEN.gravity], parameters[GIVEN.lever], measured[ROPE]
-    desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs :]
+    stored = carray(memory, (MEMORY.size,))
+    gravity, lever, length = parameters[PARAMETERS.gravity], parameters[PARAMETERS.lever], measured[ROPE]
+    desired, inputs = stored[MEMORY.desired : MEMORY.inputs], stored[MEMORY.inputs :]
     if not state_on_path(reference, gravity, desired, inputs):
         return RunStatus.SLACK_ROPE
-    wanted = swing(desired, inputs[X], inputs[Y], gravity)
+    expected = swing(desired, inputs[X], inputs[Y], gravity)
     cos_beta = cos(measured[BETA])
 
-    surface, drift = slide(parameters, measured, held, TROLLEY, ALPHA)
-    drift -= lever * (swing(measured, 0.0, 0.0, gravity)[0] - wanted[0])
+    surface, drift = slide(parameters, measured, stored, TROLLEY, ALPHA)
+    drift -= lever * (swing(measured, 0.0, 0.0, gravity)[0] - expected[0])
     gain = 1.0 + lever * cos(measured[ALPHA]) / (length * cos_beta)
-    command[Y] = (inputs[Y] - drift + reached(parameters, surface)) / gain
-    held[MEMORY.surface + Y] = surface
+    command[Y] = (inputs[Y] - drift + reaching_term(parameters, surface)) / gain
+    stored[MEMORY.surface + Y] = surface
 
-    surface, drift = slide(parameters, measured, held, BRIDGE, BETA)
-    drift -= lever * (swing(measured, 0.0, command[Y], gravity)[1] - wanted[1])
-    command[X] = (inputs[X] - drift + reached(parameters, surface)) / (1.0 + lever * cos_beta / length)
-    held[MEMORY.surface + X] = surface
+    surface, drift = slide(parameters, measured, stored, BRIDGE, BETA)
+    drift -= lever * (swing(measured, 0.0, command[Y], gravity)[1] - expected[1])
+    command[X] = (inputs[X] - drift + reaching_term(parameters, surface)) / (1.0 + lever * cos_beta / length)
+    stored[MEMORY.surface + X] = surface
 
     rate = measured[ROPE_RATE] - desired[ROPE_RATE]
-    held[MEMORY.surface + Z] = rate + parameters[GIVEN.hoist] * (length - desired[ROPE])
-    command[Z] = inputs[Z] - parameters[GIVEN.hoist] * rate + reached(parameters, held[MEMORY.surface + Z])
+    stored[MEMORY.surface + Z] = rate + parameters[PARAMETERS.hoist] * (length - desired[ROPE])
+    command[Z] = (
+        inputs[Z]
+        - parameters[PARAMETERS.hoist] * rate
+        + reaching_term(parameters, stored[MEMORY.surface + Z])
+    )
     return 0
 
 
 def prepare(nominal):
     """Return the arrays of parameters and initial memory for a nominal crane."""
-    gravity, length, given = nominal.rig.gravity, nominal.state[ROPE], nominal.parameters
-    pace, share = sqrt(gravity / length), given["share"]
-    forgets, swings = surface_numbers(length, gravity, share)
-    parameters = GIVEN.array(
+    gravity, length, settings = nominal.rig.gravity, nominal.state[ROPE], nominal.parameters
+    pace, share = sqrt(gravity / length), settings["share"]
+    c_1, c_2 = surface_numbers(length, gravity, share)
+    parameters = PARAMETERS.array(
         period=nominal.period,
         gravity=gravity,
         lever=share * length,
-        forgets=forgets,
-        swings=swings,
-        hoist=given["hoist"] * pace,
-        decay=given["decay"] * pace,
-        reach=given["reach"] * gravity,
+        c_1=c_1,
+        c_2=c_2,
+        hoist=settings["hoist"] * pace,
+        decay=settings["decay"] * pace,
+        reach=settings["reach"] * gravity,
     )
     return parameters, MEMORY.array()
 

@@ -48,7 +48,7 @@ from cranectl.design.discretisation import check_sampled, zero_order_hold
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
 from cranectl.status import RunStatus
 
-GIVEN = Slots(gravity=1, rope_pole=1, gain=4)
+PARAMETERS = Slots(gravity=1, rope_pole=1, gain=4)
 MEMORY = Slots(desired=10, inputs=3)
 
 BACK_OFF = 1.01  # gamma over the least gamma
@@ -63,9 +63,9 @@ SEEN = np.array([[1.0, 0, 1, 0], [0, 0, 0, 0]])
 
 def step(parameters, measured, reference, memory, command):
     """Compute the accelerations (3,) [m/s²] of one sample from state and path."""
-    held, k = carray(memory, (MEMORY.size,)), carray(parameters, (GIVEN.size,))[GIVEN.gain :]
-    desired, inputs = held[: MEMORY.inputs], held[MEMORY.inputs :]
-    gravity = parameters[GIVEN.gravity]
+    stored, k = carray(memory, (MEMORY.size,)), carray(parameters, (PARAMETERS.size,))[PARAMETERS.gain :]
+    desired, inputs = stored[: MEMORY.inputs], stored[MEMORY.inputs :]
+    gravity = parameters[PARAMETERS.gravity]
     if not state_on_path(reference, gravity, desired, inputs):
         return RunStatus.SLACK_ROPE
     w = sqrt(gravity / measured[ROPE])
@@ -75,7 +75,7 @@ def step(parameters, measured, reference, memory, command):
         command[axis] -= w * k[1] * (measured[joint + 1] - desired[joint + 1])
         command[axis] -= gravity * k[2] * (measured[angle] - desired[angle])
         command[axis] -= gravity / w * k[3] * (measured[angle + 1] - desired[angle + 1])
-    command[Z] = rope_acceleration(w * parameters[GIVEN.rope_pole], measured, desired, inputs[Z])
+    command[Z] = rope_acceleration(w * parameters[PARAMETERS.rope_pole], measured, desired, inputs[Z])
     return 0
 
 
@@ -125,7 +125,9 @@ def prepare(nominal):
     period = nominal.period * sqrt(gravity / nominal.rig.rope_range[0])  # on the shortest rope
     phi, hold = zero_order_hold(A, B, period)
     check_sampled("lmi-regions", phi - hold @ k[np.newaxis], period, remedy="lower radius")
-    return GIVEN.array(gravity=gravity, rope_pole=nominal.parameters["rope_pole"], gain=k), MEMORY.array()
+    return PARAMETERS.array(
+        gravity=gravity, rope_pole=nominal.parameters["rope_pole"], gain=k
+    ), MEMORY.array()
 
 
 LMI_REGIONS = Controller(

@@ -48,7 +48,7 @@ from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
 # The filter's states of an axis: x, x', d_x, b, b', d_b.
-GIVEN = Slots(period=1, gravity=1, rope_gain=2, gain=4, rope_filter=3, filter=12, limit=3)
+PARAMETERS = Slots(period=1, gravity=1, rope_gain=2, gain=4, rope_filter=3, filter=12, limit=3)
 MEMORY = Slots(estimate=EXPECTED.size, flat=15, desired=10, inputs=3, begun=1)
 
 
@@ -56,20 +56,20 @@ MEMORY = Slots(estimate=EXPECTED.size, flat=15, desired=10, inputs=3, begun=1)
 def correct_all(parameters, measured, estimate):
     """Correct the estimate by the readings (5,) of all encoders."""
     length = estimate[EXPECTED.position + 2]
-    pole = sqrt(parameters[GIVEN.gravity] / length)
+    pole = sqrt(parameters[PARAMETERS.gravity] / length)
     rope = measured[2] - length
     x, y = measured[0] - estimate[EXPECTED.position], measured[1] - estimate[EXPECTED.position + 1]
     alpha, beta = measured[3] - estimate[EXPECTED.position + 3], measured[4] - estimate[EXPECTED.position + 4]
-    scale = parameters[GIVEN.period]
+    scale = parameters[PARAMETERS.period]
     for order in range(3):
         scale *= pole
         place = JOINTS * order  # index of positions, velocities, disturbances
-        row, angle_row = GIVEN.filter + 2 * order, GIVEN.filter + 6 + 2 * order
+        row, angle_row = PARAMETERS.filter + 2 * order, PARAMETERS.filter + 6 + 2 * order
         to_drive, cross = parameters[row], length * parameters[row + 1]
         to_angle, back = parameters[angle_row + 1], parameters[angle_row] / length
         estimate[place] += scale * (to_drive * x + cross * beta)
         estimate[place + 1] += scale * (to_drive * y + cross * alpha)
-        estimate[place + 2] += scale * parameters[GIVEN.rope_filter + order] * rope
+        estimate[place + 2] += scale * parameters[PARAMETERS.rope_filter + order] * rope
         estimate[place + 3] += scale * (back * y + to_angle * alpha)
         estimate[place + 4] += scale * (back * x + to_angle * beta)
 
@@ -78,30 +78,32 @@ def correct_all(parameters, measured, estimate):
 def feedback(parameters, estimate, desired, drive, angle):
     """Return K (dx, dx', db, db') of one axis [m/s²]; `drive` and `angle` are indices of joints."""
     length = estimate[EXPECTED.position + 2]
-    pole = sqrt(parameters[GIVEN.gravity] / length)
-    total = parameters[GIVEN.gain] / length * (estimate[EXPECTED.position + drive] - desired[2 * drive])
+    pole = sqrt(parameters[PARAMETERS.gravity] / length)
+    total = parameters[PARAMETERS.gain] / length * (estimate[EXPECTED.position + drive] - desired[2 * drive])
     total += (
-        parameters[GIVEN.gain + 1]
+        parameters[PARAMETERS.gain + 1]
         / (pole * length)
         * (estimate[EXPECTED.velocity + drive] - desired[2 * drive + 1])
     )
-    total += parameters[GIVEN.gain + 2] * (estimate[EXPECTED.position + angle] - desired[2 * angle])
+    total += parameters[PARAMETERS.gain + 2] * (estimate[EXPECTED.position + angle] - desired[2 * angle])
     total += (
-        parameters[GIVEN.gain + 3] / pole * (estimate[EXPECTED.velocity + angle] - desired[2 * angle + 1])
+        parameters[PARAMETERS.gain + 3]
+        / pole
+        * (estimate[EXPECTED.velocity + angle] - desired[2 * angle + 1])
     )
-    return parameters[GIVEN.gravity] * total
+    return parameters[PARAMETERS.gravity] * total
 
 
 def step(parameters, measured, reference, memory, command):
     """Compute the accelerations (3,) [m/s²] of one sample from encoders and path."""
-    held = carray(memory, (MEMORY.size,))
-    estimate, flat = held[: MEMORY.flat], held[MEMORY.flat : MEMORY.desired]
-    desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs : MEMORY.begun]
-    gravity = parameters[GIVEN.gravity]
-    if held[MEMORY.begun] == 0.0:
+    stored = carray(memory, (MEMORY.size,))
+    estimate, flat = stored[: MEMORY.flat], stored[MEMORY.flat : MEMORY.desired]
+    desired, inputs = stored[MEMORY.desired : MEMORY.inputs], stored[MEMORY.inputs : MEMORY.begun]
+    gravity = parameters[PARAMETERS.gravity]
+    if stored[MEMORY.begun] == 0.0:
         for joint in range(JOINTS):
             estimate[EXPECTED.position + joint] = measured[joint]
-        held[MEMORY.begun] = 1.0
+        stored[MEMORY.begun] = 1.0
     correct_all(parameters, measured, estimate)
     length, alpha, beta = (
         estimate[EXPECTED.position + 2],
@@ -125,18 +127,18 @@ def step(parameters, measured, reference, memory, command):
         inputs[axis] += length * (push[axis] + slope * push[Z])
         inputs[axis] -= feedback(parameters, estimate, desired, joint // 2, angle // 2)
     inputs[Z] += length * push[Z] * desired[ROPE] / reference[Z]
-    rope = parameters[GIVEN.rope_gain] / length * (length - desired[ROPE])
+    rope = parameters[PARAMETERS.rope_gain] / length * (length - desired[ROPE])
     rope += (
-        parameters[GIVEN.rope_gain + 1]
+        parameters[PARAMETERS.rope_gain + 1]
         / sqrt(gravity * length)
         * (estimate[EXPECTED.velocity + 2] - desired[ROPE + 1])
     )
     inputs[Z] -= gravity * rope
     for axis in range(3):
         inputs[axis] -= estimate[EXPECTED.disturbance + axis]
-        inputs[axis] = saturate(inputs[axis], parameters[GIVEN.limit + axis])
+        inputs[axis] = saturate(inputs[axis], parameters[PARAMETERS.limit + axis])
         command[axis] = inputs[axis]
-    predict(Observer(0.0, 0.0, 0.0, parameters[GIVEN.period], gravity), inputs, estimate)
+    predict(Observer(0.0, 0.0, 0.0, parameters[PARAMETERS.period], gravity), inputs, estimate)
     return 0
 
 
@@ -176,10 +178,10 @@ def prepare(nominal):
     a, c, kalman_gain, rope_filter = kalman(drive_filter, sway_filter)
     gravity = nominal.rig.gravity
     period = nominal.period * sqrt(gravity / nominal.rig.rope_range[0])
-    held, _ = zero_order_hold(a, np.zeros((6, 1)), period)
-    loop = (np.eye(6) - period * kalman_gain @ c) @ held
+    transition, _ = zero_order_hold(a, np.zeros((6, 1)), period)
+    loop = (np.eye(6) - period * kalman_gain @ c) @ transition
     check_sampled("lqg", loop, nominal.period, remedy="lower drive_filter, sway_filter")
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         period=nominal.period,
         gravity=gravity,
         rope_gain=rope_gain,

@@ -39,7 +39,7 @@ from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
 # Each axis has four numbers: drive, rate, angle, rate.
-GIVEN = Slots(period=1, gravity=1, pole=1, bound=1, layer=1, gain=4, costate=4)
+PARAMETERS = Slots(period=1, gravity=1, pole=1, bound=1, layer=1, gain=4, costate=4)
 MEMORY = Slots(model=8, desired=10, inputs=3, error=8, begun=1)
 
 
@@ -51,9 +51,9 @@ def scaled(row, deviation, place, length, pole):
 
 
 @jit
-def model_goes_on(parameters, model, place, length, acceleration):
+def advance_model(parameters, model, place, length, acceleration):
     """Advance the model by one period under a constant acceleration [m/s²], by a method of order 2."""
-    period, gravity = parameters[GIVEN.period], parameters[GIVEN.gravity]
+    period, gravity = parameters[PARAMETERS.period], parameters[PARAMETERS.gravity]
     model[place] += period * (model[place + 1] + 0.5 * period * acceleration)
     model[place + 1] += period * acceleration
     middle = model[place + 2] + 0.5 * period * model[place + 3]
@@ -64,14 +64,14 @@ def model_goes_on(parameters, model, place, length, acceleration):
 
 def step(parameters, measured, reference, memory, command):
     """Compute the accelerations (3,) [m/s²] of one sample from state and path."""
-    held = carray(memory, (MEMORY.size,))
-    model, error = held[: MEMORY.desired], held[MEMORY.error : MEMORY.begun]
-    desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs : MEMORY.error]
-    gravity, length = parameters[GIVEN.gravity], measured[ROPE]
+    stored = carray(memory, (MEMORY.size,))
+    model, error = stored[: MEMORY.desired], stored[MEMORY.error : MEMORY.begun]
+    desired, inputs = stored[MEMORY.desired : MEMORY.inputs], stored[MEMORY.inputs : MEMORY.error]
+    gravity, length = parameters[PARAMETERS.gravity], measured[ROPE]
     if not state_on_path(reference, gravity, desired, inputs):
         return RunStatus.SLACK_ROPE
-    given = carray(parameters, (GIVEN.size,))
-    gain, costate = given[GIVEN.gain : GIVEN.costate], given[GIVEN.costate :]
+    numbers = carray(parameters, (PARAMETERS.size,))
+    gain, costate = numbers[PARAMETERS.gain : PARAMETERS.costate], numbers[PARAMETERS.costate :]
     pole = sqrt(gravity / length)
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
@@ -79,17 +79,17 @@ def step(parameters, measured, reference, memory, command):
         for i in range(4):
             source = joint + i if i < 2 else angle + i - 2
             deviation = measured[source] - desired[source]
-            if held[MEMORY.begun] == 0.0:
+            if stored[MEMORY.begun] == 0.0:
                 model[place + i] = deviation
             error[place + i] = deviation - model[place + i]
         sigma = scaled(costate, error, place, length, pole)
-        wanted = -gravity * scaled(gain, model, place, length, pole)
-        given_back = scaled(gain, error, place, length, pole)
-        given_back += parameters[GIVEN.bound] * sigma / (abs(sigma) + parameters[GIVEN.layer])
-        command[axis] = inputs[axis] + wanted - gravity * given_back
-        model_goes_on(parameters, model, place, length, wanted)
-    held[MEMORY.begun] = 1.0
-    command[Z] = rope_acceleration(parameters[GIVEN.pole] * pole, measured, desired, inputs[Z])
+        model_acceleration = -gravity * scaled(gain, model, place, length, pole)
+        feedback = scaled(gain, error, place, length, pole)
+        feedback += parameters[PARAMETERS.bound] * sigma / (abs(sigma) + parameters[PARAMETERS.layer])
+        command[axis] = inputs[axis] + model_acceleration - gravity * feedback
+        advance_model(parameters, model, place, length, model_acceleration)
+    stored[MEMORY.begun] = 1.0
+    command[Z] = rope_acceleration(parameters[PARAMETERS.pole] * pole, measured, desired, inputs[Z])
     return 0
 
 
@@ -106,7 +106,7 @@ def prepare(nominal):
     """Return the arrays of parameters and initial memory for a nominal crane."""
     pole, bound, layer = (float(nominal.parameters[name]) for name in ("pole", "bound", "layer"))
     _, b, gain, cost = model_and_cost(pole)
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         period=nominal.period,
         gravity=nominal.rig.gravity,
         pole=pole,

@@ -56,9 +56,9 @@ STEPS = 48
 KNOTS = 7
 PER_KNOT = STEPS // (KNOTS - 1)
 
-GIVEN = Slots(period=1, gravity=1, noise=1, temperature=1, rate=1, effort=1, rope_pole=1)
+PARAMETERS = Slots(period=1, gravity=1, noise=1, temperature=1, rate=1, effort=1, rope_pole=1)
 MEMORY = Slots(seed=1, planned=2 * KNOTS)
-ROW, TOLD, STATES = len(REFERENCE), len(MEASUREMENT), len(STATE)
+ROW, MEASURED, STATES = len(REFERENCE), len(MEASUREMENT), len(STATE)
 FIRST_SEED = 20170131.0
 
 
@@ -90,7 +90,7 @@ def between(knots, k):
 @jit
 def cost(parameters, lengths, start, push, knots):
     """Return S of a plan from `start` = (x, x', b, b'); `lengths` (STEPS, 2) has l [m] and l' [m/s]."""
-    period, gravity = parameters[GIVEN.period], parameters[GIVEN.gravity]
+    period, gravity = parameters[PARAMETERS.period], parameters[PARAMETERS.gravity]
     x, x_rate, b, b_rate = start[0], start[1], start[2], start[3]
     total = 0.0
     for k in range(STEPS):
@@ -100,8 +100,8 @@ def cost(parameters, lengths, start, push, knots):
         b += period * b_rate
         x += period * x_rate
         error, error_rate = x + length * b, x_rate + length * b_rate + rate * b
-        total += (error / length) ** 2 + parameters[GIVEN.rate] * error_rate**2 / (gravity * length)
-        total += parameters[GIVEN.effort] * (v / gravity) ** 2
+        total += (error / length) ** 2 + parameters[PARAMETERS.rate] * error_rate**2 / (gravity * length)
+        total += parameters[PARAMETERS.effort] * (v / gravity) ** 2
     return total / STEPS
 
 
@@ -111,12 +111,14 @@ def plan(parameters, lengths, start, push, knots, memory, paths):
     tried, costs = np.empty((paths, KNOTS)), np.empty(paths)
     for i in range(paths):
         for j in range(KNOTS):
-            tried[i, j] = knots[j] + parameters[GIVEN.noise] * parameters[GIVEN.gravity] * normal(memory)
+            tried[i, j] = knots[j] + parameters[PARAMETERS.noise] * parameters[PARAMETERS.gravity] * normal(
+                memory
+            )
         costs[i] = cost(parameters, lengths, start, push, tried[i])
     least, total = costs.min(), 0.0
     knots[:] = 0.0
     for i in range(paths):
-        weight = exp((least - costs[i]) / parameters[GIVEN.temperature])
+        weight = exp((least - costs[i]) / parameters[PARAMETERS.temperature])
         total += weight
         for j in range(KNOTS):
             knots[j] += weight * tried[i, j]
@@ -126,11 +128,11 @@ def plan(parameters, lengths, start, push, knots, memory, paths):
 
 def step(parameters, measured, reference, memory, command):
     """Plan once, and return the accelerations (3,) [m/s²] that start the plan, from state and path."""
-    held, rows = carray(memory, (MEMORY.size,)), carray(reference, ((1 + EVERY * STEPS) * ROW,))
-    told = carray(measured, (TOLD,))
+    stored, rows = carray(memory, (MEMORY.size,)), carray(reference, ((1 + EVERY * STEPS) * ROW,))
+    measurement = carray(measured, (MEASURED,))
     desired, inputs, later = np.empty(STATES), np.empty(3), np.empty(3)
     lengths, start = np.empty((STEPS, 2)), np.empty(4)
-    gravity = parameters[GIVEN.gravity]
+    gravity = parameters[PARAMETERS.gravity]
     for k in range(STEPS, -1, -1):
         row = rows[EVERY * k * ROW : (EVERY * k + 1) * ROW]
         if not state_on_path(row, gravity, desired, inputs if k == 0 else later):
@@ -139,21 +141,21 @@ def step(parameters, measured, reference, memory, command):
             lengths[k - 1, 0], lengths[k - 1, 1] = desired[ROPE], desired[ROPE_RATE]
     for axis in range(2):
         joint, angle, push = (BRIDGE, BETA, 11) if axis == X else (TROLLEY, ALPHA, 10)
-        start[:2] = told[joint : joint + 2] - desired[joint : joint + 2]
-        start[2:] = told[angle : angle + 2] - desired[angle : angle + 2]
-        knots = held[MEMORY.planned + KNOTS * axis : MEMORY.planned + KNOTS * (axis + 1)]
-        plan(parameters, lengths, start, told[push], knots, held, PATHS)
+        start[:2] = measurement[joint : joint + 2] - desired[joint : joint + 2]
+        start[2:] = measurement[angle : angle + 2] - desired[angle : angle + 2]
+        knots = stored[MEMORY.planned + KNOTS * axis : MEMORY.planned + KNOTS * (axis + 1)]
+        plan(parameters, lengths, start, measurement[push], knots, stored, PATHS)
         command[axis] = inputs[axis] + knots[0]
         for j in range(KNOTS):  # the next plan starts one step later
             knots[j] = between(knots, min(j * PER_KNOT + 1, STEPS))
-    pole = parameters[GIVEN.rope_pole] * sqrt(gravity / told[ROPE])
-    command[Z] = rope_acceleration(pole, told, desired, inputs[Z])
+    pole = parameters[PARAMETERS.rope_pole] * sqrt(gravity / measurement[ROPE])
+    command[Z] = rope_acceleration(pole, measurement, desired, inputs[Z])
     return 0
 
 
 def prepare(nominal):
     """Return the arrays of parameters and initial memory for a nominal crane."""
-    parameters = GIVEN.array(period=nominal.period, gravity=nominal.rig.gravity, **nominal.parameters)
+    parameters = PARAMETERS.array(period=nominal.period, gravity=nominal.rig.gravity, **nominal.parameters)
     return parameters, MEMORY.array(seed=FIRST_SEED)
 
 

@@ -61,25 +61,25 @@ LOOPS = (
 )
 
 # a, b, c, d: the sampled K.
-GIVEN = Slots(gravity=1, rope_pole=1, lag=3, a=ORDER * ORDER, b=ORDER, c=ORDER, d=1)
+PARAMETERS = Slots(gravity=1, rope_pole=1, lag=3, a=ORDER * ORDER, b=ORDER, c=ORDER, d=1)
 MEMORY = Slots(desired=10, inputs=3, state=2 * ORDER)
 
 
 def step(parameters, measured, reference, memory, command):
     """Compute the velocity set-points (3,) [m/s] of one sample from state and path."""
-    numbers, held = carray(parameters, (GIVEN.size,)), carray(memory, (MEMORY.size,))
-    a = numbers[GIVEN.a : GIVEN.b].reshape((ORDER, ORDER))
-    b, c = numbers[GIVEN.b : GIVEN.c], numbers[GIVEN.c : GIVEN.d]
-    desired, inputs = held[: MEMORY.inputs], held[MEMORY.inputs : MEMORY.state]
-    if not state_on_path(reference, numbers[GIVEN.gravity], desired, inputs):
+    numbers, stored = carray(parameters, (PARAMETERS.size,)), carray(memory, (MEMORY.size,))
+    a = numbers[PARAMETERS.a : PARAMETERS.b].reshape((ORDER, ORDER))
+    b, c = numbers[PARAMETERS.b : PARAMETERS.c], numbers[PARAMETERS.c : PARAMETERS.d]
+    desired, inputs = stored[: MEMORY.inputs], stored[MEMORY.inputs : MEMORY.state]
+    if not state_on_path(reference, numbers[PARAMETERS.gravity], desired, inputs):
         return RunStatus.SLACK_ROPE
     direction = rope_direction(measured[ALPHA], measured[BETA])
     for axis in range(2):
         joint = BRIDGE if axis == X else TROLLEY
         error = reference[axis] - measured[joint] - measured[ROPE] * direction[axis]
-        state = held[MEMORY.state + ORDER * axis :][:ORDER]
+        state = stored[MEMORY.state + ORDER * axis :][:ORDER]
         command[axis] = (
-            desired[joint + 1] + numbers[GIVEN.lag + axis] * inputs[axis] + numbers[GIVEN.d] * error
+            desired[joint + 1] + numbers[PARAMETERS.lag + axis] * inputs[axis] + numbers[PARAMETERS.d] * error
         )
         following = np.empty(ORDER)
         for i in range(ORDER):
@@ -88,8 +88,8 @@ def step(parameters, measured, reference, memory, command):
             for j in range(ORDER):
                 following[i] += a[i, j] * state[j]
         state[:] = following
-    command[Z] = desired[ROPE + 1] + numbers[GIVEN.lag + Z] * inputs[Z]
-    command[Z] -= numbers[GIVEN.rope_pole] * (measured[ROPE] - desired[ROPE])
+    command[Z] = desired[ROPE + 1] + numbers[PARAMETERS.lag + Z] * inputs[Z]
+    command[Z] -= numbers[PARAMETERS.rope_pole] * (measured[ROPE] - desired[ROPE])
     return 0
 
 
@@ -113,14 +113,18 @@ def controller(slowness, effort, swing):
         found = [1e-6 * np.eye(6) - np.block([[x, one], [one, y]])]
         left, right = A @ x + B @ c, y @ A + b @ C
         for bound, (enters, direct, leaves, past, driven) in zip(bounds, LOOPS, strict=True):
-            seen, told, through = y @ enters + b * direct, leaves @ x + driven * c, np.array([[past]])
+            input_block, output_block, direct_block = (
+                y @ enters + b * direct,
+                leaves @ x + driven * c,
+                np.array([[past]]),
+            )
             found.append(
                 np.block(
                     [
-                        [left + left.T, A + a.T, enters, told.T],
-                        [A.T + a, right + right.T, seen, leaves.T],
-                        [enters.T, seen.T, -bound * gamma, through],
-                        [told, leaves, through, -bound * gamma],
+                        [left + left.T, A + a.T, enters, output_block.T],
+                        [A.T + a, right + right.T, input_block, leaves.T],
+                        [enters.T, input_block.T, -bound * gamma, direct_block],
+                        [output_block, leaves, direct_block, -bound * gamma],
                     ]
                 )
             )
@@ -158,13 +162,13 @@ def without_last(a, b, c):
 
 def prepare(nominal):
     """Return the arrays of parameters and initial memory for a nominal crane."""
-    given = nominal.parameters
-    k, _ = controller(*(float(given[name]) for name in ("slowness", "effort", "swing")))
+    settings = nominal.parameters
+    k, _ = controller(*(float(settings[name]) for name in ("slowness", "effort", "swing")))
     w = sqrt(nominal.rig.gravity / middle_depth(nominal.reference))
     sampled = slowed_and_sampled(k, w, nominal.period)
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         gravity=nominal.rig.gravity,
-        rope_pole=w * given["rope_pole"],
+        rope_pole=w * settings["rope_pole"],
         lag=nominal.rig.time_constants,
         a=sampled.A,
         b=sampled.B,

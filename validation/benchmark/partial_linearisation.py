@@ -38,27 +38,29 @@ from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Y, Z
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 
-GIVEN = Slots(position=1, swing=1, share=1, masses=MASSES)
+PARAMETERS = Slots(position=1, swing=1, share=1, masses=MASSES)
 MEMORY = Slots(desired=10, inputs=3)
 
 
 def step(parameters, measured, reference, memory, command):
     """Compute the forces (3,) [N] of one sample from state and path."""
-    held = carray(memory, (MEMORY.size,))
-    desired, inputs = held[: MEMORY.inputs], held[MEMORY.inputs :]
-    masses = masses_at(parameters, GIVEN.masses)
+    stored = carray(memory, (MEMORY.size,))
+    desired, inputs = stored[: MEMORY.inputs], stored[MEMORY.inputs :]
+    masses = masses_at(parameters, PARAMETERS.masses)
     gravity, length = masses.gravity, measured[ROPE]
     if not state_on_path(reference, gravity, desired, inputs):
         return RunStatus.SLACK_ROPE
     pole = sqrt(gravity / length)
-    drive, swing = parameters[GIVEN.position] * pole, parameters[GIVEN.swing] * pole
+    drive, swing = parameters[PARAMETERS.position] * pole, parameters[PARAMETERS.swing] * pole
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
         lean = measured[angle] - desired[angle]
-        swings = length * (2.0 * swing * (measured[angle + 1] - desired[angle + 1]) + swing * swing * lean)
+        swing_term = length * (
+            2.0 * swing * (measured[angle + 1] - desired[angle + 1]) + swing * swing * lean
+        )
         inputs[axis] -= 2.0 * drive * (measured[joint + 1] - desired[joint + 1])
         inputs[axis] -= drive * drive * (measured[joint] - desired[joint])
-        inputs[axis] += parameters[GIVEN.share] * (swings - gravity * lean)
+        inputs[axis] += parameters[PARAMETERS.share] * (swing_term - gravity * lean)
     inputs[Z] -= 2.0 * pole * (measured[ROPE + 1] - desired[ROPE + 1])
     inputs[Z] -= pole * pole * (length - desired[ROPE])
     forces = drive_forces(masses, measured, inputs[X], inputs[Y], inputs[Z])
@@ -93,7 +95,9 @@ def prepare(nominal):
             allowed="s h > a (1 + s²) with s = a + k c, h = 1 + a² + k (c² - 1)",
             remedy="lower position, or raise swing",
         )
-    parameters = GIVEN.array(position=position, swing=swing, share=share, masses=axis_masses(nominal.rig))
+    parameters = PARAMETERS.array(
+        position=position, swing=swing, share=share, masses=axis_masses(nominal.rig)
+    )
     return parameters, MEMORY.array()
 
 

@@ -36,7 +36,7 @@ from cranectl.controllers.slots import Slots, per_axis
 from cranectl.model.dynamics import axis_masses
 from cranectl.signals import ALPHA_RATE, BETA_RATE, ROPE, X
 
-GIVEN = Slots(
+PARAMETERS = Slots(
     masses=MASSES, period=1, length=1, pace=1, cross=1, hoist=1, spring=2, damper=2, swing=2, integral=2
 )
 MEMORY = Slots(sum=2)
@@ -44,34 +44,38 @@ MEMORY = Slots(sum=2)
 
 def step(parameters, measured, reference, memory, command):
     """Compute the forces (3,) [N] of one sample from state and set-point."""
-    length, pace, cross = parameters[GIVEN.length], parameters[GIVEN.pace], parameters[GIVEN.cross]
+    length, pace, cross = (
+        parameters[PARAMETERS.length],
+        parameters[PARAMETERS.pace],
+        parameters[PARAMETERS.cross],
+    )
     for axis in range(2):
         error = (measured[2 * axis] - reference[axis]) / length
         rate = measured[2 * axis + 1] / (pace * length)
         swing = tanh(measured[BETA_RATE if axis == X else ALPHA_RATE] / pace)
-        held = cross * (cross * error + memory[MEMORY.sum + axis])
-        damper = parameters[GIVEN.damper + axis] + parameters[GIVEN.swing + axis] * swing * swing
-        command[axis] = -parameters[GIVEN.spring + axis] * tanh(error) - damper * tanh(rate)
-        command[axis] -= parameters[GIVEN.integral + axis] * tanh(held)
-        memory[MEMORY.sum + axis] += parameters[GIVEN.period] * pace * tanh(error)
-    masses = masses_at(parameters, GIVEN.masses)
-    winch_servo(masses, parameters[GIVEN.hoist], measured, reference, command)
+        offset = cross * (cross * error + memory[MEMORY.sum + axis])
+        damper = parameters[PARAMETERS.damper + axis] + parameters[PARAMETERS.swing + axis] * swing * swing
+        command[axis] = -parameters[PARAMETERS.spring + axis] * tanh(error) - damper * tanh(rate)
+        command[axis] -= parameters[PARAMETERS.integral + axis] * tanh(offset)
+        memory[MEMORY.sum + axis] += parameters[PARAMETERS.period] * pace * tanh(error)
+    masses = masses_at(parameters, PARAMETERS.masses)
+    winch_servo(masses, parameters[PARAMETERS.hoist], measured, reference, command)
     return 0
 
 
 def prepare(nominal):
     """Return the arrays of parameters and initial memory for a nominal crane."""
-    masses, length, given = axis_masses(nominal.rig), nominal.state[ROPE], nominal.parameters
+    masses, length, settings = axis_masses(nominal.rig), nominal.state[ROPE], nominal.parameters
     pace = np.sqrt(masses.gravity / length)
     weight = masses.gravity * (np.array([masses.bridge, masses.trolley]) + masses.load)
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         masses=masses,
         period=nominal.period,
         length=length,
         pace=pace,
-        cross=given["cross"],
-        hoist=given["hoist"] * pace,
-        **{name: given[name] * weight for name in ("spring", "damper", "swing", "integral")},
+        cross=settings["cross"],
+        hoist=settings["hoist"] * pace,
+        **{name: settings[name] * weight for name in ("spring", "damper", "swing", "integral")},
     )
     return parameters, MEMORY.array()
 

@@ -19,7 +19,7 @@ Shape = int | tuple[int, int]  # an integer n stands for a symmetric matrix of n
 Cost = Callable[..., float]
 Inequalities = Callable[..., list[Array]]
 
-LEAST_SLACK = 1e-7  # smallest common slack of the inequalities; Clarabel is accurate to 1e-8
+MIN_SLACK = 1e-7  # smallest common slack of the inequalities; Clarabel is accurate to 1e-8
 NEWTON_STEPS = 200  # limit; 20 to 60 are usual
 FULL_STEP = 0.25  # Newton decrement below which a full step converges quadratically
 CENTRED = 1e-9  # Newton decrement below which the centre is accepted
@@ -111,7 +111,7 @@ def analytic_centre(inequalities: Inequalities, *shapes: Shape) -> list[Array]:
         lambda *matrices: np.concatenate([each.ravel() for each in inequalities(*matrices)]), shapes
     )
     decrement = np.inf
-    for _ in range(NEWTON_STEPS if slack[0, 0] > LEAST_SLACK else 0):
+    for _ in range(NEWTON_STEPS if slack[0, 0] > MIN_SLACK else 0):
         rows, sides, first = [], [], 0
         for each in inequalities(*_matrices(point, shapes)):
             size = len(each)

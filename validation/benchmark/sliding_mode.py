@@ -37,39 +37,39 @@ from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
-GIVEN = Slots(
+PARAMETERS = Slots(
     period=1, gravity=1, position_gain=1, velocity_gain=1, slope=1, sway_slope=1, reach=1, switch=1, layer=1
 )
 MEMORY = Slots(estimate=EXPECTED.size, desired=10, inputs=3, surface=3, begun=1)
 
 
 @jit
-def pushed_back(parameters, surface, length):
+def reaching_term(parameters, surface, length):
     """Return -W s - K sat(s/phi) [m/s²] at a rope length [m]."""
-    gravity = parameters[GIVEN.gravity]
-    share = surface / (parameters[GIVEN.layer] * sqrt(gravity * length))
-    switched = parameters[GIVEN.switch] * saturate(share, 1.0)
-    return -parameters[GIVEN.reach] * sqrt(gravity / length) * surface - gravity * switched
+    gravity = parameters[PARAMETERS.gravity]
+    share = surface / (parameters[PARAMETERS.layer] * sqrt(gravity * length))
+    switched = parameters[PARAMETERS.switch] * saturate(share, 1.0)
+    return -parameters[PARAMETERS.reach] * sqrt(gravity / length) * surface - gravity * switched
 
 
 def step(parameters, measured, reference, memory, command):
     """Compute the accelerations (3,) [m/s²] of one sample from encoders and path."""
-    held = carray(memory, (MEMORY.size,))
-    estimate = held[: MEMORY.desired]
-    desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs : MEMORY.surface]
-    gravity = parameters[GIVEN.gravity]
+    stored = carray(memory, (MEMORY.size,))
+    estimate = stored[: MEMORY.desired]
+    desired, inputs = stored[MEMORY.desired : MEMORY.inputs], stored[MEMORY.inputs : MEMORY.surface]
+    gravity = parameters[PARAMETERS.gravity]
     observer = Observer(
-        parameters[GIVEN.position_gain],
-        parameters[GIVEN.velocity_gain],
+        parameters[PARAMETERS.position_gain],
+        parameters[PARAMETERS.velocity_gain],
         0.0,
-        parameters[GIVEN.period],
+        parameters[PARAMETERS.period],
         gravity,
     )
     for joint in range(JOINTS):
-        if held[MEMORY.begun] == 0.0:
+        if stored[MEMORY.begun] == 0.0:
             estimate[EXPECTED.position + joint] = measured[joint]
         correct(observer, joint, measured[joint], estimate)
-    held[MEMORY.begun] = 1.0
+    stored[MEMORY.begun] = 1.0
     length = estimate[EXPECTED.position + 2]
     if length <= 0.0 or not state_on_path(reference, gravity, desired, inputs):
         return RunStatus.SLACK_ROPE
@@ -80,14 +80,17 @@ def step(parameters, measured, reference, memory, command):
         rate = estimate[EXPECTED.velocity + joint // 2] - desired[joint + 1]
         swing = estimate[EXPECTED.position + angle // 2] - desired[angle]
         swing_rate = estimate[EXPECTED.velocity + angle // 2] - desired[angle + 1]
-        forgets, sways = parameters[GIVEN.slope] * pole, parameters[GIVEN.sway_slope] * pole * length
-        held[MEMORY.surface + axis] = rate + forgets * error - sways * swing
-        inputs[axis] += sways * swing_rate - forgets * rate
+        slope, sway_slope = (
+            parameters[PARAMETERS.slope] * pole,
+            parameters[PARAMETERS.sway_slope] * pole * length,
+        )
+        stored[MEMORY.surface + axis] = rate + slope * error - sway_slope * swing
+        inputs[axis] += sway_slope * swing_rate - slope * rate
     rate = estimate[EXPECTED.velocity + 2] - desired[ROPE + 1]
-    held[MEMORY.surface + Z] = rate + pole * (length - desired[ROPE])
+    stored[MEMORY.surface + Z] = rate + pole * (length - desired[ROPE])
     inputs[Z] -= pole * rate
     for axis in range(3):
-        inputs[axis] += pushed_back(parameters, held[MEMORY.surface + axis], length)
+        inputs[axis] += reaching_term(parameters, stored[MEMORY.surface + axis], length)
         command[axis] = inputs[axis]
     predict(observer, inputs, estimate)
     return 0
@@ -99,7 +102,7 @@ def prepare(nominal):
     bandwidth = float(nominal.parameters["observer"]) * sqrt(gravity / nominal.state[ROPE])
     decay = exp(-bandwidth * period)
     names = ("slope", "sway_slope", "reach", "switch", "layer")
-    parameters = GIVEN.array(
+    parameters = PARAMETERS.array(
         period=period,
         gravity=gravity,
         position_gain=1.0 - decay**2,

@@ -35,8 +35,8 @@ from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 
-GIVEN = Slots(period=1, gravity=1, root_gain=1, twist_gain=1, rope_pole=1)
-MEMORY = Slots(twisted=3, surface=3, desired=10, inputs=3)
+PARAMETERS = Slots(period=1, gravity=1, root_gain=1, twist_gain=1, rope_pole=1)
+MEMORY = Slots(integral=3, surface=3, desired=10, inputs=3)
 
 
 @jit
@@ -47,39 +47,41 @@ def slopes(length, gravity):
 
 
 @jit
-def twisted(parameters, memory, axis, surface):
+def twisting_term(parameters, memory, axis, surface):
     """Return -k_1 |s|^(1/2) sgn(s) + w of an axis [m/s²], and advance w by one period."""
     sign = 1.0 if surface > 0.0 else -1.0 if surface < 0.0 else 0.0
-    found = memory[MEMORY.twisted + axis] - parameters[GIVEN.root_gain] * sqrt(abs(surface)) * sign
-    memory[MEMORY.twisted + axis] -= parameters[GIVEN.period] * parameters[GIVEN.twist_gain] * sign
+    found = memory[MEMORY.integral + axis] - parameters[PARAMETERS.root_gain] * sqrt(abs(surface)) * sign
+    memory[MEMORY.integral + axis] -= parameters[PARAMETERS.period] * parameters[PARAMETERS.twist_gain] * sign
     memory[MEMORY.surface + axis] = surface
     return found
 
 
 def step(parameters, measured, reference, memory, command):
     """Compute the accelerations (3,) [m/s²] of one sample from state and path."""
-    held = carray(memory, (MEMORY.size,))
-    desired, inputs = held[MEMORY.desired : MEMORY.inputs], held[MEMORY.inputs :]
-    gravity = parameters[GIVEN.gravity]
+    stored = carray(memory, (MEMORY.size,))
+    desired, inputs = stored[MEMORY.desired : MEMORY.inputs], stored[MEMORY.inputs :]
+    gravity = parameters[PARAMETERS.gravity]
     if not state_on_path(reference, gravity, desired, inputs):
         return RunStatus.SLACK_ROPE
-    forgets, sways = slopes(measured[ROPE], gravity)
+    slope, sway_slope = slopes(measured[ROPE], gravity)
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
         rate = measured[joint + 1] - desired[joint + 1]
-        surface = rate + forgets * (measured[joint] - desired[joint])
-        surface -= sways * (measured[angle] - desired[angle])
-        command[axis] = inputs[axis] - forgets * rate + sways * (measured[angle + 1] - desired[angle + 1])
-        command[axis] += twisted(parameters, held, axis, surface)
+        surface = rate + slope * (measured[joint] - desired[joint])
+        surface -= sway_slope * (measured[angle] - desired[angle])
+        command[axis] = inputs[axis] - slope * rate + sway_slope * (measured[angle + 1] - desired[angle + 1])
+        command[axis] += twisting_term(parameters, stored, axis, surface)
     rate = measured[ROPE + 1] - desired[ROPE + 1]
-    surface = rate + parameters[GIVEN.rope_pole] * (measured[ROPE] - desired[ROPE])
-    command[Z] = inputs[Z] - parameters[GIVEN.rope_pole] * rate + twisted(parameters, held, Z, surface)
+    surface = rate + parameters[PARAMETERS.rope_pole] * (measured[ROPE] - desired[ROPE])
+    command[Z] = (
+        inputs[Z] - parameters[PARAMETERS.rope_pole] * rate + twisting_term(parameters, stored, Z, surface)
+    )
     return 0
 
 
 def prepare(nominal):
     """Return the arrays of parameters and initial memory for a nominal crane."""
-    parameters = GIVEN.array(period=nominal.period, gravity=nominal.rig.gravity, **nominal.parameters)
+    parameters = PARAMETERS.array(period=nominal.period, gravity=nominal.rig.gravity, **nominal.parameters)
     return parameters, MEMORY.array()
 
 

@@ -32,7 +32,7 @@ from cranectl.controllers.slots import Slots
 from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, X, Z
 from cranectl.support.jit import jit
 
-GIVEN = Slots(gravity=1, pole=1)
+PARAMETERS = Slots(gravity=1, pole=1)
 
 
 @jit
@@ -42,15 +42,15 @@ def gains(length, gravity, pole):
     return k_p, k_d, 6.0 * length * pole**2 - length * k_p - gravity, 4.0 * length * pole - length * k_d
 
 
-def step(parameters, measured, reference, memory, command):  # noqa: ARG001  (a law's)
+def step(parameters, measured, reference, memory, command):  # noqa: ARG001  (as of all controllers)
     """Compute the accelerations (3,) [m/s²] of one sample from state and path."""
-    k_p, k_d, k_b, k_w = gains(measured[ROPE], parameters[GIVEN.gravity], parameters[GIVEN.pole])
+    k_p, k_d, k_b, k_w = gains(measured[ROPE], parameters[PARAMETERS.gravity], parameters[PARAMETERS.pole])
     for axis in range(2):
         joint, angle = (BRIDGE, BETA) if axis == X else (TROLLEY, ALPHA)
         command[axis] = reference[ACCELERATION + axis] - k_p * (measured[joint] - reference[axis])
         command[axis] -= k_d * (measured[joint + 1] - reference[VELOCITY + axis])
         command[axis] += k_b * measured[angle] + k_w * measured[angle + 1]
-    pole = parameters[GIVEN.pole]
+    pole = parameters[PARAMETERS.pole]
     command[Z] = -reference[ACCELERATION + Z] - pole * pole * (measured[ROPE] + reference[Z])
     command[Z] -= 2.0 * pole * (measured[ROPE + 1] + reference[VELOCITY + Z])
     return 0
@@ -58,7 +58,7 @@ def step(parameters, measured, reference, memory, command):  # noqa: ARG001  (a 
 
 def prepare(nominal):
     """Return the arrays of parameters and initial memory for a nominal crane."""
-    return GIVEN.array(gravity=nominal.rig.gravity, **nominal.parameters), []
+    return PARAMETERS.array(gravity=nominal.rig.gravity, **nominal.parameters), []
 
 
 SWING_DAMPING_SERVO = Controller(

@@ -43,35 +43,35 @@ BACK_OFF = 1.05  # norm over the least norm, at which a pole of K grows without 
 ORDER = 6  # of K: states of the crane and of the model
 
 # a, b, c, d: the sampled K; b and d have a column each for r and x.
-GIVEN = Slots(speed=1, rope_pole=1, a=ORDER * ORDER, b=2 * ORDER, c=ORDER, d=2)
+PARAMETERS = Slots(speed=1, rope_pole=1, a=ORDER * ORDER, b=2 * ORDER, c=ORDER, d=2)
 MEMORY = Slots(state=2 * ORDER, origin=2, begun=1)
 
 
 def step(parameters, measured, reference, memory, command):
     """Compute the velocity set-points (3,) [m/s] of one sample from state and path."""
-    numbers, held = carray(parameters, (GIVEN.size,)), carray(memory, (MEMORY.size,))
-    a = numbers[GIVEN.a : GIVEN.b].reshape((ORDER, ORDER))
-    b = numbers[GIVEN.b : GIVEN.c].reshape((ORDER, 2))
-    c, d = numbers[GIVEN.c : GIVEN.d], numbers[GIVEN.d :]
-    speed, lean = numbers[GIVEN.speed], rope_direction(measured[ALPHA], measured[BETA])
+    numbers, stored = carray(parameters, (PARAMETERS.size,)), carray(memory, (MEMORY.size,))
+    a = numbers[PARAMETERS.a : PARAMETERS.b].reshape((ORDER, ORDER))
+    b = numbers[PARAMETERS.b : PARAMETERS.c].reshape((ORDER, 2))
+    c, d = numbers[PARAMETERS.c : PARAMETERS.d], numbers[PARAMETERS.d :]
+    speed, lean = numbers[PARAMETERS.speed], rope_direction(measured[ALPHA], measured[BETA])
     for axis in range(2):
         joint = BRIDGE if axis == X else TROLLEY
-        if held[MEMORY.begun] == 0.0:
-            held[MEMORY.origin + axis] = reference[axis]
-        asked = reference[axis] - held[MEMORY.origin + axis] + 3.0 * reference[VELOCITY + axis] / speed
-        asked += 3.0 * reference[ACCELERATION + axis] / speed**2 + reference[JERK + axis] / speed**3
-        load = measured[joint] + measured[ROPE] * lean[axis] - held[MEMORY.origin + axis]
-        state = held[MEMORY.state + ORDER * axis :][:ORDER]
-        command[axis] = d[0] * asked + d[1] * load
+        if stored[MEMORY.begun] == 0.0:
+            stored[MEMORY.origin + axis] = reference[axis]
+        filtered = reference[axis] - stored[MEMORY.origin + axis] + 3.0 * reference[VELOCITY + axis] / speed
+        filtered += 3.0 * reference[ACCELERATION + axis] / speed**2 + reference[JERK + axis] / speed**3
+        load = measured[joint] + measured[ROPE] * lean[axis] - stored[MEMORY.origin + axis]
+        state = stored[MEMORY.state + ORDER * axis :][:ORDER]
+        command[axis] = d[0] * filtered + d[1] * load
         following = np.empty(ORDER)
         for i in range(ORDER):
             command[axis] += c[i] * state[i]
-            following[i] = b[i, 0] * asked + b[i, 1] * load
+            following[i] = b[i, 0] * filtered + b[i, 1] * load
             for j in range(ORDER):
                 following[i] += a[i, j] * state[j]
         state[:] = following
-    held[MEMORY.begun] = 1.0
-    command[Z] = -reference[VELOCITY + Z] - numbers[GIVEN.rope_pole] * (measured[ROPE] + reference[Z])
+    stored[MEMORY.begun] = 1.0
+    command[Z] = -reference[VELOCITY + Z] - numbers[PARAMETERS.rope_pole] * (measured[ROPE] + reference[Z])
     return 0
 
 
@@ -119,13 +119,13 @@ def controller(gain, speed, rho):
 
 def prepare(nominal):
     """Return the arrays of parameters and initial memory for a nominal crane."""
-    given = nominal.parameters
-    k, _ = controller(*(float(given[name]) for name in ("gain", "speed", "rho")))
+    settings = nominal.parameters
+    k, _ = controller(*(float(settings[name]) for name in ("gain", "speed", "rho")))
     w = sqrt(nominal.rig.gravity / middle_depth(nominal.reference))
     sampled = slowed_and_sampled(k, w, nominal.period)
-    parameters = GIVEN.array(
-        speed=w * given["speed"],
-        rope_pole=w * given["rope_pole"],
+    parameters = PARAMETERS.array(
+        speed=w * settings["speed"],
+        rope_pole=w * settings["rope_pole"],
         a=sampled.A,
         b=sampled.B,
         c=sampled.C,
