@@ -113,18 +113,18 @@ class OpenRuns(Uncopyable):
             Cranes before a refused one have begun again.
         """
         chosen = self._chosen(cranes)
-        values = [
-            [None] * len(chosen) if given is None else list(given) for given in (states, seeds, targets)
+        starts = [
+            [None] * len(chosen) if values is None else list(values) for values in (states, seeds, targets)
         ]
-        if any(len(given) != len(chosen) for given in values):
+        if any(len(values) != len(chosen) for values in starts):
             raise InputError(
-                f"{', '.join(str(len(given)) for given in values)} states, seeds and targets "
+                f"{', '.join(str(len(values)) for values in starts)} states, seeds and targets "
                 f"for {len(chosen)} cranes",
                 allowed="one of each for each crane, or none",
                 remedy="give as many as cranes begin",
             )
         try:
-            for crane, state, seed, target in zip(chosen, *values, strict=True):
+            for crane, state, seed, target in zip(chosen, *starts, strict=True):
                 self._begin(crane, state, seed, target)
         finally:  # also if one is refused: blocks of the others before it would refer to freed memory
             self._groups = [
