@@ -14,9 +14,9 @@ from cranectl.log.header import check_recordable
 from cranectl.log.writer import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
-from cranectl.plants.model_files import examine
+from cranectl.plants.model_files import examine, plants_for
 from cranectl.plants.plant import Drive
-from cranectl.plants.registry import plants_to_run, reference_plant
+from cranectl.plants.registry import reference_plant
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, plan_scenario, prepare_controller, simulate_run
 from cranectl.simulate.child import BLOCK_TIMEOUT
@@ -194,7 +194,7 @@ def make_case(
 
     Raises InputError for plants that cannot run and for impossible limits.
     """
-    plants = plants_to_run(plants)
+    plants = plants_for(scenario.rig, tuple(plants))
     for plant in plants:
         examine(plant, scenario.rig)
     limits_of(scenario, plants)

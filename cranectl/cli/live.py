@@ -70,13 +70,13 @@ def live_command(
     from cranectl.live.server import LiveServer
     from cranectl.live.session import Session
     from cranectl.live.viewers import Address
-    from cranectl.plants.registry import plants_to_run
+    from cranectl.plants.model_files import plants_for
     from cranectl.simulate import checked_drive
 
     loaded = request.load()
     design = controller_design(controller or loaded.controller.name, loaded)
     controls = Controls(loaded, design, drive=drive, speed=speed)
-    plants = plants_to_run(plants)
+    plants = plants_for(loaded.rig, plants)
     if layout:
         from cranectl.report.viewer_layouts import layout_json
 

@@ -1,10 +1,20 @@
 """Plants from model files: a command that names `mine.xml` among its plants runs that model as `mine`."""
 
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from cranectl.plants.registry import ALL, MAX_PLANT_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
+from cranectl.plants.plant import Drive
+from cranectl.plants.registry import (
+    ALL,
+    MAX_PLANT_LABEL,
+    PLANT_COLOURS,
+    PLANTS,
+    PlantEntry,
+    plant_entry,
+    plants_to_run,
+)
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.errors import InputError
 from cranectl.support.extensions import check_free, check_name, loaded
@@ -28,28 +38,35 @@ def plants_named(names: Sequence[str]) -> tuple[str, ...]:
     Models of an earlier command in this process are forgotten.
     """
     forget_models()
-    if tuple(names) in ALL:
-        return tuple(PLANTS)
-    return tuple(
-        register_model(name) if name.endswith(MODEL_ENDING) else plant_entry(name).name for name in names
-    )
+    return tuple(PLANTS) if tuple(names) in ALL else tuple(map(plant_named, names))
 
 
-def register_model(file: str) -> str:
-    """Make the plant of a model file known to this process, and return its name.
+def plants_for(rig: RigParameters, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the plants to run: those in `names`, or the default ones and the model file of the rig."""
+    own = () if names or rig.model is None else (plant_named(rig.model),)
+    return (*plants_to_run(names), *own)
 
-    The plant has the name of its file, in lower case letters, digits and hyphens. Raises InputError if there
-    is no such file, or if another plant has the name.
+
+def plant_named(name: str) -> str:
+    """Return the name of the plant that a name or a model file stands for; raise InputError if unknown.
+
+    The plant of a model file has the name of its file, in lower case letters, digits and hyphens. From now on
+    this process knows it. Raises InputError if there is no such file, or if another plant has the name.
     """
-    path = Path(file)
+    if not name.endswith(MODEL_ENDING):
+        return plant_entry(name).name
+    path = Path(name)
     name = re.sub(r"[^a-z0-9]+", "-", path.stem.lower()).strip("-")
     name = name if name[:1].isalpha() else f"model-{name}".rstrip("-")
     if not path.is_file():
         raise InputError(
-            f"no model file {file}",
+            f"no model file {path}",
             allowed=f"names of plants, or an MJCF file, whose name ends in {MODEL_ENDING}",
             remedy="check the path",
         )
+    arguments = {"file": str(path.resolve()), "name": name}
+    if name in model_plants() and PLANTS[name].arguments["file"] == arguments["file"]:
+        return name
     check_name("plant", name)
     check_free("plant", name, PLANTS)
     used = [entry.colour for entry in PLANTS.values()]
@@ -63,19 +80,35 @@ def register_model(file: str) -> str:
         servos=True,
         lacks=dict.fromkeys(LACKED, "whose model file says what it has"),
         by_default=False,
-        arguments={"file": str(path.resolve()), "name": name},
+        arguments=arguments,
     )
     return name
 
 
-def examine(name: str, rig: RigParameters) -> None:
-    """Complete the entry of a plant from a model file by what its model has; leave other entries.
+def plant_argument(name: str) -> str:
+    """Return the value of `--plants` that means the plant `name`."""
+    file = plant_entry(name).arguments.get("file")
+    return name if file is None else os.path.relpath(file)
+
+
+def examine(name: str, rig: RigParameters) -> PlantEntry:
+    """Return the entry of a plant, given by name or model file, with what its model has.
 
     The rig gives the names of sites and actuators. Raises InputError if the model is not a crane.
     """
-    entry = plant_entry(name)
-    if entry.where == OWN_PLANT:
-        PLANTS[name] = loaded("cranectl.plants.mujoco.own_plant:examined")(entry, rig.plant.names)
+    entry = plant_entry(plant_named(name))
+    if entry.where != OWN_PLANT:
+        return entry
+    complete: PlantEntry = loaded("cranectl.plants.mujoco.own_plant:examined")(entry, rig.plant.names)
+    if complete != entry:
+        PLANTS[entry.name] = complete
+    return PLANTS[entry.name]
+
+
+def common_drives(rig: RigParameters, names: Sequence[str], drives: Sequence[Drive]) -> Sequence[Drive]:
+    """Return those of `drives` that all plants to run have, or else the last one, which is then refused."""
+    entries = [examine(name, rig) for name in plants_for(rig, names)]
+    return [drive for drive in drives if all(drive in entry.drives for entry in entries)] or drives[-1:]
 
 
 def model_plants() -> dict[str, PlantEntry]:

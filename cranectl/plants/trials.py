@@ -95,12 +95,12 @@ def _ignored(entry: PlantEntry, drive: Drive) -> tuple[str, ...]:
 
 def _probes(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
     """Yield the probes of all settings that the entry and the drive allow."""
-    for probe in (*_probe_loads(), *_probe_rig(drive), *_probe_effects(entry, drive)):
+    for probe in (*_probe_loads(entry), *_probe_rig(drive), *_probe_effects(entry, drive)):
         if lacking(entry, probe.setting) is None and probe.setting.removeprefix("rig.") not in entry.fixed:
             yield probe
 
 
-def _probe_loads() -> Iterator[Probe]:
+def _probe_loads(entry: PlantEntry) -> Iterator[Probe]:
     """Yield a probe of each disturbance, of a force on the load and of the wind."""
     rest = ProbeRun()
     for disturbance, angle in (((1.0, 0.0), ALPHA), ((0.0, 1.0), BETA)):
@@ -112,7 +112,7 @@ def _probe_loads() -> Iterator[Probe]:
         ("wind", BREEZE, (AIR, 0.0, 0.0, 0.0, 0.0, 0.0), blow),
     ):
         still = ProbeRun(effects=EffectSettings(wind=wind))
-        expected = force / RIG.load_mass * SECONDS
+        expected = force / entry.fixed.get("load_mass", RIG.load_mass) * SECONDS
         yield Probe(setting, still, replace(still, wind=acting), _grows(1, LOAD_VELOCITY, expected))
 
 

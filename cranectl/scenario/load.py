@@ -67,9 +67,17 @@ def read_scenario(
     """
     path = scenario_file(name_or_path)
     table = read_toml(path)
+    if isinstance(table.get("rig"), dict):
+        _place_model(table["rig"], path.parent)
     if rig is None and isinstance(table.get("rig"), str):
         rig = rig_place(table["rig"], path.parent)
     return _scenario(table, path.name, rig, overrides)
+
+
+def _place_model(rig: Table, directory: Path) -> None:
+    """Let the path of a model file in a rig's table begin where that in a file in `directory` does."""
+    if isinstance(rig.get("model"), str):
+        rig["model"] = str(directory / rig["model"])
 
 
 def rig_place(name_or_path: str, directory: Path) -> Path:
@@ -120,6 +128,7 @@ def _rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
                 remedy="write it in quotes, such as extends = 'harbour-crane'",
             )
         seen.add(path.resolve())
+        _place_model(table, directory)
         yield path, table
 
 

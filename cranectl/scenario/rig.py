@@ -93,6 +93,12 @@ class RigParameters(Settings):
         EffectNumbers(), description="numbers of the effects on this crane, for a run that has them"
     )
     look: Look = Field(Look(), description="how it is drawn")
+    model: str | None = Field(
+        None,
+        description="model file that runs beside the default plants; its path is relative to the file "
+        "that names it",
+        exclude_if=lambda model: model is None,
+    )
     plant: PlantSettings = Field(
         PlantSettings(),
         description="names in a model file that is run as a plant",

@@ -27,7 +27,7 @@ from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, matching
 
 LAG = "rig.*_time_constant"
-MODEL_NAMES = "rig.plant.names.*"
+OF_MODELS = ("rig.model", "rig.plant.names.*")
 # A setting acts only if none of these groups has all its numbers zero.
 FACTORS = {
     **{
@@ -102,7 +102,7 @@ def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bo
     for lack in (group, group.partition(".")[0]):
         if reason := entry.lack(lack):
             return f"the {entry.label} plant, {reason}"
-    if fnmatchcase(name, MODEL_NAMES) and entry.where != OWN_PLANT:
+    if any(fnmatchcase(name, pattern) for pattern in OF_MODELS) and entry.where != OWN_PLANT:
         return f"the {entry.label} plant is not from a model file"
     if name.removeprefix("rig.") in entry.fixed:
         return f"it is built into the {entry.label} plant"

@@ -20,7 +20,7 @@ from cranectl.design import ControllerDesign, Design
 from cranectl.plants.capabilities import check_scenario
 from cranectl.plants.model_files import examine
 from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
+from cranectl.plants.registry import REFERENCE_PLANT
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH
@@ -223,13 +223,12 @@ def nominal_crane(
 
 def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
     """Make the plant `name` for a scenario; raise InputError if it is unknown or cannot show the scenario."""
-    examine(name, scenario.rig)
-    check_scenario(scenario, plant=name, drive=drive)
-    entry = plant_entry(name)
-    if not entry.where.startswith("cranectl."):
+    entry = examine(name, scenario.rig)
+    check_scenario(scenario, plant=entry.name, drive=drive)
+    if not entry.is_own:
         from cranectl.plants.trials import check_honest
 
-        check_honest(name, drive)
+        check_honest(entry.name, drive)
     return entry.load()(
         scenario.rig,
         drive=drive,

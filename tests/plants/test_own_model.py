@@ -17,7 +17,7 @@ from cranectl.live.child_session import ChildSession
 from cranectl.live.session import Session
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
-from cranectl.plants.model_files import forget_models, register_model
+from cranectl.plants.model_files import forget_models, plant_named
 from cranectl.plants.mujoco.own_check import ModelDifference, find_differences
 from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.registry import PLANTS
@@ -28,45 +28,17 @@ from cranectl.support import resources
 from cranectl.support.errors import InputError
 from tests.conftest import random_states
 from tests.packages import run_all_beside
+from tests.plants.own_models import (
+    MODELS,
+    NAMES,
+    RIGS,
+    UNDISTURBED,
+    crane_with,
+    servos,
+    write_hall,
+)
 
-MODELS = Path(__file__).parent / "models"
-HALL_NAMES = ModelNames(pivot="sheave", load="hook", bridge_drive="LT", trolley_drive="CT", winch_drive="H")
-NAMES = {"hall": HALL_NAMES}
-HALL = """\
-name = "hall"
-duration = 12.0
-reference.start = [5.0, 3.0, -4.0]
-reference.segments = [{ kind = "line", to = [9.0, 5.0, -5.0], duration = 10.0 }]
-
-[[disturbances]]
-joint = "alpha"
-start = 3.0
-magnitude = 0.01
-
-[rig]
-bridge_range = [0.0, 30.0]
-trolley_range = [0.0, 12.0]
-rope_range = [1.0, 8.0]
-bridge_mass = 6000.0
-trolley_mass = 1500.0
-winch_mass = 400.0
-load_mass = 5000.0
-rated_load = 5000.0
-bridge_time_constant = 0.25
-trolley_time_constant = 0.25
-winch_time_constant = 0.15
-
-[rig.plant.names]
-pivot = "sheave"
-load = "hook"
-bridge_drive = "LT"
-trolley_drive = "CT"
-winch_drive = "H"
-"""
-UNDISTURBED = "disturbances=[]"
 PUSHED = "disturbances=[{joint='alpha',start=0.1,magnitude=1.0}]"
-# Numbers of the rig that a model has instead of the laboratory's.
-RIGS = {"tendon": ["rig.winch_mass=1e-6"]}
 
 
 @pytest.fixture(autouse=True)
@@ -75,24 +47,13 @@ def no_model_afterwards() -> Iterator[None]:
     forget_models()
 
 
-def crane_with(folder: Path, *changes: tuple[str, str], name: str = "mine") -> Path:
-    """Write the shipped model with `changes` of its text, each of which must occur."""
-    text = resources.MODEL_FILE.read_text()
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    file = folder / f"{name}.xml"
-    file.write_text(text)
-    return file
-
-
 def differences_of(file: Path) -> tuple[ModelDifference, ...]:
     return find_differences(open_model(file, ModelNames()))
 
 
 def compared(file: Path, scenario: Scenario, drive: str = "velocity") -> tuple[Run, Run]:
     """Return the runs of a model file and of the shipped MuJoCo plant."""
-    plant = register_model(str(file))
+    plant = plant_named(str(file))
     own, ours = (
         simulate_run(scenario, plant=name, drive=drive, controller="lqr+hinf") for name in (plant, "mujoco")
     )
@@ -133,15 +94,14 @@ def test_foreign_cranes_run(name: str, bound: float) -> None:
 
 def test_a_bridge_crane_with_names_heights_and_falls_of_its_own(tmp_path: Path) -> None:
     """Its pivot is 8 m high, its winch has two falls and pays out downwards, and its file includes others."""
-    (tmp_path / "hall.toml").write_text(HALL)
-    own, ours = compared(MODELS / "hall.xml", load_scenario(tmp_path / "hall.toml"))
+    own, ours = compared(MODELS / "hall.xml", load_scenario(write_hall(tmp_path)))
     assert judge(own, ours).passed
     assert largest_difference((own, ours)) < 1e-7
     assert own.model.startswith("<mujoco")
 
 
 def test_a_slewing_crane_is_refused_with_the_reason() -> None:
-    name = register_model(str(MODELS / "slewing.xml"))
+    name = plant_named(str(MODELS / "slewing.xml"))
     with pytest.raises(InputError, match="trolley_drive does not move the trolley alone and evenly") as error:
         simulate_run(load_scenario("fixed-position"), plant=name, drive="velocity")
     assert "no crane may slew or luff" in error.value.remedy
@@ -159,7 +119,7 @@ def test_the_sites_show_the_state_of_a_reset(name: str) -> None:
 
 
 def test_both_loops_give_the_same_bits() -> None:
-    name = register_model(str(resources.MODEL_FILE))
+    name = plant_named(str(resources.MODEL_FILE))
     scenario = load_scenario("fixed-position", overrides=["duration=1", PUSHED])
     runs = [simulate_run(scenario, plant=name, drive="velocity", compiled=c) for c in (True, False)]
     np.testing.assert_array_equal(runs[0].table, runs[1].table)
@@ -263,24 +223,11 @@ def test_an_error_of_the_engine_is_named(tmp_path: Path) -> None:
     )
 
 
-def servos(kind: str) -> list[tuple[str, str]]:
-    """Return the changes that replace the drives of the shipped model."""
-    text = resources.MODEL_FILE.read_text()
-    joints = {"bridge": "bridge_position", "trolley": "trolley_position", "winch": "rope_length"}
-    gains = ' kp="900" kv="90"' if kind == "position" else ""
-    return [
-        (
-            re.findall(rf'<(?:velocity|general) name="{name}_drive"[^>]*>', text)[0],
-            f'<{kind} name="{name}_drive" joint="{joint}"{gains}/>',
-        )
-        for name, joint in joints.items()
-    ]
-
-
 def test_position_servos_follow_the_commanded_velocity(tmp_path: Path) -> None:
     """Their set-points are the integral of the command. They sag under the weight, and are not judged."""
-    name = register_model(str(crane_with(tmp_path, *servos("position"))))
-    settings = ["duration=8", UNDISTURBED, "initial.load_offset=[0.02, 0.0, 0.0]"]
+    name = plant_named(str(crane_with(tmp_path, *servos("position"))))
+    lags = [f"rig.{axis}_time_constant=0.1" for axis in ("bridge", "trolley", "winch")]
+    settings = ["duration=8", UNDISTURBED, "initial.load_offset=[0.02, 0.0, 0.0]", *lags]
     scenario = load_scenario("fixed-position", overrides=settings)
     run = simulate_run(scenario, plant=name, drive="velocity", controller="lqr")
     assert run.status.label == "completed"
@@ -368,7 +315,7 @@ def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
     ],
 )
 def test_what_the_model_has_cannot_be_set(setting: str, found: str, tmp_path: Path) -> None:
-    name = register_model(str(crane_with(tmp_path)))
+    name = plant_named(str(crane_with(tmp_path)))
     scenario = load_scenario("fixed-position", overrides=["duration=0.5", PUSHED, setting])
     with pytest.raises(InputError, match=re.escape(found)) as error:
         simulate_run(scenario, plant=name, drive="velocity")
@@ -422,7 +369,7 @@ def test_commands_work_on_it(
 
 
 def test_live_sessions_run_it_here_and_in_a_child_process() -> None:
-    name = register_model(str(resources.MODEL_FILE))
+    name = plant_named(str(resources.MODEL_FILE))
     scenario = load_scenario("fixed-position")
     design = controller_design("lqr", scenario)
     session = Session(scenario, design, plants=[name], drive="velocity")
@@ -444,8 +391,8 @@ def test_info_shows_the_crane_and_its_differences(
     assert main(["info", model, "--as-is"]) == 0
     assert main(["info", str(MODELS / "hall.xml")]) == 2
     assert "add --set rig.plant.names.pivot=NAME" in capsys.readouterr().err
-    (tmp_path / "hall.toml").write_text(HALL.partition("[rig]\n")[2].replace("[rig.plant", "[plant"))
-    assert main(["info", str(MODELS / "hall.xml"), "--rig", "hall.toml", "--json", "hall.json"]) == 0
+    write_hall(tmp_path)
+    assert main(["info", str(MODELS / "hall.xml"), "--rig", "rigs/hall.toml", "--json", "hall.json"]) == 0
     shown = json.loads((tmp_path / "hall.json").read_text())
     assert shown["differences"] == []
     assert shown["rig"]["load_mass"] == 5000.0

@@ -61,8 +61,8 @@ LABELS = {
 ELSEWHERE = {
     "limits": "a table of metrics by name, of which one is tried",
     **{
-        f"rig.plant.names.{name}": "of a model file; tests/plants/test_own_model.py has them"
-        for name in ModelNames.model_fields
+        f"rig.{name}": "of a model file; tests/plants/test_model_in_rig.py and test_own_model.py have them"
+        for name in ("model", *(f"plant.names.{key}" for key in ModelNames.model_fields))
     },
 }
 # Overrides without which a setting has no effect.

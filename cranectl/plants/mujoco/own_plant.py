@@ -20,19 +20,19 @@ from cranectl.scenario.rig import ModelNames, RigParameters
 from cranectl.support.arrays import Array
 
 DIGITS = 6  # of masses and time constants, which users copy from messages
-MIN_STATED_MASS = 1e-6  # [kg] that a rig can state, for a winch without inertia
+MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia
 
 
 class OwnPlant(MujocoPlant):
     """A model file as a plant; of the effects it shows the wind, all others are as in the file."""
 
     def __init__(
-        self, rig: RigParameters, *, file: str, name: str, drive: Drive, step: float, effects: EffectSettings,
-        **timing: Any,
+        self, rig: RigParameters, *, file: str, name: str, names: ModelNames, drive: Drive, step: float,
+        effects: EffectSettings, **timing: Any,
     ) -> None:  # fmt: skip
         self.name, self.drive = name, drive
         self.parameters, self.effects, self._given = rig, NO_EFFECTS, (rig, effects)
-        self.own = own = open_model(Path(file), rig.plant.names)
+        self.own = own = open_model(Path(file), names)
         self.model = copy.copy(own.model)
         self.model.opt.timestep = step
         self.data = mujoco.MjData(self.model)
@@ -93,6 +93,7 @@ def examined(entry: PlantEntry, names: ModelNames) -> PlantEntry:
     own = open_model(Path(entry.arguments["file"]), names)
     return replace(
         entry,
+        arguments={**entry.arguments, "names": names},
         drives=("force" if own.servo == "force" else "velocity",),
         fixed=built_in(own),
         differs=", ".join(difference.text for difference in find_differences(own)),
@@ -102,13 +103,15 @@ def examined(entry: PlantEntry, names: ModelNames) -> PlantEntry:
 def built_in(own: OwnModel) -> dict[str, float]:
     """Return the numbers of the rig that a model has, by their names in a rig."""
     both, trolley, winch = own.driven_masses
-    masses = (both - trolley, trolley, max(winch - own.load_mass, MIN_STATED_MASS), own.load_mass)
+    masses = (both - trolley, trolley, max(winch - own.load_mass, MIN_STATED), own.load_mass)
     parts = ("bridge", "trolley", "winch", "load")
     numbers = {f"{part}_mass": mass for part, mass in zip(parts, masses, strict=True)}
-    if own.servo == "velocity":
-        damping = -(own.ratios**2) * own.model.actuator_biasprm[own.drives, 2]
-        lags = zip(parts, own.driven_masses / damping, strict=False)
-        numbers |= {f"{part}_time_constant": lag for part, lag in lags}
+    if own.servo != "force":
+        _, stiffness, damping = -own.model.actuator_biasprm[own.drives, :3].T
+        is_velocity = own.servo == "velocity"
+        lags = own.driven_masses / (own.ratios**2 * damping) if is_velocity else damping / stiffness
+        for part, lag in zip(parts, lags, strict=False):
+            numbers[f"{part}_time_constant"] = max(lag, MIN_STATED)
     return {
         name: float(f"{number:.{DIGITS}g}") for name, number in {"gravity": own.gravity, **numbers}.items()
     }

@@ -1,0 +1,110 @@
+"""A rig names a model file, which then runs beside the default plants; Python takes its path as a plant."""
+
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.log.reader import read_log
+from cranectl.planning import load_scenario
+from cranectl.plants.model_files import forget_models
+from cranectl.plants.registry import default_plants
+from cranectl.simulate import simulate_run
+from cranectl.support.errors import InputError
+from tests.plants.own_models import MODELS, RIGS, UNDISTURBED, crane_with, servos, write_hall
+
+
+@pytest.fixture(autouse=True)
+def no_model_afterwards() -> Iterator[None]:
+    yield
+    forget_models()
+
+
+@pytest.fixture
+def hall(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The scenario of a hall, seen from another directory; its rig names a model beside itself."""
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    file = write_hall(tmp_path, model="models/hall.xml")
+    shutil.copytree(MODELS, tmp_path / "rigs" / "models")
+    return Path("..") / file.name
+
+
+def test_the_model_runs_beside_the_default_plants(hall: Path) -> None:
+    assert main(["run", str(hall), "--drive", "velocity", "--out", "all.mcap", "--json", "all.json"]) == 0
+    assert [*read_log("all.mcap")] == [*default_plants(), "hall"]
+    agreements = json.loads(Path("all.json").read_text())["agreements"]
+    assert {agreement["plant"]: agreement["passed"] for agreement in agreements} == {
+        "analytic": True,
+        "elastic": True,
+        "hall": True,
+    }
+
+
+def test_other_plants_run_alone_and_say_that_the_model_does_not(
+    hall: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["run", str(hall), "--drive", "velocity", "--plants", "mujoco", "--out", "one.mcap"]
+    assert main([*command, "--set", "rig.model=../rigs/models/hall.xml"]) == 0
+    assert [*read_log("one.mcap")] == ["mujoco"]
+    assert "rig.model" in capsys.readouterr().out
+
+
+def test_a_scenario_names_a_model_and_an_option_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The path in a file begins at the file, that in an option at the working directory."""
+    text = 'name = "a"\nduration = 1.0\nreference.start = [1.0, 0.77, -0.7]\n[rig]\nmodel = "mine.xml"\n'
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "a.toml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    assert load_scenario("sub/a.toml").rig.model == "sub/mine.xml"
+    assert load_scenario("sub/a.toml", overrides=["rig.model=other.xml"]).rig.model == "other.xml"
+    with pytest.raises(InputError, match=re.escape("no model file sub/mine.xml")):
+        simulate_run(load_scenario("sub/a.toml"), plant="sub/mine.xml", drive="velocity")
+
+
+def test_validate_leaves_out_drives_that_a_model_lacks(
+    hall: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    validate = ["validate", str(hall), "--controller", "lqr", "--json", "v.json", "--jobs", "1"]
+    assert main(validate) == 0
+    runs = json.loads(Path("v.json").read_text())["runs"]
+    assert {run["drive"] for run in runs} == {"velocity"}
+    assert {run["plant"] for run in runs} == {*default_plants(), "hall"}
+    assert main([*validate, "--drive", "ideal"]) == 2
+    assert "take '--drive velocity'" in capsys.readouterr().err
+
+
+def test_a_failed_case_is_repeated_by_the_path_of_the_model(hall: Path) -> None:
+    validate = ["validate", str(hall), "--controller", "lqr", "--junit", "junit.xml", "--keep", "none"]
+    assert main([*validate, "--set", "limits.max_error_m=1e-9"]) == 1
+    assert f"--plants {','.join(default_plants())},../rigs/models/hall.xml" in Path("junit.xml").read_text()
+
+
+def test_python_takes_the_path_of_a_model_as_a_plant(tmp_path: Path) -> None:
+    scenario = load_scenario("fixed-position", overrides=["duration=0.5", UNDISTURBED, *RIGS["tendon"]])
+    for _ in range(2):  # it is known from the first time on
+        run = simulate_run(scenario, plant=str(MODELS / "tendon.xml"), drive="velocity")
+        assert (run.plant, run.status.label) == ("tendon", "completed")
+    taken = crane_with(tmp_path, name="tendon")
+    with pytest.raises(InputError, match="a plant named 'tendon'"):
+        simulate_run(scenario, plant=str(taken), drive="velocity")
+
+
+def test_the_lag_of_position_servos_is_built_in(tmp_path: Path) -> None:
+    """Nobody can set it in vain: a rig with another lag is refused."""
+    model = crane_with(tmp_path, *servos("position"))
+    with pytest.raises(InputError, match=re.escape("rig.bridge_time_constant = 0.02")) as error:
+        simulate_run(load_scenario("fixed-position"), plant=str(model), drive="velocity")
+    assert "--set rig.bridge_time_constant=0.1" in error.value.remedy
+
+
+def test_what_a_model_takes_but_ignores_is_refused(tmp_path: Path) -> None:
+    """A joint with a huge inertia holds its load, so disturbances would do nothing."""
+    model = crane_with(tmp_path, ('joint name="alpha"', 'joint name="alpha" armature="1e6"'))
+    rig = ["rig.bridge_mass=5", "rig.trolley_mass=3.5", "rig.trolley_time_constant=0.028"]
+    with pytest.raises(InputError, match="accepts disturbances with velocity drives and does not react"):
+        simulate_run(load_scenario("fixed-position", overrides=rig), plant=str(model), drive="velocity")
