@@ -12,6 +12,7 @@ from cranectl.compare.agreement import Agreement
 from cranectl.controllers.registry import controller_argument
 from cranectl.metrics import all_metrics
 from cranectl.metrics.limits import LimitVerdict
+from cranectl.plants.model_files import plant_argument
 from cranectl.plants.registry import reference_plant
 from cranectl.support.consistency import check_sum
 from cranectl.support.junit import JUnitCase, Outcome
@@ -37,7 +38,7 @@ class Verdict(NamedTuple):
         parts = ["cranectl", "run", self.scenario]
         if self.controller:
             parts += ["--controller", controller_argument(self.controller), "--drive", self.drive]
-        return shlex.join([*parts, "--plants", ",".join(self.plants), *options])
+        return shlex.join([*parts, "--plants", ",".join(map(plant_argument, self.plants)), *options])
 
 
 class CaseVerdict(NamedTuple):

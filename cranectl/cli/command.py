@@ -304,9 +304,8 @@ def layout_for(plants: tuple[str, ...], rig: "RigParameters", log: Path) -> str:
     from cranectl.scenario.drawn_size import drawn_as_filed
 
     name = "single" if len(plants) == 1 else "comparison"
-    if not drawn_as_filed(rig):
-        return f"{name} view.json --log {shlex.quote(str(log))}"
-    return f"{name} view.json" + (f" --plants {','.join(plants)}" if plants != default_plants() else "")
+    is_usual = drawn_as_filed(rig) and plants == default_plants()
+    return f"{name} view.json" + ("" if is_usual else f" --log {shlex.quote(str(log))}")
 
 
 def drive_option(*, default: str, force: bool = True) -> Callable[[F], F]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -112,8 +111,9 @@ def validate_command(
     from cranectl.cases.workers import available_cores, run_cases
     from cranectl.controllers.registry import chosen_controllers
     from cranectl.log.writer import check_writable
+    from cranectl.plants.model_files import common_drives
     from cranectl.plants.plant import DRIVES, Drive
-    from cranectl.plants.registry import default_plants
+    from cranectl.plants.registry import default_plants, in_order
     from cranectl.report.run.differences import pair_tables
     from cranectl.scenario.load import scenario_names
     from cranectl.simulate import checked_drive
@@ -129,15 +129,14 @@ def validate_command(
     names = chosen_controllers(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
     drives = several.get(drive) or (checked_drive(drive),)
-    chosen = plants or default_plants()
     sources = dict.fromkeys(_sources(scenarios) or scenario_names())
-    loaded, unloaded = _loaded(request, tuple(sources), chosen, () if controllers else names)
+    loaded, unloaded = _loaded(request, tuple(sources), plants, () if controllers else names)
     cases = [
         make_case(
             scenario,
             controller=name,
             drive=kind,
-            plants=chosen,
+            plants=plants,
             log=default_log(out, scenario, name, kind),
             source=source,
             keep=keep,
@@ -146,8 +145,9 @@ def validate_command(
         )
         for source, scenario in loaded.items()
         for name in names
-        for kind in drives
+        for kind in common_drives(scenario.rig, plants, drives)
     ]
+    chosen = in_order({plant for case in cases for plant in case.plants}) or plants or default_plants()
     check_logs_differ(cases)
     if cases:
         check_writable(out / "any.mcap")  # once, not by every case
@@ -164,7 +164,8 @@ def validate_command(
     _print_results(validation, code, out, screen, details=details)
     idle = idle_timeout(names, timeout)
     for source, scenario in loaded.items():
-        uses, unread = product(chosen, drives, names), ("log.*",) * (keep == "none")
+        uses = [(p, case.drive, case.controller) for case in cases for p in case.plants]
+        unread = ("log.*",) * (keep == "none")
         idle += idle_lines(scenario, request._replace(source=source), uses, unread=unread)
     print_idle(screen, idle)
     data = validation.to_json(passed=code == exit_codes.GOOD)
@@ -245,12 +246,13 @@ def _loaded(
     """
     from cranectl.cases.case import Failure
     from cranectl.metrics.limits import limits_of
+    from cranectl.plants.model_files import plants_for
 
     loaded, unloaded = {}, {}
     for name in names:
         try:
             scenario = request._replace(source=name).load()
-            limits_of(scenario, plants)
+            limits_of(scenario, plants_for(scenario.rig, plants))
             _check_controller(scenario, usual)
             loaded[name] = scenario
         except Exception as error:
