@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.manifest import campaign_of, manifest_of, software_of
+from cranectl.campaign.manifest import campaign_of, manifest_of, open_models, software_of
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign, Stop, StoppedError, Worker
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
@@ -279,6 +279,7 @@ def _prepared(packed_manifest: bytes) -> PreparedCampaign:
 
     manifest, files = unpacked(packed_manifest)
     open_again(files)
+    open_models(manifest)
     here = software_of(manifest["campaign"]["plants"], manifest["campaign"]["controllers"])
     _check_software(here, manifest["versions"], f"worker {get_worker().address}")
     return PreparedCampaign(campaign_of(manifest, "the manifest of the campaign"))

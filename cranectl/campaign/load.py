@@ -25,6 +25,7 @@ from cranectl.campaign.settings import COUNTED, INDEPENDENT, MAX_RUNS, CampaignS
 from cranectl.controllers.registry import checked_controller
 from cranectl.planning import load_scenario
 from cranectl.plants.capabilities import check_scenario
+from cranectl.plants.model_files import examine, plant_named
 from cranectl.scenario import Scenario
 from cranectl.simulate.idle_settings import why_idle_on_plant
 from cranectl.support.errors import InputError
@@ -73,6 +74,11 @@ def unchecked_campaign(settings: CampaignSettings) -> Campaign:
     for name in settings.controllers:
         checked_controller(name)
     nominal = _nominal_scenario(settings)
+    if nominal.rig.model is not None and "plants" not in settings.model_fields_set:
+        own = plant_named(nominal.rig.model)
+        settings = settings.model_copy(update={"plants": (*settings.plants, own)})
+    for plant in settings.plants:
+        examine(plant, nominal.rig)
     parameters = parameters_of(settings, nominal)
     if settings.correlation and settings.sampling not in INDEPENDENT:
         raise InputError(

@@ -17,7 +17,8 @@ from cranectl.campaign.settings import parse_campaign
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.registry import UDP, controller_digests, controller_sources
 from cranectl.loaders.opening import file_from
-from cranectl.plants.registry import plant_sources
+from cranectl.plants.model_files import BATCH, examine, model_plants
+from cranectl.plants.registry import PLANTS, PlantEntry, plant_sources
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import MetricSettings
@@ -55,11 +56,14 @@ def changes_of_software(
 ) -> tuple[str, ...]:
     """Return a phrase for each difference of the installed software from `versions`.
 
-    Controllers from files that this process has not read are left out: it cannot tell whether they changed.
+    Controllers and models from files that this process has not read are left out: it cannot tell whether
+    they changed.
     """
-    installed, read = software_of(plants, controllers), controller_digests(controllers)
+    installed = software_of(plants, controllers)
     comparable = {
-        name: version for name, version in versions.items() if not name.startswith("law ") or name in read
+        name: version
+        for name, version in versions.items()
+        if not name.startswith(("law ", "model ")) or name in installed
     }
     return tuple(provenance_differences(comparable, installed))
 
@@ -83,6 +87,11 @@ def manifest_of(campaign: Campaign) -> Table:
         "versions": software_of(campaign.settings.plants, campaign.settings.controllers),
         "accepted": [],
     }
+    models = [entry for name, entry in model_plants().items() if name in campaign.settings.plants]
+    if models:
+        table["models"] = {
+            entry.name: {"file": entry.arguments["file"], **entry.declared} for entry in models
+        }
     plain: Table = json.loads(json.dumps(table))
     return plain | ({"velocity_drives": SERVOS} if _has_analytic_drives(plain["campaign"]) else {})
 
@@ -139,9 +148,20 @@ def checked_manifest(data: Any, source: str) -> Table:
 
 def campaign_of(manifest: Mapping[str, Any], source: str) -> Campaign:
     """Make the campaign from `manifest` alone: the file of its scenario may have changed since."""
+    open_models(manifest)
     settings = parse_campaign(manifest["campaign"], source)
     nominal = parse_settings(Scenario, manifest["scenario"], source)
     return Campaign(settings, nominal, parameters_of(settings, nominal), manifest["runs"])
+
+
+def open_models(manifest: Mapping[str, Any]) -> None:
+    """Open the model files of a campaign's plants, or remember only their names where the files are not."""
+    for name, declared in manifest.get("models", {}).items():
+        rig = parse_settings(RigParameters, manifest["scenario"]["rig"], "the rig of the campaign")
+        try:
+            examine(declared["file"] if name not in PLANTS else name, rig)
+        except InputError:
+            PLANTS.remember(PlantEntry.from_declared(name, declared, batch=BATCH))
 
 
 def origins_of(manifest: Mapping[str, Any]) -> list[SoftwareOrigin]:

@@ -8,6 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Distribution
 from cranectl.metrics.limits import Limits
+from cranectl.plants.model_files import placed, plant_named
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
 from cranectl.scenario.load import rig_place
@@ -109,6 +110,8 @@ def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
     table = read_toml(path)
     if isinstance(table.get("rig"), str):
         table["rig"] = str(rig_place(table["rig"], path.parent))
+    if isinstance(table.get("plants"), list):
+        table["plants"] = [placed(p, path.parent) if isinstance(p, str) else p for p in table["plants"]]
     return parse_campaign(override(table, overrides), path.name, Assigned(overrides, table))
 
 
@@ -120,9 +123,10 @@ def parse_campaign(
     if isinstance(table.get("uncertain"), Mapping):
         table["uncertain"] = _distributions(table["uncertain"], source)
     settings = parse_settings(CampaignSettings, table, source, assigned)
-    for name in settings.plants:
+    plants = tuple(map(plant_named, settings.plants))
+    for name in plants:
         plant_entry(name).check_campaigns()
-    return settings
+    return settings if plants == settings.plants else settings.model_copy(update={"plants": plants})
 
 
 def _distributions(node: Mapping[str, Any], source: str) -> dict[str, Distribution]:

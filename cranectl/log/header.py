@@ -20,7 +20,7 @@ from cranectl.mcap_columns.contents import foreign
 from cranectl.mcap_columns.records import DamageError, UnsupportedError
 from cranectl.mcap_columns.rows import MAX_DEFINITION
 from cranectl.plants.plant import Drive
-from cranectl.plants.registry import MAX_PLANT_LABEL, PLANT_COLOURS, PLANTS, PlantEntry, plant_entry
+from cranectl.plants.registry import PLANTS, PlantEntry, plant_entry
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import held_files, with_files
 from cranectl.scenario.scenario import MeasuredScenario
@@ -145,7 +145,7 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
         raise ValueError(f"it has a plant twice: {declared['plants']}")
     for plant in plants:
         if plant not in PLANTS:
-            PLANTS.remember(_unknown_plant(plant, metadata.get(f"plant/{plant}", {})))
+            PLANTS.remember(PlantEntry.from_declared(plant, metadata.get(f"plant/{plant}", {})))
     design = _design(_json(attachments, "design.json"))
     if (declared["scenario"], declared["controller"]) != (scenario.name, design.name):
         raise ValueError(f"it names {declared['scenario']} and {declared['controller']}, but attaches others")
@@ -178,20 +178,6 @@ def _own_groups(attachments: Mapping[str, bytes]) -> tuple[SignalGroup, ...]:
             tuple(Signal(*map(str, signal)) for signal in group["signals"]),
         )
         for group in groups
-    )
-
-
-def _unknown_plant(plant: str, declared: Mapping[str, str]) -> PlantEntry:
-    """Return the entry of a plant that is not installed, from its log; older logs have only its name."""
-    return PlantEntry(
-        name=plant,
-        label=declared.get("label", plant[:MAX_PLANT_LABEL]),
-        colour=declared.get("colour", PLANT_COLOURS[-1]),
-        where="",
-        batch=0,
-        servos=declared.get("servos") == "true",
-        by_default=False,
-        differs=declared.get("differs", ""),
     )
 
 
@@ -259,8 +245,7 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
     }
     for entry in (plant_entry(run.plant) for run in runs):
         if not entry.is_own:  # so that the log can be read where its package is not installed
-            declared = {"label": entry.label, "colour": entry.colour, "servos": str(entry.servos).lower()}
-            records[f"plant/{entry.name}"] = declared | ({"differs": entry.differs} if entry.differs else {})
+            records[f"plant/{entry.name}"] = entry.declared
     return records | {f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs}
 
 

@@ -21,6 +21,7 @@ from cranectl.support.extensions import check_free, check_name, loaded
 
 MODEL_ENDING = ".xml"
 OWN_PLANT = "cranectl.plants.mujoco.own_plant:OwnPlant"
+BATCH = 16  # as of the shipped model
 LACKED = (
     "rope",
     "body",
@@ -75,7 +76,7 @@ def plant_named(name: str) -> str:
         path.name[-MAX_PLANT_LABEL:],
         next((colour for colour in PLANT_COLOURS if colour not in used), PLANT_COLOURS[-1]),
         OWN_PLANT,
-        batch=0,
+        batch=BATCH,
         drives=("velocity", "force"),
         servos=True,
         lacks=dict.fromkeys(LACKED, "whose model file says what it has"),
@@ -114,6 +115,11 @@ def common_drives(rig: RigParameters, names: Sequence[str], drives: Sequence[Dri
 def model_plants() -> dict[str, PlantEntry]:
     """Return the plants from model files that this process knows."""
     return {name: entry for name, entry in PLANTS.items() if entry.where == OWN_PLANT}
+
+
+def placed(file: str, directory: Path) -> str:
+    """Return the path of a model file that a file in `directory` names; leave the name of a plant."""
+    return str(directory / file) if file.endswith(MODEL_ENDING) else file
 
 
 def forget_models() -> None:

@@ -63,6 +63,8 @@ class PlantEntry:
         Further arguments of its class, such as the file of a model.
     differs : str
         How it differs from the crane of the other plants. If not empty, their agreement is not judged.
+    digest : str
+        Of its model, if a user's file has it.
     """
 
     name: str
@@ -79,6 +81,7 @@ class PlantEntry:
     package: str = ""
     arguments: Mapping[str, Any] = field(default_factory=dict)
     differs: str = ""
+    digest: str = ""
 
     def __post_init__(self) -> None:
         check_name("plant", self.name)
@@ -104,6 +107,26 @@ class PlantEntry:
         """Whether the plant belongs to this package, whose tests compare it with the equations."""
         return self.where.startswith("cranectl.") and not self.arguments
 
+    @property
+    def declared(self) -> dict[str, str]:
+        """What a log or a result states of the plant, so that it can be read where the plant is not."""
+        stated = {"label": self.label, "colour": self.colour, "servos": str(self.servos).lower()}
+        return stated | ({"differs": self.differs} if self.differs else {})
+
+    @classmethod
+    def from_declared(cls, name: str, declared: Mapping[str, str], *, batch: int = 0) -> "PlantEntry":
+        """Return the entry of a plant that is not installed; old logs declare only its name."""
+        return cls(
+            name=name,
+            label=declared.get("label", name[:LONGEST_LABEL]),
+            colour=declared.get("colour", PLANT_COLOURS[-1]),
+            where="",
+            batch=batch,
+            servos=declared.get("servos") == "true",
+            by_default=False,
+            differs=declared.get("differs", ""),
+        )
+
     def lack(self, setting: str) -> str | None:
         """Return why the plant does not honour `setting`, one of LACKS, or None if no reason is declared."""
         effect = setting.partition(".")[0]
@@ -127,7 +150,7 @@ class PlantEntry:
             raise InputError(
                 f"the {self.label} plant, which no installed package brings",
                 allowed=labels_of(PLANTS.values()),
-                remedy=f"install the package that brings the plant {self.name}",
+                remedy=f"install the package that brings the plant {self.name}, or name its model file",
             )
         if self.package and find_spec(self.package) is None:
             raise InputError(
@@ -141,8 +164,7 @@ class PlantEntry:
         if not self.batch:
             able = [entry for entry in PLANTS.values() if entry.batch]
             raise InputError(
-                f"a campaign on the {self.label} plant, which "
-                f"{'is a model of one crane' if self.arguments else 'is too slow for thousands of runs'}",
+                f"a campaign on the {self.label} plant, which is too slow for thousands of runs",
                 allowed=labels_of(able),
                 remedy=f"take '--plants {REFERENCE_PLANT}', and {self.name} for single runs",
             )
@@ -274,9 +296,10 @@ def register_plant(entry: PlantEntry) -> None:
 
 
 def plant_sources(names: Iterable[str]) -> dict[str, str]:
-    """Return the source digests of those plants that other packages define, as `provenance` has them."""
-    modules = {PLANTS[name].where.partition(":")[0] for name in names if name in PLANTS}
-    return source_digests(modules)
+    """Return the digests of plants from other packages and from model files, as `provenance` has them."""
+    entries = [PLANTS[name] for name in names if name in PLANTS]
+    models = {f"model {entry.name}": entry.digest for entry in entries if entry.digest}
+    return source_digests({entry.where.partition(":")[0] for entry in entries}) | models
 
 
 def plant_entry(name: str) -> PlantEntry:

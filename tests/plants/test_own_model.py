@@ -420,8 +420,6 @@ def test_names_of_files_are_names_of_plants(
     crane_with(tmp_path, name="2nd")
     assert main([*run, "2nd.xml"]) == 0
     assert list(read_log("one.mcap")) == ["model-2nd"]
-    assert main(["campaign", "run", "lab-rig", "--plants", "2nd.xml", "--out", "many"]) == 2
-    assert "a campaign on the 2nd.xml plant, which is a model of one crane" in capsys.readouterr().err
     crane_with(tmp_path, name="mujoco")
     assert main([*run, "mujoco.xml"]) == 2
     assert "take another name" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from cranectl.scenario.rig import ModelNames
 from cranectl.signals import ALPHA, ROPE
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+from cranectl.support.provenance import FINGERPRINT_DIGITS
 
 AXES = ("bridge", "trolley", "rope", "alpha", "beta")
 MAX_NEWTON_STEPS = 50
@@ -35,6 +37,9 @@ class OwnModel:
         """Compile and probe a model file; raise InputError if it is not such a crane."""
         self.file, self.names = file, names
         self.model = model = spec_of_file(file, names).compile()  # to be copied before it is changed
+        compiled = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
+        mujoco.mj_saveModel(model, None, compiled)
+        self.digest = hashlib.sha256(compiled.tobytes()).hexdigest()[:FINGERPRINT_DIGITS]
         self.free = copy.copy(model)  # without contacts and end stops, which would disturb probing
         self.free.opt.disableflags |= sum(map(int, UNDISTURBED))
         self.sites = model.site(names.pivot).id, model.site(names.load).id

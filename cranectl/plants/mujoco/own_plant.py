@@ -94,6 +94,7 @@ def examined(entry: PlantEntry, names: ModelNames) -> PlantEntry:
     return replace(
         entry,
         arguments={**entry.arguments, "names": names},
+        digest=own.digest,
         drives=("force" if own.servo == "force" else "velocity",),
         fixed=built_in(own),
         differs=", ".join(difference.text for difference in find_differences(own)),
