@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from cranectl.plants.mujoco.geometry import ASPECT, FLOOR, NEAR_POST, drawn_spec
 from cranectl.plants.mujoco.model import state_addresses
+from cranectl.plants.mujoco.own_geometry import OwnGeometry, own_geometry
+from cranectl.plants.mujoco.own_model import SiteModel
 from cranectl.render.opengl import drawing_context
 from cranectl.render.timeline import Timeline, Track
 from cranectl.scenario.drawn_size import drawn_box, drawn_reach, drawn_scale
@@ -46,7 +48,8 @@ OBSTACLE_OPACITY = 0.45  # so that a load behind an obstacle is visible
 def renderer(timeline: Timeline, camera: str, width: int, height: int) -> Iterator["Renderer"]:
     """Yield a renderer for pictures of this size; raise InputError without OpenGL."""
     rig = timeline.main.run.scenario.rig
-    model = _model(rig, width, height)
+    own = own_geometry(timeline.main.run.model, rig.plant.names)
+    model = _model(rig, width, height, own)
     if camera == "overview" and rig.look.frame:
         for post in map(model.geom, range(model.ngeom)):
             if post.name.startswith((NEAR_POST, FILED_NEAR_POST)):
@@ -54,26 +57,27 @@ def renderer(timeline: Timeline, camera: str, width: int, height: int) -> Iterat
                 post.rgba, post.matid = (*colour, NEAR_POST_OPACITY), -1
     with drawing_context(model, width, height) as context:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
-        yield Renderer(model, context, timeline, camera)
+        yield Renderer(model, context, timeline, camera, own.mover(model) if own else None)
 
 
 class Renderer:
     """Draws moments of a timeline; valid only inside `renderer`."""
 
-    def __init__(self, model: Any, context: Any, timeline: Timeline, camera: str) -> None:
-        self._model, self._context, self._timeline = model, context, timeline
+    def __init__(
+        self, model: Any, context: Any, timeline: Timeline, camera: str, own: SiteModel | None
+    ) -> None:
+        self._model, self._context, self._timeline, self._own = model, context, timeline, own
         rig = timeline.main.run.scenario.rig
         self._scale, self._floor = drawn_scale(rig), -rig.rope_range[1]
         self._size = model.vis.global_.offwidth, model.vis.global_.offheight
         self._line_width = min(self._size[0] / 480.0, self._size[1] / 360.0)  # [px]
         # The solid crane comes first, since it sets up the scene with all static objects.
         tracks = sorted(timeline.tracks, key=lambda track: track.is_ghost)
-        rigs = {track.run.scenario.rig for track in tracks} - {rig}
-        models = {rig: model, **{other: _model(other, *self._size) for other in rigs}}
-        self._tracks = [
-            (track, models[track.run.scenario.rig], mujoco.MjData(models[track.run.scenario.rig]))
-            for track in tracks
-        ]
+        shared = {} if own else {rig: model}
+        rigs = {track.run.scenario.rig for track in tracks if track.is_ghost} - shared.keys()
+        shared |= {other: _model(other, *self._size) for other in rigs}
+        models = [shared[track.run.scenario.rig] if track.is_ghost else model for track in tracks]
+        self._tracks = [(t, m, mujoco.MjData(m)) for t, m in zip(tracks, models, strict=True)]
         self._addresses = state_addresses(model)
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
@@ -108,7 +112,10 @@ class Renderer:
     def _compose(self, time: float) -> None:
         for track, model, data in self._tracks:
             row = track.row(time)
-            data.qpos[self._addresses] = track.run.block("state")[row, 0::2]
+            state = track.run.block("state")[row]
+            data.qpos[self._addresses] = state[0::2]
+            if self._own and not track.is_ghost:
+                self._own.place(data, state)
             mujoco.mj_forward(model, data)
             rope = SLACK_COLOUR if track.nearly_slack[row] else TAUT_COLOUR
             if track.is_ghost:
@@ -218,9 +225,11 @@ def _scale_bar(rig: RigParameters, *, top: bool) -> tuple[Array, Array]:
     return np.array([(end - length, y, z), (end, y, z)]), BAR_TICK * scale * tick
 
 
-def _model(rig: RigParameters, width: int, height: int) -> Any:
-    """Return the rig's model for pictures of this size."""
+def _model(rig: RigParameters, width: int, height: int, own: OwnGeometry | None = None) -> Any:
+    """Return the rig's model for pictures of this size, with the geometry of a user's model if given."""
     spec = drawn_spec(rig)
+    if own:
+        own.replace_shapes(spec)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     # Few facets of round shapes are invisible, and fast in software.
     spec.visual.quality.numslices, spec.visual.quality.numstacks = 18, 10

@@ -14,6 +14,7 @@ from cranectl.scenario.rig import ModelNames
 from cranectl.support.errors import InputError
 
 FOLDERS = ("meshdir", "texturedir", "assetdir")  # attributes of a compiler element
+SENSOR_NAME = "cranectl_"  # beginning of the names of sensors that are added
 # Sensors that are added: kind, and of what. The first three are read as a run's load, see `Plant.advance`.
 SENSORS = (
     (mujoco.mjtSensor.mjSENS_FRAMEPOS, "load"),
@@ -37,7 +38,7 @@ def spec_of_file(file: Path, names: ModelNames) -> mujoco.MjSpec:
         _check_names(file, spec, names)
         for k, (kind, of) in enumerate(SENSORS):
             objtype = mujoco.mjtObj.mjOBJ_ACTUATOR if of == "winch_drive" else mujoco.mjtObj.mjOBJ_SITE
-            spec.add_sensor(name=f"cranectl_{k}", type=kind, objtype=objtype, objname=getattr(names, of))
+            spec.add_sensor(name=f"{SENSOR_NAME}{k}", type=kind, objtype=objtype, objname=getattr(names, of))
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
         spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         spec.compile()
@@ -48,6 +49,27 @@ def spec_of_file(file: Path, names: ModelNames) -> mujoco.MjSpec:
             remedy="correct the file",
         ) from None
     return spec
+
+
+def embed_files(spec: mujoco.MjSpec) -> None:
+    """Put the meshes of a model into its text and leave out its images, so that it needs no other file."""
+    model = spec.compile()
+    for k, mesh in enumerate(spec.meshes):
+        points, faces = (
+            table[first : first + count]
+            for table, first, count in (
+                (model.mesh_vert, model.mesh_vertadr[k], model.mesh_vertnum[k]),
+                (model.mesh_face, model.mesh_faceadr[k], model.mesh_facenum[k]),
+            )
+        )
+        turn = np.zeros(9)  # from the axes of the mesh's inertia, in which the compiled points are
+        mujoco.mju_quat2Mat(turn, model.mesh_quat[k])
+        mesh.uservert = (points @ turn.reshape(3, 3).T + model.mesh_pos[k]).ravel()
+        mesh.userface, mesh.file, mesh.scale = faces.ravel(), "", np.ones(3)
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    for texture in spec.textures:
+        spec.delete(texture)
 
 
 def check_files(file: Path) -> None:
@@ -85,7 +107,7 @@ def _check_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:
 
 def sensor_values(model: mujoco.MjModel) -> NDArray[np.int64]:
     """Return the indices in sensordata of the values of SENSORS."""
-    sensors = [model.sensor(f"cranectl_{k}") for k in range(len(SENSORS))]
+    sensors = [model.sensor(f"{SENSOR_NAME}{k}") for k in range(len(SENSORS))]
     return np.concatenate([sensor.adr[0] + np.arange(sensor.dim[0]) for sensor in sensors])
 
 

@@ -30,45 +30,13 @@ NAMES = (
 )
 
 
-class OwnModel:
-    """A model file as compiled, and what probing shows of it."""
+class SiteModel:
+    """A compiled model whose sites of pivot and load show the state of a crane."""
 
-    def __init__(self, file: Path, names: ModelNames) -> None:
-        """Compile and probe a model file; raise InputError if it is not such a crane."""
-        self.file, self.names = file, names
-        self.model = model = spec_of_file(file, names).compile()  # to be copied before it is changed
-        compiled = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
-        mujoco.mj_saveModel(model, None, compiled)
-        self.digest = hashlib.sha256(compiled.tobytes()).hexdigest()[:FINGERPRINT_DIGITS]
-        self.free = copy.copy(model)  # without contacts and end stops, which would disturb probing
-        self.free.opt.disableflags |= sum(map(int, UNDISTURBED))
-        self.sites = model.site(names.pivot).id, model.site(names.load).id
-        self.drives = np.array([model.actuator(name).id for name in names.drives], dtype=np.int64)
-        self.sensors = sensor_values(model)  # indices in sensordata
-        self.servo = servo_kind(file, model, names)  # what the drives take: velocity, position or force
-        self.gravity = -float(model.opt.gravity[2])  # along -z [m/s²]
-        shown, _ = self.show(mujoco.MjData(model))
-        if not shown[ROPE] > 0.0 or model.opt.gravity[:2].any() or not self.gravity > 0.0:
-            raise InputError(
-                f"{file}: a rope of {shown[ROPE]:g} m and gravity {model.opt.gravity.tolist()} m/s²",
-                allowed="a load at some distance from its pivot, and gravity along -z",
-                remedy="correct sites and gravity in the file",
-            )
-        shown[1::2] = shown[ALPHA:] = 0.0
-        self.rest = shown  # state (10,) of a hanging load, with place and rope of the file
-        self.ratios = self._find_ratios()  # (3,) velocity of an actuator over that of its axis
-        falling, masses = self._probe_masses()
-        self.driven_masses = masses  # (3,) as in `RigParameters.driven_masses` [kg]
-        self.load_mass = float(masses[2] * falling[2] / self.gravity)  # of all that hangs [kg]
-
-    @property
-    def scale(self) -> Array:
-        """Control over the set-point of each axis, or over the force on it, shape (3,)."""
-        gain = self.model.actuator_gainprm[self.drives, 0]
-        if self.servo == "force":
-            return np.asarray(1.0 / (self.ratios * gain))
-        term = 1 if self.servo == "position" else 2
-        return np.asarray(-self.model.actuator_biasprm[self.drives, term] * self.ratios / gain)
+    def __init__(self, model: mujoco.MjModel, sites: tuple[str, str], source: object) -> None:
+        """Take a model with these `sites`; errors name its `source`."""
+        self.model, self.source = model, source
+        self.sites = tuple(model.site(name).id for name in sites)
 
     def show(self, data: mujoco.MjData) -> tuple[Array, Array]:
         """Return the state (10,) that the sites show, and the gradient (5, nv) of its positions."""
@@ -107,10 +75,51 @@ class OwnModel:
             is_near = bool(np.abs(missing).max() < PLACED)
         positions = ", ".join(f"{axis} {value:.4g}" for axis, value in zip(AXES, state[0::2], strict=True))
         raise InputError(
-            f"{self.file}: no joints bring its sites to {positions}",
+            f"{self.source}: no joints bring its sites to {positions}",
             allowed="states that its joints can reach",
             remedy="begin the reference where the model can be",
         )
+
+
+class OwnModel(SiteModel):
+    """A model file as compiled, and what probing shows of it."""
+
+    def __init__(self, file: Path, names: ModelNames) -> None:
+        """Compile and probe a model file; raise InputError if it is not such a crane."""
+        model = spec_of_file(file, names).compile()  # to be copied before it is changed
+        super().__init__(model, (names.pivot, names.load), file)
+        self.file, self.names = file, names
+        compiled = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
+        mujoco.mj_saveModel(model, None, compiled)
+        self.digest = hashlib.sha256(compiled.tobytes()).hexdigest()[:FINGERPRINT_DIGITS]
+        self.free = copy.copy(model)  # without contacts and end stops, which would disturb probing
+        self.free.opt.disableflags |= sum(map(int, UNDISTURBED))
+        self.drives = np.array([model.actuator(name).id for name in names.drives], dtype=np.int64)
+        self.sensors = sensor_values(model)  # indices in sensordata
+        self.servo = servo_kind(file, model, names)  # what the drives take: velocity, position or force
+        self.gravity = -float(model.opt.gravity[2])  # along -z [m/s²]
+        shown, _ = self.show(mujoco.MjData(model))
+        if not shown[ROPE] > 0.0 or model.opt.gravity[:2].any() or not self.gravity > 0.0:
+            raise InputError(
+                f"{file}: a rope of {shown[ROPE]:g} m and gravity {model.opt.gravity.tolist()} m/s²",
+                allowed="a load at some distance from its pivot, and gravity along -z",
+                remedy="correct sites and gravity in the file",
+            )
+        shown[1::2] = shown[ALPHA:] = 0.0
+        self.rest = shown  # state (10,) of a hanging load, with place and rope of the file
+        self.ratios = self._find_ratios()  # (3,) velocity of an actuator over that of its axis
+        falling, masses = self._probe_masses()
+        self.driven_masses = masses  # (3,) as in `RigParameters.driven_masses` [kg]
+        self.load_mass = float(masses[2] * falling[2] / self.gravity)  # of all that hangs [kg]
+
+    @property
+    def scale(self) -> Array:
+        """Control over the set-point of each axis, or over the force on it, shape (3,)."""
+        gain = self.model.actuator_gainprm[self.drives, 0]
+        if self.servo == "force":
+            return np.asarray(1.0 / (self.ratios * gain))
+        term = 1 if self.servo == "position" else 2
+        return np.asarray(-self.model.actuator_biasprm[self.drives, term] * self.ratios / gain)
 
     def hold(self, data: mujoco.MjData) -> None:
         """Set the controls that keep the present velocity or position of the axes, or hold the weight."""

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from cranectl.plants.mujoco.own_check import find_differences
-from cranectl.plants.mujoco.own_file import spec_of_file
+from cranectl.plants.mujoco.own_file import embed_files, spec_of_file
 from cranectl.plants.mujoco.own_model import OwnModel, open_model
 from cranectl.plants.mujoco.plant import MujocoPlant, views_of
 from cranectl.plants.mujoco.sites import SiteViews
@@ -71,8 +71,9 @@ class OwnPlant(MujocoPlant):
 
     @property
     def description(self) -> str:
-        """The model as run, in MJCF."""
+        """The model as run, in MJCF that needs no other file."""
         spec = spec_of_file(self.own.file, self.own.names)
+        embed_files(spec)
         spec.option.timestep = self.rig.step
         return str(spec.to_xml())
 
