@@ -41,12 +41,15 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
     """Return how a model differs from the rigid crane; empty if it does not."""
     unrest = np.max([_unrest(own, state) for state in own.places()], axis=0)
     excess = np.max([_excess(own, state) for state in _random_states(own)], axis=0)
-    rest = "it accelerates while its drives rest: does the winch hold the weight?"
-    causes = ", ".join(_causes(own.model)) or "inertia of the load, a second pendulum or further masses"
+    causes = (
+        ", ".join(_causes(own.model)) or "inertia of the load, a second pendulum, further masses or forces"
+    )
+    rests = [f"it accelerates while its drives rest: {causes}"] * len(AXES)
+    rests[2] = "it accelerates while its drives rest: does the winch hold the weight?"
     meanings = [f"drive and rope do not explain how the {axis} accelerates: {causes}" for axis in AXES[:3]]
     meanings.append(f"the load does not swing as a point on a massless rope: {causes}")
     sized = [
-        *((f"{axis} at rest", size, rest) for axis, size in zip(AXES, unrest, strict=True)),
+        *((f"{axis} at rest", size, rest) for axis, size, rest in zip(AXES, unrest, rests, strict=True)),
         *zip((*AXES[:3], "swing"), excess, meanings, strict=True),
     ]
     differences = [
@@ -113,6 +116,9 @@ def _causes(model: mujoco.MjModel) -> Iterator[str]:
     for names, tables in ((model.joint, joints), (model.tendon, tendons)):
         for kind, numbers in zip(kinds, tables, strict=True):
             yield from (f"{kind} of {names(k).name}" for k in np.flatnonzero(numbers))
+    yield from (f"gravcomp of {model.body(k).name}" for k in np.flatnonzero(model.body_gravcomp))
+    yield from (f"constraint {model.equality(k).name}" for k in range(model.neq))
+    yield from (f"{part} of the air" for part in ("density", "viscosity") if getattr(model.opt, part))
     for k in np.flatnonzero(model.tendon_armature):
         ends = model.wrap_objid[model.tendon_adr[k] + np.array([0, model.tendon_num[k] - 1])]
         is_spatial = model.wrap_type[model.tendon_adr[k]] == int(mujoco.mjtWrap.mjWRAP_SITE)
