@@ -80,6 +80,7 @@ TARGETS = {
     """,
     "cranectl.plants.mujoco.disturbed_step": "apply_disturbance apply_drag turn_rate",
     "cranectl.plants.mujoco.effects": "body_entries",
+    "cranectl.plants.mujoco.sites": "state_of_sites read_load_of_sites",
     "cranectl.plants.mujoco.model": "ideal_inertia _ideal_drive_entries _velocity_drive_entries",
     "cranectl.plants.drake.model": """
         build_crane rotor_inertias axis_damping drive_forces _add_frame _add_load _add_body
@@ -117,6 +118,7 @@ OWN_SUITES = {
     "drake": ["tests/drake/test_model.py", "tests/drake/test_plant.py"],
     "planning": ["tests/planning/test_series.py", "tests/planning/test_limits.py"],
     "series": ["tests/planning/test_series.py", "tests/planning/test_limits.py"],
+    "sites": ["tests/plants/test_sites.py"],
 }
 # Tests that take long in uncompiled code, or never end with a wrong equation.
 EXCLUDED_TESTS = (
@@ -213,6 +215,8 @@ _SQUARED = (
     "rig.qpos[rig.distance[0]]",
     "cos(rig.qpos[rig.joints[4]])",
     "self.crane.GetPositions(self.context)[self.positions[2:]]",
+    "sensors[seen[3 + i]] - sensors[seen[10 + i]]",
+    "way * velocity",
 )
 
 
