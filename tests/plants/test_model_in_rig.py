@@ -108,3 +108,8 @@ def test_what_a_model_takes_but_ignores_is_refused(tmp_path: Path) -> None:
     rig = ["rig.bridge_mass=5", "rig.trolley_mass=3.5", "rig.trolley_time_constant=0.028"]
     with pytest.raises(InputError, match="accepts disturbances with velocity drives and does not react"):
         simulate_run(load_scenario("fixed-position", overrides=rig), plant=str(model), drive="velocity")
+
+
+def test_live_sessions_have_it_too(hall: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["live", str(hall), "--drive", "ideal", "--port", "0"]) == 2
+    assert "ideal drives on the hall.xml plant" in capsys.readouterr().err
