@@ -16,7 +16,7 @@ from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PlantEntry, plant_entry
 from cranectl.scenario.effects import EFFECTS, NO_EFFECTS, PARTS, WHOLE_EFFECTS, EffectSettings, Wind, spread
 from cranectl.scenario.rig import RigParameters
-from cranectl.signals import ALPHA, BETA
+from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
@@ -172,10 +172,11 @@ def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Outcome:
         update={name: factor * getattr(base, name) for name, factor in trial.scaled.items()}
     )
     plant: Any = entry.load()(rig, drive=drive, step=PROBE_PERIOD, substeps=1, effects=trial.effects)
-    length = float(np.mean(RIG.rope_range))
-    state = np.array([np.mean(RIG.bridge_range), 0.0, np.mean(RIG.trolley_range), 0.0, length, *(0.0,) * 5])
+    middle = np.zeros(10)
+    middle[0:6:2] = RIG.workspace.mean(axis=1)
+    state = getattr(plant, "rest", middle).copy()
     state[ALPHA], state[BETA] = (0.1, 0.05) if trial.swinging else (0.0, 0.0)
-    plant.check_length(length)
+    plant.check_length(state[ROPE])
     plant.reset(state)
     command = np.full(3, 0.2 if trial.driven else 0.0)
     if DRIVES[drive].at_rest == "weight":

@@ -11,11 +11,22 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
-from cranectl.plants.model_files import forget_models
+from cranectl.plants.model_files import examine, forget_models
 from cranectl.plants.registry import default_plants
+from cranectl.plants.trials import ProbeRun, _outcome
+from cranectl.scenario.rig import PlantSettings, RigParameters
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
-from tests.plants.own_models import MODELS, RIGS, UNDISTURBED, crane_with, servos, write_hall
+from tests.plants.own_models import (
+    HALL_NAMES,
+    MODELS,
+    RIGS,
+    UNDISTURBED,
+    changed,
+    crane_with,
+    servos,
+    write_hall,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -108,6 +119,16 @@ def test_what_a_model_takes_but_ignores_is_refused(tmp_path: Path) -> None:
     rig = ["rig.bridge_mass=5", "rig.trolley_mass=3.5", "rig.trolley_time_constant=0.028"]
     with pytest.raises(InputError, match="accepts disturbances with velocity drives and does not react"):
         simulate_run(load_scenario("fixed-position", overrides=rig), plant=str(model), drive="velocity")
+
+
+def test_a_trial_begins_where_the_model_is(tmp_path: Path) -> None:
+    """This crane cannot be where the laboratory's is: its end stops would throw it back."""
+    shutil.copytree(MODELS / "parts", tmp_path / "parts")
+    moved = ('name="girders" pos="0 0 8"', 'name="girders" pos="25 0 8"'), ('range="0 30"', 'range="-5 5"')
+    rig = RigParameters(plant=PlantSettings(names=HALL_NAMES))
+    entry = examine(str(changed(MODELS / "hall.xml", tmp_path, *moved)), rig)
+    state, _ = _outcome(entry, "velocity", ProbeRun())
+    assert state == pytest.approx([25.0, 0.0, 0.0, 0.0, 4.0, *(0.0,) * 5], abs=1e-6)
 
 
 def test_live_sessions_have_it_too(hall: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -36,7 +36,7 @@ class OwnGeometry:
         compiled = self._spec.compile()
         data = mujoco.MjData(compiled)
         mujoco.mj_kinematics(compiled, data)
-        self._height = float(data.site(names.pivot).xpos[2])
+        self._height, _ = (float(data.site(name).xpos[2]) for name in (names.pivot, names.load))
 
     def replace_shapes(self, spec: Any) -> None:
         """Put the geometry into `spec`, the shipped model, with its pivot at the height of the trolley."""

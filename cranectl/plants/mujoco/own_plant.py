@@ -36,6 +36,7 @@ class OwnPlant(MujocoPlant):
         self.model = copy.copy(own.model)
         self.model.opt.timestep = step
         self.data = mujoco.MjData(self.model)
+        self.rest = own.rest  # where a trial of what it accepts begins
         unused = np.zeros(5, dtype=np.int64)
         sites = self.data.site_xpos
         pivot, load = self.model.site_bodyid[list(own.sites)]
