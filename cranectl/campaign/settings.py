@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Distribution
 from cranectl.metrics.limits import Limits
-from cranectl.plants.model_files import placed, plant_named
+from cranectl.plants.model_files import plant_named
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
 from cranectl.scenario.load import rig_place
@@ -111,7 +111,7 @@ def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
     if isinstance(table.get("rig"), str):
         table["rig"] = str(rig_place(table["rig"], path.parent))
     if isinstance(table.get("plants"), list):
-        table["plants"] = [placed(p, path.parent) if isinstance(p, str) else p for p in table["plants"]]
+        table["plants"] = [str(rig_place(str(name), path.parent)) for name in table["plants"]]
     return parse_campaign(override(table, overrides), path.name, Assigned(overrides, table))
 
 

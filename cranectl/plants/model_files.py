@@ -117,11 +117,6 @@ def model_plants() -> dict[str, PlantEntry]:
     return {name: entry for name, entry in PLANTS.items() if entry.where == OWN_PLANT}
 
 
-def placed(file: str, directory: Path) -> str:
-    """Return the path of a model file that a file in `directory` names; leave the name of a plant."""
-    return str(directory / file) if file.endswith(MODEL_ENDING) else file
-
-
 def forget_models() -> None:
     """Remove the plants from model files."""
     for name in model_plants():

@@ -75,9 +75,9 @@ def read_scenario(
 
 
 def _place_model(rig: Table, directory: Path) -> None:
-    """Let the path of a model file in a rig's table begin where that in a file in `directory` does."""
+    """Let the path of the model in a rig's table, read in `directory`, begin at the working directory."""
     if isinstance(rig.get("model"), str):
-        rig["model"] = str(directory / rig["model"])
+        rig["model"] = str(rig_place(rig["model"], directory))
 
 
 def rig_place(name_or_path: str, directory: Path) -> Path:

@@ -93,10 +93,9 @@ class RigParameters(Settings):
         EffectNumbers(), description="numbers of the effects on this crane, for a run that has them"
     )
     look: Look = Field(Look(), description="how it is drawn")
-    model: str | None = Field(
+    model: Annotated[str, Field(pattern=r"\.xml$")] | None = Field(
         None,
-        description="model file that runs beside the default plants; its path is relative to the file "
-        "that names it",
+        description="model file that runs beside the default plants, by its path from the file that names it",
         exclude_if=lambda model: model is None,
     )
     plant: PlantSettings = Field(

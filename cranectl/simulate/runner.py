@@ -74,7 +74,7 @@ def simulate_run(
     scenario : Scenario
         What to run.
     plant, drive : str
-        Plant and kind of drive.
+        Plant, or the path of a model file in MJCF, and kind of drive.
     controller : str, optional
         One of `controller_names()`; by default the scenario's.
     design : ControllerDesign, optional

@@ -73,6 +73,8 @@ def test_a_scenario_names_a_model_and_an_option_does(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     assert load_scenario("sub/a.toml").rig.model == "sub/mine.xml"
     assert load_scenario("sub/a.toml", overrides=["rig.model=other.xml"]).rig.model == "other.xml"
+    with pytest.raises(InputError, match=re.escape("rig.model")):
+        load_scenario("sub/a.toml", overrides=["rig.model=mujoco"])
     with pytest.raises(InputError, match=re.escape("no model file sub/mine.xml")):
         simulate_run(load_scenario("sub/a.toml"), plant="sub/mine.xml", drive="velocity")
 
