@@ -118,7 +118,7 @@ class PlantEntry:
         """Return the entry of a plant that is not installed; old logs declare only its name."""
         return cls(
             name=name,
-            label=declared.get("label", name[:LONGEST_LABEL]),
+            label=declared.get("label", name[:MAX_PLANT_LABEL]),
             colour=declared.get("colour", PLANT_COLOURS[-1]),
             where="",
             batch=batch,
