@@ -7,8 +7,9 @@ A rope pulls its load along itself, for any motion of the drives. So with z₃''
 An observer estimates z, z' and the disturbance d, an acceleration, from the measured joints. It does not use
 the commands of the drives. So lags, delays and limits of drives cause no error in it, and nothing winds up
 when drives saturate. From the path's acceleration minus d, the flat map gives the state in which the crane
-leans so that its load is on the path. This compensates a constant force, a tilted rail or an angle sensor
-with an offset. It is the target of offset-free control (Pannocchia and Rawlings, AIChE J. 49, 2003).
+leans so that its load is on the path. This compensates a constant force or a tilted rail; an angle sensor
+with an offset b leaves an error of l b. It is the target of offset-free control (Pannocchia and Rawlings,
+AIChE J. 49, 2003).
 
 For each horizontal axis, with the drive x and the error e of the observed load, scaled by the length l and
 the time 1/p = sqrt(l/g):
