@@ -73,10 +73,10 @@ def test_commands_that_runs_and_reports_suggest_work(capsys: pytest.CaptureFixtu
     assert main(["run", "the ship.toml", "--controller", "lqr", *ON, "--out", "b log.mcap"]) == 1
     assert main(["log", "overlay", "a log.mcap", "b log.mcap", "--out", "over lay.mcap"]) == 0
     commands = suggested_commands(capsys.readouterr().out)
-    assert [command.split()[1] for command in commands] == ["log", "log"]
+    assert [command.split()[1] for command in commands] == ["log", "log", "log"]
     assert main(["report", "a log.mcap", "b log.mcap", "--out", "two logs.html"]) == 0
     commands += commands_of_page(Path("two logs.html"))
-    assert len(commands) == 3
+    assert len(commands) == 4
     for command in commands:
         assert execute(command) == 0, command
 
