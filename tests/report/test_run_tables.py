@@ -137,6 +137,12 @@ def test_a_summary_has_the_largest_differences_of_a_scenario() -> None:
     unjudged = replace(velocity, passed=None, limit_m=None, limit_rad=None)
     assert agreement_summary([GOOD, unjudged]).rows[0][-1] == Cell("yes (ideal)", "good")
     assert agreement_summary([unjudged, velocity]).rows[0][-1] == Cell("yes", "good")
+    own = replace(unjudged, plant="mine", max_load_error_m=9e-3)
+    beside = agreement_summary([velocity, own])
+    assert [row[0].text for row in beside.rows] == [velocity.scenario, f"{velocity.scenario}, mine"]
+    assert [row[-1].text for row in beside.rows] == ["yes", "not judged"]
+    assert beside.rows[1][1].text == "9.0e-03"
+    assert beside.headings[1].endswith(agreement_summary([velocity]).headings[1])
     slow = replace(GOOD, scenario="slow")
     broken = agreement_summary([GOOD, GOOD, slow], ["limits broken"] * 2 + [""])
     assert [row[-1] for row in broken.rows] == [Cell("limits broken", "bad"), Cell("")]

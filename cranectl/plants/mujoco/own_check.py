@@ -41,9 +41,8 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
     """Return how a model differs from the rigid crane; empty if it does not."""
     unrest = np.max([_unrest(own, state) for state in own.places()], axis=0)
     excess = np.max([_excess(own, state) for state in _random_states(own)], axis=0)
-    causes = (
-        ", ".join(_causes(own.model)) or "inertia of the load, a second pendulum, further masses or forces"
-    )
+    other = "inertia of the load, a second pendulum, further masses or forces"
+    causes = f"{known}, or {other}" if (known := ", ".join(_causes(own.model))) else other
     rests = [f"it accelerates while its drives rest: {causes}"] * len(AXES)
     rests[2] = "it accelerates while its drives rest: does the winch hold the weight?"
     meanings = [f"drive and rope do not explain how the {axis} accelerates: {causes}" for axis in AXES[:3]]

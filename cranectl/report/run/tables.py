@@ -153,25 +153,33 @@ def topic_table(description: "LogDescription") -> Table:
 def agreement_summary(agreements: Sequence[Agreement], others: Sequence[str] = ()) -> Table:
     """Return one row for each scenario: the largest differences over its controllers and plants.
 
-    `others` holds for each agreement what else is wrong with its case, or an empty text.
+    A plant that is not judged has a row of its own beside those that are. `others` holds for each agreement
+    what else is wrong with its case, or an empty text.
     """
+    others = others or [""] * len(agreements)
     headings, shared = _difference_headings(agreements)
+    parts: dict[str, list[tuple[Agreement, str]]] = {}
+    judged = [agreement for agreement in agreements if agreement.passed is not None]
+    judged_plants = {(agreement.scenario, agreement.plant) for agreement in judged}
+    judged_scenarios = {agreement.scenario for agreement in judged}
+    for agreement, other in zip(agreements, others, strict=True):
+        scenario, plant = agreement.scenario, agreement.plant
+        beside = scenario in judged_scenarios and (scenario, plant) not in judged_plants
+        name = f"{scenario}, {plant}" if beside else scenario
+        parts.setdefault(name, []).append((agreement, other))
     rows = []
-    for scenario in dict.fromkeys(agreement.scenario for agreement in agreements):
-        judged = [agreement for agreement in agreements if agreement.scenario == scenario]
-        largest = [cell for drive, limits in shared.items() for cell in _largest(judged, drive, limits)]
-        failed = sum(agreement.passed is False for agreement in judged)
-        several = f" ({failed} of {len(judged)})" if len(judged) > 1 else ""
+    for name, part in parts.items():
+        of_part = [agreement for agreement, _ in part]
+        largest = [cell for drive, limits in shared.items() for cell in _largest(of_part, drive, limits)]
+        failed = sum(agreement.passed is False for agreement in of_part)
+        several = f" ({failed} of {len(part)})" if len(part) > 1 else ""
         by_drive: Drives = {}
-        for agreement in judged:
+        for agreement in of_part:
             if agreement.passed is not None or agreement.drive not in by_drive:
                 by_drive[agreement.drive] = (agreement, "")
         answer = Cell(f"{ANSWERS[False].text}{several}", "bad") if failed else _agree(by_drive)
-        pairs = zip(agreements, others, strict=False)
-        faults = "; ".join(
-            dict.fromkeys(other for agreement, other in pairs if other and agreement.scenario == scenario)
-        )
-        rows.append(cells(scenario, *largest, answer, *[Cell(faults, "bad" if faults else "")] * any(others)))
+        faults = "; ".join(dict.fromkeys(other for _, other in part if other))
+        rows.append(cells(name, *largest, answer, *[Cell(faults, "bad" if faults else "")] * any(others)))
     last_headings = ("plants\nagree", "other\nfaults") if any(others) else ("plants\nagree",)
     return Table("Largest differences between plants", ("scenario", *headings, *last_headings), tuple(rows))
 
@@ -228,9 +236,13 @@ def _difference_headings(agreements: Sequence[Agreement]) -> tuple[list[str], Sh
 
 
 def _shared(agreements: Sequence[Agreement]) -> tuple[float, float] | None:
-    """Return the limits of all agreements if they are equal, else None."""
-    (load_m, angle_rad), *others = {(agreement.limit_m, agreement.limit_rad) for agreement in agreements}
-    return None if others or load_m is None or angle_rad is None else (load_m, angle_rad)
+    """Return the limits of all judged agreements if they are equal, else None."""
+    limits = {
+        (agreement.limit_m, agreement.limit_rad)
+        for agreement in agreements
+        if agreement.limit_m is not None and agreement.limit_rad is not None
+    }
+    return limits.pop() if len(limits) == 1 else None
 
 
 def _numbers(drives: Drives, shared: SharedLimits) -> Iterator[Cell | str]:
