@@ -40,6 +40,7 @@ def compare_measured(
 
     from cranectl.log.overlay import Layer, write_overlay
     from cranectl.measured.replay import default_replay, predict
+    from cranectl.plants.model_files import examine, model_plants, plants_for
     from cranectl.plants.registry import REFERENCE_PLANT
     from cranectl.support.provenance import provenance
 
@@ -47,7 +48,18 @@ def compare_measured(
         check_place(out, MCAP, inputs=[log], option="--out")
     run = measured.run
     replayed = replay or default_replay(run)
-    predicted = {plant: predict(run, plant, replayed) for plant in plants or (REFERENCE_PLANT,)}
+    rig = run.scenario.rig
+    has_model = replayed == "commands" and rig.model is not None and Path(rig.model).is_file()
+    own = [plant for plant in plants_for(rig, ()) if plant in model_plants()] if has_model else []
+    names = plants or (REFERENCE_PLANT, *own)
+    for entry in (examine(plant, rig) for plant in names):
+        if replayed == "motion" and "ideal" not in entry.drives:
+            raise InputError(
+                f"--replay motion on the {entry.label} plant, which cannot move its axes as measured",
+                allowed="plants with ideal drives, or --replay commands",
+                remedy="take --replay commands, or other --plants",
+            )
+    predicted = {plant: predict(run, plant, replayed) for plant in names}
     summaries = {plant: _residuals(prediction) for plant, prediction in predicted.items()}
     for plant, prediction in predicted.items():
         title = f"measured minus predicted, {plant}, {replayed} repeated"

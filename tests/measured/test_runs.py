@@ -20,6 +20,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.cli.suggestions import execute, suggested_commands
 from tests.measured.crane import COMMANDS, columns, imported, mapping, truth, write_csv
+from tests.plants.own_models import MODELS
 
 MAP = """
 name = "monday"
@@ -142,6 +143,29 @@ def test_measured_and_predicted_runs_share_one_log(folder: Path) -> None:
     assert "load, measured minus predicted" in (folder / "both.html").read_text()
     header = cranectl("log", "export", both, "--out", folder / "both.csv", "--signals", "*residual*")
     assert header.exit_code == 0
+
+
+def test_the_model_of_the_rig_predicts_too(folder: Path, tmp_path: Path) -> None:
+    """A model file has no ideal drives, with which a motion could be repeated."""
+    (tmp_path / "tendon.xml").write_text((MODELS / "tendon.xml").read_text())
+    (tmp_path / "own.toml").write_text('extends = "lab-rig"\nmodel = "tendon.xml"\nwinch_mass = 1e-6\n')
+    log, out = tmp_path / "own.mcap", tmp_path / "own.json"
+    given = ("--map", folder / "whole.toml", "--rig", tmp_path / "own.toml", "--out", log)
+    assert cranectl("log", "import", folder / "a.csv", *given).exit_code == 0
+    for options, plants in (
+        ([], ["mujoco", "tendon"]),
+        (["--replay", "motion"], ["mujoco"]),
+        (["--plants", "analytic"], ["analytic"]),
+    ):
+        assert cranectl("compare", log, *options, "--json", out).exit_code == 0
+        predictions = json.loads(out.read_text())["predictions"]
+        assert [prediction["plant"] for prediction in predictions] == plants
+    refused = cranectl("compare", log, "--replay", "motion", "--plants", tmp_path / "tendon.xml")
+    assert refused.exit_code == 2
+    assert "take --replay commands, or other --plants" in refused.output
+    (tmp_path / "tendon.xml").unlink()
+    assert cranectl("compare", log, "--json", out).exit_code == 0
+    assert len(json.loads(out.read_text())["predictions"]) == 1
 
 
 def test_replay_is_for_measured_logs_only(tmp_path: Path) -> None:
