@@ -1,0 +1,105 @@
+"""Translate calls: of other compiled functions, conversions, functions of the C library and tuples."""
+
+import ast
+import contextlib
+import inspect
+import math
+import re
+from collections.abc import Callable
+from functools import reduce
+from typing import Any
+
+from numba import carray, typeof  # type: ignore[attr-defined]
+from numba.core.types import Array, CPointer, Integer
+
+from cranectl.export.expressions import Expressions
+from cranectl.export.inference import result_type
+from cranectl.export.values import UNARY, Value
+
+C_LIBRARY = (
+    "sin cos tan asin acos atan atan2 sinh cosh tanh exp expm1 log log1p log10 sqrt fabs floor ceil copysign "
+    "isfinite isnan isinf"
+)
+MATH = {getattr(math, name): name for name in re.findall(r"\w+", C_LIBRARY)}
+
+
+class Calls(Expressions):
+    """Translator of expressions with calls."""
+
+    def visit_Call(self, node: ast.Call) -> Value:  # noqa: N802
+        function = self.static(node.func)
+        if node.keywords and not inspect.isclass(function):
+            raise self.refuse(node, "names arguments")
+        if function is carray:
+            return self.carray(node)
+        values: list[Value] = [self.visit(argument) for argument in node.args]
+        if getattr(function, "py_func", None) is not None:
+            return self.call(node, function.py_func, values)
+        if inspect.isclass(function) and issubclass(function, tuple) and hasattr(function, "_fields"):
+            return self.named_tuple(node, function, values)
+        if function is len and values[0].length is not None:
+            return values[0].length()
+        if function in (min, max) and len(values) > 1:
+            return self.extreme(node, function, values)
+        if function in (int, float, abs) or function in MATH:
+            return self.of_number(node, function, values)
+        raise self.refuse(node, "calls a function without a translation")
+
+    def of_number(self, node: ast.Call, function: Any, values: list[Value]) -> Value:
+        """Return the value of a conversion or of a function of C's library."""
+        kind = self.result(node, function, *values)
+        value, is_integer = values[0], isinstance(kind, Integer)
+        if function in (int, float):
+            cast = "int64_t" if is_integer else "double"
+            return Value(f"({cast}){value.within(UNARY)}", kind, UNARY, is_natural=value.is_natural)
+        if function is abs and is_integer:
+            return self.unit.value("abs_int", value)
+        with contextlib.suppress(ArithmeticError, ValueError):
+            if function in MATH and all(value.constant is not None for value in values):
+                # A C compiler may compute it with another rounding than the library of this machine.
+                return self.number(node, function(*(value.constant for value in values)), ast.unparse(node))
+        text = f"{MATH.get(function, 'fabs')}({', '.join(value.text for value in values)})"
+        return Value(f"(int64_t){text}", kind, UNARY) if is_integer else Value(text, kind)
+
+    def extreme(self, node: ast.Call, function: Any, values: list[Value]) -> Value:
+        """Return the least or the largest of some numbers."""
+        kind = self.result(node, function, *values)
+        helper = f"{function.__name__}_{'int' if isinstance(kind, Integer) else 'double'}"
+        text = reduce(lambda a, b: self.unit.helper(helper, a, b), (value.text for value in values))
+        which = any if function is max else all
+        return Value(text, kind, is_natural=which(value.is_natural for value in values))
+
+    def carray(self, node: ast.Call) -> Value:
+        """Return an array that begins at a pointer."""
+        pointer: Value = self.visit(node.args[0])
+        shape = node.args[1]
+        if isinstance(shape, ast.Tuple) and len(shape.elts) == 1:
+            shape = shape.elts[0]
+        length: Value = self.visit(shape)
+        if not isinstance(pointer.type, CPointer) or not isinstance(length.type, Integer):
+            raise self.refuse(node, "is no array of one dimension at a pointer")
+        return pointer._replace(type=Array(pointer.type.dtype, 1, "C"), length=lambda: length)
+
+    def named_tuple(self, node: ast.Call, function: Any, values: list[Value]) -> Value:
+        """Return a new named tuple."""
+        named = {str(keyword.arg): self.visit(keyword.value) for keyword in node.keywords}
+        try:
+            items = list(inspect.signature(function).bind(*values, **named).arguments.values())
+        except TypeError:
+            raise self.refuse(node, "has wrong arguments") from None
+        return self.tuple(node, result_type(typeof(function), tuple(item.type for item in items)), items)
+
+    def call(self, node: ast.Call, function: Callable[..., Any], values: list[Value]) -> Value:
+        """Return the value of another compiled function, which is translated too."""
+        called = self.unit.function(function, [(v.type, v.is_natural) for v in values], self, node)
+        texts = []
+        for name, value in zip(called.parameters, values, strict=True):
+            texts.append(value.text)
+            if name in called.sized:
+                assert value.length is not None
+                texts.append(value.length().text)
+            if name in called.written:
+                self.write(node, value)
+        if called.written:
+            self.effects.append(node)
+        return Value(f"{called.name}({', '.join(texts)})", called.returned)

@@ -1,0 +1,301 @@
+"""Translate statements of compiled Python to C."""
+
+import ast
+import re
+import textwrap
+
+from numba.core.types import Array, BaseTuple, CPointer, Integer, NoneType, int64
+
+from cranectl.export.calls import Calls
+from cranectl.export.expressions import ARITHMETIC
+from cranectl.export.inference import Type
+from cranectl.export.values import ATOM, Value
+
+C_LINE_WIDTH = 110  # of lines in C
+KEPT = "\xa0"  # a space at which no line is broken
+_COMMENT = re.compile(r" /\*.*?\*/")
+Place = tuple[tuple[int, int], ...]  # of a statement: block and index in it, from the outermost block
+
+
+class Statements(Calls):
+    """Translator of the statements of a function."""
+
+    tree: ast.FunctionDef
+    returned: Type
+    parameters: tuple[str, ...]
+    loaded: set[str]  # variables that are read
+    stores: list[str]  # variables that are assigned to, as often as that is done
+    counters: set[str]  # of loops, without other uses
+    places: dict[str, list[tuple[Place, ast.Name]]]  # of all other variables
+
+    def begin(self) -> None:
+        """Forget the text, for another translation that knows more facts."""
+        self.lines: list[str] = []
+        self.declared = set(self.parameters)
+        self.hoisted: list[str] = []  # declarations of variables that several blocks share
+        self.temporaries, self.depth = 0, 1
+
+    def declaration(self, name: str, kind: Type, *, is_constant: bool) -> str:
+        """Return the declaration of a variable; `is_constant` is of the items of an array."""
+        if isinstance(kind, Array | CPointer):
+            return f"{'const ' if is_constant else ''}{self.unit.c_type(kind.dtype, self, self.tree)} *{name}"
+        return f"{self.unit.c_type(kind, self, self.tree)} {name}"
+
+    def line(self, text: str) -> None:
+        """Append a line of C, broken where it is too long."""
+        self.lines.append(filled(text, "    " * self.depth))
+
+    def block(self, statements: list[ast.stmt]) -> None:
+        for statement in statements:
+            self.effects = []
+            self.statement = statement
+            self.visit(statement)
+
+    def _nested(self, opening: str, statements: list[ast.stmt]) -> None:
+        self.line(opening)
+        self.depth += 1
+        self.block(statements)
+        self.depth -= 1
+
+    def expression(self, node: ast.expr) -> Value:
+        """Return an expression in which nothing is written before something else is read."""
+        value: Value = self.visit(node)
+        if any(effect not in _sequenced(node) for effect in self.effects):
+            raise self.refuse(node, "calls, within an expression, a function that writes to an array")
+        return value
+
+    def temporary(self, value: Value) -> Value:
+        """Keep a number or a tuple in a new constant."""
+        self.temporaries += 1
+        name = f"value_{self.temporaries}"
+        if value.length is not None or name in self.types:
+            raise self.refuse(self.statement, f"needs the name {name}, or keeps an array")
+        self.line(f"const {self.unit.c_type(value.type, self, self.statement)} {name} = {value.text};")
+        return Value(name, value.type, is_natural=value.is_natural)
+
+    def visit_Assign(self, node: ast.Assign) -> None:  # noqa: N802
+        if len(node.targets) == 1 and isinstance(node.targets[0], ast.Tuple):
+            self._unpack(node.targets[0].elts, node.value)
+            return
+        value = self.expression(node.value)
+        if (len(node.targets) > 1 and value.constant is None) or (
+            self.effects and isinstance(node.targets[0], ast.Subscript)
+        ):
+            value = self.temporary(value)
+        for target in node.targets:
+            self._assign(target, value)
+
+    def _unpack(self, targets: list[ast.expr], source: ast.expr) -> None:
+        """Assign to several targets; all values are computed before the first assignment."""
+        if (
+            isinstance(source, ast.IfExp)
+            and isinstance(source.body, ast.Tuple)
+            and isinstance(source.orelse, ast.Tuple)
+        ):
+            pairs = zip(source.body.elts, source.orelse.elts, strict=False)
+            source = ast.Tuple(
+                [ast.copy_location(ast.IfExp(source.test, a, b), source) for a, b in pairs], ast.Load()
+            )
+        if isinstance(source, ast.Tuple):
+            values = [self.expression(item) for item in source.elts]
+            stored = {target.id for target in targets[:-1] if isinstance(target, ast.Name)}
+            read = [node for item in source.elts[1:] for node in ast.walk(item)]
+            is_array = any(not isinstance(target, ast.Name) for target in targets[:-1])
+            if self.effects or any(
+                (isinstance(node, ast.Name) and node.id in stored)
+                or (is_array and isinstance(node, ast.Subscript | ast.Call))
+                for node in read
+            ):
+                values = [value if value.constant is not None else self.temporary(value) for value in values]
+        else:
+            whole = self.expression(source)
+            if not isinstance(whole.type, BaseTuple):
+                raise self.refuse(source, "is unpacked, and is no tuple")
+            whole = self.temporary(whole)
+            values = [self.part(whole, place) for place in range(len(whole.type))]
+        if len(values) != len(targets):
+            raise self.refuse(source, "has another number of items than its targets")
+        for target, value in zip(targets, values, strict=True):
+            self._assign(target, value)
+
+    def _assign(self, target: ast.expr, value: Value) -> None:
+        if isinstance(target, ast.Name):
+            self._assign_name(target, value)
+        elif isinstance(target, ast.Subscript):
+            place = self.visit(target)
+            if place.length is not None or value.length is not None:
+                raise self.refuse(target, "is assigned an array, or is one")
+            self.write(target, place)
+            self.line(f"{place.text} = {value.text};")
+        else:
+            raise self.refuse(target, "cannot be assigned to in C")
+
+    def _assign_name(self, target: ast.Name, value: Value) -> None:
+        name, kind = target.id, self.types[target.id]
+        if name not in self.loaded:
+            if self.effects:
+                self.line(f"{value.text};")
+            return
+        label = self.unit.identifier(name, self, target)
+        if isinstance(kind, Integer) and not value.is_natural:
+            self.facts.signed.add(name)
+        if value.length is not None:
+            if value.bases is None and name in self.facts.written:
+                raise self.refuse(target, "writes to an array of a named tuple")
+            self.facts.bases[name] = self.facts.bases.get(name, frozenset()) | (value.bases or frozenset())
+        elif isinstance(kind, BaseTuple) and value.type != kind:
+            raise self.refuse(target, f"has the type {value.type}, and {kind} elsewhere")
+        parts = [
+            (self.declaration(label, kind, is_constant=name not in self.facts.written), label, value.text)
+        ]
+        if name in self.facts.sized and value.length is not None:
+            size = self.size_name(name, target)
+            parts.append((f"int64_t {size}", size, value.length().text))
+        is_new, is_here = name not in self.declared, self._is_declared_here(name)
+        once = "const " if self.stores.count(name) == 1 else ""
+        for declaration, variable, text in parts:
+            if is_new and not is_here:
+                self.hoisted.append(f"    {declaration};")
+            constant = "" if "*" in declaration else once
+            self.line(f"{constant + declaration if is_new and is_here else variable} = {text};")
+        self.declared.add(name)
+
+    def _is_declared_here(self, name: str) -> bool:
+        """Return True if the present statement stands in the innermost block with all uses of a variable."""
+        places = [place for place, _ in self.places[name]]
+        depth, first = len(places[0]), places[0][-1][0]
+        is_read = any(
+            isinstance(node.ctx, ast.Load) for place, node in self.places[name] if place == places[0]
+        )
+        is_within = all(len(place) >= depth and place[depth - 1][0] == first for place in places)
+        return is_within and not is_read and not isinstance(self.statement, ast.For)
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:  # noqa: N802
+        place, value = self.visit(node.target), self.expression(node.value)
+        if isinstance(node.target, ast.Subscript):
+            if self.effects:
+                value = self.temporary(value)
+            self.write(node.target, place)
+        result = self.arithmetic(node, place, node.op, value)
+        if isinstance(node.target, ast.Name) and not result.is_natural:
+            self.facts.signed.add(node.target.id)
+        symbol = ARITHMETIC[type(node.op)][1]
+        if symbol in ("+", "-", "*", "/") and result.type == place.type:
+            self.line(f"{place.text} {symbol}= {value.text};")
+        else:
+            self.line(f"{place.text} = {result.text};")
+
+    def visit_Return(self, node: ast.Return) -> None:  # noqa: N802
+        if node.value is None or isinstance(self.returned, NoneType):
+            self.line("return;")
+            return
+        if isinstance(node.value, ast.Tuple):
+            items = [self.expression(item) for item in node.value.elts]
+            value = self.tuple(node, self.returned, items)
+        else:
+            value = self.expression(node.value)
+        if value.length is not None or (isinstance(self.returned, BaseTuple) and value.type != self.returned):
+            raise self.refuse(node, f"returns {value.type}")
+        self.line(f"return {value.text};")
+
+    def visit_If(self, node: ast.If) -> None:  # noqa: N802
+        opening, branch = "if", node
+        while True:
+            self.effects = []
+            self._nested(f"{opening} ({self.expression(branch.test).text}) {{", branch.body)
+            following = branch.orelse
+            if len(following) != 1 or not isinstance(following[0], ast.If):
+                break
+            opening, branch = "} else if", following[0]
+        if branch.orelse:
+            self._nested("} else {", branch.orelse)
+        self.line("}")
+
+    def visit_While(self, node: ast.While) -> None:  # noqa: N802
+        if node.orelse:
+            raise self.refuse(node, "has an else")
+        self._nested(f"while ({self.expression(node.test).text}) {{", node.body)
+        self.line("}")
+
+    def visit_For(self, node: ast.For) -> None:  # noqa: N802
+        if node.orelse or not isinstance(node.target, ast.Name):
+            raise self.refuse(node, "has an else or several targets")
+        name = node.target.id
+        label, is_counter = self.unit.identifier(name, self, node), name in self.counters
+        if isinstance(node.iter, ast.Call) and self.static(node.iter.func) is range:
+            counter = label if is_counter else f"{label}_place"
+            head, value = self._range(node.iter, counter)
+            if is_counter and not value.is_natural:
+                self.facts.signed.add(name)
+        else:
+            array, counter = self.expression(node.iter), f"{label}_place"
+            if array.length is None or not isinstance(array.type, Array):
+                raise self.refuse(node.iter, "is neither a range nor an array")
+            head = f"for (int64_t {counter} = 0; {counter} < {array.length().text}; {counter}++) {{"
+            value = Value(f"{array.within(ATOM)}[{counter}]", array.type.dtype)
+        if counter != label and counter in self.types:
+            raise self.refuse(node, f"needs the name {counter}, which is taken")
+        self.line(head)
+        self.depth += 1
+        if counter != label and is_counter:
+            self.line(f"const {self.declaration(label, value.type, is_constant=False)} = {value.text};")
+        elif counter != label:
+            self._assign_name(node.target, value)
+        self.block(node.body)
+        self.depth -= 1
+        self.line("}")
+
+    def _range(self, call: ast.Call, counter: str) -> tuple[str, Value]:
+        """Return the head of a loop over a range, whose end is computed once, and its counter."""
+        zero, one = Value("0", int64, constant=0, is_natural=True), Value("1", int64, constant=1)
+        bounds = [self.expression(argument) for argument in call.args]
+        start, stop, step = (zero, *bounds, one) if len(bounds) == 1 else (*bounds, one)[:3]
+        if not step.constant or any(not isinstance(bound.type, Integer) for bound in (start, stop)):
+            raise self.refuse(call, "is no range of integers with a constant step")
+        up = step.constant > 0
+        is_natural = start.is_natural if up else stop.is_natural or stop.constant == -1
+        end, first = stop.text, f"int64_t {counter} = {start.text}"
+        bound = call.args[min(1, len(bounds) - 1)]
+        is_fixed = isinstance(bound, ast.Name) and self.stores.count(bound.id) == (
+            bound.id not in self.parameters
+        )
+        if stop.constant is None and not is_fixed:
+            end = f"{counter}_end"
+            first = f"{first}, {end} = {stop.text}"
+        advance = {1: f"{counter}++", -1: f"{counter}--"}.get(step.constant, f"{counter} += {step.constant}")
+        head = f"for ({first}; {counter} {'<' if up else '>'} {end}; {advance}) {{"
+        return head, Value(counter, int64, is_natural=is_natural)
+
+    def visit_Expr(self, node: ast.Expr) -> None:  # noqa: N802
+        if isinstance(node.value, ast.Constant):
+            return
+        if not isinstance(node.value, ast.Call):
+            raise self.refuse(node, "has no effect")
+        self.line(f"{self.expression(node.value).text};")
+
+    def visit_Pass(self, _: ast.Pass) -> None:  # noqa: N802
+        self.line(";")
+
+    def visit_Break(self, _: ast.Break) -> None:  # noqa: N802
+        self.line("break;")
+
+    def visit_Continue(self, _: ast.Continue) -> None:  # noqa: N802
+        self.line("continue;")
+
+
+def _sequenced(node: ast.AST) -> list[ast.AST]:
+    """Return the parts of an expression that C, as Python, computes one after the other."""
+    if isinstance(node, ast.UnaryOp):
+        return _sequenced(node.operand)
+    if isinstance(node, ast.BoolOp | ast.IfExp):
+        parts = node.values if isinstance(node, ast.BoolOp) else [node.test, node.body, node.orelse]
+        return [inner for part in parts for inner in _sequenced(part)]
+    return [node]
+
+
+def filled(text: str, indent: str) -> str:
+    """Return a line of C, broken where it is too long, but not within comments."""
+    kept = _COMMENT.sub(lambda match: match[0].replace(" ", KEPT), text)
+    lines = textwrap.wrap(kept, C_LINE_WIDTH, initial_indent=indent, subsequent_indent=indent + "    ",
+                          break_long_words=False, break_on_hyphens=False)  # fmt: skip
+    return "\n".join(lines).replace(KEPT, " ")

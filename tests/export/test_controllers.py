@@ -1,0 +1,131 @@
+"""Every controller of the package in C gives the bits of the compiled step, at each of 25 001 samples."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.controllers.addressed import CompiledController, bind_address
+from cranectl.controllers.controller import Controller
+from cranectl.controllers.registry import controller_design, controller_names, controller_of
+from cranectl.export.vectors import Sample, inputs_of, replay
+from cranectl.loaders.opening import close_controllers, open_controller
+from cranectl.planning import load_scenario
+from cranectl.simulate import Run, plan_scenario, prepare_controller, simulate_run
+from tests.export.exported import COMPILERS, SCENARIO, address_in, export, library, replayed
+
+# All others of the flat family have the step of one of these, and as many numbers.
+STEPS = ("lqr", "lqr+loop-shaping", "pid", "lqr-integral", "flat-velocity", "lqr-offset-free")
+OPTIONS = ("-O0", "-O2", "-O3")
+EQUAL = "0 of 3000 commands differ in a bit, by at most 0; 0 statuses differ"
+SANITISERS = "-g -fsanitize=address,undefined -fno-sanitize-recover=all"
+
+
+@pytest.fixture(autouse=True)
+def forgotten() -> Iterator[None]:
+    """Close the libraries that a test has opened."""
+    yield
+    close_controllers()
+
+
+def prepared(name: str) -> tuple[Controller, CompiledController, Run]:
+    """Return a controller as it is exported, and the run of which its vectors are."""
+    scenario = load_scenario(SCENARIO)
+    design = controller_design(name, scenario)
+    controller = controller_of(design)
+    drive = "ideal" if controller.command == "acceleration" else controller.command
+    plan = plan_scenario(scenario)
+    compiled = prepare_controller(scenario, design, drive, plan)
+    return controller, compiled, simulate_run(scenario, drive=drive, design=design, plan=plan, law=compiled)
+
+
+def as_bits(sample: Sample) -> tuple[bytes, bytes, int]:
+    """Return the bits of a sample; all NaN count as equal, whose sign and payload IEEE 754 leaves open."""
+    before, command = (np.where(np.isnan(x), np.nan, x).tobytes() for x in (sample.before, sample.command))
+    return before, command, sample.status
+
+
+@pytest.mark.parametrize("name", controller_names())
+def test_no_bit_differs_over_a_whole_run(name: str, tmp_path: Path) -> None:
+    """Memory, commands and statuses are equal, and so is every signal of the closed loop."""
+    path = library(tmp_path, export(tmp_path, name))
+    controller, compiled, run = prepared(name)
+    inputs = inputs_of(run, compiled, controller.preview)
+    assert len(inputs) == 25001
+    ours, theirs = (
+        replay(address, compiled, inputs) for address in (bind_address(compiled).address, address_in(path))
+    )
+    assert all(as_bits(a) == as_bits(b) for a, b in zip(ours, theirs, strict=True))
+
+    again = simulate_run(run.scenario, drive=run.drive, controller=open_controller(str(path)))
+    expected, columns = columns_of(run), columns_of(again)
+    assert expected.keys() == columns.keys()
+    assert all(expected[key].tobytes() == columns[key].tobytes() for key in expected)
+
+
+def columns_of(run: Run) -> dict[tuple[str, int], np.ndarray]:
+    """Return the columns of a run; plant and controller both have a signal load_x, so its number matters."""
+    columns: dict[tuple[str, int], np.ndarray] = {}
+    for name, column in zip((n for group in run.groups for n in group.names), run.table.T, strict=True):
+        columns[name, sum(known == name for known, _ in columns)] = column.copy()
+    return columns
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_no_bit_differs_with_other_options_or_compilers(name: str, tmp_path: Path) -> None:
+    stem = export(tmp_path, name)
+    for compiler in COMPILERS:
+        for options in (*OPTIONS, SANITISERS):
+            said = replayed(tmp_path, stem, compiler, options)
+            assert (
+                said == "1000 samples: 0 of 3000 commands differ in a bit, by at most 0; 0 statuses differ\n"
+            )
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_no_bit_differs_far_from_any_motion(name: str, tmp_path: Path) -> None:
+    """Random inputs reach each way out of a step: slack rope, singular angle, not finite."""
+    path = library(tmp_path, export(tmp_path, name))
+    controller, compiled, _ = prepared(name)
+    random = np.random.default_rng(1)
+    rows = []
+    for _ in range(2000):
+        measured = random.normal(0.5, 1.0, 12)
+        reference = random.normal(0.0, 3.0, 15 * (1 + controller.preview))
+        reference[2::15] = random.normal(-0.7, 0.5)
+        if random.random() < 0.1:
+            measured[random.integers(12)] = random.choice([math.nan, math.inf, -math.inf, 0.0, -0.0, 1e300])
+        rows.append((measured, reference))
+    statuses = set()
+    for row in rows:  # each from the start, or one number that is not finite would be in all later memories
+        ours, theirs = (
+            [as_bits(sample) for sample in replay(address, compiled, [row, row])]
+            for address in (bind_address(compiled).address, address_in(path))
+        )
+        assert ours == theirs
+        statuses |= {sample[2] for sample in ours}
+    assert controller.measures == "encoders" or len(statuses) > 1
+
+
+def test_the_replay_notices_a_changed_operator(tmp_path: Path) -> None:
+    """The comparison fails if it must."""
+    stem = export(tmp_path, "lqr")
+    source = tmp_path / f"{stem}.c"
+    text = source.read_text(encoding="utf-8")
+    changed = text.replace("const double p_x = tan_b * secant;", "const double p_x = tan_b / secant;")
+    assert changed != text
+    source.write_text(changed, encoding="utf-8")
+    with pytest.raises(AssertionError):
+        replayed(tmp_path, stem, COMPILERS[0], "-O2")
+
+
+def test_vectors_are_samples_in_a_row_with_the_memory_before_them(tmp_path: Path) -> None:
+    stem = export(tmp_path, "pid")
+    text = (tmp_path / "vectors.h").read_text(encoding="utf-8")
+    assert "#define BLOCKS 5\n#define BLOCK_SIZE 200\n" in text
+    rows = text.split("vector_memory")[1].split("};")[0].splitlines()[1:]
+    clocks = [float(row.strip(" {},").split(", ")[12]) for row in rows[1:]]
+    assert clocks == [6200.0, 12400.0, 18600.0, 24801.0]
+    assert f'#include "{stem}.h"' in (tmp_path / "main.c").read_text(encoding="utf-8")
