@@ -10,6 +10,7 @@ from numba.core.errors import NumbaError
 from numba.core.registry import cpu_target
 from numba.core.types import CPointer, IntEnumMember, float64, int64, unliteral
 
+from cranectl.support.errors import InputError
 from cranectl.support.jit import UNCOMPILED, why_not_compiled
 
 Type = Any  # of Numba, which has no type hints
@@ -23,14 +24,6 @@ class Inferred(NamedTuple):
 
     variables: dict[str, set[Type]]  # Numba types each assignment of a variable for itself
     returned: Type
-
-
-class NotInferredError(Exception):
-    """Numba cannot infer types; the message says why, and `where` is a file and line."""
-
-    def __init__(self, message: str, where: str) -> None:
-        super().__init__(message)
-        self.where = where
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
@@ -60,9 +53,13 @@ class _Inference(Compiler):
 
 
 def infer_types(function: Callable[..., Any], arguments: tuple[Type, ...]) -> Inferred:
-    """Return the types in `function`; raise NotInferredError if Numba cannot compile it."""
+    """Return the types in `function`; raise InputError if Numba cannot compile it."""
     if UNCOMPILED:
-        raise NotInferredError("NUMBA_DISABLE_JIT switches Numba off", "the environment")
+        raise InputError(
+            "NUMBA_DISABLE_JIT is set",
+            allowed="an export with Numba, which infers the types",
+            remedy="unset it",
+        )
     flags: Any = Flags()
     flags.error_model, flags.nrt = "numpy", True
     typing: Any = cpu_target.typing_context
@@ -71,7 +68,12 @@ def infer_types(function: Callable[..., Any], arguments: tuple[Type, ...]) -> In
     try:
         typemap, returned = compiler.compile_extra(function)
     except NumbaError as error:
-        raise NotInferredError(*why_not_compiled(function, error)) from error
+        said, where = why_not_compiled(function, error)
+        raise InputError(
+            f"{function.__name__} cannot be compiled: {said}",
+            allowed="Python that Numba compiles",
+            remedy=f"correct {where}",
+        ) from error
     variables: dict[str, set[Type]] = {}
     for name, kind in typemap.items():
         if match := _VARIABLE.fullmatch(name):

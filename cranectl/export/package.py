@@ -80,7 +80,7 @@ def exported_files(scenario: Scenario, name: str) -> dict[str, str]:
         raise InputError(
             f"the run of {name} in {scenario.name} ends before its first sample: {run.status.label}",
             allowed="a run of one sample or more, for test vectors",
-            remedy="export it with another scenario",
+            remedy="correct the controller, or take another scenario",
         )
     blocks = record_blocks(replay(bind_address(compiled).address, compiled, inputs), len(inputs))
     values = {

@@ -10,9 +10,8 @@ from numba.core.types import Array, BaseTuple, Boolean, Integer, UniTuple, float
 from cranectl.export.calls import MATH
 from cranectl.export.expressions import Expressions
 from cranectl.export.functions import Function, FunctionTranslator
-from cranectl.export.inference import STEP_TYPES, NotInferredError, Type, infer_types
+from cranectl.export.inference import STEP_TYPES, Type, infer_types
 from cranectl.export.values import Value
-from cranectl.support.errors import InputError
 
 RESERVED = {
     *re.findall(
@@ -73,7 +72,7 @@ class Unit:
     def step(self, step: Callable[..., int], name: str) -> str:
         """Translate a controller's step and return the C text of all; raise InputError if that fails."""
         self._names.add(name)
-        inferred = self._infer(step, STEP_TYPES)
+        inferred = infer_types(step, STEP_TYPES)
         translator = FunctionTranslator(self, step, inferred, set())
         function, text = translator.translate(name, is_entry=True)
         if inputs := function.written & set(function.parameters[:3]):
@@ -97,7 +96,7 @@ class Unit:
             if len(names) != len(types):
                 raise caller.refuse(node, "leaves out arguments")
             signed = {name for name, (_, is_natural) in zip(names, arguments, strict=True) if not is_natural}
-            translator = FunctionTranslator(self, function, self._infer(function, types), signed)
+            translator = FunctionTranslator(self, function, infer_types(function, types), signed)
             name = function.__name__.strip("_")  # C reserves names that begin with "_"
             name = self._free_name(name if name == function.__name__ else f"{name}_")
             self._functions[key], text = translator.translate(name)
@@ -106,16 +105,6 @@ class Unit:
         if translated is None:
             raise caller.refuse(node, "calls itself")
         return translated
-
-    def _infer(self, function: Callable[..., Any], types: tuple[Type, ...]) -> Any:
-        try:
-            return infer_types(function, types)
-        except NotInferredError as error:
-            raise InputError(
-                f"{function.__name__} cannot be compiled: {error}",
-                allowed="Python that Numba compiles",
-                remedy=f"correct {error.where}",
-            ) from error
 
     def _free_name(self, name: str) -> str:
         """Return `name`, with a number if it is taken."""

@@ -207,6 +207,7 @@ COMMAND = "tests/cli/test_suggestions.py: a whole command is suggested"
 DASK = "starts programs on other machines; tests/campaign/test_cluster.py runs on workers of Dask"
 BENCHMARK = "repeats the run in a new directory; tests/campaign/benchmark/test_commands.py has one"
 PYTEST = "tests/cli/test_pytest_plugin.py"
+OF_CONTROLLERS = "tests/cli/test_key_remedies_controllers.py"
 # By file and a part of the text: the test that follows it, or the reason why none does.
 KNOWN = {
     **dict.fromkeys((("campaign/results.py", text) for text in (DIFFERENCES, ROOM, WAIT, BEGAN)), HERE),
@@ -216,6 +217,8 @@ KNOWN = {
     ("cli/controller_options.py", "--patience is now --timeout"): "tests/simulate/test_child.py",
     ("plants/mujoco/own_file.py", "add --set rig.plant.names.{}=NAME"): "tests/plants/test_own_model.py",
     ("cli/validate.py", "and {} more, with --details"): "tests/cli/test_validate_cli.py",
+    ("cli/design.py", "add --scenario fast-diagonal, or another one"): OF_CONTROLLERS,
+    ("cli/design.py", "choose another place with --export"): OF_CONTROLLERS,
     ("cli/compare.py", "--despite-differences without --merge"): FOUND,
     ("cli/compare.py", "--merge and one log"): FOUND,
     ("cli/compare.py", "--tolerances and --merge"): FOUND,

@@ -34,6 +34,12 @@ CLASSES = {
 SOURCE = "".join(f"class {name}:\n    {body}{STEP}\n" for name, body in CLASSES.items())
 SOURCE += "def two(parameters, measured):\n    return 0\n\n"
 SOURCE += "def law(parameters, measured, reference, memory, command):\n    return 0\n"
+for name, line in {
+    "slow": "vars()",
+    "modulo": "command[0] = measured[0] % 1.5",
+    "ending": "return 5",
+}.items():
+    SOURCE += f"def {name}(parameters, measured, reference, memory, command):\n    {line}\n    return 0\n"
 PROCESS_SETTINGS = f"logged = ['bridge_error']\nprogram = ['{sys.executable}', 'program.py']\n"
 FILES = {
     "s.toml": "name='s'\nduration=0.1\nreference.start=[1.0, 0.77, -0.7]\n",
@@ -55,7 +61,35 @@ DECLARED, PREPARED = (f"controllers/{name}.py" for name in ("controller", "prepa
 INTEGRAL, OFFSET_FREE = "controller.lqr-integral", "controller.lqr-offset-free"
 SAMPLED = "control.period=0.05"
 VALIDATE = ["cranectl", "validate", "s.toml", "--plants", "analytic", "--controller"]
+EXPORT = ["cranectl", "design", "--scenario", "s.toml", "--export"]
+WITHOUT = ["cranectl", "design", "lqr", "--export"]
 CASES = [
+    Case("cli/design.py", "choose another place with --export", [*EXPORT, ".", "lqr"], [*EXPORT, "c", "lqr"]),
+    Case("cli/design.py", "export each by itself", [*EXPORT, "c", "lqr", "pid"], [*EXPORT, "c", "pid"]),
+    Case(
+        "cli/design.py",
+        "add --scenario fast-diagonal, or another one",
+        [*WITHOUT, "c"],
+        [*WITHOUT, "c", "--scenario", "fast-diagonal"],
+    ),
+    Case(
+        "export/package.py",
+        "write the step with numbers, loops and functions of math, or use its own source in C",
+        [*EXPORT, "c", "law.py:slow"],
+        [*EXPORT, "c", "law.py:law"],
+    ),
+    Case(
+        "export/package.py",
+        "correct the controller, or take another scenario",
+        [*EXPORT, "c", "law.py:ending"],
+        [*EXPORT, "c", "law.py:law"],
+    ),
+    Case(
+        "export/expressions.py",
+        "write line {} of {} in another way",
+        [*EXPORT, "c", "law.py:modulo"],
+        [*EXPORT, "c", "law.py:law"],
+    ),
     Case(PYTHON, "name it: {}:NAME", ["law.py"], ["law.py:law"]),
     Case(PYTHON, "define step({}), see 'cranectl new controller NAME'", ["law.py:lqr"], ["law.py:law"]),
     Case(

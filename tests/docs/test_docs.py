@@ -74,8 +74,9 @@ def test_there_are_pages_and_blocks() -> None:
 
 def run_line(line: str) -> None:
     program, *arguments = shlex.split(line, comments=True)
-    if program == "cc":
-        subprocess.run([program, *arguments], check=True)
+    if program == "cc" or program.startswith("./"):
+        result = subprocess.run([program, *arguments], check=True, stdout=subprocess.PIPE, text=True)
+        print(result.stdout, end="")
     else:
         assert program == "cranectl"
         assert main(arguments) == 0, line

@@ -1,0 +1,60 @@
+"""`cranectl design --export` writes what its README says, and its commands work as they stand there."""
+
+import shlex
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.loaders.opening import close_controllers
+from tests.docs.test_docs import blocks
+
+
+@pytest.fixture(autouse=True)
+def forgotten() -> Iterator[None]:
+    """Close the libraries that a test has opened."""
+    yield
+    close_controllers()
+
+
+@pytest.mark.parametrize("name", ["lqr+loop-shaping", "flat-velocity"])
+def test_the_commands_of_the_readme_work(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["design", name, "--scenario", "fast-diagonal", "--export", "new/as-c"]) == 0
+    assert "exported: new/as-c; new/as-c/README.md says" in capsys.readouterr().out
+    monkeypatch.chdir("new/as-c")
+    stem = name.replace("+", "_").replace("-", "_")
+    files = {"README.md", "main.c", "vectors.h", f"{stem}.c", f"{stem}.h", f"cranectl_{stem}.c", "cranectl.h"}
+    assert {path.name for path in Path().iterdir()} == files
+    readme = Path("README.md").read_text(encoding="utf-8")
+    assert all(f"`{file}`" in readme for file in files - {"README.md"})
+    programs = []
+    for _, text in blocks(Path("README.md")):
+        for line in text.splitlines():
+            program, *arguments = shlex.split(line)
+            programs.append(program)
+            if program == "cranectl":
+                assert main([*arguments, "--plants", "analytic"]) == 0
+            else:
+                subprocess.run([program, *arguments], check=True, capture_output=True)
+    assert programs == ["cc", "./replay", "cc", "cranectl"]
+
+
+def test_other_scenarios_give_other_numbers(tmp_path: Path) -> None:
+    """The rig, settings and period of the scenario are those of the code."""
+    texts = []
+    for folder, changes in (("a", []), ("b", ["control.period=0.002", "design.poles=[-3,-3.5,-4,-5]"])):
+        options = [word for change in changes for word in ("--set", change)]
+        command = ["design", "pole-placement", "--scenario", "fast-diagonal", *options]
+        assert main([*command, "--export", str(tmp_path / folder)]) == 0
+        texts.append({path.name: path.read_text(encoding="utf-8") for path in (tmp_path / folder).iterdir()})
+    a, b = texts
+    assert "PERIOD 0.001 " in a["pole_placement.h"]
+    assert "PERIOD 0.002 " in b["pole_placement.h"]
+    function = "/* cranectl.controllers.flat.begin"
+    assert a["pole_placement.c"].split(function)[0] != b["pole_placement.c"].split(function)[0]
+    assert a["pole_placement.c"].split(function)[1] == b["pole_placement.c"].split(function)[1]
