@@ -55,7 +55,12 @@ SETS = {
             "cranectl/cli/campaign/*.py",
             "cranectl/cli/tune.py",
         ),
-        data=("validation/benchmark/**/*", "cranectl/report/templates/*", "docs/how-to/benchmark.md"),
+        data=(
+            "validation/benchmark/**/*",
+            "cranectl/report/templates/*",
+            "cranectl/export/templates/*",
+            "docs/how-to/benchmark.md",
+        ),
     ),
     "drake": Set(modules=("tests/drake/*.py",)),
     "planning": Set(

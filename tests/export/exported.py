@@ -5,9 +5,16 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
+
+from cranectl.controllers.addressed import CompiledController
+from cranectl.controllers.controller import Controller
+from cranectl.controllers.registry import controller_design, controller_of
 from cranectl.export import exported_files
+from cranectl.export.vectors import Sample
 from cranectl.loaders.c_law import HEADER
 from cranectl.planning import load_scenario
+from cranectl.simulate import Run, plan_scenario, prepare_controller, simulate_run
 
 SCENARIO = "settled-trajectory"  # 25 001 samples
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-ffp-contract=off")
@@ -48,3 +55,20 @@ def replayed(folder: Path, stem: str, compiler: str, options: str) -> str:
     result = subprocess.run([str(program)], capture_output=True, text=True, check=False)
     assert (result.returncode, result.stderr) == (0, "")
     return result.stdout
+
+
+def prepared(name: str) -> tuple[Controller, CompiledController, Run]:
+    """Return a controller as it is exported, and the run of which its vectors are."""
+    scenario = load_scenario(SCENARIO)
+    design = controller_design(name, scenario)
+    controller = controller_of(design)
+    drive = "ideal" if controller.command == "acceleration" else controller.command
+    plan = plan_scenario(scenario)
+    compiled = prepare_controller(scenario, design, drive, plan)
+    return controller, compiled, simulate_run(scenario, drive=drive, design=design, plan=plan, law=compiled)
+
+
+def as_bits(sample: Sample) -> tuple[bytes, bytes, int]:
+    """Return the bits of a sample; all NaN count as equal, whose sign and payload IEEE 754 leaves open."""
+    before, command = (np.where(np.isnan(x), np.nan, x).tobytes() for x in (sample.before, sample.command))
+    return before, command, sample.status

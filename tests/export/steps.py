@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 from numba import carray
 
+from cranectl.controllers.observer import EXPECTED, Observer, correct, predict
+from cranectl.controllers.repeated import follow_motion, repeat_commands
 from cranectl.controllers.slots import Slots
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
@@ -127,4 +129,16 @@ def tuples(parameters, measured, reference, memory, command):
     return 0 if isnan(double) else level // 4
 
 
-STEPS = (arithmetic, arrays, tuples)
+def observed(parameters, measured, reference, memory, command):
+    """Estimate all joints, as the loop's observer does."""
+    observer = Observer(parameters[0], 3.0, 5.0, 0.001, 9.81)
+    estimate = carray(memory, (EXPECTED.size,))
+    for joint in range(5):
+        correct(observer, joint, measured[joint], estimate)
+    predict(observer, carray(reference, (3,)), estimate)
+    for axis in range(3):
+        command[axis] = estimate[EXPECTED.disturbance + axis]
+    return 0
+
+
+STEPS = (arithmetic, arrays, tuples, observed, repeat_commands, follow_motion)

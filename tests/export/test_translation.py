@@ -58,7 +58,7 @@ def test_it_does_what_python_does(step: Step, options: str, tmp_path: Path) -> N
         expected = results(ours, measured, reference)
         assert results(theirs, measured, reference) == expected
         seen.add(expected)
-    assert len({status for status, _ in seen}) > 1 or step.__name__ == "tuples"
+    assert len({status for status, _ in seen}) > 1 or step.__name__ not in ("arithmetic", "arrays")
     assert len(seen) > 2900
 
 
