@@ -9,11 +9,12 @@ from collections.abc import Callable
 from functools import reduce
 from typing import Any
 
+import numpy as np
 from numba import carray, typeof  # type: ignore[attr-defined]
-from numba.core.types import Array, CPointer, Integer
+from numba.core.types import Array, BaseTuple, CPointer, Integer, float64, int64
 
 from cranectl.export.expressions import Expressions
-from cranectl.export.inference import result_type
+from cranectl.export.inference import Type, result_type
 from cranectl.export.values import UNARY, Value
 
 C_LIBRARY = (
@@ -24,7 +25,7 @@ MATH = {getattr(math, name): name for name in re.findall(r"\w+", C_LIBRARY)}
 
 
 class Calls(Expressions):
-    """Translator of expressions with calls."""
+    """Translator of expressions with calls and tuples."""
 
     def visit_Call(self, node: ast.Call) -> Value:  # noqa: N802
         function = self.static(node.func)
@@ -32,6 +33,10 @@ class Calls(Expressions):
             raise self.refuse(node, "names arguments")
         if function is carray:
             return self.carray(node)
+        if function is np.empty:
+            return self.shaped(node, Value("", float64), node.args[0])
+        if isinstance(node.func, ast.Attribute) and node.func.attr == "reshape" and len(node.args) == 1:
+            return self.shaped(node, self.visit(node.func.value), node.args[0])
         values: list[Value] = [self.visit(argument) for argument in node.args]
         if getattr(function, "py_func", None) is not None:
             return self.call(node, function.py_func, values)
@@ -44,6 +49,21 @@ class Calls(Expressions):
         if function in (int, float, abs) or function in MATH:
             return self.of_number(node, function, values)
         raise self.refuse(node, "calls a function without a translation")
+
+    def visit_Tuple(self, node: ast.Tuple) -> Value:  # noqa: N802
+        items = [self.visit(item) for item in node.elts]
+        return self.tuple(node, BaseTuple.from_types([item.type for item in items]), items)
+
+    def tuple(self, node: ast.AST, kind: Type, items: list[Value]) -> Value:
+        """Return a tuple as a compound literal; arrays bring their lengths."""
+        texts = []
+        for item in items:
+            texts.append(item.text)
+            if item.length is not None:
+                texts.append(item.length().text)
+        joined = ", ".join(texts)
+        inner = f"{{{joined}}}" if self.unit.is_uniform(kind) else joined
+        return Value(f"({self.unit.c_type(kind, self, node)}){{{inner}}}", kind)
 
     def of_number(self, node: ast.Call, function: Any, values: list[Value]) -> Value:
         """Return the value of a conversion or of a function of C's library."""
@@ -80,6 +100,18 @@ class Calls(Expressions):
             raise self.refuse(node, "is no array of one dimension at a pointer")
         return pointer._replace(type=Array(pointer.type.dtype, 1, "C"), length=lambda: length)
 
+    def shaped(self, node: ast.Call, array: Value, shape: ast.expr) -> Value:
+        """Return a vector or a matrix of known size; one without text has memory of its own."""
+        parts = shape.elts if isinstance(shape, ast.Tuple) else [shape]
+        sizes = [self.visit(part).constant for part in parts]
+        if len(sizes) > 2 or not all(isinstance(size, int) and size > 0 for size in sizes):
+            raise self.refuse(node, "is no vector or matrix of known size")
+        rows = Value(str(sizes[0]), int64, constant=sizes[0], is_natural=True)
+        item: Any = getattr(array.type, "dtype", array.type)
+        kind = Array(item, len(sizes), "C")
+        columns = sizes[1] if len(sizes) == 2 else 0
+        return array._replace(type=kind, length=lambda: rows, columns=columns)
+
     def named_tuple(self, node: ast.Call, function: Any, values: list[Value]) -> Value:
         """Return a new named tuple."""
         named = {str(keyword.arg): self.visit(keyword.value) for keyword in node.keywords}
@@ -103,3 +135,13 @@ class Calls(Expressions):
         if called.written:
             self.effects.append(node)
         return Value(f"{called.name}({', '.join(texts)})", called.returned)
+
+
+def sequenced(node: ast.AST) -> list[ast.AST]:
+    """Return the parts of an expression that C, as Python, computes one after the other."""
+    if isinstance(node, ast.UnaryOp):
+        return sequenced(node.operand)
+    if isinstance(node, ast.BoolOp | ast.IfExp):
+        parts = node.values if isinstance(node, ast.BoolOp) else [node.test, node.body, node.orelse]
+        return [inner for part in parts for inner in sequenced(part)]
+    return [node]

@@ -121,7 +121,7 @@ class Expressions(ast.NodeVisitor):
             return Value(self.size_name(node.id, node), int64, is_natural=True)
 
         bases = self.facts.bases.get(node.id, frozenset()) | {node.id}
-        return Value(name, kind, length=length, bases=bases)
+        return Value(name, kind, length=length, bases=bases, columns=self.facts.columns.get(node.id, 0))
 
     def size_name(self, name: str, node: ast.AST) -> str:
         """Return the name of the variable with the length of an array."""
@@ -153,10 +153,12 @@ class Expressions(ast.NodeVisitor):
         if isinstance(owner.type, BaseTuple):
             return self.item(node, owner)
         kind = owner.type
+        if isinstance(kind, Array) and owner.columns:
+            return self.of_matrix(node, owner)
         if not isinstance(kind, Array | CPointer) or (
             isinstance(kind, Array) and (kind.ndim, kind.layout) != (1, "C")
         ):
-            raise self.refuse(node, f"is a part of {kind}, not of an array of one dimension")
+            raise self.refuse(node, f"is a part of {kind}")
         if isinstance(node.slice, ast.Slice):
             return self.slice(node, node.slice, owner)
         index = self.visit(node.slice)
@@ -166,6 +168,20 @@ class Expressions(ast.NodeVisitor):
         if isinstance(kind, Array) and owner.length is not None and not index.is_natural:
             text = self.unit.helper("index", index.text, owner.length().text)
         return Value(f"{owner.within(ATOM)}[{text}]", kind.dtype, bases=owner.bases)
+
+    def of_matrix(self, node: ast.Subscript, owner: Value) -> Value:
+        """Return an item or a row of a matrix, which lies in memory row by row."""
+        parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        places: list[Value] = [self.visit(part) for part in parts]
+        if len(places) > 2 or not all(place.is_natural for place in places):
+            raise self.refuse(node, "is no item or row of a matrix at a place that is certainly not negative")
+        columns = Value(str(owner.columns), int64, constant=owner.columns, is_natural=True)
+        start = f"{places[0].within(PRODUCT)} * {columns.text}"
+        if len(places) == 1:
+            row = Array(owner.type.dtype, 1, "C")
+            return Value(f"{owner.text} + {start}", row, SUM, length=lambda: columns, bases=owner.bases)
+        text = f"{owner.within(ATOM)}[{start} + {places[1].within(PRODUCT)}]"
+        return Value(text, owner.type.dtype, bases=owner.bases)
 
     def item(self, node: ast.Subscript, owner: Value) -> Value:
         """Return an item of a tuple."""
@@ -290,21 +306,6 @@ class Expressions(ast.NodeVisitor):
         texts = [value.within(OR) for value in (test, *both)]
         is_natural = all(value.is_natural for value in both)
         return Value("{} ? {} : {}".format(*texts), kind, CHOICE, is_natural=is_natural)
-
-    def visit_Tuple(self, node: ast.Tuple) -> Value:
-        items = [self.visit(item) for item in node.elts]
-        return self.tuple(node, BaseTuple.from_types([item.type for item in items]), items)
-
-    def tuple(self, node: ast.AST, kind: Type, items: list[Value]) -> Value:
-        """Return a tuple as a compound literal; arrays bring their lengths."""
-        texts = []
-        for item in items:
-            texts.append(item.text)
-            if item.length is not None:
-                texts.append(item.length().text)
-        joined = ", ".join(texts)
-        inner = f"{{{joined}}}" if self.unit.is_uniform(kind) else joined
-        return Value(f"({self.unit.c_type(kind, self, node)}){{{inner}}}", kind)
 
     def write(self, node: ast.AST, value: Value) -> None:
         """Note that an array is written to, and so those that it is a part of."""

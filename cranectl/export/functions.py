@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from numba.core.types import NoneType
 
 from cranectl.export.inference import Inferred, Type, common_type
-from cranectl.export.statements import KEPT, Place, Statements, filled
+from cranectl.export.lines import KEPT, filled
+from cranectl.export.statements import Place, Statements
 from cranectl.export.values import Facts
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ class FunctionTranslator(Statements):
 
     def translate(self, name: str, *, is_entry: bool = False) -> tuple[Function, str]:
         """Return the function as its callers need it, and its text."""
+        self.is_entry = is_entry
         while True:
             known = self.facts.count()
             self.begin()

@@ -1,19 +1,15 @@
 """Translate statements of compiled Python to C."""
 
 import ast
-import re
-import textwrap
 
 from numba.core.types import Array, BaseTuple, CPointer, Integer, NoneType, int64
 
-from cranectl.export.calls import Calls
+from cranectl.export.calls import Calls, sequenced
 from cranectl.export.expressions import ARITHMETIC
 from cranectl.export.inference import Type
+from cranectl.export.lines import filled
 from cranectl.export.values import ATOM, Value
 
-C_LINE_WIDTH = 110  # of lines in C
-KEPT = "\xa0"  # a space at which no line is broken
-_COMMENT = re.compile(r" /\*.*?\*/")
 Place = tuple[tuple[int, int], ...]  # of a statement: block and index in it, from the outermost block
 
 
@@ -23,6 +19,7 @@ class Statements(Calls):
     tree: ast.FunctionDef
     returned: Type
     parameters: tuple[str, ...]
+    is_entry: bool  # whether it is the step, whose arrays are certainly different ones
     loaded: set[str]  # variables that are read
     stores: list[str]  # variables that are assigned to, as often as that is done
     counters: set[str]  # of loops, without other uses
@@ -60,7 +57,7 @@ class Statements(Calls):
     def expression(self, node: ast.expr) -> Value:
         """Return an expression in which nothing is written before something else is read."""
         value: Value = self.visit(node)
-        if any(effect not in _sequenced(node) for effect in self.effects):
+        if any(effect not in sequenced(node) for effect in self.effects):
             raise self.refuse(node, "calls, within an expression, a function that writes to an array")
         return value
 
@@ -123,12 +120,30 @@ class Statements(Calls):
             self._assign_name(target, value)
         elif isinstance(target, ast.Subscript):
             place = self.visit(target)
-            if place.length is not None or value.length is not None:
-                raise self.refuse(target, "is assigned an array, or is one")
             self.write(target, place)
-            self.line(f"{place.text} = {value.text};")
+            if place.length is not None:
+                self._fill(target, place, value)
+            elif value.length is not None:
+                raise self.refuse(target, "is assigned an array")
+            else:
+                self.line(f"{place.text} = {value.text};")
         else:
             raise self.refuse(target, "cannot be assigned to in C")
+
+    def _fill(self, target: ast.Subscript, place: Value, value: Value) -> None:
+        """Assign a number, or the numbers of an array that is certainly another one, to a slice."""
+        assert place.length is not None
+        theirs, ours = value.bases or frozenset(self.parameters), place.bases or frozenset()
+        can_overlap = ours & theirs or not (self.is_entry or ours.isdisjoint(self.parameters))
+        if place.columns or value.columns or (value.length is not None and can_overlap):
+            raise self.refuse(target, "is a matrix, or an array that may overlap the assigned one")
+        if value.length is None:
+            text = (value if value.constant is not None else self.temporary(value)).text
+        else:
+            text = f"{value.within(ATOM)}[value_k]"
+        self.line(f"for (int64_t value_k = 0; value_k < {place.length().text}; value_k++) {{")
+        self.lines.append("    " * (self.depth + 1) + f"{place.within(ATOM)}[value_k] = {text};")
+        self.line("}")
 
     def _assign_name(self, target: ast.Name, value: Value) -> None:
         name, kind = target.id, self.types[target.id]
@@ -137,6 +152,11 @@ class Statements(Calls):
                 self.line(f"{value.text};")
             return
         label = self.unit.identifier(name, self, target)
+        if value.columns:
+            self.facts.columns[name] = value.columns
+        if value.length is not None and not value.text:
+            self._reserve(target, value)
+            return
         if isinstance(kind, Integer) and not value.is_natural:
             self.facts.signed.add(name)
         if value.length is not None:
@@ -158,6 +178,19 @@ class Statements(Calls):
                 self.hoisted.append(f"    {declaration};")
             constant = "" if "*" in declaration else once
             self.line(f"{constant + declaration if is_new and is_here else variable} = {text};")
+        self.declared.add(name)
+
+    def _reserve(self, target: ast.Name, value: Value) -> None:
+        """Declare an array with memory of its own."""
+        name, is_kept = target.id, any(target.id in bases for bases in self.facts.bases.values())
+        if self.stores.count(name) > 1 or (self.depth > 1 and is_kept):
+            raise self.refuse(target, "is a new array each time, of which a part may be kept")
+        assert value.length is not None
+        count = value.length().constant * (value.columns or 1)
+        label = self.unit.identifier(name, self, target)
+        self.hoisted.append(f"    {self.unit.c_type(value.type.dtype, self, target)} {label}[{count}];")
+        if name in self.facts.sized:
+            self.hoisted.append(f"    const int64_t {self.size_name(name, target)} = {value.length().text};")
         self.declared.add(name)
 
     def _is_declared_here(self, name: str) -> bool:
@@ -281,21 +314,3 @@ class Statements(Calls):
 
     def visit_Continue(self, _: ast.Continue) -> None:  # noqa: N802
         self.line("continue;")
-
-
-def _sequenced(node: ast.AST) -> list[ast.AST]:
-    """Return the parts of an expression that C, as Python, computes one after the other."""
-    if isinstance(node, ast.UnaryOp):
-        return _sequenced(node.operand)
-    if isinstance(node, ast.BoolOp | ast.IfExp):
-        parts = node.values if isinstance(node, ast.BoolOp) else [node.test, node.body, node.orelse]
-        return [inner for part in parts for inner in _sequenced(part)]
-    return [node]
-
-
-def filled(text: str, indent: str) -> str:
-    """Return a line of C, broken where it is too long, but not within comments."""
-    kept = _COMMENT.sub(lambda match: match[0].replace(" ", KEPT), text)
-    lines = textwrap.wrap(kept, C_LINE_WIDTH, initial_indent=indent, subsequent_indent=indent + "    ",
-                          break_long_words=False, break_on_hyphens=False)  # fmt: skip
-    return "\n".join(lines).replace(KEPT, " ")

@@ -20,6 +20,7 @@ class Value(NamedTuple):
     is_natural: bool = False  # whether it is an integer that is certainly not negative
     length: "Callable[[], Value] | None" = None  # of an array; to ask notes that the length is needed
     bases: frozenset[str] | None = frozenset()  # of an array: names of arrays it is a part of
+    columns: int = 0  # of a matrix
 
     def within(self, rank: int) -> str:
         """Return the text for an operand of an operator with `rank`, in parentheses if needed."""
@@ -34,6 +35,7 @@ class Facts:
         self.written: set[str] = set()  # arrays that are written to
         self.signed = signed  # integers that may be negative
         self.bases: dict[str, frozenset[str]] = {}
+        self.columns: dict[str, int] = {}
 
     def count(self) -> int:
         """Return the number of facts."""

@@ -15,10 +15,8 @@ from tests.export.exported import address_in, as_bits, export, library, prepared
 
 CONTROLLERS = [name for name in read_benchmark("literature").laws if ".py:" in name]
 REFUSED = {
-    "MPPI": "np.empty",
-    "MULTI_OBJECTIVE_HINF": "reshape",
+    "MPPI": "has the type array",
     "SUPER_TWISTING": "calls, within an expression",
-    "TWO_DOF": "reshape",
 }
 
 

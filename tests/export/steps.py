@@ -3,6 +3,7 @@
 from math import atan2, copysign, exp, floor, isnan
 from typing import NamedTuple
 
+import numpy as np
 from numba import carray
 
 from cranectl.controllers.observer import EXPECTED, Observer, correct, predict
@@ -129,6 +130,24 @@ def tuples(parameters, measured, reference, memory, command):
     return 0 if isnan(double) else level // 4
 
 
+def matrices(parameters, measured, reference, memory, command):
+    """Multiply with a matrix, and keep the result in memory."""
+    matrix = carray(reference, (15,))[2:14].reshape((3, 4))
+    state, following, table = carray(memory, (20,))[4:8], np.empty(4), np.empty((2, 3))
+    state[:2] = measured[0]
+    carray(command, (3,))[:] = -0.0
+    for i in range(3):
+        table[0, i], table[1, i] = matrix[i, 0], matrix[i][1]
+        following[i] = len(matrix[i]) * parameters[i]
+        for k in range(4):
+            following[i] += matrix[i, k] * state[k]
+    following[3] = table[1][2] + following.shape[0] + len(table)
+    state[:] = following
+    for i in range(3):
+        command[i] += table[0, i] * table[1, i]
+    return 0
+
+
 def observed(parameters, measured, reference, memory, command):
     """Estimate all joints, as the loop's observer does."""
     observer = Observer(parameters[0], 3.0, 5.0, 0.001, 9.81)
@@ -141,4 +160,4 @@ def observed(parameters, measured, reference, memory, command):
     return 0
 
 
-STEPS = (arithmetic, arrays, tuples, observed, repeat_commands, follow_motion)
+STEPS = (arithmetic, arrays, tuples, matrices, observed, repeat_commands, follow_motion)
