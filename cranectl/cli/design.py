@@ -150,7 +150,7 @@ def _check_export(names: tuple[str, ...], request: ScenarioRequest, directory: P
 def _export(scenario: "Scenario", name: str, directory: Path, screen: Screen) -> None:
     """Write the files of an exported controller."""
     from cranectl.export import exported_files
-    from cranectl.loaders.c_law import HEADER
+    from cranectl.loaders.c_controller import HEADER
 
     texts = exported_files(scenario, name)
     for file, text in {**texts, HEADER.name: HEADER.read_text(encoding="utf-8")}.items():

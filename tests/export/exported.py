@@ -12,7 +12,7 @@ from cranectl.controllers.controller import Controller
 from cranectl.controllers.registry import controller_design, controller_of
 from cranectl.export import exported_files
 from cranectl.export.vectors import Sample
-from cranectl.loaders.c_law import HEADER
+from cranectl.loaders.c_controller import HEADER
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, plan_scenario, prepare_controller, simulate_run
 
