@@ -47,7 +47,7 @@ COMPARISONS: dict[type, tuple[str, int]] = {
     ast.NotEq: ("!=", EQUALITY),
 }
 MAX_EXPONENT = 16  # of a constant power
-LARGEST_INT = 2**31 - 1  # in C, of 32 bits
+MAX_INT = 2**31 - 1  # in C, of 32 bits
 ALLOWED = "numbers, items and slices of the five arrays, tuples, if, for, while, functions of math"
 _MISSING = object()
 
@@ -100,7 +100,7 @@ class Expressions(ast.NodeVisitor):
         if isinstance(value, bool):
             return Value(("false", "true")[value] + note, boolean, constant=value)
         if isinstance(value, int):
-            text = str(int(value)) if abs(value) <= LARGEST_INT else f"INT64_C({int(value)})"
+            text = str(int(value)) if abs(value) <= MAX_INT else f"INT64_C({int(value)})"
             return Value(text + note, int64, UNARY if value < 0 else ATOM, int(value), value >= 0)
         if isinstance(value, float) and not math.isnan(value):
             text, is_exact = literal(value)

@@ -74,7 +74,7 @@ def exported_files(scenario: Scenario, name: str) -> dict[str, str]:
     drive: Drive = "ideal" if controller.command == "acceleration" else controller.command
     plan = plan_scenario(scenario)
     compiled = prepare_controller(scenario, design, drive, plan)
-    run = simulate_run(scenario, drive=drive, design=design, plan=plan, law=compiled)
+    run = simulate_run(scenario, drive=drive, design=design, plan=plan, compiled_controller=compiled)
     inputs = inputs_of(run, compiled, controller.preview)
     if not inputs:
         raise InputError(

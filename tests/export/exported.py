@@ -65,7 +65,11 @@ def prepared(name: str) -> tuple[Controller, CompiledController, Run]:
     drive = "ideal" if controller.command == "acceleration" else controller.command
     plan = plan_scenario(scenario)
     compiled = prepare_controller(scenario, design, drive, plan)
-    return controller, compiled, simulate_run(scenario, drive=drive, design=design, plan=plan, law=compiled)
+    return (
+        controller,
+        compiled,
+        simulate_run(scenario, drive=drive, design=design, plan=plan, compiled_controller=compiled),
+    )
 
 
 def as_bits(sample: Sample) -> tuple[bytes, bytes, int]:
