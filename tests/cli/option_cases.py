@@ -226,7 +226,6 @@ KNOWN = {
     ("scenario/settings.py", "--set {}"): FOUND,
     ("cli/idle.py", "--timeout changes nothing here"): FOUND,
     ("cli/benchmark.py", "--tuned changes nothing here"): FOUND,
-    ("cli/command.py", " --plants {}"): COMMAND,
     ("cli/command.py", "{} view.json --log {}"): COMMAND,
     ("cli/new.py", "run it: cranectl run fast-diagonal --controller {}"): "tests/cli/test_new.py",
     ("cli/new.py", "cranectl log import RECORDED.csv --map {}"): "tests/measured/test_programme.py",

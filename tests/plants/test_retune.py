@@ -48,6 +48,7 @@ def changes() -> Iterator[tuple[RigParameters, EffectSettings]]:
         "rated_load",
         "effects",
         "look",
+        "model",
         "plant",
     }:  # what no plant is made of
         value = getattr(OTHER_RIG, name)
