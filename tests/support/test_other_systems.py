@@ -114,7 +114,7 @@ def test_cases_run_in_processes_that_are_not_forked(elsewhere: dict[str, str]) -
 
 def test_a_controller_of_a_file_runs_without_a_child(elsewhere: dict[str, str]) -> None:
     cranectl(elsewhere, "new", "controller", "mine")
-    law = "mine.py:LAW"
+    law = "mine.py:CONTROLLER"
     cranectl(elsewhere, "run", "fixed-position", *SHORT, "--plants", "analytic", "--controller", law)
     assert len(list(Path("logs").rglob("*.mcap"))) == 1
 
