@@ -114,7 +114,7 @@ def run_benchmark(
     controller.
 
     \b
-    cranectl benchmark run --controller my_law.py:LAW --controller lqr-integral --draws 20
+    cranectl benchmark run --controller mine.py:CONTROLLER --controller lqr-integral --draws 20
     cranectl benchmark run --set-of-cranes nominal --set-of-cranes lab-rig
     cranectl benchmark run --out results/literature --scheduler tcp://host:8786
 
@@ -210,7 +210,7 @@ def report_benchmark(
     \b
     cranectl benchmark report logs/benchmark-literature
     cranectl benchmark report literature.parquet
-    cranectl benchmark report mine --controller my_law.py:LAW --beside literature.parquet
+    cranectl benchmark report mine --controller mine.py:CONTROLLER --beside literature.parquet
     """
     from cranectl.campaign.benchmark.results import collect_results, find_begun_trials
     from cranectl.campaign.benchmark.settings import read_benchmark

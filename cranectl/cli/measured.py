@@ -40,7 +40,7 @@ def compare_measured(
 
     from cranectl.log.overlay import Layer, write_overlay
     from cranectl.measured.replay import default_replay, predict
-    from cranectl.plants.model_files import examine, model_plants, plants_for
+    from cranectl.plants.model_files import examine, plant_named
     from cranectl.plants.registry import REFERENCE_PLANT
     from cranectl.support.provenance import provenance
 
@@ -49,9 +49,8 @@ def compare_measured(
     run = measured.run
     replayed = replay or default_replay(run)
     rig = run.scenario.rig
-    has_model = replayed == "commands" and rig.model is not None and Path(rig.model).is_file()
-    own = [plant for plant in plants_for(rig, ()) if plant in model_plants()] if has_model else []
-    names = plants or (REFERENCE_PLANT, *own)
+    own = rig.model if replayed == "commands" and rig.model and Path(rig.model).is_file() else None
+    names = plants or (REFERENCE_PLANT, *((plant_named(own),) if own else ()))
     for entry in (examine(plant, rig) for plant in names):
         if replayed == "motion" and "ideal" not in entry.drives:
             raise InputError(

@@ -247,7 +247,8 @@ def begin(
         rest = scenario.reference.model_copy(update={"start": tuple(point.tolist()), "segments": ()})
         scenario = scenario.model_copy(update={"reference": rest})
     if seed is not None:
-        draw = np.random.default_rng(checked_seed(seed))
+        check_whole("seed", seed, 0, 2**63 - 1, "a whole number, from which noise and starts are drawn")
+        draw = np.random.default_rng(seed)
         scenario = _with_seeds(scenario, *draw.integers(2**32, size=2).tolist())
         if state is None:
             state = np.zeros(len(STATE))
@@ -290,12 +291,6 @@ def _with_seeds(scenario: Scenario, sensing: int, wind: int) -> Scenario:
         if (part := getattr(scenario.effects, name)) is not None
     }
     return scenario.model_copy(update={"effects": scenario.effects.model_copy(update=effects)})
-
-
-def checked_seed(seed: int) -> int:
-    """Return `seed`; raise InputError unless it is a whole number from 0."""
-    check_whole("seed", seed, 0, 2**63 - 1, "a whole number, from which noise and starts are drawn")
-    return seed
 
 
 def checked_numbers(what: str, values: Sequence[float] | Array, *shape: int) -> Array:

@@ -31,7 +31,7 @@ from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.support.jit import UNCOMPILED, jit, jit_address, jit_loop
-from cranectl.support.packed import moved, packed, type_of, unpacker
+from cranectl.support.packed import packed, pointer_after, type_of, unpacker
 
 RUNNING = int(RunStatus.RUNNING)
 ROWS = 256  # samples of a crane that are computed at a time
@@ -335,7 +335,7 @@ unpack: Any = None
 def _advance_all(blocks, words, cranes, samples):
     """Advance all cranes, whose blocks of `words` numbers lie one after the other."""
     for i in range(cranes):
-        advance_crane(unpack(moved(blocks, i * words)), samples)
+        advance_crane(unpack(pointer_after(blocks, i * words)), samples)
     return 0
 
 

@@ -73,7 +73,7 @@ def unpacker(kind: Any) -> Any:
 
 
 @cast(Any, intrinsic)
-def moved(_typing, pointer, words):  # noqa: ARG001
+def pointer_after(_typing, pointer, words):  # noqa: ARG001
     """Return, in compiled code, a pointer to the block that lies `words` numbers after `pointer`."""
 
     def generate(_context: Any, builder: Any, _: Any, arguments: Any) -> Any:

@@ -15,8 +15,9 @@ def renamed_arguments(**names: str) -> Callable[[Callable[P, Result]], Callable[
     def decorate(function: Callable[P, Result]) -> Callable[P, Result]:
         @functools.wraps(function)
         def call(*args: P.args, **arguments: P.kwargs) -> Result:
-            for former in names.keys() & arguments.keys():
-                present = names[former]
+            for former, present in names.items():
+                if former not in arguments:
+                    continue
                 message = f"the argument {former} of {function.__name__} is now {present}"
                 warnings.warn(message, DeprecationWarning, stacklevel=2)
                 arguments.setdefault(present, arguments.pop(former))

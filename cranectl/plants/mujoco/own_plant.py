@@ -1,6 +1,7 @@
 """A model file of a user as a plant, stepped by the kernels of the shipped model."""
 
 import copy
+import functools
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -70,9 +71,9 @@ class OwnPlant(MujocoPlant):
             **timing,
         )
 
-    @property
+    @functools.cached_property
     def description(self) -> str:
-        """The model as run, in MJCF that needs no other file."""
+        """The model as run, in MJCF that needs no other file; made once, since each step has it."""
         spec = spec_of_file(self.own.file, self.own.names)
         embed_files(spec)
         spec.option.timestep = self.rig.step
