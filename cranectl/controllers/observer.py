@@ -60,6 +60,17 @@ def correct(observer, joint, position, memory):
 
 
 @jit
+def observe(observer, readings, memory, measured):
+    """Correct all estimates by `readings` (5,); write `measured` (12,), ordered as `signals.MEASUREMENT`."""
+    for joint in range(JOINTS):
+        correct(observer, joint, readings[joint], memory)
+        measured[2 * joint] = memory[EXPECTED.position + joint]
+        measured[2 * joint + 1] = memory[EXPECTED.velocity + joint]
+    measured[2 * JOINTS] = memory[EXPECTED.disturbance + 3]
+    measured[2 * JOINTS + 1] = memory[EXPECTED.disturbance + 4]
+
+
+@jit
 def advance(memory, joint, known, period):
     """Predict the next sample of one joint, whose acceleration without disturbance is `known`."""
     acceleration = known + memory[EXPECTED.disturbance + joint]

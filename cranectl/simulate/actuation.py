@@ -18,32 +18,38 @@ BRAKING = 0.1  # [s] time constant with which the drives come to rest while the 
 
 
 class Actuation(NamedTuple):
-    """Numbers and memory for the conversion of commands into those of bridge, trolley and winch drives."""
+    """Numbers for the conversion of commands into those of bridge, trolley and winch drives."""
 
     lag: Array  # (3,) that velocity set-points compensate [s]
     time_constant: Array  # (3,) of the drives [s]
     period: float  # of control [s]
-    velocity: Array  # (3,) integral of the commanded accelerations, the set-points without lead [m/s]
     masses: AxisMasses | None  # of the nominal crane, to compute forces; None unless the drives take forces
 
 
-def make_actuation(nominal: Scenario, start: Array, drive: Drive = "ideal") -> Actuation:
-    """Return the actuation of a run that starts at `start` (10,); numbers are those of `nominal`."""
+def make_actuation(nominal: Scenario, drive: Drive = "ideal") -> Actuation:
+    """Return the actuation of a run, with the numbers of `nominal`."""
     return Actuation(
         lag=nominal.rig.time_constants * nominal.control.lag_compensation,
         time_constant=nominal.rig.time_constants,
         period=nominal.period_ns / NANOSECONDS,
-        velocity=start[1:6:2].copy(),
         masses=axis_masses(nominal.rig) if DRIVES[drive].command == "force" else None,
     )
 
 
+def initial_integral(start: Array) -> Array:
+    """Return the set-points without lead (3,) [m/s] before a run that starts at `start` (10,)."""
+    return start[1:6:2].copy()
+
+
 @jit
-def actuate(actuation, command):
-    """Write the set-points [m/s] for the accelerations `command[:3]` into `command[3:]`; advance memory."""
+def actuate(actuation, integral, command):
+    """Write the set-points [m/s] for the accelerations `command[:3]` into `command[3:]`.
+
+    `integral` (3,) is the memory of set-points without lead: the integral of the accelerations.
+    """
     for i in range(3):
-        command[3 + i] = actuation.velocity[i] + actuation.lag[i] * command[i]
-        actuation.velocity[i] += actuation.period * command[i]
+        command[3 + i] = integral[i] + actuation.lag[i] * command[i]
+        integral[i] += actuation.period * command[i]
 
 
 @jit
@@ -53,19 +59,19 @@ def drive_acceleration(actuation, axis, setpoint, velocity):
 
 
 @jit
-def take_set_points(actuation, state, command):
+def take_set_points(actuation, integral, state, command):
     """Move the set-points in `command[:3]` to `command[3:]`, and write their accelerations in front."""
     for i in range(3):
         command[3 + i] = command[i]
         command[i] = drive_acceleration(actuation, i, command[3 + i], state[2 * i + 1])
-        actuation.velocity[i] = command[3 + i]
+        integral[i] = command[3 + i]
 
 
 @jit
-def brake(actuation, command):
+def brake(integral, command):
     """Command accelerations that bring the drives to rest, while a slack rope makes control impossible."""
     for i in range(3):
-        command[i] = -actuation.velocity[i] / BRAKING
+        command[i] = -integral[i] / BRAKING
 
 
 @jit
@@ -77,12 +83,12 @@ def take_forces(masses, state, command):
 
 
 @jit
-def follow_velocity(masses, actuation, state):
+def follow_velocity(masses, integral, state):
     """With force drives, take the measured velocity as start of set-points and braking at this sample."""
     if masses is None:
         return
     for i in range(3):
-        actuation.velocity[i] = state[2 * i + 1]
+        integral[i] = state[2 * i + 1]
 
 
 @jit

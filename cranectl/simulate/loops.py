@@ -57,6 +57,7 @@ class LoopInputs(NamedTuple):
 
     controller: CompiledController
     actuation: Actuation
+    integral: Array  # (3,) memory of the actuation: set-points without lead [m/s]
     reference: Array  # (N, 15)
     disturbance: Array  # (N, 2) [rad/s²]
     wind: Array  # (N, 3) velocity of the air [m/s]
@@ -75,12 +76,12 @@ def command_controller(inputs, path, state, k, memory, row):
     """
     compiled, reference = inputs.controller, inputs.reference[k]
     command = row[INPUT_COLUMN : INPUT_COLUMN + 6]
-    follow_velocity(inputs.actuation.masses, inputs.actuation, state)
+    follow_velocity(inputs.actuation.masses, inputs.integral, state)
     write_measured(compiled, path, state, k)
     if inputs.slack[0] > 0.0:
         addressed_wait(compiled, state, reference, memory, row)
-        brake(inputs.actuation, command)
-        actuate(inputs.actuation, command)
+        brake(inputs.integral, command)
+        actuate(inputs.actuation, inputs.integral, command)
         return RUNNING
     if inputs.recover and compiled.slack_place >= 0:
         memory[compiled.slack_place] = ROPE_TAUT
@@ -88,11 +89,11 @@ def command_controller(inputs, path, state, k, memory, row):
     if status != RUNNING:
         return status
     if compiled.velocity:
-        take_set_points(inputs.actuation, state, command)
+        take_set_points(inputs.actuation, inputs.integral, state, command)
     else:
         if compiled.force:
             take_forces(compiled.masses, state, command)
-        actuate(inputs.actuation, command)
+        actuate(inputs.actuation, inputs.integral, command)
     return RUNNING
 
 
@@ -124,7 +125,7 @@ def control_sample(inputs, path, k, row, memory):
             requested = drive_command(
                 actuation.masses, inputs.slack[0], inputs.command_column, measured, row, command
             )
-            act(path, actuation, requested, row, path.record[k, COMMAND_COLUMN:])
+            act(path, actuation, inputs.integral, requested, row, path.record[k, COMMAND_COLUMN:])
     row[DISTURBANCE_COLUMN] = inputs.disturbance[k, 0]
     row[DISTURBANCE_COLUMN + 1] = inputs.disturbance[k, 1]
     return status

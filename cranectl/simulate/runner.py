@@ -24,7 +24,7 @@ from cranectl.plants.registry import REFERENCE_PLANT
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH
-from cranectl.simulate.actuation import Actuation, make_actuation
+from cranectl.simulate.actuation import initial_integral, make_actuation
 from cranectl.simulate.child import BLOCK_TIMEOUT, CAN_FORK, blocks_here, blocks_in_child, shared_zeros
 from cranectl.simulate.loops import AdvanceBlock, LoopInputs, compiled_loop, python_loop
 from cranectl.simulate.memory import check_runs
@@ -160,9 +160,7 @@ def start_run(
     samples = len(plan.time_ns)
     return PreparedRun(
         advance=compiled_loop(crane) if compiled else python_loop(crane),
-        inputs=inputs_of(
-            scenario, controller, make_actuation(nominal, start, crane.drive), plan, crane.drive, bind=bind
-        ),
+        inputs=inputs_of(scenario, controller, plan, crane.drive, nominal=nominal, bind=bind),
         path=make_signal_path(
             scenario, start, drive=crane.drive, samples=samples, nominal=nominal, record=path_record
         ),
@@ -249,17 +247,21 @@ def checked_drive(name: str) -> Drive:
 def inputs_of(
     scenario: Scenario,
     controller: CompiledController,
-    actuation: Actuation,
     plan: Plan,
     drive: Drive,
     *,
+    nominal: Scenario,
     bind: bool = True,
 ) -> LoopInputs:
-    """Return what a loop needs to run `plan` from its first row to its last; `bind` is as in `start_run`."""
+    """Return what a loop needs to run `plan` from its first row to its last.
+
+    `nominal` and `bind` are as in `start_run`.
+    """
     controller = with_own_memory(controller)
     return LoopInputs(
         controller=bind_address(controller) if bind else controller,
-        actuation=actuation,
+        actuation=make_actuation(nominal, drive),
+        integral=initial_integral(plan.initial_state),
         reference=plan.reference,
         disturbance=plan.disturbance,
         wind=plan.wind,

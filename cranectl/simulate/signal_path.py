@@ -17,9 +17,9 @@ from cranectl.controllers.observer import (
     EXPECTED,
     JOINTS,
     Observer,
-    correct,
     initial_estimate,
     make_observer,
+    observe,
     predict,
 )
 from cranectl.plants.plant import DRIVES, Drive
@@ -187,39 +187,47 @@ def sense(path, row, measured):
         for joint in range(JOINTS):
             path.readings[joint] = measured[2 * joint]
         return
-    estimate = path.estimate
     for joint in range(JOINTS):
         position = row[STATE_COLUMN + 2 * joint] + (offset if joint == ROPE else 0.0)
         path.readings[joint] = read_encoder(path.encoders, path.clock[0], joint, position)
-        correct(path.observer, joint, path.readings[joint], estimate)
-        measured[2 * joint] = estimate[EXPECTED.position + joint]
-        measured[2 * joint + 1] = estimate[EXPECTED.velocity + joint]
-    measured[2 * JOINTS] = estimate[EXPECTED.disturbance + 3]
-    measured[2 * JOINTS + 1] = estimate[EXPECTED.disturbance + 4]
+    observe(path.observer, path.readings, path.estimate, measured)
 
 
 @jit
-def act(path, actuation, intended, row, commanded):
+def limit_command(limits, actuation, integral, intended, previous, estimate, assumed, commanded):
+    """Limit the `intended` command (3,), and write it to `commanded` (6,) with flags of the limits that act.
+
+    The integral of the set-points follows a limited one, so that it does not wind up. `assumed` (3,) are the
+    accelerations that the observer assumes. There that of the limited set-point replaces the controller's.
+    Otherwise the observer would take the rest for a disturbance. A controller that keeps to the limits may
+    exceed them by rounding, which differs between processors. This does not count as limited.
+    """
+    for axis in range(3):
+        commanded[axis] = limited(limits, axis, intended[axis], previous[axis])
+        commanded[3 + axis] = 0.0
+        cut = commanded[axis] - intended[axis]
+        if commanded[axis] != intended[axis]:
+            integral[axis] += cut
+        if abs(cut) > CUT_OFF * limits.velocity[axis]:
+            velocity = estimate[EXPECTED.velocity + axis]
+            assumed[axis] = drive_acceleration(actuation, axis, commanded[axis], velocity)
+            commanded[3 + axis] = 1.0
+        previous[axis] = commanded[axis]
+
+
+@jit
+def act(path, actuation, integral, intended, row, commanded):
     """Limit and delay the `intended` command (3,); write the one that drives get, and which limits act.
 
-    `commanded` (6,) receives both. The integral in `actuation` follows a limited set-point, so that it does
-    not wind up. The observer assumes the acceleration for the limited set-point. Otherwise it would take the
-    rest for a disturbance. A controller that keeps to the limits may exceed them by rounding, which differs
-    between processors. This does not count as limited.
+    `commanded` (6,) receives both.
     """
+    for axis in range(3):
+        path.assumed[axis] = row[INPUT_COLUMN + axis]
+    limit_command(
+        path.limits, actuation, integral, intended, path.previous, path.estimate, path.assumed, commanded
+    )
     command = commanded[:3]
     for axis in range(3):
-        command[axis] = limited(path.limits, axis, intended[axis], path.previous[axis])
-        path.assumed[axis] = row[INPUT_COLUMN + axis]
-        commanded[3 + axis] = 0.0
-        cut = command[axis] - intended[axis]
-        if command[axis] != intended[axis]:
-            actuation.velocity[axis] += cut
-        if abs(cut) > CUT_OFF * path.limits.velocity[axis]:
-            velocity = path.estimate[EXPECTED.velocity + axis]
-            path.assumed[axis] = drive_acceleration(actuation, axis, command[axis], velocity)
-            commanded[3 + axis] = 1.0
-        path.previous[axis] = command[axis]
         if abs(command[axis]) < path.calibration.dead_zone[axis]:  # neither controller nor observer knows it
             command[axis] = 0.0
         command[axis] *= path.calibration.drive_gain[axis]

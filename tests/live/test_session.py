@@ -71,7 +71,7 @@ def test_another_robustifier_starts_at_rest_and_the_extension_is_kept(short: Sce
     running = session(short, "lqr+hinf")
     advance(running, 300)
     runs = [state.run for state in running._states]
-    memories = [np.concatenate([run.memory[:2], run.inputs.actuation.velocity]) for run in runs]
+    memories = [np.concatenate([run.memory[:2], run.inputs.integral]) for run in runs]
     design = design_controller("pole-placement+loop-shaping", short.design)
     running.use(design)
     for run, memory in zip(running.advance(1), memories, strict=True):

@@ -157,7 +157,7 @@ def test_the_rope_tension_of_the_plant_is_judged(tension: float, status: RunStat
     row[signals.TENSION_COLUMN] = tension
     none = np.zeros((0, 2))
     inputs = LoopInputs(
-        controller=None, actuation=None,  # type: ignore[arg-type]
+        controller=None, actuation=None, integral=np.zeros(3),  # type: ignore[arg-type]
         reference=none, disturbance=none, wind=none, workspace=np.zeros((3, 2)), stop_outside=False,
         command_column=signals.INPUT_COLUMN, recover=False, slack=np.zeros(1),
     )  # fmt: skip

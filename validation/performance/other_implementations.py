@@ -47,7 +47,7 @@ class Task:
         self.plan = plan_scenario(self.scenario)
         self.design = design_controller(controller, self.scenario.design)
         self.tracker = tracker_of(self.scenario, self.design)
-        self.lag = make_actuation(self.scenario, self.plan.initial_state).lag
+        self.lag = make_actuation(self.scenario).lag
         self.a, self.b, self.c = dense_robustifier(self.tracker)
         spec = model_spec(self.scenario.rig, drive=DRIVE, step=self.tracker.period)
         self.model = spec.compile()

@@ -199,7 +199,7 @@ def linearise_run(
         load=np.ascontiguousarray(load),
         load_offset=load_offset,
         outputs=outputs,
-        lead=make_actuation(run.scenario, joints[0]).lag if velocity else np.ones(3),
+        lead=make_actuation(run.scenario).lag if velocity else np.ones(3),
         integral=float(velocity),
         controller_state=controller_state,
         controller_input=controller_input,

@@ -124,7 +124,7 @@ def linear_plant(
     sensing = scenario.effects.sensing
     arguments = {"period": tracker.period, "gravity": tracker.gravity}
     observer = None if sensing is None else make_observer(sensing.observer_bandwidth, **arguments)
-    actuation = make_actuation(scenario, state.joints)
+    actuation = make_actuation(scenario)
     controller_map = _controller_map(tracker if flat else None, actuation, observer, drive)
     memory = _equilibrium_memory(state, command, observer)
     at = np.concatenate([state.joints, memory, state.virtual_input])
@@ -204,7 +204,7 @@ def _controller_map(
         else:
             flat_output(joints, memory[MEMORY.zeta], memory[MEMORY.zeta + 1], tracker.gravity, flat)
             linearising_step(tracker, joints, memory, v, commands[:3])
-        actuate(actuation._replace(velocity=memory[SETPOINT:ESTIMATE]), commands)
+        actuate(actuation, memory[SETPOINT:ESTIMATE], commands)
         if observer is not None:
             predict(observer, commands[:3], estimate)
         return np.concatenate([memory, commands[first : first + 3], joints if tracker is None else flat[:12]])

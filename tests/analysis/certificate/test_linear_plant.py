@@ -70,8 +70,7 @@ def nonlinear_loop(
     reference = np.zeros(15)
     memory = np.zeros(MEMORY.robustifier + 3 * design.robustifier.sampled_order)
     memory[MEMORY.zeta] = held.zeta
-    actuation = make_actuation(scenario, held.joints)
-    actuation.velocity[:] = command
+    actuation, integral = make_actuation(scenario), command.copy()
     control_step(tracker, held.joints, reference, memory.copy(), row)
     first = INPUT_COLUMN if drive == "ideal" else INPUT_COLUMN + 3
     reference[:12] = row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 12]
@@ -82,7 +81,7 @@ def nonlinear_loop(
         plant.measure(state)
         states.append(state - held.joints)
         assert control_step(tracker, state, reference, memory, row) == RUNNING
-        actuate(actuation, row[INPUT_COLUMN : INPUT_COLUMN + 6])
+        actuate(actuation, integral, row[INPUT_COLUMN : INPUT_COLUMN + 6])
         line.append(row[first : first + 3].copy())
         plant.advance(line.pop(0), np.array(point.tilt), air, np.zeros(7))
     return np.array(states)
@@ -255,8 +254,8 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int, controller: str) -
     plan.reference[:] = 0.0
     plan.reference[:, 2] = -point.rope_length
     law, plant = prepare_controller(scenario, design, "velocity", plan), run_plant(scenario, "velocity")
-    inputs = inputs_of(scenario, law, make_actuation(scenario, held), plan, "velocity")._replace(
-        stop_outside=False
+    inputs = inputs_of(scenario, law, plan, "velocity", nominal=scenario)._replace(
+        integral=np.zeros(3), stop_outside=False
     )
     path = make_signal_path(scenario, held, drive="velocity", samples=200)
     record = np.zeros((200, record_width(design)))
