@@ -1,0 +1,145 @@
+"""Write an FMU for co-simulation, FMI 2.0 or 3.0: description, binary for Linux on x86-64, and sources."""
+
+import hashlib
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from cranectl.export.description import FMI_VERSIONS, Variable, build_description, model_description
+from cranectl.support.errors import InputError
+
+FOLDERS = {2: "linux64", 3: "x86_64-linux"}  # of the binary, by version of FMI
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s")
+LETTERS = {"parameter": "p", "input": "i", "output": "o", "constant": "c"}
+FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # of all files, so that the same model gives the same bytes
+
+
+class Model(NamedTuple):
+    """A model behind the functions of FMI; the place of a variable is its value reference.
+
+    `sources` are C files by name. They include `model.h` and define its two functions. `objects` are files of
+    machine code by name, and an FMU with some of them has no sources.
+    """
+
+    name: str  # an identifier of C
+    title: str
+    variables: Sequence[Variable]
+    period: float  # of a sample [s]
+    memory: int  # numbers of 8 bytes
+    sources: Mapping[str, str]
+    objects: Mapping[str, bytes] = {}
+
+
+def fmu_archive(model: Model, fmi: int = 2) -> bytes:
+    """Return the content of an FMU.
+
+    Parameters
+    ----------
+    model : Model
+        What the FMU computes.
+    fmi : int
+        Version of FMI, 2 or 3.
+
+    Returns
+    -------
+    bytes
+        The archive; the same model gives the same bytes.
+
+    Raises
+    ------
+    InputError
+        On another machine than Linux on x86-64, without a C compiler, or for another version.
+    """
+    if fmi not in FMI_VERSIONS:
+        raise InputError(
+            f"version {fmi} of FMI",
+            allowed=" or ".join(map(str, FMI_VERSIONS)),
+            remedy="take 2, which most tools read",
+        )
+    sources = model_sources(model, fmi)
+    token = _token(model, fmi)
+    kept = {} if model.objects else sources
+    units = [name for name in sources if name.endswith(".c")]
+    description = model_description(model, fmi, token, units if kept else ())
+    texts = {"modelDescription.xml": description, **{f"sources/{name}": text for name, text in kept.items()}}
+    if kept and fmi == 3:
+        texts["sources/buildDescription.xml"] = build_description(model.name, units)
+    binary = f"binaries/{FOLDERS[fmi]}/{model.name}.so"
+    contents = {name: text.encode() for name, text in texts.items()}
+    contents[binary] = _compiled(model, sources)
+    packed = BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in contents.items():
+            archive.writestr(zipfile.ZipInfo(name, FIRST_DATE), content, zipfile.ZIP_DEFLATED)
+    return packed.getvalue()
+
+
+def model_sources(model: Model, fmi: int) -> dict[str, str]:
+    """Return all C files of an FMU by name: those of the model, and those around it."""
+    templates = files("cranectl.export") / "templates" / "fmi"
+    texts = {name: (templates / name).read_text(encoding="utf-8") for name in ("instance.h", f"fmi{fmi}.c")}
+    header = (templates / "model.h.txt").read_text(encoding="utf-8")
+    values = {
+        "TITLE": model.title.replace("*/", "* /"),
+        "TOKEN": _token(model, fmi),
+        "PERIOD": repr(model.period),
+        "VARIABLES": str(len(model.variables)),
+        "MEMORY": str(max(model.memory, 1)),
+    }
+    for key, value in values.items():
+        header = header.replace(f"@{key}@", value)
+    rows = [f"    {float(each.start).hex()}, /* {each.name} */" for each in model.variables]
+    kinds = "".join(LETTERS[each.causality] for each in model.variables)
+    variables = ['#include "model.h"', "", "const double model_starts[MODEL_VARIABLES] = {", *rows, "};"]
+    variables += [f"const char model_kinds[MODEL_VARIABLES] = {json.dumps(kinds)};", ""]
+    return {"model.h": header, "variables.c": "\n".join(variables), **texts, **model.sources}
+
+
+def _token(model: Model, fmi: int) -> str:
+    """Return the text by which a description and its binary know each other."""
+    digest = hashlib.sha256(repr((fmi, *model)).encode()).hexdigest()
+    return "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
+
+
+def _compiled(model: Model, sources: Mapping[str, str]) -> bytes:
+    """Return the library of a model."""
+    if sys.platform != "linux" or platform.machine() != "x86_64":
+        raise InputError(
+            f"an FMU is to be written on {platform.system()}, {platform.machine()}",
+            allowed="Linux on x86-64, for which its binary is",
+            remedy="export it on such a machine, or in a container",
+        )
+    name = os.environ.get("CC") or "cc"
+    compiler = shutil.which(name)
+    if compiler is None:
+        raise InputError(
+            f"no C compiler: there is no program {name}",
+            allowed="cc, or what the variable CC names",
+            remedy="install one, for example with apt install gcc libc6-dev",
+        )
+    with TemporaryDirectory(prefix="cranectl-fmu-") as directory:
+        folder, library = Path(directory), f"{model.name}.so"
+        for file, text in sources.items():
+            (folder / file).write_text(text, encoding="utf-8")
+        for file, content in model.objects.items():
+            (folder / file).write_bytes(content)
+        units = [file for file in (*sources, *model.objects) if not file.endswith(".h")]
+        command = [compiler, *FLAGS, "-o", library, *units, "-lm"]
+        result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if result.returncode:
+            raise InputError(
+                f"{name} cannot compile the FMU: {' '.join(result.stderr.split())[:400]}",
+                allowed="a C compiler with the headers of the C library",
+                remedy="install them, for example with apt install gcc libc6-dev",
+            )
+        return (folder / library).read_bytes()

@@ -1,0 +1,124 @@
+/* An instance of the model: what it does alike for FMI 2 and FMI 3.
+ *
+ * Functions return a message about what is wrong, or 0. */
+#include <math.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "model.h"
+
+#define OK 0
+#define ERROR 3
+#define TOLERANCE 1e-6 /* of a step, relative; masters add up their time with rounding */
+#define MOST_SAMPLES 1e9
+#define UNUSED(x) ((void)(x))
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+typedef void (*function)(void);
+
+typedef struct {
+    double values[MODEL_VARIABLES];
+    double memory[MODEL_MEMORY];
+    double start; /* s, time at the beginning */
+    int64_t samples;
+    bool initialised;
+    const char *name;
+    void *environment;
+    function logger;
+} instance;
+
+static void instance_reset(instance *self)
+{
+    memcpy(self->values, model_starts, sizeof self->values);
+    memset(self->memory, 0, sizeof self->memory);
+    self->start = 0.0;
+    self->samples = 0;
+    self->initialised = false;
+}
+
+static instance *instance_new(const char *name, const char *token, void *environment, function logger)
+{
+    if (token == NULL || strcmp(token, MODEL_TOKEN) != 0)
+        return NULL;
+    const size_t size = name == NULL ? 1 : strlen(name) + 1;
+    instance *self = calloc(1, sizeof *self + size);
+    if (self == NULL)
+        return NULL;
+    char *copy = (char *)(self + 1);
+    if (name != NULL)
+        memcpy(copy, name, size);
+    self->name = copy;
+    self->environment = environment;
+    self->logger = logger;
+    instance_reset(self);
+    return self;
+}
+
+static const char *instance_initialise(instance *self)
+{
+    return model_initialise(self->values, self->memory) ? "the model cannot begin with these numbers" : NULL;
+}
+
+static double instance_time(const instance *self)
+{
+    return self->start + (double)self->samples * MODEL_PERIOD;
+}
+
+static const char *instance_get(instance *self, const uint32_t *references, size_t count, double *values)
+{
+    if (!self->initialised) {
+        const char *wrong = instance_initialise(self);
+        if (wrong != NULL)
+            return wrong;
+    }
+    for (size_t k = 0; k < count; k++) {
+        if (references[k] > MODEL_VARIABLES)
+            return "there is no variable of this value reference";
+        values[k] = references[k] == MODEL_VARIABLES ? instance_time(self) : self->values[references[k]];
+    }
+    return NULL;
+}
+
+static const char *instance_set(instance *self, const uint32_t *references, size_t count, const double *values)
+{
+    for (size_t k = 0; k < count; k++) {
+        if (references[k] >= MODEL_VARIABLES)
+            return "there is no variable of this value reference";
+        const char kind = model_kinds[references[k]];
+        if (kind != 'i' && (kind != 'p' || self->initialised))
+            return "only inputs can be set, and parameters before the end of initialisation";
+        if (!isfinite(values[k]))
+            return "a value is not finite";
+        self->values[references[k]] = values[k];
+    }
+    return NULL;
+}
+
+static const char *instance_finish_initialisation(instance *self)
+{
+    const char *wrong = instance_initialise(self);
+    self->initialised = wrong == NULL;
+    return wrong;
+}
+
+static const char *instance_step(instance *self, double time, double size)
+{
+    const double samples = floor(size / MODEL_PERIOD + 0.5);
+    if (!self->initialised)
+        return "a step before the end of initialisation";
+    if (!(samples >= 1.0 && samples <= MOST_SAMPLES && fabs(size / MODEL_PERIOD - samples) <= TOLERANCE * samples))
+        return "the step is no whole multiple of the period of the model";
+    if (!(fabs(time - instance_time(self)) <= TOLERANCE * (MODEL_PERIOD + fabs(time))))
+        return "the step does not begin where the last one ended";
+    if (model_step(self->values, self->memory, (int64_t)samples))
+        return "the model cannot go on: a number is not finite";
+    self->samples += (int64_t)samples;
+    return NULL;
+}

@@ -1,0 +1,171 @@
+"""An FMU does what FMI asks of it, whatever model it has: FMPy finds nothing, and wrong calls are refused."""
+
+import os
+import subprocess
+import zipfile
+from pathlib import Path
+
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.validation import validate_fmu
+
+from cranectl.export.description import base_unit
+from cranectl.export.fmu import FOLDERS, Model, Variable, fmu_archive, model_sources
+from cranectl.support.errors import InputError
+from tests.export.exported import COMPILERS, STRICT
+from tests.export.fmus import Instance, defined_symbols, standard_functions, undefined_symbols
+
+LAG = """
+#include "model.h"
+
+int model_initialise(double *values, double *memory)
+{
+    memory[0] = values[2] = values[4];
+    return values[0] <= 0.0;
+}
+
+int model_step(double *values, double *memory, int64_t samples)
+{
+    for (int64_t k = 0; k < samples; k++)
+        memory[0] += MODEL_PERIOD / values[0] * (values[1] - memory[0]);
+    values[2] = memory[0];
+    return values[2] > 1e6;
+}
+"""
+VARIABLES = (
+    Variable("lag.T", "parameter", "s", "time constant & more", 0.5, -1.0, 2.0),
+    Variable("u", "input", "m/s²", 'the "input"', 1.0),
+    Variable("y", "output", "m/s²", "<output>"),
+    Variable("mass[1]", "constant", "kg m²", "a number that is built in", 0.1),
+    Variable("y_start", "parameter", "", "of the output"),
+)
+MODEL = Model("lag", "a lag of first order */", VARIABLES, 0.01, 1, {"model.c": LAG})
+
+
+@pytest.fixture(params=[2, 3])
+def fmu(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """Return an FMU of each version."""
+    path = tmp_path / f"lag{request.param}.fmu"
+    path.write_bytes(fmu_archive(MODEL, request.param))
+    return path
+
+
+def library(path: Path, folder: Path) -> Path:
+    """Return the unpacked library of an FMU."""
+    with zipfile.ZipFile(path) as archive:
+        (name,) = [name for name in archive.namelist() if name.startswith("binaries/")]
+        return Path(archive.extract(name, folder))
+
+
+def test_fmpy_finds_nothing_and_the_same_model_gives_the_same_bytes(fmu: Path) -> None:
+    assert validate_fmu(str(fmu)) == []
+    assert fmu.read_bytes() == fmu_archive(MODEL, int(fmu.stem[-1]))
+
+
+def test_the_library_has_the_functions_of_the_standard_and_no_others(fmu: Path, tmp_path: Path) -> None:
+    fmi, unpacked = int(fmu.stem[-1]), library(fmu, tmp_path / "unpacked")
+    assert unpacked.parent.name == FOLDERS[fmi]
+    functions = standard_functions(fmi)
+    assert len(functions) > 30
+    assert defined_symbols(unpacked) == functions
+    assert "fmi2DoStep" not in undefined_symbols(unpacked)
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_its_sources_compile_without_a_warning(fmi: int, compiler: str, tmp_path: Path) -> None:
+    sources = model_sources(MODEL, fmi)
+    for name, text in sources.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    units = [name for name in sources if name.endswith(".c")]
+    command = [compiler, *STRICT, "-O2", "-fPIC", "-shared", "-o", "lag.so", *units, "-lm"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stderr) == (0, "")
+
+
+def test_two_instances_share_nothing_and_a_reset_begins_anew(fmu: Path, tmp_path: Path) -> None:
+    a = Instance(fmu, tmp_path / "a", name="a", **{"lag.T": 0.1, "y_start": 0.25})
+    b = Instance(fmu, tmp_path / "a", name="b", u=2.0)
+    assert [*a.get(["y", "lag.T", "mass[1]"]), *b.get(["y", "lag.T"])] == [0.25, 0.1, 0.1, 0.0, 0.5]
+    for _ in range(3):
+        a.step(0.01)
+        b.step(0.02)
+    expected_a, expected_b = 0.25, 0.0
+    for _ in range(3):
+        expected_a += 0.01 / 0.1 * (1.0 - expected_a)
+    for _ in range(6):
+        expected_b += 0.01 / 0.5 * (2.0 - expected_b)
+    assert [*a.get(["y"]), *b.get(["y"])] == [expected_a, expected_b]
+    a.slave.reset()
+    a.begin()
+    assert a.get(["y", "lag.T"]) == [0.0, 0.5]
+    a.close()
+    b.step(0.01)
+    b.close()
+
+
+def test_time_may_begin_anywhere(fmu: Path, tmp_path: Path) -> None:
+    lag = Instance(fmu, tmp_path / "a", start=12.5)
+    lag.step(0.01)
+    if not lag.is_second:
+        assert lag.get(["time"]) == [12.51]
+    lag.close()
+
+
+def test_wrong_steps_and_wrong_values_are_errors(fmu: Path, tmp_path: Path) -> None:
+    lag = Instance(fmu, tmp_path / "a")
+    wrong_steps = [(0.015, 0.0), (0.0, 0.0), (-0.01, 0.0), (0.004, 0.0), (float("nan"), 0.0), (1e9, 0.0)]
+    for size, time in [*wrong_steps, (0.01, 0.01), (0.01, float("nan"))]:
+        with pytest.raises(FMICallException):
+            lag.step(size, time)
+    for name, value in (("y", 1.0), ("mass[1]", 1.0), ("lag.T", 1.0), ("u", float("inf"))):
+        with pytest.raises(FMICallException):
+            lag.set({name: value})
+    lag.references["wrong"] = 99
+    for wrong in (lambda: lag.set({"wrong": 1.0}), lambda: lag.get(["wrong"])):
+        with pytest.raises(FMICallException):
+            wrong()
+    lag.time = 0.0
+    lag.step(0.01)  # it is as if none of that had been asked
+    assert lag.get(["y"]) == [0.02]
+    lag.set({"u": 1e9})
+    with pytest.raises(FMICallException):  # the model cannot go on
+        lag.step(0.01)
+    lag.close()
+
+
+def test_parameters_that_the_model_refuses_end_the_initialisation(fmu: Path, tmp_path: Path) -> None:
+    with pytest.raises(FMICallException):
+        Instance(fmu, tmp_path / "a", **{"lag.T": -1.0})
+
+
+@pytest.mark.parametrize(
+    ("unit", "exponents"),
+    [
+        ("m/s²", {"m": 1, "s": -2}),
+        ("N m s/rad", {"kg": 1, "m": 2, "s": -1, "rad": -1}),
+        ("kg/m³", {"kg": 1, "m": -3}),
+        ("1/s", None),
+        ("°", None),
+    ],
+)
+def test_units_are_defined_by_base_units(unit: str, exponents: dict[str, int] | None) -> None:
+    assert base_unit(unit) == exponents
+
+
+def test_a_missing_compiler_another_machine_and_another_version_are_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(InputError, match="there is no program no-such-compiler") as refused:
+        fmu_archive(MODEL)
+    assert "gcc" in refused.value.remedy
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(InputError, match="false cannot compile the FMU"):
+        fmu_archive(MODEL)
+    monkeypatch.setattr("platform.machine", lambda: "aarch64")
+    with pytest.raises(InputError, match="aarch64"):
+        fmu_archive(MODEL)
+    with pytest.raises(InputError, match="version 1 of FMI"):
+        fmu_archive(MODEL, 1)
+    assert "CC" in os.environ
