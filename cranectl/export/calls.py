@@ -15,12 +15,14 @@ from numba.core.types import Array, BaseTuple, CPointer, Integer, float64, int64
 
 from cranectl.export.expressions import Expressions
 from cranectl.export.inference import Type, result_type
+from cranectl.export.sample import pointer_to
 from cranectl.export.values import UNARY, Value
 
 C_LIBRARY = (
     "sin cos tan asin acos atan atan2 sinh cosh tanh exp expm1 log log1p log10 sqrt fabs floor ceil copysign "
     "isfinite isnan isinf"
 )
+_POINTER: Any = CPointer
 MATH = {getattr(math, name): name for name in re.findall(r"\w+", C_LIBRARY)}
 
 
@@ -33,6 +35,8 @@ class Calls(Expressions):
             raise self.refuse(node, "names arguments")
         if function is carray:
             return self.carray(node)
+        if function is pointer_to:
+            return self.pointer(node)
         if function is np.empty:
             return self.shaped(node, Value("", float64), node.args[0])
         if isinstance(node.func, ast.Attribute) and node.func.attr == "reshape" and len(node.args) == 1:
@@ -99,6 +103,13 @@ class Calls(Expressions):
         if not isinstance(pointer.type, CPointer) or not isinstance(length.type, Integer):
             raise self.refuse(node, "is no array of one dimension at a pointer")
         return pointer._replace(type=Array(pointer.type.dtype, 1, "C"), length=lambda: length)
+
+    def pointer(self, node: ast.Call) -> Value:
+        """Return the pointer to the first number of an array."""
+        array: Value = self.visit(node.args[0])
+        if not isinstance(array.type, Array):
+            raise self.refuse(node, "is no array")
+        return array._replace(type=_POINTER(array.type.dtype), length=None)
 
     def shaped(self, node: ast.Call, array: Value, shape: ast.expr) -> Value:
         """Return a vector or a matrix of known size; one without text has memory of its own."""

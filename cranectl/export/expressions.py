@@ -38,13 +38,13 @@ ARITHMETIC: dict[type, tuple[Any, str, int]] = {
     ast.Mod: (operator.mod, "cranectl_modulo", ATOM),
     ast.Pow: (operator.pow, "pow", ATOM),
 }
-COMPARISONS: dict[type, tuple[str, int]] = {
-    ast.Lt: ("<", ORDER),
-    ast.LtE: ("<=", ORDER),
-    ast.Gt: (">", ORDER),
-    ast.GtE: (">=", ORDER),
-    ast.Eq: ("==", EQUALITY),
-    ast.NotEq: ("!=", EQUALITY),
+COMPARISONS: dict[type, tuple[Any, str, int]] = {
+    ast.Lt: (operator.lt, "<", ORDER),
+    ast.LtE: (operator.le, "<=", ORDER),
+    ast.Gt: (operator.gt, ">", ORDER),
+    ast.GtE: (operator.ge, ">=", ORDER),
+    ast.Eq: (operator.eq, "==", EQUALITY),
+    ast.NotEq: (operator.ne, "!=", EQUALITY),
 }
 MAX_EXPONENT = 16  # of a constant power
 MAX_INT = 2**31 - 1  # in C, of 32 bits
@@ -117,6 +117,8 @@ class Expressions(ast.NodeVisitor):
             return Value(name, kind, is_natural=is_natural)
 
         def length() -> Value:
+            if (size := self.facts.lengths.get(node.id)) is not None:
+                return Value(str(size), int64, constant=size, is_natural=True)
             self.facts.sized.add(node.id)
             return Value(self.size_name(node.id, node), int64, is_natural=True)
 
@@ -220,14 +222,16 @@ class Expressions(ast.NodeVisitor):
             least = lower or Value("0", int64, constant=0, is_natural=True)
             return self.unit.value("span", least, upper or whole(), whole())
 
+        end = ast.unparse(bounds.upper) if bounds.upper else ""
         if lower is None:
-            return owner._replace(length=length)
+            return owner._replace(length=length, end=end)
         return Value(
             f"{owner.within(SUM)} + {lower.within(PRODUCT)}",
             owner.type,
             SUM,
             length=length,
             bases=owner.bases,
+            end=end,
         )
 
     def visit_BinOp(self, node: ast.BinOp) -> Value:
@@ -273,6 +277,8 @@ class Expressions(ast.NodeVisitor):
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> Value:
         value = self.visit(node.operand)
+        if isinstance(node.op, ast.Not) and value.constant is not None:
+            return self.number(node, not value.constant, "")
         if isinstance(node.op, ast.Not):
             return Value(f"!{value.within(UNARY)}", self.result(node, operator.not_, value), UNARY)
         if not isinstance(node.op, ast.USub):
@@ -282,21 +288,33 @@ class Expressions(ast.NodeVisitor):
         return Value(f"-{value.within(ATOM)}", kind, UNARY, constant)
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Value:
-        values = [self.visit(value) for value in node.values]
-        if not all(isinstance(value.type, Boolean) for value in values):
-            raise self.refuse(node, "joins what is neither true nor false")
-        symbol, rank = (" && ", AND) if isinstance(node.op, ast.And) else (" || ", OR)
+        is_and, values = isinstance(node.op, ast.And), []
+        for part in node.values:
+            value: Value = self.visit(part)
+            if not isinstance(value.type, Boolean):
+                raise self.refuse(node, "joins what is neither true nor false")
+            if value.constant is None:
+                values.append(value)
+            elif value.constant != is_and:
+                return value
+        if len(values) < 2:
+            return values[0] if values else self.number(node, is_and, "")
+        symbol, rank = (" && ", AND) if is_and else (" || ", OR)
         return Value(symbol.join(value.within(EQUALITY) for value in values), boolean, rank)
 
     def visit_Compare(self, node: ast.Compare) -> Value:
         values, texts, rank = [self.visit(value) for value in (node.left, *node.comparators)], [], AND
+        known: list[bool | None] = []
         for left, op, right in zip(values, node.ops, values[1:], strict=False):
             if type(op) not in COMPARISONS:
                 raise self.refuse(node, "has a comparison without a translation")
-            self.result(node, operator.lt, left, right)
-            symbol, rank = COMPARISONS[type(op)]
+            function, symbol, rank = COMPARISONS[type(op)]
+            self.result(node, function, left, right)
+            is_known = left.constant is not None and right.constant is not None
+            known.append(function(left.constant, right.constant) if is_known else None)
             texts.append(f"{left.within(rank + 1)} {symbol} {right.within(rank + 1)}")
-        return Value(" && ".join(texts), boolean, rank if len(texts) == 1 else AND)
+        constant = None if None in known else all(known)
+        return Value(" && ".join(texts), boolean, rank if len(texts) == 1 else AND, constant)
 
     def visit_IfExp(self, node: ast.IfExp) -> Value:
         test, *both = (self.visit(part) for part in (node.test, node.body, node.orelse))

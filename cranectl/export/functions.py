@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from numba.core.types import NoneType
 
-from cranectl.export.inference import Inferred, Type, common_type
+from cranectl.export.inference import STEP_TYPES, Inferred, Type, common_type
 from cranectl.export.lines import KEPT, filled
 from cranectl.export.statements import Place, Statements
 from cranectl.export.values import Facts
@@ -44,6 +44,7 @@ class FunctionTranslator(Statements):
             raise self.refuse(tree, "is no function")
         self.tree, self.returned, self.facts = tree, inferred.returned, Facts(set(signed))
         self.parameters = tuple(argument.arg for argument in tree.args.args)
+        self.is_step = tuple(types[name] for name in self.parameters) == STEP_TYPES
         nodes = list(ast.walk(tree))
         names = [node for node in nodes if isinstance(node, ast.Name)]
         added = [node.target for node in nodes if isinstance(node, ast.AugAssign)]
@@ -78,8 +79,7 @@ class FunctionTranslator(Statements):
         return places
 
     def translate(self, name: str, *, is_entry: bool = False) -> tuple[Function, str]:
-        """Return the function as its callers need it, and its text."""
-        self.is_entry = is_entry
+        """Return the function as its callers need it, and its text; other files can call an entry."""
         while True:
             known = self.facts.count()
             self.begin()

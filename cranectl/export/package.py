@@ -2,53 +2,54 @@
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
-from cranectl.controllers.addressed import bind_address
+from cranectl.controllers.addressed import JOINTS
 from cranectl.controllers.controller import Controller
-from cranectl.controllers.registry import controller_design, controller_of
 from cranectl.design import ControllerDesign
-from cranectl.export.unit import Unit
+from cranectl.export.prepared import Exported, prepare_export
+from cranectl.export.sample import STATE_SIZE
 from cranectl.export.values import literal
-from cranectl.export.vectors import Sample, inputs_of, record_blocks, replay
-from cranectl.plants.plant import Drive
+from cranectl.export.vectors import Sample, record_blocks, replay
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ERROR, FLAT_OUTPUT, Signal
-from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 TEMPLATES = Path(__file__).parent / "templates"
+HEADER = "NAME.h.txt"
 FILES = {  # by template
-    "NAME.h.txt": "{}.h",
     "main.c.txt": "main.c",
     "cranectl_NAME.c.txt": "cranectl_{}.c",
     "README.md.txt": "README.md",
 }
 INCLUDED = "#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n"
-COMMANDED = {"acceleration": "accelerations [m/s²]", "velocity": "velocities [m/s]", "force": "forces [N]"}
+COMMANDED = {"ideal": "accelerations [m/s²]", "velocity": "velocities [m/s]", "force": "forces [N]"}
 MEASURED = {
-    "state": "position, rate of bridge, trolley, rope, alpha, beta [m, rad], and two estimated disturbances",
-    "encoders": "positions of bridge, trolley, rope, alpha, beta [m, rad]",
+    JOINTS: "readings of the encoders of bridge, trolley, rope, alpha, beta [m, rad]",
+    STATE_SIZE: "position and rate of bridge, trolley, rope, alpha, beta [m, rad, m/s, rad/s]",
 }
 FOLLOWED = {"path": "path of the load", "set-point": "where the present motion ends"}
+MAX_REFERENCE_ROWS = 100_000  # of a reference that is exported
 LOOPED = 6  # numbers of load and error that the loop records of every controller
 NUMBERS_PER_LINE = 5
 
 
-def exported_files(scenario: Scenario, name: str) -> dict[str, str]:
+def exported_files(scenario: Scenario, name: str, drive: str | None = None) -> dict[str, str]:
     """Return the texts of an exported controller by the names of their files.
 
     Parameters
     ----------
     scenario : Scenario
-        The crane, the controller's settings, and the run from which test vectors are taken.
+        The crane, the controller's settings, the reference, and the run from which test vectors are taken.
     name : str
         A controller.
+    drive : str, optional
+        Kind of drive that the commands are for; by default what the controller itself commands.
 
     Returns
     -------
@@ -61,73 +62,66 @@ def exported_files(scenario: Scenario, name: str) -> dict[str, str]:
         If the controller is not in Python that Numba compiles, uses what the translation does not know, or
         cannot be prepared for the scenario.
     """
-    design = controller_design(name, scenario)
-    controller = controller_of(design)
-    if controller.entry is not None:
-        raise InputError(
-            f"the step of {name} is not in Python that Numba compiles",
-            allowed="a controller of cranectl, or one in Python whose step Numba compiles",
-            remedy="write the step with numbers, loops and functions of math, or use its own source in C",
-        )
-    symbol = re.sub(r"\W+", "_", f"cranectl_{design.name}")
-    text = Unit().step(controller.step, f"{symbol}_step")
-    drive: Drive = "ideal" if controller.command == "acceleration" else controller.command
-    plan = plan_scenario(scenario)
-    compiled = prepare_controller(scenario, design, drive, plan)
-    run = simulate_run(scenario, drive=drive, design=design, plan=plan, compiled_controller=compiled)
-    inputs = inputs_of(run, compiled, controller.preview)
-    if not inputs:
-        raise InputError(
-            f"the run of {name} in {scenario.name} ends before its first sample: {run.status.label}",
-            allowed="a run of one sample or more, for test vectors",
-            remedy="correct the controller, or take another scenario",
-        )
-    blocks = record_blocks(replay(bind_address(compiled).address, compiled, inputs), len(inputs))
-    values = {
-        **_values(controller, design, scenario),
-        "SYMBOL": symbol,
-        "GUARD": symbol.upper(),
-        "DRIVE": drive,
-        "PARAMETERS": str(len(compiled.parameters)),
-        "MEMORY": str(len(compiled.start)),
-        "REFERENCE": str(len(inputs[0][1])),
-        "VECTORS": str(sum(map(len, blocks))),
-        **_signals(_logged(controller, design, len(compiled.start))),
+    exported = prepare_export(scenario, name, drive)
+    sample = exported.sample
+    steps = replay(sample.address, sample.parameters, sample.memory, exported.inputs)
+    blocks = record_blocks(steps, len(exported.inputs))
+    values = {**_values(exported), "VECTORS": str(sum(map(len, blocks)))}
+    return {
+        **controller_sources(exported),
+        **{pattern.format(exported.stem): _filled(template, values) for template, pattern in FILES.items()},
+        "vectors.h": _vectors_text(blocks),
+        "reference.h": _reference_text(exported),
     }
-    file = values["FILE"]
-    texts = {
-        pattern.format(file): _filled((TEMPLATES / template).read_text(encoding="utf-8"), values)
-        for template, pattern in FILES.items()
-    }
+
+
+def controller_sources(exported: Exported) -> dict[str, str]:
+    """Return the C file of a controller and its header, by name."""
+    symbol, sample = exported.symbol, exported.sample
     constants = [
-        _array(f"{symbol}_parameters[{len(compiled.parameters)}]", compiled.parameters),
-        _array(f"{symbol}_initial_memory[{len(compiled.start)}]", compiled.start),
+        _array(f"{symbol}_parameters[{len(sample.parameters)}]", sample.parameters),
+        _array(f"{symbol}_initial_memory[{len(sample.memory)}]", sample.memory),
     ]
-    texts[f"{file}.c"] = "\n".join([f'{INCLUDED}\n#include "{file}.h"\n', *constants, text])
-    texts["vectors.h"] = _vectors_text(blocks)
-    return texts
+    return {
+        f"{exported.stem}.h": _filled(HEADER, _values(exported)),
+        f"{exported.stem}.c": "\n".join(
+            [f'{INCLUDED}\n#include "{exported.stem}.h"\n', *constants, exported.code()]
+        ),
+    }
 
 
-def _values(controller: Controller, design: ControllerDesign, scenario: Scenario) -> dict[str, str]:
+def _values(exported: Exported) -> dict[str, str]:
     """Return what templates say of a controller, by key."""
-    stem = re.sub(r"\W+", "_", design.name)
+    design, controller, scenario = exported.design, exported.controller, exported.scenario
     kinds = {key: f"CRANECTL_{getattr(controller, key.lower()).upper().replace('-', '_')}"
              for key in ("COMMAND", "FOLLOWS", "MEASURES")}  # fmt: skip
     title = controller.title if design.axis_design is None else f"{design.name} of the flat family"
+    period, sample, compiled = scenario.period_ns / NANOSECONDS, exported.sample, exported.compiled
     return {
+        "SYMBOL": exported.symbol,
+        "GUARD": exported.symbol.upper(),
+        "PARAMETERS": str(len(sample.parameters)),
+        "MEMORY": str(len(sample.memory)),
+        "FIRST_PARAMETER": str(len(sample.parameters) - len(compiled.parameters)),
+        "FIRST_MEMORY": str(len(sample.memory) - len(compiled.start)),
+        "REFERENCE": str(len(exported.inputs[0][1])),
+        "ROWS_OF_REFERENCE": str(len(compiled.reference)),
+        **_signals(_logged(controller, design, len(compiled.start))),
         "NAME": design.name,
-        "FILE": stem,
-        "SLUG": stem.replace("_", "-") + "-c",
+        "FILE": exported.stem,
+        "SLUG": exported.slug,
         "TITLE": title.replace("*/", "* /"),
         "TITLE_STRING": _string(title),
         "VERSION": version("cranectl"),
         "SCENARIO": scenario.name,
-        "PERIOD": repr(controller.every * scenario.period_ns / NANOSECONDS),
+        "DRIVE": exported.drive,
+        "PERIOD": repr(period),
+        "STEP_PERIOD": repr(controller.every * period),
         "EVERY": str(controller.every),
         "PREVIEW": str(controller.preview),
         "ROWS": f"{1 + controller.preview} row{'s' if controller.preview else ''}",
-        "COMMAND": COMMANDED[controller.command],
-        "MEASURED": MEASURED[controller.measures],
+        "COMMAND": COMMANDED[exported.drive],
+        "MEASURED": MEASURED[exported.sample.measured],
         "FOLLOWED": FOLLOWED[controller.follows],
         **{f"{key}_KIND": kind for key, kind in kinds.items()},
     }
@@ -163,7 +157,9 @@ def _string(text: str) -> str:
 
 
 def _filled(template: str, values: dict[str, str]) -> str:
-    return re.sub(r"@(\w+?)@", lambda match: values[match[1]], template)
+    """Return the text of a template with its values."""
+    text = (TEMPLATES / template).read_text(encoding="utf-8")
+    return re.sub(r"@(\w+?)@", lambda match: values[match[1]], text)
 
 
 def _array(name: str, numbers: Array) -> str:
@@ -179,6 +175,29 @@ def _number_texts(numbers: Array) -> list[str]:
     return [literal(number)[0] for number in numbers[:count].tolist()]
 
 
+def _reference_text(exported: Exported) -> str:
+    """Return the header with the reference at each sample; raise InputError if it is too long for one."""
+    rows = exported.compiled.reference
+    if len(rows) > MAX_REFERENCE_ROWS:
+        period = exported.scenario.period_ns / NANOSECONDS
+        raise InputError(
+            f"the reference of {exported.scenario.name} has {len(rows)} samples",
+            allowed=f"at most {MAX_REFERENCE_ROWS}, which are {MAX_REFERENCE_ROWS * period:g} s",
+            remedy=f"add --set duration={(MAX_REFERENCE_ROWS // 2) * period:g}, or take a shorter scenario",
+        )
+    said = f"{FOLLOWED[exported.controller.follows].capitalize()} in the scenario {exported.scenario.name}"
+    lines = [f"/* {said}: x, y, z [m] and four derivatives, at each sample. */",
+             "#include <math.h>", "", f"#define ROWS {len(rows)}", "",
+             *_table("reference", "ROWS", list(rows))]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def _table(name: str, count: str, rows: Sequence[Array]) -> list[str]:
+    """Return the lines of the definition of a constant table."""
+    texts = ["    {" + ", ".join(_number_texts(row)) + "}," for row in rows]
+    return [f"static const double {name}[{count}][{len(rows[0])}] = {{", *texts, "};"]
+
+
 def _vectors_text(blocks: list[list[Sample]]) -> str:
     """Return the header with test vectors."""
     samples = [sample for block in blocks for sample in block]
@@ -189,12 +208,10 @@ def _vectors_text(blocks: list[list[Sample]]) -> str:
             for key in ("measured", "reference", "command")
         },
     }
-    lines = ["/* Samples of a simulated run, and what the compiled step of cranectl returns for them. */",
+    lines = ["/* Samples of a simulated run, and what the compiled functions of cranectl return for them. */",
              "#include <math.h>", "#include <stdint.h>", "", f"#define BLOCKS {len(blocks)}",
              f"#define BLOCK_SIZE {len(blocks[0])}", "#define VECTORS (BLOCKS * BLOCK_SIZE)", ""]  # fmt: skip
     for name, (count, rows) in tables.items():
-        lines.append(f"static const double vector_{name}[{count}][{len(rows[0])}] = {{")
-        lines += ["    {" + ", ".join(_number_texts(row)) + "}," for row in rows]
-        lines += ["};", ""]
+        lines += [*_table(f"vector_{name}", count, rows), ""]
     statuses = ", ".join(str(sample.status) for sample in samples)
     return "\n".join([*lines, f"static const int64_t vector_status[VECTORS] = {{{statuses}}};", ""])

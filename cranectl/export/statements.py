@@ -19,7 +19,7 @@ class Statements(Calls):
     tree: ast.FunctionDef
     returned: Type
     parameters: tuple[str, ...]
-    is_entry: bool  # whether it is the step, whose arrays are certainly different ones
+    is_step: bool  # whether it has the arguments of a step, which are certainly different arrays
     loaded: set[str]  # variables that are read
     stores: list[str]  # variables that are assigned to, as often as that is done
     counters: set[str]  # of loops, without other uses
@@ -134,7 +134,7 @@ class Statements(Calls):
         """Assign a number, or the numbers of an array that is certainly another one, to a slice."""
         assert place.length is not None
         theirs, ours = value.bases or frozenset(self.parameters), place.bases or frozenset()
-        can_overlap = ours & theirs or not (self.is_entry or ours.isdisjoint(self.parameters))
+        can_overlap = ours & theirs or not (self.is_step or ours.isdisjoint(self.parameters))
         if place.columns or value.columns or (value.length is not None and can_overlap):
             raise self.refuse(target, "is a matrix, or an array that may overlap the assigned one")
         if value.length is None:
@@ -163,6 +163,8 @@ class Statements(Calls):
             if value.bases is None and name in self.facts.written:
                 raise self.refuse(target, "writes to an array of a named tuple")
             self.facts.bases[name] = self.facts.bases.get(name, frozenset()) | (value.bases or frozenset())
+            if self.stores.count(name) == 1 and (known := self._known_length(value)) is not None:
+                self.facts.lengths[name] = known
         elif isinstance(kind, BaseTuple) and value.type != kind:
             raise self.refuse(target, f"has the type {value.type}, and {kind} elsewhere")
         parts = [
@@ -171,14 +173,24 @@ class Statements(Calls):
         if name in self.facts.sized and value.length is not None:
             size = self.size_name(name, target)
             parts.append((f"int64_t {size}", size, value.length().text))
+        end = f" /* to {value.end} */" if value.end else ""
         is_new, is_here = name not in self.declared, self._is_declared_here(name)
         once = "const " if self.stores.count(name) == 1 else ""
         for declaration, variable, text in parts:
             if is_new and not is_here:
                 self.hoisted.append(f"    {declaration};")
             constant = "" if "*" in declaration else once
-            self.line(f"{constant + declaration if is_new and is_here else variable} = {text};")
+            self.line(f"{constant + declaration if is_new and is_here else variable} = {text};{end}")
+            end = ""
         self.declared.add(name)
+
+    def _known_length(self, array: Value) -> int | None:
+        """Return the length of an array if it is known, without noting that it is needed."""
+        assert array.length is not None
+        sized = set(self.facts.sized)
+        size: int | None = array.length().constant
+        self.facts.sized = sized
+        return size
 
     def _reserve(self, target: ast.Name, value: Value) -> None:
         """Declare an array with memory of its own."""
@@ -235,7 +247,11 @@ class Statements(Calls):
         opening, branch = "if", node
         while True:
             self.effects = []
-            self._nested(f"{opening} ({self.expression(branch.test).text}) {{", branch.body)
+            test = self.expression(branch.test)
+            if opening == "if" and test.constant is not None:
+                self.block(branch.body if test.constant else branch.orelse)
+                return
+            self._nested(f"{opening} ({test.text}) {{", branch.body)
             following = branch.orelse
             if len(following) != 1 or not isinstance(following[0], ast.If):
                 break

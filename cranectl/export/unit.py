@@ -1,4 +1,4 @@
-"""A C unit: a controller's step with all functions, types and helpers that it needs."""
+"""A C unit: some steps with all functions, types and helpers that they need."""
 
 import inspect
 import re
@@ -69,16 +69,21 @@ class Unit:
         self._functions: dict[Any, Function | None] = {}
         self._names: set[str] = set(RESERVED)
 
-    def step(self, step: Callable[..., int], name: str) -> str:
-        """Translate a controller's step and return the C text of all; raise InputError if that fails."""
+    def step(self, step: Callable[..., int], name: str) -> None:
+        """Translate a function with the arguments of a controller's step; raise InputError if that fails."""
         self._names.add(name)
         inferred = infer_types(step, STEP_TYPES)
         translator = FunctionTranslator(self, step, inferred, set())
         function, text = translator.translate(name, is_entry=True)
         if inputs := function.written & set(function.parameters[:3]):
             raise translator.refuse(translator.tree, f"writes to {min(inputs)}, which is an input")
+        self.texts.append(text)
+        self._functions[step, *((kind, False) for kind in STEP_TYPES)] = function
+
+    def text(self) -> str:
+        """Return the C text of all functions, after the types and helpers that they need."""
         structs = [text for _, text in self._structs.values()]
-        return "\n\n".join([*structs, *self._helpers.values(), *self.texts, text]) + "\n"
+        return "\n\n".join([*structs, *self._helpers.values(), *self.texts]) + "\n"
 
     def function(
         self,

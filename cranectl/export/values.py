@@ -21,6 +21,7 @@ class Value(NamedTuple):
     length: "Callable[[], Value] | None" = None  # of an array; to ask notes that the length is needed
     bases: frozenset[str] | None = frozenset()  # of an array: names of arrays it is a part of
     columns: int = 0  # of a matrix
+    end: str = ""  # of a slice, in Python
 
     def within(self, rank: int) -> str:
         """Return the text for an operand of an operator with `rank`, in parentheses if needed."""
@@ -36,10 +37,11 @@ class Facts:
         self.signed = signed  # integers that may be negative
         self.bases: dict[str, frozenset[str]] = {}
         self.columns: dict[str, int] = {}
+        self.lengths: dict[str, int] = {}  # of arrays, if known
 
     def count(self) -> int:
         """Return the number of facts."""
-        return sum(map(len, (self.sized, self.written, self.signed, *self.bases.values())))
+        return sum(map(len, (self.sized, self.written, self.signed, self.lengths, *self.bases.values())))
 
 
 def literal(value: float) -> tuple[str, bool]:

@@ -1,4 +1,4 @@
-"""Test vectors of a controller: samples of a simulated run, and what the compiled step makes of them."""
+"""Test vectors: what each control sample of a run gets, and what the compiled function makes of it."""
 
 from collections.abc import Iterable, Iterator
 from ctypes import POINTER, c_double
@@ -6,8 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.controllers.addressed import CompiledController
+from cranectl.controllers.addressed import JOINTS, CompiledController
+from cranectl.export.sample import ControlSample
+from cranectl.signals import ROPE
 from cranectl.simulate import Run
+from cranectl.simulate.signal_path import make_encoders, read_encoder
 from cranectl.support.arrays import Array
 from cranectl.support.jit import STEP
 
@@ -17,7 +20,7 @@ PARTS_OF_A_RUN, SAMPLES_IN_A_ROW = 5, 200  # samples in a row, spread over the r
 class Sample(NamedTuple):
     """What a step gets and what it returns."""
 
-    measured: Array  # (12,)
+    measured: Array
     reference: Array  # (15 for each row that a step gets,)
     before: Array  # memory before the step; the next step overwrites it
     command: Array  # (3,)
@@ -25,11 +28,11 @@ class Sample(NamedTuple):
 
 
 def replay(
-    address: int, compiled: CompiledController, inputs: Iterable[tuple[Array, Array]]
+    address: int, parameters: Array, start: Array, inputs: Iterable[tuple[Array, Array]]
 ) -> Iterator[Sample]:
-    """Yield what the step at an address does with measurements and references, from the start of a run."""
+    """Yield what the step at an address does with measurements and references, from its memory at `start`."""
     step, pointer = STEP(address), POINTER(c_double)
-    parameters, memory, command = compiled.parameters.copy(), compiled.start.copy(), np.zeros(3)
+    parameters, memory, command = parameters.copy(), start.copy(), np.zeros(3)
     before = memory.copy()
     for measured, reference in inputs:
         before[:] = memory
@@ -38,18 +41,31 @@ def replay(
         yield Sample(measured, reference, before, command.copy(), status)
 
 
-def inputs_of(run: Run, compiled: CompiledController, preview: int) -> list[tuple[Array, Array]]:
-    """Return what each step of a run measures, and its rows of the reference."""
+def inputs_of(
+    run: Run, sample: ControlSample, compiled: CompiledController, preview: int
+) -> list[tuple[Array, Array]]:
+    """Return what each control sample of a run measures, and its rows of the reference."""
+    measured = readings_of(run) if sample.measured == JOINTS else _states_of(run)
+    return [(row, compiled.reference[k : k + 1 + preview].ravel()) for k, row in enumerate(measured)]
+
+
+def readings_of(run: Run) -> Array:
+    """Return the readings (N, 5) of the encoders in a run with them."""
+    sensing, setting = run.scenario.effects.sensing, run.scenario.effects.installation
+    assert sensing is not None
+    readings = run.block("state")[:, ::2].copy()
+    readings[:, ROPE // 2] += setting.rope_offset if setting else 0.0
+    encoders = make_encoders(sensing, run.scenario.steps + 1)
+    for k, row in enumerate(readings):
+        for joint in range(JOINTS):
+            row[joint] = read_encoder(encoders, k, joint, row[joint])
+    return readings
+
+
+def _states_of(run: Run) -> Array:
+    """Return the states (N, 10) that the controller of a run without encoders measures."""
     states = run.block("measurement" if run.has("measurement") else "state")
-    measured = np.zeros((len(states), 12))
-    if compiled.encoders:
-        measured[:, :5] = states[:, :10:2]
-    else:
-        measured[:, : states.shape[1]] = states
-    return [
-        (measured[k], compiled.reference[k : k + 1 + preview].ravel())
-        for k in range(0, len(states), compiled.every)
-    ]
+    return states[:, : 2 * JOINTS].copy()
 
 
 def record_blocks(samples: Iterable[Sample], total: int) -> list[list[Sample]]:

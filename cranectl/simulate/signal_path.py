@@ -138,11 +138,25 @@ def make_signal_path(
     The observer is designed for `nominal`, by default the scenario itself. The path writes to `record`, by
     default a new array with a row for each of `samples`.
     """
-    effects = scenario.effects
-    if not has_signal_path(effects, drive):
+    if not has_signal_path(scenario.effects, drive):
         return None
+    return new_signal_path(
+        scenario, start, drive=drive, samples=samples, nominal=nominal or scenario, record=record
+    )
+
+
+def new_signal_path(
+    scenario: Scenario,
+    start: Array,
+    *,
+    drive: Drive,
+    samples: int,
+    nominal: Scenario,
+    record: Array | None = None,
+) -> SignalPath:
+    """Return a signal path, also one in which nothing changes; arguments are those of `make_signal_path`."""
+    effects = scenario.effects
     period = scenario.period_ns / NANOSECONDS
-    nominal = nominal or scenario
     sensing, setting = effects.sensing or Sensing(), effects.installation or Installation()
     bandwidth = (nominal.effects.sensing or sensing).observer_bandwidth
     kind, first = DRIVES[drive], np.zeros(3)

@@ -26,7 +26,9 @@ HEADER = "int64_t tried(const double *, const double *, const double *, double *
 
 
 def translated(step: Step) -> str:
-    return Unit().step(step, "tried")
+    unit = Unit()
+    unit.step(step, "tried")
+    return unit.text()
 
 
 def built(step: Step, folder: Path, compiler: str = COMPILERS[0], options: str = "-O2") -> int:

@@ -1,0 +1,108 @@
+"""Export a controller as an FMU: its C code behind the functions of FMI, and a table for `--controller`."""
+
+import json
+from typing import NamedTuple
+
+from cranectl.controllers.addressed import JOINTS
+from cranectl.export.description import Variable
+from cranectl.export.fmu import Model, fmu_archive
+from cranectl.export.package import controller_sources
+from cranectl.export.prepared import prepare_export
+from cranectl.export.sample import KEPT
+from cranectl.plants.plant import DRIVES
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import REFERENCE, STATE, command_group
+from cranectl.support.errors import InputError
+
+AXES = ("bridge", "trolley", "rope")
+
+
+class ControllerFmu(NamedTuple):
+    """An exported FMU, and the table with which `--controller` reads it."""
+
+    archive: bytes
+    table: str
+
+
+def controller_fmu(scenario: Scenario, name: str, drive: str | None = None, fmi: int = 2) -> ControllerFmu:
+    """Return a controller as an FMU for co-simulation, whose step is the control period.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The crane, the controller's settings, and the start.
+    name : str
+        A controller.
+    drive : str, optional
+        Kind of drive that the commands are for; by default what the controller itself commands.
+    fmi : int
+        Version of FMI, 2 or 3.
+
+    Returns
+    -------
+    ControllerFmu
+        The content of the FMU and of the TOML file beside it.
+
+    Raises
+    ------
+    InputError
+        As `exported_files`; also for a controller that needs rows of the reference to come, and as
+        `fmu_archive`.
+    """
+    exported = prepare_export(scenario, name, drive)
+    if exported.controller.preview:
+        raise InputError(
+            f"{name} needs {exported.controller.preview} rows of the reference ahead of time",
+            allowed="as an FMU, a controller that needs the present row alone",
+            remedy="export it as C, to a directory",
+        )
+    measured, reference = exported.inputs[0]
+    group, signals = ("encoders", STATE.signals[::2]) if len(measured) == JOINTS else ("state", STATE.signals)
+    starts = zip(signals, measured.tolist(), strict=True), zip(REFERENCE.signals, reference, strict=True)
+    inputs = [
+        Variable(f"{kind}.{signal.name}", "input", signal.unit, signal.description, float(start))
+        for kind, pairs in zip((group, "reference"), starts, strict=True)
+        for signal, start in pairs
+    ]
+    command = DRIVES[exported.drive].command
+    outputs = [
+        Variable(f"command.{axis}", "output", signal.unit, signal.description, discrete=True)
+        for axis, signal in zip(AXES, command_group(command).signals, strict=False)
+    ]
+    code = _model_text(exported.stem, exported.symbol, len(measured), len(inputs))
+    model = Model(
+        name=exported.stem,
+        title=f"the controller {exported.design.name} for {exported.drive} drives",
+        variables=(*inputs, *outputs),
+        period=scenario.period_ns / NANOSECONDS,
+        memory=len(exported.sample.memory),
+        sources={**controller_sources(exported), "model.c": code},
+    )
+    table = {"name": exported.slug, "command": command, "follows": exported.controller.follows}
+    lines = [f"{key} = {json.dumps(value)}\n" for key, value in table.items()]
+    return ControllerFmu(fmu_archive(model, fmi), "".join(lines))
+
+
+def _model_text(stem: str, symbol: str, first_reference: int, first_command: int) -> str:
+    """Return the C file that calls the control sample from the functions of FMI."""
+    arguments = f"{symbol}_parameters, values, values + {first_reference}, memory, values + {first_command}"
+    return f"""#include <string.h>
+
+#include "model.h"
+#include "{stem}.h"
+
+int model_initialise(double *values, double *memory)
+{{
+    memcpy(memory, {symbol}_initial_memory, sizeof {symbol}_initial_memory);
+    memcpy(values + {first_command}, memory + {KEPT.previous}, 3 * sizeof *values);
+    return 0;
+}}
+
+int model_step(double *values, double *memory, int64_t samples)
+{{
+    while (samples-- > 0)
+        if ({symbol}_sample({arguments}))
+            return 1;
+    return 0;
+}}
+"""

@@ -1,0 +1,81 @@
+"""A controller with all that its exported files are made from."""
+
+import re
+from typing import NamedTuple
+
+from cranectl.controllers.addressed import CompiledController
+from cranectl.controllers.controller import Controller
+from cranectl.controllers.registry import controller_design, controller_of
+from cranectl.design import ControllerDesign
+from cranectl.export.sample import ControlSample, control_sample_of
+from cranectl.export.unit import Unit
+from cranectl.export.vectors import inputs_of
+from cranectl.plants.plant import Drive
+from cranectl.scenario import Scenario
+from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
+from cranectl.simulate.runner import checked_drive
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+
+
+class Exported(NamedTuple):
+    """A controller that is to be exported, with all that its files are made from."""
+
+    scenario: Scenario
+    design: ControllerDesign
+    controller: Controller
+    compiled: CompiledController
+    drive: Drive
+    sample: ControlSample
+    inputs: list[tuple[Array, Array]]  # of each control sample of the run
+
+    @property
+    def symbol(self) -> str:
+        """The prefix of names in C."""
+        return re.sub(r"\W+", "_", f"cranectl_{self.design.name}")
+
+    @property
+    def stem(self) -> str:
+        """The name of files, without their endings."""
+        return re.sub(r"\W+", "_", self.design.name)
+
+    @property
+    def slug(self) -> str:
+        """The name under which cranectl runs the exported controller."""
+        return f"{self.stem.replace('_', '-')}-c"
+
+    def code(self) -> str:
+        """Return the C text of sample and step; raise InputError for what has no translation."""
+        unit = Unit()
+        unit.step(self.controller.step, f"{self.symbol}_step")
+        unit.step(self.sample.function, f"{self.symbol}_sample")
+        return unit.text()
+
+
+def prepare_export(scenario: Scenario, name: str, drive: str | None = None) -> Exported:
+    """Return the controller `name`, prepared for a scenario and simulated in it.
+
+    Raises InputError if the controller is not in Python that Numba compiles, or cannot be prepared.
+    """
+    design = controller_design(name, scenario)
+    controller = controller_of(design)
+    if controller.entry is not None:
+        raise InputError(
+            f"the step of {name} is not in Python that Numba compiles",
+            allowed="a controller of cranectl, or one in Python whose step Numba compiles",
+            remedy="write the step with numbers, loops and functions of math, or use its own source in C",
+        )
+    usual = "ideal" if controller.command == "acceleration" else controller.command
+    kind = checked_drive(drive or usual)
+    plan = plan_scenario(scenario)
+    compiled = prepare_controller(scenario, design, kind, plan)
+    run = simulate_run(scenario, drive=kind, design=design, plan=plan, compiled_controller=compiled)
+    sample = control_sample_of(scenario, controller, compiled, kind, plan.initial_state)
+    inputs = inputs_of(run, sample, compiled, controller.preview)
+    if not inputs:
+        raise InputError(
+            f"the run of {name} in {scenario.name} ends before its first sample: {run.status.label}",
+            allowed="a run of one sample or more, for test vectors",
+            remedy="correct the controller, or take another scenario",
+        )
+    return Exported(scenario, design, controller, compiled, kind, sample, inputs)
