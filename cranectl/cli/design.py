@@ -2,7 +2,7 @@
 
 import functools
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -14,14 +14,15 @@ from cranectl.cli.command import (
     output_option,
     scenario_options,
 )
-from cranectl.cli.completion import complete_controllers, complete_scenarios
+from cranectl.cli.completion import complete_controllers, complete_drives, complete_scenarios
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
-from cranectl.support.files import PLOTS, write_text, writing
+from cranectl.support.files import FMU, PLOTS, replacing, write_text, writing
 
 if TYPE_CHECKING:
+    from cranectl.export.prepared import Exported
     from cranectl.scenario import Scenario
 
 # What only runs read, and what designs of the flat family do not read either.
@@ -55,13 +56,21 @@ OF_OTHER_CONTROLLERS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_
     type=PATH,
     help="Write the controller as C99, with test vectors of a run of the scenario.",
 )
+@output_option("--fmu", FMU, "Write the controller as an FMU for co-simulation on Linux, with its C files.")
+@click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of FMI for --fmu. Default: 2.")
+@click.option(
+    "--drive",
+    metavar="NAME",
+    shell_complete=complete_drives,
+    help="Drive that --export and --fmu command. Default: by what the controller commands.",
+)
 @json_option
 def design_command(
     names: tuple[str, ...],
     request: ScenarioRequest,
     plot: Path | None,
-    directory: Path | None,
     screen: Screen,
+    **exporting: Any,
 ) -> None:
     """Design one or several controllers and show what they achieve.
 
@@ -73,7 +82,7 @@ def design_command(
     cranectl design pole-placement lqr --set 'design.poles=[-3+1j, -3-1j, -4, -4]' --plot both.svg
     cranectl design lqr+loop-shaping --scenario fixed-position
     cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
-    cranectl design lqr --scenario settled-trajectory --export lqr-c
+    cranectl design lqr --scenario settled-trajectory --drive velocity --export lqr-c --fmu lqr.fmu
     """
     from cranectl.controllers.registry import controller_design, load_controller, only_flat
     from cranectl.report.design import (
@@ -85,9 +94,9 @@ def design_command(
     )
     from cranectl.simulate import linearised_controller, tracker_of
 
-    if directory is not None:
-        _check_export(names, request, directory)
-    loaded = request.read() if directory is None else request.load()
+    export = Export(**exporting)
+    export.check(names, request)
+    loaded = request.load() if export.is_asked else request.read()
     designs = [controller_design(name, loaded) for name in dict.fromkeys(names)]
     tell = functools.partial(
         print_idle_in_analysis, screen, loaded, request, names, plant="analytic", drive="ideal"
@@ -99,10 +108,10 @@ def design_command(
                 controller, load_controller(controller.name), linearised_controller(loaded, controller)
             )
         )
-        if directory is None:
-            tell(unread=UNREAD)
+        if export.is_asked:
+            export.write(loaded, names[0], screen)
         else:
-            _export(loaded, names[0], directory, screen)
+            tell(unread=UNREAD)
         screen.write_json(controller.to_json())
         return
     flat = [only_flat(design) for design in designs]
@@ -113,30 +122,78 @@ def design_command(
 
         save_figure(design_figure(flat[0]) if len(flat) == 1 else designs_figure(flat), plot)
     screen.print_each(design_tables(flat[0]) if len(flat) == 1 else [designs_table(flat)])
-    if directory is None:
-        tell(unread=(*UNREAD, *OF_OTHER_CONTROLLERS))
+    if export.is_asked:
+        export.write(loaded, names[0], screen)
     else:
-        _export(loaded, names[0], directory, screen)
+        tell(unread=(*UNREAD, *OF_OTHER_CONTROLLERS))
     if plot is not None:
         screen.print(f"picture: {plot}")
     results = [design.to_json() for design in flat]
     screen.write_json(results[0] if len(flat) == 1 else {"designs": results})
 
 
-def _check_export(names: tuple[str, ...], request: ScenarioRequest, directory: Path) -> None:
-    """Raise InputError unless one controller with a scenario goes to a new or an empty directory."""
-    if request.source is None:
-        raise InputError(
-            "--export without --scenario",
-            allowed="--export with a scenario, whose start and motion it needs",
-            remedy="add --scenario fast-diagonal, or another one",
-        )
-    if len(set(names)) > 1:
-        raise InputError(
-            f"--export of {len(set(names))} controllers",
-            allowed="one controller",
-            remedy="export each by itself",
-        )
+class Export(NamedTuple):
+    """What is asked to be exported, and where to."""
+
+    directory: Path | None  # of C files
+    fmu: Path | None
+    fmi: str | None
+    drive: str | None
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether anything is to be exported."""
+        return self.directory is not None or self.fmu is not None
+
+    def check(self, names: tuple[str, ...], request: ScenarioRequest) -> None:
+        """Raise InputError unless one controller with a scenario goes to places that are free."""
+        if self.fmi and self.fmu is None:
+            raise InputError("--fmi without --fmu", allowed="--fmi with --fmu", remedy="add --fmu FILE")
+        if self.drive and not self.is_asked:
+            raise InputError(
+                "--drive without --export and --fmu",
+                allowed="--drive where a controller is exported",
+                remedy="leave out --drive, or add --export DIR",
+            )
+        if not self.is_asked:
+            return
+        option = "--export" if self.directory else "--fmu"
+        if request.source is None:
+            raise InputError(
+                f"{option} without --scenario",
+                allowed=f"{option} with a scenario, whose start and motion it needs",
+                remedy="add --scenario fast-diagonal, or another one",
+            )
+        if len(set(names)) > 1:
+            raise InputError(
+                f"{option} of {len(set(names))} controllers",
+                allowed="one controller",
+                remedy="export each by itself",
+            )
+        if self.directory is not None:
+            _check_directory(self.directory)
+
+    def write(self, scenario: "Scenario", name: str, screen: Screen) -> None:
+        """Write the files of an exported controller."""
+        from cranectl.export import controller_fmu, prepare_export
+
+        exported = prepare_export(scenario, name, self.drive)
+        if self.directory is not None:
+            _write_c(exported, self.directory)
+            readme = self.directory / "README.md"
+            screen.print(f"exported: {self.directory}; {readme} says how to check it on the target")
+        if self.fmu is not None:
+            content = controller_fmu(exported, int(self.fmi or 2))
+            table = self.fmu.with_suffix(".toml")
+            with writing(table, remedy="choose another place with --fmu"):
+                write_text(table, content.table)
+                with replacing(self.fmu) as part:
+                    part.write_bytes(content.archive)
+            screen.print(f"exported: {self.fmu}, and {table} with what cranectl reads beside it")
+
+
+def _check_directory(directory: Path) -> None:
+    """Raise InputError unless a directory is new or empty."""
     with writing(directory, remedy="choose another place with --export"):
         is_free = not directory.exists() or (directory.is_dir() and not any(directory.iterdir()))
     if not is_free:
@@ -147,14 +204,13 @@ def _check_export(names: tuple[str, ...], request: ScenarioRequest, directory: P
         )
 
 
-def _export(scenario: "Scenario", name: str, directory: Path, screen: Screen) -> None:
-    """Write the files of an exported controller."""
+def _write_c(exported: "Exported", directory: Path) -> None:
+    """Write the C files of an exported controller."""
     from cranectl.export import exported_files
     from cranectl.loaders.c_controller import HEADER
 
-    texts = exported_files(scenario, name)
+    texts = exported_files(exported)
     for file, text in {**texts, HEADER.name: HEADER.read_text(encoding="utf-8")}.items():
         with writing(directory / file, remedy="choose another place with --export"):
             directory.mkdir(parents=True, exist_ok=True)
             write_text(directory / file, text)
-    screen.print(f"exported: {directory}; {directory / 'README.md'} says how to check it on the target")

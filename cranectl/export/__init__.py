@@ -1,5 +1,7 @@
-"""Export controllers as C99, translated from the compiled functions themselves."""
+"""Export controllers as C99, translated from the compiled functions themselves, and as FMUs."""
 
+from cranectl.export.controller_fmu import controller_fmu
 from cranectl.export.package import exported_files
+from cranectl.export.prepared import prepare_export
 
-__all__ = ["exported_files"]
+__all__ = ["controller_fmu", "exported_files", "prepare_export"]

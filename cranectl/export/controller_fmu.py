@@ -7,10 +7,10 @@ from cranectl.controllers.addressed import JOINTS
 from cranectl.export.description import Variable
 from cranectl.export.fmu import Model, fmu_archive
 from cranectl.export.package import controller_sources
-from cranectl.export.prepared import prepare_export
+from cranectl.export.prepared import Exported
 from cranectl.export.sample import KEPT
 from cranectl.plants.plant import DRIVES
-from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, STATE, command_group
 from cranectl.support.errors import InputError
 
@@ -24,17 +24,13 @@ class ControllerFmu(NamedTuple):
     table: str
 
 
-def controller_fmu(scenario: Scenario, name: str, drive: str | None = None, fmi: int = 2) -> ControllerFmu:
+def controller_fmu(exported: Exported, fmi: int = 2) -> ControllerFmu:
     """Return a controller as an FMU for co-simulation, whose step is the control period.
 
     Parameters
     ----------
-    scenario : Scenario
-        The crane, the controller's settings, and the start.
-    name : str
-        A controller.
-    drive : str, optional
-        Kind of drive that the commands are for; by default what the controller itself commands.
+    exported : Exported
+        The controller, from `prepare_export`.
     fmi : int
         Version of FMI, 2 or 3.
 
@@ -46,13 +42,12 @@ def controller_fmu(scenario: Scenario, name: str, drive: str | None = None, fmi:
     Raises
     ------
     InputError
-        As `exported_files`; also for a controller that needs rows of the reference to come, and as
-        `fmu_archive`.
+        If the controller uses what the translation does not know, or needs rows of the reference to come;
+        also as `fmu_archive`.
     """
-    exported = prepare_export(scenario, name, drive)
     if exported.controller.preview:
         raise InputError(
-            f"{name} needs {exported.controller.preview} rows of the reference ahead of time",
+            f"{exported.design.name} needs {exported.controller.preview} rows of the reference ahead of time",
             allowed="as an FMU, a controller that needs the present row alone",
             remedy="export it as C, to a directory",
         )
@@ -74,7 +69,7 @@ def controller_fmu(scenario: Scenario, name: str, drive: str | None = None, fmi:
         name=exported.stem,
         title=f"the controller {exported.design.name} for {exported.drive} drives",
         variables=(*inputs, *outputs),
-        period=scenario.period_ns / NANOSECONDS,
+        period=exported.scenario.period_ns / NANOSECONDS,
         memory=len(exported.sample.memory),
         sources={**controller_sources(exported), "model.c": code},
     )

@@ -1,5 +1,6 @@
 """Types of a function's variables and expressions, by Numba's own inference."""
 
+import functools
 import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -52,6 +53,7 @@ class _Inference(Compiler):
         return [passes]
 
 
+@functools.cache
 def infer_types(function: Callable[..., Any], arguments: tuple[Type, ...]) -> Inferred:
     """Return the types in `function`; raise InputError if Numba cannot compile it."""
     if UNCOMPILED:

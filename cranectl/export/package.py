@@ -11,11 +11,11 @@ import numpy as np
 from cranectl.controllers.addressed import JOINTS
 from cranectl.controllers.controller import Controller
 from cranectl.design import ControllerDesign
-from cranectl.export.prepared import Exported, prepare_export
+from cranectl.export.prepared import Exported
 from cranectl.export.sample import STATE_SIZE
 from cranectl.export.values import literal
 from cranectl.export.vectors import Sample, record_blocks, replay
-from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario import NANOSECONDS
 from cranectl.signals import ERROR, FLAT_OUTPUT, Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -39,30 +39,12 @@ LOOPED = 6  # numbers of load and error that the loop records of every controlle
 NUMBERS_PER_LINE = 5
 
 
-def exported_files(scenario: Scenario, name: str, drive: str | None = None) -> dict[str, str]:
-    """Return the texts of an exported controller by the names of their files.
+def exported_files(exported: Exported) -> dict[str, str]:
+    """Return the texts of a controller's C files by the names of these.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        The crane, the controller's settings, the reference, and the run from which test vectors are taken.
-    name : str
-        A controller.
-    drive : str, optional
-        Kind of drive that the commands are for; by default what the controller itself commands.
-
-    Returns
-    -------
-    dict
-        Text by name of the file.
-
-    Raises
-    ------
-    InputError
-        If the controller is not in Python that Numba compiles, uses what the translation does not know, or
-        cannot be prepared for the scenario.
+    Raises InputError if the controller uses what the translation does not know, or if its reference has more
+    than MAX_REFERENCE_ROWS samples.
     """
-    exported = prepare_export(scenario, name, drive)
     sample = exported.sample
     steps = replay(sample.address, sample.parameters, sample.memory, exported.inputs)
     blocks = record_blocks(steps, len(exported.inputs))

@@ -12,7 +12,7 @@ from cranectl.export.unit import Unit
 from cranectl.export.vectors import inputs_of
 from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
-from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
+from cranectl.simulate import Run, plan_scenario, prepare_controller, simulate_run
 from cranectl.simulate.runner import checked_drive
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -21,13 +21,26 @@ from cranectl.support.errors import InputError
 class Exported(NamedTuple):
     """A controller that is to be exported, with all that its files are made from."""
 
-    scenario: Scenario
-    design: ControllerDesign
+    run: Run  # of the scenario
     controller: Controller
     compiled: CompiledController
-    drive: Drive
     sample: ControlSample
     inputs: list[tuple[Array, Array]]  # of each control sample of the run
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that it was prepared for."""
+        return self.run.scenario
+
+    @property
+    def design(self) -> ControllerDesign:
+        """The controller with its settings."""
+        return self.run.design
+
+    @property
+    def drive(self) -> Drive:
+        """Kind of drive that the commands are for."""
+        return self.run.drive
 
     @property
     def symbol(self) -> str:
@@ -53,9 +66,26 @@ class Exported(NamedTuple):
 
 
 def prepare_export(scenario: Scenario, name: str, drive: str | None = None) -> Exported:
-    """Return the controller `name`, prepared for a scenario and simulated in it.
+    """Prepare a controller for a scenario, and simulate it there.
 
-    Raises InputError if the controller is not in Python that Numba compiles, or cannot be prepared.
+    Parameters
+    ----------
+    scenario : Scenario
+        The crane, the controller's settings, the reference, and the run from which test vectors are taken.
+    name : str
+        A controller.
+    drive : str, optional
+        Kind of drive that the commands are for; by default what the controller itself commands.
+
+    Returns
+    -------
+    Exported
+        What the exported files are made from.
+
+    Raises
+    ------
+    InputError
+        If the controller is not in Python that Numba compiles, or cannot be prepared for the scenario.
     """
     design = controller_design(name, scenario)
     controller = controller_of(design)
@@ -78,4 +108,4 @@ def prepare_export(scenario: Scenario, name: str, drive: str | None = None) -> E
             allowed="a run of one sample or more, for test vectors",
             remedy="correct the controller, or take another scenario",
         )
-    return Exported(scenario, design, controller, compiled, kind, sample, inputs)
+    return Exported(run, controller, compiled, sample, inputs)

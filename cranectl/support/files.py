@@ -143,6 +143,7 @@ MCAP = Kind("MCAP file", rb"\x89MCAP0\r\n", error=LogError)
 JSON = Kind("JSON file", rb"\s*[\[{]", piped=True)
 HTML = Kind("HTML page", rb"\s*<!doctype html", piped=True)
 PARQUET = Kind("Parquet file", rb"PAR1")
+FMU = Kind("FMU", rb"PK\x03\x04")
 XML = Kind("XML file", rb"\s*<\?xml", piped=True)
 BY_ENDING = {
     ".svg": Kind("SVG picture", rb"\s*<(\?xml|svg)"),

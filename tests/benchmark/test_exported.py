@@ -7,11 +7,9 @@ import pytest
 
 from cranectl.campaign.benchmark.settings import read_benchmark
 from cranectl.cli.benchmark import measured_controllers
-from cranectl.controllers.addressed import bind_address
-from cranectl.export.vectors import inputs_of, replay
 from cranectl.loaders.opening import close_controllers
 from cranectl.support.errors import InputError
-from tests.export.exported import address_in, as_bits, export, library, prepared
+from tests.export.exported import export, library, prepared, same_bits
 
 CONTROLLERS = [name for name in read_benchmark("literature").laws if ".py:" in name]
 REFUSED = {
@@ -33,13 +31,8 @@ def test_no_bit_differs_over_a_whole_run(reference: str, tmp_path: Path) -> None
     reason = REFUSED.get(reference.rpartition(":")[2])
     if reason:
         with pytest.raises(InputError, match=reason):
-            export(tmp_path, name)
+            export(tmp_path, prepared(name))
         return
-    path = library(tmp_path, export(tmp_path, name))
-    controller, compiled, run = prepared(name)
-    inputs = inputs_of(run, compiled, controller.preview)
-    ours, theirs = (
-        replay(address, compiled, inputs) for address in (bind_address(compiled).address, address_in(path))
-    )
-    assert len(inputs) > 0
-    assert all(as_bits(a) == as_bits(b) for a, b in zip(ours, theirs, strict=True))
+    exported = prepared(name)
+    assert len(exported.inputs) > 0
+    assert same_bits(exported, library(tmp_path, export(tmp_path, exported)))

@@ -7,26 +7,23 @@ from pathlib import Path
 
 import numpy as np
 
-from cranectl.controllers.addressed import CompiledController
-from cranectl.controllers.controller import Controller
-from cranectl.controllers.registry import controller_design, controller_of
-from cranectl.export import exported_files
-from cranectl.export.vectors import Sample
+from cranectl.export import exported_files, prepare_export
+from cranectl.export.prepared import Exported
+from cranectl.export.vectors import Sample, replay
 from cranectl.loaders.c_controller import HEADER
 from cranectl.planning import load_scenario
-from cranectl.simulate import Run, plan_scenario, prepare_controller, simulate_run
 
 SCENARIO = "settled-trajectory"  # 25 001 samples
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-ffp-contract=off")
 COMPILERS = tuple(name for name in ("gcc", "clang") if shutil.which(name)) or ("cc",)
 
 
-def export(folder: Path, name: str, scenario: str = SCENARIO) -> str:
-    """Write the exported controller; return the stem of its files."""
-    texts = exported_files(load_scenario(scenario), name)
+def export(folder: Path, exported: Exported) -> str:
+    """Write the C files of a controller; return the stem of their names."""
+    texts = exported_files(exported)
     for file, text in {**texts, HEADER.name: HEADER.read_text(encoding="utf-8")}.items():
         (folder / file).write_text(text, encoding="utf-8")
-    return next(file for file in texts if file.endswith(".h") and file != "vectors.h").removesuffix(".h")
+    return exported.stem
 
 
 def compile_c(
@@ -57,19 +54,19 @@ def replayed(folder: Path, stem: str, compiler: str, options: str) -> str:
     return result.stdout
 
 
-def prepared(name: str) -> tuple[Controller, CompiledController, Run]:
-    """Return a controller as it is exported, and the run of which its vectors are."""
-    scenario = load_scenario(SCENARIO)
-    design = controller_design(name, scenario)
-    controller = controller_of(design)
-    drive = "ideal" if controller.command == "acceleration" else controller.command
-    plan = plan_scenario(scenario)
-    compiled = prepare_controller(scenario, design, drive, plan)
-    return (
-        controller,
-        compiled,
-        simulate_run(scenario, drive=drive, design=design, plan=plan, compiled_controller=compiled),
+def prepared(name: str, drive: str | None = None, *overrides: str) -> Exported:
+    """Return a controller as it is exported, with the run of which its vectors are."""
+    return prepare_export(load_scenario(SCENARIO, overrides=overrides), name, drive)
+
+
+def same_bits(exported: Exported, library: Path) -> bool:
+    """Return True if the control sample of a library does at each sample of the run what ours does."""
+    sample = exported.sample
+    ours, theirs = (
+        replay(address, sample.parameters, sample.memory, exported.inputs)
+        for address in (sample.address, address_in(library, f"{exported.symbol}_sample"))
     )
+    return all(as_bits(a) == as_bits(b) for a, b in zip(ours, theirs, strict=True))
 
 
 def as_bits(sample: Sample) -> tuple[bytes, bytes, int]:

@@ -1,0 +1,62 @@
+"""One control sample does what the loop does around a controller: it estimates, commands and limits."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cranectl.export.prepared import Exported
+from cranectl.export.vectors import replay
+from cranectl.status import RunStatus
+from tests.export.exported import COMPILERS, export, library, prepared, replayed, same_bits
+from tests.export.test_controllers import EQUAL, SANITISERS
+
+SENSING = ["effects.sensing.seed=3", "effects.sensing.position_noise=[1e-4,1e-4,1e-4]"]
+LIMITS = [
+    "effects.limits.velocity=[0.7,0.7,0.7]",
+    "effects.limits.acceleration=[0.9,0.9,0.9]",
+    "effects.limits.force=[1e9,1e9,1e9]",
+]
+RIG = ["effects.delay.seconds=0.004"]
+CALIBRATION = ["effects.installation.rope_offset=0.01"]
+CASES = {
+    "nothing": ("lqr", "ideal", []),
+    "acceleration limits": ("lqr+hinf", "velocity", LIMITS),
+    "encoders": ("pid", "velocity", [*SENSING, *CALIBRATION]),
+    "encoders, limits and delay": ("lqr", "velocity", [*SENSING, *LIMITS, *RIG]),
+    "a controller that commands velocities": ("flat-velocity", "velocity", [*SENSING, *LIMITS]),
+    "forces": ("lqr", "force", []),
+    "forces and encoders": ("lqr-offset-free", "force", SENSING),
+    "encoders and ideal drives": ("lqr-integral", "ideal", [*SENSING, *RIG]),
+}
+
+
+def commands(exported: Exported) -> np.ndarray:
+    """Return what the control sample commands in a run."""
+    sample = exported.sample
+    steps = list(replay(sample.address, sample.parameters, sample.memory, exported.inputs))
+    assert all(step.status == RunStatus.RUNNING for step in steps)
+    return np.array([step.command for step in steps])
+
+
+@pytest.mark.parametrize(("name", "drive", "overrides"), CASES.values(), ids=CASES)
+def test_it_gives_the_bits_of_a_run_also_in_c(
+    name: str, drive: str, overrides: list[str], tmp_path: Path
+) -> None:
+    exported = prepared(name, drive, *overrides)
+    run, late = exported.run, exported.scenario.delay_samples
+    given = run.block("input")[:, :3] if drive == "ideal" else run.block("input")[:, 3:]
+    if run.has("command"):
+        given = run.block("command")[:, :3]
+    computed = commands(exported)
+    assert len(computed) == 25001
+    assert computed[: len(computed) - late].tobytes() == given[late:].tobytes()
+    assert np.ptp(computed, axis=0).max() > 0.01
+    assert not set(LIMITS) <= set(overrides) or run.block("command")[:, 3:].any(), "no limit acts"
+    assert same_bits(exported, library(tmp_path, export(tmp_path, exported)))
+
+
+def test_the_whole_sample_passes_the_sanitisers(tmp_path: Path) -> None:
+    stem = export(tmp_path, prepared("lqr", "velocity", *SENSING, *LIMITS, *RIG))
+    for compiler, options in [(COMPILERS[-1], "-O3"), (COMPILERS[0], SANITISERS)]:
+        assert replayed(tmp_path, stem, compiler, options) == f"1000 samples: {EQUAL}\n"
