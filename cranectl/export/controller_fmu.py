@@ -4,7 +4,7 @@ import json
 from typing import NamedTuple
 
 from cranectl.controllers.addressed import JOINTS
-from cranectl.export.description import Variable
+from cranectl.export.description import FmuVariable
 from cranectl.export.fmu import Model, fmu_archive
 from cranectl.export.package import controller_sources
 from cranectl.export.prepared import Exported
@@ -55,13 +55,13 @@ def controller_fmu(exported: Exported, fmi: int = 2) -> ControllerFmu:
     group, signals = ("encoders", STATE.signals[::2]) if len(measured) == JOINTS else ("state", STATE.signals)
     starts = zip(signals, measured.tolist(), strict=True), zip(REFERENCE.signals, reference, strict=True)
     inputs = [
-        Variable(f"{kind}.{signal.name}", "input", signal.unit, signal.description, float(start))
+        FmuVariable(f"{kind}.{signal.name}", "input", signal.unit, signal.description, float(start))
         for kind, pairs in zip((group, "reference"), starts, strict=True)
         for signal, start in pairs
     ]
     command = DRIVES[exported.drive].command
     outputs = [
-        Variable(f"command.{axis}", "output", signal.unit, signal.description, discrete=True)
+        FmuVariable(f"command.{axis}", "output", signal.unit, signal.description, discrete=True)
         for axis, signal in zip(AXES, command_group(command).signals, strict=False)
     ]
     code = _model_text(exported.stem, exported.symbol, len(measured), len(inputs))

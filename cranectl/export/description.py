@@ -22,7 +22,7 @@ BASE_UNITS = {
 POWERS = str.maketrans("²³⁴", "234")
 
 
-class Variable(NamedTuple):
+class FmuVariable(NamedTuple):
     """A variable of an FMU, a number; one that is `discrete` changes only from sample to sample."""
 
     name: str
@@ -87,7 +87,7 @@ def model_description(model: "Model", fmi: int, token: str, sources: Sequence[st
     """Return `modelDescription.xml`; `sources` are the C files to compile, if there are any."""
     variables = model.variables
     outputs = [k for k, variable in enumerate(variables) if variable.causality == "output"]
-    units = dict.fromkeys(each.unit for each in variables if each.numbers["unit"])
+    units = dict.fromkeys(variable.unit for variable in variables if variable.numbers["unit"])
     head: dict[str, object] = {
         "fmiVersion": f"{fmi}.0",
         "modelName": model.name,
@@ -104,13 +104,13 @@ def model_description(model: "Model", fmi: int, token: str, sources: Sequence[st
     if fmi == 2:
         listed = [element("File", {"name": name}) for name in sources]
         inner = [element("SourceFiles", {}, listed)] if listed else []
-        described = [_scalar(k, each) for k, each in enumerate(variables)]
+        described = [_scalar(k, variable) for k, variable in enumerate(variables)]
         unknowns = [element("Unknown", {"index": k + 1}) for k in outputs]
         structure = [element(name, {}, unknowns) for name in ("Outputs", "InitialUnknowns") if unknowns]
     else:
         inner = []
         time = {"causality": "independent", "variability": "continuous"}
-        described = [_float64(k, each) for k, each in enumerate(variables)]
+        described = [_float64(k, variable) for k, variable in enumerate(variables)]
         described.append(element("Float64", {"name": "time", "valueReference": len(variables), **time}))
         names = ("Output", "InitialUnknown")
         structure = [element(name, {"valueReference": k}) for name in names for k in outputs]
@@ -129,13 +129,13 @@ def _unit(unit: str) -> str:
     return element("Unit", {"name": unit}, [] if exponents is None else [element("BaseUnit", {**exponents})])
 
 
-def _scalar(reference: int, variable: Variable) -> str:
+def _scalar(reference: int, variable: FmuVariable) -> str:
     """Return a variable as FMI 2.0 has it."""
     known = {"name": variable.name, "valueReference": reference, "description": variable.description}
     return element("ScalarVariable", {**known, **variable.role}, [element("Real", {**variable.numbers})])
 
 
-def _float64(reference: int, variable: Variable) -> str:
+def _float64(reference: int, variable: FmuVariable) -> str:
     """Return a variable as FMI 3.0 has it."""
     known = {"name": variable.name, "valueReference": reference, "description": variable.description}
     return element("Float64", {**known, **variable.role, **variable.numbers})

@@ -4,20 +4,21 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
 import zipfile
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from cranectl.export.description import FMI_VERSIONS, Variable, build_description, model_description
+from cranectl.export.description import FMI_VERSIONS, FmuVariable, build_description, model_description
 from cranectl.support.errors import InputError
 
+TEMPLATES = Path(__file__).parent / "templates" / "fmi"
 FOLDERS = {2: "linux64", 3: "x86_64-linux"}  # of the binary, by version of FMI
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s")
 LETTERS = {"parameter": "p", "input": "i", "output": "o", "constant": "c"}
@@ -33,7 +34,7 @@ class Model(NamedTuple):
 
     name: str  # an identifier of C
     title: str
-    variables: Sequence[Variable]
+    variables: Sequence[FmuVariable]
     period: float  # of a sample [s]
     memory: int  # numbers of 8 bytes
     sources: Mapping[str, str]
@@ -86,23 +87,37 @@ def fmu_archive(model: Model, fmi: int = 2) -> bytes:
 
 def model_sources(model: Model, fmi: int) -> dict[str, str]:
     """Return all C files of an FMU by name: those of the model, and those around it."""
-    templates = files("cranectl.export") / "templates" / "fmi"
-    texts = {name: (templates / name).read_text(encoding="utf-8") for name in ("instance.h", f"fmi{fmi}.c")}
-    header = (templates / "model.h.txt").read_text(encoding="utf-8")
+    texts = {name: (TEMPLATES / name).read_text(encoding="utf-8") for name in ("instance.h", f"fmi{fmi}.c")}
     values = {
         "TITLE": model.title.replace("*/", "* /"),
         "TOKEN": _token(model, fmi),
         "PERIOD": repr(model.period),
-        "VARIABLES": str(len(model.variables)),
-        "MEMORY": str(max(model.memory, 1)),
+        "VARIABLES": len(model.variables),
+        "MEMORY": max(model.memory, 1),
     }
-    for key, value in values.items():
-        header = header.replace(f"@{key}@", value)
-    rows = [f"    {float(each.start).hex()}, /* {each.name} */" for each in model.variables]
-    kinds = "".join(LETTERS[each.causality] for each in model.variables)
-    variables = ['#include "model.h"', "", "const double model_starts[MODEL_VARIABLES] = {", *rows, "};"]
+    header = filled((TEMPLATES / "model.h.txt").read_text(encoding="utf-8"), values)
+    rows = [f"    {float(variable.start).hex()}, /* {variable.name} */" for variable in model.variables]
+    kinds = "".join(LETTERS[variable.causality] for variable in model.variables)
+    variables = [
+        "#include <float.h>",
+        "",
+        '#include "model.h"',
+        "",
+        "const double model_starts[MODEL_VARIABLES] = {",
+        *rows,
+        "};",
+    ]
+    for bound, sign in (("lowest", "-"), ("highest", "")):
+        numbers = [getattr(variable, bound) for variable in model.variables]
+        texts_of = [f"{sign}DBL_MAX" if number is None else float(number).hex() for number in numbers]
+        variables.append(f"const double model_{bound}[MODEL_VARIABLES] = {{{', '.join(texts_of)}}};")
     variables += [f"const char model_kinds[MODEL_VARIABLES] = {json.dumps(kinds)};", ""]
     return {"model.h": header, "variables.c": "\n".join(variables), **texts, **model.sources}
+
+
+def filled(template: str, values: Mapping[str, object]) -> str:
+    """Return a template in which `@KEY@` is replaced by the value of each key."""
+    return re.sub(r"@(\w+?)@", lambda match: str(values[match[1]]), template)
 
 
 def _token(model: Model, fmi: int) -> str:

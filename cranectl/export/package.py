@@ -1,7 +1,6 @@
 """The files of an exported controller: C, header, test vectors with a program, README, and a library."""
 
 import json
-import re
 from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 from cranectl.controllers.addressed import JOINTS
 from cranectl.controllers.controller import Controller
 from cranectl.design import ControllerDesign
+from cranectl.export.fmu import filled
 from cranectl.export.prepared import Exported
 from cranectl.export.sample import STATE_SIZE
 from cranectl.export.values import literal
@@ -140,8 +140,7 @@ def _string(text: str) -> str:
 
 def _filled(template: str, values: dict[str, str]) -> str:
     """Return the text of a template with its values."""
-    text = (TEMPLATES / template).read_text(encoding="utf-8")
-    return re.sub(r"@(\w+?)@", lambda match: values[match[1]], text)
+    return filled((TEMPLATES / template).read_text(encoding="utf-8"), values)
 
 
 def _array(name: str, numbers: Array) -> str:

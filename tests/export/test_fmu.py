@@ -10,7 +10,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
 from cranectl.export.description import base_unit
-from cranectl.export.fmu import FOLDERS, Model, Variable, fmu_archive, model_sources
+from cranectl.export.fmu import FOLDERS, FmuVariable, Model, fmu_archive, model_sources
 from cranectl.support.errors import InputError
 from tests.export.exported import COMPILERS, STRICT
 from tests.export.fmus import Instance, defined_symbols, standard_functions, undefined_symbols
@@ -33,11 +33,11 @@ int model_step(double *values, double *memory, int64_t samples)
 }
 """
 VARIABLES = (
-    Variable("lag.T", "parameter", "s", "time constant & more", 0.5, -1.0, 2.0),
-    Variable("u", "input", "m/s²", 'the "input"', 1.0),
-    Variable("y", "output", "m/s²", "<output>"),
-    Variable("mass[1]", "constant", "kg m²", "a number that is built in", 0.1),
-    Variable("y_start", "parameter", "", "of the output"),
+    FmuVariable("lag.T", "parameter", "s", "time constant & more", 0.5, -1.0, 2.0),
+    FmuVariable("u", "input", "m/s²", 'the "input"', 1.0),
+    FmuVariable("y", "output", "m/s²", "<output>"),
+    FmuVariable("mass[1]", "constant", "kg m²", "a number that is built in", 0.1),
+    FmuVariable("y_start", "parameter", "", "of the output"),
 )
 MODEL = Model("lag", "a lag of first order */", VARIABLES, 0.01, 1, {"model.c": LAG})
 

@@ -13,7 +13,7 @@
 #define OK 0
 #define ERROR 3
 #define TOLERANCE 1e-6 /* of a step, relative; masters add up their time with rounding */
-#define MOST_SAMPLES 1e9
+#define MAX_SAMPLES 1e9
 #define UNUSED(x) ((void)(x))
 #ifdef _WIN32
 #define EXPORT __declspec(dllexport)
@@ -94,8 +94,8 @@ static const char *instance_set(instance *self, const uint32_t *references, size
         const char kind = model_kinds[references[k]];
         if (kind != 'i' && (kind != 'p' || self->initialised))
             return "only inputs can be set, and parameters before the end of initialisation";
-        if (!isfinite(values[k]))
-            return "a value is not finite";
+        if (!(values[k] >= model_lowest[references[k]] && values[k] <= model_highest[references[k]]))
+            return "a value is outside of its bounds";
         self->values[references[k]] = values[k];
     }
     return NULL;
@@ -113,7 +113,7 @@ static const char *instance_step(instance *self, double time, double size)
     const double samples = floor(size / MODEL_PERIOD + 0.5);
     if (!self->initialised)
         return "a step before the end of initialisation";
-    if (!(samples >= 1.0 && samples <= MOST_SAMPLES && fabs(size / MODEL_PERIOD - samples) <= TOLERANCE * samples))
+    if (!(samples >= 1.0 && samples <= MAX_SAMPLES && fabs(size / MODEL_PERIOD - samples) <= TOLERANCE * samples))
         return "the step is no whole multiple of the period of the model";
     if (!(fabs(time - instance_time(self)) <= TOLERANCE * (MODEL_PERIOD + fabs(time))))
         return "the step does not begin where the last one ended";
