@@ -12,9 +12,9 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from cranectl.plants.plant import Kernels
+from cranectl.plants.plant import Kernels, Plant
 from cranectl.support.arrays import Array
-from cranectl.support.jit import UNCOMPILED, jit, jit_address
+from cranectl.support.jit import UNCOMPILED, jit, jit_address, jit_object
 from cranectl.support.packed import array_at, packed, type_of, unpacker
 
 _NUMBERS: Any = types.CPointer(types.float64)
@@ -44,6 +44,14 @@ def _address(kernels: Kernels, kind: Any) -> int:
     names = [f"{kernel.__module__}.{kernel.__qualname__}" for kernel in kernels]
     name = hashlib.sha256(" ".join([*names, str(kind)]).encode()).hexdigest()[:16]
     return jit_address(_step, name, _ARGUMENTS, unpack=unpacker(kind), **kernels._asdict())
+
+
+def plant_object(plant: Plant, name: str) -> bytes:
+    """Return an object file with the function `name` that `_address` compiles, for use without Python."""
+    if plant.kernels is None:
+        raise TypeError(f"the {plant.name} plant has no kernels")
+    unpack = unpacker(type_of(plant.handle))
+    return jit_object(_step, name, _ARGUMENTS, unpack=unpack, **plant.kernels._asdict())
 
 
 # `_address` replaces these names by the kernels of a plant when it compiles `_step`.

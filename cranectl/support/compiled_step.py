@@ -3,6 +3,7 @@
 The C functions of Numba print an exception and return an arbitrary number, so a run would go on after it.
 """
 
+import functools
 import os
 import traceback
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any
 
+import llvmlite.binding as llvm
 from llvmlite import ir
 from numba.core import cgutils
 from numba.core.ccallback import CFunc
@@ -31,6 +33,10 @@ class _StepTarget:
 
     options = cpu_target.options
 
+    def __init__(self, report: Callable[..., None]) -> None:
+        """Prepare a target whose wrapper has the code that `report` generates, for an exception."""
+        self.report = report
+
     @property
     def typing_context(self) -> Any:
         """Numba's own typing context, so that a step can call functions compiled elsewhere."""
@@ -40,17 +46,32 @@ class _StepTarget:
     def target_context(self) -> Any:
         """A shallow copy of Numba's own target context: it shares all code and replaces one method."""
         context: Any = cpu_target.target_context.subtarget()
-        context.create_cfunc_wrapper = lambda *arguments: _wrap_step(context, *arguments)
+        context.create_cfunc_wrapper = functools.partial(_wrap_step, context, report=self.report)
         return context
 
 
+MATHEMATICAL = {
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "atan2",
+    "sinh",
+    "cosh",
+    "tanh",
+    "exp",
+    "log",
+    "pow",
+}
 STEP_ARGUMENTS = (_POINTER(float64),) * 5  # of all controllers
 
 
 class CompiledStep(CFunc):
     """A compiled controller step, or another compiled function that returns an int64."""
 
-    _targetdescr = _StepTarget()
+    _targetdescr = _StepTarget(lambda *arguments: _report(*arguments))
 
     def __init__(
         self, step: Callable[..., int], arguments: tuple[Any, ...] = STEP_ARGUMENTS, **options: Any
@@ -72,7 +93,34 @@ class CompiledStep(CFunc):
         return self._compiled_here
 
 
-def _wrap_step(context: Any, library: Any, described: Any, _environment: Any, _helper: Any) -> None:
+class BareStep(CompiledStep):
+    """A compiled function that reports no exception, so that it needs no Python."""
+
+    _targetdescr = _StepTarget(lambda *_: None)
+
+    def object_code(self, name: str) -> bytes:
+        """Return an object file for Linux on x86-64 with the function `name`, hidden from other libraries.
+
+        It must not call functions by address. Raises TypeError if it needs more than C's mathematics.
+        """
+        self.compile()
+        module = llvm.parse_bitcode(self._library._final_module.as_bitcode())  # type: ignore[attr-defined]
+        needed = set()
+        for part in (*module.functions, *module.global_variables):
+            if part.name == self.native_name:
+                part.name, part.visibility = name, "hidden"
+            elif not part.is_declaration:
+                part.linkage = "internal"
+            elif not part.name.startswith("llvm."):
+                needed.add(part.name)
+        if needed := needed - MATHEMATICAL:
+            raise TypeError(f"{self.__name__} needs {', '.join(sorted(needed))}")
+        target = llvm.Target.from_triple("x86_64-unknown-linux-gnu")
+        machine = target.create_target_machine(cpu="x86-64", opt=3, reloc="pic", codemodel="default")
+        return bytes(machine.emit_object(module))
+
+
+def _wrap_step(context: Any, library: Any, described: Any, *_: Any, report: Callable[..., None]) -> None:
     """Add to `library` the C function that calls the compiled step, as Numba's `create_cfunc_wrapper`.
 
     Raises TypingError for a step that does not return an integer, because NaN would become the status 0.
@@ -90,7 +138,7 @@ def _wrap_step(context: Any, library: Any, described: Any, _environment: Any, _h
         builder, compiled, described.restype, described.argtypes, wrapper.args, attrs=("noinline",)
     )
     with builder.if_then(status.is_error, likely=False):
-        _report(context, builder, status, described.qualname)
+        report(context, builder, status, described.qualname)
         builder.ret(ir.Constant(result, FAILED))
     builder.ret(context.cast(builder, returned, described.restype, int64))
     library.add_ir_module(module)

@@ -31,7 +31,7 @@ from numba.core.caching import (
     UserProvidedCacheLocator,
 )
 
-from cranectl.support.compiled_step import CompiledStep
+from cranectl.support.compiled_step import BareStep, CompiledStep
 from cranectl.support.compilers import LinkedCompiler, PausingCompiler
 from cranectl.support.directories import cache_directory, is_own
 from cranectl.support.errors import printable
@@ -138,6 +138,11 @@ def jit_address(function: Callable[..., int], name: str, arguments: tuple[Any, .
     compiled._cache = _Cache(copy, _digest_of(copy, *callees.values()))
     compiled.compile()
     return int(compiled.address)
+
+
+def jit_object(function: Callable[..., int], name: str, arguments: tuple[Any, ...], **callees: Any) -> bytes:
+    """Compile as `jit_address`, but return an object file; see `BareStep.object_code`."""
+    return BareStep(_copied(function, name, **callees), arguments, _nrt=False).object_code(name)
 
 
 def why_not_compiled(step: Callable[..., int], error: Exception) -> tuple[str, str]:

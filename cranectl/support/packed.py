@@ -15,6 +15,7 @@ import numpy as np
 from numba import types
 from numba._dispatcher import compute_fingerprint
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
 from cranectl.support.arrays import Array
 
@@ -29,25 +30,33 @@ def packed(value: Any) -> Array:
     """
     forms: list[str] = []
     words: list[float | int] = []
-    _add_words(value, forms, words)
+    for leaf in leaves(value):
+        if isinstance(leaf, np.ndarray):
+            forms.append(f"{array_words(leaf)}q")
+            words += (leaf.ctypes.data, *leaf.shape, *leaf.strides)
+        elif isinstance(leaf, float | np.floating):
+            forms.append("d")
+            words.append(float(leaf))
+        elif isinstance(leaf, int | np.integer | np.bool_):
+            forms.append("q")
+            words.append(int(leaf))
+        else:
+            raise TypeError(f"{type(leaf).__name__} is neither a number nor an array, and cannot be packed")
     return np.frombuffer(bytearray(struct.pack("".join(forms), *words) or bytes(8)))
 
 
-def _add_words(value: Any, forms: list[str], words: list[float | int]) -> None:
+def leaves(value: Any) -> Iterator[Any]:
+    """Yield what nested tuples hold, in the order of a block; None is left out."""
     if isinstance(value, tuple):
         for part in value:
-            _add_words(part, forms, words)
-    elif isinstance(value, np.ndarray):
-        forms.append(f"{1 + 2 * value.ndim}q")
-        words += (value.ctypes.data, *value.shape, *value.strides)
-    elif isinstance(value, float | np.floating):
-        forms.append("d")
-        words.append(float(value))
-    elif isinstance(value, int | np.integer | np.bool_):
-        forms.append("q")
-        words.append(int(value))
+            yield from leaves(part)
     elif value is not None:
-        raise TypeError(f"{type(value).__name__} is neither a number nor an array, and cannot be packed")
+        yield value
+
+
+def array_words(array: NDArray[Any]) -> int:
+    """Return how many numbers of a block describe an array: its address, shape and strides."""
+    return 1 + 2 * array.ndim
 
 
 def type_of(value: Any) -> Any:
