@@ -1,0 +1,149 @@
+"""Export a plant as the model of an FMU: the machine code of runs, with numbers of the rig as parameters."""
+
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+
+from cranectl.export.description import FmuVariable
+from cranectl.export.fmu import TEMPLATES, Model, filled
+from cranectl.export.plant_numbers import Memory, PlantNumbers
+from cranectl.export.traced import Traced
+from cranectl.plants.addressed import ADVANCE, MEASURE, plant_object
+from cranectl.plants.plant import DRIVES, Drive
+from cranectl.plants.registry import plant_entry
+from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import AXES, DISTURBANCE, LOAD, LOAD_FORCE, STATE, TENSION, SignalGroup, command_group
+from cranectl.simulate import plan_scenario
+from cranectl.simulate.actuation import forces_at_rest
+from cranectl.simulate.runner import checked_drive, make_plant
+from cranectl.status import RunStatus
+from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
+from cranectl.support.jit import UNCOMPILED
+
+PLANTS = ("analytic", "elastic")  # whose code needs no engine
+DRIVEN = ("bridge", "trolley", "rope")
+
+WORDS_PER_LINE = 5
+
+
+def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
+    """Return a plant as a model for `fmu_archive`; a sample of it is a control period.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Rig, effects on the plant, start, and control period.
+    plant, drive : str
+        `analytic` or `elastic`, and the kind of drives.
+
+    Returns
+    -------
+    Model
+        The model.
+
+    Raises
+    ------
+    InputError
+        If the plant cannot be exported, or cannot show the scenario.
+    """
+    if plant not in PLANTS:
+        raise InputError(
+            f"the {plant} plant as an FMU",
+            allowed=f"{' or '.join(PLANTS)}, which need no engine",
+            remedy=f"take '--plant {PLANTS[0]}'",
+        )
+    if UNCOMPILED:
+        raise InputError(
+            "an export of a plant with NUMBA_DISABLE_JIT",
+            allowed="compiled plants",
+            remedy="unset NUMBA_DISABLE_JIT",
+        )
+    kind, plan = checked_drive(drive), plan_scenario(scenario)
+    make_plant(plant, scenario, kind).check_length(plan.shortest_rope)  # both raise InputError
+    start = plan.initial_state
+    numbers = PlantNumbers(scenario, plant, kind, start)
+    parameters, constants = numbers.sorted_out()
+    inputs, outputs = _inputs(scenario, kind, start), _outputs()
+    first = len(inputs) + len(outputs)
+    traced = {
+        variable.name: Traced(variable.start, f"values[{first + k}]") for k, variable in enumerate(parameters)
+    }
+    memory = numbers.memory({})
+    expressions = {place: number.text for place, number in numbers.expressions(traced).items()}
+    title = f"{plant_entry(plant).label} plant with {drive} drives, scenario {scenario.name}"
+    source = _source(title, memory, expressions, len(inputs), has_air=scenario.effects.wind is not None)
+    return Model(
+        name=f"{plant}_{drive}",
+        title=title,
+        variables=(*inputs, *outputs, *parameters, *constants),
+        period=scenario.period_ns / NANOSECONDS,
+        memory=len(memory.words),
+        sources={"plant.c": source},
+        objects={"plant.o": plant_object(numbers.plant({}), "plant_step")},
+    )
+
+
+def _inputs(scenario: Scenario, drive: Drive, start: Array) -> list[FmuVariable]:
+    """Return the inputs: commands, disturbances, forces on the load, and the velocity of the air."""
+    kind, first, wind = DRIVES[drive], np.zeros(len(DRIVEN)), scenario.effects.wind
+    if kind.at_rest == "rates":
+        first = start[1:6:2]
+    elif kind.at_rest == "weight":
+        first = forces_at_rest(scenario, start)
+    commands = zip(DRIVEN, command_group(kind.command).signals, first.tolist(), strict=False)
+    return [
+        *(
+            FmuVariable(f"command.{name}", "input", s.unit, s.description, number)
+            for name, s, number in commands
+        ),
+        *_all("input", DISTURBANCE),
+        *_all("input", LOAD_FORCE),
+        *(
+            FmuVariable(f"wind.{axis}", "input", "m/s", f"velocity of the air along {axis}", mean)
+            for axis, mean in (zip(AXES, wind.mean, strict=True) if wind else ())
+        ),
+    ]
+
+
+def _outputs() -> list[FmuVariable]:
+    """Return the outputs, which hold at the end of a step under its command."""
+    slack = int(RunStatus.SLACK_ROPE)
+    text = f"0, or {slack} if the rope was slack at a sample of the step, its end included"
+    return [
+        *_all("output", STATE),
+        *_all("output", LOAD),
+        FmuVariable("status", "output", "1", text, discrete=True),
+    ]
+
+
+def _all(causality: Literal["input", "output"], group: SignalGroup) -> list[FmuVariable]:
+    """Return a group of signals as variables, named as in logs."""
+    return [
+        FmuVariable(f"{group.name}.{signal.name}", causality, signal.unit, signal.description)
+        for signal in group.signals
+    ]
+
+
+def _source(title: str, memory: Memory, expressions: Mapping[int, str], inputs: int, *, has_air: bool) -> str:
+    """Return the C file between the functions of FMI and the compiled plant."""
+    words = [f"0x{word:x}," for word in memory.words.tolist()]
+    lines = [" ".join(words[k : k + WORDS_PER_LINE]) for k in range(0, len(words), WORDS_PER_LINE)]
+    assigned = [f"    memory[{place}] = {text};" for place, text in sorted(expressions.items())]
+    air = inputs - len(AXES)  # the last inputs
+    values = {
+        "TITLE": title,
+        "STATE": inputs,
+        "LOAD": inputs + len(STATE),
+        "TENSION": TENSION,
+        "MEASURE": MEASURE,
+        "ADVANCE": ADVANCE,
+        "SLACK": float(RunStatus.SLACK_ROPE),
+        "NON_FINITE": float(RunStatus.NON_FINITE),
+        "AIR": ", ".join(f"values[{air + k}]" if has_air else "0.0" for k in range(len(AXES))),
+        "WORDS": "".join(f"    {line}\n" for line in lines),
+        "ADDRESSES": ", ".join(map(str, memory.addresses)),
+        "EXPRESSIONS": "".join(f"{line}\n" for line in assigned),
+    }
+    return filled((TEMPLATES / "plant.c.txt").read_text(encoding="utf-8"), values)

@@ -1,0 +1,241 @@
+"""An FMU of a plant gives the numbers of runs, bit for bit, without Python, whatever its parameters are."""
+
+import subprocess
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.validation import validate_fmu
+
+from cranectl.export.fmu import Model, fmu_archive
+from cranectl.export.plant import DRIVEN, plant_model
+from cranectl.export.plant_numbers import PlantNumbers
+from cranectl.planning import load_scenario
+from cranectl.scenario import Scenario
+from cranectl.signals import LOAD, STATE
+from cranectl.simulate import plan_scenario, simulate_run
+from cranectl.support.errors import InputError
+from tests.export.fmus import Instance, undefined_symbols
+
+PUSHES = "{start=1.0, end=1.5, force=[0.4,-0.3,0.2]}, {joint='alpha', start=2.0, end=2.5, magnitude=0.5}"
+PUSHED = f"disturbances=[{PUSHES}]"
+ALL = [f"effects.{name}={{}}" for name in ("rope", "body", "wind", "frame", "friction", "limits")]
+NO_SET_POINTS = ["effects.limits.velocity=[1e9,1e9,1e9]", "effects.limits.acceleration=[1e9,1e9,1e9]"]
+SMOOTH = ["effects.wind={}", "effects.friction.coulomb=[0,0,0]", "effects.friction.viscous=[0,0,0]"]
+CASES = {
+    "analytic, velocity": ("analytic", "velocity", [PUSHED]),
+    "analytic, force": ("analytic", "force", [*SMOOTH, "effects.installation.tilt=[0.01,-0.02]", PUSHED]),
+    "analytic, ideal": ("analytic", "ideal", SMOOTH),
+    "elastic, velocity": ("elastic", "velocity", [*ALL, PUSHED]),
+    "elastic, force": ("elastic", "force", [*ALL, *NO_SET_POINTS, PUSHED]),
+    "elastic, rigid": ("elastic", "force", ["effects.friction={}"]),
+}
+MODELS: dict[str, Model] = {}  # as they are compiled
+STATES = [f"state.{name}" for name in STATE.names]
+LOADS = [f"load.{name}" for name in LOAD.names]
+OF_C = {
+    "calloc",
+    "free",
+    "strcmp",
+    "strlen",
+    "memcpy",
+    "memset",
+    "sin",
+    "cos",
+    "sincos",
+    "tanh",
+    "floor",
+    "fmax",
+}
+SECURED = {"__stack_chk_fail"}  # by compilers of some distributions
+
+
+def scenario_of(case: str) -> Scenario:
+    """Return the scenario of a case."""
+    return load_scenario("fast-diagonal", overrides=["duration=4", *CASES[case][2]])
+
+
+def model_of(case: str) -> Model:
+    """Return the model of a case, which is compiled once."""
+    if case not in MODELS:
+        plant, drive, _ = CASES[case]
+        MODELS[case] = plant_model(scenario_of(case), plant, drive)
+    return MODELS[case]
+
+
+def fmu_of(case: str, folder: Path, fmi: int = 2) -> Path:
+    """Write the FMU of a case."""
+    path = folder / f"crane{fmi}.fmu"
+    path.write_bytes(fmu_archive(model_of(case), fmi))
+    return path
+
+
+def run_of(case: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return states and load of a run, and what acts on its plant, by names of variables."""
+    plant, drive, _ = CASES[case]
+    scenario = scenario_of(case)
+    run = simulate_run(scenario, plant=plant, drive=drive, controller="lqr")
+    columns: dict[str, np.ndarray] = {}
+    for name, column in zip((f"{g.name}.{n}" for g in run.groups for n in g.names), run.table.T, strict=True):
+        columns.setdefault(name, column)  # the first load is that of the plant
+    recorded = {"velocity": "input.{}_velocity_setpoint", "ideal": "input.{}_acceleration"}
+    if "command.bridge_command" in columns:
+        recorded[drive] = "command.{}_command"
+    acting = {f"command.{name}": columns[recorded[drive].format(name)] for name in DRIVEN}
+    acting |= {name: columns[name] for name in columns if name.startswith("disturbance.")}
+    wind = plan_scenario(scenario).wind
+    acting |= {f"load_force.load_force_{axis}": wind[:, 3 + k] for k, axis in enumerate("xyz")}
+    if scenario.effects.wind:
+        acting |= {f"wind.{axis}": wind[:, k] for k, axis in enumerate("xyz")}
+    return columns, acting
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_commands_of_a_run_give_its_bits(case: str, tmp_path: Path) -> None:
+    """States, and position and velocity of the load; only the tension depends on the next command."""
+    columns, acting = run_of(case)
+    names = [*STATES, *LOADS[:6]]
+    expected = np.column_stack([columns[name] for name in names])
+    assert len(expected) == 4001
+    for fmi in (2, 3):
+        path = fmu_of(case, tmp_path, fmi)
+        assert validate_fmu(str(path)) == []
+        crane = Instance(path, tmp_path / f"fmi{fmi}")
+        found = []
+        for k in range(len(expected)):
+            found.append(crane.get(names))
+            crane.set({name: column[k] for name, column in acting.items()})
+            crane.step(0.001, 0.001 * k)
+        assert crane.get(["status"]) == [0.0]
+        crane.close()
+        assert np.array_equal(np.array(found), expected)
+
+
+def test_fmpy_itself_simulates_it(tmp_path: Path) -> None:
+    columns, acting = run_of("analytic, velocity")
+    times = 0.001 * np.arange(len(columns["load.load_x"]))
+    rows = np.column_stack([times, *acting.values()])
+    kind = np.dtype([(name, float) for name in ("time", *acting)])
+    result = fmpy.simulate_fmu(
+        str(fmu_of("analytic, velocity", tmp_path)),
+        stop_time=4.0,
+        step_size=0.001,
+        output_interval=0.001,
+        input=np.array([tuple(row) for row in rows], dtype=kind),
+        output=["load.load_x", "state.alpha"],
+    )
+    assert np.abs(result["load.load_x"] - columns["load.load_x"]).max() < 1e-12
+    assert np.abs(result["state.alpha"] - columns["state.alpha"]).max() < 1e-12
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_other_parameters_give_the_bits_of_a_plant_made_with_them(case: str, tmp_path: Path) -> None:
+    plant, drive, _ = CASES[case]
+    scenario, random = scenario_of(case), np.random.default_rng(3)
+    numbers = PlantNumbers(scenario, plant, drive, plan_scenario(scenario).initial_state)  # type: ignore[arg-type]
+    parameters = [variable for variable in model_of(case).variables if variable.causality == "parameter"]
+    assert len(parameters) > 11
+    values = {v.name: v.start * random.uniform(0.8, 1.3) + random.uniform(0.0, 0.01) for v in parameters}
+    made, start = numbers.plant(values), numbers.start.copy()
+    for k, name in enumerate(STATE.names):
+        start[k] = values.get(f"start.{name}", start[k])
+    made.reset(start)
+    crane = Instance(fmu_of(case, tmp_path), tmp_path / "crane", **values)
+    state, load, wind = np.zeros(10), np.zeros(7), np.zeros(6)
+    scale, weight = (5.0, 14.0) if drive == "force" else (0.3, 0.0)
+    for k in range(400):
+        if k % 4 == 0:
+            command = random.normal(0.0, scale, 3) - (0.0, 0.0, weight)
+            disturbance, wind[3:] = random.normal(0.0, 0.1, 2), random.normal(0.0, 0.2, 3)
+            named = dict(
+                zip(
+                    (v.name for v in model_of(case).variables),
+                    (*command, *disturbance, *wind[3:]),
+                    strict=False,
+                )
+            )
+            crane.set(named)
+        made.measure(state)
+        made.advance(command, disturbance, wind, load)
+        if k % 4:  # then the command has not changed, on which the tension depends
+            assert crane.get([*STATES, *LOADS]) == [*state, *load]
+        crane.step(0.001, 0.001 * k)
+    crane.close()
+
+
+def test_constants_are_what_the_start_depends_on_in_other_ways() -> None:
+    constants = {v.name for v in model_of("elastic, velocity").variables if v.causality == "constant"}
+    assert {
+        "rig.load_mass",
+        "effects.rope.stiffness",
+        "effects.frame.frequency[1]",
+        "start.rope_length",
+    } < constants
+    known = {v.name: v for v in model_of("elastic, velocity").variables}
+    assert known["effects.friction.coulomb[2]"].causality == "parameter"
+    assert known["effects.friction.coulomb[2]"].unit == "N"
+    assert known["effects.rope.stiffness"].start == 5e4
+    assert not any(name.startswith(("rig.rated", "effects.limits.velocity")) for name in known)
+
+
+@pytest.mark.parametrize("case", ["analytic, force", "elastic, force"])
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_binary_needs_no_python(case: str, fmi: int, tmp_path: Path) -> None:
+    fmpy.extract(str(fmu_of(case, tmp_path, fmi)), str(tmp_path / "crane"))
+    (library,) = (tmp_path / "crane").rglob("*.so")
+    assert undefined_symbols(library) <= OF_C | SECURED
+    shown = subprocess.run(["nm", "-D", library], check=True, capture_output=True, text=True).stdout
+    assert not any(word in shown for word in ("Py", "NRT", "numba", "plant_step", "model_"))
+    needed = subprocess.run(["ldd", library], check=True, capture_output=True, text=True).stdout
+    assert all(
+        line.split()[0].startswith(("linux-vdso", "libm.", "libc.", "/lib")) for line in needed.splitlines()
+    )
+
+
+def test_a_longer_step_is_as_many_samples_and_instances_share_nothing(tmp_path: Path) -> None:
+    path = fmu_of("elastic, rigid", tmp_path)
+    heavy = {"rig.load_mass": 2.0}
+    one = Instance(path, tmp_path / "crane", **heavy)
+    two = Instance(path, tmp_path / "crane", name="two")
+    alone = Instance(path, tmp_path / "crane", name="alone", **heavy)
+    for crane in (one, two, alone):
+        crane.set({"command.bridge": 3.0, "command.rope": -12.0})
+    for k in range(10):
+        one.step(0.01, 0.01 * k)
+        two.step(0.01, 0.01 * k)
+    for k in range(100):
+        alone.step(0.001, 0.001 * k)
+    ends = [crane.get([*STATES, *LOADS, "status"]) for crane in (one, two, alone)]
+    assert ends[0] == ends[2] != ends[1]
+    one.slave.reset()
+    one.begin(**heavy)
+    one.set({"command.bridge": 3.0, "command.rope": -12.0})
+    one.step(0.1, 0.0)
+    assert one.get([*STATES, *LOADS, "status"]) == ends[0]
+    for crane in (one, two, alone):
+        crane.close()
+
+
+def test_a_slack_rope_is_reported_and_a_number_that_is_not_finite_is_an_error(tmp_path: Path) -> None:
+    crane = Instance(fmu_of("analytic, force", tmp_path, 3), tmp_path / "crane")
+    crane.step(0.001)
+    assert crane.get(["status"]) == [0.0]
+    crane.set({"command.rope": 50.0})  # faster than the load falls
+    crane.step(0.001)
+    assert crane.get(["status"]) == [2.0]
+    crane.set({"command.rope": -9.81})
+    crane.step(0.001)
+    assert crane.get(["status"]) == [0.0]
+    crane.set({"command.bridge": 1e300})
+    with pytest.raises(FMICallException):
+        crane.step(1.0)
+    crane.close()
+
+
+def test_other_plants_are_refused() -> None:
+    with pytest.raises(InputError, match="the mujoco plant as an FMU"):
+        plant_model(load_scenario("fast-diagonal"), "mujoco", "velocity")
+    with pytest.raises(InputError, match="rope"):
+        plant_model(load_scenario("fast-diagonal", overrides=["effects.rope={}"]), "analytic", "velocity")
