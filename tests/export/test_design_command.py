@@ -28,7 +28,16 @@ def test_the_commands_of_the_readme_work(
     assert "exported: new/as-c; new/as-c/README.md says" in capsys.readouterr().out
     monkeypatch.chdir("new/as-c")
     stem = name.replace("+", "_").replace("-", "_")
-    files = {"README.md", "main.c", "vectors.h", f"{stem}.c", f"{stem}.h", f"cranectl_{stem}.c", "cranectl.h"}
+    files = {
+        "README.md",
+        "main.c",
+        "vectors.h",
+        f"{stem}.c",
+        f"{stem}.h",
+        f"cranectl_{stem}.c",
+        "cranectl.h",
+        "reference.h",
+    }
     assert {path.name for path in Path().iterdir()} == files
     readme = Path("README.md").read_text(encoding="utf-8")
     assert all(f"`{file}`" in readme for file in files - {"README.md"})

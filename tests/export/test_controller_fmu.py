@@ -1,0 +1,113 @@
+"""An FMU of a controller gives the bits of a run, in cranectl and against the FMU of a plant."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from cranectl.cli.main import main
+from cranectl.export import controller_fmu
+from cranectl.export.fmu import fmu_archive
+from cranectl.export.plant import DRIVEN, plant_model
+from cranectl.loaders.opening import close_controllers, open_controller
+from cranectl.planning import load_scenario
+from cranectl.signals import LOAD, REFERENCE, STATE
+from cranectl.simulate import plan_scenario, simulate_run
+from cranectl.support.errors import InputError
+from tests.export.exported import prepared
+from tests.export.fmus import Instance
+from tests.export.test_sample import LIMITS, SENSING
+
+COMMANDS = [f"command.{axis}" for axis in DRIVEN]
+LOOPS = {
+    "analytic, ideal": ("analytic", "ideal", "lqr+hinf", []),
+    "analytic, velocity": ("analytic", "velocity", "lqr", [*LIMITS]),
+    "elastic, force": ("elastic", "force", "lqr-offset-free", ["effects.rope={}"]),
+}
+
+
+@pytest.fixture(autouse=True)
+def forgotten() -> Iterator[None]:
+    """Close the FMUs that a test has opened."""
+    yield
+    close_controllers()
+
+
+def write(folder: Path, fmi: int, name: str, drive: str, *overrides: str) -> Path:
+    """Write the FMU of a controller, and the table beside it."""
+    content = controller_fmu(prepared(name, drive, *overrides), fmi)
+    path = folder / "controller.fmu"
+    path.write_bytes(content.archive)
+    path.with_suffix(".toml").write_text(content.table, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("fmi", "name", "drive", "overrides"),
+    [(2, "lqr", "ideal", []), (3, "pid", "velocity", [*SENSING, *LIMITS]), (2, "lqr-integral", "force", [])],
+)
+def test_it_gives_the_bits_of_the_log(
+    fmi: int, name: str, drive: str, overrides: list[str], tmp_path: Path
+) -> None:
+    path = write(tmp_path, fmi, name, drive, *overrides)
+    assert validate_fmu(str(path)) == []
+    scenario = load_scenario("settled-trajectory", overrides=overrides)
+    ours = simulate_run(scenario, drive=drive, controller=name)
+    theirs = simulate_run(scenario, drive=drive, controller=open_controller(str(path)))
+    assert len(ours.table) == 25001
+    for group in ("state", "load"):
+        expected, computed = ours.block(group), theirs.block(group)
+        if drive == "force":  # the loop turns commanded forces into accelerations, and these into forces
+            np.testing.assert_allclose(computed, expected, rtol=0.0, atol=1e-12)
+        else:
+            assert computed.tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize(("plant", "drive", "name", "overrides"), LOOPS.values(), ids=LOOPS)
+def test_against_the_fmu_of_a_plant_it_gives_the_numbers_of_the_log(
+    plant: str, drive: str, name: str, overrides: list[str], tmp_path: Path
+) -> None:
+    scenario = load_scenario("settled-trajectory", overrides=[*overrides, "disturbances=[]"])
+    run = simulate_run(scenario, plant=plant, drive=drive, controller=name)
+    path = write(tmp_path, 3, name, drive, *overrides, "disturbances=[]")
+    crane = tmp_path / "crane.fmu"
+    crane.write_bytes(fmu_archive(plant_model(scenario, plant, drive), 2))
+    controller, plant_instance = Instance(path, tmp_path / "c"), Instance(crane, tmp_path / "p")
+    states = [f"state.{each}" for each in STATE.names]
+    watched = [*states, *(f"load.{each}" for each in LOAD.names[:6])]
+    plan, period, seen = plan_scenario(scenario), scenario.period_ns * 1e-9, []
+    for row in plan.reference:
+        seen.append(plant_instance.get(watched))
+        controller.set(dict(zip(states, seen[-1][:10], strict=True)))
+        controller.set({f"reference.{each}": x for each, x in zip(REFERENCE.names, row, strict=True)})
+        controller.step(period)
+        plant_instance.set(dict(zip(COMMANDS, controller.get(COMMANDS), strict=True)))
+        plant_instance.step(period)
+    logged = np.hstack([run.block("state"), run.block("load")[:, :6]])
+    assert len(logged) == 25001
+    np.testing.assert_allclose(np.array(seen), logged, rtol=0.0, atol=1e-12)
+    controller.close()
+    plant_instance.close()
+
+
+def test_the_command_writes_what_it_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    common = ["design", "lqr", "--scenario", "fast-diagonal", "--drive", "velocity"]
+    assert main([*common, "--fmu", "a/lqr.fmu", "--fmi", "3"]) == 0
+    assert "exported: a/lqr.fmu, and a/lqr.toml with" in capsys.readouterr().out
+    run = ["run", "fast-diagonal", "--drive", "velocity", "--plants", "analytic", "--controller"]
+    assert main([*run, "a/lqr.fmu"]) == 0
+    for wrong in (["--drive", "velocity"], ["--fmi", "2"], ["--fmu", "b.fmu"]):
+        assert main(["design", "lqr", *wrong]) == 2
+
+
+def test_a_controller_that_looks_ahead_cannot_be_an_fmu() -> None:
+    exported = prepared("lqr")
+    ahead = exported._replace(controller=replace(exported.controller, preview=3))
+    with pytest.raises(InputError, match="3 rows of the reference ahead"):
+        controller_fmu(ahead)
