@@ -69,7 +69,13 @@ def forgotten() -> Iterator[None]:
 def test_there_are_pages_and_blocks() -> None:
     assert len(PAGES) >= 4
     assert all(blocks(page) for page in PAGES if page.name not in WITHOUT_CODE)
-    assert {language for page in PAGES for language, _ in blocks(page)} == {"python", "sh", "text", "toml"}
+    assert {language for page in PAGES for language, _ in blocks(page)} == {
+        "c",
+        "python",
+        "sh",
+        "text",
+        "toml",
+    }
 
 
 def run_line(line: str) -> None:
@@ -89,8 +95,8 @@ def test_code_blocks_run(
 ) -> None:
     """In the order of the page and in one directory.
 
-    A TOML block is saved under its name, and one of Python that begins with the name of a file under that. A
-    block of text is what the Python or the last command before it prints.
+    A TOML block is saved under its name. One of Python or C that begins with the name of a file is saved too.
+    A block of text is what the Python or the last command before it prints.
     """
     monkeypatch.chdir(tmp_path)
     Path("examples").symlink_to(ROOT / "examples")  # as in a checkout
@@ -108,7 +114,7 @@ def test_code_blocks_run(
         elif language == "text":
             printed = capsys.readouterr().out
             assert is_printed(text, printed), f"{page.name} shows\n{text}\nwhere this is printed:\n{printed}"
-        elif file := re.match(r"# (\w+\.py)\n", text):
+        elif file := re.match(r"(?:# |/\* )(\w+\.(?:py|c))\b", text):
             Path(file.group(1)).write_text(text, encoding="utf-8")
         else:
             capsys.readouterr()
