@@ -14,6 +14,7 @@ import pytest
 
 from cranectl.design import CONTROLLERS
 from cranectl.planning import load_scenario
+from cranectl.plants.model_files import forget_models
 from cranectl.plants.registry import default_plants
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import scenario_names
@@ -70,6 +71,13 @@ if read_files.LISTED:
 def in_empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Change to an empty directory, for tests that run commands."""
     monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def no_model_afterwards() -> Iterator[None]:
+    """Forget the model files that a test has named."""
+    yield
+    forget_models()
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """Run the fidelity ladder: from the theoretical ideal to the real crane, one more effect at each level."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from typing import Any
@@ -8,9 +8,20 @@ from typing import Any
 import numpy as np
 
 from cranectl.analysis.continuous import simulate_continuous
-from cranectl.analysis.levels import BASE, EFFECT_LEVELS, LEVELS, NAMES, Level, with_effects
+from cranectl.analysis.levels import (
+    BASE,
+    EFFECT_LEVELS,
+    LEVELS,
+    MODEL,
+    NAMES,
+    Level,
+    replace_effects,
+    with_effects,
+)
 from cranectl.controllers.registry import controller_design, only_flat
 from cranectl.metrics import RunMetrics, run_metrics
+from cranectl.plants.capabilities import without_lacking
+from cranectl.plants.model_files import examine
 from cranectl.plants.plant import StepError
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, make_plant, plan_reference, plan_scenario, simulate_run
@@ -80,7 +91,7 @@ def evaluate_levels(
     top: str = NAMES[-1],
     progress: Progress | None = None,
 ) -> Iterator[LevelResult]:
-    """Run the levels up to `top`, one after the other.
+    """Run the levels up to `top`, one after the other, and last the model file of the rig, if it names one.
 
     An effect takes the settings of the scenario if it has them, else the defaults. Raises InputError for an
     unknown level. Before any run, it also raises InputError for settings that a level does not allow.
@@ -94,6 +105,11 @@ def evaluate_levels(
     alone = {name: with_effects(scenario, [name]) for name in added}
     cumulative = {name: with_effects(scenario, added[: k + 1]) for k, name in enumerate(added)}
     check_steps(scenario, [*alone.values(), *cumulative.values()])
+    levels = list(LEVELS[: len(names)])
+    if scenario.rig.model is not None:
+        level, cumulative[MODEL] = model_level(scenario, added)
+        alone[MODEL] = with_effects(scenario, [])
+        levels.append(level)
 
     def simulate(level: Level, variant: Scenario) -> Run:
         if level.name != "continuous":
@@ -106,14 +122,14 @@ def evaluate_levels(
 
     before: Run | None = None
     base: Run | None = None
-    for level in LEVELS[: len(names)]:
+    for level in levels:
         if level.name == "continuous" and design.axis_design is None:
             continue  # only the flat family has a continuous-time ideal
         run = simulate(level, cumulative.get(level.name) or with_effects(scenario, []))
         result = LevelResult(level, run, run_metrics(run), deviation(run, before) if before else None)
         if base is not None:
             # At the first effect level, the run has no other effect anyway.
-            single = run if level.name == added[0] else simulate(level, alone[level.name])
+            single = run if level.name in added[:1] else simulate(level, alone[level.name])
             result = replace(
                 result,
                 alone=deviation(single, base),
@@ -122,6 +138,21 @@ def evaluate_levels(
             )
         yield result
         before, base = run, run if level.name == BASE else base
+
+
+def model_level(scenario: Scenario, added: Sequence[str]) -> tuple[Level, Scenario]:
+    """Return the level of the model file that the rig names, and its scenario with the effects `added`.
+
+    Effects that the model does not honour are left out, and the level says so. Raises InputError if the model
+    is no crane, or has other numbers than the rig.
+    """
+    entry = examine(str(scenario.rig.model), scenario.rig)
+    drive, effects = entry.drives[0], with_effects(scenario, added).effects
+    honoured, left_out = without_lacking(effects, plant=entry.name, drive=drive)
+    variant = replace_effects(scenario, honoured)
+    make_plant(entry.name, variant, drive)
+    own = f", without {', '.join(left_out)}: the file says what it has of these" if left_out else ""
+    return Level(MODEL, f"{entry.label} in place of the shipped crane{own}", entry.name, drive), variant
 
 
 def check_steps(scenario: Scenario, variants: Iterable[Scenario]) -> None:
@@ -145,7 +176,8 @@ def simulated_seconds(scenario: Scenario, top: str) -> float:
     """Return the simulated time of all runs up to `top`, for progress."""
     names = NAMES[: NAMES.index(top) + 1] if top in NAMES else NAMES
     effects = sum(name in EFFECT_LEVELS for name in names)
-    return scenario.duration * (len(names) + max(0, effects - 1))
+    of_model = 0 if scenario.rig.model is None else 2
+    return scenario.duration * (len(names) + max(0, effects - 1) + of_model)
 
 
 def size_of(load: Array) -> Size:

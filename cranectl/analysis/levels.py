@@ -31,6 +31,7 @@ LEVELS = (
 NAMES = tuple(level.name for level in LEVELS)
 EFFECT_LEVELS = tuple(name for name, kind in EFFECTS.items() if kind.adds)
 BASE = "servos"  # the level to which a single effect is added
+MODEL = "model"  # the last level, of the model file that a rig names
 
 
 def assumed_effects(scenario: Scenario) -> EffectNumbers:

@@ -70,7 +70,7 @@ def advise_command(
     if advice.best is not None:
         screen.print(improvements_table(advice))
     screen.print_each(recommendation(advice))
-    print_idle_in_analysis(screen, loaded, request, chosen)
+    print_idle_in_analysis(screen, loaded, request, chosen, with_model=report is not None)
     if report is not None and advice.best is not None:
         _write_report(advice, report, command_given())
         screen.print(f"report: {report}")

@@ -90,10 +90,19 @@ def print_idle_in_analysis(
     *,
     plant: str = "mujoco",
     drive: "Drive" = "velocity",
+    with_model: bool = False,
     unread: Sequence[str] = OF_RUNS,
 ) -> None:
-    """Print what changes nothing in a command that takes the effects of a rig and keeps no log."""
+    """Print what changes nothing in a command that takes the effects of a rig and keeps no log.
+
+    `with_model` says that it runs the model file of the rig too.
+    """
     uses = [(plant, drive, controller) for controller in controllers]
+    if with_model and scenario.rig.model is not None:
+        from cranectl.plants.model_files import examine
+
+        entry = examine(scenario.rig.model, scenario.rig)
+        uses += [(entry.name, entry.drives[0], controller) for _, _, controller in uses]
     print_idle(screen, idle_lines(scenario, request, uses, unread=unread, all_effects=True))
 
 

@@ -40,7 +40,7 @@ class LadderCommand(Command):
 @click.command("ladder", cls=LadderCommand)
 @scenario_argument
 @controller_option
-@click.option("--top", show_default="the last", metavar="LEVEL", help="The last level.")
+@click.option("--top", show_default="the last", metavar="LEVEL", help="The last level of the shipped plants.")
 @click.option("--predict", is_flag=True, help="Predict what each effect does, and compare.")
 @scenario_options
 @output_option("--out", MCAP, "Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap")
@@ -61,6 +61,9 @@ def ladder_command(
     LEVELS
 
     An effect with settings in the scenario, in a table under [effects], is added with those.
+
+    If the rig names a model, as in `--set rig.model=mine.xml`, that is the last level. It has those effects
+    that the model honours.
 
     With --predict the error budget is printed: what each effect must do to the load, and what it does in
     a run. Its levels begin with `sampled`, control at the control period against control in continuous
@@ -112,7 +115,7 @@ def ladder_command(
             if model_field not in added
         ),
     ]
-    print_idle_in_analysis(screen, loaded, request, [name], unread=unread)
+    print_idle_in_analysis(screen, loaded, request, [name], with_model=True, unread=unread)
     screen.print(f"log: {log}")
     screen.print(f"view: cranectl log layout ladder view.json --log {shlex.quote(str(log))}")
     if report is not None:

@@ -2,7 +2,7 @@
 
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PLANTS, PlantEntry, labels_of, plant_entry
-from cranectl.scenario.effects import EFFECTS, PARTS, WHOLE_EFFECTS, EffectSettings, spread
+from cranectl.scenario.effects import EFFECTS, PARTS, WHOLE_EFFECTS, Effect, EffectSettings, spread
 from cranectl.scenario.scenario import Scenario
 from cranectl.support.errors import InputError
 
@@ -105,6 +105,26 @@ def _check_no_set_points(effects: EffectSettings, drive: Drive) -> None:
                     allowed=f"{setting}, or velocity drives",
                     remedy=f"{USE_VELOCITY}; or set {setting}",
                 )
+
+
+def without_lacking(
+    effects: EffectSettings, *, plant: str, drive: Drive
+) -> tuple[EffectSettings, tuple[str, ...]]:
+    """Return `effects` without what a plant lacks or its drives do not take, and the names of that."""
+    entry, update, left_out = plant_entry(plant), dict[str, Effect | None](), []
+    for name in effects.names:
+        kind, effect = EFFECTS[name], getattr(effects, name)
+        idle = {part: own.none for part, own in kind.parts.items() if lacking(entry, f"{name}.{part}")}
+        if DRIVES[drive].command != "velocity":
+            idle |= kind.set_points
+        if lacking(entry, name) or idle.keys() == kind.model_fields.keys():
+            update[name] = None
+            left_out.append(name)
+        elif idle:
+            none = {part: spread(number, getattr(effect, part)) for part, number in idle.items()}
+            update[name] = effect.model_copy(update=none)
+            left_out += [f"{name}.{part}" for part in idle]
+    return effects.model_copy(update=update), tuple(left_out)
 
 
 def _capable(effect: str) -> tuple[str, str]:

@@ -18,7 +18,7 @@ SLACK_ROPE = "#ff400d"
 # In viewers, whose ground is light or dark: these are seen on both.
 VIEWER_SERIES = (
     "#4e98e2", "#f5774d", "#5cd6a9", "#f7df71", "#c792ea", "#ff7d7d",
-    "#4ed8da", "#b5bd68", "#e88fbf", "#9a8bff", "#c9a27e", "#a6e22e",
+    "#4ed8da", "#b5bd68", "#e88fbf", "#9a8bff", "#c9a27e", "#a6e22e", "#d33682",
 )  # fmt: skip
 VIEWER = {
     **{f"series-{k}": colour for k, colour in enumerate(VIEWER_SERIES, 1)},

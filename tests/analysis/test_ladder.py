@@ -1,5 +1,6 @@
 """The ladder: every level is what it says, and its log overlays them."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,10 +17,11 @@ from cranectl.log.overlay import read_layers
 from cranectl.planning import load_scenario
 from cranectl.plants.plant import StepError
 from cranectl.scenario import Scenario
-from cranectl.scenario.effects import ALL_EFFECTS
+from cranectl.scenario.effects import ALL_EFFECTS, NO_LIMIT
 from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
+from tests.plants.own_models import MODELS, UNDISTURBED, crane_with, servos, write_hall
 
 
 def test_there_is_a_level_for_every_effect_and_in_the_same_order() -> None:
@@ -132,6 +134,46 @@ def test_the_log_of_a_ladder_is_an_overlay_of_its_levels(
         assert replace(layer.run, table=None, reference=None, time_ns=None, design=None) == replace(
             every_tenth, table=None, reference=None, time_ns=None, design=None
         )
+
+
+@pytest.mark.usefixtures("no_model_afterwards")
+def test_the_model_file_of_a_rig_is_the_last_level(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It has the effects that it honours; alone, it has none, and differs from `servos`."""
+    monkeypatch.chdir(tmp_path)
+    hall = str(write_hall(tmp_path, model=str(MODELS / "hall.xml")))
+    arguments = ["ladder", hall, "--json", "a.json", "--out", "a.mcap"]
+    settings = ["--set", "duration=2", "--set", UNDISTURBED, "--set", "reference.segments=[]"]
+    assert main([*arguments, *settings, "--set", "initial.load_offset=[0.1,0,0]", "--report", "a.html"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "without limits.force, friction, rope, body, frame: the file says what it has" in shown
+    assert "rig.model changes nothing" not in shown
+    *_, frame, model = json.loads(Path("a.json").read_text())["levels"]
+    assert (model["level"], model["plant"], model["drive"]) == ("model", "hall", "velocity")
+    assert model["alone"]["max"] < 1e-6, "it is the same crane"
+    assert model["cumulative"]["max"] > 1e-4, "it has no friction"
+    layers = read_layers("a.mcap")
+    assert layers["model"].run.scenario.effects.names == ("limits", "sensing", "delay", "wind")
+    assert layers["model"].run.scenario.effects.limits.force == (NO_LIMIT,) * 3
+    assert [*layers][-2:] == [frame["level"], "model"]
+    assert ">model<" in Path("a.html").read_text()
+
+
+@pytest.mark.usefixtures("no_model_afterwards")
+def test_a_model_that_is_another_crane_than_the_rig_is_refused_before_any_run(short: Scenario) -> None:
+    rig = short.rig.model_copy(update={"model": str(MODELS / "tendon.xml")})
+    with pytest.raises(InputError, match=r"rig\.winch_mass = 0\.4"):
+        next(evaluate_levels(short.model_copy(update={"rig": rig}), top="servos"))
+
+
+@pytest.mark.usefixtures("no_model_afterwards")
+def test_a_model_with_motors_has_force_drives(short: Scenario, tmp_path: Path) -> None:
+    rig = short.rig.model_copy(update={"model": str(crane_with(tmp_path, *servos("motor")))})
+    scenario = short.model_copy(update={"rig": rig})
+    *_, limits, model = evaluate_levels(scenario, "lqr", top="limits")
+    assert (model.run.drive, model.run.scenario.effects.names) == ("force", ())
+    assert model.alone == deviation(model.run, limits.run)
 
 
 def test_a_level_that_stops_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,16 +2,16 @@
 
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from cranectl.campaign.results import read_results
 from cranectl.cli.main import main
-from cranectl.plants.model_files import forget_models
 from tests.packages import run_all_beside
 from tests.plants.own_models import MODELS, changed, write_hall
+
+pytestmark = pytest.mark.usefixtures("no_model_afterwards")
 
 RUN = ["campaign", "run", "many.toml", "--workers", "2", "--out"]
 PUSHED = """
@@ -36,14 +36,13 @@ high = 20.0
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A campaign of the hall's crane, on its model and on the shipped one."""
     write_hall(tmp_path)
     shutil.copytree(MODELS, tmp_path / "models")
     (tmp_path / "many.toml").write_text(MANY)
     monkeypatch.chdir(tmp_path)
-    yield tmp_path
-    forget_models()
+    return tmp_path
 
 
 def test_rows_are_those_of_the_shipped_model_on_threads_and_on_a_cluster(folder: Path) -> None:

@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
-from cranectl.plants.model_files import examine, forget_models
+from cranectl.plants.model_files import examine
 from cranectl.plants.registry import default_plants
 from cranectl.plants.trials import ProbeRun, _outcome
 from cranectl.scenario.rig import PlantSettings, RigParameters
@@ -28,11 +27,7 @@ from tests.plants.own_models import (
     write_hall,
 )
 
-
-@pytest.fixture(autouse=True)
-def no_model_afterwards() -> Iterator[None]:
-    yield
-    forget_models()
+pytestmark = pytest.mark.usefixtures("no_model_afterwards")
 
 
 @pytest.fixture

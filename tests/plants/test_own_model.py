@@ -3,7 +3,6 @@
 import json
 import re
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from cranectl.live.child_session import ChildSession
 from cranectl.live.session import Session
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
-from cranectl.plants.model_files import forget_models, plant_named
+from cranectl.plants.model_files import plant_named
 from cranectl.plants.mujoco.engine import mj_step
 from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.mujoco.plant import advance, measure_joints
@@ -44,13 +43,9 @@ from tests.plants.own_models import (
     write_hall,
 )
 
+pytestmark = pytest.mark.usefixtures("no_model_afterwards")
+
 PUSHED = "disturbances=[{joint='alpha',start=0.1,magnitude=1.0}]"
-
-
-@pytest.fixture(autouse=True)
-def no_model_afterwards() -> Iterator[None]:
-    yield
-    forget_models()
 
 
 def compared(

@@ -9,7 +9,7 @@ from cranectl.analysis.certificate.certify import REQUIRED_MARGIN, Certificate, 
 from cranectl.analysis.certificate.conservatism import LargestValues
 from cranectl.analysis.certificate.structured import DriveMargins
 from cranectl.analysis.ladder import LevelResult, Size
-from cranectl.analysis.levels import BASE
+from cranectl.analysis.levels import BASE, MODEL
 from cranectl.report.table import Cell, Table, cells
 from cranectl.support.units import plain
 
@@ -183,6 +183,9 @@ def ladder_table(results: Sequence[LevelResult]) -> Table:
         f"Alone: from {BASE}, with this effect only. "
         "Effort: RMS of the commanded accelerations. Sway: RMS angle between rope and plumb line."
     )
+    last = results[-1].level
+    if last.name == MODEL:
+        note += f" {MODEL.capitalize()}: {last.adds}. Alone, it has no effects."
     title = f"{run.scenario.name}, {run.design.name}: what each level adds"
     rows = tuple(cells(result.level.name, *_level(result)) for result in results)
     return Table(title, headings, rows, labels=2, note=note)
