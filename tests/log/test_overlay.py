@@ -87,7 +87,8 @@ def test_labels_are_as_short_as_possible() -> None:
 
 
 @pytest.mark.parametrize(
-    "labels", [["a-b", "a_b"], ["a", "b/c"], ["a", "mujoco"], ["a", "b.c"], ["a" * 41], list("abcdefghijklm")]
+    "labels",
+    [["a-b", "a_b"], ["a", "b/c"], ["a", "mujoco"], ["a", "b.c"], ["a" * 41], list("abcdefghijklmn")],
 )
 def test_invalid_labels_are_refused(labels: list[str]) -> None:
     with pytest.raises(InputError, match=r"the label|an overlay of"):

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import time
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ from cranectl.support.jit import jit
 from tests.conftest import random_states
 from tests.packages import run_all_beside
 from tests.plants.own_models import (
+    HALL_NAMES,
     MODELS,
     NAMES,
     RIGS,
@@ -150,6 +152,7 @@ def test_position_servos_follow_the_commanded_velocity(tmp_path: Path) -> None:
 
 
 BRIDGE = 'joint="bridge_position" kv="425"'
+LOAD = '<site name="load" pos="0 0 0"/>'
 SLIDE = 'joint name="trolley_position" type="slide" axis="0 1 0'
 REFUSED = [
     ([('"pivot"', '"hanger"')], "no site named 'pivot'"),
@@ -178,11 +181,13 @@ REFUSED = [
     ),
     ([("</mujoco>", "")], "no element found"),
     ([('type="slide" axis="1 0 0"', 'type="slider" axis="1 0 0"')], "slider"),
-    ([('<site name="load" pos="0 0 0"/>', '<site name="load" pos="0 0 0.7"/>')], "a rope of 0 m"),
+    ([(LOAD, LOAD.replace("0 0 0", "0 0 0.7"))], "a rope of 0 m"),
     ([("<option", '<include file="../other.xml"/><option')], "reads ../other.xml"),
     ([("<asset>", '<asset><mesh name="m" file="/etc/m.obj"/>')], "reads /etc/m.obj"),
     ([("<asset>", '<asset><texture name="t" type="cube" fileup="../a.png"/>')], "reads ../a.png"),
     ([(f'{SLIDE}"', f'{SLIDE}.1"')], "the pivot rises"),
+    ([(LOAD, LOAD.replace("0 0 0", "0.02 0 0"))], "'load' hangs about 0.02 m beside the pivot"),
+    ([('joint name="beta"', 'joint name="beta" stiffness="1" springref="0.1"')], "beside the pivot"),
 ]
 
 
@@ -195,6 +200,28 @@ def test_a_model_that_is_no_such_crane_is_refused(
     assert reason in str(error.value)
     assert error.value.allowed
     assert error.value.remedy
+
+
+def test_a_load_beside_its_pivot_is_refused_in_foreign_cranes_too(tmp_path: Path) -> None:
+    """The rope of the hall's crane then is no line to the sheave; that of the other is one to any place."""
+    shutil.copytree(MODELS / "parts", tmp_path / "parts")
+    sheave = '<site name="sheave"/>', '<site name="sheave" pos="0.3 0 0"/>'
+    with pytest.raises(InputError, match=r"hangs about 0\.3 m beside the pivot 'sheave'"):
+        open_model(changed(MODELS / "hall.xml", tmp_path, sheave), HALL_NAMES)
+    pivot = '<site name="pivot"/>', '<site name="pivot" pos="0.1 0 0"/>'
+    open_model(changed(MODELS / "tendon.xml", tmp_path, pivot), ModelNames())
+
+
+def test_a_load_below_the_hook_of_a_tendon_is_refused_with_the_name_of_the_hook(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    sling = '<joint type="ball" pos="0 0 0.2"/><geom size="0.02" mass="0.5"/><site name="load"/>'
+    hook = f'<site name="hook"/><body pos="0 0 -0.2">{sling}</body>'
+    changed(MODELS / "tendon.xml", tmp_path, ('site="load"', 'site="hook"'), ('<site name="load"/>', hook))
+    assert main(["info", "mine.xml"]) == 2
+    (remedy,) = re.findall(r"as load, with (--set rig\.plant\.names\.load=\w+);", capsys.readouterr().err)
+    assert main(["info", "mine.xml", *remedy.split()]) == 1, "a second pendulum"
 
 
 def test_a_sub_model_may_not_read_files_elsewhere(tmp_path: Path) -> None:

@@ -37,7 +37,6 @@ MUTANTS = {
             "trolley", 0.5, "damping of trolley_position",
         ),
         ('diaginertia="1e-15 1e-15 1e-15"', 'diaginertia="1e-3 1e-3 1e-3"', "swing", 0.016, HIDDEN),
-        ('<site name="load" pos="0 0 0"/>', '<site name="load" pos="0.02 0 0"/>', "swing", 0.35, HIDDEN),
         ('kv="425"', 'kv="425" ctrlrange="-1 1"', "limits of drives", 0.0, "have none"),
         ("</spatial>", f"</spatial>{WIRE}", "rope", 1.0, "stiffness of wire"),
     ],

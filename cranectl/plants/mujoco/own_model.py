@@ -22,6 +22,7 @@ MAX_NEWTON_STEPS = 50
 PLACED = 1e-10  # [m, rad] from the state that the sites are to show; one more step then reaches rounding
 MAX_COUPLING = 0.01  # of a drive with another axis or place, as a share of its own motion
 MAX_RISE = 1e-6  # [m] of the pivot
+MAX_OFFSET = 1e-5  # [m] of a hanging load from below its pivot
 # Places where drives and rest are examined: x, y and rope from those of the file, in lengths of that rope.
 PLACES = ((0.0, 0.0, 0.0), (0.25, 0.0, 0.1), (-0.1, 0.25, -0.1), (0.2, -0.2, 0.2))
 UNDISTURBED = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_LIMIT)
@@ -107,10 +108,10 @@ class OwnModel(SiteModel):
             )
         shown[1::2] = shown[ALPHA:] = 0.0
         self.rest = shown  # state (10,) of a hanging load, with place and rope of the file
+        falling, pushed = self._probe_rest()
         self.ratios = self._find_ratios()  # (3,) velocity of an actuator over that of its axis
-        falling, masses = self._probe_masses()
-        self.driven_masses = masses  # (3,) as in `RigParameters.driven_masses` [kg]
-        self.load_mass = float(masses[2] * falling[2] / self.gravity)  # of all that hangs [kg]
+        self.driven_masses = self.ratios / pushed  # (3,) as in `RigParameters.driven_masses` [kg]
+        self.load_mass = float(self.driven_masses[2] * falling / self.gravity)  # of all that hangs [kg]
 
     @property
     def scale(self) -> Array:
@@ -161,7 +162,12 @@ class OwnModel(SiteModel):
                     f"{self.names.drives[k]} does not move the {AXES[k]} alone and evenly: "
                     f"its motion per axis is {moved}",
                     allowed="drives that each move their own axis forward, in all places by the same amount",
-                    remedy=NAMES,
+                    remedy=(
+                        f"name the end of the rope as load, with --set rig.plant.names.load={hook}; "
+                        f"'{self.names.load}' still swings below it"
+                    )
+                    if (hook := self._find_hook(int(k)))
+                    else NAMES,
                 )
         if (rise := max(heights) - min(heights)) > MAX_RISE:
             raise InputError(
@@ -171,20 +177,46 @@ class OwnModel(SiteModel):
             )
         return ratios
 
-    def _probe_masses(self) -> tuple[Array, Array]:
-        """Return how the axes (3,) accelerate without drives [m/s²], and the masses (3,) that these move."""
+    def _find_hook(self, k: int) -> str:
+        """Return the site where the tendon of drive `k` ends; empty without one, or if the load is there."""
+        model, drive = self.model, self.drives[k]
+        if model.actuator_trntype[drive] != int(mujoco.mjtTrn.mjTRN_TENDON):
+            return ""
+        rope = model.actuator_trnid[drive, 0]
+        parts = slice(model.tendon_adr[rope], model.tendon_adr[rope] + model.tendon_num[rope])
+        sites = model.wrap_objid[parts][model.wrap_type[parts] == int(mujoco.mjtWrap.mjWRAP_SITE)]
+        trolley = model.site_bodyid[self.sites[0]]
+        ends = [model.site(site).name for site in sites if model.site_bodyid[site] != trolley]
+        return "" if self.names.load in ends else (ends or [""])[-1]
+
+    def _probe_rest(self) -> tuple[float, Array]:
+        """Return how the load falls without drives [m/s²], and how 1 N of each drive (3,) moves its axis.
+
+        Raises InputError if the load swings aside while held below the pivot: it hangs elsewhere.
+        """
         model = copy.copy(self.free)
+        model.opt.wind[:] = 0.0
         for flag in (mujoco.mjtDisableBit.mjDSBL_ACTUATION, mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS):
             model.opt.disableflags |= int(flag)
         data = mujoco.MjData(model)
         gradient = self.place(data, self.rest)
         accelerations = []
-        for force in (np.zeros(model.nv), *(self._moments(data) / self.ratios[:, np.newaxis])):
+        for force in (np.zeros(model.nv), *self._moments(data)):
             data.qfrc_applied[:] = force
             mujoco.mj_forward(model, data)
-            accelerations.append(gradient[:3] @ data.qacc)
+            accelerations.append(gradient @ data.qacc)
         falling, *pushed = accelerations
-        return falling, 1.0 / np.diag(pushed - falling)
+        by_force = pushed - falling  # (3, 5)
+        aside = falling[3:] - falling[:3] @ np.linalg.pinv(by_force[:, :3]) @ by_force[:, 3:]
+        offset = self.rest[ROPE] ** 2 * np.hypot(*aside) / self.gravity
+        if not offset < MAX_OFFSET:
+            raise InputError(
+                f"{self.file}: the load '{self.names.load}' hangs about {offset:.2g} m beside the pivot "
+                f"'{self.names.pivot}'",
+                allowed="a load that hangs at rest straight below the pivot",
+                remedy="move one of the two sites in the file, or what pulls the load aside",
+            )
+        return float(falling[2]), np.diag(by_force)
 
 
 def open_model(file: Path, names: ModelNames) -> OwnModel:
