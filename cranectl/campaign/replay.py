@@ -15,6 +15,8 @@ from cranectl.campaign.summary import worst_first
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS, metric_values
 from cranectl.log.writer import write_log
 from cranectl.metrics import run_metrics
+from cranectl.plants.model_files import plant_argument
+from cranectl.plants.registry import plant_entry
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, unknown_name
@@ -86,6 +88,21 @@ def chosen_rows(
                 remedy="choose another with --run",
             )
     return np.flatnonzero(np.isin(column, samples) & chosen).tolist()
+
+
+def check_models(results: Results, rows: Sequence[int]) -> None:
+    """Raise InputError if a run of `rows` was on a model file that has changed since."""
+    for row in rows:
+        plant = results.row(row)["plant"]
+        was = results.origins[results.made_by[row]].versions.get(f"model {plant}")
+        now = plant_entry(plant).digest
+        if was and now and was != now:
+            raise InputError(
+                f"the model file {plant_argument(plant)} has changed: its digest is {now}, that of the "
+                f"result is {was}",
+                allowed="the file with which the campaign was run, or runs on other plants",
+                remedy="restore the file, or run the campaign again with --overwrite",
+            )
 
 
 def replay_run(

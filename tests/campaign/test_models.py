@@ -1,6 +1,7 @@
 """Campaigns run on model files of a user, and their results are read where the files are not."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from tests.plants.own_models import MODELS, changed, write_hall
 pytestmark = pytest.mark.usefixtures("no_model_afterwards")
 
 RUN = ["campaign", "run", "many.toml", "--workers", "2", "--out"]
+REPLAY = ["campaign", "replay", "result", "--worst", "1"]
 PUSHED = """
 [uncertain.disturbances.0.magnitude]
 distribution = "uniform"
@@ -60,8 +62,7 @@ def test_rows_are_those_of_the_shipped_model_on_threads_and_on_a_cluster(folder:
 
 def test_a_result_is_read_without_the_file_and_repeated_with_it(folder: Path) -> None:
     assert main([*RUN, "result"]) == 0
-    replay = ["campaign", "replay", "result", "--worst", "1"]
-    assert main([*replay, "--plants", "models/hall.xml"]) == 0
+    assert main([*REPLAY, "--plants", "models/hall.xml"]) == 0
     Path("models").rename("moved")
     output = run_all_beside(
         folder,
@@ -83,6 +84,15 @@ def test_another_model_is_another_software(folder: Path, capsys: pytest.CaptureF
     )
     assert main([*RUN, "result", "--resume"]) == 2
     assert "made by other software: model hall" in capsys.readouterr().err
+    assert main([*REPLAY, "--plants", "mujoco"]) == 0
+    capsys.readouterr()
+    assert main([*REPLAY, "--plants", "models/hall.xml"]) == 2
+    was = json.loads(Path("result/campaign.json").read_text())["versions"]["model hall"]
+    found, _, remedy = capsys.readouterr().err.splitlines()[1:]
+    assert re.search(rf"models/hall\.xml has changed: its digest is \w+, that of the result is {was}$", found)
+    assert remedy.endswith("restore the file, or run the campaign again with --overwrite")
+    shutil.copy(MODELS / "hall.xml", "models")
+    assert main([*REPLAY, "--plants", "models/hall.xml"]) == 0
 
 
 def test_what_a_model_has_is_not_uncertain(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

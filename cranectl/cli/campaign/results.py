@@ -114,13 +114,14 @@ def replay_campaign(
 
     Every number must equal the result's to the last bit; exit code 1 if one does not. Sources or
     versions that differ from the installed ones are named. An unfinished result can be replayed too.
+    A run on a model file that has changed is refused.
 
     \b
     cranectl campaign replay logs/campaign-lab-rig
     cranectl campaign replay logs/campaign-lab-rig --worst 1 --by residual_sway_rad --controller lqr
     cranectl campaign replay logs/campaign-lab-rig --run 17 --run 230
     """
-    from cranectl.campaign.replay import chosen_rows, replay_run
+    from cranectl.campaign.replay import check_models, chosen_rows, replay_run
     from cranectl.campaign.results import REPLAYS, read_results
 
     if samples and worst is not None:
@@ -129,6 +130,7 @@ def replay_campaign(
     rows = chosen_rows(
         results, samples=samples, worst=worst or 3, metric=metric, plants=plants, controllers=controllers
     )
+    check_models(results, rows)
     replays = []
     with progress_bar(results.campaign.nominal.duration * len(rows)) as advance:
         for row in rows:

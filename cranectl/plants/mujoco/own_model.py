@@ -9,7 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from cranectl.plants.mujoco.own_file import sensor_values, servo_kind, spec_of_file
+from cranectl.plants.mujoco.own_file import embed_files, sensor_values, servo_kind, spec_of_file
 from cranectl.plants.mujoco.sites import state_of_sites
 from cranectl.scenario.rig import ModelNames
 from cranectl.signals import ALPHA, ROPE
@@ -87,12 +87,11 @@ class OwnModel(SiteModel):
 
     def __init__(self, file: Path, names: ModelNames) -> None:
         """Compile and probe a model file; raise InputError if it is not such a crane."""
-        model = spec_of_file(file, names).compile()  # to be copied before it is changed
+        spec = spec_of_file(file, names)
+        model = spec.compile()  # to be copied before it is changed
         super().__init__(model, (names.pivot, names.load), file)
         self.file, self.names = file, names
-        compiled = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
-        mujoco.mj_saveModel(model, None, compiled)
-        self.digest = hashlib.sha256(compiled.tobytes()).hexdigest()[:FINGERPRINT_DIGITS]
+        self.digest = _digest(spec)
         self.free = copy.copy(model)  # without contacts and end stops, which would disturb probing
         self.free.opt.disableflags |= sum(map(int, UNDISTURBED))
         self.drives = np.array([model.actuator(name).id for name in names.drives], dtype=np.int64)
@@ -217,6 +216,15 @@ class OwnModel(SiteModel):
                 remedy="move one of the two sites in the file, or what pulls the load aside",
             )
         return float(falling[2]), np.diag(by_force)
+
+
+def _digest(spec: mujoco.MjSpec) -> str:
+    """Return the digest of a compiled model, which is the same wherever its files are; change `spec`."""
+    embed_files(spec)
+    model = spec.compile()
+    compiled = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
+    mujoco.mj_saveModel(model, None, compiled)
+    return hashlib.sha256(compiled.tobytes()).hexdigest()[:FINGERPRINT_DIGITS]
 
 
 def open_model(file: Path, names: ModelNames) -> OwnModel:
