@@ -1,5 +1,6 @@
 """Check which effects and drives a plant can show, and refuse a run with others before it starts."""
 
+from cranectl.plants.model_files import plant_argument
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PLANTS, PlantEntry, labels_of, plant_entry
 from cranectl.scenario.effects import EFFECTS, PARTS, WHOLE_EFFECTS, Effect, EffectSettings, spread
@@ -21,7 +22,7 @@ def check_scenario(scenario: Scenario, *, plant: str, drive: Drive) -> None:
     joints = any(step.joint is not None for step in scenario.disturbances)
     for name, acting in (("disturbances", joints), ("disturbances.force", scenario.forced)):
         if acting and (reason := lacking(entry, name)):
-            capable, remedy = _capable(name)
+            capable, remedy = _capable(entry, name)
             what = "forces among the disturbances" if name == "disturbances.force" else name
             raise InputError(
                 f"{what} on the {entry.label} plant, {reason}",
@@ -62,10 +63,10 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
             remedy=f"{USE_VELOCITY}, or leave the effect out",
         )
     if kind.command != "velocity":
-        _check_no_set_points(effects, drive)
+        _check_no_set_points(effects, entry, drive)
     for name in WHOLE_EFFECTS:
         if getattr(effects, name) is not None and (reason := lacking(entry, name)):
-            capable, remedy = _capable(name)
+            capable, remedy = _capable(entry, name)
             raise InputError(
                 f"[effects.{name}] on the {entry.label} plant, {reason}",
                 allowed=f"{capable} for rope, body and frame" if name in TOGETHER else capable,
@@ -79,7 +80,7 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
         none = spread(part.none, value)
         setting = f"effects.{name} = {list(none) if isinstance(none, tuple) else none}"
         if reason := lacking(entry, name):
-            capable, remedy = _capable(name)
+            capable, remedy = _capable(entry, name)
             raise InputError(
                 f"effects.{name} on the {entry.label} plant, {reason}",
                 allowed=f"{setting}, or {capable}{' with velocity or force drives' if part.on_axes else ''}",
@@ -93,7 +94,7 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
             )
 
 
-def _check_no_set_points(effects: EffectSettings, drive: Drive) -> None:
+def _check_no_set_points(effects: EffectSettings, entry: PlantEntry, drive: Drive) -> None:
     for effect in effects.names:
         for name, none in EFFECTS[effect].set_points.items():
             value = getattr(getattr(effects, effect), name)
@@ -103,7 +104,9 @@ def _check_no_set_points(effects: EffectSettings, drive: Drive) -> None:
                 raise InputError(
                     f"effects.{effect}.{name} with {drive} drives, which take no set-points",
                     allowed=f"{setting}, or velocity drives",
-                    remedy=f"{USE_VELOCITY}; or set {setting}",
+                    remedy=f"{USE_VELOCITY}; or set {setting}"
+                    if "velocity" in entry.drives
+                    else f"set {setting}",
                 )
 
 
@@ -127,10 +130,12 @@ def without_lacking(
     return effects.model_copy(update=update), tuple(left_out)
 
 
-def _capable(effect: str) -> tuple[str, str]:
-    """Return the labels of the plants that show `effect`, and the remedy for a plant that does not."""
-    able = [entry for entry in PLANTS.values() if not lacking(entry, effect)]
-    names = ",".join(entry.name for entry in able if not entry.package)
+def _capable(entry: PlantEntry, effect: str) -> tuple[str, str]:
+    """Return the labels of the plants that show `effect`, and the remedy for `entry`, which does not."""
+    able = [other for other in PLANTS.values() if not lacking(other, effect)]
+    names = ",".join(plant_argument(other.name) for other in able if not other.package)
+    if "file" in entry.arguments:
+        return labels_of(able), f"leave the effect out, or take '--plants {names}' in place of the model"
     return labels_of(able), f"take '--plants {names}', or leave the effect out"
 
 

@@ -62,7 +62,8 @@ def test_rows_are_those_of_the_shipped_model_on_threads_and_on_a_cluster(folder:
 
 def test_a_result_is_read_without_the_file_and_repeated_with_it(folder: Path) -> None:
     assert main([*RUN, "result"]) == 0
-    assert main([*REPLAY, "--plants", "models/hall.xml"]) == 0
+    for plants in ("hall", "models/hall.xml", "hall,mujoco"):
+        assert main([*REPLAY, "--plants", plants]) == 0
     Path("models").rename("moved")
     output = run_all_beside(
         folder,

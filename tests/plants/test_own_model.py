@@ -262,6 +262,27 @@ def test_what_the_model_has_cannot_be_set(setting: str, found: str, tmp_path: Pa
     assert "mine.xml" in str(error.value)
 
 
+def test_remedies_keep_the_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    crane_with(tmp_path)
+    crane_with(tmp_path, *servos("motor"), name="motors")
+    run = ["run", "fixed-position", "--set", "duration=0.1", "--set", UNDISTURBED, "--out", "a.mcap"]
+    own = [*run, "--drive", "velocity", "--plants", "mine.xml"]
+    assert main([*own, "--set", "effects.rope={}"]) == 2
+    remedy = capsys.readouterr().err.splitlines()[-1].split(":", 1)[1].strip()
+    assert remedy == "leave the effect out, or take '--plants elastic,mujoco' in place of the model"
+    assert main(own) == 0
+    assert main([*own[:-1], "elastic,mujoco", "--set", "effects.rope={}"]) == 0
+    forces = [*run, "--drive", "force", "--plants", "motors.xml"]
+    dead = [*forces, "--set", "effects.installation.dead_zone=[0.1,0.0,0.0]"]
+    assert main(dead) == 2
+    shown = capsys.readouterr().err.splitlines()[-1]
+    assert re.search(r"remedy: +set effects.installation.dead_zone = \[0\.0, 0\.0, 0\.0\]$", shown)
+    assert main([*dead, "--set", "effects.installation.dead_zone=[0.0,0.0,0.0]"]) == 0
+
+
 def test_a_start_that_the_joints_cannot_reach_is_refused(tmp_path: Path) -> None:
     own = open_model(crane_with(tmp_path), ModelNames())
     state = own.rest.copy()

@@ -88,7 +88,7 @@ def show_result(results: "Results", screen: Screen, more: dict[str, Any] | None 
 )
 @click.option("--run", "samples", metavar="INDEX", type=int, multiple=True, help="This sample; repeatable.")
 @controllers_option("Only runs with these controllers; one that is a controller of a file by its file.")
-@plants_option("Only runs on these plants.")
+@plants_option("Only runs on these plants, by name, or by a model file that has moved.", of_logs=True)
 @click.option(
     "--every", type=click.IntRange(1, 1_000_000_000), metavar="N", help="Log every N-th control sample."
 )
@@ -123,7 +123,10 @@ def replay_campaign(
     """
     from cranectl.campaign.replay import check_models, chosen_rows, replay_run
     from cranectl.campaign.results import REPLAYS, read_results
+    from cranectl.plants.model_files import MODEL_ENDING, forget_models, plant_named
 
+    forget_models()
+    plants = tuple(plant_named(name) if name.endswith(MODEL_ENDING) else name for name in plants)
     if samples and worst is not None:
         raise click.UsageError("--run and --worst exclude each other")
     results = read_results(result, unfinished=True)
