@@ -338,6 +338,12 @@ def reference_plant(names: Iterable[str]) -> str:
     return REFERENCE_PLANT if REFERENCE_PLANT in ordered else ordered[-1]
 
 
+def shown_plant(names: Iterable[str]) -> str:
+    """Return the plant whose numbers and picture come first: a user's own, else the reference plant."""
+    ordered = in_order(names)
+    return next((name for name in ordered if not PLANTS[name].is_own), reference_plant(ordered))
+
+
 def labels_of(entries: Iterable[PlantEntry]) -> str:
     """Return the labels of plants as a phrase for an error: "the MuJoCo or elastic plant"."""
     return f"the {' or '.join(entry.label for entry in entries)} plant"

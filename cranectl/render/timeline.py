@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from cranectl.metrics import NEARLY_SLACK
-from cranectl.plants.registry import plant_entry, reference_plant
+from cranectl.plants.registry import plant_entry, shown_plant
 from cranectl.scenario.drawn_size import drawn_scale, drawn_trail
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array, Mask
@@ -107,8 +107,13 @@ class Timeline:
 
     @property
     def worst_time(self) -> float:
-        """When the load of any crane is farthest from its reference, or swings most without one [s]."""
-        following = [track for track in self.tracks if track.run.has_reference]
+        """When the load is farthest from its reference, or swings most without one [s].
+
+        That is the load of the user's own plant if there is one, else that of any crane.
+        """
+        own = not self.by_label and not plant_entry(self.main.run.plant).is_own
+        tracks = (self.main,) if own else self.tracks
+        following = [track for track in tracks if track.run.has_reference]
         if not following:
             return float(self.main.run.time[int(np.argmax(np.hypot(*self.main.run.angles.T)))])
         worst = max(following, key=lambda track: float(track.error.max()))
@@ -143,7 +148,7 @@ def timeline_of(runs: Mapping[str, Run]) -> Timeline:
         colours = dict(zip(runs, (orange, blue, *more), strict=False))
         tracks = [Track(run, name != solid, name, colours[name]) for name, run in drawn.items()]
     else:
-        solid = reference_plant(drawn)
+        solid = shown_plant(drawn)
         entries = [(run, plant_entry(run.plant)) for run in drawn.values()]
         tracks = [Track(run, run.plant != solid, e.label, LIGHT[e.colour]) for run, e in entries]
     return Timeline(tuple(tracks), max(float(run.time[-1]) for run in drawn.values()), by_label)

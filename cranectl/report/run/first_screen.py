@@ -1,6 +1,7 @@
 """The first screen of a page of logs: the verdict, the numbers that matter, the crane at its worst moment."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import degrees
 
 import numpy as np
@@ -11,7 +12,7 @@ from cranectl.cases.drive_use import drive_uses
 from cranectl.compare.agreement import Agreement, ended_as_expected
 from cranectl.metrics import RunMetrics, all_metrics
 from cranectl.metrics.limits import LimitVerdict
-from cranectl.plants.registry import reference_plant
+from cranectl.plants.registry import in_order, plant_entry, reference_plant, shown_plant
 from cranectl.report.page import Fact, Figure, FirstScreen
 from cranectl.report.run.differences import Logs, what_differs, what_was_run
 from cranectl.report.table import VERDICTS, Cell, Table, cells
@@ -32,7 +33,9 @@ def first_screen_of(
     """Return the first screen; `worst` holds by log the time and the picture of its worst moment."""
     passed, reason = verdict_on(logs, summaries, agreements)
     compared = any(agreement.passed for of_log in agreements.values() for agreement in of_log)
-    badge = AGREEMENT_ONLY if passed and compared and not _limits_of(summaries) else BADGES[passed]
+    badge = BADGES[passed]
+    if passed and compared and not _limits_of(summaries):
+        badge = BADGES[None] if _leaves_open_own(agreements) else AGREEMENT_ONLY
     facts = {label: _facts(log, summaries[label], agreements[label]) for label, log in logs.items()}
     figures = tuple(_worst_moment(label, logs, *moment) for label, moment in worst.items())
     if len(logs) == 1:
@@ -45,12 +48,20 @@ def first_screen_of(
     return FirstScreen(badge, reason, (), tuple(filter(None, tables)), figures)
 
 
+def _leaves_open_own(agreements: Agreements) -> bool:
+    """Return True if nobody judges how far a user's own plant is from the others."""
+    judged = [agreement for of_log in agreements.values() for agreement in of_log]
+    return any(a.passed is None and not plant_entry(a.plant).is_own for a in judged)
+
+
 def _worst_moment(label: str, logs: Logs, time: float, picture: Image) -> Figure:
     several = len(logs) > 1
     title = f"the crane at its worst moment{f', {label}' if several else ''}"
     follows = all(run.has_reference for run in logs[label].values())
     worst = "is farthest from its reference" if follows else "swings most"
-    caption = f"At {time:.2f} s the load {worst}."
+    shown = shown_plant(logs[label])
+    whose = "" if plant_entry(shown).is_own or len(logs[label]) == 1 else f" of {plant_entry(shown).label}"
+    caption = f"At {time:.2f} s the load{whose} {worst}."
     return Figure.pictured(title, caption, picture)
 
 
@@ -138,8 +149,10 @@ def _agreements(judged: Sequence[Agreement], logs: int) -> Iterator[str]:
     if passed:
         nearest = max(passed, key=lambda agreement: agreement.max_load_error_m / (agreement.limit_m or 1.0))
         where = f" in all {logs} logs" if logs > 1 and len(passed) == len(judged) else ""
+        plants = in_order({a.plant for a in passed} | {a.reference for a in passed})
+        who = "the plants" if len(passed) == len(judged) or logs > 1 else " and ".join(plants)
         yield (
-            f"the plants agree{where}: their loads differ by {_at_most(nearest)} "
+            f"{who} agree{where}: their loads differ by {_at_most(nearest)} "
             f"(allowed: {quantity(nearest.limit_m or 0.0, 'm')})"
         )
 
@@ -167,19 +180,32 @@ def _broken_limits(limits: Sequence[LimitVerdict]) -> Iterator[str]:
 def _facts(
     log: Mapping[str, Run], summaries: Sequence[RunSummary], agreements: Sequence[Agreement]
 ) -> tuple[Fact, ...]:
-    """Return the four numbers of one log, those that it has samples for."""
-    run = log[reference_plant(log)]
+    """Return the numbers of one log: of the user's own plant, if any, beside those of the reference plant."""
+    shown, reference = shown_plant(log), reference_plant(log)
+    facts, difference = _facts_of(log[shown], summaries), _plant_difference(log, agreements)
+    beside = {} if shown == reference else {f.name: f.value for f in _facts_of(log[reference], summaries)}
+    if beside:
+        own, other = plant_entry(shown).label, plant_entry(reference).label
+        facts = [
+            replace(fact, remark=f"{own}: {fact.remark}; {other}: {beside.get(fact.name, '–')}")
+            for fact in facts
+        ]
+    compared = (difference,) if log[shown].has_reference and facts else ()
+    return (*facts[:2], *compared, *facts[2:])
+
+
+def _facts_of(run: Run, summaries: Sequence[RunSummary]) -> list[Fact]:
+    """Return the numbers of one run, those that it has samples for."""
     summary = next(summary for summary in summaries if summary.plant == run.plant)
     if not run.has_reference:
-        return tuple(_facts_without_reference(run))
+        return list(_facts_without_reference(run))
     if summary.metrics is None:
-        return ()
-    return (
+        return []
+    return [
         _tracking_error(run, summary, summary.metrics),
         _sway(run, summary.metrics),
-        _plant_difference(log, agreements),
         _drive_use(run, summary.metrics),
-    )
+    ]
 
 
 def _facts_without_reference(run: Run) -> Iterator[Fact]:
