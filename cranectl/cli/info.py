@@ -1,6 +1,7 @@
 """`cranectl info`."""
 
-from collections.abc import Mapping
+import json
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,8 +40,8 @@ def info_command(file: Path, request: ScenarioRequest, as_is: bool, screen: Scre
     read. A damaged file is refused with the reason.
 
     Of a model in MJCF, a file that ends in '.xml': its drives, the numbers of a rig that it has, and how
-    it differs from the rigid crane of the other plants. Exit code 1 if it differs, unless --as-is is
-    given. The rig has the names of its sites and actuators.
+    it differs from the rigid crane of the other plants, and what to write into a rig file. Exit code 1
+    if it differs, unless --as-is is given. The rig has the names of its sites and actuators.
 
     \b
     cranectl info logs/fixed-position/lqr-ideal.mcap
@@ -77,14 +78,24 @@ def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen
             "drives",
             f"take {own.servo}; an axis moves them {', '.join(f'{r:g}' for r in own.ratios)} times as fast",
         ),
-        *((f"rig.{name}", f"{number:g}") for name, number in numbers.items()),
         *((difference.text, difference.meaning) for difference in differences),
         ("check", "differs from the rigid crane" if differences else "no difference from the rigid crane"),
+        ("rig file", "as follows; in a scenario below [rig], with [rig.plant.names]"),
     ]
     screen.print_each(f"{name:26} {text}" for name, text in facts)
+    screen.print_each(_rig_lines(file, names, numbers), indent="  ")
     listed = [difference._asdict() for difference in differences]
     screen.write_json({"drives": own.servo, "rig": numbers, "differences": listed})
     return exit_codes.LIMIT_EXCEEDED if differences and not as_is else exit_codes.GOOD
+
+
+def _rig_lines(file: Path, names: "ModelNames", numbers: Mapping[str, float]) -> Iterator[str]:
+    """Yield what a rig file says of a model: its path, its numbers, and names other than the default."""
+    yield f"model = {json.dumps(file.as_posix(), ensure_ascii=False)}"
+    yield from (f"{name} = {number:g}" for name, number in numbers.items())
+    others = {key: name for key, name in names if name != type(names).model_fields[key].default}
+    yield from ("", "[plant.names]") if others else ()
+    yield from (f"{key} = {json.dumps(name, ensure_ascii=False)}" for key, name in others.items())
 
 
 def _print_log(log: Path, screen: Screen) -> None:

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import textwrap
 import time
 from pathlib import Path
 from typing import Any
@@ -359,6 +360,26 @@ def test_info_shows_the_crane_and_its_differences(
     assert shown["rig"]["load_mass"] == 5000.0
     assert main(["info", "old.mcap", "--as-is"]) == 2
     assert "leave these options out" in capsys.readouterr().err
+
+
+def test_info_prints_what_a_rig_file_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    changed(
+        MODELS / "tendon.xml",
+        tmp_path,
+        ('site name="load"', 'site name="a hook"'),
+        ('"load"/>', '"a hook"/>'),
+    )
+    assert main(["info", "mine.xml", "--set", "rig.plant.names.load=a hook"]) == 0
+    shown = capsys.readouterr().out.partition("model = ")
+    Path("rig.toml").write_text(textwrap.dedent(f"  {shown[1]}{shown[2]}"))
+    Path("a.toml").write_text(
+        'name = "a"\nrig = "rig.toml"\nduration = 1.0\nreference.start = [1.0, 0.7, -0.7]\n'
+    )
+    assert main(["run", "a.toml", "--drive", "velocity", "--out", "a.mcap"]) == 0
+    assert "mine" in read_log("a.mcap")
 
 
 def test_names_of_files_are_names_of_plants(
