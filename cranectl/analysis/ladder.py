@@ -152,7 +152,8 @@ def model_level(scenario: Scenario, added: Sequence[str]) -> tuple[Level, Scenar
     variant = replace_effects(scenario, honoured)
     make_plant(entry.name, variant, drive)
     own = f", without {', '.join(left_out)}: the file says what it has of these" if left_out else ""
-    return Level(MODEL, f"{entry.label} in place of the shipped crane{own}", entry.name, drive), variant
+    adds = f"{entry.label} with {drive} drives in place of the shipped crane{own}"
+    return Level(MODEL, adds, entry.name, drive), variant
 
 
 def check_steps(scenario: Scenario, variants: Iterable[Scenario]) -> None:

@@ -436,7 +436,9 @@ def test_a_sample_takes_hardly_longer_than_the_engines_own_step(name: str, tmp_p
         "run": lambda: take_samples(plant.rig, 2000, work, inputs),
     }
     best = dict.fromkeys(tasks, np.inf)
-    for _ in range(10):
+    for round_number in range(100):  # more than ten only on a machine that does other things too
+        if round_number >= 10 and best["run"] < 1.3 * best["steps"]:
+            break
         for task, run in tasks.items():
             plant.reset(state)
             start = time.perf_counter()

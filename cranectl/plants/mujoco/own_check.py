@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from cranectl.plants.mujoco.own_model import AXES, OwnModel
+from cranectl.plants.mujoco.sites import rope_acceleration
 from cranectl.signals import ROPE
 from cranectl.support.arrays import Array
 
@@ -91,18 +92,12 @@ def _excess(own: OwnModel, state: Array) -> Array:
     """Return the accelerations (4,) of bridge, trolley, rope and swing that nothing explains [m/s²]."""
     data, _ = _forward(own, state)
     # The engine adds gravity to accelerations: they are forces over mass.
-    load, load_velocity, _, pivot, pivot_velocity, pivot_force, force = np.split(
-        data.sensordata[own.sensors], (3, 6, 7, 10, 13, 16)
-    )
-    way, velocity = load - pivot, load_velocity - pivot_velocity
-    length = np.linalg.norm(way)
-    direction = way / length
-    rate = direction @ velocity
-    rope_acceleration = direction @ (force - pivot_force) + (velocity @ velocity - rate**2) / length
+    load, pivot, pivot_force, force = (data.sensordata[own.sensors[k : k + 3]] for k in (0, 7, 13, 16))
+    direction = (load - pivot) / np.linalg.norm(load - pivot)
     tension = -own.load_mass * (direction @ force)
     masses = own.driven_masses - np.array([0.0, 0.0, own.load_mass])
     pulls = own.ratios * data.actuator_force[own.drives] + tension * np.array([*direction[:2], 1.0])
-    accelerations = np.array([*pivot_force[:2], rope_acceleration])
+    accelerations = np.array([*pivot_force[:2], rope_acceleration(own.sensors, data.sensordata)])
     swing = np.linalg.norm(force - direction * (direction @ force))
     return np.array([*np.abs(accelerations * masses - pulls) / own.driven_masses, swing])
 

@@ -70,13 +70,11 @@ def swing_of(rig):
 
 
 @jit
-def read_load_of_sites(rig, load):
-    """Write height of the load below the pivot [m] and force of the rope on the winch [N] into `load`.
+def rope_acceleration(seen, sensors):
+    """Return the second derivative of the distance from pivot to load [m/s²], as sensors show it.
 
-    Sensors have the values of `own_file.SENSORS` at the start of the step. The force follows from that of the
-    winch's drive and its acceleration. Gravity is in both accelerations alike.
+    Sensors have the values of `own_file.SENSORS`. Gravity is in both accelerations alike.
     """
-    seen, sensors = rig.load_sensors, rig.sensors
     square, rate, speed, pull = 0.0, 0.0, 0.0, 0.0
     for i in range(3):
         way = sensors[seen[i]] - sensors[seen[7 + i]]
@@ -85,6 +83,16 @@ def read_load_of_sites(rig, load):
         rate += way * velocity
         speed += velocity * velocity
         pull += way * (sensors[seen[16 + i]] - sensors[seen[13 + i]])
-    acceleration = (pull + speed - rate * rate / square) / sqrt(square)
+    return (pull + speed - rate * rate / square) / sqrt(square)
+
+
+@jit
+def read_load_of_sites(rig, load):
+    """Write height of the load below the pivot [m] and force of the rope on the winch [N] into `load`.
+
+    The values are those at the start of the step. The force follows from that of the winch's drive and its
+    acceleration.
+    """
+    seen, sensors, sites = rig.load_sensors, rig.sensors, rig.sites
     load[2] = sensors[seen[2]] - sensors[seen[9]]
-    load[6] = rig.sites.winch_inertia * acceleration - rig.sites.winch_ratio * sensors[seen[6]]
+    load[6] = sites.winch_inertia * rope_acceleration(seen, sensors) - sites.winch_ratio * sensors[seen[6]]
