@@ -441,7 +441,7 @@ def test_a_sample_takes_hardly_longer_than_the_engines_own_step(name: str, tmp_p
             break
         for task, run in tasks.items():
             plant.reset(state)
-            start = time.perf_counter()
+            start = time.process_time()
             run()
-            best[task] = min(best[task], time.perf_counter() - start)
+            best[task] = min(best[task], time.process_time() - start)
     assert best["run"] < 1.3 * best["steps"]
