@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -212,6 +213,7 @@ def report_benchmark(
     cranectl benchmark report literature.parquet
     cranectl benchmark report mine --controller mine.py:CONTROLLER --beside literature.parquet
     """
+    from cranectl.campaign.benchmark.declared import controller_files
     from cranectl.campaign.benchmark.results import collect_results, find_begun_trials
     from cranectl.campaign.benchmark.settings import read_benchmark
     from cranectl.campaign.benchmark.table import (
@@ -222,6 +224,7 @@ def report_benchmark(
         write_table,
     )
     from cranectl.campaign.benchmark.trials import rules_of
+    from cranectl.report.benchmark.opening import conclusions
     from cranectl.report.benchmark.page import benchmark_page, judged_divisions
     from cranectl.report.benchmark.sets import TITLES, ranking_table
     from cranectl.report.page import write_page
@@ -246,23 +249,32 @@ def report_benchmark(
                 tuned=tuned or settings.file.parent / "tuned",
                 advance=advance,
             )
+    yours: set[str] = set()
+    if beside is not None or not there.is_file():
+        known = [name for name, facts in judged_table.about["laws"].items() if not facts["file"]]
+        yours = judged_table.about["laws"].keys() - {*known, *controller_files(settings)}
     if beside is not None:
-        judged_table = join_tables([judged_table, read_table(_table_place(beside))])
+        others = read_table(_table_place(beside))
+        judged_table, yours = join_tables([judged_table, others]), yours - others.about["laws"].keys()
     folder = result.with_suffix("") if there.is_file() else result
     page = out or Path(f"{folder}.html" if folder.name else f"{folder.absolute().name}.html")
-    results = None if beside or there.is_file() else result
-    write_page(benchmark_page(settings, judged_table, command_given(), results), page)
+    results = None if there.is_file() else result
+    write_page(benchmark_page(settings, judged_table, command_given(), results, yours), page)
     if table is not None:
         write_table(table, judged_table)
     rankings: dict[str, dict[str, list[dict[str, object]]]] = {}
-    for judged in judged_divisions(settings, judged_table):
+    divisions = judged_divisions(settings, judged_table, yours)
+    for judged in divisions:
         rankings[judged.division] = {}
         for name in settings.sets:
-            standings = judged.ranking(name)
-            rankings[judged.division][name] = [standing.to_json() for standing in standings]
-            if standings:
+            rankings[judged.division][name] = [each.to_json() for each in judged.ranking(name)]
+            shown = {*judged.front(name), *yours, settings.baseline}
+            if (short := ranking_table(judged, name, "", shown)).rows:
+                total = len(judged.ranking(name)) + len(judged.unfinished(name))
                 title = f"{TITLES[judged.division]}, {name}, on {settings.plant}"
-                screen.print(ranking_table(judged, standings, title))
+                screen.print(replace(short, title=f"{title}: {len(short.rows)} of {total}"))
+    for sentence in conclusions(divisions):
+        screen.print(sentence)
     screen.print(f"report: {page}")
     screen.write_json({"benchmark": settings.name, **judged_table.about, "divisions": rankings})
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from cranectl.campaign.benchmark.declared import controller_files
 from cranectl.campaign.benchmark.ranking import Judged, points_of
 from cranectl.campaign.benchmark.results import collect_results, run_trials
 from cranectl.campaign.benchmark.scores import undominated
@@ -76,6 +77,11 @@ def test_table_belongs_to_present_controllers_numbers_and_rules(
     facts, numbers = judged.about["tuned"][COMPILED], (FOLDER / "tuned" / f"{COMPILED}.toml").read_text()
     for key, (_, value) in facts["numbers"].items():
         assert f'"{key}" = {value:g}\n' in numbers
+
+
+def test_files_of_controllers_are_found_without_running_them(controllers: tuple[str, ...]) -> None:
+    named = dict(zip(controllers, BENCHMARK.laws, strict=True))
+    assert controller_files(BENCHMARK) == {name: law for name, law in named.items() if ":" in law}
 
 
 def test_runs_reproduce_shipped_results(
@@ -151,7 +157,7 @@ def test_failure_can_be_replayed_as_in_the_how_to(
 
 
 def test_own_controller_is_undominated_on_all_judged_sets(judged: BenchmarkTable) -> None:
-    """If this fails, docs/reference/standings.md must name the controller that is better, and why."""
+    """If this fails, change what docs/reference/standings.md says of it by hand; its sentences follow."""
     for division, name in [(d, name) for d in DIVISIONS for name in JUDGED_SETS[d] if name in BENCHMARK.sets]:
         ranking = Judged(BENCHMARK, judged, division).ranking(name)
         index = [standing.controller for standing in ranking].index("lqr-offset-free")

@@ -4,10 +4,12 @@ The numbers are settings of a scenario, with bounds and a logarithmic scale. The
 On a similar crane each is scaled by a power of the crane's relative length, as defaults are.
 """
 
-from collections.abc import Mapping, Sequence
+import ast
+from collections.abc import Iterator, Mapping, Sequence
 from math import copysign, log
 from typing import Any, NamedTuple
 
+from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.controllers.registry import checked_controller, controller_digests, load_controller
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.similarity import rounded, scale_of
@@ -129,3 +131,24 @@ def information(name: str) -> dict[str, Any]:
         "rig": None if reads is None else sorted({*reads} - {"path"}) + masses,
         "file": controller_digests([name]).get(f"law {name}", ""),
     }
+
+
+def controller_files(benchmark: Benchmark) -> dict[str, str]:
+    """Return, by the name of a controller, its file as `benchmark` names it; the files are read, not run."""
+    files: dict[str, str] = {}
+    for law in benchmark.laws:
+        path, _, symbol = law.partition(":")
+        if symbol and (benchmark.file.parent / path).is_file():
+            tree = ast.parse((benchmark.file.parent / path).read_bytes())
+            files |= dict.fromkeys(_names_in(tree, symbol), law)
+    return files
+
+
+def _names_in(tree: ast.Module, symbol: str) -> Iterator[str]:
+    """Yield the name of the controller that a module assigns to `symbol`: its first text, or `name=`."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call):
+            targets = [target.id for target in node.targets if isinstance(target, ast.Name)]
+            values = [word.value for word in node.value.keywords if word.arg == "name"] or node.value.args[:1]
+            if symbol in targets and values and isinstance(values[0], ast.Constant):
+                yield str(values[0].value)

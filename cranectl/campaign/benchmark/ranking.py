@@ -1,6 +1,6 @@
 """Rank the controllers of one division on a set of cranes, over all scenarios that suit all of them."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,11 +45,12 @@ def checked_standing(*fields: Any) -> Standing:
 
 
 class Judged(NamedTuple):
-    """Results of one division of a benchmark, whose controllers are never compared with those of another."""
+    """Results of one division of a benchmark, whose controllers are never ranked with those of another."""
 
     benchmark: Benchmark
     table: BenchmarkTable
     division: Division
+    yours: Collection[str] = ()  # controllers of the reader
 
     def trial(self, crane_set: str, scenario: str, controller: str, plant: str = "") -> Trial:
         """Return a trial of this division, by default on the benchmark's first plant."""
@@ -71,22 +72,37 @@ class Judged(NamedTuple):
 
         Controllers with fewer failures come first; equal ones are ordered by `unsettled`.
         """
-        shared = self.shared_scenarios(crane_set)
-        durations = [float(self.table.about["durations"][scenario]) for scenario in shared]
-        standings = []
-        for controller in self.controllers:
-            by_scenario = (self.runs(crane_set, name, controller) for name in shared)
-            runs = [scenario_runs for scenario_runs in by_scenario if scenario_runs is not None]
-            if shared and len(runs) == len(shared):
-                standings.append(_standing(controller, runs, durations))
+        number = len(self.shared_scenarios(crane_set))
+        standings = [each for each, done in self._standings(crane_set).values() if each and done == number]
         return sorted(standings, key=lambda standing: (standing.failed, standing.unsettled))
 
-    def unfinished(self, crane_set: str) -> list[str]:
-        """Return the controllers that have runs on a set, but not on all scenarios of its ranking."""
-        ranked = {standing.controller for standing in self.ranking(crane_set)}
+    def unfinished(self, crane_set: str) -> dict[str, tuple[Standing | None, int]]:
+        """Return the standing of each controller that lacks scenarios, with the number that it has run."""
+        number = len(self.shared_scenarios(crane_set))
+        return {name: of for name, of in self._standings(crane_set).items() if of[1] < number}
+
+    def front(self, crane_set: str) -> set[str]:
+        """Return the undominated controllers of a ranking."""
+        standings = self.ranking(crane_set)
+        best = scores.undominated(points_of(standings)) if standings else ()
+        return {each.controller for each, is_best in zip(standings, best, strict=True) if is_best}
+
+    def _standings(self, crane_set: str) -> dict[str, tuple[Standing | None, int]]:
+        """Return the standing over its shared scenarios of each controller with runs, and their number."""
         group = (self.division, self.benchmark.plant, crane_set)
-        with_runs = dict.fromkeys(trial.controller for trial in self.table.trials if trial[:3] == group)
-        return [controller for controller in with_runs if controller not in ranked]
+        shared = self.shared_scenarios(crane_set)
+        standings = {}
+        for controller in dict.fromkeys(
+            trial.controller for trial in self.table.trials if trial[:3] == group
+        ):
+            by_scenario = {name: self.runs(crane_set, name, controller) for name in shared}
+            timed = [
+                (runs, float(self.table.about["durations"][name]))
+                for name, runs in by_scenario.items()
+                if runs is not None
+            ]
+            standings[controller] = _standing(controller, timed) if timed else None, len(timed)
+        return standings
 
     @property
     def controllers(self) -> list[str]:
@@ -100,9 +116,21 @@ class Judged(NamedTuple):
         standings = next(filter(None, map(self.ranking, widest)), [])
         return list(dict.fromkeys([*(standing.controller for standing in standings), *self.controllers]))
 
+    @property
+    def has_yours(self) -> bool:
+        """Whether the division has runs of the reader's controllers."""
+        return any(t.division == self.division and t.controller in self.yours for t in self.table.trials)
 
-def _standing(controller: str, runs: Sequence[Runs], durations: Sequence[float]) -> Standing:
-    timed = list(zip(runs, durations, strict=True))
+    @property
+    def ranked_sets(self) -> list[str]:
+        """The sets with a ranking, the one with the widest spread last."""
+        sets = self.benchmark.sets
+        return sorted(filter(self.ranking, sets), key=lambda name: sets[name].spread)
+
+
+def _standing(controller: str, timed: Sequence[tuple[Runs, float]]) -> Standing:
+    """Return the standing over some scenarios, each with its duration [s]."""
+    runs = [r for r, _ in timed]
     failed = np.concatenate([r.failed for r in runs])
     return checked_standing(
         controller,

@@ -1,66 +1,48 @@
-"""A benchmark as one page: caveats, who is undominated, rules, tuning, both divisions apart, failures."""
+"""A benchmark as one page: pictures, caveats, undominated controllers, rules, tuning, divisions, failures."""
 
-import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from cranectl.campaign.benchmark import scores
 from cranectl.campaign.benchmark.declared import information_class
-from cranectl.campaign.benchmark.ranking import Judged, Standing, points_of
+from cranectl.campaign.benchmark.ranking import Judged
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.table import BenchmarkTable
 from cranectl.campaign.benchmark.trials import DIVISIONS
-from cranectl.campaign.manifest import controller_from
-from cranectl.campaign.results import read_manifest
+from cranectl.report.benchmark.failures import failures_section
+from cranectl.report.benchmark.opening import EFFORT_UNIT, opening_sections
 from cranectl.report.benchmark.robustness import radius_section, second_section, singles_section
 from cranectl.report.benchmark.sets import NAMED, TITLES, finite, named, set_section
 from cranectl.report.page import Page, Section
 from cranectl.report.table import Cell, Table, cells
-from cranectl.status import RunStatus
 
-FILE = "FILE"  # of a controller, where it is not known
 NOT_DECLARED = "not declared"
 SHOWN = ("failed %", "unsettled %", "RMS u")  # of each set in the summary
-OUR_CONTROLLER = "lqr-offset-free"
-CAVEATS = (
-    f"Read this first: we wrote {OUR_CONTROLLER} ourselves, after the rules were fixed. The judged cranes "
-    "are drawn by the hash of the commit that holds it and its numbers. That hash was not known before. Our "
-    "controller had advantages all the same:",
-    "1. Its structure, defaults and bounds were chosen by people who knew the scenarios. They looked at "
-    "cranes of the tuning's seed, beyond the budget of the search.",
-    "2. As published it runs with defaults made in this way. Most others run with first guesses.",
-    "3. It knows the limits of the drives.",
-    "4. A constant disturbance leaves an offset with controllers that do not observe it. It is one of the "
-    "ranked scenarios and a part of the tuning set. This favours controllers that observe or integrate.",
-    "Readers who disagree with the last point should look at the scenarios one by one.",
-)
 
 
 def benchmark_page(
-    benchmark: Benchmark, table: BenchmarkTable, remade_by: str, result: Path | None = None
+    benchmark: Benchmark,
+    table: BenchmarkTable,
+    remade_by: str,
+    result: Path | None = None,
+    yours: Collection[str] = (),
 ) -> Page:
-    """Return the page; `result` is the directory of the results, if they are there."""
-    divisions = judged_divisions(benchmark, table)
-    sections = [*_caveats(table), *_summary(divisions), _rules(benchmark, table), *_tuning(benchmark, table)]
+    """Return the page; `result` is the directory of the results if they are there, `yours` the reader's."""
+    divisions = judged_divisions(benchmark, table, yours)
+    sections = [*opening_sections(divisions), *_summary(divisions)]
+    sections += [_rules(benchmark, table), *_tuning(benchmark, table)]
     for judged in divisions:
         sections += [section for name in benchmark.sets for section in set_section(judged, name)]
         sections += [*radius_section(judged), *singles_section(judged), *second_section(judged)]
-    sections += [*_failures(divisions, result), _provenance(table)]
+    sections += [*failures_section(divisions, result), _provenance(table)]
     return Page(f"Benchmark {benchmark.name}", benchmark.title, tuple(sections), remade_by)
 
 
-def judged_divisions(benchmark: Benchmark, table: BenchmarkTable) -> list[Judged]:
+def judged_divisions(
+    benchmark: Benchmark, table: BenchmarkTable, yours: Collection[str] = ()
+) -> list[Judged]:
     """Return those of the divisions that the table has."""
     there = {trial.division for trial in table.trials}
-    return [Judged(benchmark, table, division) for division in DIVISIONS if division in there]
-
-
-def _caveats(table: BenchmarkTable) -> Iterator[Section]:
-    """Yield what a reader should know of our own controller, if it takes part."""
-    if OUR_CONTROLLER in table.about["laws"]:
-        yield Section("caveats", "Our own controller", CAVEATS)
+    return [Judged(benchmark, table, division, yours) for division in DIVISIONS if division in there]
 
 
 def _provenance(table: BenchmarkTable) -> Section:
@@ -77,65 +59,41 @@ def _summary(divisions: list[Judged]) -> Iterator[Section]:
     text = (
         "These controllers are undominated on at least one set: no other of the division is as good in "
         "unsettled time, effort and share of failures, and better in one. One may be here only because it "
-        "asks for little effort, or because it fails least: read all three columns. Differences within the "
-        "intervals may be chance. What each one knows of crane and path is part of the comparison, and "
-        "stands beside its name."
+        "asks for little effort: read all three columns. Differences within the intervals may be chance. "
+        "What each one knows of crane and path is part of the comparison, and stands beside its name."
     )
-    texts, tables = [text], []
-    for judged in divisions:
-        sets = {name: standings for name in judged.benchmark.sets if (standings := judged.ranking(name))}
-        if not sets:
-            continue
-        fronts = {}
-        for name, standings in sets.items():
-            full = scores.undominated(points_of(standings))
-            fronts[name] = {
-                standing.controller for standing, best in zip(standings, full, strict=True) if best
-            }
-        everywhere = [
-            controller
-            for controller in judged.best_first
-            if all(controller in front for front in fronts.values())
-        ]
-        title = TITLES[judged.division]
-        texts.append(f"{title}, on {', '.join(sets)} alike: {', '.join(everywhere) or 'none'}.")
-        tables.append(_undominated(judged, sets, fronts))
+    tables = [_undominated(judged) for judged in divisions if judged.ranked_sets]
     if tables:
-        yield Section("summary", "Summary", tuple(texts), tuple(tables))
+        yield Section("summary", "Undominated controllers", (text,), tuple(tables))
 
 
-def _undominated(
-    judged: Judged, sets: Mapping[str, Sequence[Standing]], fronts: Mapping[str, set[str]]
-) -> Table:
-    """Return the controllers on any of the fronts, those on most of them first."""
-    by_set = {
-        name: {standing.controller: standing for standing in standings_of_set}
-        for name, standings_of_set in sets.items()
+def _undominated(judged: Judged) -> Table:
+    """Return the controllers on any of the fronts, those on most of them first, and the reader's."""
+    sets = [name for name in judged.benchmark.sets if judged.ranking(name)]
+    by_set = {name: {each.controller: each for each in judged.ranking(name)} for name in sets}
+    fronts = {name: judged.front(name) for name in sets}
+    on_sets = {
+        controller: [name for name in sets if controller in fronts[name]] for controller in judged.best_first
     }
-    count = {
-        controller: sum(controller in front for front in fronts.values()) for controller in judged.best_first
-    }
-    controllers = sorted(
-        (controller for controller, times in count.items() if times),
-        key=lambda controller: -count[controller],
-    )
     rows = []
-    for controller in controllers:
-        row: list[Cell | str] = []
-        for name, standings in by_set.items():
-            if controller not in standings:
+    for controller in sorted(on_sets, key=lambda controller: -len(on_sets[controller])):
+        fronts_of_it = on_sets[controller]
+        if not fronts_of_it and controller not in judged.yours:
+            continue
+        everywhere = len(fronts_of_it) == len(sets)
+        row: list[Cell | str] = ["all sets" if everywhere else ", ".join(fronts_of_it) or "none"]
+        for standings in by_set.values():
+            if (own := standings.get(controller)) is None:
                 row += [""] * len(SHOWN)
-                continue
-            own_standing = standings[controller]
-            share, unsettled = 100.0 * own_standing.failed, 100.0 * own_standing.unsettled
-            failed = Cell(f"{share:.1f}", "best" if controller in fronts[name] else "")
-            row += [failed, f"{unsettled:.1f}", finite(own_standing.effort, ".2f", "fails")]
-        rows.append(cells(*named(judged, controller), *row))
-    headings = (*NAMED, *(f"{name}\n{column}" for name in sets for column in SHOWN))
+            else:
+                row += [f"{100.0 * own.failed:.1f}", f"{100.0 * own.unsettled:.1f}"]
+                row += [finite(own.effort, ".2f", "fails")]
+        rows.append(cells(*named(judged, controller, "best" if everywhere else ""), *row))
+    headings = (*NAMED, "undominated on", *(f"{name}\n{column}" for name in sets for column in SHOWN))
     every = set().union(*by_set.values())
-    title = f"{TITLES[judged.division]}: {len(controllers)} of {len(every)} controllers"
-    note = "A star: undominated on that set. RMS u in m/s²."
-    return Table(title, headings, tuple(rows), labels=2, note=note)
+    title = f"{TITLES[judged.division]}: {sum(map(bool, on_sets.values()))} of {len(every)} controllers"
+    note = f"A star: undominated on every set. {EFFORT_UNIT}"
+    return Table(title, headings, tuple(rows), labels=3, note=note)
 
 
 def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
@@ -144,9 +102,8 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
         f"All cranes run on {benchmark.plant}, and a share of {benchmark.second_share:g} of them also on "
         f"{benchmark.second_plant}, with {benchmark.drive} drives. Sets: {'; '.join(sets)}. Every controller "
         "meets the same cranes. A run fails if it ends early or is too far off at its end. A failure counts "
-        "as worse than any result, so that no controller gains by one. We wrote the controllers of the "
-        "literature; their authors may do better.",
-        "There are two divisions, which are never in one table: controllers as published, that is with their "
+        "as worse than any result, so that no controller gains by one.",
+        "There are two divisions, and a controller is ranked within one only: as published, that is with "
         "defaults, for most of them first guesses and no paper's numbers, and tuned, all by the same budget.",
     )
     rows = []
@@ -210,46 +167,3 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
         headings = (*NAMED, "untuned → found")
         tables.append(Table("Numbers found", headings, tuple(numbers), labels=3, note=note, folded=True))
     yield Section("tuning", "Tuning", (text,), tuple(tables))
-
-
-def _failures(divisions: list[Judged], result: Path | None) -> Iterator[Section]:
-    """Tell the first failure of each controller on each set that is judged, and how to look at it."""
-    command = "to see it" if result else "to see it, in the result's directory"
-    headings = (*NAMED, "set", "scenario", "crane", "ended", command)
-    tables = []
-    for judged in divisions:
-        rows = [
-            cells(*named(judged, controller), name, *failure)
-            for controller in judged.best_first
-            for name in judged.benchmark.sets
-            if (failure := _first_failure(judged, controller, name, result))
-        ]
-        if rows:
-            tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=7, folded=True))
-    if tables:
-        unknown = any(row[-1].text.endswith(FILE) for table in tables for row in table.rows)
-        file = f" {FILE} is that of the controller." if unknown else ""
-        text = (
-            f"The first failure of each on each set.{file} Without the results, the trial runs again "
-            "by 'cranectl benchmark run' with --division, --controller, --set-of-cranes, --scenario, and "
-            "--draws for the cranes up to that one."
-        )
-        yield Section("failures", "Failures to look at", (text,), tuple(tables))
-
-
-def _first_failure(judged: Judged, controller: str, crane_set: str, result: Path | None) -> tuple[str, ...]:
-    """Return scenario, crane, status and replay command of the first failure; empty if none failed."""
-    for scenario in judged.benchmark.scenarios:
-        trial = judged.trial(crane_set, scenario, controller)
-        runs = judged.table.trials.get(trial)
-        if runs is not None and runs.failed.any():
-            sample = int(np.flatnonzero(runs.failed)[0])
-            status = runs.status[sample]
-            ended = "beyond a limit" if status == RunStatus.COMPLETED.label else status
-            folder = result / trial.folder if result else trial.folder
-            command = ["cranectl", "campaign", "replay", str(folder), "--run", str(sample)]
-            if judged.table.about["laws"][controller]["file"]:
-                named = controller_from(read_manifest(folder), folder, controller) if result else controller
-                command += ["--controller", FILE if named == controller else named]
-            return scenario, str(sample), ended, shlex.join(command)
-    return ()

@@ -1,7 +1,7 @@
 """A set of cranes: how the controllers of a division stand, figures of it, each scenario by itself."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
@@ -19,6 +19,7 @@ from cranectl.report.table import ANSWERS, Cell, Table, cells
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas
 from cranectl.support.arrays import Array, Mask
 
+OUR_CONTROLLER = "lqr-offset-free"
 COMPARED = "rms_error_m"  # with the baseline, crane by crane
 NAMED = ("controller", "knows")
 TITLES: dict[Division, str] = {"tuned": "Tuned", "published": "As published (defaults)"}
@@ -33,10 +34,18 @@ DIFFERENCES = tuple(
 NOTHING = ("", "", "")  # where there is no difference
 
 
-def named(judged: Judged, controller: str) -> tuple[Cell, ...]:
-    """Return what the rows of a controller begin with, below NAMED."""
-    head = "head" if controller == judged.benchmark.baseline else ""
-    return cells(Cell(controller, head), information_class(judged.table.about["laws"][controller]))
+def shown_name(judged: Judged, controller: str) -> str:
+    """Return the name of a controller; it tells if the controller is the reader's or ours."""
+    if controller in judged.yours:
+        return f"{controller} (yours)"
+    return f"{controller} (ours)" if controller == OUR_CONTROLLER else controller
+
+
+def named(judged: Judged, controller: str, mark: str = "") -> tuple[Cell, ...]:
+    """Return what the rows of a controller begin with, below NAMED; the baseline is bold without a `mark`."""
+    mark = mark or ("head" if controller == judged.benchmark.baseline else "")
+    information = information_class(judged.table.about["laws"][controller])
+    return cells(Cell(shown_name(judged, controller), mark), information)
 
 
 def section_of(
@@ -60,13 +69,33 @@ def median(values: Array, failed: Mask) -> str:
 
 def set_section(judged: Judged, name: str) -> Iterator[Section]:
     """Tell how the controllers stand on one of the sets that are judged."""
-    standings = judged.ranking(name)
-    if not standings:
+    if not judged.ranking(name) and not judged.unfinished(name):
         return
     benchmark = judged.benchmark
+    title = f"All controllers on {benchmark.plant}"
+    tables = [ranking_table(judged, name, title), _failures(judged, name)]
+    tables += [table for scenario in benchmark.scenarios for table in _scenario(judged, name, scenario)]
+    cranes = benchmark.sets[name]
+    text = (
+        f"Spread {cranes.spread:g}, {cranes.draws} cranes, the same in every scenario; the intervals treat "
+        "runs as independent, so they are too narrow. Medians count a failure as worse than any result. "
+        f"Differences to {benchmark.baseline} are crane by crane: of RMS errors where neither fails, of "
+        "unsettled time on all cranes, where a failed run is unsettled to the end; none is shown of fewer "
+        f"than {scores.MIN_INTERVAL_VALUES} cranes. Effect: share of cranes on which it is larger less that "
+        "on which it is smaller. Controllers of set points never see the path and have no error to it."
+    )
+    if all(judged.runs(name, scenario, benchmark.baseline) is None for scenario in benchmark.scenarios):
+        text += f" No differences are shown: no runs of {benchmark.baseline} are here."
+    yield section_of(judged, name, name, text, tables, *_figures(judged, name))
+
+
+def _figures(judged: Judged, name: str) -> Iterator[Figure]:
+    """Yield effort against settling, and the performance profiles, of all ranked controllers."""
+    if not (standings := judged.ranking(name)):
+        return
     points = points_of(standings)
     best, drawable = scores.undominated(points), np.asarray(np.isfinite(points).all(axis=1))
-    drawn = Figure.drawn(
+    yield Figure.drawn(
         "effort against settling",
         "Filled and named: no other is as good in settling, effort and failures and better in one. "
         "Larger circles fail more often.",
@@ -82,7 +111,7 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
             [judged.table.trials[judged.trial(name, scenario, controller)] for controller in controllers]
         )
         tasks.append(np.stack([run.task for run in runs]))  # (controllers, cranes that all of them have met)
-    profiles = Figure.drawn(
+    yield Figure.drawn(
         "performance profiles",
         "Share of all runs that a controller has settled within so many times the time of the one that was "
         "quickest on that crane, both from the start of the run; failures never. The eight best have names.",
@@ -91,48 +120,55 @@ def set_section(judged: Judged, name: str) -> Iterator[Section]:
         scores.performance_ratios(np.hstack(tasks)),
         alone=True,
     )
-    title = f"All controllers on {benchmark.plant}"
-    tables = [ranking_table(judged, standings, title), _failures(judged, name)]
-    tables += [table for scenario in benchmark.scenarios for table in _scenario(judged, name, scenario)]
-    cranes = benchmark.sets[name]
-    text = (
-        f"Spread {cranes.spread:g}, {cranes.draws} cranes, the same in every scenario; the intervals treat "
-        "runs as independent, so they are too narrow. Medians count a failure as worse than any result. "
-        f"Differences to {benchmark.baseline} are crane by crane: of RMS errors where neither fails, of "
-        "unsettled time on all cranes, where a failed run is unsettled to the end; none is shown of fewer "
-        f"than {scores.MIN_INTERVAL_VALUES} cranes. Effect: share of cranes on which it is larger less that "
-        "on which it is smaller. Controllers of set points never see the path and have no error to it."
-    )
-    if all(judged.runs(name, scenario, benchmark.baseline) is None for scenario in benchmark.scenarios):
-        text += f" No differences are shown: no runs of {benchmark.baseline} are here."
-    if part := judged.unfinished(name):
-        text += f" Not shown, since scenarios are missing: {', '.join(part)}."
-    yield section_of(judged, name, name, text, tables, drawn, profiles)
 
 
-def ranking_table(judged: Judged, standings: Sequence[Standing], title: str) -> Table:
-    """Tell how controllers stand; none on the front is dominated in settling, effort and failures.
+def ranking_table(judged: Judged, name: str, title: str, shown: Collection[str] = ()) -> Table:
+    """Return the ranking of a set, of all controllers or of those `shown`.
 
-    Of the others it names the first controller that does.
+    None on the front is dominated in settling, effort and failures. Of the others it names the first
+    controller that does. Controllers that lack scenarios come last and are not ranked.
     """
-    better = scores.dominates(points_of(standings))
+    standings, number = judged.ranking(name), len(judged.shared_scenarios(name))
+    better = scores.dominates(points_of(standings)) if standings else np.zeros((0, 0))
+    places = [
+        standings[int(np.argmax(ahead))].controller if ahead.any() else ANSWERS[True] for ahead in better.T
+    ]
     headings = (*NAMED, "front,\nor behind", "runs", "failed\n%", "failed\n95 %", "settled\n%",
                 "unsettled\ntime %", "RMS u\nm/s²", "variation\nm/s² in 1 s")  # fmt: skip
-    rows = []
-    for standing, ahead in zip(standings, better.T, strict=True):
-        low, high = failure_interval(standing.failures, standing.runs)
-        front = standings[int(np.argmax(ahead))].controller if ahead.any() else ANSWERS[True]
-        failed = f"{100.0 * standing.failed:.1f}", f"{100.0 * low:.1f} to {100.0 * high:.1f}"
-        settled = f"{100.0 * standing.settled:.0f}", f"{100.0 * standing.unsettled:.1f}"
-        inputs = finite(standing.effort, ".3f", "fails"), finite(standing.variation, ".1f", "fails")
-        rows.append(
-            cells(*named(judged, standing.controller), front, str(standing.runs), *failed, *settled, *inputs)
+    rows = [
+        cells(
+            *named(judged, each.controller, "best" if place == ANSWERS[True] else ""), place, *_numbers(each)
         )
+        for each, place in zip(standings, places, strict=True)
+        if not shown or each.controller in shown
+    ]
+    for controller, (standing, done) in judged.unfinished(name).items():
+        if not shown or controller in shown:
+            place = Cell(f"{done} of {number} scenarios", "open")
+            rows.append(cells(*named(judged, controller), place, *_numbers(standing)))
     note = (
         "Over scenarios that suit every kind of controller; effort and variation are medians of the runs. "
         "Behind: the first one as good in unsettled time, effort and failures, and better in one of them."
     )
+    if judged.unfinished(name):
+        note += " A controller that lacks scenarios is not ranked: its numbers are over those that it has."
     return Table(title, headings, tuple(rows), labels=3, note=note)
+
+
+def _numbers(standing: Standing | None) -> Sequence[str]:
+    """Return the columns of a standing from `runs` on; empty if it has none."""
+    if standing is None:
+        return [""] * 7
+    low, high = failure_interval(standing.failures, standing.runs)
+    return (
+        str(standing.runs),
+        f"{100.0 * standing.failed:.1f}",
+        f"{100.0 * low:.1f} to {100.0 * high:.1f}",
+        f"{100.0 * standing.settled:.0f}",
+        f"{100.0 * standing.unsettled:.1f}",
+        finite(standing.effort, ".3f", "fails"),
+        finite(standing.variation, ".1f", "fails"),
+    )
 
 
 def _failures(judged: Judged, name: str) -> Table:

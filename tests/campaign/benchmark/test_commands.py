@@ -43,6 +43,13 @@ def test_commands_on_the_page_run(small: Path, tmp_path: Path, monkeypatch: pyte
     assert "--controller ../servo.py:SERVO" in replays[1]
     for command in (*replays, report_again):
         assert execute(command) == 0, command
+    assert main([*report, "--out", "the page.html", "--table", "all.parquet"]) == 0
+    table = ["benchmark", "report", "all.parquet", "--benchmark", "../small.toml"]
+    assert main([*table, "--out", "page of table.html"]) == 0
+    *replays, report_again = commands_of_page(Path("page of table.html"))
+    assert [command.count(" && ") for command in replays] == [1, 1], "without results the trial runs again"
+    for command in replays:
+        assert [execute(part) for part in command.split(" && ")] == [0, 0], command
 
 
 def test_tuning_an_unknown_controller_touches_no_file(
@@ -96,7 +103,10 @@ def test_benchmark_runs_from_file_to_page(small: Path, capsys: pytest.CaptureFix
     assert len(output["laws"]["servo"]["file"]) >= 12
     assert [row["runs"] for row in output["divisions"]["published"]["wide"]] == [6, 6]
     assert titles_of(page) == [
-        "Summary",
+        "As published (defaults): failures and settling",
+        "What came out",
+        "Read this before the tables",
+        "Undominated controllers",
         "Rules and information",
         *(
             f"As published (defaults): {name}"

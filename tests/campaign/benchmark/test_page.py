@@ -1,6 +1,7 @@
 """Test the benchmark's page with artificial results: separate divisions, numbers, missing results."""
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -83,17 +84,6 @@ def sections(benchmark: Benchmark, results: BenchmarkTable) -> dict[str, Section
     return {section.anchor: section for section in page.sections}
 
 
-def test_page_with_own_controller_starts_with_its_advantages(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
-    with_own, without_own = (
-        list(sections(benchmark, table(benchmark, dict.fromkeys(names, runs(0.02)), "published")))
-        for names in (("first", "lqr-offset-free"), ("first", "second"))
-    )
-    assert with_own[0] == "caveats"
-    assert "caveats" not in without_own
-    assert with_own[-1] == without_own[-1] == "versions", "digests come last"
-
-
 def texts(shown: Table) -> Texts:
     return [[cell.text for cell in row] for row in shown.rows]
 
@@ -104,6 +94,10 @@ def test_divisions_share_a_page_but_no_table(small: Path) -> None:
     both = join_tables([published, table(benchmark, {"first": runs(0.01), "third": runs(0.05)}, "tuned")])
     by_anchor = sections(benchmark, both)
     assert list(by_anchor) == [
+        "result",
+        "conclusions",
+        "caveats",
+        "before-after",
         "summary",
         "rules",
         "tuning",
@@ -116,21 +110,18 @@ def test_divisions_share_a_page_but_no_table(small: Path) -> None:
     ]
     for anchor, section in by_anchor.items():
         # The table of the rules has columns for all that a controller knows, so it needs no summary of it.
-        assert all(shown.headings[:2] == ("controller", "knows") for shown in section.tables) is (
-            anchor != "rules"
-        )
+        has_summary = [shown.headings[:2] == ("controller", "knows") for shown in section.tables]
+        assert all(has_summary) is (anchor != "rules")
         if anchor.startswith(("tuned-", "published-")):
             allowed = {"first", "third"} if anchor.startswith("tuned-") else {"first", "second"}
             for shown in section.tables:
                 assert {row[0] for row in texts(shown)} <= allowed
     tuned, untuned = by_anchor["summary"].tables
-    assert texts(tuned) == [["first", "path, state", "0.0", "11.1", "1.00", "0.0", "11.1", "1.00"]]
-    assert {row[2].mark for row in untuned.rows} == {"best"}
+    assert texts(tuned) == [
+        ["first", "path, state", "all sets", "0.0", "11.1", "1.00", "0.0", "11.1", "1.00"]
+    ]
+    assert {tuple(cell.mark for cell in row) for row in untuned.rows} == {("best", *[""] * 8)}
     assert tuned.title == "Tuned: 1 of 2 controllers"
-    assert by_anchor["summary"].paragraphs[1:] == (
-        "Tuned, on nominal, wide alike: first.",
-        "As published (defaults), on nominal, wide alike: first.",
-    )
     assert by_anchor["versions"].paragraphs[0] == "Digest of the rules: abc. Seed of the cranes: 3."
     assert by_anchor["versions"].paragraphs[1] == "Made by cranectl 1.0, machine a; some with cranectl 1.1."
     gains, numbers = by_anchor["tuning"].tables
@@ -201,8 +192,12 @@ def test_failures_are_listed_by_division_with_commands(small: Path) -> None:
     tuned, published = sections(benchmark, results)["failures"].tables
     for shown, division in ((tuned, "tuned"), (published, "published")):
         assert [row[2] for row in texts(shown)] == ["nominal", "wide"]
-        command = f"cranectl campaign replay {division}/mujoco/nominal/short/first --run 7"
-        assert texts(shown)[0] == ["first", "path, state", "nominal", "short", "7", "beyond a limit", command]
+        *facts, command = texts(shown)[0]
+        assert facts == ["first", "path, state", "nominal", "short", "7", "beyond a limit"]
+        run, replay = command.split(" && ")
+        selection = f"--division {division} --controller first --set-of-cranes nominal --scenario short"
+        assert run == f"cranectl benchmark run {os.path.relpath(small)} {selection} --draws 8 --out failures"
+        assert replay == f"cranectl campaign replay failures/{division}/mujoco/nominal/short/first --run 7"
     results.about["laws"]["first"]["file"] = "abc"
     for shown in sections(benchmark, results)["failures"].tables:
         assert texts(shown)[0][-1].endswith("--run 7 --controller FILE"), (
@@ -248,8 +243,8 @@ def test_controllers_are_compared_on_common_cranes(small: Path) -> None:
     trial = Trial("published", "mujoco", "wide", "short", "other")
     results.trials[trial._replace(scenario="path")] = results.trials.pop(trial)  # type: ignore[attr-defined,index]
     shown = sections(benchmark, results)["published-wide"]
-    assert [row[0] for row in texts(shown.tables[0])] == ["mine", "lqr-integral"]
-    assert shown.paragraphs[0].endswith("Not shown, since scenarios are missing: other.")
+    places = [[row[0], row[2]] for row in texts(shown.tables[0])]
+    assert places == [["mine", "yes"], ["lqr-integral", "mine"], ["other", "0 of 1 scenarios"]]
     scenario = {row[0]: row for row in texts(shown.tables[2])}["mine"]
     assert scenario[7:] == ["", "", "", "", "-0.10", "-0.10 to -0.10", "-1.00"]
     assert texts(sections(benchmark, results)["published-second"].tables[0])[0][2] == "6", "number of runs"
