@@ -11,14 +11,14 @@ import json
 import math
 import re
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from google.protobuf import descriptor_pb2
 
-from cranectl.campaign.benchmark.ranking import points_of
-from cranectl.campaign.benchmark.scores import undominated
+from cranectl.campaign.benchmark.ranking import Judged
 from cranectl.campaign.benchmark.settings import Benchmark, benchmark_file, read_benchmark
 from cranectl.campaign.benchmark.table import read_table
 from cranectl.campaign.settings import CampaignSettings
@@ -29,8 +29,12 @@ from cranectl.controllers.registry import FLAT_FAMILY, WHERE, load_controller
 from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
 from cranectl.planning import load_scenario
+from cranectl.report.benchmark.opening import caveats, conclusions, tuning_tables
 from cranectl.report.benchmark.page import judged_divisions
+from cranectl.report.benchmark.pictures import KEY, set_pictures
 from cranectl.report.benchmark.sets import NAMED, TITLES, finite, named
+from cranectl.report.table import Cell
+from cranectl.report.theme import standalone_svg
 from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run, simulate_run
@@ -127,21 +131,71 @@ def settings() -> str:
     return "\n".join(("## Scenario\n", *scenario, *controllers, *files))
 
 
+@functools.cache
+def _divisions() -> list[Judged]:
+    """Return the divisions of the shipped table."""
+    file = benchmark_file("literature")
+    return judged_divisions(read_benchmark("literature"), read_table(file.parent / "literature.parquet"))
+
+
 def standings() -> str:
-    """Return how all controllers of the shipped table rank on its sets, by division."""
-    settings, file = read_benchmark("literature"), benchmark_file("literature")
-    parts = []
-    for judged in judged_divisions(settings, read_table(file.parent / "literature.parquet")):
-        rows: dict[str, list[str]] = {name: [] for name in judged.best_first}
-        sets = {name: found for name in settings.sets if (found := judged.ranking(name))}
-        for found in sets.values():
-            for each, full in zip(found, undominated(points_of(found)), strict=True):
-                numbers = f"{100.0 * each.failed:.1f} / {100.0 * each.unsettled:.1f} / "
-                numbers += finite(each.effort, ".2f", "fails")
-                rows[each.controller].append(f"**{numbers}**" if full else numbers)
-        shown = ([*(cell.text for cell in named(judged, name)), *row] for name, row in rows.items())
-        parts.append(f"## {TITLES[judged.division]}\n\n{table((*NAMED, *sets), shown)}")
-    return "\n".join(parts)
+    """Return pictures, sentences and caveats of the shipped table, what tuning did, and the rankings."""
+    drawn = (
+        f"![failures against unsettled time on {Path(name).stem[10:]}](../pictures/{name})"
+        for name in pictures()
+    )
+    tuning = next(tuning_tables(_divisions()))
+    rows = ([_marked(cell) for cell in row] for row in tuning.rows)
+    parts = [
+        "\n".join(drawn),
+        KEY,
+        "## What came out",
+        *conclusions(_divisions()),
+        "## Read this before the tables",
+        "\n".join(caveats(_divisions())),
+        "## Before and after tuning",
+        f"{tuning.title}. Bold: more runs fail, and the intervals of 95 % do not overlap. {tuning.note}",
+        table([heading.replace("\n", " ") for heading in tuning.headings], rows),
+    ]
+    wrapped = (part if part[0] in "|!#" else _wrap(part) for part in parts)
+    return "\n\n".join([*(text.rstrip() for text in wrapped), *map(_ranking, _divisions())])
+
+
+def _ranking(judged: Judged) -> str:
+    """Return the ranking of a division on all of its sets; a star marks an undominated controller."""
+    sets = {name: judged.front(name) for name in judged.ranked_sets}
+    numbers: dict[str, list[str]] = {name: [] for name in judged.best_first}
+    for name in sets:
+        for each in judged.ranking(name):
+            shares = f"{100.0 * each.failed:.1f} / {100.0 * each.unsettled:.1f}"
+            numbers[each.controller].append(f"{shares} / {finite(each.effort, '.2f', 'fails')}")
+    rows = []
+    for name, cells in numbers.items():
+        on = [crane_set for crane_set, front in sets.items() if name in front]
+        shown, information = (cell.text for cell in named(judged, name))
+        where = "all sets" if len(on) == len(sets) else ", ".join(on)
+        rows.append((f"★ {shown}" if len(on) == len(sets) else shown, information, where, *cells))
+    return f"## {TITLES[judged.division]}\n\n{table((*NAMED, 'undominated on', *sets), rows)}"
+
+
+def _marked(cell: Cell) -> str:
+    return f"**{cell.text}**" if cell.mark == "bad" else cell.text
+
+
+def _wrap(text: str) -> str:
+    """Return lines of at most 100 characters; those of a numbered list are indented."""
+    lines = text.splitlines()
+    return "\n".join(
+        textwrap.fill(line, 100, subsequent_indent="   " if len(lines) > 1 else "", break_on_hyphens=False)
+        for line in lines
+    )
+
+
+def pictures() -> dict[str, str]:
+    """Return the pictures of the page of standings as SVG, by file."""
+    tuned = _divisions()[0]
+    figures = zip(tuned.ranked_sets, set_pictures(tuned), strict=True)
+    return {f"standings-{name}.svg": standalone_svg(figure.svg) for name, figure in figures}
 
 
 def _controller_section(name: str) -> str:
@@ -256,5 +310,11 @@ if __name__ == "__main__":
         text = path.read_text(encoding="utf-8")
         if (new := written_anew(name, text)) != text:
             print(f"docs/reference/{name}.md differs")
+            if "--write" in sys.argv[1:]:
+                path.write_text(new, encoding="utf-8")
+    for name, new in pictures().items():
+        path = DIRECTORY.parent / "pictures" / name
+        if not path.exists() or path.read_text(encoding="utf-8") != new:
+            print(f"docs/pictures/{name} differs")
             if "--write" in sys.argv[1:]:
                 path.write_text(new, encoding="utf-8")

@@ -9,7 +9,8 @@ import pytest
 from cranectl.log.reader import describe_log
 from cranectl.log.writer import write_log
 from cranectl.scenario.settings import Settings
-from docs.reference_pages import BEGIN, DIRECTORY, PAGES, PLANTS, recorded_run, written_anew
+from docs.figures import PICTURES
+from docs.reference_pages import BEGIN, DIRECTORY, PAGES, PLANTS, pictures, recorded_run, written_anew
 
 
 @pytest.mark.parametrize("name", PAGES)
@@ -19,6 +20,13 @@ def test_a_reference_page_is_up_to_date(name: str) -> None:
     assert written_anew(name, page.replace(BEGIN, f"{BEGIN}old")) == page
     with pytest.raises(ValueError, match="lacks"):
         written_anew(name, page.replace(BEGIN, ""))
+
+
+def test_pictures_of_the_standings_are_up_to_date() -> None:
+    for name, svg in pictures().items():
+        assert (PICTURES / name).read_text(encoding="utf-8") == svg, (
+            "run python docs/reference_pages.py --write"
+        )
 
 
 def subclasses(model: type[Settings]) -> Iterator[type[Settings]]:

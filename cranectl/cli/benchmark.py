@@ -77,7 +77,7 @@ tuned_option = click.option(
     "--draws",
     metavar="N",
     type=click.IntRange(min=1),
-    help="At most the first N cranes of each set. What was begun with another N is no part of it.",
+    help="At most the first N cranes of standing set. What was begun with another N is no part of it.",
 )
 @click.option(
     "--workers", metavar="N", type=click.IntRange(min=1), help="Pieces at a time. Default: one for each core."
@@ -267,7 +267,7 @@ def report_benchmark(
     for judged in divisions:
         rankings[judged.division] = {}
         for name in settings.sets:
-            rankings[judged.division][name] = [each.to_json() for each in judged.ranking(name)]
+            rankings[judged.division][name] = [standing.to_json() for standing in judged.ranking(name)]
             shown = {*judged.front(name), *yours, settings.baseline}
             if (short := ranking_table(judged, name, "", shown)).rows:
                 total = len(judged.ranking(name)) + len(judged.unfinished(name))
@@ -300,7 +300,7 @@ def _table_place(path: Path) -> Path:
 HELP = """Measure controllers on the same cranes, by rules that favour none.
 
 A benchmark is a TOML file: controllers, scenarios, sets of cranes, plants. Each controller runs a
-campaign for each combination of the others.
+campaign for standing combination of the others.
 """
 
 benchmark_command = CommandGroup("benchmark", [run_benchmark, report_benchmark], help=HELP)

@@ -136,11 +136,11 @@ def information(name: str) -> dict[str, Any]:
 def controller_files(benchmark: Benchmark) -> dict[str, str]:
     """Return, by the name of a controller, its file as `benchmark` names it; the files are read, not run."""
     files: dict[str, str] = {}
-    for law in benchmark.laws:
-        path, _, symbol = law.partition(":")
+    for entry in benchmark.laws:
+        path, _, symbol = entry.partition(":")
         if symbol and (benchmark.file.parent / path).is_file():
             tree = ast.parse((benchmark.file.parent / path).read_bytes())
-            files |= dict.fromkeys(_names_in(tree, symbol), law)
+            files |= dict.fromkeys(_names_in(tree, symbol), entry)
     return files
 
 

@@ -73,7 +73,9 @@ class Judged(NamedTuple):
         Controllers with fewer failures come first; equal ones are ordered by `unsettled`.
         """
         number = len(self.shared_scenarios(crane_set))
-        standings = [each for each, done in self._standings(crane_set).values() if each and done == number]
+        standings = [
+            standing for standing, done in self._standings(crane_set).values() if standing and done == number
+        ]
         return sorted(standings, key=lambda standing: (standing.failed, standing.unsettled))
 
     def unfinished(self, crane_set: str) -> dict[str, tuple[Standing | None, int]]:
@@ -85,7 +87,7 @@ class Judged(NamedTuple):
         """Return the undominated controllers of a ranking."""
         standings = self.ranking(crane_set)
         best = scores.undominated(points_of(standings)) if standings else ()
-        return {each.controller for each, is_best in zip(standings, best, strict=True) if is_best}
+        return {standing.controller for standing, is_best in zip(standings, best, strict=True) if is_best}
 
     def _standings(self, crane_set: str) -> dict[str, tuple[Standing | None, int]]:
         """Return the standing over its shared scenarios of each controller with runs, and their number."""

@@ -3,7 +3,7 @@
 import os
 import shlex
 from collections.abc import Iterator, Mapping
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,23 +38,16 @@ def failures_section(divisions: list[Judged], result: Path | None) -> Iterator[S
     tables = []
     for judged in divisions:
         files = controller_files(judged.benchmark)
-        rows = []
-        for controller in judged.best_first:
-            for name in judged.benchmark.sets:
-                if (failure := first_failure(judged, controller, name)) is not None:
-                    command = Cell(_command(judged, failure, result, files), "code")
-                    ended = failure.status
-                    ended = "beyond a limit" if ended == RunStatus.COMPLETED.label else ended
-                    places = name, failure.trial.scenario, str(failure.sample), ended
-                    rows.append(cells(*named(judged, controller), *places, command))
-        if rows:
+        trials = product(judged.best_first, judged.benchmark.sets)
+        failures = filter(None, (first_failure(judged, controller, name) for controller, name in trials))
+        if rows := [_row(judged, failure, _command(judged, failure, result, files)) for failure in failures]:
             tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=7, folded=True))
     if tables:
         text = "The first failure of each on each set."
         if any("benchmark run" in row[-1].text for table in tables for row in table.rows):
             text += " In a checkout of cranectl the commands run the cranes up to that one, and show it."
         if any(FILE in shlex.split(row[-1].text) for table in tables for row in table.rows):
-            text += f" {FILE} is that of the controller."
+            text += f" {FILE} is that of the controller; one that is built anew must be tuned anew."
         yield Section("failures", "Failures to look at", (text,), tuple(tables))
 
 
@@ -68,6 +61,14 @@ def first_failure(judged: Judged, controller: str, crane_set: str) -> FirstFailu
             trial = judged.trial(crane_set, scenario, controller)
             failures.append(FirstFailure(trial, sample, runs.status[sample]))
     return min(failures, key=lambda failure: failure.sample, default=None)
+
+
+def _row(judged: Judged, failure: FirstFailure, command: str) -> tuple[Cell, ...]:
+    """Return the row of a failure with the command that shows it."""
+    trial, status = failure.trial, failure.status
+    ended = "beyond a limit" if status == RunStatus.COMPLETED.label else status
+    places = trial.crane_set, trial.scenario, str(failure.sample), ended
+    return cells(*named(judged, trial.controller), *places, Cell(command, "code"))
 
 
 def _command(judged: Judged, failure: FirstFailure, result: Path | None, files: Mapping[str, str]) -> str:

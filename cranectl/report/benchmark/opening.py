@@ -1,6 +1,7 @@
 """What the page of a benchmark begins with: a picture of each set, three sentences, caveats, tuning."""
 
 from collections.abc import Iterator, Sequence
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from cranectl.report.page import Section
 from cranectl.report.table import Cell, Table, cells
 
 MAX_EXAMPLES = 3  # controllers that a sentence names
+MAX_EFFORT_RATIO = 2.0  # by tuning, above which a caveat names the controller
 EFFORT_UNIT = "RMS u in m/s²."
 MADE_BY_US = (
     f"We wrote {OUR_CONTROLLER} ourselves. Its structure, defaults and bounds were chosen by people who knew "
@@ -35,7 +37,9 @@ class TuningChange(NamedTuple):
     @property
     def mark(self) -> str:
         """Mark of a cell: bad if more runs fail beyond chance, good if fewer do, else empty."""
-        (low, high), (new_low, new_high) = (failure_interval(each.failures, each.runs) for each in self)
+        (low, high), (new_low, new_high) = (
+            failure_interval(standing.failures, standing.runs) for standing in self
+        )
         return "bad" if new_low > high else "good" if new_high < low else ""
 
     @property
@@ -87,8 +91,8 @@ def conclusions(divisions: Sequence[Judged]) -> Iterator[str]:
         return
     name, of_set = list(changes.items())[-1]
     harmed = _harmed(of_set)
-    examples = f", such as {', '.join(each.text for each in harmed[:MAX_EXAMPLES])}" if harmed else ""
-    helped = sum(each.mark == "good" for each in of_set)
+    examples = f", such as {', '.join(change.text for change in harmed[:MAX_EXAMPLES])}" if harmed else ""
+    helped = sum(change.mark == "good" for change in of_set)
     yield (
         f"On {name}, tuning makes {len(harmed)} of {len(of_set)} controllers fail more than chance explains"
         f"{examples}, and {helped} fail less."
@@ -98,7 +102,9 @@ def conclusions(divisions: Sequence[Judged]) -> Iterator[str]:
 def _undominated(divisions: Sequence[Judged]) -> str:
     """Tell which controller beats ours, and in what; without ours, who is undominated."""
     sets = [(judged, name) for judged in divisions for name in judged.ranked_sets]
-    if not any(each.controller == OUR_CONTROLLER for judged, name in sets for each in judged.ranking(name)):
+    if not any(
+        standing.controller == OUR_CONTROLLER for judged, name in sets for standing in judged.ranking(name)
+    ):
         everywhere = set.intersection(*(judged.front(name) for judged, name in sets))
         return (
             f"Undominated in failures, unsettled time and effort on every set: {_listed(sorted(everywhere))}."
@@ -128,16 +134,24 @@ def caveats(divisions: Sequence[Judged]) -> Iterator[str]:
     knowing = [name for name, facts in table.about["laws"].items() if "limits" in (facts["rig"] or ())]
     if OUR_CONTROLLER in table.about["laws"]:
         others = sorted(set(knowing) - {OUR_CONTROLLER})
-        limits = (
-            f"Ours knows the limits of the drives. So do {_listed(others)}. The other "
-            f"{len(table.about['laws']) - len(knowing)} controllers are not told them."
-        )
+        also = f", as do {_listed(others)}" if others else ""
+        number = len(table.about["laws"]) - len(knowing)
+        limits = f"Ours knows the limits of the drives{also}. They are not told to the other {number}."
         texts += [*MADE_BY_US[:2], limits, *MADE_BY_US[2:]]
     for name, changes in list(tuning_changes(divisions).items())[-1:]:
         if harmed := _harmed(changes):
-            unseen = [each for each in benchmark.scenarios if each not in benchmark.tuning.scenarios]
+            unseen = [
+                scenario for scenario in benchmark.scenarios if scenario not in benchmark.tuning.scenarios
+            ]
             text = f"Tuning harms {len(harmed)} of {len(changes)} controllers on {name}, in failures: "
-            text += f"{', '.join(each.text for each in harmed)}."
+            text += f"{', '.join(change.text for change in harmed)}."
+            costly = [
+                change.after.controller
+                for change in changes
+                if MAX_EFFORT_RATIO * change.before.effort < change.after.effort < inf
+            ]
+            if costly:
+                text += f" It more than doubles the effort of {_listed(costly)}."
             text += f" The tuning set never shows {_listed(unseen)}." if unseen else ""
             texts.append(text)
     texts.append("The controllers of the literature are written by us. Their authors may do better.")
@@ -154,8 +168,12 @@ def tuning_changes(divisions: Sequence[Judged]) -> dict[str, list[TuningChange]]
     tuned, published = by_division["tuned"], by_division["published"]
     changes = {}
     for name in tuned.ranked_sets:
-        before = {each.controller: each for each in published.ranking(name)}
-        pairs = [(before[each.controller], each) for each in tuned.ranking(name) if each.controller in before]
+        before = {standing.controller: standing for standing in published.ranking(name)}
+        pairs = [
+            (before[standing.controller], standing)
+            for standing in tuned.ranking(name)
+            if standing.controller in before
+        ]
         changes[name] = [TuningChange(*pair) for pair in pairs]
     return {name: of_set for name, of_set in changes.items() if of_set}
 
@@ -168,9 +186,9 @@ def tuning_tables(divisions: Sequence[Judged]) -> Iterator[Table]:
     for name, of_set in reversed(changes.items()):
         rows = []
         for change in of_set:
-            before, after = (f"{100.0 * each.failed:.1f}" for each in change)
-            unsettled = (f"{100.0 * each.unsettled:.1f}" for each in change)
-            effort = (finite(each.effort, ".2f", "fails") for each in change)
+            before, after = (f"{100.0 * standing.failed:.1f}" for standing in change)
+            unsettled = (f"{100.0 * standing.unsettled:.1f}" for standing in change)
+            effort = (finite(standing.effort, ".2f", "fails") for standing in change)
             marked = before, Cell(after, change.mark)
             rows.append(cells(*named(divisions[0], change.after.controller), *marked, *unsettled, *effort))
         is_widest = name == list(changes)[-1]

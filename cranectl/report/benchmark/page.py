@@ -70,7 +70,7 @@ def _summary(divisions: list[Judged]) -> Iterator[Section]:
 def _undominated(judged: Judged) -> Table:
     """Return the controllers on any of the fronts, those on most of them first, and the reader's."""
     sets = [name for name in judged.benchmark.sets if judged.ranking(name)]
-    by_set = {name: {each.controller: each for each in judged.ranking(name)} for name in sets}
+    by_set = {name: {standing.controller: standing for standing in judged.ranking(name)} for name in sets}
     fronts = {name: judged.front(name) for name in sets}
     on_sets = {
         controller: [name for name in sets if controller in fronts[name]] for controller in judged.best_first

@@ -20,8 +20,8 @@ MARK = 4.0  # half the size of a mark [pt]
 Box = tuple[float, float, float, float]  # left, right, bottom and top [pt]
 KEY = (
     "Each mark is a controller, and the lower left corner is best. Filled: no other controller is as good in "
-    "failures, unsettled time and effort and better in one. Orange: ours and yours. The spread is a factor "
-    "on how far the cranes differ from the one that controllers know."
+    "failures, unsettled time and effort and better in one. Orange: ours, and yours if it ran. The spread is "
+    "a factor on how far the cranes differ from the one that controllers know."
 )
 
 
@@ -36,13 +36,16 @@ def set_pictures(judged: Judged) -> Iterator[Figure]:
 def draw_set(judged: Judged, name: str) -> Drawing:
     """Draw failures against unsettled time, with the names of the front, the baseline, ours and yours."""
     front = judged.front(name)
-    standings = [*judged.ranking(name), *(each for each, _ in judged.unfinished(name).values() if each)]
+    standings = [
+        *judged.ranking(name),
+        *(standing for standing, _ in judged.unfinished(name).values() if standing),
+    ]
     figure, axes = canvas(*PANEL)
     labels = []
     points = 100.0 * points_of(standings)[:, [0, 2]]
-    for each, point in zip(standings, points, strict=True):
-        is_yours, is_best = each.controller in judged.yours, each.controller in front
-        is_ours = is_yours or each.controller == OUR_CONTROLLER
+    for standing, point in zip(standings, points, strict=True):
+        is_yours, is_best = standing.controller in judged.yours, standing.controller in front
+        is_ours = is_yours or standing.controller == OUR_CONTROLLER
         colour = STAND_IN[SERIES[1] if is_ours else SERIES[0] if is_best else "muted"]
         axes.plot(
             *point,
@@ -53,8 +56,8 @@ def draw_set(judged: Judged, name: str) -> Drawing:
             clip_on=False,
             zorder=4 if is_ours else 3,
         )
-        if is_ours or is_best or each.controller == judged.benchmark.baseline:
-            labels.append((shown_name(judged, each.controller), float(point[0]), float(point[1])))
+        if is_ours or is_best or standing.controller == judged.benchmark.baseline:
+            labels.append((shown_name(judged, standing.controller), float(point[0]), float(point[1])))
     axes.set(xlim=(0.0, 100.0), ylim=(0.0, 100.0))
     axes.set(xlabel="time at rest that passes unsettled [%]", ylabel="runs that fail [%]")
     _place_labels(axes, labels, points)

@@ -137,10 +137,12 @@ def ranking_table(judged: Judged, name: str, title: str, shown: Collection[str] 
                 "unsettled\ntime %", "RMS u\nm/s²", "variation\nm/s² in 1 s")  # fmt: skip
     rows = [
         cells(
-            *named(judged, each.controller, "best" if place == ANSWERS[True] else ""), place, *_numbers(each)
+            *named(judged, standing.controller, "best" if place == ANSWERS[True] else ""),
+            place,
+            *_numbers(standing),
         )
-        for each, place in zip(standings, places, strict=True)
-        if not shown or each.controller in shown
+        for standing, place in zip(standings, places, strict=True)
+        if not shown or standing.controller in shown
     ]
     for controller, (standing, done) in judged.unfinished(name).items():
         if not shown or controller in shown:
