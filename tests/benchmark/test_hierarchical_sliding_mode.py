@@ -69,3 +69,18 @@ def test_constant_disturbance_leaves_predicted_error() -> None:
     for joint, angle, start in ((0, 8, 1.0), (2, 6, 0.77)):
         expected = (8.0 + 9.0 * SHARE) * 0.7 * state[angle]
         assert state[joint] - start == pytest.approx(expected, rel=1e-2)
+
+
+def test_disturbance_beyond_the_reach_leaves_the_surface_where_decay_balances_it() -> None:
+    """As docs/reference/standings.md explains the failures of the tuned numbers."""
+    name, lean, decay, reach = "controller.hierarchical-sliding-mode", 0.08, 0.15, 0.003
+    settings = [f"{name}.decay={decay}", f"{name}.reach={reach}", "duration=30"]
+    force = lean * GRAVITY
+    settings.append(f"disturbances=[{{force=[{force}, 0.0, 0.0], start=1.0}}]")
+    standing_push = ROOT / "validation" / "benchmark" / "scenarios" / "standing-push.toml"
+    run = simulate(str(standing_push), "rig.load_mass=1.0", *settings, plant="analytic")
+    length = run.scenario.reference.start[2]
+    rate = decay * sqrt(GRAVITY / -length)
+    expected = -(SHARE * lean - reach) * GRAVITY / rate
+    assert run.signal("controller.surface_x")[-1] == pytest.approx(expected, rel=0.02)
+    assert SHARE * lean > 2.0 * reach

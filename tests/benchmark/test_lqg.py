@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl import open_controller
+from cranectl.metrics import run_metrics
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
@@ -109,3 +110,25 @@ def test_constant_disturbance_of_drives_leaves_no_error() -> None:
 def test_filter_too_fast_for_the_period_is_refused() -> None:
     with pytest.raises(InputError, match="'lqg' is unstable when sampled"):
         prepare(nominal_at(LQG, 0.7, drive_filter=500.0))
+
+
+@pytest.mark.parametrize(
+    ("sway_filter", "effects", "is_settled"),
+    [("5.026", (), True), ("5.026", ("body",), False), ("2.0", ("body",), True)],
+)
+def test_fast_filter_excites_a_load_that_turns(
+    sway_filter: str, effects: tuple[str, ...], is_settled: bool
+) -> None:
+    """As docs/reference/standings.md explains the failures of the tuned numbers at the harbour."""
+    numbers = {"error_weight": "2.614", "rate_weight": "0.376", "drive_filter": "5.383"}
+    settings = {**numbers, "sway_filter": sway_filter}
+    scenario = load_scenario(
+        str(ROOT / "validation" / "benchmark" / "scenarios" / "harbour.toml"),
+        overrides=[
+            "duration=60",
+            *(f"controller.lqg.{name}={value}" for name, value in settings.items()),
+            *(f"effects.{effect}={{}}" for effect in ("limits", "sensing", "rope", "delay", *effects)),
+        ],
+    )
+    run = simulate_run(scenario, plant="mujoco", drive="velocity", controller=open_controller(CONTROLLER))
+    assert (run_metrics(run).settling_time_s is not None) is is_settled

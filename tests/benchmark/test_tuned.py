@@ -11,7 +11,7 @@ from cranectl.campaign.benchmark.settings import Benchmark, benchmark_file, read
 from cranectl.campaign.benchmark.trials import rules_of
 from cranectl.campaign.benchmark.tuned import tuned_settings
 from cranectl.cli.benchmark import measured_controllers
-from cranectl.support.documents import parse_toml, read_toml
+from cranectl.support.documents import leaves, parse_toml, read_toml
 from cranectl.support.provenance import syntax_of
 from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
@@ -57,6 +57,25 @@ def test_controllers_had_equal_budgets_and_all_points_are_stored(benchmark: Benc
         assert table["cost"] == best
         best_point = points.slice(cost.index(best["full"]), 1).to_pylist()[0]
         assert table["parameters"] == {key: float(f"{best_point[key]:.4g}") for key in keys}
+
+
+def test_standings_name_the_numbers_that_end_at_a_bound(benchmark: Benchmark) -> None:
+    """Within 2 % of the range of the search."""
+    at_bounds = {}
+    for controller in measured_controllers(benchmark):
+        found = dict(leaves(read_toml(TUNED / f"{controller}.toml")["parameters"]))
+        places = {
+            variable.key.rpartition(f"{controller}.")[2].rpartition("loop_shaping.")[2].removeprefix("design."):
+            variable._replace(start=found[variable.key]).start_position
+            for variable in variables_of(controller)
+        }  # fmt: skip
+        ends = [[f"`{name}`" for name, at in places.items() if abs(at - end) < 0.02] for end in (0, 1)]
+        if any(ends):
+            at_bounds[f"`{controller}`"] = [", ".join(names) for names in ends]
+    page = (ROOT / "docs" / "reference" / "standings.md").read_text(encoding="utf-8")
+    rows = page.partition("| numbers at the upper bound |")[2].splitlines()[2:]
+    shown = [[cell.strip() for cell in row.split("|")[1:-1]] for row in rows if row.startswith("|")]
+    assert {name: ends for name, *ends in shown} == at_bounds
 
 
 def test_own_controller_is_that_of_the_commit_that_drew_the_cranes(benchmark: Benchmark) -> None:
