@@ -78,11 +78,13 @@ def conclusions(divisions: Sequence[Judged]) -> Iterator[str]:
     name = leading.ranked_sets[-1]
     first, *others = leading.ranking(name)
     text = (
-        f"On {name}, the set with the widest spread, {shown_name(leading, first.controller)} fails least, in "
+        f"On {name}, the set with the widest spread, {shown_name(leading, first.controller)} comes first: it "
     )
-    text += f"{_percent(first.failed)} of {first.runs} runs"
-    if others:
-        text += f"; next is {shown_name(leading, others[0].controller)} with {_percent(others[0].failed)}"
+    text += f"fails in {_percent(first.failed)} of {first.runs} runs and is unsettled for "
+    text += f"{_percent(first.unsettled)} of the time at rest"
+    for second in others[:1]:
+        text += f"; next is {shown_name(leading, second.controller)} with {_percent(second.failed)} and "
+        text += _percent(second.unsettled)
     yield f"{text}."
     yield _undominated(divisions)
     changes = tuning_changes(divisions)
