@@ -145,7 +145,8 @@ class Studio:
 def poll_until_stable(read: Callable[[], T]) -> T:
     """Call `read` until it has returned the same value for about a second; return the value.
 
-    The viewer shows received data with a delay, which is longer on a slow machine.
+    The viewer shows received data with a delay, which is longer on a slow machine. A value that never comes
+    to rest is an error.
     """
     values = [read()]
 
@@ -154,7 +155,9 @@ def poll_until_stable(read: Callable[[], T]) -> T:
         time.sleep(0.4 * slowness(time.perf_counter))
         return len(values) > 3 and all(previous == value for previous in values[-4:])
 
-    return poll_until(read, is_stable)
+    value = poll_until(read, is_stable)
+    assert all(previous == value for previous in values[-4:]), values[-4:]
+    return value
 
 
 def poll_until(read: Callable[[], T], is_expected: Callable[[T], object]) -> T:

@@ -54,8 +54,8 @@ def test_a_session_can_be_watched_steered_and_recorded(studio: Studio, live: Liv
     assert after["k0"] != before["k0"]
     assert poll_until_stable(clock) == paused, "time passes while the session is paused"
     assert studio.parameters(steering)["pause"] == "true"
-    studio.set_parameter(steering, "pause", "false")
     duration = poll_until_stable(studio.duration)  # all messages from before the pause are shown now
+    studio.set_parameter(steering, "pause", "false")
     assert poll_until(clock, lambda seconds: seconds > paused + 2.0) > paused + 2.0
     assert poll_until(studio.duration, lambda seconds: seconds > duration) > duration
     assert studio.problems() == []
