@@ -1,5 +1,6 @@
 """A report page in a browser: first screen, values at the cursor, and figures that zoom together."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -39,20 +40,27 @@ PAGE_COMMANDS = {  # commands that write a page, by its name
 }
 
 
-@pytest.fixture
-def page(chromium: Browser, tmp_path: Path) -> Page:
-    """Open the report of a log from the disk."""
-    log = tmp_path / "run.mcap"
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a log, and its report beside it."""
+    log = tmp_path_factory.mktemp("report") / "run.mcap"
     settings = ["--set", "duration=8", "--set", "disturbances=[{joint='beta', start=2.0, magnitude=1.0}]"]
     assert main(["run", "fixed-position", *settings, "--out", str(log)]) == exit_codes.GOOD
     assert main(["report", str(log), "--out", str(log.with_suffix(".html"))]) == exit_codes.GOOD
+    return log
+
+
+@pytest.fixture
+def page(chromium: Browser, log: Path) -> Iterator[Page]:
+    """Open the report of the log from the disk."""
     opened = chromium.new_page(viewport={"width": 1280, "height": 800})
     opened.on("pageerror", lambda error: pytest.fail(str(error)))
     opened.on(
         "request", lambda request: request.url.startswith(("file:", "data:")) or pytest.fail(request.url)
     )
     opened.goto(log.with_suffix(".html").as_uri())
-    return opened
+    yield opened
+    opened.close()
 
 
 def value_at_cursor(page: Page, fraction: float) -> tuple[float, float]:
@@ -66,8 +74,8 @@ def value_at_cursor(page: Page, fraction: float) -> tuple[float, float]:
     return float(title.removesuffix(" s")), float(row.split("\t")[-1].removesuffix(" m"))
 
 
-def test_the_cursor_shows_logged_values_and_the_wheel_zooms_all_figures(page: Page, tmp_path: Path) -> None:
-    run = read_log(tmp_path / "run.mcap")["analytic"]
+def test_the_cursor_shows_logged_values_and_the_wheel_zooms_all_figures(page: Page, log: Path) -> None:
+    run = read_log(log)["analytic"]
     error = run.signal("error.error_x")
     figures = page.locator("svg[data-plots]")
     home = figures.evaluate_all(SHOWN_WINDOWS)
@@ -127,3 +135,4 @@ def test_pages_of_campaigns_and_rigs_fit(
             assert page.evaluate("document.documentElement.scrollWidth") <= width
             assert page.locator("figure:not(.alone) svg text").evaluate_all(FIND_CUT_TEXTS) == []
             assert accessibility_violations(page) == []
+        page.close()
