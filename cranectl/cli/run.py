@@ -2,6 +2,7 @@
 
 import shlex
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -9,7 +10,11 @@ from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controller_option, timeout_option
 from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress_bar, styled
-from cranectl.support.files import MCAP
+from cranectl.support.errors import InputError
+from cranectl.support.files import FMU, MCAP, replacing, writing
+
+if TYPE_CHECKING:
+    from cranectl.cases.case import Case
 
 
 @click.command("run", cls=command.Command)
@@ -21,6 +26,8 @@ from cranectl.support.files import MCAP
 @command.every_option
 @timeout_option
 @command.output_option("--out", MCAP, "Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap")
+@command.output_option("--fmu", FMU, "Write the plant as an FMU for co-simulation: analytic or elastic.")
+@click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of FMI for --fmu. Default: 2.")
 @command.predict_option
 @command.json_option
 def run_command(
@@ -30,6 +37,8 @@ def run_command(
     drive: str,
     timeout: float,
     out: Path | None,
+    fmu: Path | None,
+    fmi: str | None,
     screen: Screen,
 ) -> int:
     """Run SCENARIO, a name or a TOML file, and compare the plants.
@@ -40,6 +49,7 @@ def run_command(
     cranectl run fixed-position --plants mujoco --set rig.load_mass=2.5 --set duration=30
     cranectl run my-scenario.toml --out my.mcap --every 1
     cranectl run my-scenario.toml --rig my-crane.toml --drive velocity
+    cranectl run fast-diagonal --plants analytic --drive velocity --fmu crane.fmu
     """
     from cranectl.cases.case import make_case, run_case
     from cranectl.report.run import tables
@@ -53,6 +63,8 @@ def run_command(
         log=out,
         timeout=timeout,
     )
+    if fmu is not None or fmi is not None:
+        _write_fmu(case, fmu, fmi)
     replaced = " (in place of the one that was there)" if case.log.exists() else ""
     with progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
         result = run_case(case, progress=advance)
@@ -70,6 +82,8 @@ def run_command(
         screen.print(tables.agreement_table(result.agreements))
         screen.print_each(tables.limit_notes(result.agreements), indent="  ")
     screen.print(f"log: {case.log}{replaced}")
+    if fmu is not None:
+        screen.print(f"exported: {fmu}, the {case.plants[0]} plant with {drive} drives")
     layout = command.layout_for(case.plants, case.scenario.rig, case.log)
     screen.print(
         f"view: cranectl log layout {layout}; open the log in Foxglove or Lichtblick and "
@@ -88,3 +102,21 @@ def run_command(
     if result.stopped:
         return exit_codes.RUN_STOPPED
     return exit_codes.GOOD if result.passed else exit_codes.LIMIT_EXCEEDED
+
+
+def _write_fmu(case: "Case", path: Path | None, fmi: str | None) -> None:
+    """Write the plant of a case as an FMU; raise InputError if that is not possible."""
+    from cranectl.export.fmu import fmu_archive
+    from cranectl.export.plant import plant_model
+
+    if path is None:
+        raise InputError("--fmi without --fmu", allowed="--fmi with --fmu", remedy="add --fmu FILE")
+    if len(case.plants) > 1:
+        raise InputError(
+            f"--fmu of {len(case.plants)} plants: {', '.join(case.plants)}",
+            allowed="one plant, analytic or elastic",
+            remedy="name one: --plants analytic",
+        )
+    content = fmu_archive(plant_model(case.scenario, case.plants[0], case.drive), int(fmi or 2))
+    with writing(path), replacing(path) as part:
+        part.write_bytes(content)

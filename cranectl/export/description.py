@@ -9,7 +9,6 @@ from xml.sax.saxutils import quoteattr
 if TYPE_CHECKING:
     from cranectl.export.fmu import Model
 
-FMI_VERSIONS = (2, 3)
 # Exponents of kg, m, s and rad in a unit, and its factor to them.
 BASE_UNITS = {
     "kg": {"kg": 1},

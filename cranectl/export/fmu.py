@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from cranectl.export.description import FMI_VERSIONS, FmuVariable, build_description, model_description
+from cranectl.export.description import FmuVariable, build_description, model_description
 from cranectl.support.errors import InputError
 
 TEMPLATES = Path(__file__).parent / "templates" / "fmi"
@@ -59,14 +59,8 @@ def fmu_archive(model: Model, fmi: int = 2) -> bytes:
     Raises
     ------
     InputError
-        On another machine than Linux on x86-64, without a C compiler, or for another version.
+        On another machine than Linux on x86-64, or without a C compiler.
     """
-    if fmi not in FMI_VERSIONS:
-        raise InputError(
-            f"version {fmi} of FMI",
-            allowed=" or ".join(map(str, FMI_VERSIONS)),
-            remedy="take 2, which most tools read",
-        )
     sources = model_sources(model, fmi)
     token = _token(model, fmi)
     kept = {} if model.objects else sources

@@ -53,15 +53,18 @@ class _Inference(Compiler):
         return [passes]
 
 
+def check_compiler() -> None:
+    """Raise InputError if Numba's compiler is switched off."""
+    if UNCOMPILED:
+        raise InputError(
+            "NUMBA_DISABLE_JIT is set", allowed="an export with Numba's compiler", remedy="unset it"
+        )
+
+
 @functools.cache
 def infer_types(function: Callable[..., Any], arguments: tuple[Type, ...]) -> Inferred:
     """Return the types in `function`; raise InputError if Numba cannot compile it."""
-    if UNCOMPILED:
-        raise InputError(
-            "NUMBA_DISABLE_JIT is set",
-            allowed="an export with Numba, which infers the types",
-            remedy="unset it",
-        )
+    check_compiler()
     flags: Any = Flags()
     flags.error_model, flags.nrt = "numpy", True
     typing: Any = cpu_target.typing_context

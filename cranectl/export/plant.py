@@ -7,6 +7,7 @@ import numpy as np
 
 from cranectl.export.description import FmuVariable
 from cranectl.export.fmu import TEMPLATES, Model, filled
+from cranectl.export.inference import check_compiler
 from cranectl.export.plant_numbers import Memory, PlantNumbers
 from cranectl.export.traced import Traced
 from cranectl.plants.addressed import ADVANCE, MEASURE, plant_object
@@ -20,7 +21,6 @@ from cranectl.simulate.runner import checked_drive, make_plant
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
-from cranectl.support.jit import UNCOMPILED
 
 PLANTS = ("analytic", "elastic")  # whose code needs no engine
 DRIVEN = ("bridge", "trolley", "rope")
@@ -52,14 +52,9 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
         raise InputError(
             f"the {plant} plant as an FMU",
             allowed=f"{' or '.join(PLANTS)}, which need no engine",
-            remedy=f"take '--plant {PLANTS[0]}'",
+            remedy=f"take '--plants {PLANTS[0]}'",
         )
-    if UNCOMPILED:
-        raise InputError(
-            "an export of a plant with NUMBA_DISABLE_JIT",
-            allowed="compiled plants",
-            remedy="unset NUMBA_DISABLE_JIT",
-        )
+    check_compiler()
     kind, plan = checked_drive(drive), plan_scenario(scenario)
     make_plant(plant, scenario, kind).check_length(plan.shortest_rope)  # both raise InputError
     start = plan.initial_state
