@@ -72,6 +72,7 @@ def controller_fmu(exported: Exported, fmi: int = 2) -> ControllerFmu:
         period=exported.scenario.period_ns / NANOSECONDS,
         memory=len(exported.sample.memory),
         sources={**controller_sources(exported), "model.c": code},
+        failure="the rope is slack, an angle or the rope's length is singular, or a number is not finite",
     )
     table = {"name": exported.slug, "command": command, "follows": exported.controller.follows}
     lines = [f"{key} = {json.dumps(value)}\n" for key, value in table.items()]

@@ -39,6 +39,7 @@ class Model(NamedTuple):
     memory: int  # numbers of 8 bytes
     sources: Mapping[str, str]
     objects: Mapping[str, bytes] = {}
+    failure: str = "a number is not finite"  # why it may not go on
 
 
 def fmu_archive(model: Model, fmi: int = 2) -> bytes:
@@ -86,6 +87,7 @@ def model_sources(model: Model, fmi: int) -> dict[str, str]:
         "TITLE": model.title.replace("*/", "* /"),
         "TOKEN": _token(model, fmi),
         "PERIOD": repr(model.period),
+        "FAILURE": model.failure,
         "VARIABLES": len(model.variables),
         "MEMORY": max(model.memory, 1),
     }

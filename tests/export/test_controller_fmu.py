@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
 from cranectl.cli.main import main
@@ -111,3 +112,12 @@ def test_a_controller_that_looks_ahead_cannot_be_an_fmu() -> None:
     ahead = exported._replace(controller=replace(exported.controller, preview=3))
     with pytest.raises(InputError, match="3 rows of the reference ahead"):
         controller_fmu(ahead)
+
+
+def test_it_says_why_it_gives_no_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    controller = Instance(write(tmp_path, 2, "lqr", "ideal"), tmp_path / "c")
+    controller.set({"state.rope_length": -1.0})
+    with pytest.raises(FMICallException):
+        controller.step(1e-3)
+    assert "the rope is slack, an angle or the rope's length is singular" in capfd.readouterr().out
+    controller.close()

@@ -118,7 +118,7 @@ static const char *instance_step(instance *self, double time, double size)
     if (!(fabs(time - instance_time(self)) <= TOLERANCE * (MODEL_PERIOD + fabs(time))))
         return "the step does not begin where the last one ended";
     if (model_step(self->values, self->memory, (int64_t)samples))
-        return "the model cannot go on: a number is not finite";
+        return "the model cannot go on: " MODEL_FAILURE;
     self->samples += (int64_t)samples;
     return NULL;
 }
