@@ -56,6 +56,9 @@ OF_OTHER_CONTROLLERS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_
     type=PATH,
     help="Write the controller as C99, with test vectors of a run of the scenario.",
 )
+@click.option(
+    "--real", type=click.Choice(["double", "float"]), help="Numbers in the code of --export. Default: double."
+)
 @output_option("--fmu", FMU, "Write the controller as an FMU for co-simulation on Linux, with its C files.")
 @click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of FMI for --fmu. Default: 2.")
 @click.option(
@@ -136,6 +139,7 @@ class Export(NamedTuple):
     """What is asked to be exported, and where to."""
 
     directory: Path | None  # of C files
+    real: str | None
     fmu: Path | None
     fmi: str | None
     drive: str | None
@@ -149,6 +153,10 @@ class Export(NamedTuple):
         """Raise InputError unless one controller with a scenario goes to places that are free."""
         if self.fmi and self.fmu is None:
             raise InputError("--fmi without --fmu", allowed="--fmi with --fmu", remedy="add --fmu FILE")
+        if self.real and self.directory is None:
+            raise InputError(
+                "--real without --export", allowed="--real with --export", remedy="add --export DIR"
+            )
         if self.drive and not self.is_asked:
             raise InputError(
                 "--drive without --export and --fmu",
@@ -179,7 +187,7 @@ class Export(NamedTuple):
 
         exported = prepare_export(scenario, name, self.drive)
         if self.directory is not None:
-            _write_c(exported, self.directory)
+            _write_c(exported, self.directory, single=self.real == "float")
             readme = self.directory / "README.md"
             screen.print(f"exported: {self.directory}; {readme} says how to check it on the target")
         if self.fmu is not None:
@@ -204,13 +212,15 @@ def _check_directory(directory: Path) -> None:
         )
 
 
-def _write_c(exported: "Exported", directory: Path) -> None:
+def _write_c(exported: "Exported", directory: Path, *, single: bool) -> None:
     """Write the C files of an exported controller."""
     from cranectl.export import exported_files
     from cranectl.loaders.c_controller import HEADER
 
-    texts = exported_files(exported)
-    for file, text in {**texts, HEADER.name: HEADER.read_text(encoding="utf-8")}.items():
+    texts = exported_files(exported, single=single)
+    if not single:  # the library for cranectl computes with doubles
+        texts[HEADER.name] = HEADER.read_text(encoding="utf-8")
+    for file, text in texts.items():
         with writing(directory / file, remedy="choose another place with --export"):
             directory.mkdir(parents=True, exist_ok=True)
             write_text(directory / file, text)

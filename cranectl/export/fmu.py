@@ -130,26 +130,29 @@ def _compiled(model: Model, sources: Mapping[str, str]) -> bytes:
             allowed="Linux on x86-64, for which its binary is",
             remedy="export it on such a machine, or in a container",
         )
-    name = os.environ.get("CC") or "cc"
-    compiler = shutil.which(name)
+    return compile_library(model.name, {**sources, **model.objects})
+
+
+def compile_library(name: str, sources: Mapping[str, str | bytes]) -> bytes:
+    """Return the shared library of C files and object files; raise InputError if it cannot be compiled."""
+    program = os.environ.get("CC") or "cc"
+    compiler = shutil.which(program)
     if compiler is None:
         raise InputError(
-            f"no C compiler: there is no program {name}",
+            f"no C compiler: there is no program {program}",
             allowed="cc, or what the variable CC names",
             remedy="install one, for example with apt install gcc libc6-dev",
         )
-    with TemporaryDirectory(prefix="cranectl-fmu-") as directory:
-        folder, library = Path(directory), f"{model.name}.so"
-        for file, text in sources.items():
-            (folder / file).write_text(text, encoding="utf-8")
-        for file, content in model.objects.items():
-            (folder / file).write_bytes(content)
-        units = [file for file in (*sources, *model.objects) if not file.endswith(".h")]
+    with TemporaryDirectory(prefix="cranectl-library-") as directory:
+        folder, library = Path(directory), f"{name}.so"
+        for file, content in sources.items():
+            (folder / file).write_bytes(content if isinstance(content, bytes) else content.encode())
+        units = [file for file in sources if not file.endswith(".h")]
         command = [compiler, *FLAGS, "-o", library, *units, "-lm"]
         result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         if result.returncode:
             raise InputError(
-                f"{name} cannot compile the FMU: {' '.join(result.stderr.split())[:400]}",
+                f"{program} cannot compile the export: {' '.join(result.stderr.split())[:400]}",
                 allowed="a C compiler with the headers of the C library",
                 remedy="install them, for example with apt install gcc libc6-dev",
             )

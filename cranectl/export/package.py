@@ -13,6 +13,7 @@ from cranectl.design import ControllerDesign
 from cranectl.export.fmu import filled
 from cranectl.export.prepared import Exported
 from cranectl.export.sample import STATE_SIZE
+from cranectl.export.single import in_single_precision, measure_single
 from cranectl.export.values import literal
 from cranectl.export.vectors import Sample, record_blocks, replay
 from cranectl.scenario import NANOSECONDS
@@ -22,11 +23,7 @@ from cranectl.support.errors import InputError
 
 TEMPLATES = Path(__file__).parent / "templates"
 HEADER = "NAME.h.txt"
-FILES = {  # by template
-    "main.c.txt": "main.c",
-    "cranectl_NAME.c.txt": "cranectl_{}.c",
-    "README.md.txt": "README.md",
-}
+TOLERANCE, SINGLE_TOLERANCE = "1e-11", "1e-4"  # of commands on a target, relative to 1 or to a larger one
 INCLUDED = "#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n"
 COMMANDED = {"ideal": "accelerations [m/s²]", "velocity": "velocities [m/s]", "force": "forces [N]"}
 MEASURED = {
@@ -39,22 +36,50 @@ LOOPED = 6  # numbers of load and error that the loop records of every controlle
 NUMBERS_PER_LINE = 5
 
 
-def exported_files(exported: Exported) -> dict[str, str]:
+def exported_files(exported: Exported, *, single: bool = False) -> dict[str, str]:
     """Return the texts of a controller's C files by the names of these.
 
-    Raises InputError if the controller uses what the translation does not know, or if its reference has more
-    than MAX_REFERENCE_ROWS samples.
+    Parameters
+    ----------
+    exported : Exported
+        The controller, from `prepare_export`.
+    single : bool
+        Whether the code computes with floats, in place of doubles. Its loss stands in the README.
+
+    Returns
+    -------
+    dict
+        Text by name of the file.
+
+    Raises
+    ------
+    InputError
+        If the controller uses what the translation does not know, if its reference has more than
+        MAX_REFERENCE_ROWS samples, or as `measure_single`.
     """
-    sample = exported.sample
-    steps = replay(sample.address, sample.parameters, sample.memory, exported.inputs)
-    blocks = record_blocks(steps, len(exported.inputs))
-    values = {**_values(exported), "VECTORS": str(sum(map(len, blocks)))}
-    return {
-        **controller_sources(exported),
-        **{pattern.format(exported.stem): _filled(template, values) for template, pattern in FILES.items()},
+    sample, sources = exported.sample, controller_sources(exported)
+    values = _values(exported)
+    if single:
+        sources = {name: in_single_precision(text) for name, text in sources.items()}
+        measured = measure_single(exported, sources)
+        blocks = measured.blocks
+        values |= {"LOSS": f"{max(1e3 * measured.loss, 1e-3):.2g} mm", "TOLERANCE": SINGLE_TOLERANCE}
+    else:
+        steps = replay(sample.address, sample.parameters, sample.memory, exported.inputs)
+        blocks = record_blocks(steps, len(exported.inputs))
+        values |= {"TOLERANCE": TOLERANCE}
+    values |= {"VECTORS": str(sum(map(len, blocks))), "REAL": "float" if single else "double"}
+    values["REMARK"] = _filled("single.md.txt" if single else "library.md.txt", values)
+    written = {
+        "README.md": _filled("README.md.txt", values),
+        "main.c": _filled("main.c.txt", values),
         "vectors.h": _vectors_text(blocks),
         "reference.h": _reference_text(exported),
     }
+    if single:
+        tables = ("vectors.h", "reference.h")
+        return {**sources, **written, **{name: in_single_precision(written[name]) for name in tables}}
+    return {**sources, **written, f"cranectl_{exported.stem}.c": _filled("cranectl_NAME.c.txt", values)}
 
 
 def controller_sources(exported: Exported) -> dict[str, str]:

@@ -149,7 +149,7 @@ def _sample_function(
             status = regularity(state[:STATE_SIZE], 0.0, 1.0)
             if status != RUNNING:
                 return status
-        if every == 1 or int(kept[KEPT.clock]) % every == 0:
+        if every == 1 or kept[KEPT.clock] == 0.0:
             if encoders:
                 seen = np.empty(12)
                 for i in range(12):
@@ -176,7 +176,8 @@ def _sample_function(
             for axis in range(3):
                 if not isfinite(given[axis]):
                     return CONTROLLER_FAILED
-        kept[KEPT.clock] += 1.0
+        if every > 1:
+            kept[KEPT.clock] = kept[KEPT.clock] + 1.0 if kept[KEPT.clock] < every - 1.0 else 0.0
         for axis in range(3):
             inputs[axis] = given[axis]
         if velocity:

@@ -113,6 +113,6 @@ def test_vectors_are_samples_in_a_row_with_the_memory_before_them(tmp_path: Path
     text = (tmp_path / "vectors.h").read_text(encoding="utf-8")
     assert "#define BLOCKS 5\n#define BLOCK_SIZE 200\n" in text
     rows = text.split("vector_memory")[1].split("};")[0].splitlines()[1:]
-    clocks = [float(row.strip(" {},").split(", ")[KEPT.clock]) for row in rows[1:]]
+    clocks = [float(row.strip(" {},").split(", ")[KEPT.controller + 12]) for row in rows[1:]]
     assert clocks == [6200.0, 12400.0, 18600.0, 24801.0]
     assert f'#include "{stem}.h"' in (tmp_path / "main.c").read_text(encoding="utf-8")
