@@ -222,6 +222,8 @@ KNOWN = {
     ("simulate/child.py", "--timeout allows more"): HERE,
     ("cli/controller_options.py", "--patience is now --timeout"): "tests/simulate/test_child.py",
     ("plants/mujoco/own_file.py", "add --set rig.plant.names.{}=NAME"): "tests/plants/test_own_model.py",
+    ("plants/mujoco/own_model.py", "name the end of the rope as load"): "tests/plants/test_own_model.py",
+    ("plants/capabilities.py", " in place of the model"): "tests/plants/test_own_model.py",
     ("cli/validate.py", "and {} more, with --details"): "tests/cli/test_validate_cli.py",
     ("cli/design.py", "add --scenario fast-diagonal, or another one"): OF_CONTROLLERS,
     ("cli/design.py", "choose another place with --export"): OF_CONTROLLERS,
