@@ -80,7 +80,7 @@ TARGETS = {
     """,
     "cranectl.plants.mujoco.disturbed_step": "apply_disturbance apply_drag turn_rate",
     "cranectl.plants.mujoco.effects": "body_entries",
-    "cranectl.plants.mujoco.sites": "state_of_sites read_load_of_sites",
+    "cranectl.plants.mujoco.sites": "state_of_sites rope_acceleration read_load_of_sites",
     "cranectl.plants.mujoco.model": "ideal_inertia _ideal_drive_entries _velocity_drive_entries",
     "cranectl.plants.drake.model": """
         build_crane rotor_inertias axis_damping drive_forces _add_frame _add_load _add_body
