@@ -67,29 +67,30 @@ test: .venv/extras ## run the core tests
 	$(call limit,7200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake \
 		--ignore tests/planning --ignore tests/benchmark --ignore tests/campaign/benchmark
 
-# A set after the first one is left out while nothing that it depends on has changed since the last `make test-all`.
-# ALL=1 runs every set. PLAN_CASES and DRAKE_CASES limit the number of random cases.
+# A set is left out while nothing that it depends on has changed since its last full pass, in .ci/proven.json.
+# ALL=1 runs every set and records those that pass. PLAN_CASES and DRAKE_CASES limit the number of random cases.
 NMPC_PLANS = tests/benchmark/test_nmpc_plans.py
 changed = $(BIN)/python .ci/proven.py $(1) $(if $(ALL),--always) --
-test-more: .venv/extras ## test docs and examples; the literature, plans and Drake if their sources changed
+test-more: .venv/extras ## test docs, examples, the literature, plans and Drake, if their sources changed
 	$(call saying,3600,"looking for EGL and a C compiler") tests/install
-	$(call limit,3600) $(BIN)/python -m pytest tests/docs tests/thesis
+	$(call limit,3600) $(call changed,docs) $(BIN)/python -m pytest tests/docs tests/thesis
 	$(call limit,3600) $(call changed,literature) $(BIN)/python -m pytest tests/benchmark tests/campaign/benchmark --ignore $(NMPC_PLANS)
 	$(call limit,9000) $(call changed,planning) sh -c '$(MAKE) .venv/oracles && $(BIN)/python -m pytest tests/planning $(NMPC_PLANS)'
 	$(call limit,14400) $(call changed,drake) sh -c '$(MAKE) .venv/oracles && $(BIN)/python -m pytest tests/drake'
 
-PROCESSOR_TESTS = -m processor --ignore tests/docs --ignore tests/thesis --ignore tests/drake --ignore tests/live \
-	--ignore tests/planning --ignore $(NMPC_PLANS)
-test-processors: .venv/extras ## compare answers with the BLAS kernels and the code of old processors
-	$(call limit,3600) env OPENBLAS_CORETYPE=Nehalem $(BIN)/python -m pytest $(PROCESSOR_TESTS)
-	$(call limit,3600) env NUMBA_CPU_NAME=generic $(BIN)/python -m pytest $(PROCESSOR_TESTS)
+PROCESSOR_TESTS = $(BIN)/python -m pytest -m processor --ignore tests/docs --ignore tests/thesis --ignore tests/drake \
+	--ignore tests/live --ignore tests/planning --ignore $(NMPC_PLANS)
+test-processors: .venv/extras ## compare answers with old processors' kernels and code, if sources changed
+	$(call limit,7200) $(call changed,processors) sh -c \
+		'OPENBLAS_CORETYPE=Nehalem $(PROCESSOR_TESTS) && NUMBA_CPU_NAME=generic $(PROCESSOR_TESTS)'
 
-test-viewer: .venv/site ## open logs in a real viewer, and read them with other parsers
-	@viewer/install $(BIN)
-	$(call limit,5400) $(BIN)/python -m pytest -n 0 viewer
+BROWSER_TESTS = sh -c 'viewer/install $(BIN) && $(BIN)/python -m pytest -n 0 $(1)'
+test-viewer: .venv/site ## open logs in a real viewer and other parsers, if sources changed
+	$(call limit,5400) $(call changed,viewer) $(call BROWSER_TESTS,viewer --ignore viewer/test_site.py)
+	$(call limit,3600) $(call changed,site) $(call BROWSER_TESTS,viewer/test_site.py)
 
-test-all: .venv/extras ## run everything above in full, and record the sources that passed
-	$(BIN)/python .ci/proven.py --write -- $(MAKE) lint test test-more test-processors validate test-viewer package ALL=1
+test-all: ## run everything above in full, and record the sets that passed
+	$(MAKE) lint test test-more test-processors validate test-viewer package ALL=1
 
 MINUTES ?= 30
 fuzz: .venv/extras ## try odd files, controllers, machines and command lines for MINUTES=30

@@ -1,12 +1,13 @@
 """Run a slow set of tests only where something that it depends on has changed since the last full pass.
 
-    python .ci/proven.py SET [--always] -- COMMAND...   run the command, unless the set is unchanged
-    python .ci/proven.py --write [-- COMMAND...]        record the sets as proven, if the command passes
+    python .ci/proven.py SET -- COMMAND...            run the command, unless the set is unchanged
+    python .ci/proven.py SET --always -- COMMAND...   run the command, and record the set if it passes
 
-SET is `literature`, `drake` or `planning`. A set depends on its tests, on every module that these import
-directly or through others, on data files, and on constraints.txt. Comments and docstrings do not count.
-`.ci/proven.json` records the last full pass; only `make test-all` writes it. That pass takes --always, which
-also fails a test that reads a file that its set does not list.
+SET is a name in SETS below. A set depends on its tests, on every module that these import directly or through
+others, on data files, on constraints.txt and on the version of Python. Comments and docstrings do not count.
+`.ci/proven.json` records the last full pass of each set; `make test-all` writes it, and so does each target
+of a set with ALL=1. That pass takes --always, which also fails a test that reads a file that its set does not
+list.
 """
 
 import argparse
@@ -29,8 +30,9 @@ from cranectl.support.provenance import syntax_of
 ROOT = Path(__file__).resolve().parents[1]
 RECORD = ".ci/proven.json"
 DIGITS = 16  # of a digest, hexadecimal
+LIMITS = ("PLAN_CASES", "DRAKE_CASES")  # variables that limit the number of cases
 FILES = "PROVEN_FILES"  # names the list of a set's files; tests/conftest.py fails a run that reads others
-PACKAGES = ("cranectl", "tests", "validation")
+PACKAGES = ("cranectl", "docs", "tests", "validation", "viewer")
 NAMED_MODULE = re.compile(rf"((?:{'|'.join(PACKAGES)})(?:\.\w+)+)(?::\w+)?")  # where a registry names a class
 DATA = ("models/**/*", "validation/scenarios/*", "validation/rigs/*", "validation/tolerances.toml")
 DATA += ("cranectl/**/*.h", "constraints.txt")
@@ -45,7 +47,14 @@ class Set:
 
 
 # What is imported by a computed name, such as a command, is named here.
+PACKAGE = ("cranectl/**/*.py", "validation/**/*.py")  # for tests that run many commands
+PACKAGE_DATA = ("cranectl/**/*", "validation/**/*")
+PAGES = ("docs/**/*", "examples/**/*", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "pyproject.toml")
 SETS = {
+    "docs": Set(
+        modules=(*PACKAGE, "docs/**/*.py", "tests/docs/*.py", "tests/thesis/*.py"),
+        data=(*PACKAGE_DATA, *PAGES),
+    ),
     "literature": Set(
         modules=(
             "tests/benchmark/*.py",
@@ -67,18 +76,22 @@ SETS = {
         modules=("tests/planning/*.py", "tests/benchmark/test_nmpc_plans.py", "cranectl/cli/run.py"),
         data=("validation/benchmark/nmpc/*",),
     ),
+    "processors": Set(modules=(*PACKAGE, "tests/**/*.py"), data=(*PACKAGE_DATA, "tests/**/*")),
+    "viewer": Set(
+        modules=("viewer/*.py", "cranectl/**/*.py"),
+        data=("viewer/*", *PACKAGE_DATA, "docs/how-to/foxglove.md", "docs/pictures/foxglove-*.png"),
+    ),
+    "site": Set(modules=(*PACKAGE, "docs/**/*.py", "viewer/*.py"), data=("viewer/*", *PACKAGE_DATA, *PAGES)),
 }
 
 
 def main(given: list[str] | None = None) -> int:
     """Return the exit code of the command, or 0 where it does not have to run."""
     arguments = parsed_arguments(given)
-    if arguments.write:
-        return write_record(arguments.command)
     name = arguments.set
     files = files_of(SETS[name])
-    then = recorded().get(name, {})
-    changed = changed_folders(digests_of(files), then)
+    now, then = digests_of(files), recorded().get(name, {})
+    changed = changed_folders(now, then)
     if not changed and not arguments.always:
         print(f"{name}: unchanged since the last full pass, so its tests do not run", flush=True)
         return 0
@@ -91,19 +104,19 @@ def main(given: list[str] | None = None) -> int:
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as listed:
         listed.write("\n".join(sorted(files)))
         listed.flush()
-        return run(arguments.command, {FILES: listed.name})
+        code = run(arguments.command, {FILES: listed.name})
+    return code or record(name, now)
 
 
 def parsed_arguments(given: list[str] | None) -> argparse.Namespace:
     """Parse the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("set", nargs="?", choices=SETS)
-    parser.add_argument("--always", action="store_true", help="run the command also where nothing changed")
-    parser.add_argument("--write", action="store_true", help=f"write {RECORD}, if the command passes")
+    parser.add_argument("set", choices=SETS)
+    parser.add_argument("--always", action="store_true", help="also where nothing changed; record a pass")
     own, command = split_at_dashes(sys.argv[1:] if given is None else given)
     arguments = parser.parse_args(own)
-    if arguments.write == bool(arguments.set) or not (arguments.write or command):
-        parser.error("give a set and, after --, a command; or --write")
+    if not command:
+        parser.error("give a command after --")
     arguments.command = command
     return arguments
 
@@ -114,17 +127,17 @@ def split_at_dashes(given: list[str]) -> tuple[list[str], list[str]]:
     return given[:where], given[where + 1 :]
 
 
-def write_record(command: list[str]) -> int:
-    """Record all sets as they were before the command, if it passes and changes none of them."""
-    before = {name: digests_of(files_of(each)) for name, each in SETS.items()}
-    if command and (code := run(command, {})):
-        print(f"{RECORD} stays as it is: the command failed", flush=True)
-        return code
-    if before != {name: digests_of(files_of(each)) for name, each in SETS.items()}:
-        print(f"{RECORD} stays as it is: sources changed while the command ran; run it again", flush=True)
+def record(name: str, before: dict[str, str]) -> int:
+    """Record a set whose tests passed in full, if none of its files has changed since `before`."""
+    if limits := [each for each in LIMITS if os.environ.get(each)]:
+        print(f"{name}: not recorded: {' and '.join(limits)} limited its cases", flush=True)
+        return 0
+    if before != digests_of(files_of(SETS[name])):
+        print(f"{name}: not recorded: sources changed while its tests ran; run it again", flush=True)
         return 1
-    (ROOT / RECORD).write_text(json.dumps(before, indent=1) + "\n", encoding="utf-8")
-    print(f"{RECORD} says that all sets passed: commit it", flush=True)
+    proven = {each: digests for each, digests in recorded().items() if each in SETS} | {name: before}
+    (ROOT / RECORD).write_text(json.dumps(proven, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    print(f"{name}: recorded as passed: commit {RECORD}", flush=True)
     return 0
 
 
@@ -147,8 +160,8 @@ def run(command: list[str], environment: dict[str, str]) -> int:
 
 
 def digests_of(files: Iterable[str]) -> dict[str, str]:
-    """Return a digest of the contents of these files for each of their folders."""
-    digests: dict[str, str] = {}
+    """Return a digest of the contents of these files for each of their folders, and the version of Python."""
+    digests = {"Python": f"{sys.version_info.major}.{sys.version_info.minor}"}
     for folder, names in groupby(sorted(files, key=lambda name: (folder_of(name), name)), folder_of):
         digest = hashlib.sha256()
         for name in names:

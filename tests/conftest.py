@@ -2,7 +2,6 @@
 
 import functools
 import os
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,6 @@ from cranectl.plants.registry import default_plants
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import scenario_names
 from cranectl.simulate import Run, simulate_run
-from tests import read_files
 
 ROOT = Path(__file__).parent.parent
 PLANTS = default_plants()  # plants that need extra packages have their own tests
@@ -54,17 +52,6 @@ def cut(run: Run, samples: int, **changes: Any) -> Run:
         run, time_ns=run.time_ns[:samples], table=run.table[:samples], reference=run.reference[:samples],
         **changes,
     )  # fmt: skip
-
-
-if read_files.LISTED:
-    read_files.watch()
-
-    @pytest.fixture(scope="session", autouse=True)
-    def _only_listed_files_are_read() -> Iterator[None]:
-        """Fail if a test reads a file that `.ci/proven.py` does not check for changes."""
-        yield
-        unlisted = sorted(read_files.unlisted())
-        assert not unlisted, f"name these in SETS of .ci/proven.py: {', '.join(unlisted)}"
 
 
 @pytest.fixture

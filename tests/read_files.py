@@ -5,15 +5,16 @@ and no test of the set may read any other file.
 """
 
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
 LISTED = os.environ.get("PROVEN_FILES")
 ROOT = Path(__file__).parents[1]
-TRACKED = tuple(
-    f"{ROOT / folder}{os.sep}" for folder in ("cranectl", "docs", "models", "tests", "validation")
-)
+FOLDERS = ("cranectl", "docs", "examples", "models", "tests", "validation", "viewer")
+TRACKED = tuple(f"{ROOT / folder}{os.sep}" for folder in FOLDERS)
+GENERATED = re.compile(r"__pycache__|/viewer/(node_modules|failures)/")
 PLUGIN = {"cranectl/cli/pytest_plugin.py", "cranectl/cli/__init__.py"}  # every session of pytest loads it
 DIGEST = "fingerprint"  # this function reads all sources, but tests do not depend on its result
 
@@ -39,10 +40,10 @@ def _record(event: str, arguments: tuple[Any, ...]) -> None:
     if event != "open" or not isinstance(arguments[0], str) or not arguments[0].startswith(TRACKED):
         return
     path = os.path.normpath(arguments[0])  # `validation/../../elsewhere` is no file of the project
-    is_compiled = "__pycache__" in path
+    is_generated = GENERATED.search(path) is not None
     is_source = path.endswith(".py")  # imported modules are in sys.modules
     is_read_only = set(arguments[1] or "").isdisjoint("wax+")
-    if not is_compiled and not is_source and is_read_only and not _is_digested():
+    if not is_generated and not is_source and is_read_only and not _is_digested():
         _opened.add(path)
 
 

@@ -1,6 +1,7 @@
 """`.ci/proven.py` runs a slow set of tests exactly if something that the set depends on has changed."""
 
 import importlib.util
+import json
 import os
 import subprocess
 import sys
@@ -50,6 +51,18 @@ def test_every_pattern_of_a_set_matches_files(proven_module: ModuleType) -> None
             assert proven_module.matching([pattern]), pattern
 
 
+@pytest.fixture(autouse=True)
+def _all_cases(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("PLAN_CASES", "DRAKE_CASES"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def prove(proven: ModuleType, code: str = "pass") -> int:
+    """Run the set in full; return the exit code."""
+    exit_code: int = proven.main(["slow", "--always", "--", sys.executable, "-c", code])
+    return exit_code
+
+
 @pytest.fixture
 def has_run(proven: ModuleType) -> Callable[[], bool]:
     def run() -> bool:
@@ -69,11 +82,39 @@ def test_an_unchanged_set_does_not_run(
 ) -> None:
     assert has_run()
     assert "slow: its tests run; never proven" in capsys.readouterr().out
-    assert has_run(), "a run of one set is not recorded"
-    assert proven.main(["--write"]) == 0
+    assert has_run(), "a run without --always is not recorded"
+    assert prove(proven) == 0
     assert not has_run()
     assert "slow: unchanged since the last full pass" in capsys.readouterr().out
-    assert proven.main(["slow", "--always", "--", sys.executable, "-c", "raise SystemExit(3)"]) == 3
+    assert prove(proven, "raise SystemExit(3)") == 3
+
+
+def test_another_python_runs_the_set(proven: ModuleType, has_run: Callable[[], bool]) -> None:
+    prove(proven)
+    record = Path(proven.RECORD)
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    record.write_text(record.read_text().replace(f'"Python": "{version}"', '"Python": "3.0"'))
+    assert has_run()
+
+
+def test_a_pass_with_fewer_cases_is_not_recorded(
+    proven: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PLAN_CASES", "200")
+    assert prove(proven) == 0
+    assert "slow: not recorded: PLAN_CASES limited its cases" in capsys.readouterr().out
+    assert not Path(proven.RECORD).exists()
+
+
+def test_other_sets_stay_recorded_and_removed_ones_do_not(
+    proven: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(proven.SETS, "other", proven.SETS["slow"])
+    Path(proven.RECORD).write_text(json.dumps({"other": {"tests": "1"}, "removed": {"tests": "2"}}))
+    assert prove(proven) == 0
+    record = json.loads(Path(proven.RECORD).read_text())
+    assert record["other"] == {"tests": "1"}
+    assert record.keys() == {"other", "slow"}
 
 
 @pytest.mark.parametrize(
@@ -94,7 +135,7 @@ def test_a_change_runs_the_sets_that_depend_on_it(
     proven: ModuleType, has_run: Callable[[], bool], capsys: pytest.CaptureFixture[str],
     name: str, text: str, runs: bool,
 ) -> None:  # fmt: skip
-    proven.main(["--write"])
+    prove(proven)
     append(name, text)
     assert has_run() == runs
     folder = name.rpartition("/")[0] or name
@@ -102,7 +143,7 @@ def test_a_change_runs_the_sets_that_depend_on_it(
 
 
 def test_a_changed_docstring_runs_nothing(proven: ModuleType, has_run: Callable[[], bool]) -> None:
-    proven.main(["--write"])
+    prove(proven)
     Path("cranectl/swing.py").write_text(SWING.replace("Return it.", "Return its length."))
     assert not has_run()
 
@@ -110,7 +151,7 @@ def test_a_changed_docstring_runs_nothing(proven: ModuleType, has_run: Callable[
 def test_a_removed_file_runs_the_sets_that_depended_on_it(
     proven: ModuleType, has_run: Callable[[], bool]
 ) -> None:
-    proven.main(["--write"])
+    prove(proven)
     Path("models/crane.xml").unlink()
     assert has_run()
 
@@ -119,13 +160,13 @@ def test_a_removed_file_runs_the_sets_that_depended_on_it(
     ("code", "exit_code"), [("raise SystemExit(3)", 3), ("open('constraints.txt', 'a').write('x')", 1)]
 )
 def test_only_an_undisturbed_pass_is_recorded(proven: ModuleType, code: str, exit_code: int) -> None:
-    assert proven.main(["--write", "--", sys.executable, "-c", code]) == exit_code
+    assert prove(proven, code) == exit_code
     assert not Path(proven.RECORD).exists()
-    assert proven.main(["--write", "--", sys.executable, "-c", "pass"]) == 0
+    assert prove(proven) == 0
     assert Path(proven.RECORD).exists()
 
 
-@pytest.mark.parametrize("arguments", [[], ["slow"], ["slow", "--write"], ["quick", "--", "true"]])
+@pytest.mark.parametrize("arguments", [[], ["slow"], ["slow", "--always"], ["quick", "--", "true"]])
 def test_a_wrong_command_line_is_refused(proven: ModuleType, arguments: list[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         proven.main(arguments)
