@@ -1,9 +1,10 @@
 """Operate Foxglove Studio in a browser: open a log, read the sidebar, seek, and read panels."""
 
 import io
+import math
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from viewer.pictures import Picture
 from viewer.serving import HERE
 
 AXE = HERE / "node_modules" / "axe-core" / "axe.min.js"
+OVERLAYS_HIDDEN = "[class*=rootFloating], .MuiTooltip-popper, canvas + div { opacity: 0 !important }"
 TIME_OPCODE = 2  # of a message with the server's time, in the WebSocket protocol of Foxglove
 T = TypeVar("T")
 
@@ -120,9 +122,20 @@ class Studio:
 
     def picture(self, name: str) -> Picture:
         """Return the pixels of a panel's canvas, without buttons and legends above it."""
-        hide_overlays = "[class*=rootFloating], .MuiTooltip-popper, canvas + div { opacity: 0 !important }"
-        data = self.panel(name).locator("canvas").first.screenshot(style=hide_overlays)
-        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+        return self.pictures([name])[name]
+
+    def pictures(self, names: Iterable[str]) -> dict[str, Picture]:
+        """Return the pixels of several panels' canvases from one screenshot of the window."""
+        data = self.page.screenshot(style=OVERLAYS_HIDDEN)
+        window = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+        shown = {}
+        for name in names:
+            box = self.panel(name).locator("canvas").first.bounding_box()
+            assert box is not None
+            left, top = math.ceil(box["x"]), math.ceil(box["y"])
+            right, bottom = math.floor(box["x"] + box["width"]), math.floor(box["y"] + box["height"])
+            shown[name] = window[top:bottom, left:right]
+        return shown
 
     def _received(self, frame: str | bytes) -> None:
         if isinstance(frame, bytes) and frame[0] == TIME_OPCODE:
