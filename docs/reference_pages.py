@@ -163,19 +163,18 @@ def standings() -> str:
 
 def _ranking(judged: Judged) -> str:
     """Return the ranking of a division on all of its sets; a star marks an undominated controller."""
-    sets = {name: judged.front(name) for name in judged.ranked_sets}
     numbers: dict[str, list[str]] = {name: [] for name in judged.best_first}
-    for name in sets:
-        for each in judged.ranking(name):
-            shares = f"{100.0 * each.failed:.1f} / {100.0 * each.unsettled:.1f}"
-            numbers[each.controller].append(f"{shares} / {finite(each.effort, '.2f', 'fails')}")
+    for crane_set in judged.ranked_sets:
+        for standing in judged.ranking(crane_set):
+            shares = f"{100.0 * standing.failed:.1f} / {100.0 * standing.unsettled:.1f}"
+            numbers[standing.controller].append(f"{shares} / {finite(standing.effort, '.2f', 'fails')}")
     rows = []
     for name, cells in numbers.items():
-        on = [crane_set for crane_set, front in sets.items() if name in front]
+        place = judged.fronts_with(name)
         shown, information = (cell.text for cell in named(judged, name))
-        where = "all sets" if len(on) == len(sets) else ", ".join(on)
-        rows.append((f"★ {shown}" if len(on) == len(sets) else shown, information, where, *cells))
-    return f"## {TITLES[judged.division]}\n\n{table((*NAMED, 'undominated on', *sets), rows)}"
+        rows.append((f"★ {shown}" if place.startswith("all") else shown, information, place, *cells))
+    headings = (*NAMED, "undominated on", *judged.ranked_sets)
+    return f"## {TITLES[judged.division]}\n\n{table(headings, rows)}"
 
 
 def _marked(cell: Cell) -> str:

@@ -83,11 +83,23 @@ class Judged(NamedTuple):
         number = len(self.shared_scenarios(crane_set))
         return {name: of for name, of in self._standings(crane_set).items() if of[1] < number}
 
-    def front(self, crane_set: str) -> set[str]:
-        """Return the undominated controllers of a ranking."""
+    def front(self, crane_set: str, *, effort_counts: bool = True) -> set[str]:
+        """Return the undominated controllers of a ranking, in unsettled time, failures and perhaps effort."""
         standings = self.ranking(crane_set)
-        best = scores.undominated(points_of(standings)) if standings else ()
+        points = points_of(standings) if standings else np.zeros((0, 3))
+        best = scores.undominated(points if effort_counts else points[:, [0, 2]])
         return {standing.controller for standing, is_best in zip(standings, best, strict=True) if is_best}
+
+    def fronts_with(self, controller: str) -> str:
+        """Return the sets on whose front a controller is, as a phrase; empty if there is none."""
+        sets = [name for name in self.benchmark.sets if controller in self.front(name)]
+        text = (
+            "all sets"
+            if sets == [name for name in self.benchmark.sets if self.ranking(name)]
+            else ", ".join(sets)
+        )
+        by_effort = not any(controller in self.front(name, effort_counts=False) for name in sets)
+        return f"{text}, by effort alone" if sets and by_effort else text
 
     def _standings(self, crane_set: str) -> dict[str, tuple[Standing | None, int]]:
         """Return the standing over its shared scenarios of each controller with runs, and their number."""

@@ -58,8 +58,8 @@ def _summary(divisions: list[Judged]) -> Iterator[Section]:
     """Tell which controllers are undominated on any set, by division."""
     text = (
         "These controllers are undominated on at least one set: no other of the division is as good in "
-        "unsettled time, effort and share of failures, and better in one. One may be here only because it "
-        "asks for little effort: read all three columns. Differences within the intervals may be chance. "
+        "unsettled time, effort and share of failures, and better in one. By effort alone: another fails no "
+        "more and settles no later, but needs more effort. Differences within the intervals may be chance. "
         "What each one knows of crane and path is part of the comparison, and stands beside its name."
     )
     tables = [_undominated(judged) for judged in divisions if judged.ranked_sets]
@@ -71,27 +71,22 @@ def _undominated(judged: Judged) -> Table:
     """Return the controllers on any of the fronts, those on most of them first, and the reader's."""
     sets = [name for name in judged.benchmark.sets if judged.ranking(name)]
     by_set = {name: {standing.controller: standing for standing in judged.ranking(name)} for name in sets}
-    fronts = {name: judged.front(name) for name in sets}
-    on_sets = {
-        controller: [name for name in sets if controller in fronts[name]] for controller in judged.best_first
-    }
+    places = {controller: judged.fronts_with(controller) for controller in judged.best_first}
     rows = []
-    for controller in sorted(on_sets, key=lambda controller: -len(on_sets[controller])):
-        fronts_of_it = on_sets[controller]
-        if not fronts_of_it and controller not in judged.yours:
+    for controller, place in sorted(places.items(), key=lambda item: not item[1].startswith("all sets")):
+        if not place and controller not in judged.yours:
             continue
-        everywhere = len(fronts_of_it) == len(sets)
-        row: list[Cell | str] = ["all sets" if everywhere else ", ".join(fronts_of_it) or "none"]
+        row: list[Cell | str] = [place or "none"]
         for standings in by_set.values():
             if (own := standings.get(controller)) is None:
                 row += [""] * len(SHOWN)
             else:
                 row += [f"{100.0 * own.failed:.1f}", f"{100.0 * own.unsettled:.1f}"]
                 row += [finite(own.effort, ".2f", "fails")]
-        rows.append(cells(*named(judged, controller, "best" if everywhere else ""), *row))
+        rows.append(cells(*named(judged, controller, "best" if place.startswith("all sets") else ""), *row))
     headings = (*NAMED, "undominated on", *(f"{name}\n{column}" for name in sets for column in SHOWN))
     every = set().union(*by_set.values())
-    title = f"{TITLES[judged.division]}: {sum(map(bool, on_sets.values()))} of {len(every)} controllers"
+    title = f"{TITLES[judged.division]}: {sum(map(bool, places.values()))} of {len(every)} controllers"
     note = f"A star: undominated on every set. {EFFORT_UNIT}"
     return Table(title, headings, tuple(rows), labels=3, note=note)
 

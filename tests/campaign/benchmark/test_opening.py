@@ -131,3 +131,11 @@ def test_names_in_a_picture_cover_no_mark_and_no_other_name(small: Path) -> None
     heights = [text.xyann[1] for text in drawing.axes[0].texts]  # type: ignore[attr-defined]
     assert len(heights) == len(names)
     assert np.diff(np.sort(heights)).min() >= 10.0
+
+
+def test_place_on_a_front_by_effort_alone_is_named(small: Path) -> None:
+    benchmark = read_benchmark(str(small))
+    cheap, best = runs(0.03, failures=2, effort=0.1), runs(0.01, effort=1.0)
+    results = table(benchmark, {"cheap": cheap, "best": best}, "published")
+    rows = {row[0]: row[2] for row in texts(sections(benchmark, results)["summary"].tables[0])}
+    assert rows == {"best": "all sets", "cheap": "all sets, by effort alone"}
