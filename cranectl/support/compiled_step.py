@@ -106,11 +106,11 @@ class BareStep(CompiledStep):
         self.compile()
         module = llvm.parse_bitcode(self._library._final_module.as_bitcode())  # type: ignore[attr-defined]
         needed = set()
-        for part in (*module.functions, *module.global_variables):
+        for place, part in enumerate((*module.functions, *module.global_variables)):
             if part.name == self.native_name:
                 part.name, part.visibility = name, "hidden"
             elif not part.is_declaration:
-                part.linkage = "internal"
+                part.linkage, part.name = "internal", f"{name}_{place}"  # Numba's names count compilations
             elif not part.name.startswith("llvm."):
                 needed.add(part.name)
         if needed := needed - MATHEMATICAL:

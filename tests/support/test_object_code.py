@@ -76,3 +76,8 @@ def test_other_libraries_cannot_see_its_function(tmp_path: Path) -> None:
 def test_a_function_that_needs_python_is_refused() -> None:
     with pytest.raises(TypeError, match=r"needs .*Py"):
         jit_object(needing, "needing", (POINTER, types.int64))
+
+
+def test_the_same_function_gives_the_same_bytes() -> None:
+    first, second = (jit_object(tried, "tried", (POINTER, types.int64)) for _ in range(2))
+    assert first == second
