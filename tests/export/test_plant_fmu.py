@@ -9,6 +9,7 @@ import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
+from cranectl.cli.main import main
 from cranectl.export.fmu import Model, fmu_archive
 from cranectl.export.plant import DRIVEN, plant_model
 from cranectl.export.plant_numbers import PlantNumbers
@@ -239,3 +240,17 @@ def test_other_plants_are_refused() -> None:
         plant_model(load_scenario("fast-diagonal"), "mujoco", "velocity")
     with pytest.raises(InputError, match="rope"):
         plant_model(load_scenario("fast-diagonal", overrides=["effects.rope={}"]), "analytic", "velocity")
+
+
+def test_the_command_runs_the_scenario_and_writes_the_fmu(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    common = ["run", "fast-diagonal", "--plants", "analytic", "--drive", "velocity", "--set", "duration=4"]
+    assert main([*common, "--set", PUSHED, "--fmu", "crane.fmu", "--fmi", "3", "--out", "a.mcap"]) == 0
+    assert "exported: crane.fmu, the analytic plant with velocity drives" in capsys.readouterr().out
+    assert Path("a.mcap").is_file()
+    assert Path("crane.fmu").read_bytes() == fmu_archive(model_of("analytic, velocity"), 3)
+    Path("crane.fmu").write_text("of another kind", encoding="utf-8")
+    assert main([*common, "--fmu", "crane.fmu"]) == 2
+    assert Path("crane.fmu").read_text(encoding="utf-8") == "of another kind"
