@@ -1,4 +1,4 @@
-"""Export controllers as C99, translated from the compiled functions themselves, and as FMUs."""
+"""Export controllers as C99, translated from the compiled functions themselves, and with plants as FMUs."""
 
 from cranectl.export.controller_fmu import controller_fmu
 from cranectl.export.package import exported_files
