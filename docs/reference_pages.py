@@ -148,7 +148,7 @@ def standings() -> str:
     rows = ([_marked(cell) for cell in row] for row in tuning.rows)
     parts = [
         "\n".join(drawn),
-        KEY,
+        f"Tuned, on the sets {', '.join(_divisions()[0].ranked_sets)} in this order. {KEY}",
         "## What came out",
         *conclusions(_divisions()),
         "## Read this before the tables",
