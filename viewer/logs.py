@@ -10,8 +10,9 @@ from mcap.writer import Writer
 from cranectl import load_scenario, simulate_run, write_log
 
 # Arguments of `cranectl` that make a log of each kind; a name in braces stands for that log's file.
+SHORT = "--set duration=3 --set disturbances.0.start=0.5 --set disturbances.1.start=1"
 KINDS = {
-    "one-plant": "run fixed-position --plant mujoco --set duration=13 --out {one-plant}",
+    "one-plant": f"run fixed-position --plant mujoco {SHORT} --out {{one-plant}}",
     "comparison": "run fixed-position --plants analytic,mujoco --every 20 --out {comparison}",
     "harbour": "run ship-to-shore --plants analytic,mujoco --every 20 --out {harbour}",
     "robustified": "run settled-trajectory --plant mujoco --controller lqr+hinf --drive velocity --every 20"
@@ -26,8 +27,7 @@ KINDS = {
 }
 # Logs whose runs are named by labels instead of plants.
 OVERLAYS = {
-    "ladder": "ladder fixed-position --set duration=3 --set disturbances.0.start=0.5"
-    " --set disturbances.1.start=1 --out {ladder}",
+    "ladder": f"ladder fixed-position {SHORT} --out {{ladder}}",
     "overlay": "log overlay {one-plant} {robustified} --label one,lqr+hinf --out {overlay}",
 }
 FOUR_CRANES = "four"  # a log of four plants whose cranes stand apart
