@@ -9,8 +9,9 @@ from mcap.writer import Writer
 
 from cranectl import load_scenario, simulate_run, write_log
 
-# Arguments of `cranectl` that make a log of each kind; a name in braces stands for that log's file.
 SHORT = "--set duration=3 --set disturbances.0.start=0.5 --set disturbances.1.start=1"
+SHORTER = "--set duration=1.5 --set disturbances.0.start=0.3 --set disturbances.1.start=0.6"
+# Arguments of `cranectl` that make a log of each kind; a name in braces stands for that log's file.
 KINDS = {
     "one-plant": f"run fixed-position --plant mujoco {SHORT} --out {{one-plant}}",
     "comparison": "run fixed-position --plants analytic,mujoco --every 20 --out {comparison}",
@@ -27,7 +28,7 @@ KINDS = {
 }
 # Logs whose runs are named by labels instead of plants.
 OVERLAYS = {
-    "ladder": f"ladder fixed-position {SHORT} --out {{ladder}}",
+    "ladder": f"ladder fixed-position {SHORTER} --out {{ladder}}",
     "overlay": "log overlay {one-plant} {robustified} --label one,lqr+hinf --out {overlay}",
 }
 FOUR_CRANES = "four"  # a log of four plants whose cranes stand apart
