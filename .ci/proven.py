@@ -30,6 +30,7 @@ from cranectl.support.provenance import syntax_of
 ROOT = Path(__file__).resolve().parents[1]
 RECORD = ".ci/proven.json"
 DIGITS = 16  # of a digest, hexadecimal
+GENERATED = {"__pycache__", ".pytest_cache", "logs"}  # folders that hold compiled code and results
 LIMITS = ("PLAN_CASES", "DRAKE_CASES")  # variables that limit the number of cases
 FILES = "PROVEN_FILES"  # names the list of a set's files; tests/conftest.py fails a run that reads others
 PACKAGES = ("cranectl", "docs", "tests", "validation", "viewer")
@@ -49,11 +50,11 @@ class Set:
 # What is imported by a computed name, such as a command, is named here.
 PACKAGE = ("cranectl/**/*.py", "validation/**/*.py")  # for tests that run many commands
 PACKAGE_DATA = ("cranectl/**/*", "validation/**/*")
-PAGES = ("docs/**/*", "examples/**/*", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "pyproject.toml")
+PAGES = ("docs/**/*", "examples/**/*", "*.md", "LICENSE", "CITATION.cff", "pyproject.toml")
 SETS = {
     "docs": Set(
-        modules=(*PACKAGE, "docs/**/*.py", "tests/docs/*.py", "tests/thesis/*.py"),
-        data=(*PACKAGE_DATA, *PAGES),
+        modules=(*PACKAGE, "docs/**/*.py", "tests/**/*.py"),  # pages name tests
+        data=(*PACKAGE_DATA, *PAGES, "tests/**/*"),
     ),
     "literature": Set(
         modules=(
@@ -188,9 +189,10 @@ def files_of(each: Set) -> set[str]:
 
 
 def matching(patterns: Iterable[str]) -> set[str]:
-    """Return the files that a pattern matches, but no compiled ones."""
+    """Return the files that a pattern matches, but no generated ones."""
     paths = (path for pattern in patterns for path in ROOT.glob(pattern))
-    return {path.relative_to(ROOT).as_posix() for path in paths if path.is_file() and path.suffix != ".pyc"}
+    found = (path.relative_to(ROOT) for path in paths if path.is_file())
+    return {path.as_posix() for path in found if GENERATED.isdisjoint(path.parts)}
 
 
 def with_imported(names: set[str]) -> set[str]:

@@ -148,6 +148,16 @@ def test_a_changed_docstring_runs_nothing(proven: ModuleType, has_run: Callable[
     assert not has_run()
 
 
+def test_compiled_code_is_no_source(proven: ModuleType) -> None:
+    """A fresh clone has none, and would always differ."""
+    kernels = Path("cranectl/__pycache__/kernels")
+    kernels.mkdir(parents=True)
+    (kernels / "swing.nbi").write_bytes(b"code")
+    assert proven.matching(["cranectl/**/*"]) == {
+        f"cranectl/{name}.py" for name in ("__init__", "other", "rope", "swing")
+    }
+
+
 def test_a_removed_file_runs_the_sets_that_depended_on_it(
     proven: ModuleType, has_run: Callable[[], bool]
 ) -> None:
