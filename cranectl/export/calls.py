@@ -13,8 +13,8 @@ import numpy as np
 from numba import carray, typeof  # type: ignore[attr-defined]
 from numba.core.types import Array, BaseTuple, CPointer, Integer, float64, int64
 
-from cranectl.export.expressions import Expressions
 from cranectl.export.inference import Type, result_type
+from cranectl.export.operators import Operators
 from cranectl.export.sample import pointer_to
 from cranectl.export.values import UNARY, Value
 
@@ -26,7 +26,7 @@ _POINTER: Any = CPointer
 MATH = {getattr(math, name): name for name in re.findall(r"\w+", C_LIBRARY)}
 
 
-class Calls(Expressions):
+class Calls(Operators):
     """Translator of expressions with calls and tuples."""
 
     def visit_Call(self, node: ast.Call) -> Value:  # noqa: N802

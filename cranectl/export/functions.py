@@ -12,7 +12,8 @@ from numba.core.types import NoneType
 
 from cranectl.export.inference import STEP_TYPES, Inferred, Type, common_type
 from cranectl.export.lines import KEPT, filled
-from cranectl.export.statements import Place, Statements
+from cranectl.export.loops import Loops
+from cranectl.export.statements import Place
 from cranectl.export.values import Facts
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class Function(NamedTuple):
     written: frozenset[str]  # parameters that are arrays to which it writes
 
 
-class FunctionTranslator(Statements):
+class FunctionTranslator(Loops):
     """Translator of one function for given types of its arguments."""
 
     def __init__(self, unit: "Unit", function: Callable[..., Any], inferred: Inferred, signed: set[str]):

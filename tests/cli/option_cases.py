@@ -109,6 +109,7 @@ class Case(NamedTuple):
     remedied: tuple[str, ...]
 
 
+DESIGN = "design lqr --scenario short.toml"
 RUN, CAMPAIGN = "run short.toml --plants", "campaign run many.toml --out"
 MERGE = "compare one.mcap {} --merge merged.mcap"
 CASES = [
@@ -127,6 +128,13 @@ CASES = [
          ("compare one.mcap mujoco.mcap --despite-differences --merge merged.mcap",)),
     Case("cli/compare.py", "name two directories of logs, NEW and GOLDEN, and --tolerances",
          "compare newer golden", ("compare newer golden --tolerances exact",)),
+    Case("cli/design.py", "add --fmu FILE", f"{DESIGN} --fmi 3", (f"{DESIGN} --fmi 3 --fmu lqr.fmu",)),
+    Case("cli/design.py", "add --export DIR", f"{DESIGN} --real float",
+         (f"{DESIGN} --real float --export as-floats",)),
+    Case("cli/design.py", "leave out --drive, or add --export DIR", f"{DESIGN} --drive velocity",
+         (DESIGN, f"{DESIGN} --drive velocity --export as-c")),
+    Case("cli/design.py", "choose another place with --fmu", f"{DESIGN} --fmu file/a.fmu",
+         (f"{DESIGN} --fmu a.fmu",)),
     Case("cli/run.py", "name one: --plants analytic", "run short.toml --fmu crane.fmu",
          ("run short.toml --plants analytic --fmu crane.fmu",)),
     Case("cli/run.py", "add --fmu FILE", "run short.toml --plants analytic --fmi 3",
@@ -227,6 +235,8 @@ KNOWN = {
     ("cli/validate.py", "and {} more, with --details"): "tests/cli/test_validate_cli.py",
     ("cli/design.py", "add --scenario fast-diagonal, or another one"): OF_CONTROLLERS,
     ("cli/design.py", "choose another place with --export"): OF_CONTROLLERS,
+    ("export/package.py", "add --set duration={}"): "tests/export/test_design_command.py",
+    ("export/single.py", "export it with doubles, without --real"): "tests/export/test_single.py",
     ("cli/compare.py", "--despite-differences without --merge"): FOUND,
     ("cli/compare.py", "--merge and one log"): FOUND,
     ("cli/compare.py", "--tolerances and --merge"): FOUND,
@@ -274,10 +284,6 @@ KNOWN = {
     ("live/hand.py", "start with --set reference.segments=[]"): "tests/live/test_hand.py",
     ("live/recorder.py", "choose another place with --record"): "tests/live/test_recorder.py",
     ("live/viewers.py", "choose another port with --port"): "tests/live/test_live.py",
-    (
-        "report/benchmark/page.py",
-        "'cranectl benchmark run' with --division",
-    ): "describes the effect of options",
     (
         "report/theme.py",
         "choose another file with --plot",

@@ -73,13 +73,13 @@ CASES = [
         [*WITHOUT, "c", "--scenario", "fast-diagonal"],
     ),
     Case(
-        "export/package.py",
+        "export/prepared.py",
         "write the step with numbers, loops and functions of math, or use its own source in C",
         [*EXPORT, "c", "law.py:slow"],
         [*EXPORT, "c", "law.py:law"],
     ),
     Case(
-        "export/package.py",
+        "export/prepared.py",
         "correct the controller, or take another scenario",
         [*EXPORT, "c", "law.py:ending"],
         [*EXPORT, "c", "law.py:law"],

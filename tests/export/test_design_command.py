@@ -5,11 +5,15 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cranectl.cli.main import main
+from cranectl.export import exported_files
 from cranectl.loaders.opening import close_controllers
+from cranectl.support.errors import InputError
 from tests.docs.test_docs import blocks
+from tests.export.exported import prepared
 
 
 @pytest.fixture(autouse=True)
@@ -67,3 +71,12 @@ def test_other_scenarios_give_other_numbers(tmp_path: Path) -> None:
     function = "/* cranectl.controllers.flat.begin"
     assert a["pole_placement.c"].split(function)[0] != b["pole_placement.c"].split(function)[0]
     assert a["pole_placement.c"].split(function)[1] == b["pole_placement.c"].split(function)[1]
+
+
+def test_a_reference_that_is_too_long_is_refused() -> None:
+    """The remedy is a duration with half as many samples as are allowed."""
+    exported = prepared("lqr")
+    rows = np.zeros((100_001, 15))
+    with pytest.raises(InputError, match="100001 samples") as refused:
+        exported_files(exported._replace(compiled=exported.compiled._replace(reference=rows)))
+    assert refused.value.remedy == "add --set duration=50, or take a shorter scenario"
