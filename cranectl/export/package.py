@@ -17,7 +17,7 @@ from cranectl.export.single import in_single_precision, measure_single
 from cranectl.export.values import literal
 from cranectl.export.vectors import Sample, record_blocks, replay
 from cranectl.scenario import NANOSECONDS
-from cranectl.signals import ERROR, FLAT_OUTPUT, Signal
+from cranectl.signals import BRIDGE, ERROR, FLAT_OUTPUT, ROPE, TROLLEY, Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
@@ -112,7 +112,8 @@ def _values(exported: Exported) -> dict[str, str]:
         "FIRST_PARAMETER": str(len(sample.parameters) - len(compiled.parameters)),
         "FIRST_MEMORY": str(len(sample.memory) - len(compiled.start)),
         "REFERENCE": str(len(exported.inputs[0][1])),
-        "ROWS_OF_REFERENCE": str(len(compiled.reference)),
+        "ROWS_OF_REFERENCE": str(compiled.samples),
+        "START": _start(exported),
         **_signals(_logged(controller, design, len(compiled.start))),
         "NAME": design.name,
         "FILE": exported.stem,
@@ -132,6 +133,15 @@ def _values(exported: Exported) -> dict[str, str]:
         "FOLLOWED": FOLLOWED[controller.follows],
         **{f"{key}_KIND": kind for key, kind in kinds.items()},
     }
+
+
+def _start(exported: Exported) -> str:
+    """Return where bridge, trolley and rope are at the start."""
+    state = exported.run.block("state")[0]
+    return ", ".join(
+        f"{name} {state[place]:.6g} m"
+        for name, place in (("bridge", BRIDGE), ("trolley", TROLLEY), ("rope", ROPE))
+    )
 
 
 def _logged(controller: Controller, design: ControllerDesign, memory: int) -> list[tuple[int, Signal]]:
@@ -192,9 +202,11 @@ def _reference_text(exported: Exported) -> str:
             remedy=f"add --set duration={(MAX_REFERENCE_ROWS // 2) * period:g}, or take a shorter scenario",
         )
     said = f"{FOLLOWED[exported.controller.follows].capitalize()} in the scenario {exported.scenario.name}"
+    preview = exported.controller.preview
+    count = f"ROWS + {preview}" if preview else "ROWS"  # the last sample gets as many rows as the others
     lines = [f"/* {said}: x, y, z [m] and four derivatives, at each sample. */",
-             "#include <math.h>", "", f"#define ROWS {len(rows)}", "",
-             *_table("reference", "ROWS", list(rows))]  # fmt: skip
+             "#include <math.h>", "", f"#define ROWS {exported.compiled.samples}", "",
+             *_table("reference", count, list(rows))]  # fmt: skip
     return "\n".join(lines) + "\n"
 
 

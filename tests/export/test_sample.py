@@ -1,10 +1,12 @@
 """One control sample does what the loop does around a controller: it estimates, commands and limits."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cranectl.export import exported_files
 from cranectl.export.prepared import Exported
 from cranectl.export.vectors import replay
 from cranectl.status import RunStatus
@@ -60,3 +62,16 @@ def test_the_whole_sample_passes_the_sanitisers(tmp_path: Path) -> None:
     stem = export(tmp_path, prepared("lqr", "velocity", *SENSING, *LIMITS, *RIG))
     for compiler, options in [(COMPILERS[-1], "-O3"), (COMPILERS[0], SANITISERS)]:
         assert replayed(tmp_path, stem, compiler, options) == f"1000 samples: {EQUAL}\n"
+
+
+def test_a_controller_that_looks_ahead_finds_all_its_rows() -> None:
+    """After the last sample the table has as many rows as one sample needs."""
+    exported = prepared("lqr")
+    ahead = exported._replace(
+        controller=replace(exported.controller, preview=3),
+        compiled=exported.compiled._replace(reference=np.zeros((9, 15)), samples=6),
+    )
+    text = exported_files(ahead)["reference.h"]
+    assert "#define ROWS 6\n" in text
+    assert "reference[ROWS + 3][15] = {" in text
+    assert text.count("    {") == 9
