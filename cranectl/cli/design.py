@@ -19,7 +19,7 @@ from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
-from cranectl.support.files import FMU, PLOTS, replacing, write_text, writing
+from cranectl.support.files import FMU_TABLE, FMUS, PLOTS, check_place, replacing, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.export.prepared import Exported
@@ -59,7 +59,12 @@ OF_OTHER_CONTROLLERS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_
 @click.option(
     "--real", type=click.Choice(["double", "float"]), help="Numbers in the code of --export. Default: double."
 )
-@output_option("--fmu", FMU, "Write the controller as an FMU for co-simulation on Linux, with its C files.")
+@output_option(
+    "--fmu",
+    None,
+    "Write the controller as an FMU for co-simulation on Linux, with its C files.",
+    endings=FMUS,
+)
 @click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of FMI for --fmu. Default: 2.")
 @click.option(
     "--drive",
@@ -180,18 +185,20 @@ class Export(NamedTuple):
             )
         if self.directory is not None:
             _check_directory(self.directory)
+        if self.fmu is not None:
+            check_place(self.fmu.with_suffix(".toml"), FMU_TABLE, option="--fmu")
 
     def write(self, scenario: "Scenario", name: str, screen: Screen) -> None:
         """Write the files of an exported controller."""
         from cranectl.export import controller_fmu, prepare_export
 
         exported = prepare_export(scenario, name, self.drive)
+        content = controller_fmu(exported, int(self.fmi or 2)) if self.fmu else None
         if self.directory is not None:
             _write_c(exported, self.directory, single=self.real == "float")
             readme = self.directory / "README.md"
             screen.print(f"exported: {self.directory}; {readme} says how to check it on the target")
-        if self.fmu is not None:
-            content = controller_fmu(exported, int(self.fmi or 2))
+        if self.fmu is not None and content is not None:
             table = self.fmu.with_suffix(".toml")
             with writing(table, remedy="choose another place with --fmu"):
                 write_text(table, content.table)

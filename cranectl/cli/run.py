@@ -11,7 +11,7 @@ from cranectl.cli.controller_options import controller_option, timeout_option
 from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress_bar, styled
 from cranectl.support.errors import InputError
-from cranectl.support.files import FMU, MCAP, replacing, writing
+from cranectl.support.files import FMUS, MCAP, replacing, writing
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case
@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 @command.every_option
 @timeout_option
 @command.output_option("--out", MCAP, "Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap")
-@command.output_option("--fmu", FMU, "Write the plant as an FMU for co-simulation: analytic or elastic.")
+@command.output_option(
+    "--fmu", None, "Write the plant as an FMU for co-simulation: analytic or elastic.", endings=FMUS
+)
 @click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of FMI for --fmu. Default: 2.")
 @command.predict_option
 @command.json_option

@@ -14,6 +14,7 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, STATE, command_group
 from cranectl.support.errors import InputError
 
+TABLE_BEGINS = "# Read by cranectl beside the FMU: what FMI has no place for.\n"
 AXES = ("bridge", "trolley", "rope")
 
 
@@ -66,7 +67,7 @@ def controller_fmu(exported: Exported, fmi: int = 2) -> ControllerFmu:
     ]
     code = _model_text(exported.stem, exported.symbol, len(measured), len(inputs))
     model = Model(
-        name=exported.stem,
+        name=exported.slug.replace("-", "_"),
         title=f"the controller {exported.design.name} for {exported.drive} drives",
         variables=(*inputs, *outputs),
         period=exported.scenario.period_ns / NANOSECONDS,
@@ -75,7 +76,7 @@ def controller_fmu(exported: Exported, fmi: int = 2) -> ControllerFmu:
         failure="the rope is slack, an angle or the rope's length is singular, or a number is not finite",
     )
     table = {"name": exported.slug, "command": command, "follows": exported.controller.follows}
-    lines = [f"{key} = {json.dumps(value)}\n" for key, value in table.items()]
+    lines = [TABLE_BEGINS, *(f"{key} = {json.dumps(value)}\n" for key, value in table.items())]
     return ControllerFmu(fmu_archive(model, fmi), "".join(lines))
 
 

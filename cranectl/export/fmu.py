@@ -5,8 +5,8 @@ import json
 import os
 import platform
 import re
+import shlex
 import shutil
-import subprocess
 import sys
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -16,12 +16,15 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from cranectl.export.description import FmuVariable, build_description, model_description
+from cranectl.support.children import answer_of_program
 from cranectl.support.errors import InputError
 
 TEMPLATES = Path(__file__).parent / "templates" / "fmi"
 FOLDERS = {2: "linux64", 3: "x86_64-linux"}  # of the binary, by version of FMI
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s")
 LETTERS = {"parameter": "p", "input": "i", "output": "o", "constant": "c"}
+INSTALL = "install one, for example with apt install gcc libc6-dev"
+COMPILER_TIMEOUT = 600.0  # [s]
 FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # of all files, so that the same model gives the same bytes
 
 
@@ -135,25 +138,26 @@ def _compiled(model: Model, sources: Mapping[str, str]) -> bytes:
 
 def compile_library(name: str, sources: Mapping[str, str | bytes]) -> bytes:
     """Return the shared library of C files and object files; raise InputError if it cannot be compiled."""
-    program = os.environ.get("CC") or "cc"
+    program, *options = shlex.split(os.environ.get("CC") or "cc")
     compiler = shutil.which(program)
     if compiler is None:
         raise InputError(
             f"no C compiler: there is no program {program}",
             allowed="cc, or what the variable CC names",
-            remedy="install one, for example with apt install gcc libc6-dev",
+            remedy="correct CC" if "CC" in os.environ else INSTALL,
         )
     with TemporaryDirectory(prefix="cranectl-library-") as directory:
-        folder, library = Path(directory), f"{name}.so"
+        folder, library = Path(directory), Path(directory, f"{name}.so")
         for file, content in sources.items():
             (folder / file).write_bytes(content if isinstance(content, bytes) else content.encode())
-        units = [file for file in sources if not file.endswith(".h")]
-        command = [compiler, *FLAGS, "-o", library, *units, "-lm"]
-        result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        if result.returncode:
+        units = [str(folder / file) for file in sources if not file.endswith(".h")]
+        command = [compiler, *options, *FLAGS, "-o", str(library), *units, "-lm"]
+        code, _, errors = answer_of_program(command, COMPILER_TIMEOUT)
+        if code or not library.is_file():
+            said = " ".join(errors.replace(f"{folder}/", "").split())[:400] or f"its exit status is {code}"
             raise InputError(
-                f"{program} cannot compile the export: {' '.join(result.stderr.split())[:400]}",
+                f"{program} cannot compile the export: {said}",
                 allowed="a C compiler with the headers of the C library",
                 remedy="install them, for example with apt install gcc libc6-dev",
             )
-        return (folder / library).read_bytes()
+        return library.read_bytes()

@@ -17,7 +17,7 @@ from cranectl.export.single import in_single_precision, measure_single
 from cranectl.export.values import literal
 from cranectl.export.vectors import Sample, record_blocks, replay
 from cranectl.scenario import NANOSECONDS
-from cranectl.signals import BRIDGE, ERROR, FLAT_OUTPUT, ROPE, TROLLEY, Signal
+from cranectl.signals import BRIDGE, ERROR, FLAT_OUTPUT, ROPE, STATE, TROLLEY, Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
@@ -25,6 +25,11 @@ TEMPLATES = Path(__file__).parent / "templates"
 HEADER = "NAME.h.txt"
 TOLERANCE, SINGLE_TOLERANCE = "1e-11", "1e-4"  # of commands on a target, relative to 1 or to a larger one
 INCLUDED = "#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n"
+CHECKED = """
+#if defined __FAST_MATH__ || (defined __FINITE_MATH_ONLY__ && __FINITE_MATH_ONLY__)
+#error "compile without -ffast-math, which removes the checks of numbers that are not finite"
+#endif
+"""
 COMMANDED = {"ideal": "accelerations [m/s²]", "velocity": "velocities [m/s]", "force": "forces [N]"}
 MEASURED = {
     JOINTS: "readings of the encoders of bridge, trolley, rope, alpha, beta [m, rad]",
@@ -92,7 +97,7 @@ def controller_sources(exported: Exported) -> dict[str, str]:
     return {
         f"{exported.stem}.h": _filled(HEADER, _values(exported)),
         f"{exported.stem}.c": "\n".join(
-            [f'{INCLUDED}\n#include "{exported.stem}.h"\n', *constants, exported.code()]
+            [f'{INCLUDED}\n#include "{exported.stem}.h"\n{CHECKED}', *constants, exported.code()]
         ),
     }
 
@@ -114,6 +119,7 @@ def _values(exported: Exported) -> dict[str, str]:
         "REFERENCE": str(len(exported.inputs[0][1])),
         "ROWS_OF_REFERENCE": str(compiled.samples),
         "START": _start(exported),
+        "CONTENTS": _contents(exported),
         **_signals(_logged(controller, design, len(compiled.start))),
         "NAME": design.name,
         "FILE": exported.stem,
@@ -136,12 +142,27 @@ def _values(exported: Exported) -> dict[str, str]:
 
 
 def _start(exported: Exported) -> str:
-    """Return where bridge, trolley and rope are at the start."""
+    """Return the state at the start, without angles and rates that are zero."""
     state = exported.run.block("state")[0]
     return ", ".join(
-        f"{name} {state[place]:.6g} m"
-        for name, place in (("bridge", BRIDGE), ("trolley", TROLLEY), ("rope", ROPE))
+        f"{signal.name.replace('_', ' ')} {value:.6g} {signal.unit}"
+        for place, (signal, value) in enumerate(zip(STATE.signals, state.tolist(), strict=True))
+        if value != 0.0 or place in (BRIDGE, TROLLEY, ROPE)
     )
+
+
+def _contents(exported: Exported) -> str:
+    """Return what the code has and lacks, as lines of a list."""
+    effects, has_encoders = exported.scenario.effects, exported.sample.measured == JOINTS
+    lines = [
+        "the observer for encoders" if has_encoders else "no observer: the scenario has no effects.sensing"
+    ]
+    lines.append(f"the commands of {exported.drive} drives")
+    if exported.drive == "velocity":
+        lines.append(
+            "limits of these" if effects.limits else "no limits of these: the scenario has no effects.limits"
+        )
+    return "\n".join(f"- {line}" for line in lines)
 
 
 def _logged(controller: Controller, design: ControllerDesign, memory: int) -> list[tuple[int, Signal]]:
@@ -202,11 +223,16 @@ def _reference_text(exported: Exported) -> str:
             remedy=f"add --set duration={(MAX_REFERENCE_ROWS // 2) * period:g}, or take a shorter scenario",
         )
     said = f"{FOLLOWED[exported.controller.follows].capitalize()} in the scenario {exported.scenario.name}"
-    preview = exported.controller.preview
-    count = f"ROWS + {preview}" if preview else "ROWS"  # the last sample gets as many rows as the others
-    lines = [f"/* {said}: x, y, z [m] and four derivatives, at each sample. */",
-             "#include <math.h>", "", f"#define ROWS {exported.compiled.samples}", "",
-             *_table("reference", count, list(rows))]  # fmt: skip
+    preview, symbol = exported.controller.preview, exported.symbol
+    guard, count = f"{symbol}_REFERENCE_H".upper(), f"{symbol}_ROWS"
+    size = f"{count} + {preview}" if preview else count  # the last sample needs as many as the others
+    lines = [
+        f"/* {said}: x, y, z [m] and four derivatives, at each sample. */",
+        f"#ifndef {guard}\n#define {guard}\n\n#include <math.h>\n",
+        f"#define {count} {exported.compiled.samples}\n",
+        *_table(f"{symbol}_reference_rows", size, list(rows)),
+        "\n#endif",
+    ]
     return "\n".join(lines) + "\n"
 
 

@@ -6,6 +6,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from cranectl.loaders.opening import ControllerFile
+from cranectl.signals import command_group
 from cranectl.support.errors import InputError
 
 # Exponents of kg, m and s in the units of signals; an angle counts as a number, as in SI.
@@ -80,8 +81,19 @@ class Conversion(NamedTuple):
                 )
 
     def _wrong(self, variable: Any, what: str, unit: str, signal: str) -> InputError:
+        found = (
+            f"{self.file.reference}: {variable.causality} '{variable.name}' is {what}; {signal} is in {unit}"
+        )
+        for kind in ("acceleration", "velocity", "force"):
+            is_of_kind = _plain(command_group(kind).signals[0].unit) == _plain(variable.unit or "")
+            if signal.startswith("command.") and is_of_kind:
+                return InputError(
+                    found,
+                    allowed=f"{unit}, or a table beside the FMU that says what it commands",
+                    remedy=f"write command = '{kind}' into {self.source}",
+                )
         return InputError(
-            f"{self.file.reference}: {variable.causality} '{variable.name}' is {what}; {signal} is in {unit}",
+            found,
             allowed=f"{unit}, or a unit that the FMU defines by it",
             remedy=f"say in {self.source} how many {unit} one unit is: [units] '{variable.name}' = 1.0",
         )

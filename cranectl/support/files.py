@@ -143,7 +143,7 @@ MCAP = Kind("MCAP file", rb"\x89MCAP0\r\n", error=LogError)
 JSON = Kind("JSON file", rb"\s*[\[{]", piped=True)
 HTML = Kind("HTML page", rb"\s*<!doctype html", piped=True)
 PARQUET = Kind("Parquet file", rb"PAR1")
-FMU = Kind("FMU", rb"PK\x03\x04")
+FMU_TABLE = Kind("table of an FMU", rb"# Read by cranectl beside the FMU")
 XML = Kind("XML file", rb"\s*<\?xml", piped=True)
 BY_ENDING = {
     ".svg": Kind("SVG picture", rb"\s*<(\?xml|svg)"),
@@ -151,7 +151,9 @@ BY_ENDING = {
     ".png": Kind("PNG picture", rb"\x89PNG"),
     ".gif": Kind("GIF animation", rb"GIF8"),
     ".mp4": Kind("MP4 video", rb"....ftyp"),
+    ".fmu": Kind("FMU", rb"PK\x03\x04"),
 }
+FMUS = (".fmu",)
 PLOTS = (".svg", ".pdf", ".png")
 VIDEOS = (".mp4", ".gif", ".png")
 MAX_BEGINNING = 256  # [bytes]

@@ -103,6 +103,16 @@ def test_the_command_writes_what_it_says(
     assert "exported: a/lqr.fmu, and a/lqr.toml with" in capsys.readouterr().out
     run = ["run", "fast-diagonal", "--drive", "velocity", "--plants", "analytic", "--controller"]
     assert main([*run, "a/lqr.fmu"]) == 0
+    Path("mine.toml").write_text("name = 'mine'\n")  # nobody's table of an FMU, such as a scenario
+    assert main([*common, "--fmu", "mine.fmu"]) == 2
+    assert Path("mine.toml").read_text() == "name = 'mine'\n"
+    assert main([*common, "--fmu", "lqr"]) == 2
+    monkeypatch.setenv("CC", "no-such-compiler -O1")
+    capsys.readouterr()
+    assert main([*common, "--fmu", "b.fmu", "--export", "b"]) == 2
+    assert "no C compiler: there is no program no-such-compiler\n" in capsys.readouterr().err
+    assert not Path("b").exists()
+    monkeypatch.delenv("CC")
     for wrong in (["--drive", "velocity"], ["--fmi", "2"], ["--fmu", "b.fmu"]):
         assert main(["design", "lqr", *wrong]) == 2
 
@@ -121,3 +131,15 @@ def test_it_says_why_it_gives_no_command(tmp_path: Path, capfd: pytest.CaptureFi
         controller.step(1e-3)
     assert "the rope is slack, an angle or the rope's length is singular" in capfd.readouterr().out
     controller.close()
+
+
+def test_without_its_table_the_remedy_is_the_kind_of_commands(tmp_path: Path) -> None:
+    """Set-points taken for accelerations would move the crane in another way, without an error."""
+    path = write(tmp_path, 2, "lqr", "velocity")
+    path.with_suffix(".toml").unlink()
+    with pytest.raises(InputError) as refused:
+        open_controller(str(path))
+    assert refused.value.remedy == f"write command = 'velocity' into {path.with_suffix('.toml')}"
+    path.with_suffix(".toml").write_text("command = 'velocity'\n", encoding="utf-8")
+    close_controllers()
+    assert open_controller(str(path))

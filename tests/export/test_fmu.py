@@ -158,10 +158,19 @@ def test_a_missing_compiler_and_another_machine_are_refused(
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(InputError, match="there is no program no-such-compiler") as refused:
         fmu_archive(MODEL)
-    assert "gcc" in refused.value.remedy
+    assert refused.value.remedy == "correct CC"
     monkeypatch.setenv("CC", "false")
-    with pytest.raises(InputError, match="false cannot compile the export"):
+    with pytest.raises(InputError, match="false cannot compile the export: its exit status is 1"):
         fmu_archive(MODEL)
+    monkeypatch.setenv("CC", "true")
+    with pytest.raises(InputError, match="true cannot compile the export: its exit status is 0"):
+        fmu_archive(MODEL)
+    monkeypatch.delenv("CC")
+    monkeypatch.setattr("shutil.which", lambda _: None)
+    with pytest.raises(InputError, match="there is no program cc") as refused:
+        fmu_archive(MODEL)
+    assert "apt install gcc" in refused.value.remedy
+    monkeypatch.undo()
     monkeypatch.setattr("platform.machine", lambda: "aarch64")
     with pytest.raises(InputError, match="aarch64"):
         fmu_archive(MODEL)

@@ -1,5 +1,6 @@
 """One control sample does what the loop does around a controller: it estimates, commands and limits."""
 
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from cranectl.export import exported_files
 from cranectl.export.prepared import Exported
 from cranectl.export.vectors import replay
 from cranectl.status import RunStatus
-from tests.export.exported import COMPILERS, export, library, prepared, replayed, same_bits
+from tests.export.exported import COMPILERS, compile_c, export, library, prepared, replayed, same_bits
 from tests.export.test_controllers import EQUAL, SANITISERS
 
 SENSING = ["effects.sensing.seed=3", "effects.sensing.position_noise=[1e-4,1e-4,1e-4]"]
@@ -72,6 +73,39 @@ def test_a_controller_that_looks_ahead_finds_all_its_rows() -> None:
         compiled=exported.compiled._replace(reference=np.zeros((9, 15)), samples=6),
     )
     text = exported_files(ahead)["reference.h"]
-    assert "#define ROWS 6\n" in text
-    assert "reference[ROWS + 3][15] = {" in text
+    assert "#define cranectl_lqr_ROWS 6\n" in text
+    assert "cranectl_lqr_reference_rows[cranectl_lqr_ROWS + 3][15] = {" in text
     assert text.count("    {") == 9
+
+
+def test_readme_says_what_the_code_has() -> None:
+    """A rig has limits and encoders only if the scenario's effects say so."""
+    bare, whole = (
+        exported_files(prepared("lqr", "velocity", *settings)) for settings in ([], [*SENSING, *LIMITS])
+    )
+    assert "- no observer: the scenario has no effects.sensing\n" in bare["README.md"]
+    assert "- no limits of these: the scenario has no effects.limits\n" in bare["README.md"]
+    assert "- the observer for encoders\n" in whole["README.md"]
+    assert "- limits of these\n" in whole["README.md"]
+    assert (
+        "- Begin where the scenario begins: bridge position 0.1 m, bridge velocity 0.0014"
+        in bare["README.md"]
+    )
+
+
+def test_fast_math_is_refused_and_cpp_links(tmp_path: Path) -> None:
+    stem = export(tmp_path, prepared("lqr"))
+    fast = subprocess.run(
+        [COMPILERS[0], "-ffast-math", "-c", f"{stem}.c"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert fast.returncode != 0
+    assert "compile without -ffast-math" in fast.stderr
+    header = (tmp_path / f"{stem}.h").read_text(encoding="utf-8")
+    opened, closed = header.index('extern "C" {'), header.rindex("\n}\n#endif\n\n#endif")
+    assert opened < header.index("cranectl_lqr_sample(") < closed
+    (tmp_path / "twice.c").write_text('#include "reference.h"\n#include "reference.h"\n', encoding="utf-8")
+    compile_c(tmp_path, "twice.o", "twice.c", options="-c -Wno-unused-const-variable")
