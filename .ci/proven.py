@@ -66,6 +66,7 @@ SETS = {
             "cranectl/cli/tune.py",
         ),
         data=(
+            "docs/reference/standings.md",
             "validation/benchmark/**/*",
             "cranectl/report/templates/*",
             "cranectl/export/templates/*",
@@ -77,7 +78,9 @@ SETS = {
         modules=("tests/planning/*.py", "tests/benchmark/test_nmpc_plans.py", "cranectl/cli/run.py"),
         data=("validation/benchmark/nmpc/*",),
     ),
-    "processors": Set(modules=(*PACKAGE, "tests/**/*.py"), data=(*PACKAGE_DATA, "tests/**/*")),
+    "processors": Set(
+        modules=(*PACKAGE, "tests/**/*.py"), data=("docs/reference/metrics.md", *PACKAGE_DATA, "tests/**/*")
+    ),
     "viewer": Set(
         modules=("viewer/*.py", "cranectl/**/*.py"),
         data=("viewer/*", *PACKAGE_DATA, "docs/how-to/foxglove.md", "docs/pictures/foxglove-*.png"),
