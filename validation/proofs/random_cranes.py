@@ -143,7 +143,7 @@ def main() -> int:
                     f"{agreement.max_angle_error_rad:.1e} rad, limits {agreement.limit_m:.1e} and "
                     f"{agreement.limit_rad:.1e}"
                 )
-    failed += len(validation.failures) + len(validation.lost)
+    failed += len(validation.cases) - len(validation.finished)
     for _, case, failure in validation.failures:
         screen.print(f"{case and case.scenario.name}: {failure.reason}")
     return 1 if failed else 0
