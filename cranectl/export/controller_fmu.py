@@ -7,6 +7,7 @@ from cranectl.controllers.addressed import JOINTS
 from cranectl.export.description import FmuVariable
 from cranectl.export.fmu import Model, fmu_archive
 from cranectl.export.package import controller_sources
+from cranectl.export.plant import DRIVEN
 from cranectl.export.prepared import Exported
 from cranectl.export.sample import KEPT
 from cranectl.plants.plant import DRIVES
@@ -15,7 +16,6 @@ from cranectl.signals import REFERENCE, STATE, command_group
 from cranectl.support.errors import InputError
 
 TABLE_BEGINS = "# Read by cranectl beside the FMU: what FMI has no place for.\n"
-AXES = ("bridge", "trolley", "rope")
 
 
 class ControllerFmu(NamedTuple):
@@ -63,7 +63,7 @@ def controller_fmu(exported: Exported, fmi: int = 2) -> ControllerFmu:
     command = DRIVES[exported.drive].command
     outputs = [
         FmuVariable(f"command.{axis}", "output", signal.unit, signal.description, discrete=True)
-        for axis, signal in zip(AXES, command_group(command).signals, strict=False)
+        for axis, signal in zip(DRIVEN, command_group(command).signals, strict=False)
     ]
     code = _model_text(exported.stem, exported.symbol, len(measured), len(inputs))
     model = Model(

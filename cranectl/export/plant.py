@@ -3,8 +3,6 @@
 from collections.abc import Mapping
 from typing import Literal
 
-import numpy as np
-
 from cranectl.export.description import FmuVariable
 from cranectl.export.fmu import TEMPLATES, Model, filled
 from cranectl.export.inference import check_compiler
@@ -16,7 +14,7 @@ from cranectl.plants.registry import plant_entry
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import AXES, DISTURBANCE, LOAD, LOAD_FORCE, STATE, TENSION, SignalGroup, command_group
 from cranectl.simulate import plan_scenario
-from cranectl.simulate.actuation import forces_at_rest
+from cranectl.simulate.actuation import commands_at_start
 from cranectl.simulate.runner import checked_drive, make_plant
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
@@ -82,12 +80,9 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
 
 def _inputs(scenario: Scenario, drive: Drive, start: Array) -> list[FmuVariable]:
     """Return the inputs: commands, disturbances, forces on the load, and the velocity of the air."""
-    kind, first, wind = DRIVES[drive], np.zeros(len(DRIVEN)), scenario.effects.wind
-    if kind.at_rest == "rates":
-        first = start[1:6:2]
-    elif kind.at_rest == "weight":
-        first = forces_at_rest(scenario, start)
-    commands = zip(DRIVEN, command_group(kind.command).signals, first.tolist(), strict=False)
+    first, wind = commands_at_start(scenario, start, drive), scenario.effects.wind
+    signals = command_group(DRIVES[drive].command).signals
+    commands = zip(DRIVEN, signals, first.tolist(), strict=False)
     return [
         *(
             FmuVariable(f"command.{name}", "input", s.unit, s.description, number)

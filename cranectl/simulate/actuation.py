@@ -104,6 +104,14 @@ def drive_command(masses, slack, column, state, row, command):
     return drive_forces(masses, state, command[0], command[1], command[2])
 
 
+def commands_at_start(nominal: Scenario, start: Array, drive: Drive) -> Array:
+    """Return the commands (3,) that drives have before a run that starts at `start` (10,)."""
+    at_rest = DRIVES[drive].at_rest
+    if at_rest == "rates":
+        return initial_integral(start)
+    return forces_at_rest(nominal, start) if at_rest == "weight" else np.zeros(3)
+
+
 def forces_at_rest(nominal: Scenario, start: Array) -> Array:
     """Return the forces (3,) [N] that hold the crane at `start` (10,) without acceleration."""
     return np.array(drive_forces(axis_masses(nominal.rig), start, 0.0, 0.0, 0.0))

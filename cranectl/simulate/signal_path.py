@@ -27,7 +27,7 @@ from cranectl.plants.surroundings import FORCE
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings, Installation, Sensing
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH, STATE_COLUMN
-from cranectl.simulate.actuation import drive_acceleration, forces_at_rest
+from cranectl.simulate.actuation import commands_at_start, drive_acceleration
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
@@ -159,11 +159,7 @@ def new_signal_path(
     period = scenario.period_ns / NANOSECONDS
     sensing, setting = effects.sensing or Sensing(), effects.installation or Installation()
     bandwidth = (nominal.effects.sensing or sensing).observer_bandwidth
-    kind, first = DRIVES[drive], np.zeros(3)
-    if kind.at_rest == "rates":
-        first = start[1:6:2]
-    elif kind.at_rest == "weight":
-        first = forces_at_rest(nominal, start)
+    kind, first = DRIVES[drive], commands_at_start(nominal, start, drive)
     return SignalPath(
         sensed=effects.sensing is not None,
         readings=np.zeros(JOINTS),
