@@ -100,7 +100,7 @@ def tuned(folder: Path, value: str) -> object:
     loaded = load_controller(opened(put(folder, "law.py", LAW, value), "law"))
     numbers = folder.parent / "law.toml"
     if not numbers.exists():
-        facts = {"runs": 1, "cost": {}, "failed": {}}
+        facts = {"runs": 1, "cost": {}, "failed": {}, "chosen": "full", "validation": {}}
         numbers.write_text(toml_text({"law": "law", "code": loaded.code, "rules": "r", **facts}))
     try:
         return tuned_facts(folder.parent, "r", "law")

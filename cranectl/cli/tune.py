@@ -61,16 +61,26 @@ def tune_command(
 
     The controller declares which parameters may change, and their bounds. All candidates drive the same
     uncertain cranes, on which the benchmark never judges. Needs the extra `tune`. The result is the same
-    for any number of workers. Controllers can be named as the benchmark names them.
+    for any number of workers. After a kill or Ctrl-C the same command continues. Controllers can be named
+    as the benchmark names them.
 
     \b
     cranectl tune lqr-integral
     cranectl tune super_twisting.py:SUPER_TWISTING
     cranectl tune mine.py:MINE --runs 160 --out logs/mine
     """
+    from cranectl.campaign.benchmark.declared import variables_of
     from cranectl.campaign.benchmark.settings import read_benchmark
     from cranectl.campaign.benchmark.trials import rules_of
-    from cranectl.campaign.benchmark.tuned import tuned_files, tuned_table, write_tuned
+    from cranectl.campaign.benchmark.tuned import (
+        search_of,
+        tuned_files,
+        tuned_table,
+        unfinished_file,
+        unfinished_points,
+        write_points,
+        write_tuned,
+    )
     from cranectl.campaign.benchmark.tuning import tune
     from cranectl.cases.workers import available_cores
 
@@ -79,7 +89,12 @@ def tune_command(
     files, rules = tuned_files(out, name), rules_of(benchmark)
     runs_of = [(scenario, benchmark.plant, name) for scenario in benchmark.tuning.scenarios]
     print_idle(screen, [*idle_in_benchmark(benchmark, runs_of), *idle_timeout([name], timeout)])
-    with progress_bar(runs or benchmark.tuning.runs, name, unit="runs", done="done") as advance:
+    keys, search = [variable.key for variable in variables_of(name)], search_of(name, rules)
+    unfinished = unfinished_file(out, name)
+    if known := unfinished_points(unfinished, search):
+        screen.print(f"goes on after {len(known)} candidates in {unfinished}")
+    total = (runs or benchmark.tuning.runs) + benchmark.tuning.validation_runs
+    with progress_bar(total, name, unit="runs", done="done") as advance:
         tuned = tune(
             benchmark,
             name,
@@ -87,9 +102,12 @@ def tune_command(
             workers=workers or available_cores(),
             timeout=timeout,
             advance=advance,
+            known=known,
+            keep=lambda points: write_points(unfinished, keys, points, {"search": search}),
         )
     table = tuned_table(tuned, benchmark, rules)
     write_tuned(tuned, table, files)
+    unfinished.unlink(missing_ok=True)
     if not tuned.variables:
         screen.print(f"{name} has nothing to tune: none of its parameters says where to search")
     screen.print(_table(tuned))
@@ -106,7 +124,10 @@ def _table(tuned: "Tuned") -> "Table":
         cells(variable.key, *(f"{point.values[k]:g}" for point in points.values()))
         for k, variable in enumerate(tuned.variables)
     ]
-    rows.append(cells("cost", *(f"{point.cost:.4f}" for point in points.values())))
-    rows.append(cells("failed", *(f"{point.failed:.1%}" for point in points.values())))
+    for name, of_set in (("", points), ("validation: ", tuned.validated)):
+        if of_set:
+            rows.append(cells(f"{name}cost", *(f"{point.cost:.4f}" for point in of_set.values())))
+            rows.append(cells(f"{name}failed", *(f"{point.failed:.1%}" for point in of_set.values())))
+    rows.append(cells("chosen", *("yes" if name == tuned.chosen else "" for name in points)))
     note = f"{len(tuned.points)} candidates, {tuned.runs_each} runs each; numbers as on the laboratory rig"
     return Table(tuned.controller, ("", "untuned", "half the budget", "full budget"), tuple(rows), note=note)

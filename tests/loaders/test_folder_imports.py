@@ -312,7 +312,7 @@ def test_a_campaign_is_not_resumed_with_another_helper(
 def test_numbers_that_were_tuned_with_another_helper_are_refused(tmp_path: Path) -> None:
     asked = written(tmp_path / "a", "first", 16.0)
     law = load_controller(open_controller(asked))
-    facts = {"runs": 1, "cost": {}, "failed": {}}
+    facts = {"runs": 1, "cost": {}, "failed": {}, "chosen": "full", "validation": {}}
     (tmp_path / "first.toml").write_text(toml_text({"law": "first", "code": law.code, "rules": "r", **facts}))
     assert tuned_facts(tmp_path, "r", "first")["numbers"] == {}
     written(tmp_path / "a", "first", 4.0)

@@ -19,6 +19,7 @@ NAME_PATTERN = r"^[a-z0-9][a-z0-9-]*$"  # because names are also names of direct
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
 Draws = Annotated[int, Field(ge=1, le=100_000)]
 Spread = Annotated[float, Field(ge=0.0, le=100.0)]
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Follows = Literal["path", "set-point"]
 
 
@@ -68,17 +69,36 @@ class Singles(Settings):
     )
 
 
+class Validation(Settings):
+    """Cranes on which tuned numbers compete with the published ones; neither search nor ranking uses them."""
+
+    draws: Draws = Field(description="number of cranes per scenario and spread")
+    seed: Seed = Field(description="seed of these cranes")
+
+
 class Tuning(Settings):
     """Rules for tuning the numbers of controllers, on cranes that the ranking does not use."""
 
     scenarios: Names
-    spread: Spread = 1.0
-    draws: Draws = Field(description="number of cranes per scenario")
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(description="seed of these cranes and of the search")
+    plant: str | None = Field(None, description="plant of the search; by default that of the benchmark")
+    spreads: Annotated[tuple[Spread, ...], Field(strict=False, min_length=1)] = (1.0,)
+    draws: Draws = Field(description="number of cranes per scenario and spread")
+    seed: Seed = Field(description="seed of these cranes and of the search")
     runs: Annotated[int, Field(ge=1)] = Field(description="number of simulated runs per controller")
     variation_price: Annotated[float, Field(ge=0.0)] = Field(
         description="cost of commands that vary by g per second"
     )
+    validation: Validation | None = Field(
+        None,
+        description="cranes that choose between published numbers and those found with half and with all of "
+        "the budget; without them the last are taken",
+    )
+
+    @property
+    def validation_runs(self) -> int:
+        """Number of runs of the validation of one controller, at most."""
+        draws = 0 if self.validation is None else self.validation.draws
+        return 3 * draws * len(self.scenarios) * len(self.spreads)
 
 
 class Benchmark(Settings):
@@ -86,7 +106,8 @@ class Benchmark(Settings):
 
     name: Annotated[str, Field(pattern=NAME_PATTERN)]
     title: str = ""
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(description="seed of the cranes of the ranking")
+    edition: Annotated[int, Field(ge=1)] = Field(1, description="number of these rules, for people")
+    seed: Seed = Field(description="seed of the cranes of the ranking")
     laws: Names = Field(
         description="names of controllers, or FILE.py:NAME with a path relative to the benchmark's file"
     )
@@ -157,6 +178,13 @@ class Benchmark(Settings):
                 f"tuning.seed = seed = {self.seed}",
                 allowed="tuning.seed must not be seed, because tuning must not use the cranes of the ranking",
                 remedy="change tuning.seed",
+            )
+        validation = self.tuning.validation
+        if validation is not None and validation.seed in (self.seed, self.tuning.seed):
+            raise RuleError(
+                f"tuning.validation.seed = {validation.seed}",
+                allowed=f"a seed other than {self.seed} of the ranking and {self.tuning.seed} of the search",
+                remedy="change tuning.validation.seed",
             )
         return self
 

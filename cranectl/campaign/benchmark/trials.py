@@ -216,11 +216,10 @@ def scenario_source(benchmark: Benchmark, scenario: str) -> str:
     return str(path)
 
 
-def rules_of(benchmark: Benchmark) -> str:
-    """Return a digest of the rules, on which all comparisons depend; controllers and seed are no rules.
+def stated_rules(benchmark: Benchmark) -> str:
+    """Return the rules that files state: the benchmark without controllers and seed, scenarios and rigs.
 
-    Rules are the benchmark's file, its scenarios with their rigs, and the code of the metrics without
-    comments and docstrings. Raises InputError for a scenario that cannot be read.
+    Raises InputError for a scenario that cannot be read.
     """
     scenarios = {}
     for name in benchmark.scenarios:
@@ -228,7 +227,16 @@ def rules_of(benchmark: Benchmark) -> str:
         stated = scenario.model_dump(mode="json", exclude_unset=True, exclude={"title"})
         scenarios[name] = [stated, scenario.rig.model_dump(mode="json")]
     table = benchmark.model_dump(mode="json", exclude={"laws", "seed", "title"})
-    text = json.dumps([table, scenarios], sort_keys=True)
+    return json.dumps([table, scenarios], sort_keys=True)
+
+
+def rules_of(benchmark: Benchmark) -> str:
+    """Return a digest of the rules, on which all comparisons depend.
+
+    Rules are those that files state, and the code of the metrics without comments and docstrings. Raises
+    InputError for a scenario that cannot be read.
+    """
+    text = stated_rules(benchmark)
     for path in sorted(Path(inspect.getfile(cranectl.metrics)).parent.glob("*.py")):
         text += syntax_of(path.read_bytes()).decode()
     return hashlib.sha256(text.encode()).hexdigest()[:FINGERPRINT_DIGITS]

@@ -1,18 +1,20 @@
 """Write and read results of tuning: a controller's numbers in TOML, the points of its search in Parquet."""
 
+import hashlib
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from cranectl.campaign.benchmark.declared import assignments, variables_of
 from cranectl.campaign.benchmark.settings import Benchmark
-from cranectl.campaign.benchmark.tuning import Tuned
+from cranectl.campaign.benchmark.tuning import Point, Tuned
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.registry import controller_argument
 from cranectl.support.documents import leaves, read_toml, toml_text
 from cranectl.support.errors import InputError
 from cranectl.support.files import PARQUET, Kind, check_place, replacing, write_text, writing
+from cranectl.support.provenance import fingerprints
 
 DEFAULT = "literature"  # the default benchmark
 TOML = Kind("result of tuning", rb"law = ")
@@ -37,8 +39,13 @@ def tuned_table(tuned: Tuned, benchmark: Benchmark, rules: str) -> dict[str, Any
         "seed": benchmark.tuning.seed,
         "budget_runs": tuned.evaluations * tuned.runs_each,
         "runs": len(tuned.points) * tuned.runs_each,
+        "chosen": tuned.chosen,
         "cost": {name: point.cost for name, point in points.items()},
         "failed": {name: point.failed for name, point in points.items()},
+        "validation": {
+            "cost": {name: point.cost for name, point in tuned.validated.items()},
+            "failed": {name: point.failed for name, point in tuned.validated.items()},
+        },
         "parameters": tuned.parameters,
     }
 
@@ -48,27 +55,59 @@ def code_of(controller: str) -> str | None:
     return OPEN.registered[controller].code or None if controller in OPEN.registered else None
 
 
-def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]) -> None:
-    """Write the two files of tuning; `table` is from `tuned_table`, and `files` from `tuned_files`.
+def search_of(controller: str, rules: str) -> str:
+    """Return a digest of all that decides the points of a search: rules, controller, sources."""
+    text = " ".join([rules, controller, code_of(controller) or "", fingerprints()["sources"]])
+    return hashlib.sha256(text.encode()).hexdigest()
 
-    Each file is written completely or not at all. A row of the points is a candidate: its index, which is 0
-    for the untuned controller, its values of the settings, its cost and its share of failures. Raises
-    InputError if writing fails.
+
+def unfinished_file(directory: Path, controller: str) -> Path:
+    """Return the file that keeps the points of a search until it ends."""
+    return directory / f"{controller}.unfinished.parquet"
+
+
+def write_points(path: Path, keys: Sequence[str], points: Sequence[Point], about: Mapping[str, str]) -> None:
+    """Write a row for each candidate: its index, its values of the settings `keys`, cost, share of failures.
+
+    The first row is the untuned controller. The metadata are `about`. Raises InputError if writing fails.
     """
     import pyarrow
     from pyarrow import parquet
 
-    numbers, points_file = files
-    keys = [variable.key for variable in tuned.variables]
     columns = {
-        "evaluation": list(range(len(tuned.points))),
-        **{key: [point.values[k] for point in tuned.points] for k, key in enumerate(keys)},
-        "cost": [point.cost for point in tuned.points],
-        "failed_share": [point.failed for point in tuned.points],
+        "evaluation": list(range(len(points))),
+        **{key: [point.values[k] for point in points] for k, key in enumerate(keys)},
+        "cost": [point.cost for point in points],
+        "failed_share": [point.failed for point in points],
     }
-    points = pyarrow.table(columns, metadata={name: table[name] for name in ("law", "benchmark", "rules")})
-    with writing(points_file), replacing(points_file) as unfinished:
-        parquet.write_table(points, unfinished, compression="zstd")
+    with writing(path), replacing(path) as unfinished:
+        parquet.write_table(pyarrow.table(columns, metadata=dict(about)), unfinished, compression="zstd")
+
+
+def unfinished_points(path: Path, search: str) -> list[Point]:
+    """Return the points in `path` of the interrupted search with the digest `search`; none without these."""
+    from pyarrow import ArrowException, parquet
+
+    if not path.is_file():
+        return []
+    try:
+        table = parquet.read_table(path)
+        if (table.schema.metadata or {}).get(b"search") != search.encode():
+            return []
+        _, *numbers, cost, failed = (column.to_pylist() for column in table.columns)
+    except (ArrowException, ValueError):  # damaged, so the search begins anew
+        return []
+    return [Point(*row) for row in zip(zip(*numbers, strict=True), cost, failed, strict=True)]
+
+
+def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]) -> None:
+    """Write the two files of tuning; `table` is from `tuned_table`, and `files` from `tuned_files`.
+
+    Each file is written completely or not at all. Raises InputError if writing fails.
+    """
+    numbers, points = files
+    keys = [variable.key for variable in tuned.variables]
+    write_points(points, keys, tuned.points, {name: table[name] for name in ("law", "benchmark", "rules")})
     with writing(numbers):
         write_text(numbers, toml_text(table))
 
@@ -95,9 +134,10 @@ def _is_current(table: Mapping[str, Any], controller: str) -> bool:
 def tuned_facts(directory: Path, rules: str, controller: str, benchmark: str = DEFAULT) -> dict[str, Any]:
     """Return `cost`, `failed` share and `numbers` of a tuned controller from its file in `directory`.
 
-    `cost` and `failed` have three values: untuned, with half the budget, and with the whole budget.
-    `numbers` has an untuned and a tuned value by setting. `benchmark` is the name or path that the user gave.
-    Raises InputError if the file does not exist, or if controller or rules have changed since the tuning.
+    `cost` and `failed` have three values: untuned, with half the budget, and with the whole budget, and so
+    has `validation`. `chosen` names one of them. `numbers` has an untuned and a chosen value by
+    setting. `benchmark` is the name or path that the user gave. Raises InputError if the file does not exist,
+    or if controller or rules have changed since the tuning.
     """
     path = directory / f"{controller}.toml"
     option = [] if benchmark == DEFAULT else ["--benchmark", benchmark]
@@ -122,7 +162,8 @@ def tuned_facts(directory: Path, rules: str, controller: str, benchmark: str = D
         )
     try:
         numbers = {variable.key: [variable.start, float(values[variable.key])] for variable in variables}
-        return {**{name: table[name] for name in ("runs", "cost", "failed")}, "numbers": numbers}
+        kept = ("runs", "cost", "failed", "chosen", "validation")
+        return {**{name: table[name] for name in kept}, "numbers": numbers}
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{path} is damaged: {type(error).__name__} {error}",

@@ -1,19 +1,21 @@
 """Tune a controller: find the numbers with the least mean cost over cranes that the ranking does not use.
 
 The search is CMA-ES over the logarithms of the numbers within their bounds. All candidates run on the same
-cranes. The result contains every candidate, with the untuned controller first.
+cranes. The result contains every candidate, with the untuned controller first. On other cranes the untuned
+numbers then compete with those found with half and with all of the budget.
 
 References
 ----------
 Hansen, The CMA Evolution Strategy: A Tutorial, 2016.
 """
 
-import itertools
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain, product, starmap, takewhile
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,23 +74,6 @@ def _number(value: Any) -> float:
     return 0.0 if value is None else float(value)
 
 
-def tuning_campaign(
-    benchmark: Benchmark, scenario: str, controller: str, settings: Sequence[str] = ()
-) -> Campaign:
-    """Return the campaign in which `controller` with `settings` runs on the tuning cranes of `scenario`."""
-    tuning = benchmark.tuning
-    return trial_campaign(
-        benchmark,
-        scenario,
-        controller,
-        plant=benchmark.plant,
-        numbers=settings,
-        runs=tuning.draws,
-        seed=tuning.seed,
-        spread=tuning.spread,
-    )
-
-
 class Point(NamedTuple):
     """A candidate and its result."""
 
@@ -106,6 +91,7 @@ class Tuned:
     evaluations: int  # number of candidates that the budget allows
     runs_each: int  # number of runs of one candidate
     points: tuple[Point, ...]  # in the order of the search, the untuned controller first
+    validated: Mapping[str, Point]  # of `best_points`, on the cranes of validation; empty without these
 
     @property
     def best_points(self) -> dict[str, Point]:
@@ -114,10 +100,17 @@ class Tuned:
         return consistent_points(self.points[0], _best(half), _best(self.points))
 
     @property
+    def chosen(self) -> str:
+        """The name in `best_points` with the least cost in validation, the first of equal ones."""
+        if not self.validated:
+            return "full"
+        return min(self.validated, key=lambda name: self.validated[name].cost)
+
+    @property
     def parameters(self) -> dict[str, float]:
-        """The best numbers by their setting, on the laboratory rig."""
+        """The chosen numbers by their setting, on the laboratory rig."""
         keys = (variable.key for variable in self.variables)
-        return dict(zip(keys, self.best_points["full"].values, strict=True))
+        return dict(zip(keys, self.best_points[self.chosen].values, strict=True))
 
 
 def consistent_points(untuned: Point, half: Point, full: Point) -> dict[str, Point]:
@@ -134,33 +127,61 @@ def _best(points: Sequence[Point]) -> Point:
     return min(points, key=lambda point: point.cost)  # the first one of equal costs
 
 
+class _Place(NamedTuple):
+    """Where a candidate runs."""
+
+    scenario: str
+    spread: float
+
+
 @dataclass(frozen=True)
 class _Cranes:
-    """The cranes on which a controller is tuned."""
+    """The cranes on which candidates of a controller run."""
 
     benchmark: Benchmark
     controller: str
     variables: tuple[Variable, ...]
-    campaigns: Mapping[str, Campaign]  # of the untuned controller, by scenario
+    plant: str
+    draws: int
+    seed: int
     timeout: float  # [s], time limit of a controller from a file for a block of samples
+
+    @cached_property
+    def campaigns(self) -> dict[_Place, Campaign]:
+        """The campaigns of the untuned controller on the scenarios that suit it."""
+        tuning, kind = self.benchmark.tuning, follows(self.controller)
+        suited = [name for name in tuning.scenarios if kind in self.benchmark.scenarios[name].suits]
+        return {place: self._campaign(place) for place in starmap(_Place, product(suited, tuning.spreads))}
 
     @property
     def runs(self) -> int:
         """Number of runs of one candidate."""
         return sum(campaign.runs for campaign in self.campaigns.values())
 
-    def rows(
-        self, scenario: str, values: Sequence[float], children: Children, stop: Callable[[], bool]
-    ) -> list[Row]:
-        """Run `scenario` with the numbers `values` on all cranes; raise InputError if they are refused."""
-        settings = assignments(self.variables, values, size_of(self.campaigns[scenario].nominal.rig))
-        campaign = tuning_campaign(self.benchmark, scenario, self.controller, settings)
-        with closing(make_worker(PreparedCampaign(campaign), children, self.timeout)) as worker:
-            return worker.run_batch(Batch(self.benchmark.plant, self.controller, 0, campaign.runs), stop)
+    def _campaign(self, place: _Place, settings: Sequence[str] = ()) -> Campaign:
+        return trial_campaign(
+            self.benchmark,
+            place.scenario,
+            self.controller,
+            plant=self.plant,
+            numbers=settings,
+            runs=self.draws,
+            seed=self.seed,
+            spread=place.spread,
+        )
 
-    def costs(self, scenario: str, rows: Sequence[Row]) -> tuple[list[float], int]:
-        """Return the costs of all runs of `scenario`, and the number of failed ones."""
-        campaign, penalty = self.campaigns[scenario], self.benchmark.tuning.variation_price
+    def rows(
+        self, place: _Place, values: Sequence[float], children: Children, stop: Callable[[], bool]
+    ) -> list[Row]:
+        """Run the numbers `values` on all cranes of `place`; raise InputError if they are refused."""
+        settings = assignments(self.variables, values, size_of(self.campaigns[place].nominal.rig))
+        campaign = self._campaign(place, settings)
+        with closing(make_worker(PreparedCampaign(campaign), children, self.timeout)) as worker:
+            return worker.run_batch(Batch(self.plant, self.controller, 0, campaign.runs), stop)
+
+    def costs(self, place: _Place, rows: Sequence[Row]) -> tuple[list[float], int]:
+        """Return the costs of all runs at `place`, and the number of failed ones."""
+        campaign, penalty = self.campaigns[place], self.benchmark.tuning.variation_price
         failures = failed(lambda name: [row[name] for row in rows], campaign.settings.limits.given)
         costs = [
             run_cost(row, campaign.nominal, bool(has_failed), penalty)
@@ -177,33 +198,30 @@ def tune(
     workers: int = 1,
     timeout: float = BLOCK_TIMEOUT,
     advance: Advance = lambda _: None,
+    known: Sequence[Point] = (),
+    keep: Callable[[Sequence[Point]], None] = lambda _: None,
 ) -> Tuned:
     """Tune `controller` by the rules of `benchmark`.
 
     The budget is `runs`, by default that of the benchmark. The result does not depend on the number of
     threads, `workers`. Each thread runs a controller from a file in a child process, with a time limit of
-    `timeout` [s] for a block of samples. Raises InputError if the untuned controller cannot run, or if the
-    budget is too small.
+    `timeout` [s] for a block of samples. `keep` receives all points after each generation. `known` are the
+    points of the same search if it was interrupted: they do not run again. Raises InputError if the untuned
+    controller cannot run, or if the budget is too small.
     """
-    variables = variables_of(controller)
-    kind = follows(controller)
-    suited = [name for name in benchmark.tuning.scenarios if kind in benchmark.scenarios[name].suits]
-    if not suited:
+    variables, rules = variables_of(controller), benchmark.tuning
+    plant, validation = rules.plant or benchmark.plant, rules.validation
+    cranes = _Cranes(benchmark, controller, variables, plant, rules.draws, rules.seed, timeout)
+    if not cranes.campaigns:
         raise InputError(
-            f"'{controller}' follows a {kind}, and {benchmark.name} tunes on no scenario that suits it",
+            f"'{controller}' follows a {follows(controller)}, and {benchmark.name} tunes on no scenario that "
+            "suits it",
             allowed="at least one scenario that suits the controller",
             remedy="add one to [tuning] of the benchmark",
         )
-    cranes = _Cranes(
-        benchmark,
-        controller,
-        variables,
-        {name: tuning_campaign(benchmark, name, controller) for name in suited},
-        timeout,
-    )
     for campaign in cranes.campaigns.values():
         check_values(campaign)
-    budget = benchmark.tuning.runs if runs is None else runs
+    budget = rules.runs if runs is None else runs
     evaluations = budget // cranes.runs if variables else 1
     if variables and evaluations < 2:
         raise InputError(
@@ -211,21 +229,48 @@ def tune(
             allowed=f"{2 * cranes.runs} runs or more",
             remedy="raise --runs, or the benchmark's tuning.runs",
         )
-    start = tuple(variable.start for variable in variables)
-    search = _strategy(variables, benchmark.tuning.seed) if variables else None
-    with _evaluator(cranes, 1 if runs_alone([controller]) else workers, advance) as evaluate:
-        points = evaluate([start], may_refuse=False)
-        while search is not None and len(points) < evaluations:  # no other criterion ends the search
-            positions = search.ask()
-            candidates = [
-                tuple(v.value_at(p) for v, p in zip(variables, position, strict=False))
-                for position in positions
-            ]
-            new_points = evaluate(candidates[: evaluations - len(points)], may_refuse=True)
-            points += new_points
-            if len(new_points) == len(positions):
-                search.tell(positions, [point.cost for point in new_points])
-    return Tuned(controller, variables, evaluations, cranes.runs, tuple(points))
+    threads = 1 if runs_alone([controller]) else workers
+    with _evaluator(cranes, threads, advance) as evaluate:
+        points = _search(cranes, evaluations, evaluate, known, keep)
+    tuned = Tuned(controller, variables, evaluations, cranes.runs, tuple(points), {})
+    if validation is None:
+        return tuned
+    others = replace(cranes, plant=benchmark.plant, draws=validation.draws, seed=validation.seed)
+    values = {name: point.values for name, point in tuned.best_points.items()}
+    with _evaluator(others, threads, advance) as evaluate:
+        distinct = list(dict.fromkeys(values.values()))
+        results = dict(zip(distinct, evaluate(distinct, may_refuse=True), strict=True))
+    return replace(tuned, validated={name: results[numbers] for name, numbers in values.items()})
+
+
+def _search(
+    cranes: _Cranes,
+    evaluations: int,
+    evaluate: Callable[..., list[Point]],
+    known: Sequence[Point],
+    keep: Callable[[Sequence[Point]], None],
+) -> list[Point]:
+    """Return the points of a search; the first `known` ones of the same search do not run again."""
+    variables, points = cranes.variables, list[Point]()
+
+    def add(candidates: Sequence[tuple[float, ...]], *, may_refuse: bool) -> None:
+        pairs = zip(known[len(points) :], candidates, strict=False)
+        again = [point for point, _ in takewhile(lambda pair: pair[0].values == pair[1], pairs)]
+        points.extend([*again, *evaluate(candidates[len(again) :], may_refuse=may_refuse)])
+        keep(points)
+
+    add([tuple(variable.start for variable in variables)], may_refuse=False)
+    search = _strategy(variables, cranes.seed) if variables else None
+    while search is not None and len(points) < evaluations:  # no other criterion ends the search
+        positions = search.ask()
+        candidates = [
+            tuple(v.value_at(p) for v, p in zip(variables, position, strict=False)) for position in positions
+        ]
+        begun = len(points)
+        add(candidates[: evaluations - begun], may_refuse=True)
+        if len(points) - begun == len(positions):
+            search.tell(positions, [point.cost for point in points[begun:]])
+    return points
 
 
 def _strategy(variables: Sequence[Variable], seed: int) -> Any:
@@ -258,29 +303,29 @@ def _evaluator(cranes: _Cranes, workers: int, advance: Advance) -> Iterator[Call
     """Yield a function that runs candidates in threads, which end with the `with` block."""
     stopped = threading.Event()
 
-    def costs(scenario: str, values: Sequence[float], may_refuse: bool) -> tuple[list[float], int]:
+    def costs(place: _Place, values: Sequence[float], may_refuse: bool) -> tuple[list[float], int]:
         if stopped.is_set():
             raise StoppedError
         try:
-            rows = cranes.rows(scenario, values, children, stopped.is_set)
+            rows = cranes.rows(place, values, children, stopped.is_set)
         except MachineError:  # not caused by the numbers
             raise
         except (InputError, ValueError, ArithmeticError):  # the controller refuses the numbers
             if not may_refuse:
                 raise
-            runs = cranes.campaigns[scenario].runs
+            runs = cranes.campaigns[place].runs
             return [REFUSED] * runs, runs
-        return cranes.costs(scenario, rows)
+        return cranes.costs(place, rows)
 
     def evaluate(candidates: Sequence[tuple[float, ...]], *, may_refuse: bool) -> list[Point]:
         pending = [
-            [pool.submit(costs, name, values, may_refuse) for name in cranes.campaigns]
+            [pool.submit(costs, place, values, may_refuse) for place in cranes.campaigns]
             for values in candidates
         ]
         points = []
         for values, by_scenario in zip(candidates, pending, strict=True):
             costs_of, failures = zip(*(future.result() for future in by_scenario), strict=True)
-            cost = float(np.mean(list(itertools.chain(*costs_of))))
+            cost = float(np.mean(list(chain(*costs_of))))
             points.append(Point(tuple(values), cost, sum(failures) / cranes.runs))
             advance(cranes.runs)
         return points

@@ -19,11 +19,11 @@ MAX_EFFORT_RATIO = 2.0  # by tuning, above which a caveat names the controller
 EFFORT_UNIT = "RMS u in m/s²."
 MADE_BY_US = (
     f"We wrote {OUR_CONTROLLER} ourselves. Its structure, defaults and bounds were chosen by people who knew "
-    "the scenarios. They looked at cranes of the tuning's seed, beyond the budget of the search. The hash of "
-    "the commit that holds it then drew the judged cranes.",
+    "the scenarios and runs of an earlier edition. Its numbers were found like all others, and nobody saw "
+    "the judged cranes before: a digest of the rules and of all frozen numbers is their seed.",
     "As published it runs with defaults made in this way. Most others run with first guesses.",
     "A constant disturbance leaves an offset with controllers that do not observe it. It is one of the "
-    "ranked scenarios and a part of the tuning set. This favours controllers that observe or integrate, such "
+    "ranked scenarios, and of those of the tuning. This favours controllers that observe or integrate, such "
     "as ours.",
 )
 
@@ -138,7 +138,8 @@ def caveats(divisions: Sequence[Judged]) -> Iterator[str]:
         others = sorted(set(knowing) - {OUR_CONTROLLER})
         also = f", as do {_listed(others)}" if others else ""
         number = len(table.about["laws"]) - len(knowing)
-        limits = f"Ours knows the limits of the drives{also}. They are not told to the other {number}."
+        limits = "The limits of the drives are offered to every controller. "
+        limits += f"Ours uses them{also}; the other {number} do not."
         texts += [*MADE_BY_US[:2], limits, *MADE_BY_US[2:]]
     for name, changes in list(tuning_changes(divisions).items())[-1:]:
         if harmed := _harmed(changes):

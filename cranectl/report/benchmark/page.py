@@ -137,25 +137,32 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
     stages = ("untuned", "half", "full")
     rows, numbers = [], []
     for controller, facts in sorted(tuned.items(), key=lambda item: item[1]["cost"]["full"]):
-        costs = (f"{facts['cost'][stage]:.3f}" for stage in stages)
-        failed = (f"{100.0 * facts['failed'][stage]:.0f}" for stage in stages)
+        validation = facts["validation"].get("cost", {})
+        costs = (f"{of[stage]:.3f}" if of else "" for of in (facts["cost"], validation) for stage in stages)
         information = information_class(table.about["laws"][controller])
-        rows.append(cells(controller, information, str(facts["runs"]), *costs, *failed))
+        rows.append(cells(controller, information, str(facts["runs"]), *costs, facts["chosen"]))
         changed = [
             f"{key.removeprefix('design.').removeprefix(f'controller.{controller}.')} {before:g} → {after:g}"
             for key, (before, after) in sorted(facts["numbers"].items())
+            if before != after
         ]
         if changed:
             numbers.append(cells(controller, information, ", ".join(changed)))
-    settings = benchmark.tuning
+    settings, validation = benchmark.tuning, benchmark.tuning.validation
     text = (
-        f"Every controller by CMA-ES within {settings.runs} runs, from its defaults, on cranes that are "
-        f"never judged on: {settings.draws} each of {', '.join(settings.scenarios)}, spread "
-        f"{settings.spread:g}. The cost is the mean over them, the lower the better; a run that fails costs "
-        "more than 5. Where the second half of the budget gained little, a larger one may not help. The "
-        "search is local, and some numbers end at a bound. A controller with nothing to tune is run as it is."
+        f"Every controller by CMA-ES within {settings.runs} runs, from its defaults, on the plant "
+        f"{settings.plant or benchmark.plant} and on cranes that are never judged: {settings.draws} for each "
+        f"of {', '.join(settings.scenarios)} with each of the spreads "
+        f"{', '.join(f'{spread:g}' for spread in settings.spreads)}. The cost is the mean over all runs, the "
+        "lower the better; a run that fails costs more than 5."
     )
-    headings = (*NAMED, "runs", *(f"{what}\n{stage}" for what in ("cost", "failed %") for stage in stages))
+    if validation is not None:
+        text += (
+            f" Then {validation.draws} other cranes for each, on the plant {benchmark.plant}, choose between "
+            "the untuned numbers, the best with half the budget, and the best with all of it."
+        )
+    kinds = ("search cost", "validation cost")
+    headings = (*NAMED, "runs", *(f"{kind}\n{stage}" for kind in kinds for stage in stages), "chosen")
     tables = [Table("", headings, tuple(rows), labels=2)]
     if numbers:
         note = "On the laboratory rig; on a similar crane they go by its size, as defaults do."

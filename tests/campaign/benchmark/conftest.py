@@ -55,6 +55,7 @@ draws = 2
 seed = 5
 runs = 40
 variation_price = 0.02
+validation = { draws = 1, seed = 6 }
 
 [uncertain.rig.load_mass]
 distribution = "log-uniform"

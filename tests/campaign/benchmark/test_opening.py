@@ -85,7 +85,7 @@ def test_caveats_say_who_is_told_limits_and_whom_tuning_harms(small: Path) -> No
     results = both_divisions(benchmark)
     results.about["laws"] |= {name: {**FACTS, "file": "", "rig": ["limits"]} for name in (OURS, "helped")}
     text = caveats(sections(benchmark, results))
-    assert "drives, as do helped. They are not told to the other 1." in text
+    assert "offered to every controller. Ours uses them, as do helped; the other 1 do not." in text
     assert "Tuning harms 1 of 3 controllers on wide, in failures: harmed 2.5 → 62.5 %." in text
     assert "The tuning set never shows path." in text
     assert "1. We wrote lqr-offset-free ourselves." in text

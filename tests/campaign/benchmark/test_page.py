@@ -57,6 +57,8 @@ def table(benchmark: Benchmark, controllers: Mapping[str, Runs], *divisions: Div
         "runs": 40,
         "cost": {"untuned": 3.0, "half": 2.0, "full": 1.5},
         "failed": {"untuned": 0.5, "half": 0.25, "full": 0.0},
+        "chosen": "half",
+        "validation": {"cost": {"untuned": 3.1, "half": 2.4, "full": 2.6}, "failed": {}},
         "numbers": {"controller.first.weight": [1.0, 2.5]},
     }
     about = {
@@ -125,7 +127,18 @@ def test_divisions_share_a_page_but_no_table(small: Path) -> None:
     assert by_anchor["versions"].paragraphs[0] == "Digest of the rules: abc. Seed of the cranes: 3."
     assert by_anchor["versions"].paragraphs[1] == "Made by cranectl 1.0, machine a; some with cranectl 1.1."
     gains, numbers = by_anchor["tuning"].tables
-    assert texts(gains)[0] == ["first", "path, state", "40", "3.000", "2.000", "1.500", "50", "25", "0"]
+    assert texts(gains)[0] == [
+        "first",
+        "path, state",
+        "40",
+        "3.000",
+        "2.000",
+        "1.500",
+        "3.100",
+        "2.400",
+        "2.600",
+        "half",
+    ]
     assert texts(numbers) == [
         ["first", "path, state", "weight 1 → 2.5"],
         ["third", "path, state", "controller.first.weight 1 → 2.5"],

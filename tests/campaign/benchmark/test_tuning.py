@@ -1,5 +1,6 @@
 """Test tuning: cost by hand, equal results for any number of threads, better numbers, stored points."""
 
+import contextlib
 import json
 import os
 import re
@@ -12,10 +13,11 @@ import pytest
 from pyarrow import parquet
 
 from cranectl import open_controller
+from cranectl.campaign.benchmark import tuned
 from cranectl.campaign.benchmark.declared import assignments, variables_of
 from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
-from cranectl.campaign.benchmark.trials import rules_of
-from cranectl.campaign.benchmark.tuning import REFUSED, run_cost, tune, tuning_campaign
+from cranectl.campaign.benchmark.trials import rules_of, trial_campaign
+from cranectl.campaign.benchmark.tuning import REFUSED, Point, Tuned, run_cost, tune
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.cli.benchmark import measured_controllers
@@ -71,13 +73,17 @@ def test_tuning_improves_controller_and_keeps_all_points(tiny: Benchmark) -> Non
     runs: list[int] = []
     result = tune(tiny, controller, workers=1, advance=runs.append)
     assert result == tune(tiny, controller, workers=2)
-    assert len(result.points) == sum(runs) / 2 == 20
+    assert len(result.points) == 20
+    assert sum(runs) == 20 * 2 + 3 * 3
     assert result.points[0].values == (1.0, -2.0)
     assert len({point.values for point in result.points}) == 20
     untuned, half, full = result.best_points.values()
     assert untuned == result.points[0]
     assert half.cost == min(point.cost for point in result.points[:10])
     assert full.cost == min(point.cost for point in result.points) < half.cost < 0.9 * untuned.cost
+    assert [point.values for point in result.validated.values()] == [p.values for p in (untuned, half, full)]
+    assert result.chosen == min(result.validated, key=lambda name: result.validated[name].cost)
+    assert tuple(result.parameters.values()) == result.best_points[result.chosen].values
     for variable, values in zip(result.variables, np.array([p.values for p in result.points]).T, strict=True):
         assert np.all((np.abs(values) >= variable.low) & (np.abs(values) <= variable.high))
 
@@ -97,20 +103,102 @@ def test_written_numbers_give_the_same_cost(tiny: Benchmark, capsys: pytest.Capt
     assert len(written["code"]) == 64
     assert points["evaluation"].to_pylist() == list(range(6))
     assert min(points["cost"].to_pylist()) == written["cost"]["full"]
-    best = points["cost"].to_pylist().index(written["cost"]["full"])
-    assert {key: points[key][best].as_py() for key in written["parameters"]} == written["parameters"]
+    assert written["chosen"] == min(written["validation"]["cost"], key=written["validation"]["cost"].get)
+    chosen = points["cost"].to_pylist().index(written["cost"][written["chosen"]])
+    assert {key: points[key][chosen].as_py() for key in written["parameters"]} == written["parameters"]
 
     settings = assignments(variables_of("mine"), list(written["parameters"].values()))
     tuned_benchmark = tiny.model_copy(update={"set": (*tiny.set, *settings)})
-    campaign = tuning_campaign(tuned_benchmark, "move", "mine")
-    rows = Worker(PreparedCampaign(campaign)).run_batch(Batch("analytic", "mine", 0, 2))
+    campaign = trial_campaign(tuned_benchmark, "move", "mine", plant="analytic", runs=3, seed=8, spread=1.0)
+    rows = Worker(PreparedCampaign(campaign)).run_batch(Batch("analytic", "mine", 0, 3))
     failures = [float(str(row["final_error_m"])) > 0.2 for row in rows]
     costs = [
         run_cost(row, campaign.nominal, exceeds_limit, 0.02)
         for row, exceeds_limit in zip(rows, failures, strict=True)
     ]
-    assert np.mean(costs) == written["cost"]["full"]
-    assert np.mean(failures) == written["failed"]["full"]
+    assert np.mean(costs) == written["validation"]["cost"][written["chosen"]]
+    assert np.mean(failures) == written["validation"]["failed"][written["chosen"]]
+
+
+def test_validation_keeps_published_numbers_that_are_better_on_other_cranes() -> None:
+    def chosen(*costs: float) -> str:
+        """Return which of three points with these costs in validation is chosen."""
+        names = ("untuned", "half", "full")
+        points = [Point((float(k),), 3.0 - k, 0.0) for k in range(3)]
+        validated = {
+            name: point._replace(cost=cost) for name, point, cost in zip(names, points, costs, strict=True)
+        }
+        result = Tuned("mine", variables_of("pid")[:1], 4, 2, tuple(points), validated)
+        assert list(result.parameters.values()) == [float(names.index(result.chosen))]
+        return result.chosen
+
+    assert chosen(1.0, 1.1, 1.2) == "untuned"
+    assert chosen(1.2, 1.1, 1.2) == "half"
+    assert chosen(1.2, 1.1, 1.0) == "full"
+    assert chosen(1.0, 1.0, 1.0) == "untuned"
+
+
+def test_search_without_validation_takes_the_whole_budget(tiny: Benchmark) -> None:
+    rules = tiny.tuning.model_copy(update={"validation": None})
+    result = tune(tiny.model_copy(update={"tuning": rules}), open_controller("mine.py:MINE"), runs=8)
+    assert (result.chosen, result.validated) == ("full", {})
+
+
+def test_search_runs_on_every_scenario_and_spread_of_its_plant(tiny: Benchmark) -> None:
+    rules = tiny.tuning.model_copy(update={"spreads": (0.0, 0.5, 1.0), "plant": "elastic"})
+    result = tune(tiny.model_copy(update={"tuning": rules}), open_controller("mine.py:MINE"), runs=12)
+    assert result.runs_each == 3 * 2
+    campaigns = [
+        trial_campaign(tiny, "move", "mine", plant="elastic", runs=2, seed=7, spread=spread)
+        for spread in (0.0, 0.5, 1.0)
+    ]
+    costs = [
+        run_cost(row, campaign.nominal, float(str(row["final_error_m"])) > 0.2, 0.02)
+        for campaign in campaigns
+        for row in Worker(PreparedCampaign(campaign)).run_batch(Batch("elastic", "mine", 0, 2))
+    ]
+    assert result.points[0].cost == np.mean(costs)
+
+
+@pytest.mark.usefixtures("tiny")
+def test_interrupted_search_goes_on(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The result has the same bytes, and no candidate of before runs again."""
+    command = ["tune", "mine.py:MINE", "--benchmark", "tiny.toml", "--trust", "--workers", "1"]
+    assert main([*command, "--out", "whole"]) == 0
+    write, written = tuned.write_points, []
+
+    def interrupted(*values: Any) -> None:
+        write(*values)
+        written.append(values)
+        if len(written) == 3:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, contextlib.suppress(KeyboardInterrupt):
+        patch.setattr("cranectl.campaign.benchmark.tuned.write_points", interrupted)
+        assert main([*command, "--out", "out"]) != 0
+    assert [path.name for path in Path("out").iterdir()] == ["mine.unfinished.parquet"]
+    begun = parquet.read_table("out/mine.unfinished.parquet").num_rows
+    capsys.readouterr()
+    assert main([*command, "--out", "out"]) == 0
+    assert f"goes on after {begun} candidates" in capsys.readouterr().out
+    for name in ("mine.toml", "mine.parquet"):
+        assert Path("out", name).read_bytes() == Path("whole", name).read_bytes()
+    assert len(list(Path("out").iterdir())) == 2
+
+
+@pytest.mark.parametrize("damage", ["another controller", "no Parquet"])
+def test_points_of_another_search_are_not_used(tiny: Benchmark, damage: str) -> None:
+    path, keys = Path("mine.unfinished.parquet"), ["controller.mine.stiffness"]
+    digest = tuned.search_of(open_controller("mine.py:MINE"), rules_of(tiny))
+    tuned.write_points(path, keys, [Point((1.0,), 2.0, 0.5)], {"search": digest})
+    assert tuned.unfinished_points(path, digest) == [Point((1.0,), 2.0, 0.5)]
+    if damage == "no Parquet":
+        path.write_bytes(path.read_bytes()[:40])
+    else:
+        digest = tuned.search_of(open_controller("mine.py:STIFF"), rules_of(tiny))
+    assert tuned.unfinished_points(path, digest) == []
 
 
 @pytest.mark.parametrize("state", ["absent", "of another controller", "by other rules", "damaged"])
@@ -158,19 +246,19 @@ def test_suggested_command_tunes_again(state: str, capsys: pytest.CaptureFixture
 
 
 def test_refused_numbers_have_the_largest_cost(tiny: Benchmark) -> None:
-    tuned = tune(tiny, open_controller("mine.py:REFUSES"))
-    refused = [point for point in tuned.points if point.values[0] > 12.0]
+    points = tune(tiny, open_controller("mine.py:REFUSES")).points
+    refused = [point for point in points if point.values[0] > 12.0]
     assert 0 < len(refused) < 20
     assert {(point.cost, point.failed) for point in refused} == {(REFUSED, 1.0)}
-    assert all(point.cost < 11.0 for point in tuned.points if point not in refused)
+    assert all(point.cost < 11.0 for point in points if point not in refused)
 
 
 def test_controller_that_never_returns_has_the_cost_of_a_stop(tiny: Benchmark) -> None:
-    tuned = tune(tiny, open_controller("mine.py:HANGS"), runs=10, timeout=0.5)
-    hanging = [point for point in tuned.points if point.values[0] > 1.0005]
-    assert 0 < len(hanging) < len(tuned.points) == 5
+    points = tune(tiny, open_controller("mine.py:HANGS"), runs=10, timeout=0.5).points
+    hanging = [point for point in points if point.values[0] > 1.0005]
+    assert 0 < len(hanging) < len(points) == 5
     assert {(point.cost, point.failed) for point in hanging} == {(11.0, 1.0)}
-    assert all(point.cost < 10.0 for point in tuned.points if point not in hanging)
+    assert all(point.cost < 10.0 for point in points if point not in hanging)
 
 
 @pytest.mark.usefixtures("tiny")
@@ -180,6 +268,7 @@ def test_controller_without_variables_is_reported(capsys: pytest.CaptureFixture[
     written = read_toml(Path("out/stiff.toml"))
     assert written["parameters"] == {}
     assert written["runs"] == 2
+    assert written["chosen"] == "untuned"
     assert len(set(written["cost"].values())) == 1
 
 

@@ -31,6 +31,7 @@ draws = 2
 seed = 7
 runs = 40
 variation_price = 0.02
+validation = { draws = 3, seed = 8 }
 
 [uncertain.rig.load_mass]
 distribution = "uniform"

@@ -1,0 +1,78 @@
+"""Tune the controllers of the benchmark, then draw the seed of the judged cranes.
+
+    python validation/proofs/freeze.py [--check]
+
+A controller is tuned if it has no numbers by the present rules. After a kill the program goes on where it
+was. The seed is a digest of the rules and of all numbers. So nobody can see a judged crane before the numbers
+are frozen. With --check it writes nothing, and returns 1 if a controller or the seed is out of date.
+
+The compiled controller nmpc has its numbers in a folder of its own, which `make judge` fills.
+"""
+
+import argparse
+import hashlib
+import json
+import os
+import re
+import sys
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does; before NumPy is loaded
+
+from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
+from cranectl.campaign.benchmark.trials import rules_of, stated_rules
+from cranectl.campaign.benchmark.tuned import DEFAULT, tuned_facts
+from cranectl.cli.benchmark import measured_controllers
+from cranectl.cli.main import main
+from cranectl.support.documents import read_toml
+from cranectl.support.errors import InputError
+from cranectl.support.files import write_text
+
+SEED_DIGITS = 15  # hexadecimal; a seed is less than 2**63
+
+
+def frozen_seed(benchmark: Benchmark) -> int:
+    """Return the seed that the rules and the stored numbers of all controllers give."""
+    folder = benchmark.file.parent
+    numbers = {
+        path.stem: read_toml(path)["parameters"]
+        for path in [*folder.glob("tuned/*.toml"), *folder.glob("nmpc/tuned/*.toml")]
+    }
+    text = stated_rules(benchmark) + json.dumps(numbers, sort_keys=True)
+    return int(hashlib.sha256(text.encode()).hexdigest()[:SEED_DIGITS], 16)
+
+
+def tune_missing(benchmark: Benchmark, *, only_check: bool) -> int:
+    """Tune each controller that has no numbers by the present rules; return how many could not be tuned."""
+    folder, missing = benchmark.file.parent / "tuned", 0
+    for argument in benchmark.laws:
+        (name,) = measured_controllers(benchmark, [argument])
+        try:
+            tuned_facts(folder, rules_of(benchmark), name)
+        except InputError as reason:
+            print(reason)
+            missing += only_check or main(["tune", argument, "--out", str(folder)]) != 0
+    return missing
+
+
+def freeze(*, only_check: bool) -> int:
+    """Tune what is missing, and write the seed; return 1 if something is out of date."""
+    benchmark = read_benchmark(DEFAULT)
+    if tune_missing(benchmark, only_check=only_check):
+        return 1
+    seed = frozen_seed(benchmark)
+    if benchmark.seed == seed:
+        return 0
+    print(f"the seed is {benchmark.seed}, and rules and numbers give {seed}")
+    if only_check:
+        return 1
+    text = benchmark.file.read_text(encoding="utf-8")
+    write_text(benchmark.file, re.sub(r"(?m)^seed = \d+", f"seed = {seed}", text, count=1))
+    return 0
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--check", action="store_true", help="write nothing")
+    sys.exit(freeze(only_check=parser.parse_args().check))
