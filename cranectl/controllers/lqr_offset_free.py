@@ -236,10 +236,10 @@ LQR_OFFSET_FREE = Controller(
     reads=("gravity", "limits", "rope_range"),
     linearise=linearise,
     parameters=(
-        Parameter("error_weight", 5.0, "1", "q_e on the load's error over l", *WEIGHT, search=(0.5, 10.0)),
-        Parameter("rate_weight", 1.0, "1", "q_v on its rate over sqrt(g l)", *WEIGHT, search=(0.1, 4.0)),
-        # A faster observer takes the swing of a load about its hook for a disturbance, and excites it.
-        Parameter("observer_pole", 1.5, "1", "three, over sqrt(g/l)", *POLE, search=(0.2, 2.0)),
+        Parameter("error_weight", 5.0, "1", "q_e on the load's error over l", *WEIGHT, search=(0.5, 30.0)),
+        Parameter("rate_weight", 1.0, "1", "q_v on its rate over sqrt(g l)", *WEIGHT, search=(0.1, 12.0)),
+        # A fast observer takes the swing of a load about its hook for a disturbance, and excites it.
+        Parameter("observer_pole", 1.5, "1", "three, over sqrt(g/l)", *POLE, search=(0.2, 6.0)),
         Parameter("rope_pole", 1.5, "1", "two, over sqrt(g/l)", *POLE, search=(0.3, 6.0)),
     ),
     logged=tuple(
