@@ -137,7 +137,7 @@ FLAT_VELOCITY = Controller(
     command="velocity",
     parameters=tuple(
         Parameter(name, -2.5, "1/s", "a pole of the load's error, real", -FASTEST, -SLOWEST,
-                  search=(0.8, 8.0), length_power=-0.5)
+                  search=(0.8, 24.0), length_power=-0.5)
         for name in POLES
     ),
     logged=tuple(

@@ -155,8 +155,8 @@ ADAPTIVE = Controller(
     reads=(*AXIS_MASSES, "driven_masses"),
     command="force",
     parameters=(
-        Parameter("position", 1.0 / 3.0, "1", "lambda over p", 0.0, 100.0, search=(0.1, 1.0)),
-        Parameter("sway", 8.0 / 3.0, "1", "kappa over p l", 0.0, 100.0, search=(0.8, 8.0)),
+        Parameter("position", 1.0 / 3.0, "1", "lambda over p", 0.0, 100.0, search=(0.1, 4.0)),
+        Parameter("sway", 8.0 / 3.0, "1", "kappa over p l", 0.0, 100.0, search=(0.25, 8.0)),
         Parameter("rope_pole", 1.0, "1", "lambda of the rope, over √(g/l)", 0.0, 100.0, search=(0.2, 5.0)),
         Parameter(
             "gain",

@@ -153,7 +153,7 @@ HIERARCHICAL = Controller(
         Parameter("share", 0.3, "1", "a, of the rope's surface in S", 1e-3, 100.0, search=(0.05, 3.0)),
         Parameter("hoist", 1.0, "1", "c_1 of the rope, over √(g/L)", 0.0, 100.0, search=(0.2, 5.0)),
         Parameter("decay", 1.0, "1", "k, over √(g/L)", 0.0, 100.0, search=(0.1, 10.0)),
-        Parameter("reach", 0.03, "1", "r, over g", 0.0, 10.0, search=(0.003, 0.3)),
+        Parameter("reach", 0.03, "1", "r, over g", 0.0, 10.0, search=(0.001, 0.3)),
     ),
     logged=MEMORY.logged(surface=per_axis("surface", "S", "m/s", "sliding surface", "xyl")),
 )

@@ -137,8 +137,8 @@ LMI_REGIONS = Controller(
     prepare=prepare,
     reads=("gravity", "rope_range"),
     parameters=(
-        Parameter("decay", 0.5, "sqrt(g/l)", "least decay of a pole", 0.0, 10.0, search=(0.2, 1.5)),
-        Parameter("radius", 3.0, "sqrt(g/l)", "largest modulus of a pole", 0.1, 1e3, search=(2.0, 10.0)),
+        Parameter("decay", 0.5, "sqrt(g/l)", "least decay of a pole", 0.0, 10.0, search=(0.06, 1.5)),
+        Parameter("radius", 3.0, "sqrt(g/l)", "largest modulus of a pole", 0.1, 1e3, search=(0.7, 10.0)),
         Parameter("damping", 0.6, "1", "least damping ratio of a pole", 0.0, 0.999, search=(0.2, 0.95)),
         Parameter(
             "effort", 1.0, "1", "rho on the drive's acceleration over g", 1e-3, 1e3, search=(0.1, 10.0)

@@ -127,7 +127,7 @@ MODEL_REFERENCE = Controller(
     parameters=(
         Parameter("pole", 0.7, "1", "a, of all four poles, over sqrt(g/l)", 0.01, 100.0, search=(0.2, 2.0)),
         Parameter("bound", 0.05, "1", "rho, over g", 0.0, 100.0, search=(0.005, 0.5)),
-        Parameter("layer", 0.05, "1", "delta", 1e-9, 1e3, search=(0.005, 0.5)),
+        Parameter("layer", 0.05, "1", "delta", 1e-9, 1e3, search=(0.0015, 0.5)),
     ),
     logged=MEMORY.logged(
         error=(

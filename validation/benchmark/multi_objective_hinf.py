@@ -186,8 +186,8 @@ MULTI_OBJECTIVE_HINF = Controller(
     reads=("gravity", "path", "time_constants"),
     command="velocity",
     parameters=(
-        Parameter("slowness", 4.0, "sqrt(l/g)", "bound of error by speed", 1e-2, 1e3, search=(1.0, 10.0)),
-        Parameter("effort", 1.0, "sqrt(g/l)", "bound of velocity by error", 1e-2, 1e3, search=(0.2, 5.0)),
+        Parameter("slowness", 4.0, "sqrt(l/g)", "bound of error by speed", 1e-2, 1e3, search=(0.3, 10.0)),
+        Parameter("effort", 1.0, "sqrt(g/l)", "bound of velocity by error", 1e-2, 1e3, search=(0.2, 15.0)),
         Parameter("swing", 2.0, "1", "bound of the load's error by a push", 1e-2, 1e3, search=(0.5, 5.0)),
         Parameter("rope_pole", 1.0, "sqrt(g/l)", "of the rope's length", 0.0, 1e3, search=(0.3, 6.0)),
     ),

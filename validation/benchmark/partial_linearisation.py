@@ -112,7 +112,7 @@ LINEARISATION = Controller(
         Parameter(
             "position", 0.45, "1", "a, poles of the drives over sqrt(g/l)", 1e-3, 100.0, search=(0.1, 1.0)
         ),
-        Parameter("swing", 1.8, "1", "c, poles of the swing over sqrt(g/l)", 1e-3, 100.0, search=(1.0, 4.0)),
+        Parameter("swing", 1.8, "1", "c, poles of the swing over sqrt(g/l)", 1e-3, 100.0, search=(0.5, 4.0)),
         Parameter("share", 0.3, "1", "k of what the swing asks for", 1e-3, 100.0, search=(0.1, 1.0)),
     ),
     logged=MEMORY.logged(inputs=per_axis("asked", "v", "m/s²", "acceleration asked for", "xyl")),

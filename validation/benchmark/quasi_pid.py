@@ -90,7 +90,7 @@ QUASI_PID = Controller(
     follows="set-point",
     parameters=(
         Parameter(
-            "spring", 0.15, "1", "k_p, over the weight of drive and load", 0.0, 10.0, search=(0.02, 1.0)
+            "spring", 0.15, "1", "k_p, over the weight of drive and load", 0.0, 10.0, search=(0.02, 3.0)
         ),
         Parameter("damper", 0.5, "1", "k_d, over the same", 0.0, 10.0, search=(0.05, 3.0)),
         Parameter("swing", 1.0, "1", "k_b, over the same", 0.0, 100.0, search=(0.1, 10.0)),

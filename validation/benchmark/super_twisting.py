@@ -109,7 +109,7 @@ SUPER_TWISTING = Controller(
             "k_2, rate of what holds against constant pushes",
             0.0,
             1e3,
-            search=(0.1, 10.0),
+            search=(0.03, 10.0),
             length_power=-0.5,
         ),
         Parameter(

@@ -69,7 +69,7 @@ SWING_DAMPING_SERVO = Controller(
     reads=("gravity",),
     parameters=(
         Parameter(
-            "pole", 2.5, "1/s", "p, all poles are at -p", 0.0, 1e3, search=(0.8, 6.0), length_power=-0.5
+            "pole", 2.5, "1/s", "p, all poles are at -p", 0.0, 1e3, search=(0.8, 12.0), length_power=-0.5
         ),
     ),
 )

@@ -44,15 +44,18 @@ class Variable(NamedTuple):
         return rounded(value * length**self.length_power) if is_scaled else value
 
 
-# Bounds of the flat family's settings, by design: about a tenth to ten times the thesis's values.
+# Bounds of the flat family's settings, by design: about a tenth to ten times the thesis's values, and wider
+# where a narrower search ended at its bound.
 DESIGN_BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
-    "pole-placement": {f"poles.{k}": (0.8, 8.0) for k in range(4)},
+    "pole-placement": {f"poles.{k}": (0.8, 24.0) for k in range(4)},
     "lqr": {
-        "state_weights.0": (30.0, 30_000.0),
-        **{f"state_weights.{k}": (0.03, 30.0) for k in (1, 2, 3)},
+        "state_weights.0": (30.0, 100_000.0),
+        "state_weights.1": (0.03, 100.0),
+        "state_weights.2": (0.03, 30.0),
+        "state_weights.3": (0.01, 30.0),
     },
     "hinf": {"hinf.bandwidth": (0.2, 4.0), "hinf.offset": (0.01, 0.5), "hinf.control_weight": (1e-6, 1e-2)},
-    "loop-shaping": {"loop_shaping.proportional": (2.0, 200.0), "loop_shaping.integral": (8.0, 800.0)},
+    "loop-shaping": {"loop_shaping.proportional": (2.0, 600.0), "loop_shaping.integral": (8.0, 2400.0)},
 }
 
 

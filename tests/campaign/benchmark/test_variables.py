@@ -50,7 +50,7 @@ def test_variables_of_the_flat_family_are_those_of_its_parts() -> None:
     assert [
         (variable.start, variable.value_at(0.0), variable.value_at(1.0), variable.length_power)
         for variable in poles
-    ] == [(-2.5, -0.8, -8.0, -0.5)] * 4
+    ] == [(-2.5, -0.8, -24.0, -0.5)] * 4
     assert [variable.length_power for variable in weights] == [-4.0, -3.0, -2.0, -1.0]
 
 
