@@ -1,7 +1,8 @@
 """The tuned numbers of the benchmark belong to the present controllers and rules."""
 
 import hashlib
-import subprocess
+import shutil
+from pathlib import Path
 
 import pytest
 from pyarrow import parquet
@@ -11,14 +12,15 @@ from cranectl.campaign.benchmark.settings import Benchmark, benchmark_file, read
 from cranectl.campaign.benchmark.trials import rules_of
 from cranectl.campaign.benchmark.tuned import tuned_settings
 from cranectl.cli.benchmark import measured_controllers
-from cranectl.support.documents import leaves, parse_toml, read_toml
+from cranectl.support.documents import leaves, read_toml
 from cranectl.support.provenance import syntax_of
 from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
+from validation.proofs.freeze import freeze, frozen_seed
 
 FILE = benchmark_file("literature")
 TUNED = FILE.parent / "tuned"
-DRAWING_COMMIT = "57cf443f1637e6b"  # first 15 digits of its hash, from which the seed follows
+OWN_CODE = "7ad4a778193a20d5"  # of the syntax of our controller, when rules and numbers were frozen
 
 
 @pytest.fixture(scope="module")
@@ -51,12 +53,20 @@ def test_controllers_had_equal_budgets_and_all_points_are_stored(benchmark: Benc
         runs = table["runs"] // len(cost)
         candidates = benchmark.tuning.runs // runs if keys else 1
         assert len(cost) == candidates, controller
-        expected = (benchmark.tuning.seed, benchmark.tuning.runs, rules_of(benchmark))
-        assert (table["seed"], table["budget_runs"], table["rules"]) == expected
+        assert (table["seed"], table["rules"]) == (benchmark.tuning.seed, rules_of(benchmark))
+        assert table["budget_runs"] == candidates * runs
         best = {"untuned": cost[0], "half": min(cost[: max(1, candidates // 2)]), "full": min(cost)}
         assert table["cost"] == best
-        best_point = points.slice(cost.index(best["full"]), 1).to_pylist()[0]
-        assert table["parameters"] == {key: float(f"{best_point[key]:.4g}") for key in keys}
+        in_validation = table["validation"]["cost"]
+        assert table["chosen"] == min(best, key=in_validation.__getitem__)
+        point = points.slice(cost.index(best[table["chosen"]]), 1).to_pylist()[0]
+        assert table["parameters"] == {key: float(f"{point[key]:.4g}") for key in keys}
+
+
+def test_no_chosen_numbers_are_worse_than_the_published_ones_in_validation() -> None:
+    for path in TUNED.glob("*.toml"):
+        cost = (table := read_toml(path))["validation"]["cost"]
+        assert cost[table["chosen"]] <= cost["untuned"], path.stem
 
 
 def test_standings_name_the_numbers_that_end_at_a_bound(benchmark: Benchmark) -> None:
@@ -78,28 +88,33 @@ def test_standings_name_the_numbers_that_end_at_a_bound(benchmark: Benchmark) ->
     assert {name: ends for name, *ends in shown} == at_bounds
 
 
-def test_own_controller_is_that_of_the_commit_that_drew_the_cranes(benchmark: Benchmark) -> None:
-    """If they compute something else, new cranes must be drawn, and all controllers run again.
-
-    Only names have changed since that commit: `make restamp` ran rows of the judged table again, and they
-    were equal to the bit.
-    """
-    file, numbers = (
-        "cranectl/controllers/lqr_offset_free.py",
-        "validation/benchmark/tuned/lqr-offset-free.toml",
-    )
-    code, parameters = (ROOT / file).read_bytes(), read_toml(ROOT / numbers)["parameters"]
-    assert hashlib.sha256(syntax_of(code)).hexdigest().startswith("7ad4a778193a20d5")
-    assert list(parameters.values()) == [9.88, 4.0, 1.993, 2.462]
-    assert benchmark.seed == int(DRAWING_COMMIT, 16)
-    if file_at_commit(file):
-        assert parse_toml(file_at_commit(numbers).decode(), numbers)["parameters"] == parameters
-        assert str(benchmark.seed).encode() not in file_at_commit("validation/benchmark/literature.toml")
+def test_seed_of_judged_cranes_follows_from_rules_and_frozen_numbers(benchmark: Benchmark) -> None:
+    assert benchmark.seed == frozen_seed(benchmark)
+    assert freeze(only_check=True) == 0
 
 
-def file_at_commit(name: str) -> bytes:
-    """Return the file at the commit that drew the cranes; empty without history."""
-    shown = subprocess.run(
-        ["git", "show", f"{DRAWING_COMMIT}:{name}"], cwd=ROOT, capture_output=True, check=False
-    )
-    return shown.stdout
+def test_seed_changes_with_rules_and_numbers(tmp_path: Path) -> None:
+    shutil.copytree(FILE.parent, tmp_path, dirs_exist_ok=True)
+
+    def seed() -> int:
+        return frozen_seed(read_benchmark(str(tmp_path / FILE.name)))
+
+    first = seed()
+    assert first == frozen_seed(read_benchmark("literature"))
+    for name, old, new in (
+        ("literature.toml", "variation_price = 0.02", "variation_price = 0.03"),
+        ("tuned/pid.toml", "cost", "costs"),  # no number
+        ("tuned/lqr.toml", '.0" = ', '.0" = 1'),
+        ("nmpc/tuned/nmpc.toml", '"controller.', '"controller.x'),
+    ):
+        text = (tmp_path / name).read_text(encoding="utf-8")
+        assert old in text
+        (tmp_path / name).write_text(text.replace(old, new), encoding="utf-8")
+        assert (seed() == first) is (new == "costs"), name
+        (tmp_path / name).write_text(text, encoding="utf-8")
+
+
+def test_own_controller_is_that_of_the_freeze() -> None:
+    """If it computes something else, new cranes must be drawn, and all controllers run again."""
+    code = (ROOT / "cranectl" / "controllers" / "lqr_offset_free.py").read_bytes()
+    assert hashlib.sha256(syntax_of(code)).hexdigest().startswith(OWN_CODE)

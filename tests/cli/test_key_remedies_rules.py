@@ -14,6 +14,7 @@ RULES = {
     "letters": (SETS, "[sets.Wide]"),
     "taken": (SETS, "[sets.spread-2]"),
     "seed": ("seed = 5", "seed = 3"),
+    "validation": ("seed = 6", "seed = 5"),
 }
 FILES = {
     "s.toml": "name='s'\nduration=8.0\nreference.start=[1.0, 0.77, -0.7]\n",
@@ -299,6 +300,7 @@ CASES = [
             ("letters", "rename them"),
             ("taken", "rename them"),
             ("seed", "change tuning.seed"),
+            ("validation", "change tuning.validation.seed"),
         )
     ),
 ]
