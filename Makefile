@@ -121,7 +121,8 @@ docs: .venv/site ## run the examples, and build the site of all pages into build
 TABLE ?= build/literature
 JUDGED := validation/benchmark/literature.parquet
 NMPC = --controller $(TABLE)/nmpc.so --tuned $(TABLE)/tuned
-judge: .venv/extras $(TABLE)/tuned/nmpc.toml ## judge every controller of the benchmark anew; hours, goes on after a kill
+judge: .venv/extras $(TABLE)/tuned/nmpc.toml ## tune and judge every controller of the benchmark; hours, goes on after a kill
+	$(BIN)/python validation/proofs/freeze.py --compiled $(TABLE)/tuned
 	for controllers in "" "$(NMPC)"; do \
 		$(BIN)/cranectl benchmark run --out $(TABLE) $$controllers --set-of-cranes nominal --set-of-cranes lab-rig && \
 		$(BIN)/cranectl benchmark run --out $(TABLE) $$controllers --division tuned || exit; done

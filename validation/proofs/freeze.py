@@ -1,12 +1,13 @@
 """Tune the controllers of the benchmark, then draw the seed of the judged cranes.
 
-    python validation/proofs/freeze.py [--check]
+    python validation/proofs/freeze.py [--check] [--compiled build/literature/tuned]
 
 A controller is tuned if it has no numbers by the present rules. After a kill the program goes on where it
 was. The seed is a digest of the rules and of all numbers. So nobody can see a judged crane before the numbers
 are frozen. With --check it writes nothing, and returns 1 if a controller or the seed is out of date.
 
-The compiled controller nmpc has its numbers in a folder of its own, which `make judge` fills.
+The compiled controller nmpc has its numbers in a folder of its own. If they are not by the present rules, they
+are copied from the folder --compiled, which `make judge` fills.
 """
 
 import argparse
@@ -14,7 +15,9 @@ import hashlib
 import json
 import os
 import re
+import shutil
 import sys
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does; before NumPy is loaded
 
@@ -54,10 +57,19 @@ def tune_missing(benchmark: Benchmark, *, only_check: bool) -> int:
     return missing
 
 
-def freeze(*, only_check: bool) -> int:
+def is_compiled_current(benchmark: Benchmark, compiled: Path | None) -> bool:
+    """Return True if nmpc has numbers by the present rules; copy them from the folder `compiled` if not."""
+    kept, rules = benchmark.file.parent / "nmpc" / "tuned", rules_of(benchmark)
+    if compiled is not None and read_toml(kept / "nmpc.toml")["rules"] != rules:
+        for ending in ("toml", "parquet"):
+            shutil.copy(compiled / f"nmpc.{ending}", kept)
+    return bool(read_toml(kept / "nmpc.toml")["rules"] == rules)
+
+
+def freeze(*, only_check: bool, compiled: Path | None = None) -> int:
     """Tune what is missing, and write the seed; return 1 if something is out of date."""
     benchmark = read_benchmark(DEFAULT)
-    if tune_missing(benchmark, only_check=only_check):
+    if tune_missing(benchmark, only_check=only_check) or not is_compiled_current(benchmark, compiled):
         return 1
     seed = frozen_seed(benchmark)
     if benchmark.seed == seed:
@@ -75,4 +87,6 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--check", action="store_true", help="write nothing")
-    sys.exit(freeze(only_check=parser.parse_args().check))
+    parser.add_argument("--compiled", type=Path, help="folder with the numbers of nmpc")
+    options = parser.parse_args()
+    sys.exit(freeze(only_check=options.check, compiled=options.compiled))
