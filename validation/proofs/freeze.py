@@ -6,8 +6,8 @@ A controller is tuned if it has no numbers by the present rules. After a kill th
 was. The seed is a digest of the rules and of all numbers. So nobody can see a judged crane before the numbers
 are frozen. With --check it writes nothing, and returns 1 if a controller or the seed is out of date.
 
-The compiled controller nmpc has its numbers in a folder of its own. If they are not by the present rules, they
-are copied from the folder --compiled, which `make judge` fills.
+The compiled controller nmpc has its numbers in a folder of its own. If they are not by the present rules,
+they are copied from the folder --compiled, which `make judge` fills.
 """
 
 import argparse
