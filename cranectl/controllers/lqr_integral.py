@@ -21,7 +21,7 @@ from cranectl.design.discretisation import check_sampled, zero_order_hold
 from cranectl.model.flatness import flat_output
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, ROPE_RATE, TROLLEY, X, Y, Z
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
+from cranectl.support.arrays import Array, round_digits
 from cranectl.support.errors import InputError
 from cranectl.support.jit import jit
 
@@ -110,7 +110,7 @@ def _gain(nominal: Nominal, a: Array, b: Array, c: Array) -> Array:
             allowed="weights of less extreme ratio",
             remedy="scale the weights in [controller.lqr-integral] towards each other",
         ) from error
-    gain: Array = (b.T @ cost / r)[0]
+    gain = round_digits((b.T @ cost / r)[0])
     phi, hold = zero_order_hold(a, b, nominal.period)
     closed = phi - hold @ gain[np.newaxis]
     remedy = "raise input_weight in [controller.lqr-integral]"

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from cranectl.design.discretisation import diagonal
 from cranectl.design.records import Margins, loop_matrices
-from cranectl.support.arrays import Array
+from cranectl.support.arrays import CERTAIN_DIGITS, Array, round_digits
 from cranectl.support.errors import InputError
 
 Response = NDArray[np.complex128]
@@ -22,6 +22,7 @@ OUTSIDE = 1e3  # factor beyond the slowest and the fastest pole up to which freq
 PER_DECADE = 100  # samples
 RESONANCE = np.linspace(-3.0, 3.0, 31)  # samples about a pole, in units of its distance from the axis
 REFINED_MAXIMA = 4  # largest local maxima that are refined
+SAMPLED_DIGITS = 12  # of a sampled system, whose poles are near 1
 REFINEMENTS = 6  # of a maximum; each makes the samples ten times as dense
 
 
@@ -313,4 +314,9 @@ def _bandwidth(loop: control.StateSpace, poles: Response) -> float:
 def slowed_and_sampled(system: control.StateSpace, pace: float, period: float) -> control.StateSpace:
     """Return a system from lengths to speeds, with time in units of 1/`pace` [s], sampled by Tustin's map."""
     slowed = control.ss(pace * system.A, pace * system.B, pace * system.C, pace * system.D)
-    return control.sample_system(slowed, period, "tustin")
+    return rounded_system(control.sample_system(slowed, period, "tustin"), SAMPLED_DIGITS)
+
+
+def rounded_system(system: control.StateSpace, digits: int = CERTAIN_DIGITS) -> control.StateSpace:
+    """Return `system` with its matrices rounded to significant digits, as `round_digits` does."""
+    return control.ss(*(round_digits(m, digits) for m in (system.A, system.B, system.C, system.D)), system.dt)

@@ -39,6 +39,7 @@ from cranectl.controllers.controller import Controller, Parameter
 from cranectl.controllers.slots import Slots, per_axis
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
 from cranectl.status import RunStatus
+from cranectl.support.arrays import round_digits
 from cranectl.support.jit import jit
 
 WEIGHTS = (0.1, 0.1, 1.0, 1.0)  # W
@@ -111,7 +112,7 @@ def prepare(nominal):
         sharpness=sharpness,
         limit=nominal.rig.effects.limits.acceleration,
         gain=gain,
-        costate=b @ cost,
+        costate=round_digits(b @ cost),
     )
     return parameters, MEMORY.array()
 

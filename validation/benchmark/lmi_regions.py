@@ -47,6 +47,7 @@ from cranectl.controllers.slots import Slots
 from cranectl.design.discretisation import check_sampled, zero_order_hold
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
 from cranectl.status import RunStatus
+from cranectl.support.arrays import round_digits
 
 PARAMETERS = Slots(gravity=1, rope_pole=1, gain=4)
 MEMORY = Slots(desired=10, inputs=3)
@@ -105,7 +106,7 @@ def gains(decay, radius, damping, effort):
     least, _, _ = minimise(lambda gamma, *_: gamma[0, 0], inequalities, (1, 1), 4, (1, 4))
     bound = rounded_up(BACK_OFF * float(least[0, 0]))
     x, y = analytic_centre(lambda x, y: inequalities(np.array([[bound]]), x, y), 4, (1, 4))
-    return -np.linalg.solve(x, y[0]), bound
+    return round_digits(-np.linalg.solve(x, y[0])), bound
 
 
 def rounded_up(number):

@@ -45,6 +45,7 @@ from cranectl.design.discretisation import check_sampled, zero_order_hold
 from cranectl.model.dynamics import rope_direction_rate
 from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Z
 from cranectl.status import RunStatus
+from cranectl.support.arrays import round_digits
 from cranectl.support.jit import jit
 
 # The filter's states of an axis: x, x', d_x, b, b', d_b.
@@ -149,7 +150,7 @@ def regulator(error_weight, rate_weight):
     c = np.array([[1, 0, 1, 0], [0, 1, 0, 1]], float)
     weights = np.diag([error_weight, rate_weight])
     gain = (b.T @ solve_continuous_are(a, b, c.T @ weights @ c, [[1.0]]))[0]
-    return gain, np.array([sqrt(error_weight), sqrt(rate_weight + 2.0 * sqrt(error_weight))])
+    return round_digits(gain), np.array([sqrt(error_weight), sqrt(rate_weight + 2.0 * sqrt(error_weight))])
 
 
 def kalman(drive_filter, sway_filter):
@@ -164,7 +165,8 @@ def kalman(drive_filter, sway_filter):
     c[0, 0] = c[1, 3] = 1.0
     drift = np.diag([0.0, 0.0, drive_filter**6, 0.0, 0.0, sway_filter**6])
     gain = solve_continuous_are(a.T, c.T, drift, np.eye(2)) @ c.T
-    return a, c, gain, np.array([2.0 * drive_filter, 2.0 * drive_filter**2, drive_filter**3])
+    rope = np.array([2.0 * drive_filter, 2.0 * drive_filter**2, drive_filter**3])
+    return a, c, round_digits(gain), rope
 
 
 def prepare(nominal):

@@ -36,6 +36,7 @@ from cranectl.controllers.controller import Controller, Parameter
 from cranectl.controllers.slots import Slots
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Signal, X, Z
 from cranectl.status import RunStatus
+from cranectl.support.arrays import round_digits
 from cranectl.support.jit import jit
 
 # Each axis has four numbers: drive, rate, angle, rate.
@@ -113,7 +114,7 @@ def prepare(nominal):
         bound=bound,
         layer=layer,
         gain=gain,
-        costate=b @ cost,
+        costate=round_digits(b @ cost),
     )
     return parameters, MEMORY.array()
 

@@ -38,13 +38,14 @@ from semidefinite import minimise
 from cranectl.controllers.common import middle_depth, state_on_path
 from cranectl.controllers.controller import Controller, Parameter
 from cranectl.controllers.slots import Slots
-from cranectl.design.linear_systems import closed_loop_norm, slowed_and_sampled
+from cranectl.design.linear_systems import closed_loop_norm, rounded_system, slowed_and_sampled
 from cranectl.model.dynamics import rope_direction
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, X, Z
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 
 ORDER = 2  # of the controller
+K_DIGITS = 6  # of K, since the least gamma is accurate to about eight
 BACK_OFF = 1.01  # allowed norm over gamma, after the order is reduced
 
 # States of the crane: e, x', r - x_c; the reference r moves with the speed r'.
@@ -136,7 +137,7 @@ def controller(slowness, effort, swing):
     m, n = left * np.sqrt(values), right.T * np.sqrt(values)
     b_k, c_k = np.linalg.solve(n, b), np.linalg.solve(m, c.T).T
     a_k = np.linalg.solve(n, a - n @ b_k @ C @ x - y @ B @ c_k @ m.T - y @ A @ x)
-    k = without_last(np.linalg.solve(m, a_k.T).T, b_k, c_k)
+    k = rounded_system(without_last(np.linalg.solve(m, a_k.T).T, b_k, c_k), K_DIGITS)
     least = float(gamma[0, 0])
     for plant, bound in zip(generalised_plants(), bounds, strict=True):
         if not (norm := closed_loop_norm(plant, k)) <= BACK_OFF * bound * least:

@@ -35,7 +35,7 @@ from cranectl.controllers.common import middle_depth
 from cranectl.controllers.controller import Controller, Parameter
 from cranectl.controllers.slots import Slots
 from cranectl.design.hinf_synthesis import hinf_controller
-from cranectl.design.linear_systems import slowed_and_sampled
+from cranectl.design.linear_systems import rounded_system, slowed_and_sampled
 from cranectl.model.dynamics import rope_direction
 from cranectl.signals import ACCELERATION, ALPHA, BETA, BRIDGE, JERK, ROPE, TROLLEY, VELOCITY, X, Z
 
@@ -112,7 +112,7 @@ def controller(gain, speed, rho):
     found = hinf_controller(
         generalised_plant(gain, speed, rho), 1, 2, name="two-degree-of-freedom", back_off=BACK_OFF
     )
-    k = gain * found.controller
+    k = rounded_system(gain * found.controller)
     followed, fed_back = k.dcgain()[0]
     return k * np.diag([-fed_back / followed, 1.0]), found
 
