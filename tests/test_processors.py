@@ -8,15 +8,19 @@ import json
 import os
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
 
+from cranectl.campaign.benchmark.settings import read_benchmark
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.processor
 
 KERNELS = ("Nehalem", "Sandybridge", "Haswell")
+# Largest relative difference, of a controller's largest number, of those whose parameters are not rounded.
+DIFFERENCES = {"lqr": 2e-13, "lqr+loop-shaping": 2e-13, "lqr+hinf": 5e-9, "lqr-offset-free": 1e-13}
 SCRIPT = """
 import json
 from cranectl.design.controllers import _computed  # designs stored on disk would hide a difference
@@ -45,25 +49,89 @@ for first in (1.2e-2, 1.4e-2, 1.6e-2):
         refused.append(str(error))
 print(json.dumps([numbers, refused]))
 """
+PREPARED = """
+import hashlib
+import json
+import cranectl.design.controllers as designs
+import cranectl.loaders.python_controller as loader
+from cranectl.campaign.benchmark.declared import assignments, variables_of
+from cranectl.campaign.benchmark.settings import read_benchmark
+from cranectl.campaign.benchmark.trials import DIVISIONS, campaign_of, trials_of
+from cranectl.cli.benchmark import measured_controllers
+from cranectl.controllers.preparation import prepared
+from cranectl.controllers.registry import controller_design, controller_of
+from cranectl.simulate import plan_reference
+from cranectl.simulate.runner import nominal_crane
+from cranectl.support.documents import leaves, read_toml
+
+designs.kept = lambda kind, key, compute: compute()  # stored designs would hide a difference
+loader.address_of = lambda step: 0  # compiling steps, which are not called, would take half a minute
+benchmark = read_benchmark("literature")
+controllers = measured_controllers(benchmark)
+
+def tuned(name, length):
+    stored = dict(leaves(read_toml(benchmark.file.parent / "tuned" / f"{name}.toml").get("parameters", {})))
+    variables = variables_of(name)
+    return assignments(variables, [float(stored[variable.key]) for variable in variables], length)
+
+numbers = {}
+scenarios = ("point-to-point", "harbour")
+for division in DIVISIONS:
+    for trial in trials_of(benchmark, controllers, ("nominal",), scenarios, division=division):
+        if trial.plant != benchmark.plant:
+            continue
+        scenario = campaign_of(benchmark, trial, max_cranes=1, tuned=tuned).nominal
+        design = controller_design(trial.controller, scenario)
+        controller = controller_of(design)
+        crane = nominal_crane(scenario, design, controller, benchmark.drive, plan_reference(scenario))
+        parameters, memory = prepared(controller, crane)
+        path = hashlib.sha256(crane.reference.tobytes() + crane.state.tobytes()).hexdigest()
+        key = f"{trial.controller} {trial.scenario} {division}"
+        numbers[key] = [[*parameters.tolist(), *memory.tolist()], path]
+print(json.dumps(numbers))
+"""
+
+
+def results(script: str) -> list[Any]:
+    """Return what a script prints in a process with each of KERNELS."""
+    return [
+        json.loads(
+            subprocess.run(
+                [sys.executable, "-c", script],
+                env={**os.environ, "OPENBLAS_CORETYPE": kernel, "PYTHONPATH": str(ROOT)},
+                cwd=ROOT / "validation/benchmark",
+                check=True,
+                capture_output=True,
+                text=True,
+            ).stdout
+        )
+        for kernel in KERNELS
+    ]
 
 
 def test_designs_and_refusals_are_the_same_with_every_kernel() -> None:
     """Designs to 1e-7: the fast pole of an H-infinity controller magnifies rounding."""
-    results = []
-    for kernel in KERNELS:
-        process = subprocess.run(
-            [sys.executable, "-c", SCRIPT],
-            env={**os.environ, "OPENBLAS_CORETYPE": kernel, "PYTHONPATH": str(ROOT)},
-            cwd=ROOT / "validation/benchmark",
-            check=True,
-            capture_output=True,
-            text=True,
-        )
-        results.append(json.loads(process.stdout))
-    numbers, refused = zip(*results, strict=True)
+    numbers, refused = zip(*results(SCRIPT), strict=True)
     for name, first in numbers[0].items():
         size = np.abs(first).max()
         for others in numbers[1:]:
             np.testing.assert_allclose(others[name], first, rtol=0.0, atol=1e-7 * size, err_msg=name)
     assert refused == (refused[0],) * len(KERNELS)
     assert len(set(refused[0])) > 1, "either all or none of the motions are refused"
+
+
+def test_controllers_of_the_benchmark_are_prepared_with_the_same_bits() -> None:
+    """Runs of the benchmark depend on kernels of BLAS only by the paths and by what controllers prepare."""
+    first, *others = results(PREPARED)
+    names = {key.split()[0] for key in first}
+    assert len(names) == len(read_benchmark("literature").laws)
+    differing = {}
+    for key, (numbers, path) in first.items():
+        for other in others:
+            assert other[key][1] == path, key
+            if other[key][0] != numbers:
+                difference = np.abs(np.subtract(other[key][0], numbers)).max() / np.abs(numbers).max()
+                differing[key.split()[0]] = max(difference, differing.get(key.split()[0], 0.0))
+    assert differing.keys() <= DIFFERENCES.keys(), differing
+    for name, difference in differing.items():
+        assert difference < DIFFERENCES[name], name
