@@ -24,11 +24,10 @@ present x. ρ is the largest value for which K x stays within u_max on that elli
 with saturated control, IFAC 1996). The rope follows its own length, with two equal poles.
 """
 
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 from numba import carray  # type: ignore[attr-defined]
-from scipy.linalg import solve_continuous_are
 
 from cranectl.controllers.controller import (
     CRANE_STATES,
@@ -161,10 +160,29 @@ B = np.array([[0.0], [1], [0], [0]])
 
 
 def regulator(error_weight: float, rate_weight: float) -> tuple[Array, Array]:
-    """Return K (4,) on (x, x', e, e'), and P (4, 4) of the cost of a state."""
-    cost = solve_continuous_are(A, B, np.diag([0.0, 0.0, error_weight, rate_weight]), [[1.0]])
-    gain: Array = (B.T @ cost)[0]
-    return gain, cost
+    """Return K (4,) on (x, x', e, e'), and P (4, 4) of the cost of a state.
+
+    Since x = e + e'', the poles are roots of p = s⁴ + k₂ s³ + (1 + k₁) s² + (k₂ + k₄) s + k₁ + k₃, and
+    p(s) p(-s) = s⁴ (s² + 1)² - q_v s² + q_e. Its powers give k₂, k₃, k₄ as functions of k₁. The equation that
+    remains for k₁ is convex, and its larger root makes p stable. The Riccati equation then gives P. A solver
+    of Riccati equations has other last digits on another processor, and fewer that are right.
+    """
+    root = sqrt(error_weight)
+    following = 8.0 * (1.0 + root) + 4.0 * sqrt(rate_weight)  # beyond both roots
+    k_1 = inf
+    while 0.0 < following < k_1:  # Newton's method descends to the root, until rounding stops it
+        k_1 = following
+        square = rate_weight + 2.0 * root * (1.0 + k_1)  # (k₂ + k₄)²
+        product = 2.0 * sqrt(2.0 * k_1 * square)
+        excess = k_1 * k_1 + 2.0 * (k_1 + root) - product
+        following = k_1 - excess / (2.0 * (k_1 + 1.0) - 4.0 * (square + 2.0 * root * k_1) / product)
+    k_2, k_3 = sqrt(2.0 * k_1), root - k_1
+    k_4 = sqrt(rate_weight + 2.0 * root * (1.0 + k_1)) - k_2
+    p_14, p_13 = 0.5 * k_1 * k_1, k_2 * k_3 + k_4
+    p_34, p_44 = k_1 * k_3 + p_14, k_1 * k_4 - p_13
+    gain = np.array([k_1, k_2, k_3, k_4])
+    first, third = [k_1 * k_2 - k_4, k_1, p_13, p_14], [p_13, k_3, k_3 * k_4 + p_44, p_34]
+    return gain, np.array([first, gain, third, [p_14, k_4, p_34, p_44]])
 
 
 def frequencies(nominal: Nominal) -> tuple[float, float]:

@@ -19,6 +19,7 @@ from cranectl.controllers.lqr_offset_free import (
     frequencies,
     levels,
     prepare,
+    regulator,
 )
 from cranectl.controllers.registry import controller_design
 from cranectl.planning import load_scenario
@@ -51,6 +52,20 @@ def test_the_poles_of_the_loop_are_those_of_regulator_observer_and_rope(length: 
     wanted = np.array([*regulated, *regulated, *[-observer_pole] * 6, *[-rope_pole] * 2])
     assert polynomial_error(poles, wanted) < 0.04  # of what the period does to them
     assert poles.real.max() < -1.0
+
+
+@pytest.mark.parametrize("error_weight", [1e-12, 1e-6, 5.0, 1e6])
+@pytest.mark.parametrize("rate_weight", [1e-12, 1e-6, 1.0, 1e6])
+def test_its_regulator_solves_the_riccati_equation(error_weight: float, rate_weight: float) -> None:
+    """The stabilising solution is the only one that is positive definite."""
+    gain, cost = regulator(error_weight, rate_weight)
+    weights = np.diag([0.0, 0.0, error_weight, rate_weight])
+    residual = A.T @ cost + cost @ A - np.outer(gain, gain) + weights
+    assert np.abs(residual).max() < 1e-14 * np.abs(cost).max()
+    assert (gain == cost[1]).all()
+    assert (cost == cost.T).all()
+    assert np.linalg.eigvalsh(cost).min() > 0.0
+    assert np.linalg.eigvals(A - B @ gain[np.newaxis]).real.max() < 0.0
 
 
 def test_its_linearisation_has_the_same_poles() -> None:
