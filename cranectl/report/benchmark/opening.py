@@ -25,8 +25,8 @@ MADE_BY_US = (
     "A constant disturbance leaves an offset with controllers that do not observe it. It is one of the "
     "ranked scenarios, and of those of the tuning. This favours controllers that observe or integrate, such "
     "as ours.",
-    "With kernels of BLAS for old and new processors all controllers compute the same bits, except lqr+hinf and "
-    "lqr+loop-shaping. What is measured of these two differs by a share of at most 1.4e-7.",
+    "With kernels of BLAS for old and new processors all controllers compute the same bits, except lqr+hinf "
+    "and lqr+loop-shaping. What is measured of these two differs by a share of at most 1.4e-7.",
 )
 
 
