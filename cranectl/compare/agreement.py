@@ -1,8 +1,9 @@
 """Judge whether plants agree: limits of their differences, and a verdict.
 
 With each kind of drive, all plants solve the same equations. So the limits of `validation/tolerances.toml`
-bound numerical errors only, and hold for every scenario, controller and rig. There is no verdict on a plant
-whose velocity drives do not feel the load.
+bound numerical errors only, and hold for every scenario, controller and rig with a stable loop. An unstable
+loop amplifies these errors, and only shorter steps help. There is no verdict on a plant whose velocity drives
+do not feel the load.
 """
 
 import functools
@@ -26,7 +27,7 @@ from cranectl.support.documents import read_toml
 
 LAGGING_MODEL = "cranectl.model.dynamics, fixed-step DOP853"  # text of the analytic plant in earlier logs
 TOLERANCES = "validation/tolerances.toml"  # source of all limits
-ORDER = 4  # of the MuJoCo plant's integration, the lowest of all plants
+ORDER = 4  # of the MuJoCo plant's integration, the lowest of all plants without friction
 MAX_HALVINGS = 4  # of the physics step
 MIN_STEP_NS = 1000  # of control.physics_step
 
@@ -41,6 +42,7 @@ class AgreementLimits:
     angle_rad: float
     end_s: float  # between the ends of runs that stop early
     reason: str
+    order: int = ORDER  # of the difference in control.physics_step
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,7 @@ def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> Agre
                 load_m=max(limits.load_m, max(size, 1.0) * stated["load_m"]),
                 angle_rad=max(limits.angle_rad, stated["angle_rad"]),
                 reason=stated["reason"],
+                order=min(limits.order, stated.get("order", ORDER)),
             )
     return limits
 
@@ -158,6 +161,13 @@ class Agreement:
             load, angle = self.max_load_error_m, self.max_angle_error_rad
             check_ascending(("the difference of a load that passed", load), ("its limit", self.limit_m))
             check_ascending(("the difference of an angle that passed", angle), ("its limit", self.limit_rad))
+
+    @property
+    def excess(self) -> float:
+        """The larger difference over its limit; NaN without limits."""
+        if self.limit_m is None or self.limit_rad is None:
+            return math.nan
+        return max(self.max_load_error_m / self.limit_m, self.max_angle_error_rad / self.limit_rad)
 
     @property
     def verdict(self) -> str:
@@ -250,17 +260,16 @@ def judge_steps(
 ) -> Agreement:
     """Judge as `judge` does; if the plants differ too much, find a physics step with which they agree.
 
-    The order of the integration gives the step, and new runs confirm it. There is no search if the memory
+    The order of the difference gives the step, and new runs confirm it. There is no search if the memory
     does not suffice or a run was interrupted.
     """
     agreement = judge(*runs, limits=limits)
     if agreement.passed is not False or not isinstance(limits, AgreementLimits):
         return agreement
-    excess = max(agreement.max_load_error_m / limits.load_m, agreement.max_angle_error_rad / limits.angle_rad)
     interrupted = any(run.status == RunStatus.INTERRUPTED for run in runs)
-    if interrupted or not 1.0 < excess < math.inf or not fits(runs[0], more=len(runs)):
+    if interrupted or not 1.0 < agreement.excess < math.inf or not fits(runs[0], more=len(runs)):
         return agreement
-    halvings = min(math.ceil(math.log2(excess) / ORDER), MAX_HALVINGS)
+    halvings = min(math.ceil(math.log2(agreement.excess) / limits.order), MAX_HALVINGS)
     shorter = with_finer_steps(runs[0].scenario, 2**halvings)
     if shorter is None:
         return agreement

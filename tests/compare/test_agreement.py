@@ -91,6 +91,7 @@ def test_effects_leave_what_their_schemes_do() -> None:
     assert isinstance(limits, AgreementLimits)
     assert limits.load_m == pytest.approx(6e-5 * mixed.rig.rope_range[1] / 1.4)
     assert limits.angle_rad == 1.2e-4
+    assert (limits.order, LIMITS.order) == (1, 4)
     for effects, why in (("{sensing={}, rope={}}", ENCODER_STEPS), ("{friction={}}", SMOOTHED_FRICTION)):
         scenario = load_scenario("fixed-position", overrides=[f"effects={effects}"])
         assert pair_limits(scenario, "force", PAIR) is why
@@ -120,6 +121,20 @@ def test_the_order_says_how_much_shorter(long: list[Run]) -> None:
     agreement = judge(*long)
     narrow = max(agreement.max_load_error_m, agreement.max_angle_error_rad) / 50.0
     assert judge_steps(long, replace(LIMITS, load_m=narrow, angle_rad=narrow)).curing_step_s == 0.005
+
+
+def test_friction_needs_more_halvings_than_the_smooth_parts() -> None:
+    """The engine's friction is of the first order: a third of the difference needs a quarter of the step."""
+    overrides = ["duration=4.0", "control.period=0.004", "control.physics_step=0.004", "effects.friction={}"]
+    scenario = load_scenario("fast-diagonal", overrides=overrides)
+    runs = [simulate_run(scenario, plant=plant, drive="velocity", controller="lqr") for plant in RIGHT]
+    limits, agreement = pair_limits(scenario, "velocity", RIGHT), judge(*runs)
+    assert isinstance(limits, AgreementLimits)
+    assert agreement.passed
+    third = agreement.excess / 3.0
+    narrow = replace(limits, load_m=third * limits.load_m, angle_rad=third * limits.angle_rad)
+    assert judge_steps(runs, narrow).curing_step_s == 0.001
+    assert judge_steps(runs, replace(narrow, order=4)).curing_step_s is None
 
 
 def test_other_differences_are_not_cured(long: list[Run]) -> None:
