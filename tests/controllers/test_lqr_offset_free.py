@@ -133,23 +133,17 @@ def test_tilted_rails_alone_leave_no_error_at_rest_or_after_a_motion(
     assert least <= np.linalg.norm(run.block("error")[run.time > 11.0, :3].mean(axis=0)) < most
 
 
-@pytest.mark.parametrize(
-    ("numbers", "lengths", "code"),
-    [
-        ("defaults", (0.3, 0.5, 0.7, 1.0, 1.3), 0),
-        ("tuned", (0.5, 0.7, 1.0, 1.3), 0),
-        ("tuned", (0.3,), 1),  # though the linear loop is stable there: the test is sufficient
-    ],
-)
+@pytest.mark.parametrize("numbers", ["defaults", "tuned"])
 def test_it_is_certified_with_delay_observer_and_structure(
-    numbers: str, lengths: tuple[float, ...], code: int, capsys: pytest.CaptureFixture[str]
+    numbers: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    lengths = (0.3, 0.5, 0.7, 1.0, 1.3)
     effects = [f"effects.{name}={{}}" for name in ("sensing", "rope", "body", "frame")]
     if numbers == "tuned":
         tuned = read_toml(ROOT / "validation" / "benchmark" / "tuned" / f"{LAW}.toml")["parameters"]
         effects += [f"{key}={value}" for key, value in tuned.items()]
     options = [f"--rope-length={length}" for length in lengths] + [f"--set={effect}" for effect in effects]
-    assert main(["certify", LAW, "--delay", "0.008", *options]) == code
+    assert main(["certify", LAW, "--delay", "0.008", *options]) == 0
     output = capsys.readouterr().out
     assert f"of {len(lengths)} points certified" in output
     assert "truly unstable (u): 0" in output
