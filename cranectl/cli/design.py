@@ -10,6 +10,7 @@ from cranectl.cli.command import (
     PATH,
     Command,
     ScenarioRequest,
+    command_given,
     json_option,
     output_option,
     scenario_options,
@@ -224,7 +225,7 @@ def _write_c(exported: "Exported", directory: Path, *, single: bool) -> None:
     from cranectl.export import exported_files
     from cranectl.loaders.c_controller import HEADER
 
-    texts = exported_files(exported, single=single)
+    texts = exported_files(exported, command_given(), single=single)
     if not single:  # the library for cranectl computes with doubles
         texts[HEADER.name] = HEADER.read_text(encoding="utf-8")
     for file, text in texts.items():

@@ -41,13 +41,15 @@ LOOPED = 6  # numbers of load and error that the loop records of every controlle
 NUMBERS_PER_LINE = 5
 
 
-def exported_files(exported: Exported, *, single: bool = False) -> dict[str, str]:
+def exported_files(exported: Exported, command: str, *, single: bool = False) -> dict[str, str]:
     """Return the texts of a controller's C files by the names of these.
 
     Parameters
     ----------
     exported : Exported
         The controller, from `prepare_export`.
+    command : str
+        The command line that asks for it, for the README.
     single : bool
         Whether the code computes with floats, in place of doubles. Its loss stands in the README.
 
@@ -63,7 +65,7 @@ def exported_files(exported: Exported, *, single: bool = False) -> dict[str, str
         MAX_REFERENCE_ROWS samples, or as `measure_single`.
     """
     sample, sources = exported.sample, controller_sources(exported)
-    values = _values(exported)
+    values = _values(exported) | {"COMMAND_LINE": command}
     if single:
         sources = {name: in_single_precision(text) for name, text in sources.items()}
         measured = measure_single(exported, sources)
@@ -97,7 +99,7 @@ def controller_sources(exported: Exported) -> dict[str, str]:
     return {
         f"{exported.stem}.h": _filled(HEADER, _values(exported)),
         f"{exported.stem}.c": "\n".join(
-            [f'{INCLUDED}\n#include "{exported.stem}.h"\n{CHECKED}', *constants, exported.code()]
+            [f'{INCLUDED}\n#include "{exported.stem}.h"\n{CHECKED}', *constants, exported.code]
         ),
     }
 

@@ -1,10 +1,11 @@
 """A controller with all that its exported files are made from."""
 
 import re
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 from cranectl.controllers.addressed import CompiledController
-from cranectl.controllers.controller import Controller
+from cranectl.controllers.controller import Controller, called_by_address
 from cranectl.controllers.registry import controller_design, controller_of
 from cranectl.design import ControllerDesign
 from cranectl.export.sample import ControlSample, control_sample_of
@@ -18,7 +19,8 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 
-class Exported(NamedTuple):
+@dataclass(frozen=True)
+class Exported:
     """A controller that is to be exported, with all that its files are made from."""
 
     run: Run  # of the scenario
@@ -57,8 +59,9 @@ class Exported(NamedTuple):
         """The name under which cranectl runs the exported controller."""
         return f"{self.stem.replace('_', '-')}-c"
 
+    @cached_property
     def code(self) -> str:
-        """Return the C text of sample and step; raise InputError for what has no translation."""
+        """The C text of sample and step; raises InputError for what has no translation."""
         unit = Unit()
         unit.step(self.controller.step, f"{self.symbol}_step")
         unit.step(self.sample.function, f"{self.symbol}_sample")
@@ -90,10 +93,16 @@ def prepare_export(scenario: Scenario, name: str, drive: str | None = None) -> E
     design = controller_design(name, scenario)
     controller = controller_of(design)
     if controller.entry is not None:
+        file = controller.origin.reference if controller.origin else name
+        is_python = controller.step is not called_by_address
         raise InputError(
-            f"the step of {name} is not in Python that Numba compiles",
+            f"the step of {file} is not in Python that Numba compiles"
+            if is_python
+            else f"{file} has no Python source to translate: it is a library, an FMU or another program",
             allowed="a controller of cranectl, or one in Python whose step Numba compiles",
-            remedy="write the step with numbers, loops and functions of math, or use its own source in C",
+            remedy="write the step with numbers, loops and functions of math"
+            if is_python
+            else "export the Python controller that it was made from, or compile its own source",
         )
     usual = "ideal" if controller.command == "acceleration" else controller.command
     kind = checked_drive(drive or usual)

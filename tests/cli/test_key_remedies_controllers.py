@@ -74,8 +74,14 @@ CASES = [
     ),
     Case(
         "export/prepared.py",
-        "write the step with numbers, loops and functions of math, or use its own source in C",
+        "write the step with numbers, loops and functions of math",
         [*EXPORT, "c", "law.py:slow"],
+        [*EXPORT, "c", "law.py:law"],
+    ),
+    Case(
+        "export/prepared.py",
+        "export the Python controller that it was made from, or compile its own source",
+        [*EXPORT, "c", "peer.toml"],
         [*EXPORT, "c", "law.py:law"],
     ),
     Case(

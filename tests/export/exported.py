@@ -20,7 +20,7 @@ COMPILERS = tuple(name for name in ("gcc", "clang") if shutil.which(name)) or ("
 
 def export(folder: Path, exported: Exported) -> str:
     """Write the C files of a controller; return the stem of their names."""
-    texts = exported_files(exported)
+    texts = exported_files(exported, "cranectl design …")
     for file, text in {**texts, HEADER.name: HEADER.read_text(encoding="utf-8")}.items():
         (folder / file).write_text(text, encoding="utf-8")
     return exported.stem

@@ -119,7 +119,7 @@ def test_the_command_writes_what_it_says(
 
 def test_a_controller_that_looks_ahead_cannot_be_an_fmu() -> None:
     exported = prepared("lqr")
-    ahead = exported._replace(controller=replace(exported.controller, preview=3))
+    ahead = replace(exported, controller=replace(exported.controller, preview=3))
     with pytest.raises(InputError, match="3 rows of the reference ahead"):
         controller_fmu(ahead)
 

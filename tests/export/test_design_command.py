@@ -3,6 +3,7 @@
 import shlex
 import subprocess
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,11 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.export import exported_files
+from cranectl.export.unit import Unit
 from cranectl.loaders.opening import close_controllers
 from cranectl.support.errors import InputError
 from tests.docs.test_docs import blocks
-from tests.export.exported import prepared
+from tests.export.exported import library, prepared
 
 
 @pytest.fixture(autouse=True)
@@ -27,8 +29,10 @@ def forgotten() -> Iterator[None]:
 def test_the_commands_of_the_readme_work(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """The library runs in the scenario, and the same files are made again."""
     monkeypatch.chdir(tmp_path)
-    assert main(["design", name, "--scenario", "fast-diagonal", "--export", "new/as-c"]) == 0
+    changed = ["--set", "initial.load_offset=[0.01, 0, 0]"]
+    assert main(["design", name, "--scenario", "fast-diagonal", *changed, "--export", "new/as-c"]) == 0
     assert "exported: new/as-c; new/as-c/README.md says" in capsys.readouterr().out
     monkeypatch.chdir("new/as-c")
     stem = name.replace("+", "_").replace("-", "_")
@@ -50,11 +54,37 @@ def test_the_commands_of_the_readme_work(
         for line in text.splitlines():
             program, *arguments = shlex.split(line)
             programs.append(program)
-            if program == "cranectl":
+            if arguments[:1] == ["design"]:
+                assert main(arguments) == 0
+                made = {path.name: path.read_bytes() for path in Path("new/as-c").iterdir()}
+                assert made == {path.name: path.read_bytes() for path in Path().iterdir() if path.is_file()}
+            elif program == "cranectl":
                 assert main([*arguments, "--plants", "analytic"]) == 0
             else:
                 subprocess.run([program, *arguments], check=True, capture_output=True)
-    assert programs == ["cc", "./replay", "cc", "cranectl"]
+    assert programs == ["cranectl", "cc", "./replay", "cc", "cranectl"]
+
+
+def test_both_exports_share_one_translation_and_cannot_be_exported_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Libraries and FMUs have no source in Python: the remedy is the controller from which they were made."""
+    monkeypatch.chdir(tmp_path)
+    translated, step = [], Unit.step
+    monkeypatch.setattr(
+        Unit, "step", lambda unit, *given: (translated.append(given[1]), step(unit, *given))[1]
+    )
+    scenario = ["--scenario", "fast-diagonal", "--set", "duration=4"]
+    assert main(["design", "lqr", *scenario, "--export", ".", "--fmu", "lqr.fmu"]) == 0
+    assert translated == ["cranectl_lqr_step", "cranectl_lqr_sample"]
+    library(Path(), "lqr")
+    capsys.readouterr()
+    for file, option in (("lqr.so", ["--export", "again"]), ("lqr.fmu", ["--fmu", "again.fmu"])):
+        close_controllers()
+        assert main(["design", file, *scenario, *option]) == 2
+        error = " ".join(capsys.readouterr().err.split())
+        assert f"found: {file} has no Python source to translate: it is a library, an FMU" in error
+        assert "remedy: export the Python controller that it was made from, or compile its own" in error
 
 
 def test_other_scenarios_give_other_numbers(tmp_path: Path) -> None:
@@ -78,5 +108,5 @@ def test_a_reference_that_is_too_long_is_refused() -> None:
     exported = prepared("lqr")
     rows = np.zeros((100_001, 15))
     with pytest.raises(InputError, match="100001 samples") as refused:
-        exported_files(exported._replace(compiled=exported.compiled._replace(reference=rows)))
+        exported_files(replace(exported, compiled=exported.compiled._replace(reference=rows)), "")
     assert refused.value.remedy == "add --set duration=50, or take a shorter scenario"

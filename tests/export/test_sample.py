@@ -68,11 +68,12 @@ def test_the_whole_sample_passes_the_sanitisers(tmp_path: Path) -> None:
 def test_a_controller_that_looks_ahead_finds_all_its_rows() -> None:
     """After the last sample the table has as many rows as one sample needs."""
     exported = prepared("lqr")
-    ahead = exported._replace(
+    ahead = replace(
+        exported,
         controller=replace(exported.controller, preview=3),
         compiled=exported.compiled._replace(reference=np.zeros((9, 15)), samples=6),
     )
-    text = exported_files(ahead)["reference.h"]
+    text = exported_files(ahead, "")["reference.h"]
     assert "#define cranectl_lqr_ROWS 6\n" in text
     assert "cranectl_lqr_reference_rows[cranectl_lqr_ROWS + 3][15] = {" in text
     assert text.count("    {") == 9
@@ -81,7 +82,7 @@ def test_a_controller_that_looks_ahead_finds_all_its_rows() -> None:
 def test_readme_says_what_the_code_has() -> None:
     """A rig has limits and encoders only if the scenario's effects say so."""
     bare, whole = (
-        exported_files(prepared("lqr", "velocity", *settings)) for settings in ([], [*SENSING, *LIMITS])
+        exported_files(prepared("lqr", "velocity", *settings), "") for settings in ([], [*SENSING, *LIMITS])
     )
     assert "- no observer: the scenario has no effects.sensing\n" in bare["README.md"]
     assert "- no limits of these: the scenario has no effects.limits\n" in bare["README.md"]

@@ -30,7 +30,7 @@ def test_its_c_computes_with_floats_alone(
     name: str, drive: str, overrides: list[str], tmp_path: Path
 ) -> None:
     exported = prepared(name, drive, *overrides)
-    texts = exported_files(exported, single=True)
+    texts = exported_files(exported, "cranectl design …", single=True)
     for file, text in texts.items():
         (tmp_path / file).write_text(text, encoding="utf-8")
     assert not re.search(
@@ -56,7 +56,7 @@ def test_a_loss_that_is_too_large_is_refused(monkeypatch: pytest.MonkeyPatch) ->
     exported = prepared("lqr", "velocity")
     monkeypatch.setattr(single_module, "MAX_LOSS", 1e-9)
     with pytest.raises(InputError, match=r"lqr in single precision: .* the load is up to .* m away"):
-        exported_files(exported, single=True)
+        exported_files(exported, "", single=True)
 
 
 def test_the_vectors_are_those_of_floats() -> None:
