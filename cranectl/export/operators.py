@@ -128,10 +128,13 @@ class Operators(Expressions):
         return Value(" && ".join(texts), boolean, rank if len(texts) == 1 else AND, constant)
 
     def visit_IfExp(self, node: ast.IfExp) -> Value:  # noqa: N802
-        test, *both = (self.visit(part) for part in (node.test, node.body, node.orelse))
+        parts: list[Value] = [self.visit(part) for part in (node.test, node.body, node.orelse)]
+        test, *both = parts
+        if test.constant is not None and both[0].type == both[1].type:
+            return both[0] if test.constant else both[1]
         kind = common_type({value.type for value in both})
         if not isinstance(kind, Boolean | Integer | Float):
             raise self.refuse(node, f"has the type {kind}, which is no number")
-        texts = [value.within(OR) for value in (test, *both)]
+        texts = [value.within(OR) for value in parts]
         is_natural = all(value.is_natural for value in both)
         return Value("{} ? {} : {}".format(*texts), kind, CHOICE, is_natural=is_natural)

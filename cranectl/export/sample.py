@@ -150,27 +150,19 @@ def _sample_function(
             if status != RUNNING:
                 return status
         if every == 1 or kept[KEPT.clock] == 0.0:
+            seen = np.empty(12) if encoders else state
             if encoders:
-                seen = np.empty(12)
                 for i in range(12):
                     seen[i] = 0.0
                 for joint in range(JOINTS):
                     seen[joint] = readings[joint] if observes else readings[2 * joint]
-                status = step(
-                    pointer_to(numbers[NUMBERS.controller :]),
-                    pointer_to(seen),
-                    reference,
-                    pointer_to(kept[KEPT.controller :]),
-                    pointer_to(given),
-                )
-            else:
-                status = step(
-                    pointer_to(numbers[NUMBERS.controller :]),
-                    pointer_to(state),
-                    reference,
-                    pointer_to(kept[KEPT.controller :]),
-                    pointer_to(given),
-                )
+            status = step(
+                pointer_to(numbers[NUMBERS.controller :]),
+                pointer_to(seen),
+                reference,
+                pointer_to(kept[KEPT.controller :]),
+                pointer_to(given),
+            )
             if status != RUNNING:
                 return status
             for axis in range(3):

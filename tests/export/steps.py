@@ -135,10 +135,11 @@ def matrices(parameters, measured, reference, memory, command):
     matrix = carray(reference, (15,))[2:14].reshape((3, 4))
     state, following, table = carray(memory, (20,))[4:8], np.empty(4), np.empty((2, 3))
     state[:2] = measured[0]
+    factors = carray(measured, (3,)) if WEIGHT > 0.0 else carray(parameters, (3,))
     carray(command, (3,))[:] = -0.0
     for i in range(3):
         table[0, i], table[1, i] = matrix[i, 0], matrix[i][1]
-        following[i] = len(matrix[i]) * parameters[i]
+        following[i] = len(matrix[i]) * factors[i]
         for k in range(4):
             following[i] += matrix[i, k] * state[k]
     following[3] = table[1][2] + following.shape[0] + len(table)

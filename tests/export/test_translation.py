@@ -80,6 +80,7 @@ BODIES = {  # what a step does in its second line, and what the error says of it
     "command[0] = [measured[0], 1.0][0]": "is List",
     "measured[0] = 0.0": "writes to measured",
     "command[0] = measured[0] if command is not None else 0.0": "is no number",
+    "command[0] = (carray(measured, 3) if measured[0] else carray(reference, 3))[0]": "is no number",
     "λ = measured[0]; command[0] = λ": "has the name λ",
     "assert measured[0] > 0.0": "is Assert",
     "command[0] = (measured[0] or 1.0)": "joins what is neither true nor false",
