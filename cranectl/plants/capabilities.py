@@ -95,19 +95,22 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
 
 
 def _check_no_set_points(effects: EffectSettings, entry: PlantEntry, drive: Drive) -> None:
-    for effect in effects.names:
-        for name, none in EFFECTS[effect].set_points.items():
-            value = getattr(getattr(effects, effect), name)
-            idle = spread(none, value)
-            if value != idle:
-                setting = f"effects.{effect}.{name} = {list(idle)}"
-                raise InputError(
-                    f"effects.{effect}.{name} with {drive} drives, which take no set-points",
-                    allowed=f"{setting}, or velocity drives",
-                    remedy=f"{USE_VELOCITY}; or set {setting}"
-                    if "velocity" in entry.drives
-                    else f"set {setting}",
-                )
+    idle = {
+        f"effects.{effect}.{name}": spread(none, getattr(own, name))
+        for effect, own in effects
+        if own is not None
+        for name, none in own.set_points.items()
+        if getattr(own, name) != spread(none, getattr(own, name))
+    }
+    if idle:
+        settings = " and ".join(
+            f"{name} = [{', '.join(f'{number:g}' for number in none)}]" for name, none in idle.items()
+        )
+        raise InputError(
+            f"{' and '.join(idle)} with {drive} drives, which take no set-points",
+            allowed="velocity drives, or values without effect",
+            remedy=f"{USE_VELOCITY}; or set {settings}" if "velocity" in entry.drives else f"set {settings}",
+        )
 
 
 def without_lacking(

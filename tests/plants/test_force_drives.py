@@ -202,3 +202,10 @@ def test_what_force_drives_cannot_show_is_refused(plant: str, effects: EffectSet
     with pytest.raises(InputError, match=found) as caught:
         check_effects(effects, plant=plant, drive="force")
     assert caught.value.remedy
+
+
+def test_one_remedy_names_all_that_force_drives_do_not_take() -> None:
+    with pytest.raises(InputError, match=r"effects\.limits\.velocity and effects\.limits\.accel") as caught:
+        check_effects(EffectSettings(limits=DriveLimits()), plant="analytic", drive="force")
+    settings = (f"effects.limits.{name} = [1e+09, 1e+09, 1e+09]" for name in ("velocity", "acceleration"))
+    assert caught.value.remedy == f"take '--drive velocity'; or set {' and '.join(settings)}"
