@@ -15,6 +15,9 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, STATE, command_group
 from cranectl.support.errors import InputError
 
+FAILURE = (
+    "2 the rope is slack, 3 an angle or 4 its length is singular, 5 a number or 9 a command is not finite"
+)
 TABLE_BEGINS = "# Read by cranectl beside the FMU: what FMI has no place for.\n"
 
 
@@ -73,7 +76,7 @@ def controller_fmu(exported: Exported, fmi: int = 2) -> ControllerFmu:
         period=exported.scenario.period_ns / NANOSECONDS,
         memory=len(exported.sample.memory),
         sources={**controller_sources(exported), "model.c": code},
-        failure="the rope is slack, an angle or the rope's length is singular, or a number is not finite",
+        failure=FAILURE,
     )
     table = {"name": exported.slug, "command": command, "follows": exported.controller.follows}
     lines = [TABLE_BEGINS, *(f"{key} = {json.dumps(value)}\n" for key, value in table.items())]
@@ -97,9 +100,9 @@ int model_initialise(double *values, double *memory)
 
 int model_step(double *values, double *memory, int64_t samples)
 {{
-    while (samples-- > 0)
-        if ({symbol}_sample({arguments}))
-            return 1;
-    return 0;
+    int64_t status = 0;
+    while (status == 0 && samples-- > 0)
+        status = {symbol}_sample({arguments});
+    return (int)status;
 }}
 """

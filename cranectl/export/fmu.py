@@ -96,6 +96,7 @@ def model_sources(model: Model, fmi: int) -> dict[str, str]:
     }
     header = filled((TEMPLATES / "model.h.txt").read_text(encoding="utf-8"), values)
     rows = [f"    {float(variable.start).hex()}, /* {variable.name} */" for variable in model.variables]
+    names = ", ".join(json.dumps(variable.name) for variable in model.variables)
     kinds = "".join(LETTERS[variable.causality] for variable in model.variables)
     variables = [
         "#include <float.h>",
@@ -110,6 +111,7 @@ def model_sources(model: Model, fmi: int) -> dict[str, str]:
         numbers = [getattr(variable, bound) for variable in model.variables]
         texts_of = [f"{sign}DBL_MAX" if number is None else float(number).hex() for number in numbers]
         variables.append(f"const double model_{bound}[MODEL_VARIABLES] = {{{', '.join(texts_of)}}};")
+    variables.append(f"const char *const model_names[MODEL_VARIABLES] = {{{names}}};")
     variables += [f"const char model_kinds[MODEL_VARIABLES] = {json.dumps(kinds)};", ""]
     return {"model.h": header, "variables.c": "\n".join(variables), **texts, **model.sources}
 

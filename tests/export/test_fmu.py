@@ -111,7 +111,10 @@ def test_time_may_begin_anywhere(fmu: Path, tmp_path: Path) -> None:
     lag.close()
 
 
-def test_wrong_steps_and_wrong_values_are_errors(fmu: Path, tmp_path: Path) -> None:
+def test_wrong_steps_and_wrong_values_are_errors(
+    fmu: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The messages say which variable, number or time is wrong."""
     lag = Instance(fmu, tmp_path / "a")
     wrong_steps = [(0.015, 0.0), (0.0, 0.0), (-0.01, 0.0), (0.004, 0.0), (float("nan"), 0.0), (1e9, 0.0)]
     for size, time in [*wrong_steps, (0.01, 0.01), (0.01, float("nan"))]:
@@ -130,6 +133,16 @@ def test_wrong_steps_and_wrong_values_are_errors(fmu: Path, tmp_path: Path) -> N
     lag.set({"u": 1e9})
     with pytest.raises(FMICallException):  # the model cannot go on
         lag.step(0.01)
+    said = capfd.readouterr().out
+    for message in (
+        "a step of 0.015 s is no whole multiple of the period of the model, 0.01 s",
+        "a step begins at 0.01 s, but the last one ended at 0 s",
+        "mass[1] is set to 1, but only inputs can be set, and parameters before the end of initialisation",
+        "u = inf is outside of its bounds, -1.79769e+308 to 1.79769e+308",
+        "there is no variable of the value reference 99",
+        "the model cannot go on in the step from 0.01 s, status 1 (a number is not finite)",
+    ):
+        assert message in said
     lag.close()
 
 
