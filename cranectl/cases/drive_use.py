@@ -1,10 +1,15 @@
 """Compare the commands of a run with the limits of its drives."""
 
+import shlex
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
+from cranectl.plants.capabilities import lacking
+from cranectl.plants.model_files import plant_argument
+from cranectl.plants.registry import plant_entry
+from cranectl.scenario.effects import NO_LIMIT
 from cranectl.scenario.similarity import assumed_settings
 from cranectl.simulate import Run
 
@@ -53,6 +58,10 @@ def beyond_drives(run: Run) -> str:
         f"asks {commanded:.3g} {unit} of the {axis}, {worst.share:.3g} times what its drive can do"
         f"{f' (assumed: {limit:.3g} {unit})' if is_assumed else ''}: give the move more time"
     )
-    if any(use.share > 1.0 for use in uses if use.unit == "m/s"):  # a run with limits might be refused
+    entry = plant_entry(run.plant)
+    is_too_fast = any(use.share > 1.0 for use in uses if use.unit == "m/s")  # might be refused with limits
+    if is_too_fast or "velocity" not in entry.drives:
         return text
-    return f"{text}, or see what comes of it with --drive velocity --plants mujoco --set effects.limits={{}}"
+    given = f"{{force={[NO_LIMIT] * 3}}}" if lacking(entry, "limits.force") else "{}"
+    plant, limits = shlex.quote(plant_argument(run.plant)), shlex.quote(f"effects.limits={given}")
+    return f"{text}, or see what comes of it with --drive velocity --plants {plant} --set {limits}"

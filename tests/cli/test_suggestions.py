@@ -3,6 +3,7 @@
 import errno
 import re
 import shlex
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
@@ -14,6 +15,7 @@ from cranectl.cli.main import main
 from cranectl.loaders.opening import close_controllers
 from cranectl.log.reader import read_log
 from cranectl.log.writer import unfinished
+from cranectl.support.resources import MODEL_FILE
 from tests.cli.suggestions import commands_in, commands_of_page, execute, suggested_commands
 from tests.conftest import ROOT
 from tests.loaders.controller_files import LAW
@@ -194,14 +196,21 @@ def test_info_explains_a_run_without_samples(capsys: pytest.CaptureFixture[str])
     assert "controller-failed" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("plants", ["mujoco", "analytic,elastic", "my crane.xml"])
 def test_the_suggested_drive_option_shows_the_effect_of_its_limits(
-    capsys: pytest.CaptureFixture[str],
+    plants: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    fast = ["run", "fast-diagonal", "--controller", "lqr", "--plants", "mujoco", "--out", "a log.mcap"]
+    """It is for the plant that has run, the first one of several."""
+    fast = ["run", "fast-diagonal", "--controller", "lqr", "--plants", plants, "--out", "a log.mcap"]
+    if plants.endswith(".xml"):
+        shutil.copy(MODEL_FILE, plants)
+        fast += ["--drive", "velocity"]
     fast += ["--set", "rig.effects.limits.acceleration=[0.1, 0.1, 0.1]"]
     main(fast)
     (options,) = re.findall("see what comes of it with (--drive .*)", capsys.readouterr().out)
+    assert shlex.split(options)[3] == plants.partition(",")[0]
     assert main([*fast, *shlex.split(options)]) in (0, 1, 3)
+    assert "give the move more time" not in capsys.readouterr().out
 
 
 # Every text of the package that names a command: the test that executes it, or the reason why none does.
