@@ -7,6 +7,7 @@ import numpy as np
 
 from cranectl.planning.limits import AXES, Constraint, Limits, clearance, constraints, motion
 from cranectl.planning.proof import PROOF_MARGIN
+from cranectl.scenario.load import scenarios_in
 from cranectl.scenario.settings import MAX_DURATION
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -61,7 +62,7 @@ def _raise_unreachable(constraint: Constraint, value: float, limits: Limits, wha
     raise InputError(
         f"{what} is out of reach: there the {constraint.name} is {value:.4g} m",
         allowed=f"{constraint.name} from {constraint.low:.4g} to {constraint.high:.4g} m",
-        remedy=REMEDIES[subject],
+        remedy=REMEDIES[subject] + scenarios_in(limits.axes),
     )
 
 

@@ -3,6 +3,7 @@
 Also handle what belongs to a scenario but is in no table of it: files of its segments, claims of its plan.
 """
 
+import functools
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -17,6 +18,7 @@ from cranectl.scenario.segments import Segment, Spline
 from cranectl.scenario.settings import Assigned, override, parse_settings
 from cranectl.scenario.similarity import check_size, completed_rig, completed_scenario
 from cranectl.support import resources
+from cranectl.support.arrays import Array
 from cranectl.support.documents import Table, differences, is_plain, leaves, merged, parse_json, read_toml
 from cranectl.support.errors import InputError
 from cranectl.support.files import replacing
@@ -49,6 +51,19 @@ def scenario_names() -> list[str]:
         The names, sorted.
     """
     return resources.toml_names(resources.SCENARIO_DIRECTORY)
+
+
+@functools.cache
+def _shipped_ranges() -> dict[str, list[list[float]]]:
+    return {name: read_scenario(name).rig.workspace.tolist() for name in scenario_names()}
+
+
+def scenarios_in(workspace: Array) -> str:
+    """Return the end of a remedy for points outside a rig's ranges (3, 2) [m]: scenarios made for these."""
+    ranges = workspace.tolist()
+    names = [name for name, others in _shipped_ranges().items() if others == ranges]
+    is_laboratory = ranges == RigParameters().workspace.tolist()  # for which most scenarios are made
+    return f"; or take {' or '.join(names)}, made for this rig" if names and not is_laboratory else ""
 
 
 def scenario_file(name_or_path: str | Path) -> Path:

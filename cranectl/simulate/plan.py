@@ -9,6 +9,7 @@ from cranectl.model.flatness import states_and_inputs
 from cranectl.plants.surroundings import air_velocity
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario.load import scenarios_in
 from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, WORKSPACE_SIGNALS, Z
 from cranectl.simulate.memory import check_planned
 from cranectl.support.arrays import Array
@@ -156,5 +157,6 @@ def _check_workspace(scenario: Scenario, time_ns: NDArray[np.int64], states: Arr
                 f"the reference leaves the workspace: {name} = {position[worst]:.4g} m at "
                 f"{time_ns[worst] / NANOSECONDS:g} s",
                 allowed=f"rig.{AXES[axis]}_range, from {low:g} to {high:g} m",
-                remedy=f"move the path, give it more time, or change rig.{AXES[axis]}_range",
+                remedy=f"move the path, give it more time, or change rig.{AXES[axis]}_range"
+                + scenarios_in(scenario.rig.workspace),
             )

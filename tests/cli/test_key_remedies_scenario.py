@@ -27,6 +27,7 @@ FORCE = "correct effects.limits.force, or give rig.rated_load, to which it is sc
 STIFFNESS = "correct effects.rope.stiffness, or give rig.rated_load, to which it is scaled"
 MORE_TIME = "give the segment more time, or correct effects.limits.velocity"
 LEAVES = "move the path, give it more time, or change rig.{}_range"
+SUITED = "; or take {}, made for this rig"
 SMOOTHER = 'use time_law = "degree-9"{}'
 
 
@@ -111,6 +112,18 @@ CASES = [
         [NO_FORCE, SLOW.replace("0.1", "2.0"), line(NEARER, 1.0)],
     ),
     Case(PLAN, LEAVES, [line(AWAY, 4.0), "duration=4.0"], [line(NEARER, 1.0)]),
+    Case(
+        PLAN,
+        f"{LEAVES}{SUITED}",
+        ["cranectl", "run", "near-the-limits", "--rig=harbour-crane", "--plants=analytic"],
+        ["cranectl", "run", "ship-to-shore", "--rig=harbour-crane", "--plants=analytic"],
+    ),
+    Case(
+        "planning/checks.py",
+        f"move the point, or widen planning.load_box or lessen planning.clearance{SUITED}",
+        ["cranectl", "plan", "fast-diagonal-shortest", "--rig=bridge-crane"],
+        ["cranectl", "plan", "workshop-move", "--rig=bridge-crane"],
+    ),
     Case(
         PLAN,
         LEAVES,
