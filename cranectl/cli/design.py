@@ -75,11 +75,7 @@ OF_OTHER_CONTROLLERS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_
 )
 @json_option
 def design_command(
-    names: tuple[str, ...],
-    request: ScenarioRequest,
-    plot: Path | None,
-    screen: Screen,
-    **exporting: Any,
+    names: tuple[str, ...], request: ScenarioRequest, plot: Path | None, screen: Screen, **exporting: Any
 ) -> None:
     """Design one or several controllers and show what they achieve.
 

@@ -8,15 +8,7 @@ from typing import TYPE_CHECKING, Any
 from numba.core.types import Array, BaseTuple, Boolean, CPointer, Float, Integer, boolean, float64, int64
 
 from cranectl.export.inference import Type, result_type
-from cranectl.export.values import (
-    ATOM,
-    PRODUCT,
-    SUM,
-    UNARY,
-    Facts,
-    Value,
-    literal,
-)
+from cranectl.export.values import ATOM, PRODUCT, SUM, UNARY, Facts, Value, literal
 from cranectl.support.errors import InputError
 
 if TYPE_CHECKING:

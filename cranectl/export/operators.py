@@ -9,18 +9,7 @@ from numba.core.types import Boolean, Float, Integer, boolean, float64
 
 from cranectl.export.expressions import Expressions
 from cranectl.export.inference import common_type
-from cranectl.export.values import (
-    AND,
-    ATOM,
-    CHOICE,
-    EQUALITY,
-    OR,
-    ORDER,
-    PRODUCT,
-    SUM,
-    UNARY,
-    Value,
-)
+from cranectl.export.values import AND, ATOM, CHOICE, EQUALITY, OR, ORDER, PRODUCT, SUM, UNARY, Value
 
 ARITHMETIC: dict[type, tuple[Any, str, int]] = {
     ast.Add: (operator.add, "+", SUM),

@@ -24,10 +24,7 @@ RESERVED = {
 }
 # What Python's operators and slices do, where C's do something else.
 HELPERS = {
-    "index": (
-        "int64_t index, int64_t size",
-        "return index < 0 ? index + size : index;",
-    ),
+    "index": ("int64_t index, int64_t size", "return index < 0 ? index + size : index;"),
     "bound": (
         "int64_t index, int64_t size",
         "const int64_t place = index < 0 ? index + size : index;",
@@ -86,11 +83,7 @@ class Unit:
         return "\n\n".join([*structs, *self._helpers.values(), *self.texts]) + "\n"
 
     def function(
-        self,
-        function: Callable[..., Any],
-        arguments: list[tuple[Type, bool]],
-        caller: Expressions,
-        node: Any,
+        self, function: Callable[..., Any], arguments: list[tuple[Type, bool]], caller: Expressions, node: Any
     ) -> Function:
         """Return a translated function for types of its arguments, and whether these are natural numbers."""
         key = (function, *arguments)
