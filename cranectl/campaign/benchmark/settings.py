@@ -69,7 +69,7 @@ class Singles(Settings):
     )
 
 
-class Validation(Settings):
+class ValidationCranes(Settings):
     """Cranes on which tuned numbers compete with the published ones; neither search nor ranking uses them."""
 
     draws: Draws = Field(description="number of cranes per scenario and spread")
@@ -88,7 +88,7 @@ class Tuning(Settings):
     variation_price: Annotated[float, Field(ge=0.0)] = Field(
         description="cost of commands that vary by g per second"
     )
-    validation: Validation | None = Field(
+    validation: ValidationCranes | None = Field(
         None,
         description="cranes that choose between published numbers and those found with half and with all of "
         "the budget; without them the last are taken",
