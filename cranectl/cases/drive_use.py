@@ -62,6 +62,6 @@ def beyond_drives(run: Run) -> str:
     is_too_fast = any(use.share > 1.0 for use in uses if use.unit == "m/s")  # might be refused with limits
     if is_too_fast or "velocity" not in entry.drives:
         return text
-    given = f"{{force={[NO_LIMIT] * 3}}}" if lacking(entry, "limits.force") else "{}"
-    plant, limits = shlex.quote(plant_argument(run.plant)), shlex.quote(f"effects.limits={given}")
+    table = f"{{force={[NO_LIMIT] * 3}}}" if lacking(entry, "limits.force") else "{}"
+    plant, limits = shlex.quote(plant_argument(run.plant)), shlex.quote(f"effects.limits={table}")
     return f"{text}, or see what comes of it with --drive velocity --plants {plant} --set {limits}"

@@ -87,7 +87,8 @@ def tune_command(
     benchmark = read_benchmark(benchmark_name)
     (name,) = measured_controllers(benchmark, [controller], trust=trust)
     files, rules = tuned_files(out, name), rules_of(benchmark)
-    runs_of = [(scenario, benchmark.plant, name) for scenario in benchmark.tuning.scenarios]
+    plants = dict.fromkeys([benchmark.tuning_plant, benchmark.plant])
+    runs_of = [(scenario, plant, name) for scenario in benchmark.tuning.scenarios for plant in plants]
     print_idle(screen, [*idle_in_benchmark(benchmark, runs_of), *idle_timeout([name], timeout)])
     keys, search = [variable.key for variable in variables_of(name)], search_of(name, rules)
     unfinished = unfinished_file(out, name)

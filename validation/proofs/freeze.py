@@ -46,11 +46,11 @@ def frozen_seed(benchmark: Benchmark) -> int:
 
 def tune_missing(benchmark: Benchmark, *, only_check: bool) -> int:
     """Tune each controller that has no numbers by the present rules; return how many could not be tuned."""
-    folder, missing = benchmark.file.parent / "tuned", 0
+    folder, rules, missing = benchmark.file.parent / "tuned", rules_of(benchmark), 0
     for argument in benchmark.laws:
         (name,) = measured_controllers(benchmark, [argument])
         try:
-            tuned_facts(folder, rules_of(benchmark), name)
+            tuned_facts(folder, rules, name)
         except InputError as reason:
             print(reason)
             missing += only_check or main(["tune", argument, "--out", str(folder)]) != 0
@@ -69,7 +69,12 @@ def is_compiled_current(benchmark: Benchmark, compiled: Path | None) -> bool:
 def freeze(*, only_check: bool, compiled: Path | None = None) -> int:
     """Tune what is missing, and write the seed; return 1 if something is out of date."""
     benchmark = read_benchmark(DEFAULT)
-    if tune_missing(benchmark, only_check=only_check) or not is_compiled_current(benchmark, compiled):
+    if tune_missing(benchmark, only_check=only_check):
+        return 1
+    if not is_compiled_current(benchmark, compiled):
+        print(
+            "nmpc has no numbers by the present rules: remove nmpc.toml from --compiled, and run make judge"
+        )
         return 1
     seed = frozen_seed(benchmark)
     if benchmark.seed == seed:

@@ -130,6 +130,11 @@ class Benchmark(Settings):
         """The file of this benchmark; paths in it are relative to its folder."""
         return self._file
 
+    @property
+    def tuning_plant(self) -> str:
+        """The plant on which the search for numbers runs."""
+        return self.tuning.plant or self.plant
+
     @model_validator(mode="after")
     def _names_are_known(self) -> "Benchmark":
         used = {self.radius.scenario, *self.tuning.scenarios}

@@ -135,9 +135,9 @@ def tuned_facts(directory: Path, rules: str, controller: str, benchmark: str = D
     """Return `cost`, `failed` share and `numbers` of a tuned controller from its file in `directory`.
 
     `cost` and `failed` have three values: untuned, with half the budget, and with the whole budget, and so
-    has `validation`. `chosen` names one of them. `numbers` has an untuned and a chosen value by
-    setting. `benchmark` is the name or path that the user gave. Raises InputError if the file does not exist,
-    or if controller or rules have changed since the tuning.
+    has `validation`. `chosen` names one of them. `numbers` has an untuned and a chosen value by setting.
+    `benchmark` is the name or path that the user gave. Raises InputError if the file does not exist, or if
+    controller or rules have changed since the tuning.
     """
     path = directory / f"{controller}.toml"
     option = [] if benchmark == DEFAULT else ["--benchmark", benchmark]

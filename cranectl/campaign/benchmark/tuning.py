@@ -210,8 +210,9 @@ def tune(
     controller cannot run, or if the budget is too small.
     """
     variables, rules = variables_of(controller), benchmark.tuning
-    plant, validation = rules.plant or benchmark.plant, rules.validation
-    cranes = _Cranes(benchmark, controller, variables, plant, rules.draws, rules.seed, timeout)
+    cranes = _Cranes(
+        benchmark, controller, variables, benchmark.tuning_plant, rules.draws, rules.seed, timeout
+    )
     if not cranes.campaigns:
         raise InputError(
             f"'{controller}' follows a {follows(controller)}, and {benchmark.name} tunes on no scenario that "
@@ -233,7 +234,7 @@ def tune(
     with _evaluator(cranes, threads, advance) as evaluate:
         points = _search(cranes, evaluations, evaluate, known, keep)
     tuned = Tuned(controller, variables, evaluations, cranes.runs, tuple(points), {})
-    if validation is None:
+    if (validation := rules.validation) is None:
         return tuned
     others = replace(cranes, plant=benchmark.plant, draws=validation.draws, seed=validation.seed)
     values = {name: point.values for name, point in tuned.best_points.items()}

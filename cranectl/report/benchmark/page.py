@@ -137,8 +137,8 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
     stages = ("untuned", "half", "full")
     rows, numbers = [], []
     for controller, facts in sorted(tuned.items(), key=lambda item: item[1]["cost"]["full"]):
-        validation = facts["validation"].get("cost", {})
-        costs = (f"{of[stage]:.3f}" if of else "" for of in (facts["cost"], validation) for stage in stages)
+        found = (facts["cost"], facts["validation"].get("cost", {}))  # of search and validation
+        costs = (f"{cost[stage]:.3f}" if cost else "" for cost in found for stage in stages)
         information = information_class(table.about["laws"][controller])
         rows.append(cells(controller, information, str(facts["runs"]), *costs, facts["chosen"]))
         changed = [
@@ -151,7 +151,7 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
     settings, validation = benchmark.tuning, benchmark.tuning.validation
     text = (
         f"Every controller by CMA-ES within {settings.runs} runs, from its defaults, on the plant "
-        f"{settings.plant or benchmark.plant} and on cranes that are never judged: {settings.draws} for each "
+        f"{benchmark.tuning_plant} and on cranes that are never judged: {settings.draws} for each "
         f"of {', '.join(settings.scenarios)} with each of the spreads "
         f"{', '.join(f'{spread:g}' for spread in settings.spreads)}. The cost is the mean over all runs, the "
         "lower the better; a run that fails costs more than 5."
