@@ -13,6 +13,7 @@ through the equations of motion is left out, because it is slow compared with th
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cranectl.analysis.budget.propagation import Deviation, FrictionPort
 from cranectl.analysis.budget.trajectory_loop import EXTENSION, TrajectoryLoop
@@ -23,6 +24,7 @@ from cranectl.support.jit import jit_called
 
 STATES = 3  # of the estimator of one joint
 NEGLIGIBLE = 1e-60
+BLOCK_SAMPLES = 256
 ENCODER_INSTANTS, FRICTION_INSTANTS = 24, 16  # number of times, spread over the run, with a bound
 
 
@@ -70,76 +72,78 @@ def observe_along(observer, encoders, states, commands, estimate, error):
 
 
 def load_variance(loop: TrajectoryLoop, estimator: Estimator, deviations: Array) -> Array:
-    """Return the variance of the load's position (N, 3) [m²] under white noise, `deviations` (5,)."""
-    variance = np.zeros((loop.samples, 3))
-    propagate_variance(loop.matrices, estimator, np.square(deviations), variance)
+    """Return the variance of the load's position (N, 3) [m²] under white noise, `deviations` (5,).
+
+    It is zero at the start.
+    """
+    p, total = len(loop.moving), loop.size + STATES * JOINTS
+    variance, covariance = np.zeros((loop.samples, 3)), np.zeros((total, total))
+    for samples in _blocks(loop):
+        for k, matrix, noise in zip(samples, *joined_matrices(loop, estimator, samples), strict=True):
+            by_noise = noise * deviations
+            covariance = _flushed(matrix @ covariance @ matrix.T + by_noise @ by_noise.T)
+            load = loop.load[k + 1]
+            variance[k + 1] = np.sum(load @ covariance[:p, :p] * load, axis=1)
     return variance
 
 
-@jit_called
-def write_loop_matrix(loop, k, matrix):
-    """Write the transition matrix of state and delayed commands from sample k to k + 1 into `matrix`.
+def _blocks(loop: TrajectoryLoop) -> list[NDArray[np.intp]]:
+    """Return the samples of the loop except the last, in blocks whose matrices fit into the memory."""
+    samples = np.arange(loop.samples - 1)
+    return [samples[first : first + BLOCK_SAMPLES] for first in range(0, len(samples), BLOCK_SAMPLES)]
 
-    `matrix` is square with n + 3 times the delay rows.
+
+def _flushed(matrix: Array) -> Array:
+    """Return a matrix without denormal numbers, with which processors are slow."""
+    return np.where(np.abs(matrix) < NEGLIGIBLE, 0.0, matrix)
+
+
+def loop_matrices(loop: TrajectoryLoop, samples: NDArray[np.intp]) -> Array:
+    """Return the transition matrices of the state and the delayed commands, from `samples` to the next ones.
+
+    Their shape is (len(samples), m, m), where m is n plus 3 times the delay.
     """
-    size, p, at, total = loop.outputs.shape[2], loop.moving.shape[0], k // loop.stride, len(matrix)
-    controller, arriving = p + EXTENSION, np.zeros((3, total))
-    matrix[:] = 0.0
-    for row in range(size, total):
-        matrix[row, row - 3] = 1.0
+    size, p, at = loop.size, len(loop.moving), samples // loop.stride
+    outputs, by_command, total = loop.outputs[samples], loop.by_input[at, :, :3], size + 3 * loop.delay
+    matrices, controller = np.zeros((len(samples), total, total)), p + EXTENSION
+    arriving = np.zeros((len(samples), 3, total))
     if loop.delay:
-        arriving[:, total - 3 :] = np.eye(3)
-        matrix[size : size + 3] = 0.0
-        matrix[size : size + 3, :size] = loop.outputs[k, 3:6]
+        arriving[:, :, total - 3 :] = np.eye(3)
+        matrices[:, size : size + 3, :size] = outputs[:, 3:6]
+        matrices[:, size + 3 :, size : total - 3] = np.eye(total - 3 - size)
     else:
-        arriving[:, :size] = loop.outputs[k, 3:6]
-    matrix[:p] = np.dot(loop.by_command[at] * loop.lead, arriving)
-    matrix[:p, :p] += loop.by_state[at]
-    matrix[:p, p:controller] += loop.integral * loop.by_command[at]
-    matrix[p:controller] = loop.period * arriving
-    matrix[p:controller, p:controller] += np.eye(3)
-    matrix[controller:size, :size] = np.dot(loop.controller_input, loop.outputs[k])
-    matrix[controller:size, controller:size] += loop.controller_state
+        arriving[:, :, :size] = outputs[:, 3:6]
+    matrices[:, :p] = (by_command * loop.lead) @ arriving
+    matrices[:, :p, :p] += loop.by_state[at]
+    matrices[:, :p, p:controller] += loop.integral * by_command
+    matrices[:, p:controller] = loop.period * arriving
+    matrices[:, p:controller, p:controller] += np.eye(3)
+    matrices[:, controller:size, :size] = loop.controller_input @ outputs
+    matrices[:, controller:size, controller:size] += loop.controller_state
+    return matrices
 
 
-@jit_called
-def write_joined_matrices(loop, estimator, k, matrix, noise):
-    """Write the matrices from state (loop, estimators) and noise (5) at sample k to the state at k + 1.
+def joined_matrices(
+    loop: TrajectoryLoop, estimator: Estimator, samples: NDArray[np.intp]
+) -> tuple[Array, Array]:
+    """Return the matrices by which state and noise (5) at `samples` give the next state (loop, estimators).
 
     The loop must have no delay.
     """
-    size, p = loop.outputs.shape[2], loop.moving.shape[0]
-    matrix[:], noise[:] = 0.0, 0.0
-    write_loop_matrix(loop, k, matrix[:size, :size])
+    size, p, total = loop.size, len(loop.moving), loop.size + STATES * JOINTS
+    matrices, noise = np.zeros((len(samples), total, total)), np.zeros((len(samples), total, JOINTS))
+    matrices[:, :size, :size] = loop_matrices(loop, samples)
     # The effect of a joint through the tracker is that in the loop minus that in the plant alone.
-    by_measured = matrix[:size, :10].copy()
-    by_measured[:p] -= loop.by_state[k // loop.stride, :, :10]
+    by_measured = matrices[:, :size, :10].copy()
+    by_measured[:, :p] -= loop.by_state[samples // loop.stride, :, :10]
     for joint in range(JOINTS):
-        own, by_joint = size + STATES * joint, by_measured[:, 2 * joint : 2 * joint + 2].copy()
-        noise[:size, joint] = np.dot(by_joint, estimator.output_by_noise)
-        noise[own : own + STATES, joint] = estimator.next_by_noise
-        matrix[:size, own : own + STATES] = np.dot(by_joint, estimator.output_by_state)
-        matrix[own : own + STATES, own : own + STATES] = estimator.next_by_state
-
-
-@jit_called
-def propagate_variance(loop, estimator, noise_variance, variance):
-    """Compute the variance of the load under noise with loop and estimator, from zero at the start."""
-    p, total = loop.moving.shape[0], loop.outputs.shape[2] + STATES * JOINTS
-    covariance, matrix, noise = np.zeros((total, total)), np.zeros((total, total)), np.zeros((total, JOINTS))
-    for k in range(len(variance)):
-        load = loop.load[k]
-        variance[k] = (np.dot(load, covariance[:p, :p].copy()) * load).sum(axis=1)
-        if k < len(variance) - 1:
-            write_joined_matrices(loop, estimator, k, matrix, noise)
-            covariance = np.dot(np.dot(matrix, covariance), matrix.T)
-            covariance = flush_small(covariance + np.dot(noise * noise_variance, noise.T))
-
-
-@jit_called
-def flush_small(matrix):
-    """Set negligible numbers to zero, because processors are slow with denormal numbers."""
-    return np.where(np.abs(matrix) < NEGLIGIBLE, 0.0, matrix)
+        own = slice(size + STATES * joint, size + STATES * (joint + 1))
+        by_joint = by_measured[:, :, 2 * joint : 2 * joint + 2]
+        noise[:, :size, joint] = by_joint @ estimator.output_by_noise
+        noise[:, own, joint] = estimator.next_by_noise
+        matrices[:, :size, own] = by_joint @ estimator.output_by_state
+        matrices[:, own, own] = estimator.next_by_state
+    return matrices, noise
 
 
 def worst_load_error(
@@ -151,37 +155,23 @@ def worst_load_error(
     friction does. The result is the L1 norm of the time-varying impulse response at `times` instants spread
     over the run. One backward sweep of the adjoint equations computes it.
     """
-    instants = np.unique(np.linspace(0, loop.samples - 1, times + 1)[1:].astype(np.intp))
-    worst = np.zeros((len(instants), 3))
-    sweep_adjoint(loop.matrices, estimator, np.ascontiguousarray(amplitudes), instants, worst)
-    return worst
-
-
-@jit_called
-def sweep_adjoint(loop, estimator, amplitudes, instants, worst):
-    """Sum |impulse response| times amplitude over the run for each instant and axis, into `worst`."""
-    p = loop.moving.shape[0]
-    total = loop.outputs.shape[2] + (3 * loop.delay if estimator is None else STATES * JOINTS)
-    rows, matrix, inputs = (
-        np.zeros((3 * len(instants), total)),
-        np.zeros((total, total)),
-        np.zeros((total, 5)),
-    )
-    begun = len(instants)
-    for k in range(len(loop.outputs) - 2, -1, -1):
-        while begun > 0 and instants[begun - 1] == k + 1:
-            begun -= 1
-            rows[3 * begun : 3 * begun + 3, :p] = loop.load[k + 1]
+    p, instants = len(loop.moving), np.unique(np.linspace(0, loop.samples - 1, times + 1)[1:].astype(np.intp))
+    total = loop.size + (3 * loop.delay if estimator is None else STATES * JOINTS)
+    rows, worst, begun = np.zeros((len(instants), 3, total)), np.zeros((len(instants), 3)), len(instants)
+    for samples in reversed(_blocks(loop)):
         if estimator is None:
-            at = k // loop.stride
-            write_loop_matrix(loop, k, matrix)
-            inputs[:p, :3], inputs[:p, 3:] = loop.by_command[at], loop.by_disturbance[at]
+            matrices, inputs = loop_matrices(loop, samples), np.zeros((len(samples), total, 5))
+            inputs[:, :p] = loop.by_input[samples // loop.stride]
         else:
-            write_joined_matrices(loop, estimator, k, matrix, inputs)
-        active = rows[3 * begun :]
-        response = np.dot(np.abs(np.dot(active, inputs)), amplitudes[k])
-        worst[begun:] += response.reshape((-1, 3))
-        rows[3 * begun :] = flush_small(np.dot(active, matrix))
+            matrices, inputs = joined_matrices(loop, estimator, samples)
+        for k, matrix, by_signal in zip(samples[::-1], matrices[::-1], inputs[::-1], strict=True):
+            if begun and instants[begun - 1] == k + 1:
+                begun -= 1
+                rows[begun, :, :p] = loop.load[k + 1]
+            active = rows[begun:].reshape(-1, total)
+            worst[begun:] += (np.abs(active @ by_signal) @ amplitudes[k]).reshape(-1, 3)
+            rows[begun:] = _flushed(active @ matrix).reshape(-1, 3, total)
+    return worst
 
 
 def worst_friction(loop: TrajectoryLoop, friction: FrictionPort, about: Deviation) -> float:

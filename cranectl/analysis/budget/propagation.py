@@ -92,31 +92,46 @@ def propagate(loop: TrajectoryLoop, ports: Ports, friction: FrictionPort = NO_FR
 
 @jit_called
 def propagate_signals(loop, ports, friction, deviation):
-    """Fill all of `deviation` but its load."""
+    """Fill all of `deviation` but its load.
+
+    The products are sums in a fixed order, so they have the same bits on every processor.
+    """
     state, to_drives, commanded = deviation.state, deviation.drive, deviation.commanded
-    p = loop.moving.shape[0]
+    p, size = loop.moving.shape[0], state.shape[1]
     controller = p + EXTENSION
+    measured, outputs, arrived = np.zeros(size), np.zeros(9), np.zeros(3)
     for k in range(len(state) - 1):
         at, x, following = k // loop.stride, state[k], state[k + 1]
-        measured = x.copy()
-        measured[:10] += ports.measured[k]
-        outputs = np.dot(loop.outputs[k], measured)
-        commanded[k] = outputs[3:6] + ports.command[k]
-        arrived = ports.arriving[k].copy()
-        if k >= loop.delay:
-            arrived += commanded[k - loop.delay]
-        w = x[p:controller]
-        to_drives[k] = loop.integral * w + loop.lead * arrived + ports.drive[k]
-        deviation.disturbance[k] = ports.disturbance[k]
-        following[:] = ports.local[k]
-        following[:p] += np.dot(loop.by_state[at], x[:p])
-        following[:p] += np.dot(loop.by_command[at], to_drives[k])
-        following[:p] += np.dot(loop.by_disturbance[at], ports.disturbance[k])
-        following[p:controller] += w + loop.period * arrived
-        following[controller:] += np.dot(loop.controller_state, x[controller:])
-        following[controller:] += np.dot(loop.controller_input, outputs)
+        for i in range(size):
+            measured[i] = x[i] + (ports.measured[k, i] if i < 10 else 0.0)
+            following[i] = ports.local[k, i]
+        outputs[:] = 0.0
+        add_product(loop.outputs[k], measured, outputs)
+        for axis in range(3):
+            commanded[k, axis] = outputs[3 + axis] + ports.command[k, axis]
+        for axis in range(3):
+            late = commanded[k - loop.delay, axis] if k >= loop.delay else 0.0
+            arrived[axis] = ports.arriving[k, axis] + late
+            w = x[p + axis]
+            to_drives[k, axis] = loop.integral * w + loop.lead[axis] * arrived[axis] + ports.drive[k, axis]
+            following[p + axis] += w + loop.period * arrived[axis]
+        for i in range(2):
+            deviation.disturbance[k, i] = ports.disturbance[k, i]
+        add_product(loop.by_state[at], x[:p], following)
+        add_product(loop.by_input[at, :, :3], to_drives[k], following)
+        add_product(loop.by_input[at, :, 3:], ports.disturbance[k], following)
+        add_product(loop.controller_state, x[controller:], following[controller:])
+        add_product(loop.controller_input, outputs, following[controller:])
         if len(friction.coulomb):
             add_friction(loop, friction, k, deviation)
+
+
+@jit_called
+def add_product(matrix, vector, result):
+    """Add `matrix` times `vector` to the first elements of `result`."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            result[i] += matrix[i, j] * vector[j]
 
 
 @jit_called
@@ -125,20 +140,24 @@ def add_friction(loop, friction, k, deviation):
 
     The axes are coupled, so the friction is iterated over them (projected Gauss-Seidel).
     """
-    at, following, p = k // loop.stride, deviation.state[k + 1], loop.moving.shape[0]
-    by_signal = np.hstack((loop.by_command[at], loop.by_disturbance[at])).T
-    signals = -friction.viscous[k] * (friction.rates[k] + deviation.state[k, 1:10:2])
-    following[:p] += np.dot(signals, by_signal)
-    coulomb = np.zeros(5)
+    following, by_input = deviation.state[k + 1], loop.by_input[k // loop.stride]
+    viscous, coulomb = np.zeros(5), np.zeros(5)
+    for joint in range(5):
+        rate = friction.rates[k, joint] + deviation.state[k, 2 * joint + 1]
+        viscous[joint] = -friction.viscous[k, joint] * rate
+    add_product(by_input, viscous, following)
     for _ in range(FRICTION_ITERATIONS):
         for joint in range(5):
             rate = friction.rates[k + 1, joint] + following[2 * joint + 1]
             limit, before = friction.coulomb[k, joint], coulomb[joint]
-            stopping_force = before - rate / by_signal[joint, 2 * joint + 1]
+            stopping_force = before - rate / by_input[2 * joint + 1, joint]
             coulomb[joint] = min(max(stopping_force, -limit), limit)
-            following[:p] += by_signal[joint] * (coulomb[joint] - before)
-    deviation.drive[k] += signals[:3] + coulomb[:3]
-    deviation.disturbance[k] += signals[3:] + coulomb[3:]
+            for i in range(by_input.shape[0]):
+                following[i] += by_input[i, joint] * (coulomb[joint] - before)
+    for joint in range(3):
+        deviation.drive[k, joint] += viscous[joint] + coulomb[joint]
+    for joint in range(2):
+        deviation.disturbance[k, joint] += viscous[3 + joint] + coulomb[3 + joint]
 
 
 def second_order(run: Run, loop: TrajectoryLoop, ports: Ports, predicted: Deviation) -> Deviation:

@@ -75,10 +75,9 @@ class TrajectoryLoop(NamedTuple):
     commands: Array  # (N - 1, 3) nominal: accelerations for ideal drives, else velocities
     disturbances: Array  # (N - 1, 2) nominal
     winds: Array  # (N, 6) as in `simulate.Plan`
-    stride: int  # samples that share the next three
+    stride: int  # samples that share the next two
     by_state: Array  # (M, p, p) of the next plant state by the present one
-    by_command: Array  # (M, p, 3)
-    by_disturbance: Array  # (M, p, 2) by angular accelerations
+    by_input: Array  # (M, p, 5) by commands and angular accelerations
     defect: Array  # (N - 1, p) a step of the plant from the nominal run, minus that run
     load: Array  # (N, 3, p) of the load position by the plant's state
     load_offset: Array  # (N, 3) [m] of the plant's load from that of the nominal run
@@ -157,54 +156,71 @@ def row_jacobians(function: Callable[[Array], Array], at: Array, columns: Iterab
     return np.ascontiguousarray(np.stack(by_column, axis=2))
 
 
-def linearise_run(
-    run: Run, *, crane: ElasticCrane | None = None, winds: Array | None = None
-) -> TrajectoryLoop:
-    """Linearise the loop along `run`, which has the analytic plant with ideal drives.
-
-    The plant of the loop is `crane` with velocity drives in the air `winds` (N, 6), by default that of the
-    run.
-    """
-    tracker, period = tracker_of(run.scenario, only_flat(run.design)), run.scenario.period_ns / NANOSECONDS
-    samples, velocity = len(run.time_ns), crane is not None
-    joints, inputs = np.ascontiguousarray(run.block("state")), run.block("input")
-    commands = inputs[:-1, 3:] if velocity else inputs[:-1, :3]
-    disturbances = run.block("disturbance")[:-1]
-    states, moving, stride = joints, np.arange(10), 1
-    if crane is not None:
-        states, moving = hanging_states(crane, joints, run.tension), crane.changing
-        stride = LINEARISATION_STRIDE
-    plant = SteppedPlant(AnalyticPlant.kernels, analytic_plant(run).handle)
-    if crane is not None:
-        plant = SteppedPlant(ElasticPlant.kernels, ElasticHandle(crane, np.zeros(STATES), make_work()))
-    winds = np.hstack([np.zeros((samples, 3)), run.load_force]) if winds is None else winds
-    ports, size, p = np.hstack([states[:-1], commands, disturbances]), states.shape[1], len(moving)
-    by_port = row_jacobians(
-        lambda at: next_states(plant, at, winds[::stride])[:, moving],
-        ports[::stride],
-        [*moving, *range(size, size + 5)],
-    )
-    flat, outputs = _controller_outputs(run, tracker, p)
-    load, load_offset = flat[:, :3, :10], np.zeros((samples, 3))
-    if crane is not None:
-        load = row_jacobians(partial(load_positions, crane), states, moving)
-        load_offset = load_positions(crane, states) - run.load_position
+def linearise_run(run: Run) -> TrajectoryLoop:
+    """Linearise the loop along `run`, which has the analytic plant with ideal drives."""
+    tracker, samples = tracker_of(run.scenario, only_flat(run.design)), len(run.time_ns)
+    flat, outputs = _controller_outputs(run, tracker)
     controller_state, controller_input = _controller_matrices(tracker)
-    return TrajectoryLoop(
-        plant, moving, states, commands, disturbances, winds, stride,
-        by_state=np.ascontiguousarray(by_port[:, :, :p]),
-        by_command=np.ascontiguousarray(by_port[:, :, p : p + 3]),
-        by_disturbance=np.ascontiguousarray(by_port[:, :, p + 3 :]),
-        defect=(next_states(plant, ports, winds) - states[1:])[:, moving],
-        load=np.ascontiguousarray(load),
-        load_offset=load_offset,
+    none = np.zeros((0, 10, 10))
+    loop = TrajectoryLoop(
+        plant=SteppedPlant(AnalyticPlant.kernels, analytic_plant(run).handle),
+        moving=np.arange(10),
+        states=np.ascontiguousarray(run.block("state")),
+        commands=run.block("input")[:-1, :3],
+        disturbances=run.block("disturbance")[:-1],
+        winds=np.hstack([np.zeros((samples, 3)), run.load_force]),
+        stride=1,
+        by_state=none,
+        by_input=none,
+        defect=none,
+        load=np.ascontiguousarray(flat[:, :3, :10]),
+        load_offset=np.zeros((samples, 3)),
         outputs=outputs,
-        lead=make_actuation(run.scenario).lag if velocity else np.ones(3),
-        integral=float(velocity),
+        lead=np.ones(3),
+        integral=0.0,
         controller_state=controller_state,
         controller_input=controller_input,
-        period=period,
-    )  # fmt: skip
+        period=run.scenario.period_ns / NANOSECONDS,
+    )
+    return _with_linear_plant(loop)
+
+
+def with_elastic_crane(run: Run, loop: TrajectoryLoop, crane: ElasticCrane, winds: Array) -> TrajectoryLoop:
+    """Return the `loop` along `run` with another plant: `crane` with velocity drives in `winds` (N, 6)."""
+    states, outputs = hanging_states(crane, loop.states, run.tension), loop.outputs
+    others = np.zeros((*outputs.shape[:2], len(crane.changing) - 10))
+    return _with_linear_plant(
+        loop._replace(
+            plant=SteppedPlant(ElasticPlant.kernels, ElasticHandle(crane, np.zeros(STATES), make_work())),
+            moving=crane.changing,
+            states=states,
+            commands=run.block("input")[:-1, 3:],
+            winds=winds,
+            stride=LINEARISATION_STRIDE,
+            load=row_jacobians(partial(load_positions, crane), states, crane.changing),
+            load_offset=load_positions(crane, states) - run.load_position,
+            outputs=np.concatenate([outputs[:, :, :10], others, outputs[:, :, 10:]], axis=2),
+            lead=make_actuation(run.scenario).lag,
+            integral=1.0,
+        )
+    )
+
+
+def _with_linear_plant(loop: TrajectoryLoop) -> TrajectoryLoop:
+    """Return `loop` with the derivatives and the defect of its plant."""
+    plant, moving, p, size = loop.plant, loop.moving, len(loop.moving), loop.states.shape[1]
+    assert plant is not None
+    ports = np.hstack([loop.states[:-1], loop.commands, loop.disturbances])
+    by_port = row_jacobians(
+        lambda at: next_states(plant, at, loop.winds[:: loop.stride])[:, moving],
+        ports[:: loop.stride],
+        [*moving, *range(size, size + 5)],
+    )
+    return loop._replace(
+        by_state=np.ascontiguousarray(by_port[:, :, :p]),
+        by_input=np.ascontiguousarray(by_port[:, :, p:]),
+        defect=(next_states(plant, ports, loop.winds) - loop.states[1:])[:, moving],
+    )
 
 
 def analytic_plant(run: Run) -> AnalyticPlant:
@@ -214,12 +230,12 @@ def analytic_plant(run: Run) -> AnalyticPlant:
     return plant
 
 
-def _controller_outputs(run: Run, tracker: Tracker, p: int) -> tuple[Array, Array]:
-    """Return the flat output by joints, zeta and zeta', (N, 12, 12), and `TrajectoryLoop.outputs`."""
+def _controller_outputs(run: Run, tracker: Tracker) -> tuple[Array, Array]:
+    """Return the flat output by joints, zeta and zeta', (N, 12, 12), and the loop's outputs if p = 10."""
     ports = np.hstack([run.block("state"), run.block("controller")[:, :2], run.block("virtual_input")[:, :3]])
     by_port = row_jacobians(partial(command_outputs, tracker.gravity), ports, range(15))
     flat, command, by_v = by_port[:, :12, :12], by_port[:, 12:, :12], by_port[:, 12:, 12:]
-    output, extension, robustifier = dense_robustifier(tracker)[2], p + EXTENSION, p + ROBUSTIFIER
+    output, extension, robustifier = dense_robustifier(tracker)[2], 10 + EXTENSION, 10 + ROBUSTIFIER
     measured = [*range(10), extension, extension + 1]
     rows = np.zeros((len(ports), 9, robustifier + 3 * len(output)))
     v, robustified, error = rows[:, :3], rows[:, 3:6], rows[:, 6:]
@@ -271,7 +287,7 @@ class LinearisedRun:
             crane = make_crane(scenario.rig, chosen, "velocity", step=step, substeps=scenario.substeps)
             set_damping(crane, chosen, float(run.block("state")[0, ROPE]))
             winds = plan_scenario(replace_effects(run.scenario, chosen)).wind[: len(run.time_ns)]
-            self._loops[structure] = linearise_run(run, crane=crane, winds=winds)
+            self._loops[structure] = with_elastic_crane(run, self.loop, crane, winds)
         delay = round(self.effects.delay.seconds / self.loop.period) if "delay" in effects else 0
         return self._loops[structure]._replace(delay=delay)
 

@@ -7,13 +7,13 @@ import pytest
 
 from cranectl.analysis.budget.bounded_signals import (
     Estimator,
+    joined_matrices,
     linear_estimator,
     load_variance,
+    loop_matrices,
     observed_error,
     worst_friction,
     worst_load_error,
-    write_joined_matrices,
-    write_loop_matrix,
 )
 from cranectl.analysis.budget.propagation import FrictionPort, no_errors, propagate
 from cranectl.analysis.budget.trajectory_loop import TrajectoryLoop, linearise_run, nominal_run
@@ -44,11 +44,9 @@ def test_a_small_start_error_develops_as_predicted(controller: str, offset: str)
         plant="analytic",
         controller=controller,
     )
-    size = loop.size
-    x, matrix = np.zeros(size), np.zeros((size, size))
+    x = np.zeros(loop.size)
     x[:10] = moved.block("state")[0] - run.block("state")[0]
-    for k in range(len(run.time_ns) - 1):
-        write_loop_matrix(loop.matrices, k, matrix)
+    for matrix in loop_matrices(loop, np.arange(len(run.time_ns) - 1)):
         x = matrix @ x
     found = moved.block("state")[-1] - run.block("state")[-1]
     assert np.abs(found).max() > 1e-9
@@ -116,17 +114,14 @@ def test_worst_case_is_the_sum_of_all_impulse_responses() -> None:
         controller="lqr",
     )
     loop, linear = linearise_run(run), estimator(run)
-    size = loop.size
-    total = size + 15
     amplitudes = np.array([1.0, 0.5, 2.0, 1.0, 3.0])
     expected = np.zeros(3)
-    matrix, noise = np.zeros((total, total)), np.zeros((total, 5))
+    matrices, noise = joined_matrices(loop, linear, np.arange(60))
     for start in range(60):
         for joint in range(5):
-            state = np.zeros(total)
-            for k in range(start, 60):
-                write_joined_matrices(loop.matrices, linear, k, matrix, noise)
-                state = matrix @ state + (noise[:, joint] if k == start else 0.0)
+            state = noise[start, :, joint]
+            for matrix in matrices[start + 1 :]:
+                state = matrix @ state
             expected += amplitudes[joint] * np.abs(loop.load[60] @ state[:10])
     assert worst_load_error(loop, np.tile(amplitudes, (60, 1)), 24, estimator=linear).max(
         axis=0
@@ -163,10 +158,8 @@ def test_the_loop_matrix_is_the_propagation(delay: int) -> None:
     ports.local[:] = 1e-6 * rng.standard_normal(ports.local.shape)
     ports.measured[:] = 1e-6 * rng.standard_normal(ports.measured.shape)
     found = propagate(loop, ports).state
-    total = loop.size + 3 * delay
-    x, matrix = np.zeros(total), np.zeros((total, total))
-    for k in range(loop.samples - 1):
-        write_loop_matrix(loop.matrices, k, matrix)
+    x = np.zeros(loop.size + 3 * delay)
+    for k, matrix in enumerate(loop_matrices(loop, np.arange(loop.samples - 1))):
         tracker = matrix[:, :10].copy()
         tracker[:p] -= loop.by_state[k // loop.stride][:, :10]
         x = matrix @ x + tracker @ ports.measured[k]
