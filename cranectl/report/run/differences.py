@@ -44,19 +44,19 @@ def settings_table(logs: Logs) -> Table:
     """Return the settings that not all logs leave at the default; numbers that nobody stated are marked."""
     first = [next(iter(log.values())) for log in logs.values()]
     changed = [_marked(run) for run in first]
-    settings = {
-        name: [settings.get(name, "default") for settings in changed]
-        for name in dict.fromkeys(name for settings in changed for name in settings)
-    }
-    table = _by_log("Settings that are not the default", logs, settings)
-    is_assumed = any(text.endswith(ASSUMED) for texts in settings.values() for text in texts)
+    names = dict.fromkeys(name for settings in changed for name in settings)
+    rows = {name: [settings.get(name, "default") for settings in changed] for name in names}
+    table = _by_log("Settings that are not the default", logs, rows)
+    is_assumed = any(text.endswith(ASSUMED) for texts in rows.values() for text in texts)
     return replace(table, note=ASSUMED_NOTE) if is_assumed else table
 
 
 def _marked(run: Run) -> dict[str, str]:
     """Return the changed settings of a run as texts, with a mark at those that nobody stated."""
     assumed = assumed_settings(run.scenario.rig, run.scenario.effects)
-    settings = changed_from_default(run.scenario) | _given(run)
+    stated = run.scenario.controller.parameters.get(run.design.name, {})
+    given = {name: value for name, value in _parameters(run).items() if name.rpartition(".")[2] in stated}
+    settings = changed_from_default(run.scenario) | given
     return {name: f"{_text(value)}{ASSUMED * (name in assumed)}" for name, value in settings.items()}
 
 
@@ -70,19 +70,20 @@ def versions_table(logs: Logs, versions: Mapping[str, Mapping[str, str]]) -> Tab
 def what_differs(logs: Logs) -> Table | None:
     """Return the settings that differ between logs, a column each; None if nothing differs."""
     flat: list[dict[str, Any]] = []
-    is_one_controller = len({next(iter(log.values())).design.name for log in logs.values()}) == 1
-    for log in logs.values():
-        run = next(iter(log.values()))
-        requested: dict[str, Any] = {"plants": list(log), "drives": run.drive, "controller": run.controller}
+    first = {label: next(iter(log.values())) for label, log in logs.items()}
+    is_one_controller = len({run.design.name for run in first.values()}) == 1
+    for label, run in first.items():
+        requested: dict[str, Any] = {
+            "plants": list(logs[label]),
+            "drives": run.drive,
+            "controller": run.controller,
+        }
         requested["scenario"] = run.scenario.model_dump(mode="json", exclude={"controller"})
         flat.append(dict(leaves((_parameters(run) if is_one_controller else {}) | requested)))
-    names = dict.fromkeys(name for settings in flat for name in settings)
-    differing = [name for name in names if any(settings.get(name) != flat[0].get(name) for settings in flat)]
     rows = {
-        name.removeprefix("scenario."): [
-            _text(settings[name]) if name in settings else "–" for settings in flat
-        ]
-        for name in differing
+        name.removeprefix("scenario."): [_text(each[name]) if name in each else "–" for each in flat]
+        for name in dict.fromkeys(name for settings in flat for name in settings)
+        if any(settings.get(name) != flat[0].get(name) for settings in flat)
     }
     return _by_log("What differs", logs, rows) if rows else None
 
@@ -91,12 +92,6 @@ def _parameters(run: Run) -> dict[str, Any]:
     """Return a controller's parameters by dotted names; those of the flat family are settings in [design]."""
     design = run.design
     return {f"controller.{design.name}.{name}": value for name, value in design.parameters.items()}
-
-
-def _given(run: Run) -> dict[str, Any]:
-    """Return the parameters of the controller that the scenario gives."""
-    stated = run.scenario.controller.parameters.get(run.design.name, {})
-    return {name: value for name, value in _parameters(run).items() if name.rpartition(".")[2] in stated}
 
 
 def _by_log(title: str, logs: Logs, rows: Mapping[str, Sequence[str]]) -> Table:
@@ -131,30 +126,25 @@ def comparison_table(title: str, comparison: Comparison, *, folded: bool = False
 
 def distances_table(first: str, comparisons: Mapping[str, Comparison]) -> Table:
     """Return the differences of runs, by label, from the run labelled `first`."""
-    rows = []
-    for label, comparison in comparisons.items():
-        load, angles = comparison.max_load_error_m, difference_in(comparison.max_angle_error_rad, "rad")
-        rows.append(
-            cells(label, difference_in(load, "m"), _when(comparison.max_load_error_at_s, load), angles)
-        )
-    return Table(f"Largest difference from {first}", ("", "load", "at [s]", "angles"), tuple(rows))
+    columns: dict[str, Callable[[tuple[str, Comparison]], Cell | str]] = {
+        "": lambda row: row[0],
+        "load": lambda row: difference_in(row[1].max_load_error_m, "m"),
+        "at [s]": lambda row: _when(row[1].max_load_error_at_s, row[1].max_load_error_m),
+        "angles": lambda row: difference_in(row[1].max_angle_error_rad, "rad"),
+    }
+    return tabulate(f"Largest difference from {first}", comparisons.items(), columns)
 
 
 def regression_table(verdict: RegressionVerdict) -> Table:
     """Compare a run with its golden run: one row for each signal, then how both ended."""
     rows = []
-    for signal in verdict.signals:
-        difference, when = difference_text(signal.max_abs), _when(signal.at_s, signal.max_abs)
-        rows.append(
-            cells(
-                signal.signal, signal.unit, difference, when, f"{signal.limit:.1e}", VERDICTS[signal.passed]
-            )
-        )
+    for each in verdict.signals:
+        numbers = difference_text(each.max_abs), _when(each.at_s, each.max_abs), f"{each.limit:.1e}"
+        rows.append(cells(each.signal, each.unit, *numbers, VERDICTS[each.passed]))
     difference, limit = difference_text(verdict.end_difference_s), f"{verdict.end_difference_limit_s:.1e}"
     rows.append(cells("ends", "s", difference, "", limit, VERDICTS[verdict.ends_passed]))
-    how = (
-        f"both {verdict.status}" if verdict.same_status else f"{verdict.status}, was {verdict.golden_status}"
-    )
+    before = f"{verdict.status}, was {verdict.golden_status}"
+    how = f"both {verdict.status}" if verdict.same_status else before
     rows.append(cells(how, "", "", "", "", VERDICTS[verdict.same_status]))
     headings = ("signal", "unit", "max |diff|", "at [s]", "limit", "verdict")
     title = f"{verdict.plant}, {verdict.samples} samples: new minus golden"
@@ -194,19 +184,28 @@ def pair_tables(pairwise: Pairwise) -> tuple[Table, Table]:
         "load, where": lambda pair: f"{pair.scenario}, {pair.controller}",
         "agree": _answer,
     }
-    apart = tabulate("Every plant against every other, at most", pairwise.pairs, columns, labels=2)
-    rows = []
-    for plant in pairwise.plants:
-        order = "-" if isnan(plant.order) else f"{plant.order:.1f}"
-        where = f"{plant.scenario}, {plant.controller}"
-        drift = "-" if isnan(plant.energy_drift) else difference_text(plant.energy_drift)
-        rows.append(cells(plant.drive, plant.plant, difference_text(plant.step_error_m), order, drift, where))
-    headings = ("drives", "plant", "step error\n[m]", "order", "energy drift\n[m g l]", "step error, where")
     note = (
         "Step error: how far the load moves when the plant's own steps are a quarter as long, and the order "
         "by which that falls; - where rounding is all there is. Energy drift: of a free swing of 20 s."
     )
-    return apart, Table("Each plant by itself", headings, tuple(rows), labels=2, note=note)
+    alone = tabulate(
+        "Each plant by itself",
+        pairwise.plants,
+        {
+            "drives": lambda each: each.drive,
+            "plant": lambda each: each.plant,
+            "step error\n[m]": lambda each: difference_text(each.step_error_m),
+            "order": lambda each: "-" if isnan(each.order) else f"{each.order:.1f}",
+            "energy drift\n[m g l]": lambda each: (
+                "-" if isnan(each.energy_drift) else difference_text(each.energy_drift)
+            ),
+            "step error, where": lambda each: f"{each.scenario}, {each.controller}",
+        },
+        labels=2,
+        note=note,
+    )
+    apart = tabulate("Every plant against every other, at most", pairwise.pairs, columns, labels=2)
+    return apart, alone
 
 
 def _answer(pair: WorstPair) -> Cell:

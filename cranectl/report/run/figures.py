@@ -1,6 +1,6 @@
 """Figures of runs: the curves of each family of figures, and how to draw them."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle, zip_longest
 from typing import Any
@@ -59,17 +59,12 @@ class Family:
     panels: tuple[RunPanel, ...]
     draw: Callable[["Family", Sequence[RunCurve]], Figure]
     group: str = "state"  # of signals that a run must have for this figure
-    some: bool = False  # whether it shows the runs that have the group, though others lack it
 
 
-def families_of(runs: Iterable[Run]) -> list[Family]:
-    """Return the families of figures for which all `runs` have the signals, or some are enough."""
-    runs = list(runs)
-    return [
-        family
-        for family in FAMILIES.values()
-        if (any if family.some else all)(run.has(family.group) for run in runs)
-    ]
+def families_of(runs: Sequence[Run]) -> list[Family]:
+    """Return the families of figures for which all `runs` have the signals; one residual is enough."""
+    having = {family.name: [run.has(family.group) for run in runs] for family in FAMILIES.values()}
+    return [f for f in FAMILIES.values() if (any if f.group == "residual" else all)(having[f.name])]
 
 
 def largest_difference(family: Family, a: Run, b: Run) -> float:
@@ -138,10 +133,9 @@ def _in_the_plane(family: Family, curves: Sequence[RunCurve]) -> Figure:
         rig = [x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0]
         axes.plot(*rig, **_LIMIT)
     _draw_paths(axes, family, curves)
-    for curve in curves:
-        if not curve.wide:
-            end = x.values(curve.run)[-1:], y.values(curve.run)[-1:]
-            axes.plot(*end, color=STAND_IN[curve.colour], marker="o", markersize=4, zorder=5)
+    for curve in (curve for curve in curves if not curve.wide):
+        end = x.values(curve.run)[-1:], y.values(curve.run)[-1:]
+        axes.plot(*end, color=STAND_IN[curve.colour], marker="o", markersize=4, zorder=5)
     axes.set(xlabel=x.label, ylabel=y.label)
     across = _constant_axis(axes.dataLim.intervalx, x.unit)
     along = _constant_axis(axes.dataLim.intervaly, y.unit)
@@ -264,26 +258,22 @@ def _desired(axis: int) -> Values:
     return lambda run: run.reference[:, axis]
 
 
-def _beside_trolley(run: Run, axis: int) -> Array:
-    """Return the horizontal position of the load from the trolley."""
-    return run.block("load")[:, axis] - run.block("state")[:, 2 * axis]
+def _beside_trolley(axis: int) -> Values:
+    return lambda run: run.block("load")[:, axis] - run.block("state")[:, 2 * axis]
 
 
 _LOAD = tuple(_signal(f"load.load_{a}", reference=_desired(k)) for k, a in enumerate("xyz"))
 _LOAD_ABOVE = tuple(replace(panel, limits=_range(k)) for k, panel in enumerate(_LOAD[:2]))
 _AXES = ("bridge_position", "trolley_position", "rope_length")
 _TROLLEY = tuple(_signal(f"state.{name}", limits=_range(k)) for k, name in enumerate(_AXES))
-_RELATIVE = (
-    RunPanel("z₁ − x_c [m]", lambda run: _beside_trolley(run, 0)),
-    RunPanel("z₂ − y_c [m]", lambda run: _beside_trolley(run, 1)),
-)
+_RELATIVE = (RunPanel("z₁ − x_c [m]", _beside_trolley(0)), RunPanel("z₂ − y_c [m]", _beside_trolley(1)))
 _ERRORS = tuple(_signal(f"error.error_{a}") for a in "xyz")
 _LINEAR = tuple(_signal(f"virtual_input.virtual_input_{a}") for a in "xyz")
 _INPUTS = tuple(_signal(f"input.{name}_acceleration") for name in ("bridge", "trolley", "rope"))
 _ANGLES = tuple(_signal(f"state.{name}", scale=DEGREES, unit="°") for name in ("alpha", "beta"))
 _RESIDUAL_LOAD = tuple(_signal(f"residual.load_{a}_residual", scale=1e3, unit="mm") for a in "xyz")
 _RESIDUAL_ANGLES = tuple(
-    _signal(f"residual.{name}_residual", scale=DEGREES, unit="°") for name in ("alpha", "beta")
+    _signal(f"residual.{a}_residual", scale=DEGREES, unit="°") for a in ("alpha", "beta")
 )
 _AXES_ALONE = tuple(_signal(f"axes.{name}", limits=_range(k)) for k, name in enumerate(_AXES))
 
@@ -291,16 +281,9 @@ FAMILIES = {
     family.name: family
     for family in (
         Family("space", "load in space", _LOAD, _in_space, "load"),
+        Family("residual-load", "load, measured minus predicted", _RESIDUAL_LOAD, _over_time, "residual"),
         Family(
-            "residual-load", "load, measured minus predicted", _RESIDUAL_LOAD, _over_time, "residual", True
-        ),
-        Family(
-            "residual-angles",
-            "angles, measured minus predicted",
-            _RESIDUAL_ANGLES,
-            _over_time,
-            "residual",
-            True,
+            "residual-angles", "angles, measured minus predicted", _RESIDUAL_ANGLES, _over_time, "residual"
         ),
         Family("error", "tracking error", _ERRORS, _over_time, "error"),
         Family("linear-input", "linear inputs v", _LINEAR, _over_time, "virtual_input"),

@@ -17,6 +17,7 @@ from cranectl.report.page import Fact, Figure, FirstScreen
 from cranectl.report.run.differences import Logs, what_differs, what_was_run
 from cranectl.report.table import VERDICTS, Cell, Table, cells
 from cranectl.simulate import Run
+from cranectl.support.arrays import Array
 from cranectl.support.units import difference_in, quantity
 
 Summaries = Mapping[str, Sequence[RunSummary]]  # by label of the log
@@ -32,10 +33,12 @@ def first_screen_of(
 ) -> FirstScreen:
     """Return the first screen; `worst` holds by log the time and the picture of its worst moment."""
     passed, reason = verdict_on(logs, summaries, agreements)
-    compared = any(agreement.passed for of_log in agreements.values() for agreement in of_log)
+    judged = [agreement for of_log in agreements.values() for agreement in of_log]
     badge = BADGES[passed]
-    if passed and compared and not _limits_of(summaries):
-        badge = BADGES[None] if _leaves_open_own(agreements) else AGREEMENT_ONLY
+    if passed and any(agreement.passed for agreement in judged) and not _limits_of(summaries):
+        # Nobody may judge how far a user's own plant is from the others.
+        leaves_open_own = any(a.passed is None and not plant_entry(a.plant).is_own for a in judged)
+        badge = BADGES[None] if leaves_open_own else AGREEMENT_ONLY
     facts = {label: _facts(log, summaries[label], agreements[label]) for label, log in logs.items()}
     figures = tuple(_worst_moment(label, logs, *moment) for label, moment in worst.items())
     if len(logs) == 1:
@@ -48,21 +51,13 @@ def first_screen_of(
     return FirstScreen(badge, reason, (), tuple(filter(None, tables)), figures)
 
 
-def _leaves_open_own(agreements: Agreements) -> bool:
-    """Return True if nobody judges how far a user's own plant is from the others."""
-    judged = [agreement for of_log in agreements.values() for agreement in of_log]
-    return any(a.passed is None and not plant_entry(a.plant).is_own for a in judged)
-
-
 def _worst_moment(label: str, logs: Logs, time: float, picture: Image) -> Figure:
-    several = len(logs) > 1
-    title = f"the crane at its worst moment{f', {label}' if several else ''}"
-    follows = all(run.has_reference for run in logs[label].values())
+    log, shown = logs[label], plant_entry(shown_plant(logs[label]))
+    title = f"the crane at its worst moment{f', {label}' if len(logs) > 1 else ''}"
+    follows = all(run.has_reference for run in log.values())
     worst = "is farthest from its reference" if follows else "swings most"
-    shown = shown_plant(logs[label])
-    whose = "" if plant_entry(shown).is_own or len(logs[label]) == 1 else f" of {plant_entry(shown).label}"
-    caption = f"At {time:.2f} s the load{whose} {worst}."
-    return Figure.pictured(title, caption, picture)
+    whose = "" if shown.is_own or len(log) == 1 else f" of {shown.label}"
+    return Figure.pictured(title, f"At {time:.2f} s the load{whose} {worst}.", picture)
 
 
 def verdict_on(logs: Logs, summaries: Summaries, agreements: Agreements) -> tuple[bool | None, str]:
@@ -72,16 +67,20 @@ def verdict_on(logs: Logs, summaries: Summaries, agreements: Agreements) -> tupl
     faults = [*_unexpected_ends(logs), *_disagreements(agreements), *_broken_limits(limits)]
     if faults:
         return False, _sentences(faults)
-    good = [*_expected_stops(logs), *_agreements(judged, len(logs))]
+    good = [*_agreements(judged, len(logs))]
+    runs = [run for log in logs.values() for run in log.values()]
+    if stopped := [run for run in runs if run.status.stopped]:
+        how = ", ".join(dict.fromkeys(run.status.label for run in stopped))
+        good.insert(0, f"{'the runs stop' if len(stopped) > 1 else 'the run stops'} with {how}, as expected")
     if limits:
         good.append(f"{'all ' if len(limits) > 1 else 'the '}{_count(len(limits), 'limit')} kept")
     open_points = [*_reasons(judged)]
     if not good and not judged:
         alone = "each run has one plant" if len(logs) > 1 else "only one plant was run"
-        if not all(run.has_reference for log in logs.values() for run in log.values()):
-            open_points = ["the run has no reference: there is nothing to judge"]
-        else:
-            open_points = [f"{alone}, and the scenario sets no limits: there is nothing to judge"]
+        why = f"{alone}, and the scenario sets no limits"
+        if not all(run.has_reference for run in runs):
+            why = "the run has no reference"
+        open_points = [f"{why}: there is nothing to judge"]
     return (True if good else None), _sentences([", and ".join(good), *open_points])
 
 
@@ -116,13 +115,6 @@ def _unexpected_ends(logs: Logs) -> Iterator[str]:
                 yield f"the run on {where} ended at {run.end_s:g} s with {run.status.label}{rest}"
 
 
-def _expected_stops(logs: Logs) -> Iterator[str]:
-    stopped = [run for log in logs.values() for run in log.values() if run.status.stopped]
-    if stopped:
-        how = ", ".join(dict.fromkeys(run.status.label for run in stopped))
-        yield f"{'the runs stop' if len(stopped) > 1 else 'the run stops'} with {how}, as expected"
-
-
 def _disagreements(agreements: Agreements) -> Iterator[str]:
     for label, of_log in agreements.items():
         where = f" in {label}" if len(agreements) > 1 else ""
@@ -151,15 +143,9 @@ def _agreements(judged: Sequence[Agreement], logs: int) -> Iterator[str]:
         where = f" in all {logs} logs" if logs > 1 and len(passed) == len(judged) else ""
         plants = in_order({a.plant for a in passed} | {a.reference for a in passed})
         who = "the plants" if len(passed) == len(judged) or logs > 1 else " and ".join(plants)
-        yield (
-            f"{who} agree{where}: their loads differ by {_at_most(nearest)} "
-            f"(allowed: {quantity(nearest.limit_m or 0.0, 'm')})"
-        )
-
-
-def _at_most(agreement: Agreement) -> str:
-    text = difference_in(agreement.max_load_error_m, "m")
-    return f"less than {text[2:]}" if text.startswith("<") else f"at most {text}"
+        text, allowed = difference_in(nearest.max_load_error_m, "m"), quantity(nearest.limit_m or 0.0, "m")
+        at_most = f"less than {text[2:]}" if text.startswith("<") else f"at most {text}"
+        yield f"{who} agree{where}: their loads differ by {at_most} (allowed: {allowed})"
 
 
 def _reasons(judged: Sequence[Agreement]) -> Iterator[str]:
@@ -182,53 +168,44 @@ def _facts(
 ) -> tuple[Fact, ...]:
     """Return the numbers of one log: of the user's own plant, if any, beside those of the reference plant."""
     shown, reference = shown_plant(log), reference_plant(log)
-    facts, difference = _facts_of(log[shown], summaries), _plant_difference(log, agreements)
+    facts = [*_facts_of(log[shown], summaries)]
     beside = {} if shown == reference else {f.name: f.value for f in _facts_of(log[reference], summaries)}
     if beside:
         own, other = plant_entry(shown).label, plant_entry(reference).label
-        facts = [
-            replace(fact, remark=f"{own}: {fact.remark}; {other}: {beside.get(fact.name, '–')}")
-            for fact in facts
-        ]
-    compared = (difference,) if log[shown].has_reference and facts else ()
-    return (*facts[:2], *compared, *facts[2:])
+        remarks = [f"{own}: {fact.remark}; {other}: {beside.get(fact.name, '–')}" for fact in facts]
+        facts = [replace(fact, remark=remark) for fact, remark in zip(facts, remarks, strict=True)]
+    if log[shown].has_reference and facts:
+        facts.insert(2, _plant_difference(log, agreements))
+    return tuple(facts)
 
 
-def _facts_of(run: Run, summaries: Sequence[RunSummary]) -> list[Fact]:
-    """Return the numbers of one run, those that it has samples for."""
+def _facts_of(run: Run, summaries: Sequence[RunSummary]) -> Iterator[Fact]:
+    """Yield the numbers of one run, those that it has samples for."""
     summary = next(summary for summary in summaries if summary.plant == run.plant)
-    if not run.has_reference:
-        return list(_facts_without_reference(run))
-    if summary.metrics is None:
-        return []
-    return [
-        _tracking_error(run, summary, summary.metrics),
-        _sway(run, summary.metrics),
-        _drive_use(run, summary.metrics),
-    ]
-
-
-def _facts_without_reference(run: Run) -> Iterator[Fact]:
-    """Yield what separates a prediction from the measured crane, and the largest angle."""
-    if run.has("residual"):
+    metrics = summary.metrics
+    if run.has_reference:
+        if metrics is not None:
+            distance = np.linalg.norm(run.load_position - run.reference[:, :3], axis=1)
+            limits = [limit for limit in summary.limits if limit.metric == "max_error_m"]
+            allowed = "".join(f"; allowed: {_millimetres(limit.limit)}" for limit in limits)
+            mark = "" if all(limit.kept for limit in limits) else "bad"
+            error, when = _millimetres(metrics.max_error_m), f"{_when(run, distance)}{allowed}"
+            yield Fact("Largest tracking error", error, when, mark)
+            yield _sway(run, metrics)
+            yield _drive_use(run, metrics)
+        return
+    if run.has("residual"):  # of a prediction from the measured crane
         distance = np.linalg.norm(run.block("residual")[:, 5:], axis=1)
-        when = float(run.time[int(np.argmax(distance))])
-        yield Fact("Load, measured minus predicted", _millimetres(float(distance.max())), f"at {when:.2f} s")
+        largest = _millimetres(float(distance.max()))
+        yield Fact("Load, measured minus predicted", largest, _when(run, distance))
     if run.has("state"):
-        largest = np.abs(run.angles).max(axis=1)
-        when = float(run.time[int(np.argmax(largest))])
-        yield Fact("Largest angle", _degrees(float(largest.max())), f"at {when:.2f} s")
+        angles = np.abs(run.angles).max(axis=1)
+        yield Fact("Largest angle", _degrees(float(angles.max())), _when(run, angles))
 
 
-def _tracking_error(run: Run, summary: RunSummary, metrics: RunMetrics) -> Fact:
-    distance = np.linalg.norm(run.load_position - run.reference[:, :3], axis=1)
-    when = float(run.time[int(np.argmax(distance))])
-    limits = [limit for limit in summary.limits if limit.metric == "max_error_m"]
-    allowed = "".join(f"; allowed: {_millimetres(limit.limit)}" for limit in limits)
-    mark = "" if all(limit.kept for limit in limits) else "bad"
-    return Fact(
-        "Largest tracking error", _millimetres(metrics.max_error_m), f"at {when:.2f} s{allowed}", mark
-    )
+def _when(run: Run, values: Array) -> str:
+    """Return the time of the largest value in words."""
+    return f"at {run.time[int(np.argmax(values))]:.2f} s"
 
 
 def _millimetres(length: float) -> str:
@@ -242,11 +219,9 @@ def _millimetres(length: float) -> str:
 def _sway(run: Run, metrics: RunMetrics) -> Fact:
     if metrics.residual_sway_rad is None:
         return Fact("Largest sway", _degrees(metrics.max_sway_rad), "the run ends before its reference rests")
-    tolerance = _millimetres(run.scenario.metrics.settling_tolerance)
     settles = metrics.settling_time_s
-    remark = (
-        f"does not settle to {tolerance}" if settles is None else f"{settles:.2f} s to settle to {tolerance}"
-    )
+    how = "does not settle" if settles is None else f"{settles:.2f} s to settle"
+    remark = f"{how} to {_millimetres(run.scenario.metrics.settling_tolerance)}"
     return Fact("Sway after the motion", _degrees(metrics.residual_sway_rad), remark)
 
 
@@ -269,10 +244,7 @@ def _drive_use(run: Run, metrics: RunMetrics) -> Fact:
     use = drive_uses(run)[0]
     what = "speed" if use.unit == "m/s" else "acceleration"
     remark = f"{use.axis}: {what} {use.commanded:.2g} of {use.limit:.2g} {use.unit}"
-    if use.is_assumed:
-        remark += " (assumed)"
-    if run.scenario.effects.limits is None:
-        remark += ", which this run does not limit"
-    if metrics.saturated_s:
-        remark += f"; at a limit for {metrics.saturated_s:.2g} s"
+    remark += " (assumed)" if use.is_assumed else ""
+    remark += ", which this run does not limit" if run.scenario.effects.limits is None else ""
+    remark += f"; at a limit for {metrics.saturated_s:.2g} s" if metrics.saturated_s else ""
     return Fact("Drive use", f"{100.0 * use.share:.0f} %", remark, "bad" if use.share > 1.0 else "")

@@ -57,38 +57,27 @@ def log_page(
     versions: Mapping[str, Mapping[str, str]] | None = None,
     worst: Mapping[str, tuple[float, Image]] | None = None,
 ) -> Page:
-    """Return a page of up to four logs, each with the runs of one plant or more.
+    """Return a page of up to four logs; `worst` holds for each the time [s] and picture of its worst moment.
 
-    Parameters
-    ----------
-    logs : Mapping
-        Runs by label of the log, by plant.
-    remade_by : str
-        The command that makes the page again.
-    notes : Sequence of str
-        Sentences above the table of runs.
-    versions : Mapping, optional
-        Versions of the software that made each log.
-    worst : Mapping, optional
-        Time [s] and picture of the worst moment of each log.
+    `notes` stand above the table of runs. `versions` are of the software that made each log.
     """
-    pairs = {label: _pairs(log) for label, log in logs.items()}
+    pairs = {  # each plant's run with that of the reference plant, where both have samples
+        label: against_reference([run for run in log.values() if len(run.time_ns)], log)
+        for label, log in logs.items()
+    }
     agreements = {label: [judge(*pair) for pair in of_log] for label, of_log in pairs.items()}
     summaries = {name: [RunSummary.of(run, Path(name)) for run in log.values()] for name, log in logs.items()}
     judged = limits_table(summaries.values())
-    same = (SAME,) if len(logs) > 1 and what_differs(logs) is None else ()
     follow = any(run.has_reference for log in logs.values() for run in log.values())
     outcome = (run_table(summaries), judged, metrics_table(summaries) if follow else None)
     settings = [settings_table(logs), versions_table(logs, versions or {})]
-    if len(logs) > 1:  # else the first screen has it
-        settings.insert(0, what_was_run(logs))
+    texts = [*notes]
+    if len(logs) > 1:
+        texts += [SAME] if what_differs(logs) is None else []
+        settings.insert(0, what_was_run(logs))  # the first screen of one log has it
+    anchor = "run" if len(logs) == 1 else "runs"
     sections = [
-        Section(
-            "run" if len(logs) == 1 else "runs",
-            "Runs and metrics",
-            (*notes, *same),
-            tuple(table for table in outcome if table),
-        ),
+        Section(anchor, "Runs and metrics", tuple(texts), tuple(filter(None, outcome))),
         Section("figures", "Figures", figures=_figures(logs, pairs, agreements)),
         *_plans(logs),
         Section("differences", "Differences", tables=_differences(logs, pairs, agreements)),
@@ -127,11 +116,6 @@ def _plans(logs: Logs) -> list[Section]:
     return sections
 
 
-def _pairs(log: Mapping[str, Run]) -> Pairs:
-    """Pair each plant's run with that of the reference plant, where both have samples."""
-    return against_reference([run for run in log.values() if len(run.time_ns)], log)
-
-
 def _figures(
     logs: Logs, pairs: Mapping[str, Pairs], agreements: Mapping[str, Sequence[Agreement]]
 ) -> tuple[Figure, ...]:
@@ -148,7 +132,7 @@ def _figures(
     if not curves:
         return ()
     figures = []
-    for family in families_of(curve.run for curve in curves):
+    for family in families_of([curve.run for curve in curves]):
         drawn = [curve for curve in curves if curve.run.has(family.group)]
         sentence = caption(family, {curve.label: curve.run for curve in drawn})
         if compared:
@@ -160,12 +144,8 @@ def _figures(
             for label, of_log in pairs.items()
             for pair in of_log
         }
-        limits = {
-            f"{judged.drive} drives": judged.limit_m
-            for of_log in agreements.values()
-            for judged in of_log
-            if judged.limit_m is not None
-        }
+        judged = [agreement for of_log in agreements.values() for agreement in of_log]
+        limits = {f"{a.drive} drives": a.limit_m for a in judged if a.limit_m is not None}
         title, text = "difference of the plants' loads", agreement_sentence(agreements)
         figures.append(Figure.drawn(title, text, distance_figure, labelled, limits))
     return tuple(figures)
@@ -175,13 +155,11 @@ def _differences(
     logs: Logs, pairs: Mapping[str, Pairs], agreements: Mapping[str, Sequence[Agreement]]
 ) -> tuple[Table, ...]:
     """Compare the plants of each log, folded if they agree, and the first log with every other."""
-    tables = [
-        comparison_table(
-            f"{label}: {b.plant} minus {a.plant}", compare_runs(a, b), folded=bool(judged.passed)
-        )
-        for label, of_log in pairs.items()
-        for (a, b), judged in zip(of_log, agreements[label], strict=True)
-    ]
+    tables = []
+    for label, of_log in pairs.items():
+        for (a, b), judged in zip(of_log, agreements[label], strict=True):
+            title = f"{label}: {b.plant} minus {a.plant}"
+            tables.append(comparison_table(title, compare_runs(a, b), folded=bool(judged.passed)))
     (first_label, first), *others = logs.items()
     for label, log in others:
         plants: dict[Table, list[str]] = {}  # plants whose tables are equal share one
@@ -198,13 +176,14 @@ def caption(family: Family, runs: Runs) -> str:
     """Return a sentence with the main number of each run in a figure of this family."""
     if family.name.startswith("trolley"):
         return _outside(runs)
-    several, parts = len(runs) > 1, []
     if family.group == "residual":
         return _farthest_from_prediction(family, runs)
-    if not all(run.has_reference for run in runs.values()):
-        return _swing(runs)
-    for what, figure, unit in _CAPTIONS[family.name]:
-        texts = (_kept(figure(run), unit) + f" ({label})" * several for label, run in runs.items())
+    follow, several, parts = all(run.has_reference for run in runs.values()), len(runs) > 1, []
+    shown = runs if follow else {label: run for label, run in runs.items() if run.has("state")}
+    if not shown:
+        return "The angles of the rope were not measured."
+    for what, figure, unit in _CAPTIONS[family.name] if follow else _SWING:
+        texts = (_kept(figure(run), unit) + f" ({label})" * several for label, run in shown.items())
         parts.append(f"{what}: {', '.join(texts)}")
     return f"{'; '.join(parts)}."
 
@@ -239,25 +218,17 @@ def _farthest_from_prediction(family: Family, runs: Runs) -> str:
     return f"Largest difference along one axis: {', '.join(texts)}."
 
 
-def _swing(runs: Runs) -> str:
-    """Return the largest angle of each run, which is known without a reference too."""
-    largest = {label: np.abs(run.angles).max() * DEGREES for label, run in runs.items() if run.has("state")}
-    if not largest:
-        return "The angles of the rope were not measured."
-    texts = (_kept(angle, "°") + f" ({label})" * (len(runs) > 1) for label, angle in largest.items())
-    return f"Largest angle: {', '.join(texts)}."
-
-
 def _measured(run: Run) -> RunMetrics:
     metrics = run_metrics(run)
     assert metrics is not None, "a figure has a sample at least"
     return metrics
 
 
-_FARTHEST = (("Farthest from the reference", lambda run: _measured(run).max_error_m, "m"),)
-_LEFT = (("Load off its reference at the end", lambda run: _measured(run).final_error_m, "m"),)
-# By family, the numbers that its caption gives for each run: words, number, unit.
-_CAPTIONS: dict[str, tuple[tuple[str, Callable[[Run], float], str], ...]] = {
+_Numbers = tuple[tuple[str, Callable[[Run], float], str], ...]  # of each run: words, number, unit
+_FARTHEST: _Numbers = (("Farthest from the reference", lambda run: _measured(run).max_error_m, "m"),)
+_LEFT: _Numbers = (("Load off its reference at the end", lambda run: _measured(run).final_error_m, "m"),)
+_SWING: _Numbers = (("Largest angle", lambda run: np.abs(run.angles).max() * DEGREES, "°"),)
+_CAPTIONS: dict[str, _Numbers] = {  # by family
     **dict.fromkeys(("space", "load"), _FARTHEST),
     **dict.fromkeys(("error", "load-path"), _LEFT),
     "linear-input": (("Largest |v|", lambda run: np.abs(run.block("virtual_input")[:, :3]).max(), "m/s⁴"),),
@@ -269,7 +240,7 @@ _CAPTIONS: dict[str, tuple[tuple[str, Callable[[Run], float], str], ...]] = {
         ("Largest angle", lambda run: max(_measured(run).max_abs_angle_rad) * DEGREES, "°"),
         ("at the end", lambda run: np.abs(run.angles[-1]).max() * DEGREES, "°"),
     ),
-    "relative-path": (("Farthest beside the trolley", lambda run: _beside(run).max(), "m"),),
+    "relative-path": (("Farthest beside the trolley", lambda run: np.hypot(*_beside(run)).max(), "m"),),
 }
 
 
@@ -277,12 +248,11 @@ def _accelerations(run: Run) -> list[float]:
     return [abs(peak) for peak in _measured(run).peak_acceleration_m_s2]
 
 
-def _beside(run: Run) -> Array:
-    return np.hypot(*(panel.values(run) for panel in FAMILIES["relative-path"].panels))
+def _beside(run: Run) -> list[Array]:
+    return [panel.values(run) for panel in FAMILIES["relative-path"].panels]
 
 
 def _kept(value: float, unit: str) -> str:
     """Return a quantity that stays on one line with its unit; below a nanometre it is rounding."""
-    return (quantity(value, unit) if unit == "°" else difference_in(value, unit)).replace(
-        " ", "\N{NO-BREAK SPACE}"
-    )
+    text = quantity(value, unit) if unit == "°" else difference_in(value, unit)
+    return text.replace(" ", "\N{NO-BREAK SPACE}")

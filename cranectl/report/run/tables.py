@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from cranectl.log.reader import LogDescription
 
 MISSING = "-"
-Drives = dict[str, tuple[Agreement, str]]  # by name; with what else is wrong with the case
-SharedLimits = dict[str, tuple[float, float] | None]  # by drive; None where limits differ
+Judged = tuple[Agreement, str]  # with what else is wrong with its case
+SharedLimits = dict[str, tuple[float | None, float | None]]  # by drive; None where limits differ
 
 
 def run_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
@@ -156,123 +156,87 @@ def agreement_summary(agreements: Sequence[Agreement], others: Sequence[str] = (
     A plant that is not judged has a row of its own beside those that are. `others` holds for each agreement
     what else is wrong with its case, or an empty text.
     """
-    others = others or [""] * len(agreements)
-    headings, shared = _difference_headings(agreements)
-    parts: dict[str, list[tuple[Agreement, str]]] = {}
+    headings, shared = _difference_headings(agreements, others)
     judged = [agreement for agreement in agreements if agreement.passed is not None]
     judged_plants = {(agreement.scenario, agreement.plant) for agreement in judged}
     judged_scenarios = {agreement.scenario for agreement in judged}
-    for agreement, other in zip(agreements, others, strict=True):
+    parts: dict[str, list[Judged]] = {}
+    for agreement, other in zip(agreements, others or [""] * len(agreements), strict=True):
         scenario, plant = agreement.scenario, agreement.plant
         beside = scenario in judged_scenarios and (scenario, plant) not in judged_plants
-        name = f"{scenario}, {plant}" if beside else scenario
-        parts.setdefault(name, []).append((agreement, other))
+        parts.setdefault(f"{scenario}, {plant}" if beside else scenario, []).append((agreement, other))
     rows = []
     for name, part in parts.items():
-        of_part = [agreement for agreement, _ in part]
-        largest = [cell for drive, limits in shared.items() for cell in _largest(of_part, drive, limits)]
-        failed = sum(agreement.passed is False for agreement in of_part)
-        several = f" ({failed} of {len(part)})" if len(part) > 1 else ""
-        by_drive: Drives = {}
-        for agreement in of_part:
-            if agreement.passed is not None or agreement.drive not in by_drive:
-                by_drive[agreement.drive] = (agreement, "")
-        answer = Cell(f"{ANSWERS[False].text}{several}", "bad") if failed else _agree(by_drive)
-        faults = "; ".join(dict.fromkeys(other for _, other in part if other))
-        rows.append(cells(name, *largest, answer, *[Cell(faults, "bad" if faults else "")] * any(others)))
-    last_headings = ("plants\nagree", "other\nfaults") if any(others) else ("plants\nagree",)
-    return Table("Largest differences between plants", ("scenario", *headings, *last_headings), tuple(rows))
-
-
-def _largest(
-    agreements: Sequence[Agreement], drive: str, limits: tuple[float, float] | None
-) -> Iterator[Cell | str]:
-    """Yield the largest difference in position and in angle of all runs with one kind of drive."""
-    loads = [(a.max_load_error_m, a.limit_m) for a in agreements if a.drive == drive]
-    angles = [(a.max_angle_error_rad, a.limit_rad) for a in agreements if a.drive == drive]
-    for differences in (loads, angles):
-        if not differences:
-            yield "-"
-            continue
-        value, limit = max(differences, key=lambda pair: (isnan(pair[0]), pair[0]))
-        yield _difference(value, limit, limits)
+        *texts, answer = _agreement_cells(part, shared)
+        failed = sum(agreement.passed is False for agreement, _ in part)
+        if failed and len(part) > 1:
+            answer = Cell(f"{answer.text} ({failed} of {len(part)})", answer.mark)
+        rows.append(cells(name, *texts, answer, *_faults(part, others)))
+    return Table("Largest differences between plants", ("scenario", *headings), tuple(rows))
 
 
 def agreement_table(agreements: Sequence[Agreement], others: Sequence[str] = ()) -> Table:
     """Return one row for each scenario, controller and plant, its drives side by side.
 
-    `others`: of each agreement's case what else is wrong with it, or nothing. A limit that all scenarios
-    share stands above its column, others beside the numbers.
+    `others` is as in `agreement_summary`. A limit that all scenarios share stands above its column, others
+    beside the numbers.
     """
-    others = others or [""] * len(agreements)
-    headings, shared = _difference_headings(agreements)
+    headings, shared = _difference_headings(agreements, others)
     several = len({agreement.plant for agreement in agreements}) > 1
-    scenarios: dict[str, dict[str, Drives]] = {}
-    for agreement, other in zip(agreements, others, strict=True):
+    scenarios: dict[str, dict[str, dict[str, Judged]]] = {}  # by scenario, by row, by drive
+    for agreement, other in zip(agreements, others or [""] * len(agreements), strict=True):
+        name = f" {agreement.controller}, {agreement.plant}" if several else f" {agreement.controller}"
         of_scenario = scenarios.setdefault(agreement.scenario, {})
-        name = f"{agreement.controller}, {agreement.plant}" if several else agreement.controller
         of_scenario.setdefault(name, {})[agreement.drive] = (agreement, other)
     rows: list[tuple[Cell, ...]] = []
     for scenario, of_scenario in scenarios.items():
-        rows.append(cells(Cell(scenario, "head"), *[""] * (len(headings) + (2 if any(others) else 1))))
-        for name, of_drives in of_scenario.items():
-            besides = "; ".join(dict.fromkeys(other for _, other in of_drives.values() if other))
-            cell = [Cell(besides, "bad" if besides else "")] if any(others) else []
-            rows.append(cells(f" {name}", *_numbers(of_drives, shared), _agree(of_drives), *cell))
-    last_headings = ("plants\nagree", "other\nfaults") if any(others) else ("plants\nagree",)
-    return Table("Agreement of the plants", ("controller", *headings, *last_headings), tuple(rows))
+        rows.append(cells(Cell(scenario, "head"), *[""] * len(headings)))
+        for name, drives in of_scenario.items():
+            part = [*drives.values()]
+            rows.append(cells(name, *_agreement_cells(part, shared), *_faults(part, others)))
+    return Table("Agreement of the plants", ("controller", *headings), tuple(rows))
 
 
-def _difference_headings(agreements: Sequence[Agreement]) -> tuple[list[str], SharedLimits]:
-    """Return two headings for each kind of drive, and the limits that all its agreements share."""
-    drives = dict.fromkeys(agreement.drive for agreement in agreements)
-    shared = {drive: _shared([a for a in agreements if a.drive == drive]) for drive in drives}
+def _difference_headings(
+    agreements: Sequence[Agreement], others: Sequence[str]
+) -> tuple[list[str], SharedLimits]:
+    """Return the headings of `_agreement_cells` and `_faults`, and the limits that drives share."""
+    shared: SharedLimits = {}
+    for drive in dict.fromkeys(agreement.drive for agreement in agreements):
+        judged = [a for a in agreements if a.drive == drive and None not in (a.limit_m, a.limit_rad)]
+        limits = {(agreement.limit_m, agreement.limit_rad) for agreement in judged}
+        shared[drive] = limits.pop() if len(limits) == 1 else (None, None)
     headings = [
         f"{drive}\n{what}" + ("" if limit is None else f"\n< {limit:.3g}")
-        for drive, limits in shared.items()
-        for what, limit in zip(("load [m]", "angle [rad]"), limits or (None, None), strict=True)
+        for drive, limits_of_drive in shared.items()
+        for what, limit in zip(("load [m]", "angle [rad]"), limits_of_drive, strict=True)
     ]
-    return headings, shared
+    return [*headings, "plants\nagree", *(("other\nfaults",) if any(others) else ())], shared
 
 
-def _shared(agreements: Sequence[Agreement]) -> tuple[float, float] | None:
-    """Return the limits of all judged agreements if they are equal, else None."""
-    limits = {
-        (agreement.limit_m, agreement.limit_rad)
-        for agreement in agreements
-        if agreement.limit_m is not None and agreement.limit_rad is not None
-    }
-    return limits.pop() if len(limits) == 1 else None
-
-
-def _numbers(drives: Drives, shared: SharedLimits) -> Iterator[Cell | str]:
+def _agreement_cells(part: Sequence[Judged], shared: SharedLimits) -> Iterator[Cell]:
+    """Yield the largest differences for each kind of drive, then whether the plants agree."""
     for drive, limits in shared.items():
-        if drive not in drives:
-            yield from ("-", "-")
-            continue
-        agreement, _ = drives[drive]
-        for value, limit in (
-            (agreement.max_load_error_m, agreement.limit_m),
-            (agreement.max_angle_error_rad, agreement.limit_rad),
-        ):
-            yield _difference(value, limit, limits)
+        of_drive = [agreement for agreement, _ in part if agreement.drive == drive]
+        loads = [(agreement.max_load_error_m, agreement.limit_m) for agreement in of_drive]
+        angles = [(agreement.max_angle_error_rad, agreement.limit_rad) for agreement in of_drive]
+        for differences, common in zip((loads, angles), limits, strict=True):
+            value, limit = max(differences, key=lambda pair: (isnan(pair[0]), pair[0]), default=(0.0, None))
+            beside = "" if limit is None or common is not None else f" < {limit:.1e}"
+            mark = "" if limit is None or value <= limit else "bad"  # NaN is above every limit
+            yield Cell(f"{difference_text(value)}{beside}" if differences else "-", mark)
+    judged = [agreement for agreement, _ in part if agreement.passed is not None]
+    answer = ANSWERS[all(agreement.passed for agreement in judged) if judged else None]
+    drives = dict.fromkeys(agreement.drive for agreement in judged)
+    if answer.mark == "good" and len(drives) < len({agreement.drive for agreement, _ in part}):
+        answer = Cell(f"{answer.text} ({', '.join(drives)})", answer.mark)  # the others are not judged
+    yield answer
 
 
-def _difference(value: float, limit: float | None, limits: tuple[float, float] | None) -> Cell:
-    """Return a difference, with its limit unless the column's heading shows it."""
-    beside = "" if limit is None or limits is not None else f" < {limit:.1e}"
-    mark = "" if limit is None or value <= limit else "bad"  # NaN is above every limit
-    return Cell(f"{difference_text(value)}{beside}", mark)
-
-
-def _agree(drives: Drives) -> Cell:
-    """Return the answer of one row; it names the judged drives if others are not judged."""
-    judged = {drive: agreement.passed for drive, (agreement, _) in drives.items()}
-    judged = {drive: passed for drive, passed in judged.items() if passed is not None}
-    answer = ANSWERS[all(judged.values()) if judged else None]
-    if answer.mark != "good" or len(judged) == len(drives):
-        return answer
-    return Cell(f"{answer.text} ({', '.join(judged)})", answer.mark)
+def _faults(part: Sequence[Judged], others: Sequence[str]) -> list[Cell]:
+    """Return what else is wrong with the cases of a row; nothing if no case has another fault."""
+    faults = "; ".join(dict.fromkeys(other for _, other in part if other))
+    return [Cell(faults, "bad" if faults else "")] if any(others) else []
 
 
 def limit_notes(agreements: Sequence[Agreement]) -> list[str]:
