@@ -1,6 +1,6 @@
 """Tables as data, which the terminal and a page show alike."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any, TypeVar
@@ -19,6 +19,11 @@ class Cell:
 def cells(*values: Cell | str) -> tuple[Cell, ...]:
     """Return a row or a part of one; a text becomes a cell without a mark."""
     return tuple(Cell(value) if isinstance(value, str) else value for value in values)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a text with `and` before the last."""
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 ANSWERS = {True: Cell("yes", "good"), False: Cell("NO", "bad"), None: Cell("not judged", "open")}

@@ -12,7 +12,7 @@ from cranectl.campaign.summary import failure_interval
 from cranectl.report.benchmark.pictures import KEY, set_pictures
 from cranectl.report.benchmark.sets import NAMED, OUR_CONTROLLER, TITLES, finite, named, shown_name
 from cranectl.report.page import Section
-from cranectl.report.table import Cell, Table, cells
+from cranectl.report.table import Cell, Table, cells, listed
 
 MAX_EXAMPLES = 3  # controllers that a sentence names
 MAX_EFFORT_RATIO = 2.0  # by tuning, above which a caveat names the controller
@@ -42,9 +42,7 @@ class TuningChange(NamedTuple):
     @property
     def mark(self) -> str:
         """Mark of a cell: bad if more runs fail beyond chance, good if fewer do, else empty."""
-        (low, high), (new_low, new_high) = (
-            failure_interval(standing.failures, standing.runs) for standing in self
-        )
+        (low, high), (new_low, new_high) = (failure_interval(each.failures, each.runs) for each in self)
         return "bad" if new_low > high else "good" if new_high < low else ""
 
     @property
@@ -82,15 +80,15 @@ def conclusions(divisions: Sequence[Judged]) -> Iterator[str]:
         return
     name = leading.ranked_sets[-1]
     first, *others = leading.ranking(name)
-    text = (
-        f"On {name}, the set with the widest spread, {shown_name(leading, first.controller)} comes first: it "
-    )
-    text += f"fails in {_percent(first.failed)} of {first.runs} runs and is unsettled for "
-    text += f"{_percent(first.unsettled)} of the time at rest"
+    best, next_best = shown_name(leading, first.controller), ""
     for second in others[:1]:
-        text += f"; next is {shown_name(leading, second.controller)} with {_percent(second.failed)} and "
-        text += _percent(second.unsettled)
-    yield f"{text}."
+        numbers = f"{_percent(second.failed)} and {_percent(second.unsettled)}"
+        next_best = f"; next is {shown_name(leading, second.controller)} with {numbers}"
+    yield (
+        f"On {name}, the set with the widest spread, {best} comes first: it fails in "
+        f"{_percent(first.failed)} of {first.runs} runs and is unsettled for {_percent(first.unsettled)} of "
+        f"the time at rest{next_best}."
+    )
     yield _undominated(divisions)
     changes = tuning_changes(divisions)
     if not changes:
@@ -109,13 +107,11 @@ def conclusions(divisions: Sequence[Judged]) -> Iterator[str]:
 def _undominated(divisions: Sequence[Judged]) -> str:
     """Tell which controller beats ours, and in what; without ours, who is undominated."""
     sets = [(judged, name) for judged in divisions for name in judged.ranked_sets]
-    if not any(
-        standing.controller == OUR_CONTROLLER for judged, name in sets for standing in judged.ranking(name)
-    ):
+    controllers = {each.controller for judged, name in sets for each in judged.ranking(name)}
+    if OUR_CONTROLLER not in controllers:
         everywhere = set.intersection(*(judged.front(name) for judged, name in sets))
-        return (
-            f"Undominated in failures, unsettled time and effort on every set: {_listed(sorted(everywhere))}."
-        )
+        who = listed(sorted(everywhere)) or "none"
+        return f"Undominated in failures, unsettled time and effort on every set: {who}."
     for judged, name in sets:
         ranking = judged.ranking(name)
         for own in ranking:
@@ -141,26 +137,23 @@ def caveats(divisions: Sequence[Judged]) -> Iterator[str]:
     knowing = [name for name, facts in table.about["laws"].items() if "limits" in (facts["rig"] or ())]
     if OUR_CONTROLLER in table.about["laws"]:
         others = sorted(set(knowing) - {OUR_CONTROLLER})
-        also = f", as do {_listed(others)}" if others else ""
+        also = f", as do {listed(others)}" if others else ""
         number = len(table.about["laws"]) - len(knowing)
         limits = "The limits of the drives are offered to every controller. "
         limits += f"Ours uses them{also}; the other {number} do not."
         texts += [*MADE_BY_US[:2], limits, *MADE_BY_US[2:]]
     for name, changes in list(tuning_changes(divisions).items())[-1:]:
         if harmed := _harmed(changes):
-            unseen = [
-                scenario for scenario in benchmark.scenarios if scenario not in benchmark.tuning.scenarios
-            ]
+            unseen = [each for each in benchmark.scenarios if each not in benchmark.tuning.scenarios]
             text = f"Tuning harms {len(harmed)} of {len(changes)} controllers on {name}, in failures: "
             text += f"{', '.join(change.text for change in harmed)}."
             costly = [
-                change.after.controller
-                for change in changes
-                if MAX_EFFORT_RATIO * change.before.effort < change.after.effort < inf
+                after.controller
+                for before, after in changes
+                if MAX_EFFORT_RATIO * before.effort < after.effort < inf
             ]
-            if costly:
-                text += f" It more than doubles the effort of {_listed(costly)}."
-            text += f" The tuning set never shows {_listed(unseen)}." if unseen else ""
+            text += f" It more than doubles the effort of {listed(costly)}." if costly else ""
+            text += f" The tuning set never shows {listed(unseen)}." if unseen else ""
             texts.append(text)
     texts.append("The controllers of the literature are written by us. Their authors may do better.")
     if "lqr+hinf" in table.about["laws"]:
@@ -179,12 +172,8 @@ def tuning_changes(divisions: Sequence[Judged]) -> dict[str, list[TuningChange]]
     changes = {}
     for name in tuned.ranked_sets:
         before = {standing.controller: standing for standing in published.ranking(name)}
-        pairs = [
-            (before[standing.controller], standing)
-            for standing in tuned.ranking(name)
-            if standing.controller in before
-        ]
-        changes[name] = [TuningChange(*pair) for pair in pairs]
+        after = [standing for standing in tuned.ranking(name) if standing.controller in before]
+        changes[name] = [TuningChange(before[standing.controller], standing) for standing in after]
     return {name: of_set for name, of_set in changes.items() if of_set}
 
 
@@ -201,10 +190,8 @@ def tuning_tables(divisions: Sequence[Judged]) -> Iterator[Table]:
             effort = (finite(standing.effort, ".2f", "fails") for standing in change)
             marked = before, Cell(after, change.mark)
             rows.append(cells(*named(divisions[0], change.after.controller), *marked, *unsettled, *effort))
-        is_widest = name == list(changes)[-1]
-        yield Table(
-            f"Cranes: {name}", headings, tuple(rows), labels=2, note=EFFORT_UNIT, folded=not is_widest
-        )
+        folded = name != list(changes)[-1]
+        yield Table(f"Cranes: {name}", headings, tuple(rows), labels=2, note=EFFORT_UNIT, folded=folded)
 
 
 def _harmed(changes: Sequence[TuningChange]) -> list[TuningChange]:
@@ -215,8 +202,3 @@ def _harmed(changes: Sequence[TuningChange]) -> list[TuningChange]:
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.1f} %"
-
-
-def _listed(names: Sequence[str]) -> str:
-    """Return names as a text with `and` before the last."""
-    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]])) or "none"

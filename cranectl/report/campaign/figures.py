@@ -104,12 +104,9 @@ def two_plants(pairs: Sequence[Pair]) -> Figure:
         a, b = pair.first.metrics[MEASURE], pair.second.metrics[MEASURE]
         _cloud(axes, a, b, colour)
         axes.set_title(pair.first.controller)
-        axes.set(
-            xlabel=f"largest error on {pair.first.plant} [m]",
-            ylabel=f"largest error on {pair.second.plant} [m]",
-        )
-    for k, pair in enumerate(pairs):
-        difference = np.abs(pair.second.metrics[MEASURE] - pair.first.metrics[MEASURE])
+        x_label, y_label = (f"largest error on {group.plant} [m]" for group in (pair.first, pair.second))
+        axes.set(xlabel=x_label, ylabel=y_label)
+        difference = np.abs(b - a)
         x, share = empirical_distribution(difference[~np.isnan(difference)])
         last.step(x[x > 0.0], share[x > 0.0], where="post", label=pair.first.controller, **series_style(k))
     last.set(xscale="log", ylim=(0.0, 1.02), xlabel="|difference| [m]", ylabel="share of samples")
@@ -163,10 +160,9 @@ def correlation_fields(correlations: Correlations, order: Sequence[int]) -> Figu
         colour = STAND_IN["ink" if shown else "muted"]
         axes.text(column, row, text, ha="center", va="center", fontsize=7.5, color=colour)
     axes.set(xlim=(-0.5, len(correlations.metrics) - 0.5), ylim=(len(order) - 0.5, -0.5))
-    axes.set_xticks(
-        range(len(correlations.metrics)), [metric_name(m).replace(" ", "\n") for m in correlations.metrics]
-    )
-    names = [_row_name(correlations.parameters[k]) for k in order]
+    labels = [metric_name(metric).replace(" ", "\n") for metric in correlations.metrics]
+    axes.set_xticks(range(len(labels)), labels)
+    names = [correlations.parameters[k].removeprefix("effects.") for k in order]
     axes.set_yticks(range(len(order)), names)
     make_room(figure, names)
     axes.xaxis.tick_top()
@@ -174,8 +170,8 @@ def correlation_fields(correlations: Correlations, order: Sequence[int]) -> Figu
     axes.tick_params(axis="x", labelsize=7.5)
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
-    labels = {RISES: "rises, ρ", FALLS: "falls, ρ", BENT: "∪ neither, but differs, η"}
-    handles = [Patch(facecolor=STAND_IN[r], alpha=0.5, label=text) for r, text in labels.items()]
+    meanings = {RISES: "rises, ρ", FALLS: "falls, ρ", BENT: "∪ neither, but differs, η"}
+    handles = [Patch(facecolor=STAND_IN[r], alpha=0.5, label=text) for r, text in meanings.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
 
@@ -221,7 +217,6 @@ def sobol_bars(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Fig
         axes.set_title(part.group.controller)
         axes.set_xlim(min(-0.02, float(indices.first_interval[0].min())), None)
         axes.set_xlabel(f"share of the variance, {metric_name(MEASURE)}")
-    _name_rows(panels, parameters)
     figure.legend(loc="outside upper center", ncols=2)
     return figure
 
@@ -232,14 +227,11 @@ def tornado(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure
     for axes, part in zip(panels, parts, strict=True):
         nominal = float(part.group.metrics[MEASURE][0])
         for row, parameter in enumerate(parameters):
-            _bars(
-                axes, row, nominal, [effect for effect in part.one_at_a_time if effect.parameter == parameter]
-            )
+            _bars(axes, row, nominal, [each for each in part.one_at_a_time if each.parameter == parameter])
         axes.axvline(0.0, color=STAND_IN["ink"], linewidth=0.8)
         axes.set_title(f"{part.group.controller}, nominal {number(nominal)} m")
         axes.set_xlabel("change of the largest error [m]")
         axes.xaxis.set_major_locator(MaxNLocator(4))
-    _name_rows(panels, parameters)
     handles = [Patch(facecolor=STAND_IN[r], label=text) for r, text in _ENDS.items()]
     figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure
@@ -304,21 +296,15 @@ def _over_parameters(
     return figure
 
 
-def _rows_figure(panels: int, names: Sequence[str]) -> tuple[Figure, list[Axes]]:
+def _rows_figure(panels: int, parameters: Sequence[str]) -> tuple[Figure, list[Axes]]:
+    """Return a figure and panels side by side, in which each parameter has a row."""
+    names = [parameter.removeprefix("effects.") for parameter in parameters]
     figure, grid = canvas(1.2 * WIDTH, 1.2 + 0.34 * len(names), 1, panels, sharey=True, squeeze=False)
-    make_room(figure, [_row_name(name) for name in names])
-    return figure, list(grid.flat)
-
-
-def _row_name(parameter: str) -> str:
-    """Return the name of a parameter at its row of a figure."""
-    return parameter.removeprefix("effects.")
-
-
-def _name_rows(panels: Sequence[Axes], parameters: Sequence[str]) -> None:
-    panels[0].set_yticks(range(len(parameters)), [_row_name(name) for name in parameters])
-    panels[0].set_ylim(len(parameters) - 0.5, -0.5)
-    for axes in panels:
+    make_room(figure, names)
+    grid[0, 0].set_yticks(range(len(names)), names)
+    grid[0, 0].set_ylim(len(names) - 0.5, -0.5)
+    for axes in grid.flat:
         axes.grid(visible=False, axis="y")
         axes.set_axisbelow(True)
         axes.tick_params(axis="y", length=0)
+    return figure, list(grid.flat)

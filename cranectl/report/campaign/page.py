@@ -14,7 +14,7 @@ from cranectl.metrics import low_is_bad
 from cranectl.report.campaign import figures, tables
 from cranectl.report.campaign.tables import metric_name, number
 from cranectl.report.page import Figure, Page, Section
-from cranectl.report.table import Table, cells
+from cranectl.report.table import Table, cells, listed
 from cranectl.support.arrays import Array
 
 SHOWN_PANELS = 4  # parameters that have a panel of their own
@@ -95,7 +95,12 @@ def _influence(analysis: Analysis) -> Iterator[Section]:
         yield Section("influence", "What decides", (_STEPS,), steps, drawings)
         return
     indices = [tables.sobol_table(parts, names) for parts in plants if any(part.sobol for part in parts)]
-    shown = [figure for parts in plants for figure in _sobol(parts, names)]
+    shown = []
+    for parts in plants:
+        if having := [part for part in parts if MEASURE in part.sobol]:
+            title = f"Sobol indices of the {metric_name(MEASURE)}, {parts[0].group.plant}"
+            sentence = _sobol_sentence(having, names)
+            shown.append(Figure.drawn(title, sentence, figures.sobol_bars, having, names))
     if compared_parameters(analysis.results):
         shown += [figure for parts in plants for figure in _correlations(parts)]
         shown += [_bands(analysis, parts) for parts in plants]
@@ -159,13 +164,6 @@ def _tornado(parts: Sequence[GroupAnalysis], names: Sequence[str]) -> Figure:
     return Figure.drawn(title, verdict, figures.tornado, parts, order, alone=True)
 
 
-def _sobol(parts: Sequence[GroupAnalysis], names: Sequence[str]) -> Iterator[Figure]:
-    having = [part for part in parts if MEASURE in part.sobol]
-    if having:
-        title = f"Sobol indices of the {metric_name(MEASURE)}, {parts[0].group.plant}"
-        yield Figure.drawn(title, _sobol_sentence(having, names), figures.sobol_bars, having, names)
-
-
 def _failures(analysis: Analysis) -> Iterator[Section]:
     rates, separating = [], []
     for parts in analysis.by_plant:
@@ -173,12 +171,9 @@ def _failures(analysis: Analysis) -> Iterator[Section]:
         if not having:
             continue
         separations = [separation for part in having for separation in part.separations]
-        names = list(dict.fromkeys(separation.parameter for separation in separations))
-        distances = [
-            max(separation.distance for separation in separations if separation.parameter == name)
-            for name in names
-        ]
-        beyond = len({separation.parameter for separation in separations if separation.significant})
+        names = list(dict.fromkeys(each.parameter for each in separations))
+        distances = [max(each.distance for each in separations if each.parameter == name) for name in names]
+        beyond = len({each.parameter for each in separations if each.significant})
         columns = [analysis.results.campaign.names.index(names[j]) for j in _leading(distances, beyond)]
         title = f"failure rate over what separates most, {parts[0].group.plant}"
         verdict = _failures_sentence(having)
@@ -215,8 +210,8 @@ def _summary_of(results: Results) -> Iterator[str]:
         )
     yield from (f"{note[0].upper()}{note[1:]}." for note in software_notes(results))
     yield (
-        f"{campaign.runs} samples, each run with {_list(settings.controllers)} on {_list(settings.plants)}, "
-        f"{settings.drive} drives, scenario {settings.scenario}. "
+        f"{campaign.runs} samples, each run with {listed(settings.controllers)} on "
+        f"{listed(settings.plants)}, {settings.drive} drives, scenario {settings.scenario}. "
         f"Sampling: {settings.sampling}, seed {settings.seed}. {len(results)} runs are in the result."
     )
     beyond = "; ".join(f"{m} {'below' if low_is_bad(m) else 'above'} {limit:g}" for m, limit in limits)
@@ -242,8 +237,13 @@ def _correlations_sentence(correlations: Correlations) -> str:
     )
     if not order:
         return f"Nothing correlates with the largest error beyond chance. {beyond}."
-    named = ", ".join(_strength(correlations, k) for k in order[:NAMED_PARAMETERS])
-    return f"These correlate with the largest error: {named}. {beyond}."
+    named = []
+    for k in order[:NAMED_PARAMETERS]:
+        how = f"ρ = {correlations.rho[k, COLUMN]:+.2f}"
+        if correlations.bent[k, COLUMN]:
+            how = f"neither rising nor falling, η = {correlations.eta[k, COLUMN]:.2f}"
+        named.append(f"{correlations.parameters[k]} ({how})")
+    return f"These correlate with the largest error: {', '.join(named)}. {beyond}."
 
 
 def _sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> str:
@@ -253,10 +253,8 @@ def _sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -
         order = [int(k) for k in np.argsort(-indices.total, kind="stable") if indices.important[k]]
         named = ", ".join(f"{parameters[k]} ({indices.total[k]:.2f})" for k in order[:NAMED_PARAMETERS])
         left = f"; {indices.left_out} base points left out" if indices.left_out else ""
-        texts.append(
-            f"{part.group.controller}: {named or 'nothing is surely above 0.05'}, from "
-            f"{indices.base_points} base points{left}"
-        )
+        named = named or "nothing is surely above 0.05"
+        texts.append(f"{part.group.controller}: {named}, from {indices.base_points} base points{left}")
     return f"Total indices of {metric_name(MEASURE)}. {'. '.join(texts)}."
 
 
@@ -278,12 +276,8 @@ def _failures_sentence(parts: Sequence[GroupAnalysis]) -> str:
     """Return sentences on the parameters that separate failed runs from the others."""
     texts = []
     for part in parts:
-        separations = [separation for separation in part.separations if separation.significant][
-            :NAMED_PARAMETERS
-        ]
-        named = ", ".join(
-            f"{separation.parameter} (distance {separation.distance:.2f})" for separation in separations
-        )
+        beyond = [each for each in part.separations if each.significant][:NAMED_PARAMETERS]
+        named = ", ".join(f"{each.parameter} (distance {each.distance:.2f})" for each in beyond)
         texts.append(f"{part.group.controller}: {named or 'no parameter beyond chance'}.")
     return f"Parameters that separate failed runs from the others. {' '.join(texts)}"
 
@@ -296,14 +290,3 @@ def _agreement_sentence(pairs: Sequence[Pair]) -> str:
         if pair.agreement.samples
     ]
     return f"{'. '.join(texts)}." if texts else "No sample completed on both plants."
-
-
-def _strength(correlations: Correlations, k: int) -> str:
-    name = correlations.parameters[k]
-    if correlations.bent[k, COLUMN]:
-        return f"{name} (neither rising nor falling, η = {correlations.eta[k, COLUMN]:.2f})"
-    return f"{name} (ρ = {correlations.rho[k, COLUMN]:+.2f})"
-
-
-def _list(names: Sequence[str]) -> str:
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))

@@ -57,11 +57,6 @@ def percent(share: float | None) -> str:
     return number(share and 100.0 * share, form=".1f")
 
 
-def probability(p: float) -> str:
-    """Return the p-value of a test as text."""
-    return "–" if p != p else "< 0.001" if p < 1e-3 else f"{p:.3f}"
-
-
 def replay_command(results: Results, sample: int, controller: str, plant: str = "") -> str:
     """Return the command that runs a sample again, by default on all plants."""
     named = controller_from(results.manifest, results.directory, controller)
@@ -115,10 +110,10 @@ def separation_table(parts: Sequence[GroupAnalysis]) -> Table:
     """Return a table that compares the parameters of failed runs with those of the others."""
     rows = []
     for part in parts:
-        for separation in part.separations[:SEPARATING]:
-            distance = Cell(number(separation.distance), "bad" if separation.significant else "")
-            medians = number(separation.failed_median), number(separation.other_median)
-            rows.append(cells(part.group.controller, separation.parameter, distance, *medians))
+        for each in part.separations[:SEPARATING]:
+            distance = Cell(number(each.distance), "bad" if each.significant else "")
+            medians = number(each.failed_median), number(each.other_median)
+            rows.append(cells(part.group.controller, each.parameter, distance, *medians))
     headings = ("controller", "parameter", "distance", "median of failed", "of the others")
     note = (
         "Distance: Kolmogorov-Smirnov, 0 for equal distributions, 1 for separate values, largest first. Red: "
@@ -130,16 +125,16 @@ def separation_table(parts: Sequence[GroupAnalysis]) -> Table:
 
 def sobol_table(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Table:
     """Return a table of the total indices of all metrics, with intervals."""
-    rows = []
-    for part in parts:
-        for k, parameter in enumerate(parameters):
-            indices = (_sobol_cell(part.sobol.get(metric), k) for metric in MAIN_METRICS)
-            rows.append(cells(part.group.controller, parameter, *indices))
+    rows = tuple(
+        cells(part.group.controller, name, *(_sobol_cell(part.sobol.get(m), k) for m in MAIN_METRICS))
+        for part in parts
+        for k, name in enumerate(parameters)
+    )
     headings = ("controller", "parameter", *map(metric_name, MAIN_METRICS))
     note = (
         "Total index and its 95 % interval. Green: the whole interval is above 0.05, the parameter matters."
     )
-    return Table(f"Total Sobol indices on {parts[0].group.plant}", headings, tuple(rows), labels=2, note=note)
+    return Table(f"Total Sobol indices on {parts[0].group.plant}", headings, rows, labels=2, note=note)
 
 
 def _sobol_cell(indices: SobolIndices | None, k: int) -> Cell:
@@ -211,13 +206,10 @@ def controller_differences(pairs: Sequence[Pair], sampling: str) -> Table:
         one, other = pair.second.controller, pair.first.controller
         for difference in pair.differences:
             better = one if difference.second_better > difference.first_better else other
-            texts = (
-                str(difference.samples),
-                *map(number, difference.quantiles),
-                percent(difference.better_share),
-            )
+            spread, share = map(number, difference.quantiles), percent(difference.better_share)
+            texts = (METRIC_LABELS[difference.metric], str(difference.samples), *spread, share)
             test = _tested(difference.p, tests, sampling, better)
-            rows.append(cells(f"{one} minus {other}", METRIC_LABELS[difference.metric], *texts, *test))
+            rows.append(cells(f"{one} minus {other}", *texts, *test))
     headings = (
         "controllers", "metric", "samples", *(f"{100 * q:g} %" for q in LEVELS), "the first is better in %",
         "p", "better",
@@ -285,7 +277,8 @@ def _tested(p: float, tests: int, sampling: str, better: str) -> tuple[str, str]
     if sampling not in INDEPENDENT:
         return "–", "–"
     corrected = min(1.0, p * tests)
-    return probability(corrected), better if corrected < 1.0 - CONFIDENCE else "–"
+    text = "< 0.001" if corrected < 1e-3 else f"{corrected:.3f}"
+    return text, better if corrected < 1.0 - CONFIDENCE else "–"
 
 
 def _listed(samples: Sequence[int]) -> str:

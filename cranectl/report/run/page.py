@@ -36,7 +36,7 @@ from cranectl.report.run.figures import (
 )
 from cranectl.report.run.first_screen import agreement_sentence, first_screen_of
 from cranectl.report.run.tables import limits_table, metrics_table, run_table
-from cranectl.report.table import Table
+from cranectl.report.table import Table, listed
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
@@ -91,12 +91,12 @@ def log_page(
 def _title_and_lead(logs: Logs) -> tuple[str, str]:
     """Return what was run as a title, and below it the labels, controllers, drives and plants."""
     runs = [run for log in logs.values() for run in log.values()]
-    scenarios = {run.scenario.name: run.scenario.title or run.scenario.name for run in runs}
+    titles = {run.scenario.name: run.scenario.title or run.scenario.name for run in runs}
     controllers = ", ".join(dict.fromkeys(run.controller for run in runs))
     drives = " and ".join(dict.fromkeys(run.drive for run in runs))
     lead = f"{controllers} with {drives} drives, on {', '.join(in_order(run.plant for run in runs))}"
-    title = f"{', '.join(list(scenarios)[:-1])} and {list(scenarios)[-1]}" if len(scenarios) > 1 else ""
-    return title or next(iter(scenarios.values())), lead if len(logs) == 1 else f"{', '.join(logs)}: {lead}"
+    title = listed([*(titles if len(titles) > 1 else titles.values())])
+    return title, lead if len(logs) == 1 else f"{', '.join(logs)}: {lead}"
 
 
 def _plans(logs: Logs) -> list[Section]:
