@@ -26,15 +26,24 @@ ROUNDING = 1e4  # the largest observed factor by which poles that nearly coincid
 OMEGA = np.logspace(-2, 3, 800)  # [rad/s]
 STEP_TIME = np.linspace(0.0, 8.0, 801)  # [s]
 FREQUENCY = "angular frequency [rad/s]"
-INITIAL = ("initial error", "time [s]", "error [m]")  # titles of two panels, their axes
+GAINS = ("loop gains", FREQUENCY, "magnitude")  # titles of three panels, their axes
+INITIAL = ("initial error", "time [s]", "error [m]")
 DISTURBED = ("disturbance of 1 m/s⁴ on v", "time [s]", "displacement [mm]")
 
 
 def design_tables(design: Design) -> tuple[Table, Table]:
     """Return a table of a design's numbers, and one of its poles."""
+    what = "of [W_s S; W_ks K S]"
+    if design.stability_margin is not None:
+        what = "coprime factors of the shaped loop"
+    gammas = (
+        ("gamma", design.gamma, f"smallest possible, {what}"),
+        ("gamma achieved", design.gamma_achieved, "by this robustifier"),
+        ("stability margin", design.stability_margin, "1 / gamma achieved"),
+    )
     figures = (
         ("gain k0 … k3", "  ".join(f"{gain:.6g}" for gain in design.gain), "on e and three derivatives"),
-        *_gamma_rows(design),
+        *((name, f"{value:.5f}", text) for name, value, text in gammas if value is not None),
         *_margin_rows(design.margins),
     )
     both = map(_poles, (design.closed_loop_poles, np.linalg.eigvals(design.robustifier.a)))
@@ -51,11 +60,7 @@ def designs_table(designs: Sequence[Design]) -> Table:
         (f"gain k{k} [1/s{'⁴³²'[k] if k < 3 else ''}]", *(f"{design.gain[k]:.6g}" for design in designs))
         for k in range(4)
     ]
-    margins = (_margin_rows(design.margins) for design in designs)
-    rows += [
-        (cells_of_row[0][0], *(text for _, text, _ in cells_of_row))
-        for cells_of_row in zip(*margins, strict=True)
-    ]
+    rows += _beside(design.margins for design in designs)
     rows += _pole_rows(design.closed_loop_poles for design in designs)
     headings = ("one axis", *(design.name for design in designs))
     return Table("Designs", headings, tuple(cells(*row) for row in rows), labels=1 + len(designs))
@@ -71,31 +76,19 @@ def controller_tables(
     design: ControllerDesign, controller: Controller, linear: Sequence[LinearController]
 ) -> tuple[Table, ...]:
     """Return tables of a controller's parameters, and of its linear loops at some rope lengths, if known."""
-    rows = tuple(
-        cells(
-            parameter.name,
-            value if isinstance(value, str) else f"{value:g}",
-            parameter.unit,
-            parameter.description,
-        )
-        for parameter in controller.parameters
-        for value in (design.parameters[parameter.name],)
-    )
+    rows = []
+    for parameter in controller.parameters:
+        value = design.parameters[parameter.name]
+        text = value if isinstance(value, str) else f"{value:g}"
+        rows.append(cells(parameter.name, text, parameter.unit, parameter.description))
     title = f"{design.name}: {controller.title}"
-    tables = [Table(title, ("parameter", "", "", ""), rows, labels=4)]
+    tables = [Table(title, ("parameter", "", "", ""), tuple(rows), labels=4)]
     if linear:
-        loops = [
-            control.ss(loop_model.a, loop_model.b, loop_model.gain.reshape(1, -1), 0.0)
-            for loop_model in linear
-        ]
-        margins = [_margin_rows(loop_margins(loop)) for loop in loops]
-        lines = [("gain", *("  ".join(f"{value:.4g}" for value in loop_model.gain) for loop_model in linear))]
+        loops = [control.ss(model.a, model.b, model.gain.reshape(1, -1), 0.0) for model in linear]
+        lines = [("gain", *("  ".join(f"{value:.4g}" for value in model.gain) for model in linear))]
         lines += _pole_rows(closed_loop_poles(loop) for loop in loops)
-        lines += [(row[0][0], *(text for _, text, _ in row)) for row in zip(*margins, strict=True)]
-        headings = (
-            "one horizontal axis",
-            *(f"rope of {loop_model.rope_length:g} m" for loop_model in linear),
-        )
+        lines += _beside(loop_margins(loop) for loop in loops)
+        headings = ("one horizontal axis", *(f"rope of {model.rope_length:g} m" for model in linear))
         title = "Linearised about rest, loop opened at the drive's acceleration"
         tables.append(Table(title, headings, tuple(cells(*line) for line in lines), labels=1 + len(linear)))
     return tuple(tables)
@@ -114,26 +107,20 @@ def _margin_rows(margins: Margins) -> tuple[tuple[str, str, str], ...]:
     )
 
 
-def _gamma_rows(design: Design) -> list[tuple[str, str, str]]:
-    shaping = design.stability_margin is not None
-    what = "coprime factors of the shaped loop" if shaping else "of [W_s S; W_ks K S]"
-    figures = (
-        ("gamma", design.gamma, f"smallest possible, {what}"),
-        ("gamma achieved", design.gamma_achieved, "by this robustifier"),
-        ("stability margin", design.stability_margin, "1 / gamma achieved"),
-    )
-    return [(name, f"{value:.5f}", text) for name, value, text in figures if value is not None]
+def _beside(margins: Iterable[Margins]) -> list[tuple[str, ...]]:
+    """Return the margins of several loops, a column each."""
+    rows = zip(*map(_margin_rows, margins), strict=True)
+    return [(row[0][0], *(text for _, text, _ in row)) for row in rows]
 
 
 def _poles(poles: NDArray[Any]) -> list[str]:
     """Return the poles as text, the slowest first, multiple ones once."""
-    slowest_first = sorted(distinct_poles(poles), key=lambda pole: (-pole[0].real, pole[0].imag))
-    return [
-        f"{pole.real:.4g}"
-        + (f" {pole.imag:+.4g}i" if pole.imag else "")
-        + (f" ({'twice' if count == 2 else f'{count} times'})" if count > 1 else "")
-        for pole, count in slowest_first
-    ]
+    texts = []
+    for pole, count in sorted(distinct_poles(poles), key=lambda pole: (-pole[0].real, pole[0].imag)):
+        imaginary = f" {pole.imag:+.4g}i" if pole.imag else ""
+        multiple = {1: "", 2: " (twice)"}.get(count, f" ({count} times)")
+        texts.append(f"{pole.real:.4g}{imaginary}{multiple}")
+    return texts
 
 
 def distinct_poles(poles: NDArray[Any]) -> list[tuple[complex, int]]:
@@ -170,9 +157,8 @@ def design_figure(design: Design) -> Figure:
     off, pushed = _responses(loop)
     initial.plot(STEP_TIME, off, label="z, from 1 m off")
     disturbed.plot(STEP_TIME, pushed * 1e3, label="z, step on v")
-    _finish(gains, "loop gains", FREQUENCY, "magnitude")
-    _finish(initial, *INITIAL)
-    _finish(disturbed, *DISTURBED)
+    for axes, labels in ((gains, GAINS), (initial, INITIAL), (disturbed, DISTURBED)):
+        _label(axes, *labels, legend=True)
     return figure
 
 
@@ -191,9 +177,8 @@ def designs_figure(designs: Sequence[Design]) -> Figure:
         disturbed.plot(STEP_TIME, pushed * 1e3, color=colour, label=design.name)
     gains.axhline(1.0, color="0.6", linewidth=0.8)
     _label(sensitivities, "loop cut at v: |S|, dashed |T|", FREQUENCY, "magnitude")
-    _label(gains, "loop gains", FREQUENCY, "magnitude")
-    _label(initial, *INITIAL)
-    _label(disturbed, *DISTURBED)
+    for axes, labels in ((gains, GAINS), (initial, INITIAL), (disturbed, DISTURBED)):
+        _label(axes, *labels)
     figure.suptitle("one axis")
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure
@@ -212,7 +197,7 @@ def loop_shaping_figure(design: Design, settings: LoopShapingSettings) -> Figure
     ):
         shapes.loglog(OMEGA, np.abs(values), label=label, **style)
     shapes.axhline(1.0, color=matplotlib.rcParams["axes.edgecolor"], linewidth=0.8)
-    _finish(shapes, "singular values of one axis", "", "magnitude")
+    _label(shapes, "singular values of one axis", "", "magnitude", legend=True)
     shapes.set_ylim(1e-5, 1e5)
     _draw_sensitivities(sensitivities, open_loop(design.gain, robustifier))
     sensitivities.set_ylim(1e-5, 1e1)
@@ -223,7 +208,7 @@ def _draw_sensitivities(axes: Axes, loop: control.StateSpace) -> None:
     response = loop(1j * OMEGA)
     for values, label in ((1.0 / (1.0 + response), "S"), (response / (1.0 + response), "T")):
         axes.loglog(OMEGA, np.abs(values), label=f"|{label}|, peak {np.abs(values).max():.2f}")
-    _finish(axes, "loop cut at v: sensitivities", FREQUENCY, "magnitude")
+    _label(axes, "loop cut at v: sensitivities", FREQUENCY, "magnitude", legend=True)
 
 
 def _responses(loop: control.StateSpace) -> tuple[Array, Array]:
@@ -235,11 +220,8 @@ def _responses(loop: control.StateSpace) -> tuple[Array, Array]:
     return np.squeeze(off.outputs), np.squeeze(pushed.outputs)
 
 
-def _finish(axes: Axes, title: str, x_label: str, y_label: str) -> None:
-    _label(axes, title, x_label, y_label)
-    axes.legend(frameon=False)
-
-
-def _label(axes: Axes, title: str, x_label: str, y_label: str) -> None:
+def _label(axes: Axes, title: str, x_label: str, y_label: str, *, legend: bool = False) -> None:
     axes.set(title=title, xlabel=x_label, ylabel=y_label)
     axes.grid(visible=True, which="major", linewidth=0.4)
+    if legend:
+        axes.legend(frameon=False)

@@ -43,7 +43,7 @@ RESIDUALS_CAPTION = (
 def estimates_table(estimates: Sequence[Estimate], title: str, note: str = "") -> Table:
     """Return numbers of the crane with their intervals, and what the intervals come from."""
     columns: dict[str, Callable[[Estimate], Cell | str]] = {
-        "number": lambda e: _short(e.name),
+        "number": lambda e: e.name.removeprefix("effects."),
         "unit": lambda e: e.unit,
         "value": lambda e: f"{e.value:.5g}",
         "± (95 %)": lambda e: f"{e.half_width:.2g}",
@@ -96,12 +96,11 @@ def remarks(result: Identification) -> list[str]:
 
 def identification_page(result: Identification, names: Sequence[str], remade_by: str) -> Page:
     """Return the page of an identification from the logs of these names."""
-    badge = Cell("fitted", "good") if result.converged else Cell("NOT CONVERGED", "bad")
-    reason = (
-        "The residuals are as large as the stated noise of the readings."
-        if result.converged
-        else "The model does not repeat the fitted runs, so its numbers mean little."
-    )
+    badge = Cell("NOT CONVERGED", "bad")
+    reason = "The model does not repeat the fitted runs, so its numbers mean little."
+    if result.converged:
+        badge = Cell("fitted", "good")
+        reason = "The residuals are as large as the stated noise of the readings."
     largest = max(comparison.largest for comparison in result.comparisons)
     facts = (
         Fact("Runs", str(result.runs), f"{result.replay} repeated on the plant {MODEL}"),
@@ -109,13 +108,9 @@ def identification_page(result: Identification, names: Sequence[str], remade_by:
         Fact("Residuals over noise, squared", f"{result.misfit:.3g}", f"allowed: {MAX_MISFIT:g}"),
         Fact("Largest residual", quantity(largest, "m"), "as means over 25 samples"),
     )
-    numbers = Section(
-        "numbers",
-        "Numbers",
-        tuple(f"{remark[0].upper()}{remark[1:]}." for remark in remarks(result)),
-        (identified_table(result),),
-        (Figure.drawn("Intervals", INTERVALS_CAPTION, _intervals_figure, result, alone=True),),
-    )
+    texts = tuple(f"{remark[0].upper()}{remark[1:]}." for remark in remarks(result))
+    intervals = Figure.drawn("Intervals", INTERVALS_CAPTION, _intervals_figure, result, alone=True)
+    numbers = Section("numbers", "Numbers", texts, (identified_table(result),), (intervals,))
     residuals = [
         Figure.drawn(name, RESIDUALS_CAPTION, _comparison_figure, comparison, "fitted", alone=True)
         for name, comparison in zip(names, result.comparisons, strict=True)
@@ -143,9 +138,8 @@ def verdict_table(verdicts: Sequence[RunVerdict]) -> Table:
 def verdict_sentence(verdicts: Sequence[RunVerdict]) -> str:
     """Return what was shown, and how often the verdict errs."""
     covered, runs = sum(verdict.answer == COVERED for verdict in verdicts), len(verdicts)
-    errs = (
-        f"A model without error is called not covered in at most {100 * FALSE_ALARMS:g} % of such verdicts."
-    )
+    rate = f"{100 * FALSE_ALARMS:g} %"
+    errs = f"A model without error is called not covered in at most {rate} of such verdicts."
     if covered < runs:
         return f"{covered} of {runs} runs are covered. {errs}"
     share = FALSE_ALARMS ** (1.0 / runs)
@@ -172,33 +166,24 @@ def verdict_page(verdicts: Sequence[RunVerdict], tolerance: float | None, remade
     farthest = max(verdicts, key=lambda verdict: verdict.comparison.largest)
     covered = sum(verdict.answer == COVERED for verdict in verdicts)
     accepted = "none stated" if tolerance is None else f"accepted: {quantity(tolerance, 'm')}"
+    probability = f"{100.0 * min(v.probability for v in verdicts):.2g} %"
     facts = (
         Fact("Runs covered", f"{covered} of {len(verdicts)}"),
         Fact("Largest difference", quantity(farthest.comparison.largest, "m"), accepted),
         Fact("Widest band", f"± {quantity(max(v.band for v in verdicts), 'm')}", "of the predictions"),
-        Fact(
-            "Smallest probability",
-            f"{100.0 * min(v.probability for v in verdicts):.2g} %",
-            "that a model without error differs as much",
-        ),
+        Fact("Smallest probability", probability, "that a model without error differs as much"),
     )
     caption = (
         f"Left: measured and predicted. Right: measured minus predicted, and ± {BAND_DEVIATIONS:g} standard "
         "deviations that the identified crane leaves open."
     )
-    sections = [
-        Section(
-            f"run-{number}",
-            f"{verdict.answer}: {verdict.name}",
-            () if verdict.answer == COVERED else (f"{fault_of(verdict).capitalize()}.",),
-            figures=(
-                Figure.drawn(verdict.name, caption, _comparison_figure, verdict.comparison, "predicted",
-                             tolerance, alone=True),
-            ),
-        )
-        for number, verdict in enumerate(verdicts, 1)
-    ]  # fmt: skip
-    sections.insert(0, Section("answers", "Answers", tables=(verdict_table(verdicts),)))
+    sections = [Section("answers", "Answers", tables=(verdict_table(verdicts),))]
+    for number, verdict in enumerate(verdicts, 1):
+        data = verdict.comparison, "predicted", tolerance
+        drawn = Figure.drawn(verdict.name, caption, _comparison_figure, *data, alone=True)
+        why = () if verdict.answer == COVERED else (f"{fault_of(verdict).capitalize()}.",)
+        title = f"{verdict.answer}: {verdict.name}"
+        sections.append(Section(f"run-{number}", title, why, figures=(drawn,)))
     first = FirstScreen(Cell(worst.answer, MARKS[worst.answer]), verdict_sentence(verdicts), facts)
     lead = "Nothing was fitted to these runs. Each was predicted from where the crane rested."
     return Page("Does the model cover the crane?", lead, tuple(sections), remade_by, first)
@@ -210,17 +195,14 @@ def _comparison_figure(comparison: ReadingsComparison, label: str, tolerance: fl
     figure, grid = canvas(1.5 * WIDTH, 0.7 + 1.25 * rows, rows, 2, sharex=True, squeeze=False)
     band = BAND_DEVIATIONS * comparison.deviation * MILLIMETRES
     for k, (name, (run, difference)) in enumerate(zip(comparison.channels, grid, strict=True)):
-        for values, series, text in (
-            (comparison.measured, SERIES[0], "measured"),
-            (comparison.predicted, SERIES[1], label),
-        ):
-            dash = "-" if text == "measured" else (0, (4, 2))
-            run.plot(comparison.time, values[:, k], color=STAND_IN[series], linestyle=dash, label=text)
+        time, blue, orange = comparison.time, STAND_IN[SERIES[0]], STAND_IN[SERIES[1]]
+        run.plot(time, comparison.measured[:, k], color=blue, label="measured")
+        run.plot(time, comparison.predicted[:, k], color=orange, linestyle=(0, (4, 2)), label=label)
         run.set_ylabel(f"{CHANNEL_LABELS[name]} [m]")
         grey = STAND_IN["muted"]
-        difference.fill_between(comparison.time, -band[:, k], band[:, k], color=grey, alpha=0.25, linewidth=0)
+        difference.fill_between(time, -band[:, k], band[:, k], color=grey, alpha=0.25, linewidth=0)
         shown = MILLIMETRES * comparison.difference[:, k]
-        difference.plot(comparison.time, shown, color=STAND_IN[SERIES[0]], label=f"measured minus {label}")
+        difference.plot(time, shown, color=blue, label=f"measured minus {label}")
         if tolerance is not None and np.nanmax(np.abs([shown, band[:, k]])) > 0.3 * MILLIMETRES * tolerance:
             for sign in (-1.0, 1.0):
                 difference.axhline(sign * MILLIMETRES * tolerance, color=STAND_IN["limit"], linewidth=0.8)
@@ -240,24 +222,12 @@ def _intervals_figure(result: Identification) -> Drawing:
     for row, estimate in enumerate(known):
         percent = 100.0 / abs(estimate.value)
         for half, opacity, width in ((estimate.half_width, 0.35, 5.0), (estimate.spread, 1.0, 2.0)):
-            ends = [-percent * half, percent * half]
-            axes.plot(
-                ends,
-                [row, row],
-                color=STAND_IN[SERIES[0]],
-                alpha=opacity,
-                linewidth=width,
-                solid_capstyle="butt",
-            )
-    labels = [_short(estimate.name) for estimate in known]
+            ends, style = [-percent * half, percent * half], {"alpha": opacity, "linewidth": width}
+            axes.plot(ends, [row, row], color=STAND_IN[SERIES[0]], solid_capstyle="butt", **style)
+    labels = [estimate.name.removeprefix("effects.") for estimate in known]
     axes.set_yticks(range(len(known)), labels)
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=0.1)
     axes.set_xlabel("deviation from the value [%]")
     make_room(figure, labels)
     return figure
-
-
-def _short(name: str) -> str:
-    """Return the name of a setting without the table that most have."""
-    return name.removeprefix("effects.")

@@ -26,17 +26,7 @@ PANELS = {  # title: quantities, each with its label
 
 
 def plan_tables(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[float] = ()) -> list[Table]:
-    """Return a table of all segments, and one of the limits that act in planned segments.
-
-    Parameters
-    ----------
-    scenario : Scenario
-        The scenario with its plan.
-    reviewed : Sequence of Review
-        Reviews of the planned segments.
-    least : Sequence of float, optional
-        Estimates of the least possible duration of each segment [s].
-    """
+    """Return a table of all segments, with their `least` durations [s], and one of the limits that act."""
     reviews = {review.segment: review for review in reviewed}
     rows, begins = [], 0.0
     for index, segment in enumerate(scenario.reference.segments):
@@ -49,8 +39,15 @@ def plan_tables(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[
             more += [f"{least[index]:.3f}, {duration / least[index] - 1.0:.1%}"] if least else []
         rows.append(cells(str(index), what, f"{begins:.3f}", f"{duration:.3f}", *more))
         begins += duration
-    headings = ["segment", "", "from\n[s]", "lasts\n[s]", "drives alone\n[s]"]
-    headings += ["pieces\nproven", "smallest slack"]
+    headings = [
+        "segment",
+        "",
+        "from\n[s]",
+        "lasts\n[s]",
+        "drives alone\n[s]",
+        "pieces\nproven",
+        "smallest slack",
+    ]
     note = (
         "Drives alone: the time that the drives need without a load; no motion can be faster. Pieces proven: "
         "on each of so many pieces every limit holds at every moment. Slack: the unused part of a limit."
@@ -59,15 +56,11 @@ def plan_tables(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[
         headings.append("least with any knots\n[s], gap")
         note += " Least with any knots: an estimate from this plan and one with twice as many knots."
     tables = [Table("", tuple(headings), tuple(rows), labels=2, note=note if reviewed else "")]
-    active = [
-        cells(
-            str(review.segment),
-            name,
-            ", ".join(f"{time.start:.2f}–{time.end:.2f}" for time in times),
-        )
-        for review in reviewed
-        for name, times in review.active_by_limit.items()
-    ]
+    active = []
+    for review in reviewed:
+        for name, times in review.active_by_limit.items():
+            when = ", ".join(f"{time.start:.2f}–{time.end:.2f}" for time in times)
+            active.append(cells(str(review.segment), name, when))
     if active:
         title = f"Limits that act, at {100 * ACTIVE_SHARE:g} % or more of what may be used"
         limits = "segment", "limit", "when, from the segment's start [s]"

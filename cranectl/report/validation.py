@@ -67,25 +67,16 @@ def validation_page(
     pairs: Pairwise | None = None,
     moments: Mapping[str, Moment] | None = None,
 ) -> Page:
-    """Return the page of a validation.
+    """Return the page of a validation; `options` are those of the commands that run a case again.
 
-    Parameters
-    ----------
-    validation : Validation
-        The cases and what came of them.
-    options : Sequence of str
-        Options of the commands that run a case again.
-    remade_by : str
-        The command that makes the page again.
-    pairs : Pairwise, optional
-        Differences of all pairs of plants.
-    moments : Mapping, optional
-        Time and picture of the worst moment of each scenario, by how it was asked for.
+    `moments` holds the worst moment of each scenario, by how it was asked for.
     """
-    scenarios, moments = scenario_verdicts(validation), moments or {}
-    single = len(scenarios) == 1
+    scenarios, moments, sections = scenario_verdicts(validation), moments or {}, []
+    single, failed = len(scenarios) == 1, [scenario for scenario in scenarios if scenario.failed]
     first = next((scenario for scenario in scenarios if scenario.source in moments), scenarios[0])
-    screen, sections = _first_screen(validation, scenarios, options, _figures(first, moments)), []
+    shown = _tables_of(first, options) if single else (_scenario_table(scenarios),)
+    facts, pictures = tuple(_facts(validation, scenarios)), _figures(first, moments)
+    screen = FirstScreen(BADGES[not failed], _reason(scenarios, failed), facts, shown, pictures)
     others = {source: moment for source, moment in moments.items() if source != first.source}
     for number, scenario in enumerate(() if single else scenarios[:SHOWN_SCENARIOS], 1):
         sections.append(_scenario_section(f"scenario-{number}", scenario, options, others))
@@ -110,7 +101,7 @@ def scenario_verdicts(validation: Validation) -> list[ScenarioVerdict]:
     outcomes = [*[None] * len(validation.unloaded), *validation.outcome.results]
     by_source: dict[str, list[CaseVerdict]] = {}
     for verdict, case, outcome in zip(validation.verdicts, loaded, outcomes, strict=True):
-        result = None if outcome is None or isinstance(outcome, Failure) else outcome
+        result = None if isinstance(outcome, Failure) else outcome
         by_source.setdefault(verdict.scenario, []).append(CaseVerdict(verdict, case, result))
     scenarios = []
     for source, cases in by_source.items():
@@ -144,13 +135,11 @@ def causes(case: CaseVerdict) -> list[str]:
         expectation = "" if result.expected == "completed" else f" Expected was {result.expected}."
         return [f"The run on {', '.join(plants)} ended {how}.{expectation}" for how, plants in ends.items()]
     faults = [value.fault for value in judged_values(result) if not value.kept]
-    steps = {agreement.curing_step_s for agreement in result.agreements} - {None}
-    faults += [
-        f"With control.physics_step = {step:g} the plants agree." for step in sorted(filter(None, steps))
-    ]
+    steps = sorted({agreement.curing_step_s for agreement in result.agreements if agreement.curing_step_s})
+    faults += [f"With control.physics_step = {step:g} the plants agree." for step in steps]
     if not result.limits_kept:
-        beyond = dict.fromkeys(run.beyond_drives for run in result.runs if run.beyond_drives)
-        faults += [f"The controller {text}." for text in list(beyond)[:1]]
+        beyond = [run.beyond_drives for run in result.runs if run.beyond_drives]
+        faults += [f"The controller {text}." for text in beyond[:1]]
     return faults
 
 
@@ -162,33 +151,14 @@ def _refusal(text: str) -> str:
     return f"It could not be run: {parts['found'].strip()}. Remedy: {parts['remedy'].strip()}."
 
 
-def _first_screen(
-    validation: Validation,
-    scenarios: Sequence[ScenarioVerdict],
-    options: Sequence[str],
-    figures: tuple[Figure, ...],
-) -> FirstScreen:
-    failed, worst = [scenario for scenario in scenarios if scenario.failed], scenarios[0]
-    tables: tuple[Table | None, ...] = (_scenario_table(scenarios),)
-    if len(scenarios) == 1:
-        tables = _limit_table(worst), _command_table(worst.cases[0], options)
-    facts, shown = tuple(_facts(validation, scenarios)), tuple(filter(None, tables))
-    return FirstScreen(BADGES[not failed], _reason(scenarios, failed), facts, shown, figures)
-
-
 def _reason(scenarios: Sequence[ScenarioVerdict], failed: Sequence[ScenarioVerdict]) -> str:
     """Return the verdict in words; of several scenarios that fail, the reason of the worst."""
     if not failed:
-        values = [
-            value
-            for scenario in scenarios
-            for case in scenario.cases
-            if case.result
-            for value in judged_values(case.result)
-        ]
+        results = [case.result for scenario in scenarios for case in scenario.cases if case.result]
+        keys = {value.key for result in results for value in judged_values(result)}
         good = ["runs end as expected"]
-        good += ["the plants agree"] if any(value.key == PLANTS for value in values) else []
-        good += ["all limits are kept"] if any(value.key != PLANTS for value in values) else []
+        good += ["the plants agree"] if PLANTS in keys else []
+        good += ["all limits are kept"] if keys - {PLANTS} else []
         passed = f"All {len(scenarios)} scenarios pass" if len(scenarios) > 1 else "The scenario passes"
         return f"{passed}: {', '.join(good)}."
     reason = " ".join(causes(failed[0].cases[0]))
@@ -248,23 +218,24 @@ def _scenario_table(scenarios: Sequence[ScenarioVerdict]) -> Table:
     return tabulate("", scenarios, columns, labels=3)
 
 
-def _limit_table(scenario: ScenarioVerdict) -> Table | None:
-    """Return each limit of a scenario once, of the case that is farthest from keeping it."""
-    worst: dict[str, tuple[JudgedValue, CaseVerdict]] = {}
+def _tables_of(scenario: ScenarioVerdict, options: Sequence[str]) -> tuple[Table, ...]:
+    """Return each limit of a scenario once, of the case that is farthest from keeping it, and commands."""
+    worst: dict[str, tuple[JudgedValue, str]] = {}
     for case in scenario.cases:
         for value in judged_values(case.result) if case.result else ():
             if value.key not in worst or value.overrun > worst[value.key][0].overrun:
-                worst[value.key] = (value, case)
-    rows = []
-    for value, case in worst.values():
-        which = (case.name,) if len(scenario.cases) > 1 else ()
-        rows.append(
-            cells(
-                value.name, f"{value.sign} {value.limit}", value.measured or "–", ANSWERS[value.kept], *which
-            )
-        )
-    headings = ("limit", "allowed", "measured", "kept", *(("worst case",) if len(scenario.cases) > 1 else ()))
-    return Table("", headings, tuple(rows)) if rows else None
+                worst[value.key] = (value, case.name)
+    columns: dict[str, Callable[[tuple[JudgedValue, str]], Cell | str]] = {
+        "limit": lambda row: row[0].name,
+        "allowed": lambda row: f"{row[0].sign} {row[0].limit}",
+        "measured": lambda row: row[0].measured or "–",
+        "kept": lambda row: ANSWERS[row[0].kept],
+        "worst case": lambda row: row[1],
+    }
+    if len(scenario.cases) == 1:
+        del columns["worst case"]
+    limits = tabulate("", worst.values(), columns)
+    return (*((limits,) if worst else ()), _command_table(scenario.cases[0], options))
 
 
 def _figures(scenario: ScenarioVerdict, moments: Mapping[str, Moment]) -> tuple[Figure, ...]:
@@ -287,8 +258,8 @@ def _scenario_section(
         paragraphs += [f"{f'{worst.name}: ' if worst.case else ''}{' '.join(causes(worst))}"]
         if len(scenario.cases) > 1:
             paragraphs += [f"{len(failed)} of {len(scenario.cases)} cases fail."]
-    tables = tuple(filter(None, (_limit_table(scenario), _command_table(worst, options))))
     title = f"{BADGES[not failed].text}: {scenario.name}"
+    tables = _tables_of(scenario, options)
     return Section(anchor, title, tuple(paragraphs), tables, _figures(scenario, moments))
 
 
@@ -307,12 +278,9 @@ def _cases_section(scenarios: Sequence[ScenarioVerdict], options: Sequence[str])
     for scenario in scenarios:
         for case in scenario.failed:
             name = ", ".join(filter(None, (scenario.name, case.verdict.controller, case.verdict.drive)))
-            log = case.verdict.log
-            command = shlex.join(["cranectl", "report", log]) if log else case.verdict.command(options)
-            rows.append(cells(name, " ".join(causes(case)), Cell(command, "code")))
+            rows.append(cells(name, " ".join(causes(case)), _command_table(case, options).rows[0][1]))
     total = sum(len(scenario.cases) for scenario in scenarios)
     summary = f"{len(rows)} of {total} cases fail." if rows else f"All {total} cases pass."
-    summary = {(1, 0): "The case passes.", (1, 1): "The case fails."}.get((total, len(rows)), summary)
     tables = _in_parts(Table("", ("case", "reason", "to see it"), tuple(rows), labels=3))
     return Section("cases", "Cases", (summary,), tables)
 

@@ -34,18 +34,13 @@ def facts_of_input(validation: Validation, scenarios: Sequence[Scenario]) -> Ite
 
 def masses_of(scenario: Scenario) -> tuple[str, str]:
     """Return the mass of the load, and in words those of trolley and bridge."""
-    load, trolley, bridge = (
-        mass_text(mass)
-        for mass in (scenario.rig.load_mass, scenario.rig.trolley_mass, scenario.rig.bridge_mass)
-    )
-    return load, f"trolley {trolley}, bridge {bridge}"
+    rig = scenario.rig
+    others = f"trolley {mass_text(rig.trolley_mass)}, bridge {mass_text(rig.bridge_mass)}"
+    return mass_text(rig.load_mass), others
 
 
 def input_digest(validation: Validation, controllers: Mapping[str, str]) -> str:
-    """Return a digest of all that was judged: scenarios, controllers, drives, plants and this program.
-
-    `controllers` has the digests of controllers from files, as `controller_digests` returns them.
-    """
+    """Return a digest of all that was judged: scenarios, controllers, drives, plants and this program."""
     digest = hashlib.sha256(json.dumps(fingerprints(), sort_keys=True).encode())
     texts = {id(case.scenario): case.scenario.model_dump_json() for case in validation.cases}
     for case in validation.cases:

@@ -1,6 +1,7 @@
 """Pictures of the sets of cranes: failures and settling of all controllers, with the names of some."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -35,11 +36,8 @@ def set_pictures(judged: Judged) -> Iterator[Figure]:
 
 def draw_set(judged: Judged, name: str) -> Drawing:
     """Draw failures against unsettled time, with the names of the front, the baseline, ours and yours."""
-    front = judged.front(name)
-    standings = [
-        *judged.ranking(name),
-        *(standing for standing, _ in judged.unfinished(name).values() if standing),
-    ]
+    front, unfinished = judged.front(name), judged.unfinished(name).values()
+    standings = [*judged.ranking(name), *(standing for standing, _ in unfinished if standing)]
     figure, axes = canvas(*PANEL)
     labels = []
     points = 100.0 * points_of(standings)[:, [0, 2]]
@@ -47,15 +45,9 @@ def draw_set(judged: Judged, name: str) -> Drawing:
         is_yours, is_best = standing.controller in judged.yours, standing.controller in front
         is_ours = is_yours or standing.controller == OUR_CONTROLLER
         colour = STAND_IN[SERIES[1] if is_ours else SERIES[0] if is_best else "muted"]
-        axes.plot(
-            *point,
-            "D" if is_yours else "o",
-            markersize=6.0 if is_ours or is_best else 4.5,
-            color=colour,
-            markerfacecolor=colour if is_best else "none",
-            clip_on=False,
-            zorder=4 if is_ours else 3,
-        )
+        look: dict[str, Any] = {"color": colour, "markerfacecolor": colour if is_best else "none"}
+        look |= {"markersize": 6.0 if is_ours or is_best else 4.5, "zorder": 4 if is_ours else 3}
+        axes.plot(*point, "D" if is_yours else "o", clip_on=False, **look)
         if is_ours or is_best or standing.controller == judged.benchmark.baseline:
             labels.append((shown_name(judged, standing.controller), float(point[0]), float(point[1])))
     axes.set(xlim=(0.0, 100.0), ylim=(0.0, 100.0))
@@ -75,20 +67,10 @@ def _place_labels(axes: Axes, labels: Sequence[tuple[str, float, float]], points
         free = [_lowest_place(min(max(0.0, left), AXES[0] - length), y, length, covered) for left in starts]
         left, bottom = min(free, key=lambda corner: corner[1])
         covered.append((left, left + length, bottom, bottom + LINE))
-        axes.annotate(
-            text,
-            (place[0], place[1]),
-            (left - x, bottom - y + 2.0),
-            textcoords="offset points",
-            arrowprops={
-                "arrowstyle": "-",
-                "color": STAND_IN["muted"],
-                "linewidth": 0.5,
-                "shrinkA": 0.0,
-                "shrinkB": MARK,
-                "relpos": (min((x - left) / length, 1.0), 0.0),
-            },
-        )
+        arrow: dict[str, Any] = {"arrowstyle": "-", "color": STAND_IN["muted"], "linewidth": 0.5}
+        arrow |= {"shrinkA": 0.0, "shrinkB": MARK, "relpos": (min((x - left) / length, 1.0), 0.0)}
+        style: dict[str, Any] = {"textcoords": "offset points", "arrowprops": arrow}
+        axes.annotate(text, (place[0], place[1]), (left - x, bottom - y + 2.0), **style)
 
 
 def _lowest_place(left: float, y: float, length: float, covered: Sequence[Box]) -> tuple[float, float]:

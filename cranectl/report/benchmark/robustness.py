@@ -63,15 +63,11 @@ def singles_section(judged: Judged) -> Iterator[Section]:
     together = f"{RADIUS_PREFIX}{singles.spread:g}"
     columns = {name: name.removeprefix(SINGLE_PREFIX) for name in single_sets(benchmark)}
     columns = {**{name: name for name in exact[:1]}, **columns, together: "all"}
-    runs_by_controller = {
-        controller: {name: judged.runs(name, singles.scenario, controller) for name in columns}
-        for controller in judged.best_first
-    }
-    there = {
-        controller: of
-        for controller, of in runs_by_controller.items()
-        if any(of[name] for name in single_sets(benchmark))
-    }
+    there = {}
+    for controller in judged.best_first:
+        of = {name: judged.runs(name, singles.scenario, controller) for name in columns}
+        if any(of[name] for name in single_sets(benchmark)):
+            there[controller] = of
     if not there:
         return
     columns = {name: heading for name, heading in columns.items() if any(of[name] for of in there.values())}
@@ -83,7 +79,7 @@ def singles_section(judged: Judged) -> Iterator[Section]:
             rows = []
             for controller in some:
                 runs = [(there[controller][name], cranes[name]) for name in columns]
-                texts = ("" if own is None else cell(own, of) for own, of in runs)
+                texts = ("" if own is None else cell(own, possible) for own, possible in runs)
                 rows.append(cells(*named(judged, controller), *texts))
             title = f"{'The others' if folded else 'The best'}: {heading}"
             tables += [Table(title, headings, tuple(rows), labels=2, folded=folded)] if rows else []
@@ -99,11 +95,8 @@ def singles_section(judged: Judged) -> Iterator[Section]:
 
 def _possible(judged: Judged, name: str, scenario: str) -> Mask:
     """Return which cranes of a set could be simulated with some controller, by sample."""
-    of_controllers = [
-        runs
-        for controller in judged.best_first
-        if (runs := judged.runs(name, scenario, controller)) is not None
-    ]
+    found = (judged.runs(name, scenario, controller) for controller in judged.best_first)
+    of_controllers = [runs for runs in found if runs is not None]
     some = np.zeros(max((runs.failed.size for runs in of_controllers), default=0), dtype=bool)
     for runs in of_controllers:
         some[: runs.failed.size] |= np.array(runs.status) != FAILED

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
@@ -123,31 +124,22 @@ def _figures(judged: Judged, name: str) -> Iterator[Figure]:
 
 
 def ranking_table(judged: Judged, name: str, title: str, shown: Collection[str] = ()) -> Table:
-    """Return the ranking of a set, of all controllers or of those `shown`.
-
-    None on the front is dominated in settling, effort and failures. Of the others it names the first
-    controller that does. Controllers that lack scenarios come last and are not ranked.
-    """
+    """Return the ranking of a set, of all controllers or of those `shown`; the unfinished ones come last."""
     standings, number = judged.ranking(name), len(judged.shared_scenarios(name))
     better = scores.dominates(points_of(standings)) if standings else np.zeros((0, 0))
-    places = [
-        standings[int(np.argmax(ahead))].controller if ahead.any() else ANSWERS[True] for ahead in better.T
-    ]
     headings = (*NAMED, "front,\nor behind", "runs", "failed\n%", "failed\n95 %", "settled\n%",
                 "unsettled\ntime %", "RMS u\nm/s²", "variation\nm/s² in 1 s")  # fmt: skip
+    found: list[tuple[str, str, Cell | str, Standing | None]] = []  # controller, mark, place, numbers
+    for standing, ahead in zip(standings, better.T, strict=True):
+        place = standings[int(np.argmax(ahead))].controller if ahead.any() else ANSWERS[True]
+        found.append((standing.controller, "" if ahead.any() else "best", place, standing))
+    for controller, (part, done) in judged.unfinished(name).items():
+        found.append((controller, "", Cell(f"{done} of {number} scenarios", "open"), part))
     rows = [
-        cells(
-            *named(judged, standing.controller, "best" if place == ANSWERS[True] else ""),
-            place,
-            *_numbers(standing),
-        )
-        for standing, place in zip(standings, places, strict=True)
-        if not shown or standing.controller in shown
+        cells(*named(judged, controller, mark), place, *_numbers(numbers))
+        for controller, mark, place, numbers in found
+        if not shown or controller in shown
     ]
-    for controller, (standing, done) in judged.unfinished(name).items():
-        if not shown or controller in shown:
-            place = Cell(f"{done} of {number} scenarios", "open")
-            rows.append(cells(*named(judged, controller), place, *_numbers(standing)))
     note = (
         "Over scenarios that suit every kind of controller; effort and variation are medians of the runs. "
         "Behind: the first one as good in unsettled time, effort and failures, and better in one of them."
@@ -175,17 +167,13 @@ def _numbers(standing: Standing | None) -> Sequence[str]:
 
 def _failures(judged: Judged, name: str) -> Table:
     """Share of failures by scenario, folded."""
-    rows = []
+    rows, scenarios = [], judged.benchmark.scenarios
     for controller in judged.best_first:
-        runs_by_scenario = [
-            judged.runs(name, scenario, controller) for scenario in judged.benchmark.scenarios
-        ]
-        if any(runs_by_scenario):
-            shares = (
-                "" if runs is None else f"{100.0 * runs.failed.mean():.0f}" for runs in runs_by_scenario
-            )
+        runs = [judged.runs(name, scenario, controller) for scenario in scenarios]
+        if any(runs):
+            shares = ("" if of is None else f"{100.0 * of.failed.mean():.0f}" for of in runs)
             rows.append(cells(*named(judged, controller), *shares))
-    headings = (*NAMED, *(f"failed [%]\n{scenario}" for scenario in judged.benchmark.scenarios))
+    headings = (*NAMED, *(f"failed [%]\n{scenario}" for scenario in scenarios))
     return Table("Failures by scenario", headings, tuple(rows), labels=2, folded=True)
 
 
@@ -215,10 +203,7 @@ def _scenario(judged: Judged, name: str, scenario: str) -> Iterator[Table]:
 
 
 def _less(runs: Runs, baseline: Runs | None, duration: float, *, sees_path: bool) -> tuple[str, ...]:
-    """Return RMS errors [mm] and times that pass unsettled [s] less those of the baseline, as DIFFERENCES.
-
-    Errors where neither fails, and of controllers that see the path; a failed run is unsettled to the end.
-    """
+    """Return RMS errors [mm] and unsettled times [s] less those of the baseline, as DIFFERENCES."""
     if baseline is None:
         return NOTHING * 2
     both = restrict_to_common_cranes([runs, baseline])
@@ -243,11 +228,7 @@ def _difference(own: Array, theirs: Array, *, form: str) -> tuple[str, str, str]
 
 
 def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
-    """Draw the share of runs that each controller brings to rest within a ratio of the quickest time.
-
-    `ratios` (controllers, problems) are those of the controllers that are drawn, the best of them by its line
-    alone.
-    """
+    """Draw the share of runs that each controller brings to rest within a ratio of the quickest time."""
     at = np.geomspace(1.0, MAX_RATIO, 200)
     shares = scores.performance_profile(ratios, at)
     figure, axes = canvas(1.2 * WIDTH, 3.6)
@@ -265,10 +246,7 @@ def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
 
 
 def _draw_fronts(controllers: Sequence[str], points: Array, best: Mask) -> Drawing:
-    """Draw effort against the unsettled share of the rest; points (n, 3) with the share of failures.
-
-    Controllers that no other dominates have their names and are full; the size tells the failures.
-    """
+    """Draw effort against the unsettled share of the rest; the third column of `points` is the size."""
     figure, axes = canvas(1.2 * WIDTH, max(3.8, 0.18 * np.count_nonzero(best)))
     settling, effort = 100.0 * points[:, 0], np.maximum(points[:, 1], MIN_EFFORT)
     colours = [STAND_IN[SERIES[0]] if full else STAND_IN["muted"] for full in best]
@@ -277,17 +255,10 @@ def _draw_fronts(controllers: Sequence[str], points: Array, best: Mask) -> Drawi
     # Names beside the axes, in the order of their points: there they are apart.
     named = sorted(np.flatnonzero(best).tolist(), key=lambda k: points[k, 1])
     line = {"arrowstyle": "-", "color": STAND_IN["muted"], "linewidth": 0.4, "relpos": (0.0, 0.5)}
+    style: dict[str, Any] = {"textcoords": "axes fraction", "arrowprops": line, "va": "center"}
     for row, k in enumerate(named):
         beside = (1.04, (row + 0.5) / len(named))
-        axes.annotate(
-            controllers[k],
-            (settling[k], effort[k]),
-            beside,
-            "data",
-            "axes fraction",
-            arrowprops=line,
-            va="center",
-        )
+        axes.annotate(controllers[k], (settling[k], effort[k]), beside, **style)
     axes.set(xlabel="time at rest that passes unsettled [%]", ylabel="RMS of commanded acceleration [m/s²]")
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

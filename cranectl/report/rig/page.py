@@ -134,7 +134,7 @@ def certificate_figure(certificate: Certificate, loops: Loops, colours: Mapping[
     delay = f"delay {1e3 * certificate.delay:g} ms"
     figure.suptitle(f"{certificate.controller}, {certificate.drive} drives, {delay}")
     _draw_map(left, certificate, colours)
-    _draw_frequency(right, *loops, colours)
+    _draw_frequency(right, loops, colours)
     right.set_title(f"worst: {certificate.worst.point}", fontsize=9)
     for axes in (left, right):
         axes.set_ylim(0.0, 1.02)
@@ -160,14 +160,12 @@ def _draw_map(axes: Axes, certificate: Certificate, colours: Mapping[str, str]) 
     axes.set(title="ν-gap; ○ certified, □ by frequency, × refused", xlabel="rope length [m]", ylabel="ν-gap")
 
 
-def _draw_frequency(
-    axes: Axes, nominal_loop: NominalLoop, worst: InnerLoop, colours: Mapping[str, str]
-) -> None:
-    omega = np.geomspace(MIN_FREQUENCY, np.pi / nominal_loop.period, 600)
-    z = np.exp(1j * omega * nominal_loop.period)
-    run = orthonormal(nominal_loop.opening.graph(worst).response(z))
-    model = orthonormal(nominal_loop.graph.response(z))
+def _draw_frequency(axes: Axes, loops: Loops, colours: Mapping[str, str]) -> None:
+    nominal, worst = loops
+    omega = np.geomspace(MIN_FREQUENCY, np.pi / nominal.period, 600)
+    z = np.exp(1j * omega * nominal.period)
+    run, model = orthonormal(nominal.opening.graph(worst).response(z)), orthonormal(nominal.graph.response(z))
     axes.semilogx(omega, distance(run, model), color=colours[SERIES[0]], label="distance to the design model")
-    margin = smallest_sine(complement(nominal_loop.opening.controller(z)), model)
+    margin = smallest_sine(complement(nominal.opening.controller(z)), model)
     axes.semilogx(omega, margin, color=colours["limit"], label="margin of the loop")
     axes.set(xlabel="angular frequency [rad/s]", ylabel="sine of the angle")

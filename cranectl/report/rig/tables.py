@@ -86,15 +86,11 @@ def recommendation(advice: Advice) -> tuple[str, ...]:
     least = f"least margin {best.least_margin:+.4f}, above {REQUIRED_MARGIN:g} is required"
     worst = f"worst with the {best.certificate.worst.point}"
     words = [f"Take {best.controller}: {best.grade}, {how} ({least}); {worst}."]
-    if advice.improvements and advice.improvements[0].gain > 0.0:
-        first = advice.improvements[0]
-        words.append(
-            f"Improve first: {first.name}, {first.change}; takes {100 * first.gain:.0f} % of the cost."
-        )
-    words.append(
-        f"{len(advice.points)} points. This holds for linear loops frozen there, not for the motion."
-    )
-    return tuple(words)
+    for first in advice.improvements[:1]:
+        share = f"{100 * first.gain:.0f} % of the cost"
+        words += [f"Improve first: {first.name}, {first.change}; takes {share}."] * (first.gain > 0.0)
+    points = f"{len(advice.points)} points"
+    return (*words, f"{points}. This holds for linear loops frozen there, not for the motion.")
 
 
 def map_table(certificate: Certificate) -> Table:
@@ -184,8 +180,7 @@ def ladder_table(results: Sequence[LevelResult]) -> Table:
         "Effort: RMS of the commanded accelerations. Sway: RMS angle between rope and plumb line."
     )
     last = results[-1].level
-    if last.name == MODEL:
-        note += f" {MODEL.capitalize()}: {last.adds}. Alone, it has no effects."
+    note += f" {MODEL.capitalize()}: {last.adds}. Alone, it has no effects." * (last.name == MODEL)
     title = f"{run.scenario.name}, {run.design.name}: what each level adds"
     rows = tuple(cells(result.level.name, *_level(result)) for result in results)
     return Table(title, headings, rows, labels=2, note=note)
@@ -193,9 +188,8 @@ def ladder_table(results: Sequence[LevelResult]) -> Table:
 
 def _level(result: LevelResult) -> tuple[Cell, ...]:
     status, metrics = result.run.status, result.metrics
-    ended = Cell(status.label, "good")
-    if status.stopped:
-        ended = Cell(f"{status.label} at {result.run.end_s:g} s", "bad")
+    at = f" at {result.run.end_s:g} s" if status.stopped else ""
+    ended = Cell(f"{status.label}{at}", "bad" if status.stopped else "good")
     if metrics is None:
         return cells(ended, *[MISSING] * 11)
     alone = _sizes(result.alone)
@@ -211,8 +205,7 @@ def levels_table(results: Sequence[LevelResult]) -> Table:
     """Return a table of what each level adds: plant, drives and the settings of its effect."""
     rows = []
     for result in results:
-        level = result.level
-        effect = getattr(result.run.scenario.effects, level.name, None)
+        level, effect = result.level, getattr(result.run.scenario.effects, result.level.name, None)
         settings = {} if effect is None else effect.model_dump(mode="json")
         numbers = ", ".join(f"{name} = {plain(value)}" for name, value in settings.items())
         rows.append(cells(level.name, level.adds, f"{level.plant}, {level.drive} drives", numbers))
@@ -240,7 +233,6 @@ def budget_table(budget: Budget) -> Table:
         remarks.append(
             "~ marks estimates without a bound. They may be far off, and so may the unexplained rest."
         )
-    remarks += [
-        f"{entry.level}: ended with {entry.status}." for entry in entries if entry.status != "completed"
-    ]
+    stopped = (entry for entry in entries if entry.status != "completed")
+    remarks += [f"{entry.level}: ended with {entry.status}." for entry in stopped]
     return Table(title, headings, tuple(rows), note="\n".join(remarks))
