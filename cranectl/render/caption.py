@@ -32,8 +32,7 @@ class Caption:
     """Draws text and legend onto pictures of one timeline and size."""
 
     def __init__(self, timeline: Timeline, width: int, height: int, scale: ScaleLabel) -> None:
-        self._timeline = timeline
-        self._width = width
+        self._timeline, self._width = timeline, width
         # Letters shrink with the picture, but stay legible.
         self._unit = max(min(width / 960.0, height / 720.0), 0.62)
         self._fixed = self._fixed_parts(width, height, scale)
@@ -70,22 +69,14 @@ class Caption:
         right = left + self._px(40) + max(round(letters.getlength(text)) for _, text in rows)
         plate = (left - gap, top - gap // 2, right + gap, height - self._px(14) + gap // 2)
         pen.rounded_rectangle(plate, radius=gap, fill=PLATE_COLOUR)  # the crane may be behind
-        symbols = Image.new(
-            "RGBA", (symbol_width * SUPERSAMPLING, step * len(rows) * SUPERSAMPLING), (255, 255, 255, 0)
-        )
+        size = symbol_width, step * len(rows)
+        symbols = Image.new("RGBA", (SUPERSAMPLING * size[0], SUPERSAMPLING * size[1]), (255, 255, 255, 0))
         for k, (symbol, text) in enumerate(rows):
             middle = (k + 0.5) * step
-            symbol(
-                ImageDraw.Draw(symbols),
-                middle * SUPERSAMPLING,
-                symbol_width * SUPERSAMPLING,
-                self._unit * SUPERSAMPLING,
-            )
-            corner = left + self._px(40), top + middle
-            pen.text(corner, text, LIGHT["ink"], letters, anchor="lm")
-        layer.alpha_composite(
-            symbols.resize((symbol_width, step * len(rows)), Image.Resampling.BOX), (left, top)
-        )
+            lengths = (SUPERSAMPLING * length for length in (middle, symbol_width, self._unit))
+            symbol(ImageDraw.Draw(symbols), *lengths)
+            pen.text((left + self._px(40), top + middle), text, LIGHT["ink"], letters, anchor="lm")
+        layer.alpha_composite(symbols.resize(size, Image.Resampling.BOX), (left, top))
         return layer
 
     def _px(self, length: float) -> int:
@@ -104,15 +95,16 @@ def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
     errors = {t.label: t.error[t.row(time)] for t in timeline.tracks if t.run.has_reference}
     main, worst = timeline.main.label, max(errors, key=errors.__getitem__, default="")
     labels = [label for label in dict.fromkeys((main, worst)) if label in errors]
-    labels = labels if timeline.by_label else labels[:1]
-    lines = [
-        (f"{label if timeline.by_label else 'load'} off by {difference_in(errors[label], 'm')}", "muted")
-        for label in labels
+    if not timeline.by_label:
+        labels = labels[:1]
+    names = labels if timeline.by_label else ["load"]
+    texts = [
+        f"{name} off by {difference_in(errors[of], 'm')}" for name, of in zip(names, labels, strict=False)
     ]
     if (distance := timeline.distance(time)) is not None:
         text = difference_in(distance, "m")
-        text = f"others up to {text} away" if timeline.by_label else f"plants apart by {text}"
-        lines.append((text, "muted"))
+        texts.append(f"others up to {text} away" if timeline.by_label else f"plants apart by {text}")
+    lines = [(text, "muted") for text in texts]
     stops = {track.label: track.run.status.label for track in timeline.tracks if track.stopped(time)}
     if len(stops) == len(timeline.tracks) and len(set(stops.values())) == 1:
         return [*lines, (f"stopped: {next(iter(stops.values()))}", "limit")]

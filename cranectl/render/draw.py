@@ -77,10 +77,7 @@ def render_settings(
     fps: float | None = None,
     speed: float | None = None,
 ) -> RenderSettings:
-    """Return settings with defaults filled in; raise InputError for impossible ones.
-
-    `out` ends in .png, .gif or .mp4.
-    """
+    """Return settings for a .png, .gif or .mp4, with defaults; raise InputError for impossible ones."""
     suffix = out.suffix.lower()
     if camera not in CAMERAS:
         raise unknown_name("camera", camera, CAMERAS)
@@ -99,9 +96,8 @@ def render_settings(
     for name, value in (("fps", fps), ("speed", speed)):
         low, high = OPTION_RANGES[name]
         if value is not None and not low <= value <= high:
-            raise InputError(
-                f"--{name} {value:g}", allowed=f"{low:g} to {high:g}", remedy=f"choose another --{name}"
-            )
+            allowed, remedy = f"{low:g} to {high:g}", f"choose another --{name}"
+            raise InputError(f"--{name} {value:g}", allowed=allowed, remedy=remedy)
     default_fps = 10.0 if suffix == ".gif" else 25.0
     width, height = _parse_size(size, MIN_SIZES[plots]) if size else DEFAULT_SIZES[suffix == ".gif", plots]
     return RenderSettings(out, width, height, camera, plots, time, fps or default_fps, speed or 1.0)
@@ -121,26 +117,10 @@ def _parse_size(text: str, smallest: tuple[int, int]) -> tuple[int, int]:
 
 
 def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progress | None = None) -> float:
-    """Draw the runs of a log into `settings.out`.
+    """Draw runs by plant or label into `settings.out`, and return the time of the last picture [s].
 
-    Parameters
-    ----------
-    runs : mapping
-        Runs by plant or label.
-    settings : RenderSettings
-    progress : callable, optional
-        Called with the simulated seconds that each picture adds.
-
-    Returns
-    -------
-    float
-        Time of the last picture [s].
-
-    Raises
-    ------
-    InputError
-        For a time outside the run, a GIF that is too long, no OpenGL, no encoder, or a file that cannot be
-        written.
+    `progress` is called with the simulated seconds that each picture adds. Raises InputError for a time
+    outside the run, a GIF that is too long, no OpenGL, no encoder, or a file that cannot be written.
     """
     timeline = timeline_of(runs)
     times = _times(timeline, settings)
@@ -230,10 +210,8 @@ def write_gif(
     palette = Image.new("P", (1, 1))
     palette.putpalette((montage.quantize(MAX_GIF_COLOURS - len(accents) // 3).getpalette() or []) + accents)
     reduced = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
-    ends = [round(TICKS_PER_SECOND * (k + 1) / fps) for k in range(count)]
-    milliseconds = [
-        1000 // TICKS_PER_SECOND * (end - start) for start, end in zip([0, *ends], ends, strict=False)
-    ]
+    ticks = np.diff([round(TICKS_PER_SECOND * k / fps) for k in range(count + 1)])
+    milliseconds = (1000 // TICKS_PER_SECOND * ticks).tolist()
     first = next(reduced)
     with path.open("wb") as stream:  # an interrupt would leave a file open that Pillow opened
         first.save(stream, format="gif", save_all=True, append_images=reduced, duration=milliseconds, loop=0)
@@ -264,10 +242,9 @@ def write_mp4(path: Path, pictures: Iterable[Image.Image], fps: float, size: tup
         stream.color_primaries, stream.color_trc = BT709, BT709
 
         def encode(picture: Image.Image) -> None:
-            frame = av.VideoFrame.from_ndarray(np.asarray(picture), format="rgb24").reformat(
-                format=PIXEL_FORMAT, dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG
-            )
-            container.mux(stream.encode(frame))
+            frame = av.VideoFrame.from_ndarray(np.asarray(picture), format="rgb24")
+            colours = {"dst_colorspace": Colorspace.ITU709, "dst_color_range": ColorRange.MPEG}
+            container.mux(stream.encode(frame.reformat(format=PIXEL_FORMAT, **colours)))
 
         # One picture is encoded while the next is drawn.
         with ThreadPoolExecutor(max_workers=1) as encoder:

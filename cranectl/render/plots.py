@@ -76,9 +76,8 @@ class Plots:
         scale = max(min(width / REFERENCE_SIZE[0], height / REFERENCE_SIZE[1]), MIN_LETTER_SCALE)
         self._dot, self._cursor = 4.0 * scale, max(1, round(scale))  # [px]
         with rc_context(_STYLE):
-            figure = Figure(
-                (width / DPI / scale, height / DPI / scale), dpi=DPI * scale, layout="constrained"
-            )
+            size = (width / DPI / scale, height / DPI / scale)
+            figure = Figure(size, dpi=DPI * scale, layout="constrained")
             canvas: Any = FigureCanvasAgg(figure)
             panels = _panels(timeline)
             self._drawn = list(zip(panels, figure.subplots(len(panels), 1, sharex=True), strict=True))

@@ -211,11 +211,7 @@ class Renderer:
 
 
 def _scale_bar(rig: RigParameters, *, top: bool) -> tuple[Array, Array]:
-    """Return the ends (2, 3) of a bar along the bridge's travel, and half a tick (3,) [m].
-
-    It lies beside the rig on the floor, or at the rig's height for the view from the top. Its length is the
-    largest of 1, 2 and 5 times powers of ten within a third of the travel.
-    """
+    """Return the ends (2, 3) of a bar of round length along the bridge's travel, and half a tick (3,) [m]."""
     scale, (low, high), (start, end) = drawn_scale(rig), drawn_box(rig), rig.bridge_range
     limit = (end - start) / 3.0
     power = 10.0 ** np.floor(np.log10(limit))
@@ -250,11 +246,8 @@ def _set_light(spec: Any, reach: float) -> None:
         light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
         light.dir, light.diffuse, light.specular = direction, [diffuse] * 3, [0.25] * 3
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.42] * 3, [0.22] * 3
-    spec.geom("floor").size, spec.material("floor").texrepeat = (
-        reach * np.array([FLOOR, FLOOR, 0.1]),
-        (18, 18),
-    )
-    spec.material("floor").specular = 0.0
+    spec.geom("floor").size = reach * np.array([FLOOR, FLOOR, 0.1])
+    spec.material("floor").texrepeat, spec.material("floor").specular = (18, 18), 0.0
     spec.material("aluminium").rgba = (0.66, 0.69, 0.73, 1.0)
     spec.texture("floor").rgb1, spec.texture("floor").rgb2 = (0.84, 0.86, 0.88), (0.80, 0.82, 0.84)
     spec.texture("sky").rgb1, spec.texture("sky").rgb2 = (0.97, 0.98, 0.99), (0.80, 0.85, 0.90)

@@ -38,10 +38,9 @@ class Track:
     @cached_property
     def nearly_slack(self) -> Mask:
         """Whether the tension is below NEARLY_SLACK of the load's weight, (N,)."""
-        weight = self.run.scenario.rig.weight
         if not self.run.has_tension:
             return np.zeros(len(self.run.time_ns), dtype=np.bool_)
-        slack: Mask = self.run.signal("load.rope_tension") < NEARLY_SLACK * weight
+        slack: Mask = self.run.signal("load.rope_tension") < NEARLY_SLACK * self.run.scenario.rig.weight
         return slack
 
     def row(self, time: float) -> int:
@@ -94,10 +93,8 @@ class Timeline:
 
     def distance(self, time: float) -> float | None:
         """Return the largest distance at `time` [m], or None if fewer than two runs last until then."""
-        current = ((times, values) for times, values in self.distances if len(times) and time <= times[-1])
-        return max(
-            (float(values[np.argmin(np.abs(times - time))]) for times, values in current), default=None
-        )
+        current = ((times, far) for times, far in self.distances if len(times) and time <= times[-1])
+        return max((float(far[np.argmin(np.abs(times - time))]) for times, far in current), default=None)
 
     def times(self, fps: float, speed: float) -> Array:
         """Return the time of each picture [s], in even steps from the start, and at the end."""
@@ -129,11 +126,8 @@ def timeline_of(runs: Mapping[str, Run]) -> Timeline:
                 allowed="runs with positions, angles and load",
                 remedy="map the columns of both angles, and import the files again",
             )
-    drawn = {
-        name: run
-        for name, run in zip(runs, map(_without_invalid_samples, runs.values()), strict=True)
-        if len(run.time_ns)
-    }
+    drawn = {name: _without_invalid_samples(run) for name, run in runs.items()}
+    drawn = {name: run for name, run in drawn.items() if len(run.time_ns)}
     if not drawn:
         raise InputError(
             "the log holds no sample, since its runs stopped before their first",

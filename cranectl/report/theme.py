@@ -118,9 +118,8 @@ def inline_svg(figure: Figure) -> str:
     text = re.sub(r' (?:width|height)="[\d.]+pt"', "", text, count=2)
     text = re.sub(r'(id="|url\(#|href="#)', rf"\g<1>f{crc32(text.encode()):08x}-", text)
     text = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d\d)\d+", r"\1", path[0]), text)
-    text = re.sub(
-        r"font-size: ([\d.]+)px; font-family: [^;\"]*", r"font-size: calc(\1px * var(--text))", text
-    )
+    size = r"font-size: calc(\1px * var(--text))"
+    text = re.sub(r"font-size: ([\d.]+)px; font-family: [^;\"]*", size, text)
     text = re.sub(r"<text.*?</text>", lambda words: SUBSCRIPT.sub(_LOWERED, words[0]), text)
     plots, width = _describe_axes(figure), f"--wide: {72.0 * figure.get_figwidth():g}"
     data = f' data-plots="{escape(plots, quote=True)}"' if plots else ""
@@ -196,22 +195,14 @@ def _describe_axes(figure: Figure) -> str:
     for axes in _time_axes(figure):
         left, bottom, right, top = axes.get_position().extents
         box = (left * width, (1.0 - top) * height, right * width, (1.0 - bottom) * height)
-        plots.append(
-            {
-                "box": [round(side, 3) for side in box],
-                "x": axes.get_xlim(),
-                "y": axes.get_ylim(),
-                "log": axes.get_yscale() == "log",
-                "unit": axes.get_ylabel().partition("[")[2].rstrip("]"),
-                "labels": [line.get_label() for line in _named(axes)],
-            }
-        )
+        plot: dict[str, Any] = {"box": [round(side, 3) for side in box]}
+        plot |= {"x": axes.get_xlim(), "y": axes.get_ylim(), "log": axes.get_yscale() == "log"}
+        plot["unit"] = axes.get_ylabel().partition("[")[2].rstrip("]")
+        plots.append(plot | {"labels": [line.get_label() for line in _named(axes)]})
     return json.dumps(plots, ensure_ascii=False) if plots else ""
 
 
 def _named(axes: Axes) -> list[Any]:
     """Return the curves that have a label, in the order in which they are drawn."""
-    return sorted(
-        (line for line in axes.lines if not str(line.get_label()).startswith("_")),
-        key=lambda line: line.zorder,
-    )
+    lines = [line for line in axes.lines if not str(line.get_label()).startswith("_")]
+    return sorted(lines, key=lambda line: line.zorder)

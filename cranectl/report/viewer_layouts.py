@@ -59,12 +59,9 @@ def layout_json(
 ) -> str:
     """Return the layout `name` as a file's content, for a log of `plants`, by default the usual ones.
 
-    Panels of one run show the run of the reference plant.
-
     `labels`: of the runs of an overlay; of a ladder by default all. The camera sees the whole `rig`.
     `logged`: what a controller outside the flat family logs under its own names. `recorded`: the signals of a
-    log, as `/measured/state.alpha`; lines of others are left out. Raises InputError for an unknown name, and
-    for an overlay without labels.
+    log, as `/measured/state.alpha`; lines of others are left out. Raises InputError for an unknown name.
     """
     if name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
@@ -87,13 +84,9 @@ def _with_signals(layout: Layout, recorded: Collection[str]) -> Layout | None:
     kind, configuration = layout
     if "paths" not in configuration:
         return layout
-    paths = [path for path in configuration["paths"] if _signal_of(path["value"]) in recorded]
+    signals = [".".join(path["value"].split(".")[:2]) for path in configuration["paths"]]  # topic and field
+    paths = [path for path, name in zip(configuration["paths"], signals, strict=True) if name in recorded]
     return (kind, configuration | {"paths": paths}) if paths else None
-
-
-def _signal_of(value: str) -> str:
-    """Return the topic and the field of a line, without what viewers compute from it."""
-    return ".".join(value.split(".")[:2])
 
 
 def _numbered(layout: Layout, panels: dict[str, dict[str, Any]]) -> str | dict[str, Any]:
@@ -132,10 +125,19 @@ def _comparison(plants: Sequence[str]) -> Layout:
 def _controller(plants: Sequence[str], logged: Sequence[Signal] | None = None) -> Layout:
     """Return the layout of the controller: errors, commands, and the signals that it logs."""
     plant = reference_plant(plants)
+    if logged is None:
+        inner = [
+            _axes_plot(plant, "virtual_input", "virtual_input", "linear input v"),
+            _axes_plot(plant, "virtual_input", "robustifier_output", "robustifier's part of v"),
+            plot("dynamic extension", [_path(plant, "controller", "zeta")]),
+            _axes_plot(plant, "flat_output", "load", "acceleration of the load", "_ddot"),
+        ]
+    else:
+        inner = _controller_plots(plant, logged)
     plots = [
         _axes_plot(plant, "error", "error", "error e"),
         _axes_plot(plant, "error", "error", "its rate", "_dot"),
-        *(_flat_plots(plant) if logged is None else _controller_plots(plant, logged)),
+        *inner,
         _drive_plot(plant),
         _joint_plot(plant, "disturbance", ("alpha_disturbance", "beta_disturbance"), "disturbances"),
     ]
@@ -143,16 +145,6 @@ def _controller(plants: Sequence[str], logged: Sequence[Signal] | None = None) -
     half = len(plots) // 2
     right = column([row([column(plots[:half]), column(plots[half:])]), events()], (85, 15))
     return row([left, right], (34, 66))
-
-
-def _flat_plots(plant: str) -> list[Panel]:
-    """Return plots of the linear input and its parts, and of the controller's states."""
-    return [
-        _axes_plot(plant, "virtual_input", "virtual_input", "linear input v"),
-        _axes_plot(plant, "virtual_input", "robustifier_output", "robustifier's part of v"),
-        plot("dynamic extension", [_path(plant, "controller", "zeta")]),
-        _axes_plot(plant, "flat_output", "load", "acceleration of the load", "_ddot"),
-    ]
 
 
 def _controller_plots(plant: str, logged: Sequence[Signal]) -> list[Panel]:
@@ -284,10 +276,7 @@ def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
 
 
 def _distance_plots(plants: Sequence[str]) -> list[Panel]:
-    """Return plots of the differences between plants, in powers of ten down to rounding.
-
-    On a linear axis nanometres beside millimetres would be a flat line.
-    """
+    """Return plots of the differences between plants, in powers of ten down to rounding."""
     several, others, plots = len(plants) > 2, [p for p in plants if p != reference_plant(plants)], []
     for signal, colour in zip(topics.DISTANCE.signals, VIEWER_SERIES, strict=False):
         lines = []

@@ -46,10 +46,7 @@ def scene_panel(drawn: Sequence[str], *, distance: float = 4.8) -> Panel:
 
 
 def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
-    """Fit a view of the laboratory's rig to another rig.
-
-    Camera, floor, ranges of plots and the speeds that buttons request follow its size.
-    """
+    """Fit camera, floor, ranges of plots and the speeds of buttons to a rig."""
     if "paths" in configuration:
         configuration.update(plot_range(configuration["paths"], rig))
     for button in ("upButton", "downButton", "leftButton", "rightButton"):
@@ -77,9 +74,7 @@ def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
 def plot_range(paths: Sequence[dict[str, Any]], rig: RigParameters) -> dict[str, float]:
     """Return the ends of the vertical axis of a plot of load positions or of rope tension.
 
-    A viewer would enlarge a constant until only rounding is seen. Positions have the rig's travel and a tenth
-    more on either side, since a load may swing beyond the end of a rail. Tension has twice the weight of the
-    load. Other plots have no fixed range.
+    A viewer would enlarge a constant until only rounding is seen. A load may swing beyond the end of a rail.
     """
     (x, y), lowest = (rig.bridge_range, rig.trolley_range), -rig.rope_range[1]
     travels = {"load_x": x, "load_y": y, "load_z": (lowest, 0.0)}
@@ -145,13 +140,10 @@ def pad(title: str, horizontal: str, vertical: str) -> Panel:
 
 
 def standings(plants: Sequence[str]) -> Panel:
-    """Show the status of each run, and what the reference of all does where there are few.
-
-    Rows have a fixed height in viewers. Disturbances and limits of drives are told by the events.
-    """
-    last = ("phase",) if len(plants) < 3 else ()
+    """Show the status of each run, and what the reference of all does where there are few."""
+    shown = [(plant, "status") for plant in plants] + [(plants[-1], "phase")] * (len(plants) < 3)
     paths = []
-    for plant, field in (*((plant, "status") for plant in plants), *((plants[-1], field) for field in last)):
+    for plant, field in shown:
         value = field_of(topics.plant_topic(plant, "status"), field)
         name = PLANTS[plant].label if plant in PLANTS else plant  # the crane of a ladder has no label
         paths.append({"value": value, "label": f"{name} {field}", "timestampMethod": "receiveTime"})

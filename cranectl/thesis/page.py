@@ -67,10 +67,8 @@ class ChapterFigures:
 
 def gain_table(reproduction: Reproduction) -> Table:
     """Return a table of the gains of both feedbacks."""
-    rows = tuple(
-        cells(FEEDBACK[name], *(f"{gain:.5g}" for gain in gains))
-        for name, gains in reproduction.gains.items()
-    )
+    named = reproduction.gains.items()
+    rows = tuple(cells(FEEDBACK[name], *(f"{gain:.5g}" for gain in gains)) for name, gains in named)
     headings = ("feedback", "k₀ [1/s⁴]", "k₁ [1/s³]", "k₂ [1/s²]", "k₃ [1/s]")
     return Table("State feedback gains, one axis", headings, rows, note="Not printed in the thesis.")
 
@@ -80,22 +78,15 @@ def robustifier_table(reproduction: Reproduction) -> Table:
     rows = []
     for name, design in reproduction.designs.items():
         if design.gamma_achieved is not None:
-            pole, gain = design.robustifier.fastest_mode
             offset = design.gain[0] / (design.gain[0] + design.robustifier.static_gain)
-            numbers = (
-                _format(design.gamma_achieved),
-                _format(offset),
-                _format(pole, ".4g"),
-                _format(gain, ".4g"),
-            )
-            rows.append(cells(controller_name(name), *numbers))
-    return Table(
-        "Robustifiers, one axis",
-        ("controller", "γ achieved", "S(0)", "fastest pole [1/s]", "gain through it [1/s⁴]"),
-        tuple(rows),
-        note="S(0) is what remains of a steady error: nothing with an integrator, γ A with S/KS. S/KS leads "
-        "nearly all of its output through a stiff mode, which is why the thesis's solver made it look noisy.",
+            mode = (_format(number, ".4g") for number in design.robustifier.fastest_mode)
+            rows.append(cells(controller_name(name), _format(design.gamma_achieved), _format(offset), *mode))
+    headings = ("controller", "γ achieved", "S(0)", "fastest pole [1/s]", "gain through it [1/s⁴]")
+    note = (
+        "S(0) is what remains of a steady error: nothing with an integrator, γ A with S/KS. S/KS leads "
+        "nearly all of its output through a stiff mode, which is why the thesis's solver made it look noisy."
     )
+    return Table("Robustifiers, one axis", headings, tuple(rows), note=note)
 
 
 def printed_tables(reproduction: Reproduction) -> dict[str, Table]:
@@ -129,47 +120,35 @@ def _format(value: float, form: str = ".4f") -> str:
 def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: str) -> Page:
     """Return the whole page."""
     tables = printed_tables(reproduction)
-    return Page(
-        title=f"The thesis, run again: {reproduction.summary}",
-        lead="Chapter 5 of J. L. Zárate Moya, Tracking Controller Design for a Nonlinear Model of a Gantry "
-        "Crane (TU Ilmenau / PUCP, 2015), on two plants that know nothing of each other: the analytic model "
-        "and MuJoCo.",
-        remade_by=remade_by,
-        sections=(
-            _summary(reproduction),
-            Section(
-                "structure",
-                "Model and control loop",
-                paragraphs=("The signal-flow pictures, redrawn for the corrected equations.",),
-                figures=_diagrams("2.1", "4.1"),
-            ),
-            Section("trajectory", "Trajectory generation", figures=(_time_law_figure(),)),
-            Section("robustification", "Feedback and robustification", figures=_diagrams("4.2", "5.1")),
-            Section("simulation", "The simulation", figures=_diagrams("5.1", "5.7")),
-            Section(
-                "designs",
-                "Designs",
-                tables=(gain_table(reproduction), tables["norms"], robustifier_table(reproduction)),
-                figures=tuple(_design_figures(reproduction)),
-            ),
-            Section(
-                "fixed-position",
-                "Load held in a fixed position",
-                tables=(tables["5.1"], tables["5.2"]),
-                figures=figures.of("fixed-position"),
-            ),
-            Section(
-                "settled-trajectory",
-                "Load on the settled trajectory",
-                paragraphs=(
-                    "A line, then a full clockwise turn about the middle of the rig: the text does not print "
-                    "the circle, this reading of it comes closest to Table 5.3.",
-                ),
-                tables=(tables["5.3"], tables["5.4"]),
-                figures=figures.of("settled-trajectory"),
-            ),
+    redrawn = "The signal-flow pictures, redrawn for the corrected equations."
+    circle = (
+        "A line, then a full clockwise turn about the middle of the rig: the text does not print the circle, "
+        "this reading of it comes closest to Table 5.3."
+    )
+    designs = (gain_table(reproduction), tables["norms"], robustifier_table(reproduction))
+    held, settled = (figures.of(scenario) for scenario in FIRST_FIGURE)
+    sections = (
+        _summary(reproduction),
+        Section("structure", "Model and control loop", (redrawn,), figures=_diagrams("2.1", "4.1")),
+        Section("trajectory", "Trajectory generation", figures=(_time_law_figure(),)),
+        Section("robustification", "Feedback and robustification", figures=_diagrams("4.2", "5.1")),
+        Section("simulation", "The simulation", figures=_diagrams("5.1", "5.7")),
+        Section("designs", "Designs", (), designs, tuple(_design_figures(reproduction))),
+        Section("fixed-position", "Load held in a fixed position", (), (tables["5.1"], tables["5.2"]), held),
+        Section(
+            "settled-trajectory",
+            "Load on the settled trajectory",
+            (circle,),
+            (tables["5.3"], tables["5.4"]),
+            settled,
         ),
     )
+    lead = (
+        "Chapter 5 of J. L. Zárate Moya, Tracking Controller Design for a Nonlinear Model of a Gantry Crane "
+        "(TU Ilmenau / PUCP, 2015), on two plants that know nothing of each other: the analytic model and "
+        "MuJoCo."
+    )
+    return Page(f"The thesis, run again: {reproduction.summary}", lead, sections, remade_by)
 
 
 def _summary(reproduction: Reproduction) -> Section:
@@ -208,11 +187,12 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
         family = FAMILIES[name]
         difference = agreement(family, ideal, "Analytic and MuJoCo curves differ by at most")
         with_lag = agreement(family, velocity, "with velocity drives by")
-        text = f"{caption(family, shown)} {difference}, {with_lag}."
-        options = {"alone": name == "space", "number": f"5.{position}"}
-        yield Figure.drawn(
-            f"{family.title}, {FEEDBACK[feedback]}", text, family.draw, family, curves, **options
+        text, title = (
+            f"{caption(family, shown)} {difference}, {with_lag}.",
+            f"{family.title}, {FEEDBACK[feedback]}",
         )
+        options = {"alone": name == "space", "number": f"5.{position}"}
+        yield Figure.drawn(title, text, family.draw, family, curves, **options)
 
 
 def _diagrams(first: str, end: str) -> tuple[Figure, ...]:

@@ -80,21 +80,14 @@ class ThesisTable:
 
 
 @dataclass(frozen=True)
-class Departure:
-    """A run of the thesis that leaves the workspace of the rig."""
-
-    scenario: str
-    controller: str
-    violation: WorkspaceViolation
-
-
-@dataclass(frozen=True)
 class Reproduction:
     """Chapter 5, run again."""
 
     designs: dict[str, Design]  # by controller, of the last scenario
     tables: dict[str, ThesisTable]  # by number, or "norms"
-    departures: tuple[Departure, ...]
+    departures: tuple[
+        tuple[str, str, WorkspaceViolation], ...
+    ]  # runs that leave the rig: scenario, controller
 
     def numbers(self) -> Iterator[tuple[str, str, str, Number]]:
         """Yield (table, controller, column, number) of all printed numbers."""
@@ -134,9 +127,9 @@ class Reproduction:
     def unnoticed(self) -> list[str]:
         """Sentences on runs that leave the rig, which the thesis did not notice."""
         return [
-            f"the thesis did not notice that on {d.scenario} {d.controller} drives {d.violation.signal} out "
-            f"of the rig, from {d.violation.first_time_s:g} s on, by up to {d.violation.max_excess_m:.3f} m"
-            for d in self.departures
+            f"the thesis did not notice that on {scenario} {controller} drives {left.signal} out of the rig, "
+            f"from {left.first_time_s:g} s on, by up to {left.max_excess_m:.3f} m"
+            for scenario, controller, left in self.departures
         ]
 
     def notes(self) -> list[str]:
@@ -157,17 +150,17 @@ class Reproduction:
         numbers = [(f"{name} {column}", number) for name, _, column, number in self.numbers()]
         unexplained = {f"{name}: {number.reason}" for name, number in numbers if not number.explained}
         fields = ("signal", "first_time_s", "max_excess_m")
+        departures = [
+            {"scenario": scenario, "controller": controller} | {name: getattr(left, name) for name in fields}
+            for scenario, controller, left in self.departures
+        ]
         return {
             "passed": self.passed,
             "gains": self.gains,
             "norms": tables.pop("norms"),
             "tables": tables,
             "unexplained": sorted(unexplained),
-            "departures": [
-                {"scenario": departure.scenario, "controller": departure.controller}
-                | {name: getattr(departure.violation, name) for name in fields}
-                for departure in self.departures
-            ],
+            "departures": departures,
         }
 
 
@@ -176,16 +169,8 @@ def reproduce(
 ) -> Reproduction:
     """Run chapter 5 again.
 
-    Parameters
-    ----------
-    progress : callable, optional
-        Called after each run with its name and simulated time [s].
-    watch : callable, optional
-        Called with source and run, by scenario, then by controller, in the order of `SOURCES`.
-
-    Returns
-    -------
-    Reproduction
+    `progress` is called after each run with its name and simulated time [s]. `watch` is called with source
+    and run, by scenario, then by controller, in the order of `SOURCES`.
     """
     printed, tolerances = _read_data("printed.toml"), _read_data("tolerances.toml")
     tables: dict[str, dict[str, Any]] = printed["tables"]
@@ -207,7 +192,7 @@ def reproduce(
             if progress is not None:
                 progress(f"{scenario.name}, {controller}", scenario.duration)
             if source == "mujoco":
-                departures += [Departure(scenario.name, controller, v) for v in workspace_violations(run)]
+                departures += [(scenario.name, controller, left) for left in workspace_violations(run)]
     reproduced = {"norms": _norms(printed["norms"], tolerances["norms"], scenarios[0].design)}
     for name, table in tables.items():
         rows: dict[str, Numbers] = {controller: {} for controller in table["rows"]}
@@ -295,15 +280,10 @@ def _number(printed: float, computed: dict[str, float], column: dict[str, Any], 
 
 
 def _row_json(controller: str, numbers: Numbers) -> dict[str, Any]:
-    sources = next(iter(numbers.values())).computed
-    return {
-        "controller": controller,
-        "printed": {column: number.printed for column, number in numbers.items()},
-        **{
-            source: {column: number.computed[source] for column, number in numbers.items()}
-            for source in sources
-        },
-        "difference": {column: number.difference for column, number in numbers.items()},
-        "tolerance": {column: number.tolerance for column, number in numbers.items()},
-        "within": all(number.is_within for number in numbers.values()),
-    }
+    row: dict[str, Any] = {"controller": controller}
+    row["printed"] = {column: number.printed for column, number in numbers.items()}
+    for source in next(iter(numbers.values())).computed:
+        row[source] = {column: number.computed[source] for column, number in numbers.items()}
+    for name in ("difference", "tolerance"):
+        row[name] = {column: getattr(number, name) for column, number in numbers.items()}
+    return row | {"within": all(number.is_within for number in numbers.values())}
