@@ -8,7 +8,7 @@ import av
 import numpy as np
 import pytest
 from av.video.reformatter import ColorRange, Colorspace
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
@@ -36,23 +36,15 @@ def colours(picture: Image.Image) -> np.ndarray:
     return np.asarray(picture.convert("RGB")).astype(float)
 
 
-def test_the_same_log_gives_the_same_png(capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("a.png", "b.png"):
-        assert main(["render", "run.mcap", name, *SMALL, "--time", "0.5"]) == 0
-    assert "picture at 0.5 s: a.png" in capsys.readouterr().out
-    assert main(["render", "run.mcap", "other.png", *SMALL, "--time", "0.1"]) == 0
-    first = Path("a.png").read_bytes()
-    assert first == Path("b.png").read_bytes()
-    assert first != Path("other.png").read_bytes()
-    with Image.open("a.png") as picture:
-        assert (picture.format, picture.size, picture.mode) == ("PNG", (400, 300), "RGB")
-
-
-def test_a_png_shows_the_largest_error_by_default(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["render", "run.mcap", "a.png", *SMALL]) == 0
+def test_a_png_is_the_same_each_time_and_shows_the_largest_error(capsys: pytest.CaptureFixture[str]) -> None:
     run = read_log("run.mcap")["mujoco"]
     worst = run.time[np.argmax(np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1))]
-    assert f"picture at {worst:g} s" in capsys.readouterr().out
+    for name, *time in (("a.png",), ("b.png", "--time", f"{worst:g}"), ("other.png", "--time", "0.1")):
+        assert main(["render", "run.mcap", name, *SMALL, *time]) == 0
+    assert f"picture at {worst:g} s: a.png" in capsys.readouterr().out
+    assert Path("a.png").read_bytes() == Path("b.png").read_bytes() != Path("other.png").read_bytes()
+    with Image.open("a.png") as picture:
+        assert (picture.format, picture.size, picture.mode) == ("PNG", (400, 300), "RGB")
 
 
 def test_plots_take_the_right_third_and_leave_the_scene_unchanged() -> None:
@@ -102,27 +94,20 @@ def test_colours_survive_the_encoding() -> None:
 
 
 def test_speed_and_rate_make_a_video_shorter_or_finer() -> None:
-    runs = read_log("run.mcap")
-    for speed, fps, count in ((2.0, 25.0, 9), (1.0, 30.0, 19)):
-        shown: list[float] = []
-        settings = render_settings(Path("run.mp4"), size="400x300", speed=speed, fps=fps)
-        assert draw_runs(runs, settings, shown.append) == 0.6
-        assert sum(shown) == pytest.approx(0.6)
-        with av.open("run.mp4") as container:
-            assert sum(1 for _ in container.decode(video=0)) == count
-            assert container.streams.video[0].average_rate == fps
+    shown: list[float] = []
+    settings = render_settings(Path("run.mp4"), size="400x300", speed=2.0, fps=30.0)
+    assert draw_runs(read_log("run.mcap"), settings, shown.append) == sum(shown) == pytest.approx(0.6)
+    with av.open("run.mp4") as container:
+        assert sum(1 for _ in container.decode(video=0)) == 10
+        assert container.streams.video[0].average_rate == 30.0
 
 
 def test_a_gif_loops_in_real_time_with_the_colours_of_the_legend() -> None:
     assert main(["render", "run.mcap", "run.gif", "--fps", "12"]) == 0
     with Image.open("run.gif") as picture:
-        durations, frames = [], []
-        for k in range(picture.n_frames):
-            picture.seek(k)
-            durations.append(picture.info["duration"])
-            frames.append(colours(picture))
-        assert picture.info["loop"] == 0
-        assert picture.size == (480, 360)
+        shown = [(each.info["duration"], colours(each)) for each in ImageSequence.Iterator(picture)]
+        assert (picture.info["loop"], picture.size) == (0, (480, 360))
+    durations, frames = zip(*shown, strict=True)
     assert len(durations) == 9  # at 0, 1/12 … 0.6 s
     assert sum(durations) == 750
     assert set(durations) <= {80, 90}
@@ -134,7 +119,6 @@ def test_a_gif_loops_in_real_time_with_the_colours_of_the_legend() -> None:
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["run.mcap", "run.avi"], "run.avi ends in '.avi'"),
         (["run.mcap", "run"], "allowed: .mp4"),
         (["run.mcap", "run.png", "--time", "0.7"], "--time 0.7 is outside the run"),
         (["run.mcap", "run.png", "--time", "nan"], "allowed: 0 to 0.6 s"),
@@ -149,28 +133,21 @@ def test_a_gif_loops_in_real_time_with_the_colours_of_the_legend() -> None:
         (["run.mcap", "run.png", "--size", "5000x300"], "--size 5000x300"),
         (["run.mcap", "run.png", "--size", "500x298"], "--size 500x298"),
         (["run.mcap", "run.png", "--camera", "sid"], "did you mean 'side'?"),
-        (["run.mcap", "file/run.png"], "cannot write file/run.png"),
-        (["run.mcap", "folder.png"], "it is a directory"),
-        (["no.mcap", "run.png"], "cannot read no.mcap"),
         (["half.mcap", "run.mp4"], "half.mcap"),
-        (["run.mcap", "run.mcap"], "ends in '.mcap'"),
-        (["log.png", "log.png"], "the same command reads it"),
     ],
 )
 def test_wrong_input_is_refused_and_nothing_is_written(
     arguments: list[str], expected: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Path("file").write_text("")
-    Path("folder.png").mkdir()
     whole = Path("run.mcap").read_bytes()
     Path("half.mcap").write_bytes(whole[: len(whole) // 2])
-    Path("log.png").write_bytes(whole)
-    before = {path: path.stat().st_size for path in Path().iterdir()}
     assert main(["render", *arguments]) == 2
     error = capsys.readouterr().err
     assert expected in error
     assert "Traceback" not in error
-    assert {path: path.stat().st_size for path in Path().iterdir()} == before
+    assert {path.name: path.stat().st_size for path in Path().iterdir()} == {
+        "run.mcap": len(whole), "half.mcap": len(whole) // 2,
+    }  # fmt: skip
 
 
 def test_without_the_encoder_only_videos_are_refused(
@@ -186,12 +163,11 @@ def test_without_the_encoder_only_videos_are_refused(
 def test_an_interrupted_command_leaves_only_the_old_file(name: str) -> None:
     old = b"GIF89a" if name.endswith(".gif") else b"\0\0\0\x20ftypisom"
     Path(name).write_bytes(old)
-    pictures = 0
+    drawn: list[float] = []
 
-    def interrupt(_seconds: float) -> None:
-        nonlocal pictures
-        pictures += 1
-        if pictures == 3:
+    def interrupt(seconds: float) -> None:
+        drawn.append(seconds)
+        if len(drawn) == 3:
             raise KeyboardInterrupt
 
     settings = render_settings(Path(name), size="400x300")

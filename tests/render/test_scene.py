@@ -37,18 +37,13 @@ def nearness(colour: np.ndarray, hue: str) -> float:
     return float(a @ b / (b @ b))
 
 
-def test_the_cameras_are_those_of_the_model() -> None:
-    model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
-    assert {model.camera(k).name for k in range(model.ncam)} == set(CAMERAS)
-
-
 @pytest.mark.parametrize(
-    ("camera", "time", "seen"),
-    [("overview", 2.0, 40), ("overview", 5.0, 40), ("side", 5.0, 30), ("side", 9.0, 30)],
+    ("plant", "camera", "time", "seen"),
+    [("mujoco", "overview", 2.0, 40), ("analytic", "overview", 5.0, 40), ("mujoco", "side", 9.0, 30)],
 )
-def test_the_load_is_drawn_where_the_log_says(camera: str, time: float, seen: int) -> None:
-    run = moving_run("mujoco")
-    red = is_load(draw({"mujoco": run}, time, camera))
+def test_the_load_is_drawn_where_the_log_says(plant: str, camera: str, time: float, seen: int) -> None:
+    run = moving_run(plant)
+    red = is_load(draw({plant: run}, time, camera))
     row, column = pixel(run.load_position[sample_at(run, time)], camera)
     rows, columns = np.nonzero(red)
     assert len(rows) > seen
@@ -63,17 +58,6 @@ def test_the_trolley_is_at_its_place_from_above() -> None:
     trolley = np.array([*run.block("state")[row, [0, 2]], 0.153])
     assert nearness(patch(picture, trolley, "top"), "#26599e") > 0.5
     assert nearness(patch(picture, trolley + np.array([0.3, 0.0, 0.0]), "top"), "#26599e") < 0.2
-
-
-def test_moving_the_load_moves_its_pixels_and_nothing_of_the_frame() -> None:
-    run = moving_run("mujoco")
-    before, after = (draw({"mujoco": r}, 5.0, "side") for r in (run, shift_run(run, 0.3)))
-    columns = [np.nonzero(is_load(picture))[1].mean() for picture in (before, after)]
-    row = sample_at(run, 5.0)
-    places = [pixel(r.load_position[row], "side")[1] for r in (run, shift_run(run, 0.3))]
-    assert columns[1] - columns[0] == pytest.approx(places[1] - places[0], abs=1.5)
-    post = np.array([-0.10, -0.145, -0.9])
-    assert (patch(before, post, "side") == patch(after, post, "side")).all()
 
 
 def test_the_other_plant_is_a_ghost_only_where_it_is_drawn() -> None:
@@ -115,12 +99,6 @@ def test_where_the_plants_agree_the_ghost_is_a_rim_around_the_solid_load() -> No
         assert nearness(centre, "#ff0000") > 0.5
         assert (nearness(edge, ANALYTIC) > 0.2) == rim
     assert is_load(pair).sum() == pytest.approx(is_load(alone).sum(), rel=0.1)
-
-
-@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_one_plant_alone_is_solid(plant: str) -> None:
-    assert not timeline_of({plant: moving_run(plant)}).main.is_ghost
-    assert is_load(draw({plant: moving_run(plant)}, 2.0)).sum() > 30
 
 
 @pytest.mark.parametrize(("tension", "slack"), [(9.81, False), (0.16 * 9.81, False), (0.14 * 9.81, True)])
@@ -186,9 +164,8 @@ def test_narrow_pictures_show_the_whole_rig() -> None:
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_the_scale_bar_has_its_stated_length_and_place(camera: str, times: float, length: float) -> None:
     """At the place and as long as it says, in a round number."""
-    with renderer(
-        timeline_of({"": enlarge_run(moving_run("mujoco"), times)}), camera, WIDTH, HEIGHT
-    ) as scene:
+    timeline = timeline_of({"": enlarge_run(moving_run("mujoco"), times)})
+    with renderer(timeline, camera, WIDTH, HEIGHT) as scene:
         picture, (text, (x, y)) = scene.draw(0.0), scene.scale_label
     assert text == f"{length:g} m"
     height = 0.225 if camera == "top" else -1.4
@@ -216,20 +193,12 @@ def test_a_load_behind_the_near_post_is_visible() -> None:
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_a_larger_rig_looks_like_the_small_one(camera: str) -> None:
     runs = both_runs()
-    filed, large = (
-        draw(r, 8.0, camera) for r in (runs, {p: enlarge_run(run, 2.5) for p, run in runs.items()})
-    )
+    enlarged = {plant: enlarge_run(run, 2.5) for plant, run in runs.items()}
+    filed, large = draw(runs, 8.0, camera), draw(enlarged, 8.0, camera)
     assert is_load(large).sum() == pytest.approx(is_load(filed).sum(), rel=0.05)
     assert is_arrow(large).sum() == pytest.approx(is_arrow(filed).sum(), rel=0.05)
     # A trail is of five times as many seconds, in which this run, as slow as the small one, gets farther.
     assert (np.abs(large - filed).max(axis=2) > 40).mean() < 0.01
-
-
-def test_the_same_moment_is_the_same_picture() -> None:
-    runs = both_runs()
-    first, again, later = (draw(runs, time) for time in (5.0, 5.0, 5.2))
-    assert (first == again).all()
-    assert (first != later).any()
 
 
 def test_uninitialised_fields_of_geoms_do_not_affect_pictures() -> None:
