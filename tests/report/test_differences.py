@@ -32,15 +32,9 @@ def rows(table: Table) -> dict[str, list[str]]:
 
 def test_every_setting_that_is_not_the_default_is_named() -> None:
     assert changed_from_default(default_scenario()) == {}
-    changed = default_scenario(
-        overrides=[
-            "rig.load_mass=3",
-            "design.poles=[-1,-2,-3,-4]",
-            "effects.delay={}",
-            "control.period=0.002",
-            "initial.load_offset=[0.1,0,0]",
-        ]
-    )
+    overrides = ["rig.load_mass=3", "design.poles=[-1,-2,-3,-4]", "effects.delay={}"]
+    overrides += ["control.period=0.002", "initial.load_offset=[0.1,0,0]"]
+    changed = default_scenario(overrides=overrides)
     assert changed_from_default(changed) == {
         "initial.load_offset": [0.1, 0.0, 0.0],
         "rig.load_mass": 3.0,

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,14 +26,11 @@ from cranectl.report.rig.tables import (
 )
 from cranectl.report.table import Table
 from cranectl.status import RunStatus
+from tests.report.test_report import read_page
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
 SHORT = ["--set", "duration=1.0", "--set", "disturbances.0.start=0.1", "--set", "disturbances.1.start=0.2"]
-
-
-def anchors(page: str) -> list[str]:
-    return re.findall(r'<(?:section|figure)[^>]* id="([^"]+)"', page)
 
 
 def test_the_page_of_a_ladder(capsys: pytest.CaptureFixture[str]) -> None:
@@ -51,7 +47,7 @@ def test_the_page_of_a_ladder(capsys: pytest.CaptureFixture[str]) -> None:
             assert f"{1e3 * level['cumulative']['max']:.3g}" in page
     assert "friction" not in page
     assert page.count("<svg") == 2
-    assert len(anchors(page)) == len(set(anchors(page)))
+    read_page(page)
     assert main(command) == 0
     assert Path("a.html").read_text() == page
 
@@ -70,29 +66,16 @@ def test_the_page_of_a_rig(capsys: pytest.CaptureFixture[str]) -> None:
     for budgeted in ("observer", "quantisation", "friction"):
         assert f">{budgeted}<" in page
     assert page.count("<svg") == 4
-    assert len(anchors(page)) == len(set(anchors(page)))
-    assert not re.search(r'(?:src|href)="https?:', page), "it needs no network"
+    read_page(page)
 
 
 def test_deviations_are_dots_in_millimetres() -> None:
-    axes = deviation_dots(
-        "abc", {"one": [2e-3, 0.0, np.nan], "other": [1.0, 1.0, 1.0]}, [np.inf, 5e-3, 0.0]
-    ).axes[0]
+    """Nothing is at the left edge; what is not there has no dot."""
+    pair = {"one": [2e-3, 0.0, np.nan], "other": [1.0, 1.0, 1.0]}
+    (axes,) = deviation_dots("abc", pair, [np.inf, 5e-3, 0.0]).axes
     one, _, bound = (line.get_xdata() for line in axes.lines)
-    assert np.array_equal(one, [2.0, 1e-3, np.nan], equal_nan=True), (
-        "nothing is at the edge, none is not there"
-    )
+    assert np.array_equal(one, [2.0, 1e-3, np.nan], equal_nan=True)
     assert list(bound) == [5.0]
-
-
-def test_a_place_that_cannot_be_written_is_found_first(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    Path("file").touch()
-    for command in (["ladder", "fixed-position"], ["advise", "fixed-position"]):
-        assert main([*command, "--report", "file/a.html"]) == 2
-        assert "cannot write file/a.html" in capsys.readouterr().err
-    assert not list(tmp_path.rglob("*.mcap"))
 
 
 OVERRIDES = ["duration=0.5", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
@@ -139,9 +122,8 @@ def test_controllers(advice: Advice) -> None:
     assert row["grade"] == ("slack-rope", "bad")
     assert row["error RMS [mm]"] == row["cost max [mm]"] == ("–", "")
     row = cells(controllers_table(replace(advice, assessments=(_refused(found),))), "lqr+loop-shaping")
-    assert (row["grade"], row["certified by"], row["least margin"][0]) == (
-        ("survived", "open"), ("–", ""), "-0.2000",
-    )  # fmt: skip
+    assert (row["grade"], row["certified by"]) == (("survived", "open"), ("–", ""))
+    assert row["least margin"][0] == "-0.2000"
 
 
 def _refused(assessment: Assessment) -> Assessment:
@@ -165,10 +147,8 @@ def test_what_is_recommended(advice: Advice) -> None:
     take, improve, *_ = recommendation(advice)
     assert take.startswith("Take lqr+loop-shaping: guaranteed")
     assert improve.startswith(f"Improve first: {advice.improvements[0].name}")
-    assert (
-        f"certified by the nu-gap (least margin {advice.best.least_margin:+.4f}, above 0.01 is required)"
-        in take
-    )
+    margin = f"(least margin {advice.best.least_margin:+.4f}, above 0.01 is required)"
+    assert f"certified by the nu-gap {margin}" in take
     refused = replace(advice, assessments=(_refused(advice.best),))
     assert "survived, not certified (least margin -0.2000, above" in recommendation(refused)[0]
     worse = tuple(replace(row, gain=-0.1) for row in advice.improvements)
@@ -179,18 +159,21 @@ def test_what_is_recommended(advice: Advice) -> None:
 
 def test_budget() -> None:
     table = budget_table(budget())
-    assert cells(table, "sampled")["measured max"] == ("3", "")
-    assert cells(table, "sampled")["bound of max"] == ("4", "")
-    assert cells(table, "engine")["bound of max"] == ("0.001", "bad")
-    assert cells(table, "servos")["bound of max"] == ("none", "")
-    assert cells(table, "servos")["over measured"] == ("–", "")
-    assert cells(table, "all")["measured RMS"] == ("1", "")
-    assert cells(table, "unexplained")["measured RMS"] == ("0.001", "")
-    assert "servos: rough estimate, no bound" in table.note
-    for level, estimate in (("engine", ("0.002", "")), ("servos", ("~0.002", "open"))):
-        assert cells(table, level)["estimate max"] == estimate
+    for level, heading, text, mark in (
+        ("sampled", "measured max", "3", ""),
+        ("sampled", "bound of max", "4", ""),
+        ("engine", "bound of max", "0.001", "bad"),
+        ("engine", "estimate max", "0.002", ""),
+        ("servos", "estimate max", "~0.002", "open"),
+        ("servos", "bound of max", "none", ""),
+        ("servos", "over measured", "–", ""),
+        ("all", "measured RMS", "1", ""),
+        ("unexplained", "measured RMS", "0.001", ""),
+    ):
+        assert cells(table, level)[heading] == (text, mark)
+    for note in ("rough estimate, no bound", "ended with slack-rope."):
+        assert f"servos: {note}" in table.note
     assert "~ marks estimates without a bound. They may be far off" in table.note
-    assert "servos: ended with slack-rope." in table.note
     assert "sampled" not in table.note
 
 

@@ -64,12 +64,8 @@ def test_a_motion_in_words(name: str, motion: str) -> None:
 
 def test_a_limit_is_judged_once_on_the_reference_plant() -> None:
     values = list(judged_values(result(*(run(plant, BROKEN, KEPT) for plant in PLANTS))))
-    assert [(value.key, value.kept) for value in values] == [
-        ("max_error_m", False),
-        ("max_sway_rad", True),
-        ("plants", True),
-    ]
     error, sway, plants = values
+    assert {v.key: v.kept for v in values} == {"max_error_m": False, "max_sway_rad": True, "plants": True}
     assert error.fault == "Largest tracking error of the load is 684.8 mm, the limit is 500 mm."
     assert (sway.measured, sway.limit) == ("0.573°", "2.865°")
     assert (plants.measured, plants.limit) == ("2.00 nm", "100 nm")
@@ -90,39 +86,41 @@ def test_a_limit_that_only_another_plant_breaks_names_that_plant() -> None:
     assert value.sign == "≥"
 
 
-def reasons(outcome: CaseResult | Failure) -> list[str]:
+APART = replace(AGREE, max_angle_error_rad=3e-6, passed=False, curing_step_s=0.001)
+REFUSED = InputError("rig.load_mass is -2", allowed="positive masses", remedy="set rig.load_mass")
+
+
+@pytest.mark.parametrize(
+    ("outcome", "expected"),
+    [
+        (  # a run that ends early is the reason, not its limits
+            result(run("analytic", BROKEN), run("mujoco", BROKEN, status=RunStatus.SLACK_ROPE)),
+            [f"The run on mujoco ended at 4 s with slack-rope: {RunStatus.SLACK_ROPE.explanation}."],
+        ),
+        (
+            result(run("mujoco", KEPT), agreement=APART),
+            [
+                "Difference of angles between analytic and mujoco is 3.00 µrad, the limit is 100 nrad.",
+                "With control.physics_step = 0.001 the plants agree.",
+            ],
+        ),
+        (
+            result(run("mujoco"), agreement=replace(AGREE, passed=False)),
+            ["The runs on analytic and mujoco end in different ways, or at different times."],
+        ),
+        (
+            Failure.of(REFUSED),
+            ["It could not be run: rig.load_mass is -2. Remedy: set rig.load_mass."],
+        ),
+        (
+            Failure("ZeroDivisionError: of our own making", bad_input=False),
+            ["ZeroDivisionError: of our own making"],
+        ),
+    ],
+)
+def test_the_reasons_are_sentences(outcome: CaseResult | Failure, expected: list[str]) -> None:
     (scenario,) = scenario_verdicts(validation((case(), outcome)))
-    return causes(scenario.cases[0])
-
-
-def test_a_run_that_ends_early_is_the_reason_not_its_limits() -> None:
-    slack = result(run("analytic", BROKEN), run("mujoco", BROKEN, status=RunStatus.SLACK_ROPE))
-    (reason,) = reasons(slack)
-    assert reason == (
-        "The run on mujoco ended at 4 s with slack-rope: the rope went slack, in the plant or as the tracker "
-        "sees it."
-    )
-
-
-def test_plants_that_disagree_and_the_step_that_cures_it() -> None:
-    apart = replace(AGREE, max_angle_error_rad=3e-6, passed=False, curing_step_s=0.001)
-    first, second = reasons(result(run("mujoco", KEPT), agreement=apart))
-    assert first == "Difference of angles between analytic and mujoco is 3.00 µrad, the limit is 100 nrad."
-    assert second == "With control.physics_step = 0.001 the plants agree."
-    ends = replace(AGREE, passed=False)
-    assert reasons(result(run("mujoco"), agreement=ends)) == [
-        "The runs on analytic and mujoco end in different ways, or at different times."
-    ]
-
-
-def test_an_input_error_is_one_sentence_with_its_remedy() -> None:
-    error = InputError("rig.load_mass is -2", allowed="positive masses", remedy="set rig.load_mass")
-    assert reasons(Failure.of(error)) == [
-        "It could not be run: rig.load_mass is -2. Remedy: set rig.load_mass."
-    ]
-    assert reasons(Failure("ZeroDivisionError: of our own making", bad_input=False)) == [
-        "ZeroDivisionError: of our own making"
-    ]
+    assert causes(scenario.cases[0]) == expected
 
 
 def test_the_worst_scenario_is_first_and_each_has_a_command() -> None:
@@ -130,11 +128,8 @@ def test_the_worst_scenario_is_first_and_each_has_a_command() -> None:
     fine = result(*(replace(run(plant, KEPT), log=None) for plant in PLANTS))
     made = validation((case("workshop-move"), fine), (case(), fine), (case(controller="pid"), broken))
     page, text = page_of(made)
-    assert [section.title for section in page.sections][:3] == [
-        "FAIL: ship-to-shore",
-        "PASS: workshop-move",
-        "Cases",
-    ]
+    titles = [section.title for section in page.sections]
+    assert titles[:3] == ["FAIL: ship-to-shore", "PASS: workshop-move", "Cases"]
     assert "1 of 2 scenarios fails. ship-to-shore: Largest tracking error" in text
     assert "1 of 3 cases fail" in text
     assert worst_logs(made) == {"ship-to-shore": Path("logs/any.mcap")}
@@ -151,10 +146,8 @@ def test_of_many_cases_that_fail_the_least_are_folded(monkeypatch: pytest.Monkey
     page, text = page_of(validation(*outcomes))
     (cases,) = (section for section in page.sections if section.anchor == "cases")
     assert [table.title for table in cases.tables] == ["", "1 more"]
-    assert [table.rows[0][0].text for table in cases.tables] == [
-        "ship-to-shore, lqr, ideal",
-        "ship-to-shore, pid, ideal",
-    ]
+    firsts = [table.rows[0][0].text for table in cases.tables]
+    assert firsts == ["ship-to-shore, lqr, ideal", "ship-to-shore, pid, ideal"]
     assert "2 of 2 cases fail; the worst is lqr with ideal drives." in text
 
 
