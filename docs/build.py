@@ -55,10 +55,8 @@ SECTION = re.compile(r"^\*\*(.+)\*\*\n\n((?:[-  ].*\n)+)", re.MULTILINE)
 
 def read_sections(index: str) -> dict[str, str]:
     """Return the list of links of each section of docs/index.md, by its title."""
-    return {
-        title: "\n".join([links.rstrip(), *BUILT.get(title, []), ""])
-        for title, links in SECTION.findall(index)
-    }
+    sections = SECTION.findall(index)
+    return {title: "\n".join([links.rstrip(), *BUILT.get(title, []), ""]) for title, links in sections}
 
 
 def pages_of(links: str) -> list[str]:
@@ -172,9 +170,8 @@ def build(directory: Path, gallery: bool = True) -> None:
     sphinx = [sys.executable, "-m", "sphinx", *options, source, directory]
     subprocess.run(sphinx, check=True, env={**os.environ, "PATH": path})
     if undescribed := undescribed_pictures(directory):
-        sys.exit(
-            "\n".join(["pictures without a description (alt text, or title of a figure):", *undescribed])
-        )
+        what = "pictures without a description (alt text, or title of a figure):"
+        sys.exit("\n".join([what, *undescribed]))
 
 
 if __name__ == "__main__":

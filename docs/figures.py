@@ -7,6 +7,7 @@ python docs/figures.py DIRECTORY  draw them into another folder
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -33,6 +34,12 @@ def error_of(run: Run) -> np.ndarray:
     return 1e3 * np.linalg.norm(run.block("load")[:, :3] - run.reference[:, :3], axis=1)
 
 
+def canvas(height: float, *shape: int, **more: Any) -> tuple[Figure, Any]:
+    """Return a figure of this height [in] and its axes."""
+    figure = Figure(figsize=(9.0, height), layout="constrained")
+    return figure, figure.subplots(*shape, **more)
+
+
 def finish_axes(axes: Axes, title: str, x: str, y: str, legend: bool = True) -> None:
     """Set title and labels of a plot."""
     axes.set_title(title, loc="left", fontsize=10)
@@ -52,8 +59,7 @@ def flatness() -> Figure:
     run = simulate_run(scenario, plant="analytic", controller="lqr", drive="ideal")
     flat = run.reference
     states, _ = states_and_inputs(flat, scenario.rig.gravity)
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    side, time = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
+    figure, (side, time) = canvas(3.6, 1, 2, width_ratios=(1.35, 1.0))
     for k in np.searchsorted(run.time, np.linspace(0.25, 1.95, 12)):
         side.plot([states[k, 0], flat[k, 0]], [0.0, flat[k, 2]], color=GREY, lw=1)
         side.plot(states[k, 0], 0.0, "s", color=COLOURS[1], ms=8)
@@ -74,8 +80,7 @@ def flatness() -> Figure:
 
 def drives() -> Figure:
     """Draw the error that real drives cause, with and without what a controller does about it."""
-    figure = Figure(figsize=(9.0, 3.0), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = canvas(3.0)
     runs = {
         "ideal drives": run_of("lqr", drive="ideal"),
         "velocity drives, lag compensated": run_of("lqr"),
@@ -89,10 +94,8 @@ def drives() -> Figure:
 
 def delays() -> Figure:
     """Draw how a delay takes away damping until the loop is unstable."""
-    figure = Figure(figsize=(9.0, 3.0), layout="constrained")
-    axes = figure.subplots()
-    delays = (0.0, 0.05, 0.1, 0.14)
-    for colour, delay in zip(COLOURS, delays, strict=True):
+    figure, axes = canvas(3.0)
+    for colour, delay in zip(COLOURS, (0.0, 0.05, 0.1, 0.14), strict=True):
         run = run_of("lqr", f"effects.delay.seconds={delay}", "duration=8")
         axes.plot(run.time, error_of(run), color=colour, label=f"{1e3 * delay:.0f} ms")
     finish_axes(axes, "The same move with a delay in the loop", "time [s]", "distance from path [mm]")
@@ -105,8 +108,7 @@ def observers() -> Figure:
     shown = (run.time >= 1.0) & (run.time <= 1.3)
     resolution = run.scenario.rig.effects.sensing.angle_resolution
     time, encoder = run.time[shown], resolution * np.round(run.signal("state.beta")[shown] / resolution)
-    figure = Figure(figsize=(9.0, 3.0), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = canvas(3.0)
     differences = np.diff(encoder) / np.diff(time)
     axes.plot(time[1:], differences, color=GREY, lw=0.6, label="differences of the encoder")
     axes.plot(time, run.signal("measurement.beta_rate")[shown], color=COLOURS[1], label="observer")
@@ -120,8 +122,7 @@ def verdicts() -> Figure:
     """Draw the statistic of the verdicts on unchanged and on changed cranes, from the proof's results."""
     rows = json.loads(IDENTIFICATION.read_text(encoding="utf-8"))["verdicts"]
     kinds = list(dict.fromkeys(kind for _, kind, _, _ in rows))
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = canvas(3.6)
     for answer, colour, marker in (("covered", COLOURS[2], "o"), ("not covered", COLOURS[1], "x")):
         shown = [(statistic, kinds.index(kind)) for _, kind, own, statistic in rows if own == answer]
         axes.plot(*zip(*shown, strict=True), marker, color=colour, ls="", ms=5, alpha=0.7, label=answer)
@@ -132,9 +133,7 @@ def verdicts() -> Figure:
     return figure
 
 
-FIGURES = {
-    "flatness": flatness, "drives": drives, "delays": delays, "observers": observers, "verdicts": verdicts,
-}  # fmt: skip
+FIGURES = {draw.__name__: draw for draw in (flatness, drives, delays, observers, verdicts)}
 
 
 def main(directory: Path) -> None:

@@ -39,7 +39,8 @@ from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run, simulate_run
 
-DIRECTORY = Path(__file__).resolve().parent.parent / "docs" / "reference"
+ROOT = Path(__file__).resolve().parent.parent
+DIRECTORY = ROOT / "docs" / "reference"
 BEGIN = "<!-- written by `python docs/reference_pages.py --write` -->\n"
 END = "<!-- end -->\n"
 BOUNDS = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
@@ -140,10 +141,8 @@ def _divisions() -> list[Judged]:
 
 def standings() -> str:
     """Return pictures, sentences and caveats of the shipped table, what tuning did, and the rankings."""
-    drawn = (
-        f"![failures against unsettled time on {Path(name).stem[10:]}](../pictures/{name})"
-        for name in pictures()
-    )
+    what = "failures against unsettled time on"
+    drawn = (f"![{what} {Path(name).stem[10:]}](../pictures/{name})" for name in pictures())
     tuning = next(tuning_tables(_divisions()))
     rows = ([_marked(cell) for cell in row] for row in tuning.rows)
     parts = [
@@ -199,23 +198,15 @@ def pictures() -> dict[str, str]:
 
 def _controller_section(name: str) -> str:
     controller = load_controller(name)
-    rows = [
-        (
-            f"`{each.name}`",
-            _text(each.default),
-            _allowed({"enum": each.choices} if each.choices else _bounds(each.lowest, each.highest)),
-            f"{each.description} [{each.unit}]" if each.unit else each.description,
-        )
-        for each in controller.parameters
-    ]
+    rows = []
+    for each in controller.parameters:
+        bounds = {"minimum": each.lowest, "maximum": each.highest}
+        finite_bounds = {word: bound for word, bound in bounds.items() if math.isfinite(bound)}
+        kind = {"enum": each.choices} if each.choices else {"type": "number", **finite_bounds}
+        meaning = f"{each.description} [{each.unit}]" if each.unit else each.description
+        rows.append((f"`{each.name}`", _text(each.default), _allowed(kind), meaning))
     text = table(("key", "default", "allowed", "meaning"), rows)
     return f"### `[controller.{name}]`\n\n{controller.title}.\n\n{text}"
-
-
-def _bounds(lowest: float, highest: float) -> dict[str, Any]:
-    """Return the allowed range of a number, as JSON Schema has it."""
-    found = {"minimum": lowest, "maximum": highest}
-    return {"type": "number", **{word: bound for word, bound in found.items() if math.isfinite(bound)}}
 
 
 def _sections(schema: dict[str, Any]) -> Iterator[str]:
@@ -277,13 +268,8 @@ def _allowed(kind: dict[str, Any]) -> str:
 
 
 PAGES = {
-    "commands": commands,
-    "exit-codes": exit_codes,
-    "metrics": metrics,
-    "settings": settings,
-    "signals": signals,
-    "standings": standings,
-    "topics": topics,
+    page.__name__.replace("_", "-"): page
+    for page in (commands, exit_codes, metrics, settings, signals, standings, topics)
 }
 
 
@@ -296,24 +282,21 @@ def written_anew(name: str, text: str) -> str:
     return f"{before}{BEGIN}\n{PAGES[name]()}\n{END}{after}"
 
 
-if __name__ == "__main__":
+def generated_files() -> Iterator[tuple[Path, str]]:
+    """Yield each file that is generated, or has a generated part, with what it must contain."""
     for document in DOCUMENTS:
-        path = DIRECTORY.parent.parent / "validation" / "schemas" / f"{document}.json"
-        new = json.dumps(json_schema(document), indent=1, ensure_ascii=False) + "\n"
-        if not path.exists() or path.read_text(encoding="utf-8") != new:
-            print(f"validation/schemas/{document}.json differs")
-            if "--write" in sys.argv[1:]:
-                path.write_text(new, encoding="utf-8")
+        schema = json.dumps(json_schema(document), indent=1, ensure_ascii=False) + "\n"
+        yield ROOT / "validation" / "schemas" / f"{document}.json", schema
     for name in PAGES:
         path = DIRECTORY / f"{name}.md"
-        text = path.read_text(encoding="utf-8")
-        if (new := written_anew(name, text)) != text:
-            print(f"docs/reference/{name}.md differs")
-            if "--write" in sys.argv[1:]:
-                path.write_text(new, encoding="utf-8")
-    for name, new in pictures().items():
-        path = DIRECTORY.parent / "pictures" / name
+        yield path, written_anew(name, path.read_text(encoding="utf-8"))
+    for name, picture in pictures().items():
+        yield ROOT / "docs" / "pictures" / name, picture
+
+
+if __name__ == "__main__":
+    for path, new in generated_files():
         if not path.exists() or path.read_text(encoding="utf-8") != new:
-            print(f"docs/pictures/{name} differs")
+            print(f"{path.relative_to(ROOT).as_posix()} differs")
             if "--write" in sys.argv[1:]:
                 path.write_text(new, encoding="utf-8")

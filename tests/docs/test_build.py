@@ -43,25 +43,23 @@ def test_all_pages_are_built_from_the_data_of_the_repository(source: Path) -> No
 
 
 def test_every_page_is_in_the_list_of_all_pages() -> None:
-    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
-    listed = {path for links in build.read_sections(index).values() for path in build.pages_of(links)}
     docs = ROOT / "docs"
-    pages = {
-        path.relative_to(docs).as_posix() for suffix in ("md", "rst") for path in docs.rglob(f"*.{suffix}")
-    }
+    sections = build.read_sections((docs / "index.md").read_text(encoding="utf-8"))
+    listed = {path for links in sections.values() for path in build.pages_of(links)}
+    pages = {path.relative_to(docs).as_posix() for end in ("md", "rst") for path in docs.rglob(f"*.{end}")}
     assert pages - {"index.md"} <= listed
 
 
 def test_links_hold_at_their_new_place(source: Path) -> None:
     """Sphinx checks links to pages; a link to another file needs its copy."""
-    text = (
-        "[a](../../validation/benchmark/literature.toml) [b](../start.md#x) [c](https://example.org/d.md)\n"
+    original, rest = (
+        "validation/benchmark/literature.toml",
+        "[b](../start.md#x) [c](https://example.org/d.md)\n",
     )
-    moved = build.move_links(text, ROOT / "docs" / "how-to" / "a.md", "how-to/a.md", source)
-    copied = "../files/validation/benchmark/literature.toml"
-    assert moved == f"[a]({copied}) [b](../start.md#x) [c](https://example.org/d.md)\n"
-    original = ROOT / "validation" / "benchmark" / "literature.toml"
-    assert (source / "how-to" / copied).read_bytes() == original.read_bytes()
+    page = ROOT / "docs" / "how-to" / "a.md"
+    moved = build.move_links(f"[a](../../{original}) {rest}", page, "how-to/a.md", source)
+    assert moved == f"[a](../files/{original}) {rest}"
+    assert (source / "files" / original).read_bytes() == (ROOT / original).read_bytes()
 
 
 def test_the_api_page_has_every_public_name() -> None:
@@ -74,21 +72,16 @@ def test_the_api_page_has_every_public_name() -> None:
     assert 0.0 <= names["result"] < 1e-7
 
 
-@pytest.mark.parametrize(
-    "script", sorted((ROOT / "docs" / "gallery").glob("*.py")), ids=lambda path: path.stem
-)
-def test_an_example_is_short_and_uses_what_is_public(script: Path) -> None:
-    """`make docs` runs it."""
-    text = script.read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= 40
-    assert not re.search(r"cranectl[.]\w+[.]|from cranectl", text)
-    assert re.match(r'"""\n.+\n=+\n\n', text)
-
-
-def test_examples_are_numbered() -> None:
-    names = sorted(path.name for path in (ROOT / "docs" / "gallery").glob("*.py"))
-    assert len(names) >= 11
-    assert [name[:3] for name in names] == [f"{number:02}_" for number in range(1, len(names) + 1)]
+def test_examples_are_numbered_and_short_and_use_what_is_public() -> None:
+    """`make docs` runs them."""
+    scripts = sorted((ROOT / "docs" / "gallery").glob("*.py"))
+    assert len(scripts) >= 11
+    for number, script in enumerate(scripts, 1):
+        text = script.read_text(encoding="utf-8")
+        assert script.name.startswith(f"{number:02}_")
+        assert len(text.splitlines()) <= 40, script.name
+        assert not re.search(r"cranectl[.]\w+[.]|from cranectl", text), script.name
+        assert re.match(r'"""\n.+\n=+\n\n', text), script.name
 
 
 @pytest.mark.parametrize(

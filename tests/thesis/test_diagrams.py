@@ -7,6 +7,8 @@ from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
 
+import pytest
+
 from cranectl.support import resources
 from cranectl.thesis.page import DIAGRAMS, diagram_svg
 from tests.conftest import ROOT
@@ -38,6 +40,7 @@ TEXTS = {
     "5.6": "z_d~…~z⃛_d e K R(s) z_d⁗ v̄ v linearised~crane z⁗~=~v z~…~z⃛ + − + + +",
 }
 
+FILLS = {"currentColor", "none", "var(--block, none)", "var(--forbidden, var(--block, none))"}
 PICTURES = {number: ElementTree.fromstring(diagram_svg(number)) for number in TEXTS}
 
 
@@ -83,10 +86,25 @@ def test_the_shipped_diagrams_are_those_that_the_program_draws(tmp_path: Path) -
     assert drawn == shipped, "run `python validation/thesis/drawing/draw.py`"
 
 
-def test_each_diagram_has_exactly_its_labels_and_signs() -> None:
-    for number, svg in PICTURES.items():
-        expected = Counter(word.replace("~", " ").replace("_", "") for word in TEXTS[number].split(" "))
-        assert texts(svg) == expected, number
+@pytest.mark.parametrize("number", TEXTS)
+def test_a_diagram_has_its_labels_and_fits_any_page(number: str) -> None:
+    """It scales, takes its colours from the page, and has no identifiers, references, styles or scripts."""
+    svg, text = PICTURES[number], diagram_svg(number)
+    assert texts(svg) == Counter(word.replace("~", " ").replace("_", "") for word in TEXTS[number].split(" "))
+    assert svg.tag == f"{SVG}svg"
+    assert svg.get("role") == "img"
+    assert svg.findtext(f"{SVG}title") == DIAGRAMS[number]["title"]
+    assert not {"width", "height"} & set(svg.attrib)
+    left, top, width, height = svg.attrib["viewBox"].split()
+    assert f"max-width:{width}px" in svg.attrib["style"]
+    assert 200.0 < float(width) < 780.0
+    assert "currentColor" in colours(svg) <= FILLS
+    assert text.startswith("<svg ")
+    assert not re.search(r"\bid=|href|url\(|<style|<script|<!", text)
+    assert re.findall(r"https?://[^\"]*", text) == [SVG.strip("{}")]
+    for x, y in (point for shape in svg for point in points(shape)):  # no shape is cut off
+        assert float(left) <= x <= float(left) + float(width)
+        assert float(top) <= y <= float(top) + float(height)
 
 
 def test_the_error_is_reference_minus_measurement() -> None:
@@ -104,37 +122,3 @@ def test_the_error_is_reference_minus_measurement() -> None:
             else:
                 assert 5.0 < right < 12.0, number
                 assert 12.0 < below < 25.0, number
-
-
-def test_each_diagram_scales_and_has_a_title() -> None:
-    for number, svg in PICTURES.items():
-        assert svg.tag == f"{SVG}svg"
-        assert svg.get("role") == "img"
-        assert svg.findtext(f"{SVG}title") == DIAGRAMS[number]["title"]
-        assert not {"width", "height"} & set(svg.attrib), number
-        width = svg.attrib["viewBox"].split()[2]
-        assert f"max-width:{width}px" in svg.attrib["style"], number
-        assert 200.0 < float(width) < 780.0, number
-
-
-def test_each_diagram_takes_its_colours_from_the_page() -> None:
-    fills = {"currentColor", "none", "var(--block, none)", "var(--forbidden, var(--block, none))"}
-    for number, svg in PICTURES.items():
-        assert "currentColor" in colours(svg) <= fills, number
-
-
-def test_each_diagram_can_share_a_page_with_others() -> None:
-    """It has no identifiers, external references, styles, scripts or declarations."""
-    for number in PICTURES:
-        text = diagram_svg(number)
-        assert text.startswith("<svg "), number
-        assert not re.search(r"\bid=|href|url\(|<style|<script|<!", text), number
-        assert re.findall(r"https?://[^\"]*", text) == [SVG.strip("{}")], number
-
-
-def test_no_shape_of_a_diagram_is_cut_off() -> None:
-    for number, svg in PICTURES.items():
-        left, top, width, height = (float(n) for n in svg.attrib["viewBox"].split())
-        for x, y in (point for shape in svg for point in points(shape)):
-            assert left <= x <= left + width, number
-            assert top <= y <= top + height, number
