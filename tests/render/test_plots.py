@@ -39,9 +39,8 @@ def test_the_cursor_moves_evenly_with_time() -> None:
     columns = [cursor(picture) for picture in pictures]
     per_second = (columns[3] - columns[0]) / 13.0
     assert per_second > 20
-    assert [c - columns[0] for c in columns] == pytest.approx(
-        [0, 3 * per_second, 6 * per_second, 13 * per_second], abs=1.5
-    )
+    expected = [columns[0] + per_second * seconds for seconds in (0, 3, 6, 13)]
+    assert columns == pytest.approx(expected, abs=1.5)
     changed = np.nonzero((pictures[0] != pictures[1]).any(axis=(0, 2)))[0]
     assert set(changed) <= {c + k for c in columns[:2] for k in range(-9, 10)}
 
