@@ -39,15 +39,8 @@ def plan_tables(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[
             more += [f"{least[index]:.3f}, {duration / least[index] - 1.0:.1%}"] if least else []
         rows.append(cells(str(index), what, f"{begins:.3f}", f"{duration:.3f}", *more))
         begins += duration
-    headings = [
-        "segment",
-        "",
-        "from\n[s]",
-        "lasts\n[s]",
-        "drives alone\n[s]",
-        "pieces\nproven",
-        "smallest slack",
-    ]
+    headings = ["segment", "", "from\n[s]", "lasts\n[s]", "drives alone\n[s]", "pieces\nproven"]
+    headings.append("smallest slack")
     note = (
         "Drives alone: the time that the drives need without a load; no motion can be faster. Pieces proven: "
         "on each of so many pieces every limit holds at every moment. Slack: the unused part of a limit."

@@ -187,10 +187,8 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
         family = FAMILIES[name]
         difference = agreement(family, ideal, "Analytic and MuJoCo curves differ by at most")
         with_lag = agreement(family, velocity, "with velocity drives by")
-        text, title = (
-            f"{caption(family, shown)} {difference}, {with_lag}.",
-            f"{family.title}, {FEEDBACK[feedback]}",
-        )
+        text = f"{caption(family, shown)} {difference}, {with_lag}."
+        title = f"{family.title}, {FEEDBACK[feedback]}"
         options = {"alone": name == "space", "number": f"5.{position}"}
         yield Figure.drawn(title, text, family.draw, family, curves, **options)
 

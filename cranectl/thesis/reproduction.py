@@ -85,9 +85,7 @@ class Reproduction:
 
     designs: dict[str, Design]  # by controller, of the last scenario
     tables: dict[str, ThesisTable]  # by number, or "norms"
-    departures: tuple[
-        tuple[str, str, WorkspaceViolation], ...
-    ]  # runs that leave the rig: scenario, controller
+    departures: tuple[tuple[str, str, WorkspaceViolation], ...]  # scenario, controller, out of the rig
 
     def numbers(self) -> Iterator[tuple[str, str, str, Number]]:
         """Yield (table, controller, column, number) of all printed numbers."""

@@ -73,13 +73,10 @@ def what_differs(logs: Logs) -> Table | None:
     first = {label: next(iter(log.values())) for label, log in logs.items()}
     is_one_controller = len({run.design.name for run in first.values()}) == 1
     for label, run in first.items():
-        requested: dict[str, Any] = {
-            "plants": list(logs[label]),
-            "drives": run.drive,
-            "controller": run.controller,
-        }
+        requested = _parameters(run) if is_one_controller else {}
+        requested |= {"plants": list(logs[label]), "drives": run.drive, "controller": run.controller}
         requested["scenario"] = run.scenario.model_dump(mode="json", exclude={"controller"})
-        flat.append(dict(leaves((_parameters(run) if is_one_controller else {}) | requested)))
+        flat.append(dict(leaves(requested)))
     rows = {
         name.removeprefix("scenario."): [_text(each[name]) if name in each else "–" for each in flat]
         for name in dict.fromkeys(name for settings in flat for name in settings)
