@@ -40,7 +40,14 @@ def failures_section(divisions: list[Judged], result: Path | None) -> Iterator[S
         files = controller_files(judged.benchmark)
         trials = product(judged.best_first, judged.benchmark.sets)
         failures = filter(None, (first_failure(judged, controller, name) for controller, name in trials))
-        if rows := [_row(judged, failure, _command(judged, failure, result, files)) for failure in failures]:
+        rows = []
+        for failure in failures:
+            trial, status = failure.trial, failure.status
+            ended = "beyond a limit" if status == RunStatus.COMPLETED.label else status
+            places = trial.crane_set, trial.scenario, str(failure.sample), ended
+            command = Cell(_command(judged, failure, result, files), "code")
+            rows.append(cells(*named(judged, trial.controller), *places, command))
+        if rows:
             tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=7, folded=True))
     if tables:
         text = "The first failure of each on each set."
@@ -61,14 +68,6 @@ def first_failure(judged: Judged, controller: str, crane_set: str) -> FirstFailu
             trial = judged.trial(crane_set, scenario, controller)
             failures.append(FirstFailure(trial, sample, runs.status[sample]))
     return min(failures, key=lambda failure: failure.sample, default=None)
-
-
-def _row(judged: Judged, failure: FirstFailure, command: str) -> tuple[Cell, ...]:
-    """Return the row of a failure with the command that shows it."""
-    trial, status = failure.trial, failure.status
-    ended = "beyond a limit" if status == RunStatus.COMPLETED.label else status
-    places = trial.crane_set, trial.scenario, str(failure.sample), ended
-    return cells(*named(judged, trial.controller), *places, Cell(command, "code"))
 
 
 def _command(judged: Judged, failure: FirstFailure, result: Path | None, files: Mapping[str, str]) -> str:

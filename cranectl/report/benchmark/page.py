@@ -33,7 +33,12 @@ def benchmark_page(
     for judged in divisions:
         sections += [section for name in benchmark.sets for section in set_section(judged, name)]
         sections += [*radius_section(judged), *singles_section(judged), *second_section(judged)]
-    sections += [*failures_section(divisions, result), _provenance(table)]
+    texts = (
+        f"Digest of the rules: {table.about['rules']}. Seed of the cranes: {table.about['seed']}.",
+        f"Made by {'; some with '.join(_software(table.about['made_by']))}.",
+    )
+    sections += failures_section(divisions, result)
+    sections.append(Section("versions", "Digests and versions", texts))
     return Page(f"Benchmark {benchmark.name}", benchmark.title, tuple(sections), remade_by)
 
 
@@ -43,15 +48,6 @@ def judged_divisions(
     """Return those of the divisions that the table has."""
     there = {trial.division for trial in table.trials}
     return [Judged(benchmark, table, division, yours) for division in DIVISIONS if division in there]
-
-
-def _provenance(table: BenchmarkTable) -> Section:
-    """Return the digests and versions from which the table can be made again."""
-    texts = (
-        f"Digest of the rules: {table.about['rules']}. Seed of the cranes: {table.about['seed']}.",
-        f"Made by {'; some with '.join(_software(table.about['made_by']))}.",
-    )
-    return Section("versions", "Digests and versions", texts)
 
 
 def _summary(divisions: list[Judged]) -> Iterator[Section]:

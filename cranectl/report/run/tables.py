@@ -30,19 +30,17 @@ def run_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
     differing = {name: texts for name, texts in facts.items() if len(set(texts)) > 1}
     shared = [facts[name][0] for name in ("scenario", "controller", "drives") if name not in differing]
     differing["plant"] = [run.plant for run in runs]
-    rows = tuple(
-        (*cells(*identity), *_outcome(run)) for *identity, run in zip(*differing.values(), runs, strict=True)
-    )
+    rows = []
+    for *identity, run in zip(*differing.values(), runs, strict=True):
+        ended = Cell(run.status.label, "bad" if run.status.stopped else "good")
+        error, outside = "–", Cell("–")
+        if run.metrics is not None:
+            excess = max((left.max_excess_m for left in run.metrics.workspace_violations), default=0.0)
+            error = f"{run.metrics.max_error_m:.4f}"
+            outside = Cell(f"{excess:.4f}", "bad" if excess else "")
+        rows.append(cells(*identity, ended, f"{run.end_s:g}", error, outside))
     headings = (*differing, "ended", "at [s]", "max error [m]", "outside rig [m]")
-    return Table(", ".join(["Runs", *shared]), headings, rows, labels=len(differing) + 1)
-
-
-def _outcome(run: RunSummary) -> tuple[Cell, ...]:
-    ended = (Cell(run.status.label, "bad" if run.status.stopped else "good"), f"{run.end_s:g}")
-    if run.metrics is None:
-        return cells(*ended, "–", "–")
-    excess = max((violation.max_excess_m for violation in run.metrics.workspace_violations), default=0.0)
-    return cells(*ended, f"{run.metrics.max_error_m:.4f}", Cell(f"{excess:.4f}", "bad" if excess else ""))
+    return Table(", ".join(["Runs", *shared]), headings, tuple(rows), labels=len(differing) + 1)
 
 
 def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
@@ -65,10 +63,9 @@ def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
                 _text(metric, run.metrics, factor) for metric, (factor, _) in zip(shown, units, strict=True)
             )
             columns.setdefault((label, texts), []).append(run)
-    plants = (", ".join(run.plant for run in runs) for runs in columns.values())
-    headings = [
-        "\n".join(filter(None, pair)) for pair in zip((label for label, _ in columns), plants, strict=True)
-    ]
+    headings = []
+    for (label, _), runs in columns.items():
+        headings.append("\n".join(filter(None, (label, ", ".join(run.plant for run in runs)))))
     whole = [not runs[0].status.stopped and len(logs) > 1 for runs in columns.values()]
     rows = tuple(
         cells(metric.row.label, unit, *_best_marked(metric, texts, whole))
@@ -142,12 +139,11 @@ def limits_table(cases: Iterable[Sequence[RunSummary]], *, worst: int | None = N
 
 def topic_table(description: "LogDescription") -> Table:
     """Return a table of the topics of a log."""
-    rates = ["-" if topic.rate_hz is None else f"{topic.rate_hz:g}" for topic in description.topics]
-    rows = tuple(
-        cells(topic.topic, topic.schema, str(topic.messages), rate)
-        for topic, rate in zip(description.topics, rates, strict=True)
-    )
-    return Table("Topics", ("topic", "message", "messages", "rate [Hz]"), rows, labels=2)
+    rows = []
+    for topic in description.topics:
+        rate = "-" if topic.rate_hz is None else f"{topic.rate_hz:g}"
+        rows.append(cells(topic.topic, topic.schema, str(topic.messages), rate))
+    return Table("Topics", ("topic", "message", "messages", "rate [Hz]"), tuple(rows), labels=2)
 
 
 def agreement_summary(agreements: Sequence[Agreement], others: Sequence[str] = ()) -> Table:
@@ -261,7 +257,13 @@ def run_notes(results: Sequence[CaseResult]) -> list[str]:
     for result, run in ((case, run) for case in results for run in case.runs):
         if run.status.stopped and result.as_expected:
             expected_stops.setdefault((run.scenario, run.status.label), []).append(run.end_s)
-        for note in _notes(run, result.expected):
+        notes = []
+        if run.status.label != result.expected:
+            notes.append(f"{run.status.label} at {run.end_s:g} s: {run.status.explanation}")
+            notes += [f"expected to end with {result.expected}"] * (result.expected != "completed")
+        for left in run.metrics.workspace_violations if run.metrics is not None else ():
+            notes.append(f"{left.signal} leaves the workspace by up to {left.max_excess_m:.2f} m")
+        for note in notes:
             name = f"{run.scenario}, {run.controller}"
             where.setdefault((name, note), []).append(f"{run.plant}/{run.drive}")
     stops = [
@@ -276,12 +278,3 @@ def run_notes(results: Sequence[CaseResult]) -> list[str]:
         if agreement.curing_step_s is not None
     ]
     return [f"{name}: {note} ({', '.join(places)})" for (name, note), places in where.items()] + stops + steps
-
-
-def _notes(run: RunSummary, expected: str) -> Iterator[str]:
-    if run.status.label != expected:
-        yield f"{run.status.label} at {run.end_s:g} s: {run.status.explanation}"
-        if expected != "completed":
-            yield f"expected to end with {expected}"
-    for left in run.metrics.workspace_violations if run.metrics is not None else ():
-        yield f"{left.signal} leaves the workspace by up to {left.max_excess_m:.2f} m"
