@@ -18,6 +18,7 @@ from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.metrics import run_metrics
 from cranectl.metrics.limits import LimitVerdict
+from cranectl.planning import load_scenario
 from cranectl.render.opengl import no_opengl
 from cranectl.report.page import Figure, Page, Section, render, write_figures
 from cranectl.report.run.figures import FAMILIES, Family, RunCurve, largest_difference
@@ -25,12 +26,11 @@ from cranectl.report.run.first_screen import first_screen_of
 from cranectl.report.run.page import agreement, caption, log_page
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import STAND_IN
-from cranectl.scenario import Scenario
 from cranectl.signals import RESIDUAL, measured_groups
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.colours import COLOURS, LIGHT
-from tests.conftest import closed_loop, cut
+from tests.conftest import PAIR, closed_loop, cut
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
@@ -94,9 +94,15 @@ def curves(runs: dict[str, Run]) -> list[RunCurve]:
     return [RunCurve("lqr", "series-1", run, wide=plant == "analytic") for plant, run in runs.items()]
 
 
-@pytest.fixture
-def runs(short: Scenario) -> dict[str, Run]:
-    return {plant: simulate_run(short, plant=plant, controller="lqr") for plant in ("analytic", "mujoco")}
+@pytest.fixture(scope="module")
+def runs() -> dict[str, Run]:
+    """Half a second with disturbances; no test may change it."""
+    starts = ["disturbances.0.start=0.1", "disturbances.1.start=0.2"]
+    scenario = load_scenario("fixed-position", overrides=["duration=0.5", *starts])
+    made = {plant: simulate_run(scenario, plant=plant, controller="lqr") for plant in PAIR}
+    for run in made.values():
+        run.table.flags.writeable = False
+    return made
 
 
 # Families of figures of simulated runs, and the groups that only measured and predicted runs have.
@@ -268,8 +274,9 @@ def test_a_run_whose_last_sample_holds_what_stopped_it_is_logged_and_reported(
     """It is written, read, reported and compared like any other, and no verdict calls it good."""
     ended = []
     for run, value in zip(runs.values(), (-np.inf, np.nan), strict=True):
-        run.table[204] = value
-        ended.append(cut(run, 205, status=RunStatus.ENGINE_WARNING, end_ns=204_000_000))
+        broken = replace(run, table=run.table.copy())
+        broken.table[204] = value
+        ended.append(cut(broken, 205, status=RunStatus.ENGINE_WARNING, end_ns=204_000_000))
     log = {run.plant: run for run in ended}
     back = read_log(write_log(tmp_path / "a.mcap", ended))
     assert np.array_equal(back["mujoco"].table[-1], log["mujoco"].table[-1], equal_nan=True)
