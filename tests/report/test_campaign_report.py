@@ -205,11 +205,3 @@ def test_the_command_writes_page_and_json(capsys: pytest.CaptureFixture[str]) ->
     assert main(["campaign", "report", "kept", "--out", "again.html"]) == 0
     typed = re.compile("(?<=<code>)cranectl campaign report .*(?=</code>)")
     assert typed.sub("", Path("again.html").read_text()) == typed.sub("", page) != page
-
-
-def test_an_unfinished_result_must_be_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
-    write_all(two_controllers(), Path("kept"), leave=2)
-    assert main(["campaign", "report", "kept"]) == 2
-    assert "is not finished" in capsys.readouterr().err
-    assert main(["campaign", "report", "kept", "--unfinished"]) == 0
-    assert "INCOMPLETE: 24 of 80 runs are missing" in Path("kept.html").read_text()

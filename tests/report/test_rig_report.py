@@ -186,9 +186,6 @@ def test_ladder(steps: list[LevelResult]) -> None:
         adds = "" if step.cumulative is None else f"{1e3 * step.cumulative.final:.3g}"
         assert row["adds [mm] final"] == (adds, "")
     assert any(step.cumulative for step in steps)
-
-
-def test_ladder_says_what_stopped(steps: list[LevelResult]) -> None:
     last = steps[-1]
     stopped = replace(last.run, status=RunStatus.SLACK_ROPE, end_ns=250_000_000)
     row = cells(ladder_table([replace(last, run=stopped, metrics=None)]), last.level.name)
