@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from cranectl.log.reader import LogDescription
 
 MISSING = "-"
+MAX_NAMED_SCENARIOS = 3  # scenarios that a note names
 Judged = tuple[Agreement, str]  # with what else is wrong with its case
 SharedLimits = dict[str, tuple[float | None, float | None]]  # by drive; None where limits differ
 
@@ -241,13 +242,11 @@ def limit_notes(agreements: Sequence[Agreement]) -> list[str]:
     for agreement in agreements:
         if agreement.passed is None:
             where.setdefault((agreement.drive, agreement.limits), {})[agreement.scenario] = None
-    return [f"{few(list(names))}, {drive} drives: not judged: {why}" for (drive, why), names in where.items()]
-
-
-def few(names: Sequence[str], shown: int = 3) -> str:
-    """Return the first of the names, and how many more there are."""
-    more = len(names) - shown
-    return ", ".join(names) if more <= 0 else f"{', '.join(names[:shown])} and {more} more"
+    notes = []
+    for (drive, why), names in where.items():
+        more = f" and {len(names) - MAX_NAMED_SCENARIOS} more" if len(names) > MAX_NAMED_SCENARIOS else ""
+        notes.append(f"{', '.join([*names][:MAX_NAMED_SCENARIOS])}{more}, {drive} drives: not judged: {why}")
+    return notes
 
 
 def run_notes(results: Sequence[CaseResult]) -> list[str]:
