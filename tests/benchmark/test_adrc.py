@@ -1,38 +1,20 @@
-"""Test `adrc`: observers have three poles, the load has four, and a constant disturbance leaves no error."""
+"""Test `adrc`: the load has four poles, and a constant disturbance leaves no error.
 
-from math import exp, sqrt
+`tests/controllers/test_observer.py` has the poles of its observers.
+"""
+
+from math import sqrt
 
 import numpy as np
 import pytest
 
-from cranectl import open_controller
-from cranectl.controllers.observer import EXPECTED, advance, correct, make_observer
-from cranectl.planning import load_scenario
-from cranectl.simulate import simulate_run
-from cranectl.support.arrays import Array
 from tests.benchmark.linear_loop import GRAVITY, PERIOD, loop_matrix
-from tests.conftest import ROOT
+from tests.benchmark.runs import simulate
 from validation.benchmark.adrc import ADRC, MEMORY
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'adrc.py'}:ADRC"
+CONTROLLER = "adrc.py:ADRC"
 LENGTH = 0.7
 POLE = 0.7 * sqrt(GRAVITY / LENGTH)  # w_c [1/s]
-
-
-def test_observer_error_has_three_equal_poles() -> None:
-    bandwidth = 10.0 * POLE
-    observer = make_observer(bandwidth, period=PERIOD, gravity=GRAVITY)
-    chain = [1, 6, 11]  # position, velocity and disturbance of the second joint
-
-    def advance_error(error: Array) -> Array:
-        memory = np.zeros(EXPECTED.size)
-        memory[chain] = error
-        correct(observer, 1, 0.0, memory)
-        advance(memory, 1, 0.0, PERIOD)
-        return memory[chain]
-
-    matrix = np.array([advance_error(unit) for unit in np.eye(3)]).T
-    np.testing.assert_allclose(np.poly(matrix), np.poly([exp(-bandwidth * PERIOD)] * 3), rtol=1e-12)
 
 
 def test_load_poles_with_fast_observers() -> None:
@@ -46,8 +28,7 @@ def test_load_poles_with_fast_observers() -> None:
 def test_motion_near_rest_agrees_with_poles(plant: str) -> None:
     offset = 1e-2
     rest = ["duration=4.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, {offset}]"]
-    scenario = load_scenario("fixed-position", overrides=[*rest, "controller.adrc.observer=60.0"])
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
+    run = simulate(CONTROLLER, *rest, "controller.adrc.observer=60.0", plant=plant)
     wt, error = POLE * run.time, -run.block("error")
     expected = offset * (1.0 + wt + wt**2 / 2.0 + wt**3 / 6.0) * np.exp(-wt)
     np.testing.assert_allclose(error[:, 0], expected, atol=0.03 * offset)
@@ -62,8 +43,7 @@ def test_constant_disturbance_is_estimated_and_leaves_no_error(
     plant: str, drive: str, effects: list[str]
 ) -> None:
     """It leans the rope by b, so f_z = g b at rest, while b'' = f_b = 0."""
-    scenario = load_scenario("fixed-position", overrides=effects)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
+    run = simulate(CONTROLLER, *effects, plant=plant, drive=drive)
     late = run.time > 24.0
     state = run.block("state")[late].mean(axis=0)
     estimate = run.block("controller")[late].mean(axis=0)

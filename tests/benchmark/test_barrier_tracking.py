@@ -3,21 +3,13 @@
 import numpy as np
 import pytest
 
-from cranectl import open_controller
-from cranectl.planning import load_scenario
-from cranectl.simulate import Run, simulate_run
+from cranectl.simulate import Run
 from tests.benchmark.mechanics import energy_above_rest, integral, rope_directions
-from tests.conftest import ROOT
+from tests.benchmark.runs import SHORT_STEPS, simulate
 from validation.benchmark.barrier_tracking import barrier_force
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'barrier_tracking.py'}:BARRIER_TRACKING"
+CONTROLLER = "barrier_tracking.py:BARRIER_TRACKING"
 SIGN = np.array([1.0, 1.0, -1.0])  # the desired rope length is minus the desired height of the load
-
-
-def simulate(scenario: str, *overrides: str, plant: str, drive: str) -> Run:
-    controller = open_controller(CONTROLLER)
-    loaded = load_scenario(scenario, overrides=overrides)
-    return simulate_run(loaded, plant=plant, drive=drive, controller=controller)
 
 
 def bound_of(run: Run) -> float:
@@ -27,10 +19,7 @@ def bound_of(run: Run) -> float:
 def errors(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """Return the errors of the drives and their rates, (N, 3) each."""
     state = run.block("state")
-    return (
-        state[:, 0:6:2] - SIGN * run.reference[:, 0:3],
-        state[:, 1:6:2] - SIGN * run.reference[:, 3:6],
-    )
+    return (state[:, 0:6:2] - SIGN * run.reference[:, 0:3], state[:, 1:6:2] - SIGN * run.reference[:, 3:6])
 
 
 def lyapunov(run: Run) -> np.ndarray:
@@ -52,20 +41,12 @@ def losses(run: Run) -> np.ndarray:
     return (viscous + numbers["friction"] * rig.gravity * rate * np.tanh(rate / soft)) @ rig.driven_masses
 
 
-def test_barrier_force_is_minus_derivative_of_barrier() -> None:
-    stiffness, bound, step = 7.0, 0.4, 1e-6
-    for error in (-0.39, -0.2, 0.0, 0.1, 0.35):
-        low, high = ((error + side * step) ** 2 for side in (-1.0, 1.0))
-        energy = [0.5 * stiffness * bound**2 * square / (bound**2 - square) for square in (low, high)]
-        expected = -(energy[1] - energy[0]) / (2.0 * step)
-        assert barrier_force(stiffness, bound, error) == pytest.approx(expected, rel=1e-6, abs=1e-9)
-
-
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_lyapunov_function_has_derived_rate_while_hoisting(plant: str) -> None:
     offsets = ["initial.load_offset=[0.1, -0.1, 0.0]", "initial.alpha_offset=0.4", "initial.beta_offset=-0.3"]
-    short_steps = ["control.period=0.00025", "control.physics_step=0.00025", "workspace.on_exit='record'"]
-    run = simulate("fast-diagonal", "disturbances=[]", *offsets, *short_steps, plant=plant, drive="force")
+    steps = [*SHORT_STEPS, "workspace.on_exit='record'"]
+    scenario = {"scenario": "fast-diagonal", "plant": plant, "drive": "force"}
+    run = simulate(CONTROLLER, "disturbances=[]", *offsets, *steps, **scenario)
     rig, (n, n_rate), length = run.scenario.rig, rope_directions(run), run.block("state")[:, 4]
     pay_out, path = -run.reference[:, 5], run.reference[:, 6:8]
     hoisted = pay_out * (rig.gravity * (1.0 + n[:, 2]) - length * (n_rate**2).sum(axis=1))
@@ -87,14 +68,14 @@ def test_barrier_keeps_error_within_bound(plant: str) -> None:
     for barrier in (0.0, 0.3):
         share = f"controller.barrier-tracking.barrier={barrier}"
         run = simulate(
-            "fixed-position", "duration=8.0", disturbances, *settings, share, plant=plant, drive="velocity"
+            CONTROLLER, "duration=8.0", disturbances, *settings, share, plant=plant, drive="velocity"
         )
         largest = np.abs(errors(run)[0]).max(axis=0)
         assert (largest[1] > bound_of(run)) == (barrier == 0.0)
 
 
 def test_constant_disturbance_leaves_predicted_error() -> None:
-    run = simulate("fixed-position", "duration=80.0", plant="analytic", drive="ideal")
+    run = simulate(CONTROLLER, "duration=80.0")
     late = run.time > 70.0
     rig, numbers, n = run.scenario.rig, run.design.parameters, rope_directions(run)[0][late]
     tension = -rig.weight * n[:, 2]

@@ -5,14 +5,12 @@ from math import exp, sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_controller
-from cranectl.planning import load_scenario
-from cranectl.simulate import Run, simulate_run
+from cranectl.simulate import Run
 from cranectl.support.arrays import Array
-from tests.conftest import ROOT
+from tests.benchmark.runs import simulate
 from validation.benchmark.composite_nonlinear_feedback import WEIGHTS, linear_part
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'composite_nonlinear_feedback.py'}:CNF"
+CONTROLLER = "composite_nonlinear_feedback.py:CNF"
 FREQUENCY, RATIO, STRENGTH, SHARPNESS = 0.4, 0.3, 0.8, 2.0  # its defaults
 MAX_RHO = STRENGTH * (1.0 - exp(-SHARPNESS))
 GRAVITY, LENGTH, STEP = 9.81, 0.7, 0.7
@@ -23,8 +21,7 @@ LIMIT = 4.0 / GRAVITY  # of the laboratory's drives
 def point_to_point(*overrides: str, plant: str = "analytic") -> Run:
     """Simulate a move from rest to a set-point along x, with a rope of constant length."""
     rest = ["duration=15.0", "disturbances=[]", f"initial.load_offset=[{-STEP}, 0.0, 0.0]"]
-    scenario = load_scenario("fixed-position", overrides=[*rest, *overrides])
-    return simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
+    return simulate(CONTROLLER, *rest, *overrides, plant=plant)
 
 
 def axis_states(run: Run) -> Array:
@@ -86,12 +83,7 @@ def test_overshoot_is_smaller_than_that_of_linear_part(plant: str) -> None:
 
 def test_constant_disturbance_leaves_predicted_error() -> None:
     """The crane rests where F x + rho B'P x is zero, with the rope's lean in x."""
-    run = simulate_run(
-        load_scenario("fixed-position"),
-        plant="analytic",
-        drive="ideal",
-        controller=open_controller(CONTROLLER),
-    )
+    run = simulate(CONTROLLER)
     _, b, gain, cost = linear_part(FREQUENCY, RATIO)
     rho, state = run.block("controller")[-1, 0], axis_states(run)[-1]
     row = gain + rho * (b @ cost)

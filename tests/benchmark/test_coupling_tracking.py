@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 
-from cranectl import open_controller
-from cranectl.planning import load_scenario
-from cranectl.simulate import simulate_run
-from tests.conftest import ROOT
+from tests.benchmark.runs import simulate
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'coupling_tracking.py'}:COUPLING_TRACKING"
+CONTROLLER = "coupling_tracking.py:COUPLING_TRACKING"
 COUPLING = 2.0  # [m/s], its default; damping 4, stiffness 4: two poles at -2
 
 
@@ -17,8 +14,7 @@ def test_coupled_error_decays_for_any_load_motion(plant: str) -> None:
     """The solution of zeta' = -4 zeta - 4 integral of zeta, from an integral of e_0, is -4 e_0 t e^-2t."""
     offset = np.array([0.1, -0.05])
     overrides = [f"initial.load_offset=[{offset[0]}, {offset[1]}, 0.0]", "workspace.on_exit='record'"]
-    scenario = load_scenario("fast-diagonal", overrides=["disturbances=[]", *overrides])
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
+    run = simulate(CONTROLLER, "disturbances=[]", *overrides, scenario="fast-diagonal", plant=plant)
     coupled_error, t = run.block("controller")[:, :2], run.time[:, None]
     assert np.abs(run.block("state")[:, [6, 8]]).max() > 0.1, "the load swings"
     # Sampling every T = 1 ms causes an error of about T times the acceleration that the swing requires.
@@ -26,8 +22,7 @@ def test_coupled_error_decays_for_any_load_motion(plant: str) -> None:
 
 
 def test_constant_disturbance_causes_predicted_drift() -> None:
-    scenario = load_scenario("fixed-position", overrides=["workspace.on_exit='record'"])
-    run = simulate_run(scenario, plant="analytic", drive="ideal", controller=open_controller(CONTROLLER))
+    run = simulate(CONTROLLER, "workspace.on_exit='record'")
     late = run.time > run.time[-1] - 2.0
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1
     for rate, angle in ((1, 8), (3, 6)):

@@ -3,19 +3,12 @@
 import numpy as np
 import pytest
 
-from cranectl import open_controller
-from cranectl.planning import load_scenario
-from cranectl.simulate import Run, simulate_run
+from cranectl.simulate import Run
 from tests.benchmark.mechanics import energy_above_rest, integral, rope_directions
-from tests.conftest import ROOT
+from tests.benchmark.runs import simulate
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'end_effector_pd.py'}:END_EFFECTOR_PD"
+CONTROLLER = "end_effector_pd.py:END_EFFECTOR_PD"
 MOVE = "reference.segments=[{kind='line', to=[1.6, 1.2, -0.7], duration=2.0}]"
-
-
-def simulate(*overrides: str, plant: str, drive: str) -> Run:
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    return simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
 
 
 def gains(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -32,7 +25,7 @@ def gains(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_lyapunov_function_falls_by_damping(plant: str) -> None:
-    run = simulate("disturbances=[]", MOVE, plant=plant, drive="force")
+    run = simulate(CONTROLLER, "disturbances=[]", MOVE, plant=plant, drive="force")
     rig, state, length = run.scenario.rig, run.block("state"), 0.7
     stiffness, damping, lead = gains(run)
     n, n_rate = rope_directions(run)
@@ -51,7 +44,7 @@ def test_lyapunov_function_falls_by_damping(plant: str) -> None:
 
 
 def test_constant_disturbance_leaves_predicted_error() -> None:
-    run = simulate("duration=40.0", plant="analytic", drive="ideal")
+    run = simulate(CONTROLLER, "duration=40.0")
     stiffness, _, lead = gains(run)
     n, _ = rope_directions(run)
     tension = run.scenario.rig.weight * -n[-1, 2]

@@ -12,10 +12,7 @@ from cranectl.support.errors import InputError
 from tests.export.exported import export, library, prepared, same_bits
 
 CONTROLLERS = [name for name in read_benchmark("literature").laws if ".py:" in name]
-REFUSED = {
-    "MPPI": "has the type array",
-    "SUPER_TWISTING": "calls, within an expression",
-}
+REFUSED = {"MPPI": "has the type array", "SUPER_TWISTING": "calls, within an expression"}
 
 
 @pytest.fixture(autouse=True)

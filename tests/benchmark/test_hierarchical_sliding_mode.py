@@ -5,20 +5,12 @@ from math import log, sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_controller
-from cranectl.planning import load_scenario
-from cranectl.simulate import Run, simulate_run
-from tests.conftest import ROOT
+from tests.benchmark.runs import FOLDER, SHORT_STEPS, simulate
 from validation.benchmark.hierarchical_sliding_mode import surface_numbers
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'hierarchical_sliding_mode.py'}:HIERARCHICAL"
+CONTROLLER = "hierarchical_sliding_mode.py:HIERARCHICAL"
+RECORD = "workspace.on_exit='record'"
 GRAVITY, SHARE = 9.81, 0.3  # the default share
-
-
-def simulate(scenario: str, *overrides: str, plant: str) -> Run:
-    controller = open_controller(CONTROLLER)
-    loaded = load_scenario(scenario, overrides=["workspace.on_exit='record'", *overrides])
-    return simulate_run(loaded, plant=plant, drive="ideal", controller=controller)
 
 
 def surface_polynomial(rope: float, length: float, share: float) -> np.ndarray:
@@ -40,13 +32,9 @@ def test_poles_on_surface_are_equal(length: float, share: float) -> None:
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_surface_reaches_zero_as_predicted_while_hoisting(plant: str) -> None:
-    offsets = [
-        "initial.load_offset=[0.1, -0.08, 0.05]",
-        "initial.alpha_offset=-0.3",
-        "initial.beta_offset=0.4",
-    ]
-    short_steps = ["control.period=0.00025", "control.physics_step=0.00025"]
-    run = simulate("fast-diagonal", "disturbances=[]", *offsets, *short_steps, plant=plant)
+    offsets = ["initial.alpha_offset=-0.3", "initial.beta_offset=0.4"]
+    offsets += ["initial.load_offset=[0.1, -0.08, 0.05]", *SHORT_STEPS, RECORD]
+    run = simulate(CONTROLLER, "disturbances=[]", *offsets, scenario="fast-diagonal", plant=plant)
     surface, numbers = run.block("controller")[:, :3], run.design.parameters
     # The design uses the rope length of the path, not that of the initial state.
     k, r = numbers["decay"] * sqrt(GRAVITY / -run.reference[0, 2]), numbers["reach"] * GRAVITY
@@ -61,24 +49,14 @@ def test_surface_reaches_zero_as_predicted_while_hoisting(plant: str) -> None:
         assert np.abs(surface[after, axis]).max() < 1e-5 * first
 
 
-def test_constant_disturbance_leaves_predicted_error() -> None:
-    """It changes S by a g b = 0.2 m/s², which is less than r = 0.3 m/s²."""
-    run = simulate("fixed-position", "duration=30.0", plant="analytic")
-    state = run.block("state")[-1]
-    assert np.abs(run.block("disturbance")[-1]).max() > 0.1
-    for joint, angle, start in ((0, 8, 1.0), (2, 6, 0.77)):
-        expected = (8.0 + 9.0 * SHARE) * 0.7 * state[angle]
-        assert state[joint] - start == pytest.approx(expected, rel=1e-2)
-
-
 def test_disturbance_beyond_the_reach_leaves_the_surface_where_decay_balances_it() -> None:
     """As docs/reference/standings.md explains the failures of the tuned numbers."""
     name, lean, decay, reach = "controller.hierarchical-sliding-mode", 0.08, 0.15, 0.003
     settings = [f"{name}.decay={decay}", f"{name}.reach={reach}", "duration=30"]
     force = lean * GRAVITY
     settings.append(f"disturbances=[{{force=[{force}, 0.0, 0.0], start=1.0}}]")
-    standing_push = ROOT / "validation" / "benchmark" / "scenarios" / "standing-push.toml"
-    run = simulate(str(standing_push), "rig.load_mass=1.0", *settings, plant="analytic")
+    standing_push = str(FOLDER / "scenarios" / "standing-push.toml")
+    run = simulate(CONTROLLER, "rig.load_mass=1.0", *settings, RECORD, scenario=standing_push)
     length = run.scenario.reference.start[2]
     rate = decay * sqrt(GRAVITY / -length)
     expected = -(SHARE * lean - reach) * GRAVITY / rate

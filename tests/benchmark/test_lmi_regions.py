@@ -7,15 +7,11 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_are
 
-from cranectl import open_controller
 from cranectl.design.linear_systems import hinf_norm
-from cranectl.planning import load_scenario
-from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
-from tests.conftest import ROOT
+from tests.benchmark.runs import at_rest, simulate
 from validation.benchmark.lmi_regions import BACK_OFF, LMI_REGIONS, PUSH, SEEN, A, B, gains
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'lmi_regions.py'}:LMI_REGIONS"
 DEFAULT = tuple(float(parameter.default) for parameter in LMI_REGIONS.parameters[:4])
 NO_REGION = (0.0, 1e3, 0.0)
 
@@ -64,26 +60,9 @@ def test_empty_region_is_reported() -> None:
 @pytest.mark.parametrize("length", [0.4, 1.2])
 def test_motion_near_rest_agrees_with_poles(plant: str, length: float) -> None:
     offset, w = 1e-4, sqrt(9.81 / length)
-    rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", "reference.segments=[]"]
-    overrides = ["duration=3.0", *rest, f"initial.load_offset=[{offset}, 0.0, 0.0]"]
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
+    run = simulate("lmi_regions.py:LMI_REGIONS", *at_rest(length, offset, 3.0), plant=plant)
     closed = A - B @ gains(*DEFAULT)[0][np.newaxis]
     for k in (200, 700, 1500, 3000):
         drive, _, angle, _ = expm(closed * w * run.time[k])[:, 0] * offset
         assert run.block("state")[k, 0] - 1.0 == pytest.approx(drive, abs=5e-3 * offset)
         assert length * run.block("state")[k, 8] == pytest.approx(angle, abs=5e-3 * offset)
-
-
-def test_constant_disturbance_leaves_predicted_error() -> None:
-    run = simulate_run(
-        load_scenario("fixed-position", overrides=["duration=25.0"]),
-        plant="analytic",
-        drive="ideal",
-        controller=open_controller(CONTROLLER),
-    )
-    state, k = run.block("state")[-1], gains(*DEFAULT)[0]
-    assert np.abs(run.block("disturbance")[-1]).max() > 0.1
-    for joint, angle, start in ((0, 8, 1.0), (2, 6, 0.77)):
-        assert abs(state[angle]) > 0.01
-        assert state[joint] - start == pytest.approx(-state[4] * state[angle] * k[2] / k[0], rel=1e-3)

@@ -6,7 +6,6 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_controller
 from cranectl.metrics import run_metrics
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
@@ -21,12 +20,11 @@ from tests.benchmark.linear_loop import (
     regulator_poles,
     relative_distances,
 )
-from tests.conftest import ROOT
+from tests.benchmark.runs import FOLDER, at_rest, simulate
 from tests.controllers.own_controllers import known
 from validation.benchmark.lqg import LQG, MEMORY, kalman, prepare, regulator, step
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'lqg.py'}:LQG"
-
+CONTROLLER = "lqg.py:LQG"
 
 _step = jit(step)
 
@@ -72,9 +70,7 @@ def test_rope_filter_has_poles_of_chosen_modulus() -> None:
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_motion_near_rest_agrees_with_loop(plant: str) -> None:
     offset = 1e-3
-    overrides = ["duration=3.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, 0.0]"]
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
+    run = simulate(CONTROLLER, *at_rest(0.7, offset, 3.0), plant=plant)
     deviation = np.zeros(25)
     deviation[0] = deviation[10] = offset
     matrix, state = loop_matrix(LQG, 0.7, MEMORY.begun, MEMORY.flat), run.block("state")
@@ -89,8 +85,7 @@ def test_motion_near_rest_agrees_with_loop(plant: str) -> None:
     [("analytic", "ideal", []), ("mujoco", "velocity", []), ("mujoco", "velocity", ["effects.sensing={}"])],
 )
 def test_constant_disturbance_leaves_no_error(plant: str, drive: str, effects: list[str]) -> None:
-    scenario = load_scenario("fixed-position", overrides=effects)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
+    run = simulate(CONTROLLER, *effects, plant=plant, drive=drive)
     late = run.time > 22.0
     assert np.abs(run.block("disturbance")[-1]).min() > 0.1
     limit = 1e-4 if effects else 1e-6  # encoders read angles in steps
@@ -122,13 +117,10 @@ def test_fast_filter_excites_a_load_that_turns(
     """As docs/reference/standings.md explains the failures of the tuned numbers at the harbour."""
     numbers = {"error_weight": "2.614", "rate_weight": "0.376", "drive_filter": "5.383"}
     settings = {**numbers, "sway_filter": sway_filter}
-    scenario = load_scenario(
-        str(ROOT / "validation" / "benchmark" / "scenarios" / "harbour.toml"),
-        overrides=[
-            "duration=60",
-            *(f"controller.lqg.{name}={value}" for name, value in settings.items()),
-            *(f"effects.{effect}={{}}" for effect in ("limits", "sensing", "rope", "delay", *effects)),
-        ],
+    numbers = [f"controller.lqg.{name}={value}" for name, value in settings.items()]
+    shown = [f"effects.{effect}={{}}" for effect in ("limits", "sensing", "rope", "delay", *effects)]
+    harbour = str(FOLDER / "scenarios" / "harbour.toml")
+    run = simulate(
+        CONTROLLER, "duration=60", *numbers, *shown, scenario=harbour, plant="mujoco", drive="velocity"
     )
-    run = simulate_run(scenario, plant="mujoco", drive="velocity", controller=open_controller(CONTROLLER))
     assert (run_metrics(run).settling_time_s is not None) is is_settled

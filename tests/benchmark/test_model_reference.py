@@ -8,16 +8,15 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from cranectl import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
-from tests.conftest import ROOT
+from tests.benchmark.runs import simulate
 from tests.controllers.own_controllers import known
 from validation.benchmark.model_reference import MODEL_REFERENCE, model_and_cost, step
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'model_reference.py'}:MODEL_REFERENCE"
+CONTROLLER = "model_reference.py:MODEL_REFERENCE"
 POLE, BOUND, LAYER = 0.7, 0.05, 0.05  # its defaults
 GRAVITY, LENGTH = 9.81, 0.7
 FREQUENCY_UNIT = sqrt(GRAVITY / LENGTH)  # [1/s]
@@ -58,8 +57,7 @@ def test_model_has_its_poles_and_a_lyapunov_function(pole: float) -> None:
 def test_undisturbed_crane_moves_as_the_model(plant: str) -> None:
     offset = 1e-2
     overrides = ["duration=4.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, 0.0]"]
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
+    run = simulate(CONTROLLER, *overrides, plant=plant)
     closed, start = model_and_cost(POLE)[0], np.array([offset / LENGTH, 0.0, 0.0, 0.0])
     for k in (0, 300, 1000, 3000):
         expected = expm(FREQUENCY_UNIT * run.time[k] * closed) @ start
@@ -71,8 +69,7 @@ def test_undisturbed_crane_moves_as_the_model(plant: str) -> None:
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_lyapunov_function_falls_after_a_pulse_down_to_its_bound(plant: str) -> None:
     pulse = '[{joint="beta", start=0.5, end=0.7, magnitude=4.0}]'
-    scenario = load_scenario("fixed-position", overrides=["duration=8.0", f"disturbances={pulse}"])
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
+    run = simulate(CONTROLLER, "duration=8.0", f"disturbances={pulse}", plant=plant)
     cost = model_and_cost(POLE)[3]
     error = run.block("controller")[:, :4] / UNITS
     function = np.einsum("ki,ij,kj->k", error, cost, error)
@@ -100,8 +97,7 @@ def test_matched_disturbance_leaves_predicted_error_within_bound() -> None:
 
 @pytest.mark.parametrize(("plant", "drive"), [("analytic", "ideal"), ("mujoco", "velocity")])
 def test_constant_disturbance_of_load_leaves_predicted_error(plant: str, drive: str) -> None:
-    scenario = load_scenario("fixed-position")
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
+    run = simulate(CONTROLLER, plant=plant, drive=drive)
     error = run.block("controller")[-1, :4] / UNITS
     expected = error_at_rest(0.0, np.arcsin(LENGTH / GRAVITY))
     np.testing.assert_allclose(error, expected, atol=2e-2 * abs(expected[0]))

@@ -3,18 +3,10 @@
 import numpy as np
 import pytest
 
-from cranectl import open_controller
-from cranectl.planning import load_scenario
-from cranectl.simulate import Run, simulate_run
-from tests.conftest import ROOT
+from tests.benchmark.runs import simulate
 from validation.benchmark.mppi import KNOTS, MEMORY, PARAMETERS, STEPS, cost, normal, plan, uniform
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'mppi.py'}:MPPI"
-
-
-def simulate(*overrides: str, plant: str, scenario: str = "fixed-position") -> Run:
-    crane = load_scenario(scenario, overrides=overrides)
-    return simulate_run(crane, plant=plant, drive="velocity", controller=open_controller(CONTROLLER))
+CONTROLLER = "mppi.py:MPPI"
 
 
 def test_random_numbers_are_those_of_park_and_miller() -> None:
@@ -54,12 +46,10 @@ def test_average_agrees_with_closed_form_for_quadratic_cost() -> None:
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_observed_disturbance_leaves_small_error(plant: str) -> None:
-    with_observer, without_observer = (
-        simulate(*more, plant=plant) for more in (["effects.sensing.angle_noise=0.0"], ["duration=25.0"])
-    )
-    errors = [
-        np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (with_observer, without_observer)
-    ]
+    errors = []
+    for setting in ("effects.sensing.angle_noise=0.0", "duration=25.0"):  # with an observer, and without
+        run = simulate(CONTROLLER, setting, plant=plant, drive="velocity")
+        errors.append(np.abs(run.block("error")[run.time > 23.0, :2]).max())
     assert errors[0] < 0.005
     assert errors[1] > 0.05
 
@@ -67,7 +57,7 @@ def test_observed_disturbance_leaves_small_error(plant: str) -> None:
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_load_returns_and_runs_repeat(plant: str) -> None:
     overrides = ["disturbances=[]", "duration=6.0", "initial.load_offset=[0.1, -0.05, 0.02]"]
-    first, second = (simulate(*overrides, plant=plant) for _ in range(2))
+    first, second = (simulate(CONTROLLER, *overrides, plant=plant, drive="velocity") for _ in range(2))
     late = np.linalg.norm(first.block("error")[first.time > 5.0, :3], axis=1)
     assert late.max() < 0.003
     np.testing.assert_array_equal(first.table, second.table)

@@ -6,13 +6,10 @@ import control
 import numpy as np
 import pytest
 
-from cranectl import open_controller
-from cranectl.planning import load_scenario
-from cranectl.simulate import simulate_run
-from tests.conftest import ROOT
+from tests.benchmark.runs import at_rest, simulate
 from validation.benchmark.multi_objective_hinf import BACK_OFF, MULTI_OBJECTIVE_HINF, ORDER, controller
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'multi_objective_hinf.py'}:MULTI_OBJECTIVE_HINF"
+CONTROLLER = "multi_objective_hinf.py:MULTI_OBJECTIVE_HINF"
 DEFAULT = tuple(float(parameter.default) for parameter in MULTI_OBJECTIVE_HINF.parameters[:3])
 CRANE = control.ss([[0, 1, 0], [-1, 0, 1], [0, 0, 0]], [[0], [0], [1]], [[1, 0, 0]], 0.0)
 OMEGA = np.sort(np.concatenate([np.logspace(-5, 4, 40_001), np.linspace(0.5, 2.0, 20_001)]))
@@ -54,21 +51,10 @@ def test_sampled_controller_keeps_bounds_with_order_two(period: float) -> None:
 def test_motion_near_rest_agrees_with_loop(plant: str, drive: str, length: float) -> None:
     """The load has an initial error, and the drives lag between set-point and velocity."""
     offset, w, lag = 1e-4, sqrt(9.81 / length), 0.02
-    rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", "reference.segments=[]"]
-    overrides = ["duration=4.0", *rest, f"initial.load_offset=[{offset}, 0.0, 0.0]"]
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
+    run = simulate(CONTROLLER, *at_rest(length, offset, 4.0), plant=plant, drive=drive)
     lagging = control.ss([[-1.0 / (w * lag)]], [[1.0 / (w * lag)]], [[1.0]], 0.0)
     loop = controller(*DEFAULT)[0] * lagging * CRANE
     expected = control.step_response(control.feedback(1.0, loop), w * run.time).outputs
     deviation = -run.block("error")[:, 0] / offset
     assert deviation[0] == pytest.approx(1.0)
     np.testing.assert_allclose(deviation, expected, atol=0.02)
-
-
-@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_constant_disturbance_leaves_no_error(plant: str) -> None:
-    scenario = load_scenario("fixed-position")
-    run = simulate_run(scenario, plant=plant, drive="velocity", controller=open_controller(CONTROLLER))
-    assert np.abs(run.block("state")[-1, [6, 8]]).min() > 0.05, "the rope leans both ways"
-    assert np.abs(run.block("error")[-1, :2]).max() < 1e-5

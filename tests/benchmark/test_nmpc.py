@@ -5,16 +5,8 @@ import pytest
 
 from cranectl import open_controller
 from cranectl.campaign.benchmark.declared import information, variables_of
-from cranectl.planning import load_scenario
-from cranectl.simulate import Run, simulate_run
 from tests.benchmark.nmpc import FOLDER, build_library
-
-WITH_OFFSET = [
-    "disturbances=[]",
-    "duration=8.0",
-    "reference.start=[1.0, 0.77, -0.7]",
-    "reference.segments=[]",
-]
+from tests.benchmark.runs import at_rest, simulate
 
 
 @pytest.fixture(scope="module")
@@ -22,20 +14,13 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(build_library(tmp_path_factory.mktemp("nmpc")))
 
 
-def simulate(library: str, *overrides: str, plant: str, drive: str = "velocity") -> Run:
-    controller = open_controller(library)
-    numbers = [override.replace("nmpc.", "controller.nmpc.") for override in overrides]
-    scenario = load_scenario("fixed-position", overrides=numbers)
-    return simulate_run(scenario, plant=plant, drive=drive, controller=controller)
-
-
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_limits_hold_while_load_returns(library: str, plant: str) -> None:
     """For 0.5 m the limits act: 0.05 g and 0.1 sqrt(g l)."""
-    limits = ["nmpc.acceleration=0.05", "nmpc.speed=0.1", "nmpc.effort=1"]
-    run = simulate(
-        library, *WITH_OFFSET, *limits, "initial.load_offset=[0.5, -0.4, 0.0]", plant=plant, drive="ideal"
-    )
+    names = {"acceleration": 0.05, "speed": 0.1, "effort": 1.0}
+    limits = [f"controller.nmpc.{name}={value}" for name, value in names.items()]
+    settings = [*at_rest(0.7, 0.0, 8.0), *limits, "initial.load_offset=[0.5, -0.4, 0.0]"]
+    run = simulate(library, *settings, plant=plant)
     acceleration, speed = np.abs(run.block("input")[:, :2]).max(), np.abs(run.block("state")[:, [1, 3]]).max()
     assert acceleration == pytest.approx(0.05 * 9.81, rel=1e-9)
     # The quadratic programs stop after SPLITS iterations, so speeds keep their limits to 2 % only.
@@ -46,11 +31,10 @@ def test_limits_hold_while_load_returns(library: str, plant: str) -> None:
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_observed_disturbance_leaves_small_error(library: str, plant: str) -> None:
-    with_observer = simulate(library, "effects.sensing.angle_noise=0.0", plant=plant)
-    without_observer = simulate(library, plant=plant)
-    errors = [
-        np.abs(run.block("error")[run.time > 23.0, :2]).max() for run in (with_observer, without_observer)
-    ]
+    errors = []
+    for settings in (["effects.sensing.angle_noise=0.0"], []):  # with an observer, and without
+        run = simulate(library, *settings, plant=plant, drive="velocity")
+        errors.append(np.abs(run.block("error")[run.time > 23.0, :2]).max())
     assert errors[0] < 0.004
     assert errors[1] > 0.02
 
@@ -59,19 +43,16 @@ def test_harbour_crane_reaches_its_target(library: str) -> None:
     """Its numbers are relative to g and l, and its horizon is proportional to the control period."""
     names = ("limits", "rope", "body", "friction", "sensing", "delay", "wind")
     effects = [f"effects.{name}={{}}" for name in names]
-    harbour = load_scenario(FOLDER.parent / "scenarios" / "harbour.toml", overrides=effects)
-    run = simulate_run(harbour, plant="mujoco", drive="velocity", controller=open_controller(library))
-    assert np.linalg.norm(run.block("error")[-1, :3]) < harbour.metrics.settling_tolerance
+    harbour = str(FOLDER.parent / "scenarios" / "harbour.toml")
+    run = simulate(library, *effects, scenario=harbour, plant="mujoco", drive="velocity")
+    assert np.linalg.norm(run.block("error")[-1, :3]) < run.scenario.metrics.settling_tolerance
 
 
-def test_controller_declares_that_it_reads_only_gravity(library: str) -> None:
+def test_controller_declares_what_it_reads_and_what_tuning_may_change(library: str) -> None:
     """It gets no other number of the rig: see `test_a_library_gets_what_it_declares_to_read`."""
-    facts = information(open_controller(library))
+    controller = open_controller(library)
+    facts, variables = information(controller), variables_of(controller)
     assert (facts["rig"], facts["preview"]) == (["gravity"], 1000)
-
-
-def test_defaults_are_between_bounds_of_tuning(library: str) -> None:
-    variables = variables_of(open_controller(library))
     keys = [variable.key.removeprefix("controller.nmpc.") for variable in variables]
     assert keys == ["rate", "effort", "acceleration", "speed"]
     assert all(variable.low < variable.start < variable.high for variable in variables)

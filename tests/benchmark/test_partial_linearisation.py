@@ -5,26 +5,15 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_controller
-from cranectl.planning import load_scenario
-from cranectl.simulate import Run, simulate_run
+from cranectl.simulate import Run
 from cranectl.support.errors import InputError
 from tests.benchmark.linear_loop import GRAVITY, PERIOD, nominal_at
-from tests.conftest import ROOT
+from tests.benchmark.runs import at_rest, simulate
 from validation.benchmark.partial_linearisation import LINEARISATION, polynomial, prepare
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'partial_linearisation.py'}:LINEARISATION"
+CONTROLLER = "partial_linearisation.py:LINEARISATION"
 POSITION, SWING, SHARE = 0.45, 1.8, 0.3  # its defaults
 UNDISTURBED = ["duration=4.0", "disturbances=[]"]
-
-
-def simulate(*overrides: str, plant: str, drive: str, assumed: str = "") -> Run:
-    """Simulate a run whose controller assumes a rig with the setting `assumed`, or the actual rig."""
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    nominal = load_scenario("fixed-position", overrides=[*overrides, assumed]) if assumed else None
-    return simulate_run(
-        scenario, nominal=nominal, plant=plant, drive=drive, controller=open_controller(CONTROLLER)
-    )
 
 
 def acceleration_error(run: Run) -> float:
@@ -37,11 +26,9 @@ def acceleration_error(run: Run) -> float:
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_drives_are_linear_for_any_swing_with_right_masses(plant: str) -> None:
     initial_swing = ["initial.alpha_offset=0.5", "initial.beta_offset=-0.6"]
-    assert acceleration_error(simulate(*UNDISTURBED, *initial_swing, plant=plant, drive="force")) < 0.01
-    with_wrong_mass = simulate(
-        *UNDISTURBED, *initial_swing, plant=plant, drive="force", assumed="rig.load_mass=1.5"
-    )
-    assert acceleration_error(with_wrong_mass) > 0.1
+    for assumed, is_linear in (([], True), (["rig.load_mass=1.5"], False)):
+        run = simulate(CONTROLLER, *UNDISTURBED, *initial_swing, plant=plant, drive="force", assumed=assumed)
+        assert acceleration_error(run) < 0.01 if is_linear else acceleration_error(run) > 0.1
 
 
 @pytest.mark.parametrize("length", [0.2, 0.7, 1.4])
@@ -74,7 +61,7 @@ def test_exactly_unstable_settings_are_refused() -> None:
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_motion_near_rest_agrees_with_polynomial(plant: str) -> None:
     offset, length = 1e-3, 0.7
-    run = simulate(*UNDISTURBED, f"initial.load_offset=[{offset}, 0.0, 0.0]", plant=plant, drive="force")
+    run = simulate(CONTROLLER, *at_rest(length, offset, 4.0), plant=plant, drive="force")
     pole = sqrt(GRAVITY / length)
     roots = np.roots(polynomial(POSITION, SWING, SHARE))
     # e and its first three derivatives at the start, with times in sqrt(l/g): e'' = -a² e, b'' = a² e/l.
@@ -83,12 +70,3 @@ def test_motion_near_rest_agrees_with_polynomial(plant: str) -> None:
     weights = np.linalg.solve(np.vander(roots, 4, increasing=True).T, [1.0, 0.0, -square, jerk])
     expected = (np.exp(np.outer(pole * run.time, roots)) @ weights).real
     np.testing.assert_allclose(run.block("state")[:, 0] - 1.0, offset * expected, atol=0.01 * offset)
-
-
-@pytest.mark.parametrize(("plant", "drive"), [("analytic", "ideal"), ("mujoco", "velocity")])
-def test_constant_disturbance_leaves_predicted_error(plant: str, drive: str) -> None:
-    state = simulate(plant=plant, drive=drive).block("state")[-1]
-    for joint, angle, start in ((0, 8, 1.0), (2, 6, 0.77)):
-        assert abs(state[angle]) > 0.05
-        expected = SHARE * (SWING**2 - 1.0) * state[4] * state[angle] / POSITION**2
-        assert state[joint] - start == pytest.approx(expected, rel=1e-3)

@@ -3,23 +3,15 @@
 import numpy as np
 import pytest
 
-from cranectl import open_controller
-from cranectl.planning import load_scenario
-from cranectl.simulate import Run, simulate_run
 from tests.benchmark.mechanics import energy_above_rest, integral
-from tests.conftest import ROOT
+from tests.benchmark.runs import simulate
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'quasi_pid.py'}:QUASI_PID"
+CONTROLLER = "quasi_pid.py:QUASI_PID"
+RECORD = "workspace.on_exit='record'"
 MOVE = "reference.segments=[{kind='line', to=[1.6, 1.2, -0.7], duration=2.0}]"
 DRIVES, LENGTH, GRAVITY = [0, 2], 0.7, 9.81  # indices of bridge and trolley in the state
 FREQUENCY_UNIT = np.sqrt(GRAVITY / LENGTH)
 WEIGHT = GRAVITY * np.array([9.5, 3.5])  # [N] of bridge, trolley and load, and of trolley and load
-
-
-def simulate(*overrides: str, plant: str, drive: str) -> Run:
-    controller = open_controller(CONTROLLER)
-    scenario = load_scenario("fixed-position", overrides=["workspace.on_exit='record'", *overrides])
-    return simulate_run(scenario, plant=plant, drive=drive, controller=controller)
 
 
 @pytest.mark.parametrize("integral_gain", [0.0, 0.01])
@@ -28,7 +20,7 @@ def test_lyapunov_function_has_derived_rate_and_falls_without_integral(
     plant: str, integral_gain: float
 ) -> None:
     setting = f"controller.quasi-pid.integral={integral_gain}"
-    run = simulate("disturbances=[]", MOVE, setting, plant=plant, drive="force")
+    run = simulate(CONTROLLER, RECORD, "disturbances=[]", MOVE, setting, plant=plant, drive="force")
     numbers, state, summed = run.design.parameters, run.block("state"), run.block("controller")[:, :2]
     error, rate = (state[:, DRIVES] - [1.6, 1.2]) / LENGTH, state[:, [1, 3]] / (FREQUENCY_UNIT * LENGTH)
     cross = numbers["cross"]
@@ -50,7 +42,7 @@ def test_lyapunov_function_has_derived_rate_and_falls_without_integral(
 def test_force_is_bounded_for_any_target() -> None:
     far = "reference.segments=[{kind='line', to=[100.0, -50.0, -0.7], duration=20.0}]"
     ranges = ["rig.bridge_range=[-2000.0, 2000.0]", "rig.trolley_range=[-2000.0, 2000.0]"]
-    run = simulate("duration=20.0", "disturbances=[]", far, *ranges, plant="analytic", drive="force")
+    run = simulate(CONTROLLER, RECORD, "duration=20.0", "disturbances=[]", far, *ranges, drive="force")
     numbers = run.design.parameters
     bound = sum(numbers[name] for name in ("spring", "damper", "swing", "integral")) * WEIGHT
     force = np.abs(run.block("command")[:, :2])
@@ -60,7 +52,7 @@ def test_force_is_bounded_for_any_target() -> None:
 
 def test_constant_disturbance_leaves_no_error_of_drive() -> None:
     """The leaning rope pulls with 0.7 N, and the integral can hold 5.6 and 2.1 N."""
-    run = simulate("duration=200.0", "controller.quasi-pid.integral=0.06", plant="analytic", drive="ideal")
+    run = simulate(CONTROLLER, RECORD, "duration=200.0", "controller.quasi-pid.integral=0.06")
     state = run.block("state")
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1
     assert np.abs(state[-1, DRIVES] - [1.0, 0.77]).max() < 1e-2

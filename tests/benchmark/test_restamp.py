@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
@@ -54,13 +53,3 @@ def test_nothing_is_written_if_one_digit_differs(
     assert "rms_error_m" in capsys.readouterr().out
     assert restamp.TABLE.read_bytes() == before
     assert all(read_toml(numbers)["rules"] == "old" for numbers in restamp.NUMBERS[0].glob("*.toml"))
-
-
-def test_run_with_another_outcome_differs(table: BenchmarkTable) -> None:
-    runs = next(iter(table.trials.values()))
-    run = runs.first(1)
-    assert restamp.differences(run, runs, 0) == []
-    stopped = replace(run, failed=~run.failed, status=("slack-rope",))
-    assert len(restamp.differences(stopped, runs, 0)) == 2
-    missing = {name: np.full(1, np.nan) for name in run.metrics}
-    assert restamp.differences(replace(run, metrics=missing), runs, 0)

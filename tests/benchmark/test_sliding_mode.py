@@ -5,10 +5,7 @@ from math import exp, log, sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_controller
 from cranectl.controllers.observer import EXPECTED
-from cranectl.planning import load_scenario
-from cranectl.simulate import Run, simulate_run
 from cranectl.support.arrays import Array
 from tests.benchmark.linear_loop import (
     GRAVITY,
@@ -18,10 +15,10 @@ from tests.benchmark.linear_loop import (
     regulator_poles,
     relative_distances,
 )
-from tests.conftest import ROOT
+from tests.benchmark.runs import at_rest, simulate
 from validation.benchmark.sliding_mode import MEMORY, SLIDING_MODE_OBSERVER
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'sliding_mode.py'}:SLIDING_MODE_OBSERVER"
+CONTROLLER = "sliding_mode.py:SLIDING_MODE_OBSERVER"
 LENGTH = 0.7
 POLE = sqrt(GRAVITY / LENGTH)  # [1/s]
 SLOPE, SWAY_SLOPE = 0.19245 * POLE, 1.5396 * POLE * LENGTH  # lambda [1/s], kappa [m/s]
@@ -29,11 +26,6 @@ REACH, SWITCH, LAYER = 2.0 * POLE, 0.05 * GRAVITY, 0.02 * POLE * LENGTH  # W [1/
 LAYER_POLE = REACH + SWITCH / LAYER  # [1/s], decay of s in the layer
 DECAY = exp(-10.0 * POLE * PERIOD)  # of the observer's error over a sample
 GAIN = np.array([[1.0 - DECAY**2], [(1.0 - DECAY) ** 2 / PERIOD]])
-
-
-def simulate(*overrides: str, plant: str = "analytic", drive: str = "ideal") -> Run:
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    return simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
 
 
 def crane() -> tuple[Array, Array, Array]:
@@ -67,14 +59,13 @@ def test_loop_poles_are_those_of_controller_and_observer() -> None:
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_layer_is_reached_in_finite_time_and_kept(plant: str) -> None:
     """Outside the layer s' = -W s - K for any angle, and inside s' = -(W + K/phi) s."""
-    offset, at_rest = 0.4, SWITCH / REACH
-    overrides = ["duration=10.0", "disturbances=[]", f"initial.load_offset=[{offset}, 0.0, 0.0]"]
-    run = simulate(*overrides, plant=plant)
+    offset, drift = 0.4, SWITCH / REACH
+    run = simulate(CONTROLLER, *at_rest(LENGTH, offset, 10.0), plant=plant)
     surface, t = run.block("controller")[:, 0], run.time
     start = SLOPE * offset
     assert start > 2.0 * LAYER
-    reached = log((start + at_rest) / (LAYER + at_rest)) / REACH
-    outside = (start + at_rest) * np.exp(-REACH * t) - at_rest
+    reached = log((start + drift) / (LAYER + drift)) / REACH
+    outside = (start + drift) * np.exp(-REACH * t) - drift
     inside = LAYER * np.exp(-LAYER_POLE * (t - reached))
     # Sampling with period T changes a decay with rate k by a factor of about 1 + k T/2.
     limit = 0.5 * PERIOD * LAYER_POLE * start
@@ -85,7 +76,7 @@ def test_layer_is_reached_in_finite_time_and_kept(plant: str) -> None:
 @pytest.mark.parametrize(("plant", "drive"), [("analytic", "ideal"), ("mujoco", "velocity")])
 def test_constant_disturbance_leaves_predicted_error(plant: str, drive: str) -> None:
     """The observer does not know the disturbance, so its angle lags by r, and so does its rate."""
-    run = simulate(plant=plant, drive=drive)
+    run = simulate(CONTROLLER, plant=plant, drive=drive)
     state, disturbance = run.block("state")[-1], 1.0
     lag = disturbance * PERIOD**2 / (1.0 - DECAY) ** 2
     rate = 0.5 * PERIOD * disturbance - GAIN[0, 0] * lag / PERIOD

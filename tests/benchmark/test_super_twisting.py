@@ -6,28 +6,17 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from cranectl import open_controller
 from cranectl.planning import load_scenario
-from cranectl.simulate import Run, simulate_run
+from cranectl.simulate import simulate_run
 from cranectl.support.jit import jit
-from tests.conftest import ROOT
+from tests.benchmark.runs import at_rest, simulate
 from tests.controllers.own_controllers import known
 from validation.benchmark.super_twisting import SUPER_TWISTING, slopes, step
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'super_twisting.py'}:SUPER_TWISTING"
-HOLD = ["duration=8.0", "disturbances=[]", "reference.start=[1.0, 0.77, -0.7]", "reference.segments=[]"]
+HOLD = at_rest(0.7, 0.0, 8.0)
 DISTURBANCE = 0.3  # [m/s²] of the bridge
 
 _step = jit(step)
-
-
-def simulate(scenario: str, *overrides: str, plant: str = "analytic", drive: str = "ideal") -> Run:
-    return simulate_run(
-        load_scenario(scenario, overrides=overrides),
-        plant=plant,
-        drive=drive,
-        controller=open_controller(CONTROLLER),
-    )
 
 
 @pytest.mark.parametrize("length", [0.05, 0.7, 1.4, 40.0])
@@ -41,7 +30,8 @@ def test_poles_on_surface_are_equal(length: float) -> None:
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_surface_is_reached_in_finite_time_and_kept(plant: str) -> None:
-    run = simulate("fixed-position", *HOLD, "initial.load_offset=[0.05, -0.03, 0.02]", plant=plant)
+    offset = "initial.load_offset=[0.05, -0.03, 0.02]"
+    run = simulate("super_twisting.py:SUPER_TWISTING", *HOLD, offset, plant=plant)
     surface = np.abs(run.block("controller")[:, :3])
     assert surface[0].min() > 0.02
     # With samples every T = 1 ms, the step k_1 |s|^(1/2) T overshoots zero below |s| = k_1² T².
@@ -70,13 +60,3 @@ def test_integral_rejects_constant_disturbance_of_drives(twist_gain: float) -> N
         assert surface.max() < (1.5e-3) ** 2
     else:
         assert surface[-1] == pytest.approx((DISTURBANCE / 1.5) ** 2, rel=1e-3)
-
-
-def test_constant_disturbance_leaves_predicted_error() -> None:
-    run = simulate("fixed-position", "duration=20.0")
-    state = run.block("state")[-1]
-    assert np.abs(run.block("disturbance")[-1]).max() > 0.1
-    for joint, angle, start in ((0, 8, 1.0), (2, 6, 0.77)):
-        assert state[joint] - start == pytest.approx(8.0 * state[4] * state[angle], rel=1e-3)
-    error = np.linalg.norm(run.block("error")[-1, :2])
-    assert error == pytest.approx(9.0 * state[4] * np.hypot(state[6], state[8]), rel=2e-3)

@@ -2,26 +2,12 @@
 
 from math import comb, exp
 
-import numpy as np
 import pytest
 
-from cranectl import open_controller
-from cranectl.planning import load_scenario
-from cranectl.simulate import simulate_run
-from tests.conftest import ROOT
+from tests.benchmark.runs import at_rest, simulate
 from validation.benchmark.swing_damping_servo import gains
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'swing_damping_servo.py'}:SWING_DAMPING_SERVO"
 POLE = 2.5  # [1/s], its default
-
-
-@pytest.mark.parametrize("length", [0.05, 0.7, 1.4, 40.0])
-def test_all_four_poles_are_equal(length: float) -> None:
-    g = 9.81
-    k_p, k_d, k_b, k_w = gains(length, g, POLE)
-    servo = np.polymul([length, 0.0, g], [1.0, k_d, k_p])
-    polynomial = np.polyadd(servo, [k_w, k_b, 0.0, 0.0])
-    np.testing.assert_allclose(polynomial / length, np.poly([-POLE] * 4), rtol=1e-12)
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
@@ -29,10 +15,7 @@ def test_all_four_poles_are_equal(length: float) -> None:
 def test_motion_near_rest_agrees_with_poles(plant: str, length: float) -> None:
     """The error e starts at e_0 at rest with a plumb rope, and follows from the polynomial (r + p)⁴."""
     offset, g = 1e-4, 9.81
-    rest = ["disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", "reference.segments=[]"]
-    overrides = ["duration=4.0", *rest, f"initial.load_offset=[{offset}, 0.0, 0.0]"]
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive="ideal", controller=open_controller(CONTROLLER))
+    run = simulate("swing_damping_servo.py:SWING_DAMPING_SERVO", *at_rest(length, offset, 4.0), plant=plant)
     k_p, k_d, k_b, k_w = gains(length, g, POLE)
     # e and its derivatives at 0 follow from the equations; e(t) = (c0 + c1 t + c2 t² + c3 t³) e^-pt.
     e = [offset, 0.0, -k_p * offset]

@@ -6,13 +6,9 @@ import control
 import numpy as np
 import pytest
 
-from cranectl import open_controller
-from cranectl.planning import load_scenario
-from cranectl.simulate import simulate_run
-from tests.conftest import ROOT
+from tests.benchmark.runs import at_rest, simulate
 from validation.benchmark.two_degree_of_freedom import BACK_OFF, TWO_DOF, controller, model
 
-CONTROLLER = f"{ROOT / 'validation' / 'benchmark' / 'two_degree_of_freedom.py'}:TWO_DOF"
 GAIN, SPEED, RHO = (float(parameter.default) for parameter in TWO_DOF.parameters[:3])
 CRANE = control.ss([[0, 1, 0], [-1, 0, 1], [0, 0, 0]], [[0], [0], [1]], [[1, 0, 0]], 0.0)
 OMEGA = np.logspace(-3, 4, 20_001)
@@ -75,20 +71,11 @@ def test_motion_on_a_path_agrees_with_loop(plant: str, drive: str, tolerance: fl
     """The request is T_ref⁻¹ of a short path, and the drives lag between set-point and velocity."""
     w, lag = sqrt(9.81 / length), 0.02
     path = f"reference.segments=[{{kind='line', to=[1.02, 0.77, {-length}], duration=2.0}}]"
-    overrides = ["duration=6.0", "disturbances=[]", f"reference.start=[1.0, 0.77, {-length}]", path]
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=open_controller(CONTROLLER))
+    settings = [*at_rest(length, 0.0, 6.0), path]
+    run = simulate("two_degree_of_freedom.py:TWO_DOF", *settings, plant=plant, drive=drive)
     pole, rows = w * SPEED, run.reference[:, 0::3] - [1.0, 0.0, 0.0, 0.0, 0.0]
     requested = rows[:, :4] @ [1.0, 3.0 / pole, 3.0 / pole**2, 1.0 / pole**3]
     expected = control.forced_response(closed_loop(SPEED, RHO, w * lag), w * run.time, requested).outputs
     load = rows[:, 0] - run.block("error")[:, 0]
     assert np.abs(load - rows[:, 0]).max() > 5e-4, "the loop does not follow the path exactly"
     np.testing.assert_allclose(load, expected, atol=tolerance)
-
-
-@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
-def test_constant_disturbance_leaves_no_error(plant: str) -> None:
-    scenario = load_scenario("fixed-position")
-    run = simulate_run(scenario, plant=plant, drive="velocity", controller=open_controller(CONTROLLER))
-    assert np.abs(run.block("state")[-1, [6, 8]]).min() > 0.05, "the rope leans both ways"
-    assert np.abs(run.block("error")[-1, :2]).max() < 1e-4
