@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
 from cranectl.loaders.opening import close_controllers
 from tests.campaign.benchmark.tiny import STEP
 
@@ -114,10 +115,17 @@ SERVO = Controller(
 
 
 @pytest.fixture
-def small(tmp_path: Path) -> Iterator[Path]:
-    """Write a small benchmark with its controller and scenario, and return its file."""
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Write a small benchmark with its controller and scenario, enter its folder, and return its file."""
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "short.toml").write_text(SHORT)
     (tmp_path / "servo.py").write_text(SERVO)
     (tmp_path / "small.toml").write_text(SMALL)
     yield tmp_path / "small.toml"
     close_controllers()
+
+
+@pytest.fixture
+def benchmark(small: Path) -> Benchmark:
+    """Return the small benchmark."""
+    return read_benchmark(str(small))

@@ -31,8 +31,8 @@ def both_divisions(benchmark: Benchmark, ours: float = 0.01) -> BenchmarkTable:
     return join_tables(tables)
 
 
-def test_page_begins_with_pictures_and_has_caveats_above_tables(small: Path) -> None:
-    shown = sections(read_benchmark(str(small)), both_divisions(read_benchmark(str(small))))
+def test_page_begins_with_pictures_and_has_caveats_above_tables(benchmark: Benchmark) -> None:
+    shown = sections(benchmark, both_divisions(benchmark))
     first, second, third, fourth, *_ = shown
     assert (first, second, third, fourth) == ("result", "conclusions", "caveats", "before-after")
     titles = [figure.title for figure in shown[first].figures]
@@ -43,8 +43,7 @@ def test_page_begins_with_pictures_and_has_caveats_above_tables(small: Path) -> 
     assert not any(shown[anchor].tables for anchor in (first, second, third))
 
 
-def test_three_sentences_are_made_from_the_runs(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
+def test_three_sentences_are_made_from_the_runs(benchmark: Benchmark) -> None:
     least, beaten, tuning = sections(benchmark, both_divisions(benchmark))["conclusions"].paragraphs
     assert least == (
         f"On wide, the set with the widest spread, {OURS} (ours) comes first: it fails in 2.5 % of 40 runs "
@@ -57,8 +56,7 @@ def test_three_sentences_are_made_from_the_runs(small: Path) -> None:
     )
 
 
-def test_page_names_the_controller_that_beats_ours_and_why(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
+def test_page_names_the_controller_that_beats_ours_and_why(benchmark: Benchmark) -> None:
     results = table(benchmark, {OURS: runs(0.03, failures=1), "better": runs(0.01)}, "published")
     _, beaten, tuning = sections(benchmark, results)["conclusions"].paragraphs
     assert beaten == (
@@ -68,8 +66,7 @@ def test_page_names_the_controller_that_beats_ours_and_why(small: Path) -> None:
     assert tuning.startswith("Controllers ran in one division only")
 
 
-def test_without_ours_the_page_names_the_undominated(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
+def test_without_ours_the_page_names_the_undominated(benchmark: Benchmark) -> None:
     results = table(benchmark, {"first": runs(0.01), "second": runs(0.02)}, "published")
     shown = sections(benchmark, results)
     assert shown["conclusions"].paragraphs[1].endswith("effort on every set: first.")
@@ -80,8 +77,7 @@ def caveats(shown: dict[str, Section]) -> str:
     return "\n".join(shown["caveats"].paragraphs)
 
 
-def test_caveats_say_who_is_told_limits_and_whom_tuning_harms(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
+def test_caveats_say_who_is_told_limits_and_whom_tuning_harms(benchmark: Benchmark) -> None:
     results = both_divisions(benchmark)
     results.about["laws"] |= {name: {**FACTS, "file": "", "rig": ["limits"]} for name in (OURS, "helped")}
     text = caveats(sections(benchmark, results))
@@ -91,8 +87,7 @@ def test_caveats_say_who_is_told_limits_and_whom_tuning_harms(small: Path) -> No
     assert "1. We wrote lqr-offset-free ourselves." in text
 
 
-def test_numbers_before_and_after_tuning_are_side_by_side(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
+def test_numbers_before_and_after_tuning_are_side_by_side(benchmark: Benchmark) -> None:
     wide, nominal = sections(benchmark, both_divisions(benchmark))["before-after"].tables
     assert (wide.folded, nominal.folded) == (False, True)
     rows = {row[0].text: row for row in wide.rows}
@@ -106,7 +101,7 @@ def test_yours_is_marked_and_shown_where_scenarios_are_missing(small: Path, shar
     """With one of two scenarios it is not ranked, but stands in the table and in the picture."""
     text = small.read_text(encoding="utf-8")
     small.write_text(text.replace('suits = ["path"]\nset', 'suits = ["path", "set-point"]\nset'))
-    benchmark = read_benchmark(str(small))
+    benchmark = read_benchmark("small.toml")
     results = table(benchmark, {"lqr-integral": runs(0.02), "mine": runs(0.01)}, "published", "tuned")
     trials = {trial: of for trial, of in results.trials.items() if trial[0] != "tuned" or trial[4] != "mine"}
     for trial in list(trials):
@@ -122,9 +117,8 @@ def test_yours_is_marked_and_shown_where_scenarios_are_missing(small: Path, shar
     assert rows["mine (yours)"][3:5] == ["16" if shared else "8", "0.0"]
 
 
-def test_names_in_a_picture_cover_no_mark_and_no_other_name(small: Path) -> None:
+def test_names_in_a_picture_cover_no_mark_and_no_other_name(benchmark: Benchmark) -> None:
     """All controllers fail alike and settle alike, which crowds their names."""
-    benchmark = read_benchmark(str(small))
     names = [f"controller-{k}" for k in range(6)]
     results = table(benchmark, {name: runs(0.01) for name in names}, "published")
     drawing = draw_set(Judged(benchmark, results, "published", set(names)), "wide")
@@ -133,8 +127,7 @@ def test_names_in_a_picture_cover_no_mark_and_no_other_name(small: Path) -> None
     assert np.diff(np.sort(heights)).min() >= 10.0
 
 
-def test_place_on_a_front_by_effort_alone_is_named(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
+def test_place_on_a_front_by_effort_alone_is_named(benchmark: Benchmark) -> None:
     cheap, best = runs(0.03, failures=2, effort=0.1), runs(0.01, effort=1.0)
     results = table(benchmark, {"cheap": cheap, "best": best}, "published")
     rows = {row[0]: row[2] for row in texts(sections(benchmark, results)["summary"].tables[0])}

@@ -1,7 +1,6 @@
 """Test the benchmark's page with artificial results: separate divisions, numbers, missing results."""
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,7 @@ import pytest
 
 from cranectl.campaign.benchmark.declared import information, information_class
 from cranectl.campaign.benchmark.ranking import Judged, points_of
-from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
+from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.table import (
     METRICS,
     VARIATION,
@@ -29,15 +28,8 @@ from cranectl.report.table import Table
 from cranectl.support.errors import InputError
 from tests.controllers.own_controllers import FOLLOWING, known
 
-FACTS = {
-    "follows": "path",
-    "measures": "state",
-    "commands": "velocity",
-    "preview": 0,
-    "reads_path": False,
-    "every": 1,
-    "rig": [],
-}
+FACTS = {"follows": "path", "measures": "state", "commands": "velocity"}
+FACTS |= {"preview": 0, "reads_path": False, "every": 1, "rig": []}
 RUNS = 8
 Texts = list[list[str]]
 
@@ -90,26 +82,14 @@ def texts(shown: Table) -> Texts:
     return [[cell.text for cell in row] for row in shown.rows]
 
 
-def test_divisions_share_a_page_but_no_table(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
+def test_divisions_share_a_page_but_no_table(benchmark: Benchmark) -> None:
     published = table(benchmark, {"first": runs(0.02), "second": runs(0.03)}, "published")
     both = join_tables([published, table(benchmark, {"first": runs(0.01), "third": runs(0.05)}, "tuned")])
     by_anchor = sections(benchmark, both)
-    assert list(by_anchor) == [
-        "result",
-        "conclusions",
-        "caveats",
-        "before-after",
-        "summary",
-        "rules",
-        "tuning",
-        *(
-            f"{d}-{s}"
-            for d in ("tuned", "published")
-            for s in ("nominal", "wide", "radius", "single", "second")
-        ),
-        "versions",
-    ]
+    first = ["result", "conclusions", "caveats", "before-after", "summary", "rules", "tuning"]
+    sets = ("nominal", "wide", "radius", "single", "second")
+    of_divisions = [f"{division}-{name}" for division in ("tuned", "published") for name in sets]
+    assert list(by_anchor) == [*first, *of_divisions, "versions"]
     for anchor, section in by_anchor.items():
         # The table of the rules has columns for all that a controller knows, so it needs no summary of it.
         has_summary = [shown.headings[:2] == ("controller", "knows") for shown in section.tables]
@@ -127,26 +107,15 @@ def test_divisions_share_a_page_but_no_table(small: Path) -> None:
     assert by_anchor["versions"].paragraphs[0] == "Digest of the rules: abc. Seed of the cranes: 3."
     assert by_anchor["versions"].paragraphs[1] == "Made by cranectl 1.0, machine a; some with cranectl 1.1."
     gains, numbers = by_anchor["tuning"].tables
-    assert texts(gains)[0] == [
-        "first",
-        "path, state",
-        "40",
-        "3.000",
-        "2.000",
-        "1.500",
-        "3.100",
-        "2.400",
-        "2.600",
-        "half",
-    ]
+    row = "first|path, state|40|3.000|2.000|1.500|3.100|2.400|2.600|half"
+    assert "|".join(texts(gains)[0]) == row
     assert texts(numbers) == [
         ["first", "path, state", "weight 1 → 2.5"],
         ["third", "path, state", "controller.first.weight 1 → 2.5"],
     ]
 
 
-def test_single_effects_show_five_best_and_fold_others(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
+def test_single_effects_show_five_best_and_fold_others(benchmark: Benchmark) -> None:
     controllers = {
         f"controller-{k}": runs(0.01 * k, failures=(k == 2) + 5 * (k == 6)) for k in (6, 5, 4, 3, 2, 1)
     }
@@ -169,8 +138,7 @@ def test_single_effects_show_five_best_and_fold_others(small: Path) -> None:
     )
 
 
-def test_radius_outside_the_measured_spreads_is_shown(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
+def test_radius_outside_the_measured_spreads_is_shown(benchmark: Benchmark) -> None:
     results = table(benchmark, {"never": runs(0.01), "always": runs(0.01, failures=RUNS)}, "published")
     wide = Trial("published", "mujoco", "spread-3", "short", "between")
     results = join_tables([results, table(benchmark, {"between": runs(0.01)}, "published")])
@@ -183,9 +151,8 @@ def test_radius_outside_the_measured_spreads_is_shown(small: Path) -> None:
     ]
 
 
-def test_crane_that_cannot_be_simulated_is_no_failure(small: Path) -> None:
+def test_crane_that_cannot_be_simulated_is_no_failure(benchmark: Benchmark) -> None:
     """Crane 3 could not be simulated with any controller; crane 2 failed with one, which counts."""
-    benchmark = read_benchmark(str(small))
     results = table(benchmark, {"first": runs(0.01), "second": runs(0.02)}, "published")
     for controller, failed in (("first", (2, 3)), ("second", (3,))):
         status = tuple("failed" if k in failed else "completed" for k in range(RUNS))
@@ -199,8 +166,7 @@ def test_crane_that_cannot_be_simulated_is_no_failure(small: Path) -> None:
     )
 
 
-def test_failures_are_listed_by_division_with_commands(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
+def test_failures_are_listed_by_division_with_commands(benchmark: Benchmark) -> None:
     results = table(benchmark, {"first": runs(0.01, failures=1)}, "tuned", "published")
     tuned, published = sections(benchmark, results)["failures"].tables
     for shown, division in ((tuned, "tuned"), (published, "published")):
@@ -209,7 +175,7 @@ def test_failures_are_listed_by_division_with_commands(small: Path) -> None:
         assert facts == ["first", "path, state", "nominal", "short", "7", "beyond a limit"]
         run, replay = command.split(" && ")
         selection = f"--division {division} --controller first --set-of-cranes nominal --scenario short"
-        assert run == f"cranectl benchmark run {os.path.relpath(small)} {selection} --draws 8 --out failures"
+        assert run == f"cranectl benchmark run small.toml {selection} --draws 8 --out failures"
         assert replay == f"cranectl campaign replay failures/{division}/mujoco/nominal/short/first --run 7"
     results.about["laws"]["first"]["file"] = "abc"
     for shown in sections(benchmark, results)["failures"].tables:
@@ -218,9 +184,8 @@ def test_failures_are_listed_by_division_with_commands(small: Path) -> None:
         )
 
 
-def test_controller_without_effort_is_dominated(small: Path) -> None:
+def test_controller_without_effort_is_dominated(benchmark: Benchmark) -> None:
     """A controller that cannot run has no effort, which must not make it better than others."""
-    benchmark = read_benchmark(str(small))
     controllers = {"first": runs(0.01), "broken": runs(0.02, failures=RUNS, effort=math.nan)}
     results = table(benchmark, controllers, "published")
     points = points_of(Judged(benchmark, results, "published").ranking("wide"))
@@ -232,9 +197,8 @@ def test_controller_without_effort_is_dominated(small: Path) -> None:
     )
 
 
-def test_failed_runs_do_not_lower_the_effort(small: Path) -> None:
+def test_failed_runs_do_not_lower_the_effort(benchmark: Benchmark) -> None:
     """The small effort of a failed run does not improve any median."""
-    benchmark = read_benchmark(str(small))
     failing = runs(0.01, failures=5, effort=0.1)
     results = table(benchmark, {"lqr-integral": runs(0.02), "failing": failing}, "published")
     shown = sections(benchmark, results)
@@ -247,9 +211,8 @@ def test_failed_runs_do_not_lower_the_effort(small: Path) -> None:
     assert second[-1] == "0"
 
 
-def test_controllers_are_compared_on_common_cranes(small: Path) -> None:
+def test_controllers_are_compared_on_common_cranes(benchmark: Benchmark) -> None:
     """One controller may have run on the first cranes only, and a set-point controller has no path error."""
-    benchmark = read_benchmark(str(small))
     controllers = {"mine": runs(0.01).first(6), "lqr-integral": runs(0.02), "other": runs(0.03)}
     results = table(benchmark, controllers, "published")
     results.about["laws"]["mine"] = {**FACTS, "file": "", "follows": "set-point"}
@@ -271,8 +234,7 @@ def test_controllers_are_compared_on_common_cranes(small: Path) -> None:
     assert texts(shown["published-second"].tables[0])[0][2] == "5"
 
 
-def test_tables_of_different_controllers_are_not_joined(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
+def test_tables_of_different_controllers_or_numbers_are_not_joined(benchmark: Benchmark) -> None:
     one, other = (table(benchmark, {"mine": runs(error)}, "published") for error in (0.01, 0.02))
     one.about["durations"].pop("path")
     both = join_tables([one, other])
@@ -281,19 +243,15 @@ def test_tables_of_different_controllers_are_not_joined(small: Path) -> None:
     other.about["laws"]["mine"]["file"] = "def"
     with pytest.raises(InputError, match="results whose file of mine differ: def and "):
         join_tables([one, other])
-
-
-def test_tables_with_different_numbers_are_not_joined(small: Path) -> None:
-    benchmark = read_benchmark(str(small))
     one, other = (table(benchmark, {"mine": runs(0.01)}, "tuned") for _ in range(2))
     other.about["tuned"]["mine"] = {**one.about["tuned"]["mine"], "numbers": {"x": [1.0, 2.0]}}
     with pytest.raises(InputError, match="results whose numbers of mine differ"):
         join_tables([one, other])
 
 
-def test_table_is_read_as_written_or_refused(small: Path) -> None:
-    results = table(read_benchmark(str(small)), {"first": runs(0.01, failures=1)}, "tuned")
-    file = small.with_name("made.parquet")
+def test_table_is_read_as_written_or_refused(benchmark: Benchmark) -> None:
+    results = table(benchmark, {"first": runs(0.01, failures=1)}, "tuned")
+    file = Path("made.parquet")
     write_table(file, results)
     read = read_table(file)
     assert read.about == results.about
@@ -302,7 +260,7 @@ def test_table_is_read_as_written_or_refused(small: Path) -> None:
         np.testing.assert_allclose(read.trials[trial].metrics["rms_error_m"], expected.metrics["rms_error_m"])
     results.about.pop("tuned")
     write_table(file, results)
-    for damaged in (file, small):
+    for damaged in (file, Path("small.toml")):
         with pytest.raises(InputError, match=f"{damaged.name} holds no benchmark"):
             read_table(damaged)
 
@@ -318,7 +276,7 @@ def test_classes_of_information() -> None:
     assert information("flat-velocity")["rig"] == ["gravity", "time_constants"]
 
 
-def test_missing_declaration_is_shown(small: Path) -> None:
+def test_missing_declaration_is_shown(benchmark: Benchmark) -> None:
     """The page does not guess what it reads. For force commands the loop uses masses."""
     with known(replace(FOLLOWING, name="silent", reads=None)) as name:
         silent = information(name)
@@ -327,9 +285,9 @@ def test_missing_declaration_is_shown(small: Path) -> None:
     with known(replace(FOLLOWING, name="open", command="force", reads=("path", "load_mass"))) as name:
         declared = information(name)
     assert (declared["rig"], declared["reads_path"]) == (["load_mass", "masses"], True)
-    results = table(read_benchmark(str(small)), {"first": runs(0.01), "second": runs(0.02)}, "published")
+    results = table(benchmark, {"first": runs(0.01), "second": runs(0.02)}, "published")
     results.about["laws"] |= {"first": silent, "second": declared}
-    (shown,) = sections(read_benchmark(str(small)), results)["rules"].tables
+    (shown,) = sections(benchmark, results)["rules"].tables
     assert texts(shown) == [
         ["first", "path", "state", "not declared", "velocity", "not declared"],
         ["second", "path", "state", "all of the path", "force", "load mass, masses"],

@@ -22,7 +22,6 @@ from cranectl.campaign.definition import Batch
 from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.main import main
-from cranectl.loaders.opening import close_controllers
 from cranectl.planning import load_scenario
 from cranectl.support import resources
 from cranectl.support.documents import read_toml
@@ -34,16 +33,10 @@ from tests.cli.suggestions import execute, suggested_commands
 __all__ = ["close_opened_controllers"]
 
 COMPLETED: dict[str, Any] = {
-    "status": "completed",
-    "end_s": 10.0,
-    "rms_error_m": 0.02,
-    "final_error_m": 0.03,
-    "residual_sway_about_lean_rad": 0.01,
-    "saturated_s": 0.5,
-    "command_variation_m_s2_bridge": 100.0,
-    "command_variation_m_s2_trolley": 60.0,
-    "command_variation_m_s2_rope": 40.0,
-}
+    "status": "completed", "end_s": 10.0, "rms_error_m": 0.02, "final_error_m": 0.03,
+    "residual_sway_about_lean_rad": 0.01, "saturated_s": 0.5, "command_variation_m_s2_bridge": 100.0,
+    "command_variation_m_s2_trolley": 60.0, "command_variation_m_s2_rope": 40.0,
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -207,42 +200,22 @@ def test_suggested_command_tunes_again(state: str, capsys: pytest.CaptureFixture
     """The command quotes the names of the controller's file and of the benchmark."""
     Path("mine.py").rename("my controller.py")
     Path("tiny.toml").rename("the tiny.toml")
-    run = [
-        "benchmark",
-        "run",
-        "the tiny.toml",
-        "--controller",
-        "my controller.py:MINE",
-        "--division",
-        "tuned",
-    ]
-    run += ["--tuned", "my numbers", "--set-of-cranes", "nominal", "--out", "out"]
+    run = "cranectl benchmark run 'the tiny.toml' --controller 'my controller.py:MINE' --division tuned"
+    run += " --tuned 'my numbers' --set-of-cranes nominal --out out"
+    tune = "cranectl tune 'my controller.py:MINE' --benchmark 'the tiny.toml' --runs 4 --out 'my numbers'"
     if state != "absent":
-        tune = [
-            "tune",
-            "my controller.py:MINE",
-            "--benchmark",
-            "the tiny.toml",
-            "--runs",
-            "4",
-            "--out",
-            "my numbers",
-        ]
-        assert main(tune) == 0
-        file, key = (
-            Path("my numbers/mine.toml"),
-            {"of another controller": "code", "by other rules": "rules"}.get(state),
-        )
+        assert execute(tune) == 0
+        file = Path("my numbers/mine.toml")
+        key = {"of another controller": "code", "by other rules": "rules"}.get(state)
         text = file.read_text()
         file.write_text(
             re.sub(f"^{key} = .*", f'{key} = "0"', text, flags=re.M) if key else text.replace("cost", "c")
         )
-    close_controllers()
     capsys.readouterr()
-    assert main(run) == 2
+    assert execute(run) == 2
     command = suggested_commands(capsys.readouterr().err)[-1]
     assert execute(f"{command} --runs 4") == 0
-    assert main(run) == 0
+    assert execute(run) == 0
 
 
 def test_refused_numbers_have_the_largest_cost(tiny: Benchmark) -> None:
