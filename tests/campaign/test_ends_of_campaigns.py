@@ -16,20 +16,17 @@ from cranectl.campaign import Campaign, make_campaign, sample_values
 from cranectl.campaign.load import check_values
 from cranectl.campaign.settings import CampaignSettings, parse_campaign
 from cranectl.support.errors import InputError
-from tests.campaign.campaigns import LAG, MASS, PAIR, PUSH, choice, table
+from tests.campaign.campaigns import MIXED, PAIR, PUSH, table
 from tests.ranges import Key, ends, has_found_allowed_and_remedy, put, result_or_refusal, share_of
 
 ROWS = 4  # samples checked at either end of a campaign
 # For numbers of distributions, which have no bounds in any schema.
 EXTREME = (-1e308, -1.0, -5e-324, 0.0, 5e-324, 1e-12, 1e12, 1e308)
 UNCERTAIN: dict[str, dict[str, Any]] = {
-    "rig.load_mass": MASS,
-    "rig.winch_time_constant": LAG,
+    **{name: distribution for name, distribution in MIXED.items() if name != "effects.delay.seconds"},
     "disturbances.0.magnitude": PUSH | {"low": -1.0, "high": 1.0, "mean": 0.1},
     "initial.alpha_offset": PUSH | {"mean": 0.0, "deviation": 0.01},
-    "effects.friction.coulomb.1": choice(0.5, 1.0, 2.0, weights=[1.0, 2.0, 1.0]),
     "effects.sensing.seed": {"distribution": "integers", "low": 0, "high": 9},
-    "initial.load_offset.0": {"distribution": "fixed", "value": 0.01},
 }
 RULE = re.compile(
     r"found: .* (must|need|needs|is missing|take|takes no) .*remedy: ", re.DOTALL

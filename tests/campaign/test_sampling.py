@@ -1,8 +1,6 @@
 """Test samples: equal in every block, with the stated distributions, correlations and arrangement."""
 
 import itertools
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -38,14 +36,6 @@ def test_blocks_are_rows_of_the_whole_to_the_bit(method: str) -> None:
         ]
         assert (np.concatenate(blocks) == whole).all()
     assert sample_values(sampled, 2, 2).shape == (0, len(sampled.parameters))
-
-
-@pytest.mark.parametrize("method", RANDOM)
-def test_another_process_draws_the_same(method: str) -> None:
-    sampled = of_method(method)
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        elsewhere = pool.submit(sample_values, sampled, 50, 90).result()
-    assert (elsewhere == sample_values(of_method(method), 0, sampled.runs)[50:90]).all()
 
 
 @pytest.mark.parametrize("method", [*RANDOM, "saltelli"])

@@ -99,6 +99,7 @@ def test_one_program_says_nothing_but_in_record_and_parts(capsys: pytest.Capture
 def test_a_replay_that_differs_names_the_other_program(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """One bit of one metric is changed, in a part that is valid otherwise."""
     replay = ["campaign", "replay", "result", "--run", "0", "--controller", "lqr", "--json", "found.json"]
     now = fingerprints() | CHANGED
     monkeypatch.setattr("cranectl.support.provenance.fingerprints", lambda: now)
@@ -107,11 +108,13 @@ def test_a_replay_that_differs_names_the_other_program(
     results = read_results("result", unfinished=True)
     batch = Batch("analytic", "lqr", 0, 64)
     rows = results.table.slice(0, 64).to_pylist()
-    rows[0]["rms_error_m"] *= 1.05
+    rows[0]["rms_error_m"] = float(np.nextafter(rows[0]["rms_error_m"], 1.0))
     write_part(Path("result", PARTS, part_name(batch)), results.campaign, results.origins[0], batch, rows)
     assert main(replay) == 1
     out = " ".join(capsys.readouterr().out.split())
     assert "FAILED run 0 with lqr on analytic" in out
+    assert "rms_error_m is" in out
+    assert Path("result/replays/analytic-lqr-0000000.mcap").exists()
     assert f"made by other software: sources {results.origins[0].versions['sources']}, now 00ff" in out
     (replayed,) = json.loads(Path("found.json").read_text())["replays"]
     assert len(replayed["software_differences"]) == 1
