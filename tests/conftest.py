@@ -68,7 +68,7 @@ def no_model_afterwards() -> Iterator[None]:
     forget_models()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def short() -> Scenario:
     """Return a disturbed scenario of half a second, for tests that need any run."""
     return load_scenario(

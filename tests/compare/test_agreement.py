@@ -109,13 +109,6 @@ def long() -> list[Run]:
     return pair(load_scenario("fast-diagonal", overrides=LONG))
 
 
-def test_half_the_step_brings_them_together(long: list[Run]) -> None:
-    agreement = judge_steps(long, LIMITS)
-    assert not agreement.passed
-    assert agreement.curing_step_s == 0.01
-    assert replace(agreement, curing_step_s=None) == judge(*long, limits=LIMITS)
-
-
 def test_the_order_says_how_much_shorter(long: list[Run]) -> None:
     """Limits 50 times as narrow need two halvings, each of which divides the error by 16."""
     agreement = judge(*long)
@@ -153,7 +146,7 @@ def test_steps_stay_on_the_grid_of_nanoseconds() -> None:
     assert with_finer_steps(scenario, 2) is None
 
 
-def test_the_verdict_of_a_run_says_so(
+def test_the_verdict_of_a_run_names_the_step_that_brings_plants_together(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

