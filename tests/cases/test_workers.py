@@ -3,7 +3,6 @@
 import contextlib
 import dataclasses
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -15,13 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.cases.case import Case, CaseResult, Failure, check_logs_differ, make_case
+from cranectl.cases.case import Case, CaseResult, Failure, make_case
 from cranectl.cases.workers import run_cases
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.status import RunStatus
-from cranectl.support.errors import InputError, LogError
 from tests.pace import HANG
 from tests.shadowing_modules import write_shadowing_modules
 
@@ -51,15 +49,6 @@ def test_workers_write_the_same_bytes_as_one_process(tmp_path: Path) -> None:
         assert a.agreements == b.agreements
 
 
-def test_wrong_input_in_a_worker_becomes_a_failure(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    for result in run_cases(cases(tmp_path / "file"), jobs=2).results:
-        assert isinstance(result, Failure)
-        assert result.bad_input
-        assert "cannot write" in result.reason
-        assert "--out" in result.reason
-
-
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_failed_case_leaves_the_others_unaffected(tmp_path: Path, jobs: int) -> None:
     """One case cannot be designed, another one fails unexpectedly."""
@@ -79,21 +68,6 @@ def test_a_failed_case_leaves_the_others_unaffected(tmp_path: Path, jobs: int) -
     assert third.passed
     assert len(finished) == 3
     assert not outcome.interrupted
-
-
-def test_two_cases_of_one_log_are_refused(tmp_path: Path) -> None:
-    first, second, third = cases(tmp_path)
-    same = dataclasses.replace(third, log=tmp_path / "a" / ".." / first.log.name, source="other.toml")
-    with pytest.raises(InputError, match=r"fixed-position and other\.toml would share the log"):
-        check_logs_differ([first, second, same])
-    check_logs_differ([first, second, third])
-
-
-def test_errors_can_be_pickled() -> None:
-    for kind in (InputError, LogError):
-        error = pickle.loads(pickle.dumps(kind("a", allowed="b", remedy="c")))
-        assert type(error) is kind
-        assert (error.found, error.allowed, error.remedy) == ("a", "b", "c")
 
 
 VALIDATE = ["-m", "cranectl", "validate", "fixed-position", "--set", "duration=15", "--jobs", "2"]
