@@ -1,8 +1,6 @@
 """Metrics are exact for signals of closed form, equal independent formulas, and do not depend on blocks."""
 
 import functools
-import json
-import re
 from dataclasses import replace
 from math import acos, cos, pi, radians, sin, sqrt
 from pathlib import Path
@@ -11,7 +9,6 @@ import numpy as np
 import pytest
 
 from cranectl.cases.case import RunSummary
-from cranectl.cli.main import main
 from cranectl.design import design_controller
 from cranectl.metrics import (
     RunMetrics,
@@ -144,6 +141,7 @@ def test_signals_of_closed_form(synthetic: Run) -> None:
     others = {"outside_first_s", "min_clearance_m"}
     assert metrics.values.keys() == {*expected, *others}, "every metric has its closed form"
     assert (metrics.status, metrics.duration_s) == ("completed", 4.0)
+    assert metrics.to_json().keys() == ALL
     (violation,) = metrics.workspace_violations
     assert violation == WorkspaceViolation(
         "trolley_position", 2.586, *(pytest.approx(v) for v in (0.2, 1.414))
@@ -418,17 +416,3 @@ def test_the_best_of_the_runs_that_did_not_stop_is_marked(synthetic: Run) -> Non
 def test_a_report_marks_a_run_that_left_the_rig(synthetic: Run) -> None:
     runs = [RunSummary.of(run, Path("log")) for run in (synthetic, cut(synthetic, 1000))]
     assert [row[-1] for row in run_table({"log": runs}).rows] == [Cell("0.2000", "bad"), Cell("0.0000", "")]
-
-
-def test_the_command_line_shows_and_writes_them(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    shortened = ["--set", "duration=0.1", "--set", "disturbances=[]", "--plant", "analytic"]
-    assert main(["run", "fixed-position", *shortened, "--json", "-"]) == 0
-    captured = capsys.readouterr()
-    for row in metrics_table({}).rows:
-        assert re.search(rf"{re.escape(row[0].text)} +{re.escape(row[1].text)} ", captured.err), row[0].text
-    metrics = json.loads(captured.out)["runs"][0]["metrics"]
-    assert set(metrics) == ALL
-    assert metrics["overshoot_m"] is None
