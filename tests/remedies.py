@@ -5,7 +5,7 @@ import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 
@@ -18,22 +18,22 @@ Remedy = tuple[str, str]  # (file, text with placeholders)
 PACKAGE = ROOT / "cranectl"
 
 
-class Case(NamedTuple):
-    """A remedy of a source file, input that is refused with this remedy, and input that follows it.
+Words = (
+    str | list[str]
+)  # words of a command: assignments, which `--set` gets, and texts that are split at spaces
 
-    Both inputs are words that are appended to a command: options, or assignments for `--set`. They replace
-    the command if the first word is `cranectl`.
+
+class Case:
+    """A remedy, input that is refused with it, and inputs that follow it.
+
+    Inputs are appended to a command. They replace it if they begin with `cranectl`.
     """
 
-    source: str
-    remedy: str
-    refused: list[str]
-    remedied: list[str]
+    def __init__(self, remedy: str, refused: Words, *remedied: Words) -> None:
+        self.remedy, self.refused, self.remedied = remedy, refused, remedied
 
 
-def label(case: Case) -> str:
-    """Return the test id of a case."""
-    return f"{case.source}: {case.remedy}"
+Cases = dict[str, list[Case]]  # by source file
 
 
 def written(contents: Mapping[str, str | bytes]) -> Any:
@@ -48,7 +48,7 @@ def written(contents: Mapping[str, str | bytes]) -> Any:
     return files
 
 
-def check(case: Case, base: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def check(case: Case, base: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Assert that a command is refused with the remedy of a case, and that it runs after the remedy."""
     close_controllers()
     capsys.readouterr()
@@ -57,24 +57,28 @@ def check(case: Case, base: list[str], capsys: pytest.CaptureFixture[str]) -> No
     remedy = re.search("remedy: *(.*)", error)
     assert remedy is not None, error
     assert re.search(".*".join(map(re.escape, case.remedy.split(PLACEHOLDER))), remedy[1]), error
-    close_controllers()
-    assert main(words(base, case.remedied)) in (0, 1), capsys.readouterr().err
+    for remedied in case.remedied:
+        close_controllers()
+        assert main(words(base, remedied)) in (0, 1), (remedied, capsys.readouterr().err)
 
 
-def remedy_test(cases: list[Case], base: list[str]) -> Callable[..., None]:
+def remedy_test(cases: Cases, base: str) -> Callable[..., None]:
     """Return a test that checks each case with the command `base`."""
+    parameters = [(case, f"{source}: {case.remedy}") for source in cases for case in cases[source]]
 
-    @pytest.mark.parametrize("case", cases, ids=label)
+    @pytest.mark.parametrize("case", [case for case, _ in parameters], ids=[label for _, label in parameters])
     def test(case: Case, capsys: pytest.CaptureFixture[str]) -> None:
         check(case, base, capsys)
 
     return test
 
 
-def words(base: list[str], appended: list[str]) -> list[str]:
+def words(base: str, appended: Words) -> list[str]:
     """Return the words of a command: `base` with the appended words, or these alone after `cranectl`."""
-    line = [*base, *appended] if appended[:1] != ["cranectl"] else appended[1:]
-    pairs = (["--set", word] if re.match(r"[a-z][\w.-]*=", word) else [word] for word in line)
+    line = [base, appended] if isinstance(appended, str) else [base, *appended]
+    if line[1].startswith("cranectl "):
+        line = [line[1].removeprefix("cranectl "), *line[2:]]
+    pairs = (["--set", text] if re.match(r"[a-z][\w.-]*=", text) else text.split() for text in line)
     return list(itertools.chain.from_iterable(pairs))
 
 

@@ -1,17 +1,14 @@
-"""Find and execute the commands that an output suggests, and find all commands in the package's texts."""
+"""Find and execute the commands that an output suggests."""
 
-import ast
 import html
 import re
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
 
 from cranectl.cli.main import NAMES, main
 from cranectl.loaders.opening import close_controllers
 
-ANY_NAME = "|".join(NAMES)
-SUGGESTED = re.compile(rf"cranectl (?:{ANY_NAME})\b[^\n;]*")
+SUGGESTED = re.compile(rf"cranectl (?:{'|'.join(NAMES)})\b[^\n;]*")
 
 
 def suggested_commands(text: str) -> list[str]:
@@ -31,28 +28,3 @@ def execute(command: str) -> int:
     program, *arguments = shlex.split(command)
     assert program == "cranectl"
     return main(arguments)
-
-
-def commands_in(package: Path) -> Iterator[tuple[str, str]]:
-    """Yield each file and command that a text of the package names, outside docstrings.
-
-    The command is only `cranectl` if the code builds a list of words that begins with it.
-    """
-    for path in sorted(package.rglob("*.py")):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        docstrings = {
-            id(node.body[0].value)
-            for node in ast.walk(tree)
-            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
-            and node.body
-            and isinstance(node.body[0], ast.Expr)
-        }
-        file = path.relative_to(package).as_posix()
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
-                names = re.findall(rf"cranectl (?:{ANY_NAME})\b", node.value)
-                yield from ((file, name) for name in names)
-            elif isinstance(node, ast.List) and len(node.elts) > 1:
-                first = node.elts[0]
-                if isinstance(first, ast.Constant) and first.value == "cranectl":
-                    yield file, "cranectl"

@@ -1,28 +1,41 @@
 """Every remedy in the sources is tested, or `other_remedies.toml` gives the reason why not."""
 
+import ast
+import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
-import tests.cli.test_key_remedies_campaign as campaign
-import tests.cli.test_key_remedies_controllers as controllers
-import tests.cli.test_key_remedies_design as design
-import tests.cli.test_key_remedies_files as files
-import tests.cli.test_key_remedies_planning as planning
-import tests.cli.test_key_remedies_reference as reference
-import tests.cli.test_key_remedies_rules as rules
-import tests.cli.test_key_remedies_scenario as scenario
+import click
+
+from cranectl.cli.main import cli
+from tests.cli import option_cases
+from tests.cli import test_key_remedies_campaign as campaign
+from tests.cli import test_key_remedies_controllers as controllers
+from tests.cli import test_key_remedies_design as design
+from tests.cli import test_key_remedies_files as files
+from tests.cli import test_key_remedies_planning as planning
+from tests.cli import test_key_remedies_reference as reference
+from tests.cli import test_key_remedies_rules as rules
+from tests.cli import test_key_remedies_scenario as scenario
 from tests.conftest import ROOT
 from tests.remedies import PACKAGE, Remedy, remedies_in, without_remedy
 
-TABLES = (campaign, controllers, design, files, planning, reference, rules, scenario)
-TESTED: set[Remedy] = {(case.source, case.remedy) for table in TABLES for case in table.CASES}
-TESTED.add((planning.NO_ROOM.source, planning.NO_ROOM.remedy))
+TABLES = (campaign, controllers, design, files, option_cases, planning, reference, rules, scenario)
+TESTED: set[Remedy] = {
+    (source, case.remedy) for table in TABLES for source, cases in table.CASES.items() for case in cases
+}
 OTHERS: dict[str, dict[str, list[str]]] = tomllib.loads(
     Path(__file__).with_name("other_remedies.toml").read_text(encoding="utf-8")
 )
 LISTED: list[Remedy] = [
     (source, text) for sources in OTHERS.values() for source, texts in sources.items() for text in texts
 ]
+# Options of other programs and of pytest, and names in style sheets.
+OTHER_OPTIONS = {
+    "--nworkers", "--nthreads", "--include-metadata", "--include-attachments", "--cranectl-update",
+    "--cranectl-logs", "--traceback", "--text", "--wide", "--block", "--forbidden",
+}  # fmt: skip
 SOURCE = """
 OUTSIDE = "go outside"
 REMEDIES = {"late": "come earlier"}
@@ -71,3 +84,21 @@ def test_the_inventory_finds_remedies_of_every_form(tmp_path: Path) -> None:
     texts = ["come earlier", "leave '{}' out", "leave", "go outside now", "by default", "given by a variable"]
     assert remedies_in(tmp_path) == {("module.py", text) for text in texts}
     assert without_remedy(tmp_path) == ["module.py:13"]
+
+
+def options(command: click.Command) -> Iterator[str]:
+    yield from command.get_help_option_names(click.Context(command))
+    yield from (name for parameter in command.params for name in parameter.opts)
+    for subcommand in command.commands.values() if isinstance(command, click.Group) else ():
+        yield from options(subcommand)
+
+
+def test_every_command_and_option_that_a_text_names_exists() -> None:
+    sources = [ast.parse(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py")]
+    texts = [str(node.value) for tree in sources for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+    named = {name for text in texts for name in re.findall(r"(?<![\w-])--[a-z][a-z-]*[a-z]", text)}
+    assert named - {*options(cli)} == OTHER_OPTIONS
+    groups = {name: command for name, command in cli.commands.items() if isinstance(command, click.Group)}
+    pairs = re.findall(rf"cranectl ({'|'.join(groups)}) ([a-z]+)", "\n".join(texts))
+    assert len(pairs) > 20
+    assert [pair for pair in pairs if pair[1] not in groups[pair[0]].commands] == []

@@ -5,7 +5,7 @@ import sys
 from tests.loaders.test_process_controller import PROGRAM
 from tests.remedies import Case, remedy_test, written
 
-RUN = ["run", "s.toml", "--plants", "analytic", "--controller"]
+RUN = "run s.toml --plants analytic --controller"
 STEP = "\n    def step(parameters, measured, reference, memory, command):\n        return 0\n"
 PREPARE = "\n    def prepare(nominal):\n        return "
 CLASSES = {
@@ -54,120 +54,82 @@ FILES = {
     "own.toml": f"name = 'peer'\n{PROCESS_SETTINGS}files = ['*.py']\n",
     "unreachable.toml": "name = 'peer'\naddress = 'tcp://127.0.0.1:9'\n",
 }
-PYTHON, PROCESS, OPENING = (
-    f"loaders/{name}.py" for name in ("python_controller", "process_controller", "opening")
-)
-DECLARED, PREPARED = (f"controllers/{name}.py" for name in ("controller", "preparation"))
 INTEGRAL, OFFSET_FREE = "controller.lqr-integral", "controller.lqr-offset-free"
 SAMPLED = "control.period=0.05"
-VALIDATE = ["cranectl", "validate", "s.toml", "--plants", "analytic", "--controller"]
-EXPORT = ["cranectl", "design", "--scenario", "s.toml", "--export"]
-WITHOUT = ["cranectl", "design", "lqr", "--export"]
-CASES = [
-    Case("cli/design.py", "choose another place with --export", [*EXPORT, ".", "lqr"], [*EXPORT, "c", "lqr"]),
-    Case("cli/design.py", "export each by itself", [*EXPORT, "c", "lqr", "pid"], [*EXPORT, "c", "pid"]),
-    Case(
-        "cli/design.py",
-        "add --scenario fast-diagonal, or another one",
-        [*WITHOUT, "c"],
-        [*WITHOUT, "c", "--scenario", "fast-diagonal"],
-    ),
-    Case(
-        "export/prepared.py",
-        "write the step with numbers, loops and functions of math",
-        [*EXPORT, "c", "law.py:slow"],
-        [*EXPORT, "c", "law.py:law"],
-    ),
-    Case(
-        "export/prepared.py",
-        "export the Python controller that it was made from, or compile its own source",
-        [*EXPORT, "c", "peer.toml"],
-        [*EXPORT, "c", "law.py:law"],
-    ),
-    Case(
-        "export/prepared.py",
-        "correct the controller, or take another scenario",
-        [*EXPORT, "c", "law.py:ending"],
-        [*EXPORT, "c", "law.py:law"],
-    ),
-    Case(
-        "export/expressions.py",
-        "write line {} of {} in another way",
-        [*EXPORT, "c", "law.py:modulo"],
-        [*EXPORT, "c", "law.py:law"],
-    ),
-    Case(PYTHON, "name it: {}:NAME", ["law.py"], ["law.py:law"]),
-    Case(PYTHON, "define step({}), see 'cranectl new controller NAME'", ["law.py:lqr"], ["law.py:law"]),
-    Case(
-        PYTHON, "give it these five; a method of a class is a @staticmethod", ["law.py:two"], ["law.py:law"]
-    ),
-    Case(PYTHON, "correct it", ["broken.py:law"], ["law.py:law"]),
-    Case(PYTHON, "give the number that it has by default", ["law.py:Texts"], ["law.py:Numbers"]),
-    Case(PYTHON, "give one of the two", ["law.py:NoMemory"], ["law.py:Law"]),
-    Case(DECLARED, "give {}", ["law.py:Never"], ["law.py:Law"]),
-    Case(
-        DECLARED,
-        "choose one of those listed above",
-        ["law.py:Odd"],
-        ["law.py:Velocity", "--drive", "velocity"],
-    ),
-    Case(DECLARED, "write it in one of these ways", ["law.py:Five"], ["law.py:Numbers"]),
-    Case(DECLARED, "take another name", ["law.py:Twice"], ["law.py:Renamed"]),
-    Case("controllers/controller.py", "write prepare(nominal)", ["law.py:NotPrepared"], ["law.py:Pair"]),
-    Case(PREPARED, "log another place, or give it a larger memory", ["law.py:Beyond"], ["law.py:Within"]),
-    Case(PREPARED, "log another place, or give it a larger memory", ["law.py:Beyond"], ["law.py:Larger"]),
-    Case(PREPARED, "correct it; in a class it has no self", ["law.py:Selfish"], ["law.py:Pair"]),
-    Case(PREPARED, "return both, an empty one too", ["law.py:Alone"], ["law.py:Pair"]),
-    Case(PREPARED, "return real numbers, at most {} in each", ["law.py:Complex"], ["law.py:Pair"]),
-    Case(
-        DECLARED,
-        "give the time between two steps for which the controller was made, or leave it out",
-        ["law.py:Timeless"],
-        ["law.py:Law"],
-    ),
-    Case(
-        PREPARED,
-        "add --set control.period={} to the command, or set it in the scenario",
-        ["law.py:Timed"],
-        ["law.py:Timed", "control.period=0.01"],
-    ),
-    Case(OPENING, "correct the path", ["lost.py:law"], ["law.py:law"]),
-    Case(OPENING, "name it: {}", ["peer.toml:law"], ["peer.toml"]),
-    Case(
-        OPENING,
-        "give one of them another name in its file, or take one at a time",
-        [*VALIDATE, "law.py:law,law.py:Same"],
-        ["law.py:Same"],
-    ),
-    Case(PROCESS, "give one of the two", ["none.toml"], ["peer.toml"]),
-    Case(PROCESS, "correct 'program'", ["absent.toml"], ["peer.toml"]),
-    Case(
-        PREPARED,
-        "add --set control.period={} to the command, or set it in the scenario",
-        ["timed.toml"],
-        ["timed.toml", "control.period=0.01"],
-    ),
-    Case(PROCESS, "correct 'files'", ["data.toml"], ["own.toml"]),
-    Case(PROCESS, "correct it", ["unreachable.toml"], ["peer.toml"]),
-    Case(
-        "controllers/controller.py",
-        "give {}.{} such a value: {}",
-        ["lqr-integral", f"{INTEGRAL}.input_weight=-1.0"],
-        ["lqr-integral", f"{INTEGRAL}.input_weight=1.0"],
-    ),
-    Case(
-        "controllers/lqr_integral.py",
-        "raise input_weight in [controller.lqr-integral]",
-        ["lqr-integral", SAMPLED, f"{INTEGRAL}.input_weight=1e-6"],
-        ["lqr-integral", SAMPLED, f"{INTEGRAL}.input_weight=10.0"],
-    ),
-    Case(
-        "controllers/lqr_offset_free.py",
-        "lower error_weight and rate_weight in [controller.lqr-offset-free]",
-        ["lqr-offset-free", SAMPLED, f"{OFFSET_FREE}.error_weight=1e6"],
-        ["lqr-offset-free", SAMPLED, f"{OFFSET_FREE}.error_weight=1.0"],
-    ),
-]
+VALIDATE = "cranectl validate s.toml --plants analytic --controller"
+EXPORT = "cranectl design --scenario s.toml --export"
+WITHOUT = "cranectl design lqr --export"
+CASES = {
+    "cli/design.py": [
+        Case("choose another place with --export", f"{EXPORT} . lqr", f"{EXPORT} c lqr"),
+        Case("export each by itself", f"{EXPORT} c lqr pid", f"{EXPORT} c pid"),
+        Case("add --scenario fast-diagonal, or another one", f"{WITHOUT} c",
+             f"{WITHOUT} c --scenario fast-diagonal"),
+    ],
+    "export/prepared.py": [
+        Case("write the step with numbers, loops and functions of math", f"{EXPORT} c law.py:slow",
+             f"{EXPORT} c law.py:law"),
+        Case("export the Python controller that it was made from, or compile its own source",
+             f"{EXPORT} c peer.toml", f"{EXPORT} c law.py:law"),
+        Case("correct the controller, or take another scenario", f"{EXPORT} c law.py:ending",
+             f"{EXPORT} c law.py:law"),
+    ],
+    "export/expressions.py": [
+        Case("write line {} of {} in another way", f"{EXPORT} c law.py:modulo", f"{EXPORT} c law.py:law"),
+    ],
+    "loaders/python_controller.py": [
+        Case("name it: {}:NAME", "law.py", "law.py:law"),
+        Case("define step({}), see 'cranectl new controller NAME'", "law.py:lqr", "law.py:law"),
+        Case("give it these five; a method of a class is a @staticmethod", "law.py:two", "law.py:law"),
+        Case("correct it", "broken.py:law", "law.py:law"),
+        Case("give the number that it has by default", "law.py:Texts", "law.py:Numbers"),
+        Case("give one of the two", "law.py:NoMemory", "law.py:Law"),
+    ],
+    "controllers/controller.py": [
+        Case("give {}", "law.py:Never", "law.py:Law"),
+        Case("choose one of those listed above", "law.py:Odd", "law.py:Velocity --drive velocity"),
+        Case("write it in one of these ways", "law.py:Five", "law.py:Numbers"),
+        Case("take another name", "law.py:Twice", "law.py:Renamed"),
+        Case("give the time between two steps for which the controller was made, or leave it out",
+             "law.py:Timeless", "law.py:Law"),
+        Case("write prepare(nominal)", "law.py:NotPrepared", "law.py:Pair"),
+        Case("give {}.{} such a value: {}", ["lqr-integral", f"{INTEGRAL}.input_weight=-1.0"],
+             ["lqr-integral", f"{INTEGRAL}.input_weight=1.0"]),
+    ],
+    "controllers/preparation.py": [
+        Case("log another place, or give it a larger memory", "law.py:Beyond", "law.py:Within",
+             "law.py:Larger"),
+        Case("correct it; in a class it has no self", "law.py:Selfish", "law.py:Pair"),
+        Case("return both, an empty one too", "law.py:Alone", "law.py:Pair"),
+        Case("return real numbers, at most {} in each", "law.py:Complex", "law.py:Pair"),
+        Case("add --set control.period={} to the command, or set it in the scenario", "law.py:Timed",
+             ["law.py:Timed", "control.period=0.01"]),
+        Case("add --set control.period={} to the command, or set it in the scenario", "timed.toml",
+             ["timed.toml", "control.period=0.01"]),
+    ],
+    "loaders/opening.py": [
+        Case("correct the path", "lost.py:law", "law.py:law"),
+        Case("name it: {}", "peer.toml:law", "peer.toml"),
+        Case("give one of them another name in its file, or take one at a time",
+             f"{VALIDATE} law.py:law,law.py:Same", "law.py:Same"),
+    ],
+    "loaders/process_controller.py": [
+        Case("give one of the two", "none.toml", "peer.toml"),
+        Case("correct 'program'", "absent.toml", "peer.toml"),
+        Case("correct 'files'", "data.toml", "own.toml"),
+        Case("correct it", "unreachable.toml", "peer.toml"),
+    ],
+    "controllers/lqr_integral.py": [
+        Case("raise input_weight in [controller.lqr-integral]",
+             ["lqr-integral", SAMPLED, f"{INTEGRAL}.input_weight=1e-6"],
+             ["lqr-integral", SAMPLED, f"{INTEGRAL}.input_weight=10.0"]),
+    ],
+    "controllers/lqr_offset_free.py": [
+        Case("lower error_weight and rate_weight in [controller.lqr-offset-free]",
+             ["lqr-offset-free", SAMPLED, f"{OFFSET_FREE}.error_weight=1e6"],
+             ["lqr-offset-free", SAMPLED, f"{OFFSET_FREE}.error_weight=1.0"]),
+    ],
+}  # fmt: skip
 
 
 files = written(FILES)

@@ -12,7 +12,7 @@ from tests.remedies import Case, remedy_test
 
 pytestmark = pytest.mark.usefixtures("in_copy_of_files")
 
-RUN = ["run", "s.toml", "--plants", "analytic"]
+RUN = "run s.toml --plants analytic"
 SCENARIO = "name='s'\nduration=2.0\nreference.start=[1.0, 0.77, -0.7]\ncontrol.period=0.005\n"
 FILES = {
     "s.toml": SCENARIO,
@@ -22,132 +22,75 @@ FILES = {
 }
 
 
-def from_file(kind: str, file: str, *settings: str) -> list[str]:
-    return [
-        f"reference.segments=[{{kind='{kind}', file='{file}', {', '.join(settings or ['signs=[1, 1, 1]'])}}}]"
-    ]
+def from_file(kind: str, file: str, setting: str = "signs=[1, 1, 1]") -> str:
+    return f"reference.segments=[{{kind='{kind}', file='{file}', {setting}}}]"
 
 
 def on(plant: str, drive: str, *settings: str) -> list[str]:
-    return ["cranectl", "run", "s.toml", "--plants", plant, "--drive", drive, *settings]
+    return [f"cranectl run s.toml --plants {plant} --drive {drive}", *settings]
 
 
 SI = "units={time='s', length='m'}"
-LINE, MOVE = (
-    f"reference.segments=[{{kind='{kind}', to=[1.1, 0.77, -0.7], duration='shortest'}}]"
-    for kind in ("line", "move")
-)
-PLOT = ["cranectl", "plan", "s.toml", "--plot", "a.png"]
+PLOT = "cranectl plan s.toml --plot a.png"
 COULOMB, NO_COULOMB = "effects.friction.coulomb=[1.0, 1.0, 1.0]", "effects.friction.coulomb=[0.0, 0.0, 0.0]"
-NO_VISCOUS = "effects.friction.viscous=[0.0, 0.0, 0.0]"
-NO_FRICTION = [NO_COULOMB, NO_VISCOUS]
+NO_FRICTION = [NO_COULOMB, "effects.friction.viscous=[0.0, 0.0, 0.0]"]
 LIMITED = "effects.limits={velocity=[1.0, 1.0, 1.0], acceleration=[1.0, 1.0, 1.0], force=[90.0, 90.0, 90.0]}"
 UNLIMITED = LIMITED.replace("[1.0, 1.0, 1.0]", "[1e+09, 1e+09, 1e+09]")
 STIFF = ["duration=0.05", "effects.rope.stiffness=1e8"]
 HOOK = ["duration=0.05", "effects.body.hook_offset=0.8"]
-CAPABILITIES, PLANT = "plants/capabilities.py", "plants/plant.py"
-FROM_FILE, TABLES, TOML, NAMES = (
-    "reference/files.py",
-    "reference/tables.py",
-    "support/documents.py",
-    "support/resources.py",
-)
-PLAN, AN_ENTRY = ["cranectl", "plan"], "choose one that is there, or set the whole list"
-CASES = [
-    Case(
-        CAPABILITIES,
-        "{}; or set {}",
-        [*on("analytic", "velocity", COULOMB)],
-        on("analytic", "velocity", COULOMB, *NO_FRICTION),
-    ),
-    Case(
-        CAPABILITIES,
-        "{} or '--drive force'; or set {}",
-        on("mujoco", "ideal", COULOMB),
-        on("mujoco", "ideal", *NO_FRICTION),
-    ),
-    Case(
-        CAPABILITIES,
-        "{}; or set {}",
-        on("mujoco", "force", LIMITED),
-        on("mujoco", "force", UNLIMITED),
-    ),
-    Case(
-        PLANT,
-        "set control.physics_step to {} or less; or choose a softer rope or frame, a heavier winch, "
-        "or a body with more inertia",
-        on("mujoco", "velocity", *STIFF),
-        on("mujoco", "velocity", *STIFF[:1], "effects.rope.stiffness=1e5"),
-    ),
-    Case(
-        PLANT,
-        "lower the path or reduce hook_offset",
-        on("mujoco", "velocity", *HOOK),
-        on("mujoco", "velocity", *HOOK[:1], "effects.body.hook_offset=0.1"),
-    ),
-    Case(
-        FROM_FILE,
-        "leave out columns.speed",
-        from_file("waypoints", "one.mcap", "columns={speed='v'}"),
-        from_file("samples", "one.mcap"),
-    ),
-    Case(FROM_FILE, "leave out {}", from_file("samples", "one.mcap", SI), from_file("samples", "one.mcap")),
-    Case(
-        "support/errors.py",
-        "did you mean '{}'?",
-        from_file("samples", "one.mcap", "topic='reference/loads'"),
-        from_file("samples", "one.mcap", "topic='reference/load'"),
-    ),
-    Case(
-        TABLES,
-        "write the column as floating point numbers",
-        from_file("samples", "text.parquet", SI),
-        from_file("samples", "own.parquet", SI),
-    ),
-    Case(
-        TABLES,
-        "write the file again",
-        from_file("samples", "cut.parquet", SI),
-        from_file("samples", "own.parquet", SI),
-    ),
-    Case(
-        "cli/plan.py",
-        "take kind = 'move', or time_law = 'minimum-time' instead of a duration",
-        [*PLOT, "reference.segments=[{kind='line', to=[1.1, 0.77, -0.7], duration=2.0}]"],
-        [*PLOT, "reference.segments=[{kind='move', to=[1.01, 0.77, -0.7]}]"],
-    ),
-    Case(TOML, "leave '{}' out", ["duration.long=2.0"], ["duration=2.0"]),
-    Case(TOML, AN_ENTRY, ["reference.start.3=0.8"], ["reference.start.1=0.8"]),
-    Case(TOML, AN_ENTRY, ["reference.start.3=0.8"], ["reference.start=[1.0, 0.8, -0.7]"]),
-    Case(NAMES, "name a file in it, or another", [*PLAN, "folder"], [*PLAN, "folder/s.toml"]),
-    Case(
-        TOML, "correct it at that place", ["cranectl", "plan", "wrong.toml"], ["cranectl", "plan", "s.toml"]
-    ),
-    Case(
-        TOML,
-        "name a {} file, or write the settings into one",
-        ["cranectl", "plan", "s.xml"],
-        ["cranectl", "plan", "s.toml"],
-    ),
-    Case(
-        NAMES,
-        "did you mean '{}'?",
-        ["cranectl", "plan", "fast-diagonale"],
-        ["cranectl", "plan", "fast-diagonal"],
-    ),
-    Case(
-        NAMES,
-        "choose one of these, or correct the path",
-        ["cranectl", "plan", "lost/move.toml"],
-        ["cranectl", "plan", "s.toml"],
-    ),
-    Case(
-        "controllers/registry.py",
-        "choose one of the controllers listed above, or name the file of a controller, law.py:NAME",
-        ["--drive", "ideal", "--controller", "zzz"],
-        ["--drive", "ideal"],
-    ),
-]
+PLAN, AN_ENTRY = "cranectl plan", "choose one that is there, or set the whole list"
+CASES = {
+    "plants/capabilities.py": [
+        Case("{}; or set {}", on("analytic", "velocity", COULOMB),
+             on("analytic", "velocity", COULOMB, *NO_FRICTION)),
+        Case("{} or '--drive force'; or set {}", on("mujoco", "ideal", COULOMB),
+             on("mujoco", "ideal", *NO_FRICTION)),
+        Case("{}; or set {}", on("mujoco", "force", LIMITED), on("mujoco", "force", UNLIMITED)),
+    ],
+    "plants/plant.py": [
+        Case("set control.physics_step to {} or less; or choose a softer rope or frame, a heavier winch, "
+             "or a body with more inertia", on("mujoco", "velocity", *STIFF),
+             on("mujoco", "velocity", *STIFF[:1], "effects.rope.stiffness=1e5")),
+        Case("lower the path or reduce hook_offset", on("mujoco", "velocity", *HOOK),
+             on("mujoco", "velocity", *HOOK[:1], "effects.body.hook_offset=0.1")),
+    ],
+    "reference/files.py": [
+        Case("leave out columns.speed", from_file("waypoints", "one.mcap", "columns={speed='v'}"),
+             from_file("samples", "one.mcap")),
+        Case("leave out {}", from_file("samples", "one.mcap", SI), from_file("samples", "one.mcap")),
+    ],
+    "support/errors.py": [
+        Case("did you mean '{}'?", from_file("samples", "one.mcap", "topic='reference/loads'"),
+             from_file("samples", "one.mcap", "topic='reference/load'")),
+    ],
+    "reference/tables.py": [
+        Case("write the column as floating point numbers", from_file("samples", "text.parquet", SI),
+             from_file("samples", "own.parquet", SI)),
+        Case("write the file again", from_file("samples", "cut.parquet", SI),
+             from_file("samples", "own.parquet", SI)),
+    ],
+    "cli/plan.py": [
+        Case("take kind = 'move', or time_law = 'minimum-time' instead of a duration",
+             [PLOT, "reference.segments=[{kind='line', to=[1.1, 0.77, -0.7], duration=2.0}]"],
+             [PLOT, "reference.segments=[{kind='move', to=[1.01, 0.77, -0.7]}]"]),
+    ],
+    "support/documents.py": [
+        Case("leave '{}' out", "duration.long=2.0", "duration=2.0"),
+        Case(AN_ENTRY, "reference.start.3=0.8", "reference.start.1=0.8", "reference.start=[1.0, 0.8, -0.7]"),
+        Case("correct it at that place", "cranectl plan wrong.toml", "cranectl plan s.toml"),
+        Case("name a {} file, or write the settings into one", "cranectl plan s.xml", "cranectl plan s.toml"),
+    ],
+    "support/resources.py": [
+        Case("name a file in it, or another", f"{PLAN} folder", f"{PLAN} folder/s.toml"),
+        Case("did you mean '{}'?", "cranectl plan fast-diagonale", "cranectl plan fast-diagonal"),
+        Case("choose one of these, or correct the path", "cranectl plan lost/move.toml",
+             "cranectl plan s.toml"),
+    ],
+    "controllers/registry.py": [
+        Case("choose one of the controllers listed above, or name the file of a controller, law.py:NAME",
+             "--drive ideal --controller zzz", "--drive ideal"),
+    ],
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -164,7 +107,7 @@ def prepared_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     parquet.write_table(pa.table({**columns, "x": time.astype(str)}), folder / "text.parquet")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        assert main([*RUN, "--out", "one.mcap"]) == 0
+        assert main(f"{RUN} --out one.mcap".split()) == 0
     return folder
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from tests.remedies import Case, remedy_test, written
 
-RUN = ["run", "s.toml", "--plants", "analytic"]
+RUN = "run s.toml --plants analytic"
 POINTS = ["0,1.0,0.77,-0.7", "3,1.1,0.77,-0.7", "6,1.2,0.77,-0.7"]
 TIMES = np.arange(0.0, 4.01, 0.05)
 _tau = np.clip((TIMES - 0.5) / 3.0, 0.0, 1.0)
@@ -63,30 +63,29 @@ NAMED = "columns={time='time [s]', x='x [m]', y='y [m]', z='z [m]'}"
 IN_INCHES = NAMED.replace("x [m]", "x [inch]")
 
 
-def segment(kind: str, *settings: str) -> list[str]:
-    return [f"reference.segments=[{{kind='{kind}', {', '.join(settings)}}}]"]
+def segment(kind: str, *settings: str) -> str:
+    return f"reference.segments=[{{kind='{kind}', {', '.join(settings)}}}]"
 
 
-def points(file: str = "points.csv", units: str = IN_SI, *settings: str) -> list[str]:
+def points(file: str = "points.csv", units: str = IN_SI, *settings: str) -> str:
     return segment("waypoints", f"file='{file}'", *filter(None, [units]), *settings)
 
 
-def samples(file: str = "recorded.csv", units: str = IN_SI, *settings: str) -> list[str]:
+def samples(file: str = "recorded.csv", units: str = IN_SI, *settings: str) -> str:
     return segment("samples", f"file='{file}'", units, *settings)
 
 
-def through(*timing: str, route: str = "[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.3,0.77,-0.7]") -> list[str]:
+def through(*timing: str, route: str = "[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.3,0.77,-0.7]") -> str:
     return segment("waypoints", f"points=[{route}]", *timing)
 
 
-def repeated(*timing: str) -> list[str]:
+def repeated(*timing: str) -> str:
     return through(*timing, route="[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.1,0.77,-0.7],[1.3,0.77,-0.7]")
 
 
-def after_a_line(to: str, then: list[str]) -> list[str]:
+def after_a_line(to: str, then: str) -> str:
     """Insert a line before the segments of a setting."""
-    line = f"[{{kind='line', to={to}, duration='shortest'}},"
-    return [setting.replace("=[", f"={line}", 1) for setting in then]
+    return then.replace("=[", f"=[{{kind='line', to={to}, duration='shortest'}},", 1)
 
 
 STAY = segment("hold", "duration=1.0")
@@ -95,136 +94,84 @@ EVEN = "[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.2,0.77,-0.7],[1.4,0.77,-0.7]"
 QUICK, FASTER = "times=[0, 0.6, 1.2]", "velocity=[3.0, 3.0, 3.0]"
 HARDER = "acceleration=[30.0, 30.0, 30.0]"
 NO_FORCE = ["--drive", "velocity", "effects.limits.force=[1e9, 1e9, 1e9]"]
-F, T, G, S = (f"reference/{name}.py" for name in ("files", "tables", "point_splines", "sanity"))
-UNITS = "leave out units.{}, or correct the file"
 ENCODING = "save it as CSV in UTF-8, or as Parquet"
 MAP = "map it: columns = {{} = '…'}{}"
-ZERO_SPEED = "raise the speed, or give times in place of speeds"
 REST = "leave out {}; to rest there, give times in place of speeds"
-STOP = "leave out {}; to stop there, end the segment there and begin another"
-BEGIN = "reference.start = [{}] if it is the first segment, or move there before, or offset = '{}'"
-SIGNS = "signs = [1, 1, -1] if the file counts z downwards; or offset = '{}' if it counts from elsewhere"
-SPANS = "leave out spans, which is chosen then, or take fewer"
-OFTEN = 'record more often, or take them as points: kind = "waypoints"'
 DEMAND = "give the motion more time, or raise {} if the drive can do more"
-CASES = [
-    Case(F, "name such a file", points("absent.csv"), points()),
-    Case(F, "leave out topic", points("points.csv", IN_SI, "topic='analytic/load'"), points()),
-    Case(F, "record it again", points("empty.csv"), points()),
-    Case(
-        F,
-        "set units = {{} = '{}', …}; cranectl does not guess units",
-        points(units="units={time='s'}"),
-        points(),
-    ),
-    Case(F, UNITS, points("units.csv", "units={length='mm'}", NAMED), points("units.csv", "", NAMED)),
-    Case(F, UNITS, points("units.csv", "units={length='mm'}", NAMED), points()),
-    Case(
-        F,
-        "write the column in one of these units",
-        points("inches.csv", IN_SI, IN_INCHES),
-        points("units.csv", IN_SI, NAMED),
-    ),
-    Case("support/errors.py", "did you mean '{}'?", points("units.csv", ""), points("units.csv", "", NAMED)),
-    Case(T, ENCODING, points("sheet.xlsx"), points()),
-    Case(T, ENCODING, points("latin.csv"), points()),
-    Case(
-        T,
-        "write numbers, with a point before decimals, or with ; between columns and a comma",
-        points("text.csv"),
-        points(),
-    ),
-    Case(T, "correct that line, or leave it out", points("ragged.csv"), points()),
-    Case(T, "correct that line, or leave it out", points("ragged.csv"), points("two.csv")),
-    Case(T, "write a line of names before it, such as {}", points("bare.csv"), points()),
-    Case(T, "write the file with one of these between its columns", points("bars.csv"), points()),
-    Case(T, "give the others another name", points("twice.csv"), points("once.csv")),
-    Case(
-        T,
-        MAP,
-        points("clock.csv"),
-        points("clock.csv", IN_SI, "columns={time='clock'}"),
-    ),
-    Case(
-        T,
-        MAP,
-        points("named.csv"),
-        points("named.csv", IN_SI, "columns={x='laengs'}"),
-    ),
-    Case(
-        T,
-        MAP,
-        points("flat.csv"),
-        points("flat.csv", IN_SI, "columns={z=-0.7}"),
-    ),
-    Case(G, 'for a spline near more points use kind = "samples"', points("many.csv"), samples("many.csv")),
-    Case(G, "add or remove some", through("times=[0, 3]"), through("times=[0, 3, 6]")),
-    Case(G, ZERO_SPEED, through("speed=[0, 0, 0.1]"), through("speed=[0, 0.1, 0.1]")),
-    Case(G, ZERO_SPEED, through("speed=[0, 0, 0.1]"), through("times=[0, 3, 6]")),
-    Case(
-        G,
-        'to stay in place use kind = "hold"',
-        through("speed=0.1", route="[1.0,0.77,-0.7],[1.0,0.77,-0.7]"),
-        STAY,
-    ),
-    Case(G, REST, repeated("speed=0.1"), through("speed=0.1")),
-    Case(G, REST, repeated("speed=[0.0, 0.1, 0.1, 0.0]"), through("speed=[0.0, 0.1, 0.0]")),
-    Case(G, REST, repeated("speed=0.1"), repeated("times=[0, 3, 4, 7]")),
-    Case(G, STOP, repeated("time_law='minimum-time'"), through("time_law='minimum-time'")),
-    Case(
-        G,
-        STOP,
-        repeated("time_law='minimum-time'"),
-        after_a_line("[1.1, 0.77, -0.7]", segment("line", "to=[1.3, 0.77, -0.7]", "duration='shortest'")),
-    ),
-    Case(
-        G,
-        BEGIN,
-        samples("elsewhere.csv"),
-        [*samples("elsewhere.csv"), "reference.start=[1.0000, 1.0000, -0.7000]"],
-    ),
-    Case(
-        G,
-        BEGIN,
-        samples("elsewhere.csv"),
-        after_a_line("[1.0000, 1.0000, -0.7000]", samples("elsewhere.csv")),
-    ),
-    Case(G, BEGIN, samples("elsewhere.csv"), samples("elsewhere.csv", IN_SI, "offset='to-start'")),
-    Case(G, SIGNS, samples("down.csv"), samples("down.csv", IN_SI, "signs=[1, 1, -1]")),
-    Case(G, SIGNS, samples("down.csv"), samples("down.csv", IN_SI, "offset='to-start'")),
-    Case(G, SPANS, samples("recorded.csv", IN_SI, "spans=500"), samples()),
-    Case(G, SPANS, samples("recorded.csv", IN_SI, "spans=500"), samples("recorded.csv", IN_SI, "spans=8")),
-    Case(
-        G,
-        "leave out points that are close together, or add some between those far apart",
-        through("times=[0, 3, 3.0000001, 5, 7]", route=UNEVEN),
-        through("times=[0, 3, 5, 7]", route=EVEN),
-    ),
-    Case(S, "{}{}{}", [*samples(), "duration=3.0"], [*samples(), "duration=5.0"]),
-    Case(S, "{}{}{}", samples("millis.csv"), samples("millis.csv", "units={time='ms', length='m'}")),
-    Case(S, "leave these rows out, or record the motion again", samples("nan.csv"), samples("less.csv")),
-    Case(S, "correct the units, or record the motion again", samples("far.csv"), samples()),
-    Case(S, "sort the rows, and keep one of each time", samples("late.csv"), samples()),
-    Case(S, OFTEN, samples("few.csv"), samples()),
-    Case(S, OFTEN, samples("few.csv"), points("few.csv")),
-    Case(S, "fill it in, or cut the file there into two", samples("gap.csv"), samples()),
-    Case(S, "leave such samples out, or record the motion again", samples("jump.csv"), samples("less.csv")),
-    Case(S, "record it with a rest before and after, or cut it there", samples("moving.csv"), samples()),
-    Case(S, DEMAND, through(QUICK), through("times=[0, 3, 6]")),
-    Case(
-        S,
-        DEMAND,
-        through(QUICK),
-        [*through(QUICK), f"rig.effects.limits.{FASTER}", f"rig.effects.limits.{HARDER}"],
-    ),
-    Case(
-        S,
-        DEMAND,
-        [*NO_FORCE, *through(QUICK)],
-        [*NO_FORCE, *through(QUICK), f"effects.limits.{FASTER}", f"effects.limits.{HARDER}"],
-    ),
-    Case(S, "give the motion more time, or fewer knots by spans", samples("fast.csv"), samples()),
-]
+CASES = {
+    "reference/files.py": [
+        Case("name such a file", points("absent.csv"), points()),
+        Case("leave out topic", points("points.csv", IN_SI, "topic='analytic/load'"), points()),
+        Case("record it again", points("empty.csv"), points()),
+        Case("set units = {{} = '{}', …}; cranectl does not guess units", points(units="units={time='s'}"),
+             points()),
+        Case("leave out units.{}, or correct the file", points("units.csv", "units={length='mm'}", NAMED),
+             points("units.csv", "", NAMED), points()),
+        Case("write the column in one of these units", points("inches.csv", IN_SI, IN_INCHES),
+             points("units.csv", IN_SI, NAMED)),
+    ],
+    "support/errors.py": [
+        Case("did you mean '{}'?", points("units.csv", ""), points("units.csv", "", NAMED)),
+    ],
+    "reference/tables.py": [
+        Case(ENCODING, points("sheet.xlsx"), points()),
+        Case(ENCODING, points("latin.csv"), points()),
+        Case("write numbers, with a point before decimals, or with ; between columns and a comma",
+             points("text.csv"), points()),
+        Case("correct that line, or leave it out", points("ragged.csv"), points(), points("two.csv")),
+        Case("write a line of names before it, such as {}", points("bare.csv"), points()),
+        Case("write the file with one of these between its columns", points("bars.csv"), points()),
+        Case("give the others another name", points("twice.csv"), points("once.csv")),
+        Case(MAP, points("clock.csv"), points("clock.csv", IN_SI, "columns={time='clock'}")),
+        Case(MAP, points("named.csv"), points("named.csv", IN_SI, "columns={x='laengs'}")),
+        Case(MAP, points("flat.csv"), points("flat.csv", IN_SI, "columns={z=-0.7}")),
+    ],
+    "reference/point_splines.py": [
+        Case('for a spline near more points use kind = "samples"', points("many.csv"), samples("many.csv")),
+        Case("add or remove some", through("times=[0, 3]"), through("times=[0, 3, 6]")),
+        Case("raise the speed, or give times in place of speeds", through("speed=[0, 0, 0.1]"),
+             through("speed=[0, 0.1, 0.1]"), through("times=[0, 3, 6]")),
+        Case('to stay in place use kind = "hold"',
+             through("speed=0.1", route="[1.0,0.77,-0.7],[1.0,0.77,-0.7]"), STAY),
+        Case(REST, repeated("speed=0.1"), through("speed=0.1"), repeated("times=[0, 3, 4, 7]")),
+        Case(REST, repeated("speed=[0.0, 0.1, 0.1, 0.0]"), through("speed=[0.0, 0.1, 0.0]")),
+        Case("leave out {}; to stop there, end the segment there and begin another",
+             repeated("time_law='minimum-time'"), through("time_law='minimum-time'"),
+             after_a_line("[1.1, 0.77, -0.7]",
+                          segment("line", "to=[1.3, 0.77, -0.7]", "duration='shortest'"))),
+        Case("reference.start = [{}] if it is the first segment, or move there before, or offset = '{}'",
+             samples("elsewhere.csv"),
+             [samples("elsewhere.csv"), "reference.start=[1.0000, 1.0000, -0.7000]"],
+             after_a_line("[1.0000, 1.0000, -0.7000]", samples("elsewhere.csv")),
+             samples("elsewhere.csv", IN_SI, "offset='to-start'")),
+        Case("signs = [1, 1, -1] if the file counts z downwards; or offset = '{}' if it counts from "
+             "elsewhere", samples("down.csv"), samples("down.csv", IN_SI, "signs=[1, 1, -1]"),
+             samples("down.csv", IN_SI, "offset='to-start'")),
+        Case("leave out spans, which is chosen then, or take fewer",
+             samples("recorded.csv", IN_SI, "spans=500"), samples(),
+             samples("recorded.csv", IN_SI, "spans=8")),
+        Case("leave out points that are close together, or add some between those far apart",
+             through("times=[0, 3, 3.0000001, 5, 7]", route=UNEVEN),
+             through("times=[0, 3, 5, 7]", route=EVEN)),
+    ],
+    "reference/sanity.py": [
+        Case("{}{}{}", [samples(), "duration=3.0"], [samples(), "duration=5.0"]),
+        Case("{}{}{}", samples("millis.csv"), samples("millis.csv", "units={time='ms', length='m'}")),
+        Case("leave these rows out, or record the motion again", samples("nan.csv"), samples("less.csv")),
+        Case("correct the units, or record the motion again", samples("far.csv"), samples()),
+        Case("sort the rows, and keep one of each time", samples("late.csv"), samples()),
+        Case('record more often, or take them as points: kind = "waypoints"', samples("few.csv"), samples(),
+             points("few.csv")),
+        Case("fill it in, or cut the file there into two", samples("gap.csv"), samples()),
+        Case("leave such samples out, or record the motion again", samples("jump.csv"), samples("less.csv")),
+        Case("record it with a rest before and after, or cut it there", samples("moving.csv"), samples()),
+        Case(DEMAND, through(QUICK), through("times=[0, 3, 6]"),
+             [through(QUICK), f"rig.effects.limits.{FASTER}", f"rig.effects.limits.{HARDER}"]),
+        Case(DEMAND, [*NO_FORCE, through(QUICK)],
+             [*NO_FORCE, through(QUICK), f"effects.limits.{FASTER}", f"effects.limits.{HARDER}"]),
+        Case("give the motion more time, or fewer knots by spans", samples("fast.csv"), samples()),
+    ],
+}  # fmt: skip
 
 
 files = written(FILES)

@@ -4,7 +4,6 @@ from tests.campaign.benchmark.conftest import SHORT, SMALL
 from tests.cli.test_key_remedies_campaign import CAMPAIGN, SCENARIO
 from tests.remedies import Case, remedy_test, written
 
-PLAN = ["plan", "s.toml"]
 CONTROLLER_LIST, SETS = '["lqr-integral", "servo.py:SERVO"]', "[sets.wide]"
 BENCHMARK = SMALL.replace(CONTROLLER_LIST, '["lqr-integral"]')
 RULES = {
@@ -19,20 +18,13 @@ RULES = {
 FILES = {
     "s.toml": "name='s'\nduration=8.0\nreference.start=[1.0, 0.77, -0.7]\n",
     "points.csv": "time,x,y,z\n0,1.0,0.77,-0.7\n3,1.1,0.77,-0.7\n6,1.2,0.77,-0.7\n",
-    "c.toml": f"{CAMPAIGN}runs=2\n",
-    "none.toml": CAMPAIGN,
+    "c.toml": f"{CAMPAIGN}runs=2\n".replace("s.toml", "scenario.toml"),
+    "none.toml": CAMPAIGN.replace("s.toml", "scenario.toml"),
     "scenario.toml": SCENARIO,
     "short.toml": SHORT,
     "right.toml": BENCHMARK,
     **{f"{name}.toml": BENCHMARK.replace(*change) for name, change in RULES.items()},
 }
-FILES["c.toml"], FILES["none.toml"] = (
-    FILES[name].replace("s.toml", "scenario.toml") for name in ("c.toml", "none.toml")
-)
-DRIVEN, RIG, SEGMENTS, ALONG, PLANNING = (
-    f"scenario/{name}.py" for name in ("recorded", "rig", "segments", "along_path", "planning")
-)
-TIMES, DISTRIBUTIONS, RULE = "scenario/scenario.py", "campaign/distributions.py", "campaign/settings.py"
 HAND = {
     "duration": "8.0", "period": "0.001", "bandwidth": "8.0", "speed": "[0.3, 0.3, 0.2]",
     "low": "[0.1, 0.1, -1.2]", "high": "[1.8, 1.4, -0.2]",
@@ -47,8 +39,8 @@ PARTS = (
     f"parts=[{{kind='line', {LINE}, time_law='minimum-time', blend=0.1}}, "
     "{kind='line', to=[1.2, 1.0, -0.7], time_law='minimum-time'}]"
 )
-SHOW = ["cranectl", "campaign", "show", "c.toml", "--no-estimate"]
-NONE = ["cranectl", "campaign", "show", "none.toml", "--no-estimate"]
+SHOW = "cranectl campaign show c.toml --no-estimate"
+NONE = "cranectl campaign show none.toml --no-estimate"
 DISTURBANCE = "disturbances=[{{force=[1.0, 0.0, 0.0], {}}}]"
 
 
@@ -68,241 +60,123 @@ def mass(distribution: str) -> str:
     return f"uncertain.rig.load_mass={{distribution={distribution}}}"
 
 
-def benchmark(name: str) -> list[str]:
-    options = ["--set-of-cranes", "nominal", "--scenario", "short", "--out", "result"]
-    return ["cranectl", "benchmark", "run", f"{name}.toml", *options]
+def benchmark(name: str) -> str:
+    return f"cranectl benchmark run {name}.toml --set-of-cranes nominal --scenario short --out result"
 
 
-CASES = [
-    Case(DRIVEN, "lengthen period", [hand(period="1e-6")], [hand()]),
-    Case(
-        DRIVEN,
-        "lengthen duration, or add such a wish",
-        [hand(wishes="[[0.1, 0.2, 0.1, 0.0]]")],
-        [hand(wishes="[[0.1, 0.2, 0.1, 0.0], [0.2, 0.0, 0.0, 0.0]]")],
-    ),
-    Case(DRIVEN, "lengthen duration, or add such a wish", [hand(duration="0.6")], [hand()]),
-    Case(
-        DRIVEN,
-        "move its time to a sample",
-        [hand(wishes="[[0.1005, 0.2, 0.1, 0.0], [0.5, 0.0, 0.0, 0.0]]")],
-        [hand()],
-    ),
-    Case(
-        DRIVEN,
-        "leave one of the two out",
-        [hand(wishes="[[0.1, 0.2, 0.1, 0.0], [0.1, 0.1, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0]]")],
-        [hand()],
-    ),
-    Case(DRIVEN, "raise speed, or lower the wish", [hand(speed="[0.1, 0.3, 0.2]")], [hand()]),
-    Case(
-        DRIVEN,
-        "move low or high, or the goal",
-        [hand(goals="[[0.2, 1.9, 0.77, -0.7]]")],
-        [hand(goals="[[0.2, 1.1, 0.77, -0.7]]")],
-    ),
-    Case(RIG, "exchange its two values", ["rig.rope_range=[1.4, 0.1]"], ["rig.rope_range=[0.1, 1.4]"]),
-    Case(
-        RIG,
-        "give the length of the shortest rope, for example 0.1",
-        ["rig.rope_range=[0.0, 1.4]"],
-        ["rig.rope_range=[0.1, 1.4]"],
-    ),
-    Case(
-        "scenario/recorded.py",
-        "name the column of speeds, or leave the unit out",
-        [segment("waypoints", "file='points.csv'", "units={time='s', length='m', speed='m/s'}")],
-        [segment("waypoints", "file='points.csv'", "units={time='s', length='m'}")],
-    ),
-    Case(
-        "reference/files.py",
-        "leave out {}",
-        [segment("waypoints", "file='points.csv'", "units={time='ms', length='m'}", "speed=0.1")],
-        [segment("waypoints", "file='points.csv'", "units={length='m'}", "speed=0.1")],
-    ),
-    Case(TIMES, "set control.period to {}", ["control.period=0.0010000003"], ["control.period=0.001"]),
-    Case(
-        TIMES,
-        "set control.physics_step to {}, the next shorter that does",
-        ["control.physics_step=0.0003"],
-        ["control.physics_step=0.00025"],
-    ),
-    Case(
-        TIMES,
-        "set control.physics_step to {}, or correct the rig",
-        ["rig.bridge_time_constant=1e-4"],
-        ["rig.bridge_time_constant=1e-4", "control.physics_step=0.0001"],
-    ),
-    Case(
-        TIMES,
-        "raise duration, or lower {}",
-        [DISTURBANCE.format("start=9.0")],
-        [DISTURBANCE.format("start=2.0")],
-    ),
-    Case(TIMES, "set duration to {} or more", [segment("hold", "duration=9")], ["duration=9.0"]),
-    Case(TIMES, "set {} to {}, or change control.period", ["duration=1.0003"], ["duration=1.0"]),
-    Case(
-        "scenario/disturbances.py",
-        "raise its end, or leave it out",
-        [DISTURBANCE.format("start=0.5, end=0.3")],
-        [DISTURBANCE.format("start=0.5")],
-    ),
-    Case(
-        "scenario/disturbances.py",
-        "give joint and magnitude, or force, and leave the other out",
-        [DISTURBANCE.format("start=0.5, joint='alpha'")],
-        [DISTURBANCE.format("start=0.5")],
-    ),
-    Case(
-        ALONG,
-        "leave one of them out",
-        [segment("line", LINE, "duration=2.0", "time_law='minimum-time'")],
-        [segment("line", LINE, "duration=2.0")],
-    ),
-    Case(
-        ALONG,
-        "leave time_law out, or give the duration in seconds",
-        [segment("line", LINE, "duration='shortest'", "time_law='degree-5'")],
-        [segment("line", LINE, "duration=2.0", "time_law='degree-5'"), "reference.continuity=2"],
-    ),
-    Case(
-        ALONG,
-        "give it in seconds, or as 'shortest', or leave it to time_law = 'minimum-time'",
-        [segment("line", LINE)],
-        [segment("line", LINE, "duration=2.0")],
-    ),
-    Case(
-        ALONG,
-        "leave blend out, or leave the time to the plan: time_law = 'minimum-time'",
-        [segment("line", LINE, "duration=2.0", "blend=0.1")],
-        [segment("line", LINE, "duration=2.0")],
-    ),
-    Case(
-        ALONG,
-        "give one for each corner",
-        [segment("path", PARTS, "duration=4.0", "taken=[0.05, 0.05]")],
-        [segment("path", PARTS, "duration=4.0", "taken=[0.05]")],
-    ),
-    Case(
-        PLANNING,
-        "give a number below 1 and one above it, for example [0.2, 2.0]",
-        ["planning.tension=[1.2, 2.0]"],
-        ["planning.tension=[0.2, 2.0]"],
-    ),
-    Case(
-        PLANNING,
-        "exchange the two values of {}",
-        ["planning.load_box=[[2.0, 0.0], [0.0, 1.54], [-1.4, 0.0]]"],
-        ["planning.load_box=[[0.0, 2.0], [0.0, 1.54], [-1.4, 0.0]]"],
-    ),
-    Case(
-        PLANNING,
-        "exchange the values of the axes along which low is not below high",
-        ["obstacles=[{name='box', low=[1.2, 1.0, -1.4], high=[1.0, 1.2, -1.2]}]"],
-        ["obstacles=[{name='box', low=[1.0, 1.0, -1.4], high=[1.2, 1.2, -1.2]}]"],
-    ),
-    Case(
-        SEGMENTS,
-        "leave duration out, or the others",
-        [segment("move", LINE, "plane=true", "duration='shortest'")],
-        [segment("move", LINE, "duration='shortest'")],
-    ),
-    Case(
-        SEGMENTS,
-        "give one of the two",
-        [segment("waypoints", POINTS, "speed=0.1", "file='points.csv'")],
-        [segment("waypoints", POINTS, "speed=0.1")],
-    ),
-    Case(
-        SEGMENTS,
-        "leave them out",
-        [segment("waypoints", POINTS, "speed=0.1", "topic='mujoco/load'")],
-        [segment("waypoints", POINTS, "speed=0.1")],
-    ),
-    Case(
-        SEGMENTS,
-        "give one of them",
-        [segment("waypoints", POINTS)],
-        [segment("waypoints", POINTS, "times=[0.0, 3.0]")],
-    ),
-    Case(
-        SEGMENTS,
-        "begin them at 0, and give each knot once",
-        [spline(5, FLAT, BREAKS.replace("0.5", "0.0"))],
-        [spline(5, FLAT, BREAKS)],
-    ),
-    Case(
-        SEGMENTS,
-        "give that many coefficients, or change breaks or degree",
-        [spline(5, FLAT[1:], BREAKS)],
-        [spline(5, FLAT, BREAKS)],
-    ),
-    Case(
-        SEGMENTS,
-        "give both or none",
-        [spline(5, FLAT, BREAKS, "lasts=2.0")],
-        [spline(5, FLAT, BREAKS)],
-    ),
-    Case(
-        SEGMENTS,
-        "take degree 7 or 9",
-        [spline(5, PATH[:6], "breaks=[0.0, 1.0]", "time_law='degree-9'", "lasts=2.0")],
-        [spline(7, PATH, "breaks=[0.0, 1.0]", "time_law='degree-9'", "lasts=2.0")],
-    ),
-    Case(
-        SEGMENTS,
-        "leave time_law out, or take kind = 'waypoints'",
-        [
-            spline(5, FLAT, BREAKS, "time_law='degree-9'", "lasts=2.0")
-            .replace("degree=5", "degree=7")
-            .replace("0.5, 1.0, 1.5", "1.0")
-        ],
-        [spline(5, FLAT, BREAKS)],
-    ),
-    Case(RULE, "name it once", [*SHOW, "controllers=['lqr', 'lqr']"], [*SHOW, "controllers=['lqr']"]),
-    Case(RULE, "add 'runs'", NONE, [*NONE, "runs=2"]),
-    Case(
-        DISTRIBUTIONS,
-        "exchange the two",
-        [*SHOW, mass("'uniform', low=1.2, high=0.8")],
-        [*SHOW, mass("'uniform', low=0.8, high=1.2")],
-    ),
-    Case(
-        DISTRIBUTIONS,
-        "state it once, with a larger weight in weights",
-        [*SHOW, mass("'choice', values=[0.8, 0.8, 1.2]")],
-        [*SHOW, mass("'choice', values=[0.8, 1.2], weights=[2.0, 1.0]")],
-    ),
-    Case(
-        DISTRIBUTIONS,
-        "state as many, or leave weights out",
-        [*SHOW, mass("'choice', values=[0.8, 1.2], weights=[2.0]")],
-        [*SHOW, mass("'choice', values=[0.8, 1.2]")],
-    ),
-    Case(
-        DISTRIBUTIONS,
-        "leave levels out",
-        [*SHOW, mass("'choice', values=[0.8, 1.2], levels=3")],
-        [*SHOW, mass("'choice', values=[0.8, 1.2]")],
-    ),
-    Case(
-        DISTRIBUTIONS,
-        "leave relative out",
-        [*SHOW, "effects.wind={}", "uncertain.effects.wind.seed={distribution='integers', relative=true}"],
-        [*SHOW],
-    ),
-    *(
-        Case("campaign/benchmark/settings.py", remedy, benchmark(name), benchmark("right"))
-        for name, remedy in (
-            ("named", "name one of these, or add it to [scenarios]"),
-            ("spreads", "state them in increasing order, each once"),
-            ("plant", "name another second_plant"),
-            ("letters", "rename them"),
-            ("taken", "rename them"),
-            ("seed", "change tuning.seed"),
-            ("validation", "change tuning.validation.seed"),
-        )
-    ),
-]
+CASES = {
+    "scenario/recorded.py": [
+        Case("lengthen period", hand(period="1e-6"), hand()),
+        Case("lengthen duration, or add such a wish", hand(wishes="[[0.1, 0.2, 0.1, 0.0]]"),
+             hand(wishes="[[0.1, 0.2, 0.1, 0.0], [0.2, 0.0, 0.0, 0.0]]")),
+        Case("lengthen duration, or add such a wish", hand(duration="0.6"), hand()),
+        Case("move its time to a sample", hand(wishes="[[0.1005, 0.2, 0.1, 0.0], [0.5, 0.0, 0.0, 0.0]]"),
+             hand()),
+        Case("leave one of the two out",
+             hand(wishes="[[0.1, 0.2, 0.1, 0.0], [0.1, 0.1, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0]]"), hand()),
+        Case("raise speed, or lower the wish", hand(speed="[0.1, 0.3, 0.2]"), hand()),
+        Case("move low or high, or the goal", hand(goals="[[0.2, 1.9, 0.77, -0.7]]"),
+             hand(goals="[[0.2, 1.1, 0.77, -0.7]]")),
+        Case("name the column of speeds, or leave the unit out",
+             segment("waypoints", "file='points.csv'", "units={time='s', length='m', speed='m/s'}"),
+             segment("waypoints", "file='points.csv'", "units={time='s', length='m'}")),
+    ],
+    "scenario/rig.py": [
+        Case("exchange its two values", "rig.rope_range=[1.4, 0.1]", "rig.rope_range=[0.1, 1.4]"),
+        Case("give the length of the shortest rope, for example 0.1", "rig.rope_range=[0.0, 1.4]",
+             "rig.rope_range=[0.1, 1.4]"),
+    ],
+    "reference/files.py": [
+        Case("leave out {}",
+             segment("waypoints", "file='points.csv'", "units={time='ms', length='m'}", "speed=0.1"),
+             segment("waypoints", "file='points.csv'", "units={length='m'}", "speed=0.1")),
+    ],
+    "scenario/scenario.py": [
+        Case("set control.period to {}", "control.period=0.0010000003", "control.period=0.001"),
+        Case("set control.physics_step to {}, the next shorter that does", "control.physics_step=0.0003",
+             "control.physics_step=0.00025"),
+        Case("set control.physics_step to {}, or correct the rig", "rig.bridge_time_constant=1e-4",
+             ["rig.bridge_time_constant=1e-4", "control.physics_step=0.0001"]),
+        Case("raise duration, or lower {}", DISTURBANCE.format("start=9.0"), DISTURBANCE.format("start=2.0")),
+        Case("set duration to {} or more", segment("hold", "duration=9"), "duration=9.0"),
+        Case("set {} to {}, or change control.period", "duration=1.0003", "duration=1.0"),
+    ],
+    "scenario/disturbances.py": [
+        Case("raise its end, or leave it out", DISTURBANCE.format("start=0.5, end=0.3"),
+             DISTURBANCE.format("start=0.5")),
+        Case("give joint and magnitude, or force, and leave the other out",
+             DISTURBANCE.format("start=0.5, joint='alpha'"), DISTURBANCE.format("start=0.5")),
+    ],
+    "scenario/along_path.py": [
+        Case("leave one of them out", segment("line", LINE, "duration=2.0", "time_law='minimum-time'"),
+             segment("line", LINE, "duration=2.0")),
+        Case("leave time_law out, or give the duration in seconds",
+             segment("line", LINE, "duration='shortest'", "time_law='degree-5'"),
+             [segment("line", LINE, "duration=2.0", "time_law='degree-5'"), "reference.continuity=2"]),
+        Case("give it in seconds, or as 'shortest', or leave it to time_law = 'minimum-time'",
+             segment("line", LINE), segment("line", LINE, "duration=2.0")),
+        Case("leave blend out, or leave the time to the plan: time_law = 'minimum-time'",
+             segment("line", LINE, "duration=2.0", "blend=0.1"), segment("line", LINE, "duration=2.0")),
+        Case("give one for each corner", segment("path", PARTS, "duration=4.0", "taken=[0.05, 0.05]"),
+             segment("path", PARTS, "duration=4.0", "taken=[0.05]")),
+    ],
+    "scenario/planning.py": [
+        Case("give a number below 1 and one above it, for example [0.2, 2.0]", "planning.tension=[1.2, 2.0]",
+             "planning.tension=[0.2, 2.0]"),
+        Case("exchange the two values of {}", "planning.load_box=[[2.0, 0.0], [0.0, 1.54], [-1.4, 0.0]]",
+             "planning.load_box=[[0.0, 2.0], [0.0, 1.54], [-1.4, 0.0]]"),
+        Case("exchange the values of the axes along which low is not below high",
+             "obstacles=[{name='box', low=[1.2, 1.0, -1.4], high=[1.0, 1.2, -1.2]}]",
+             "obstacles=[{name='box', low=[1.0, 1.0, -1.4], high=[1.2, 1.2, -1.2]}]"),
+    ],
+    "scenario/segments.py": [
+        Case("leave duration out, or the others", segment("move", LINE, "plane=true", "duration='shortest'"),
+             segment("move", LINE, "duration='shortest'")),
+        Case("give one of the two", segment("waypoints", POINTS, "speed=0.1", "file='points.csv'"),
+             segment("waypoints", POINTS, "speed=0.1")),
+        Case("leave them out", segment("waypoints", POINTS, "speed=0.1", "topic='mujoco/load'"),
+             segment("waypoints", POINTS, "speed=0.1")),
+        Case("give one of them", segment("waypoints", POINTS),
+             segment("waypoints", POINTS, "times=[0.0, 3.0]")),
+        Case("begin them at 0, and give each knot once", spline(5, FLAT, BREAKS.replace("0.5", "0.0")),
+             spline(5, FLAT, BREAKS)),
+        Case("give that many coefficients, or change breaks or degree", spline(5, FLAT[1:], BREAKS),
+             spline(5, FLAT, BREAKS)),
+        Case("give both or none", spline(5, FLAT, BREAKS, "lasts=2.0"), spline(5, FLAT, BREAKS)),
+        Case("take degree 7 or 9",
+             spline(5, PATH[:6], "breaks=[0.0, 1.0]", "time_law='degree-9'", "lasts=2.0"),
+             spline(7, PATH, "breaks=[0.0, 1.0]", "time_law='degree-9'", "lasts=2.0")),
+        Case("leave time_law out, or take kind = 'waypoints'",
+             spline(7, FLAT, "breaks=[0.0, 1.0, 2.0, 2.5]", "time_law='degree-9'", "lasts=2.0"),
+             spline(5, FLAT, BREAKS)),
+    ],
+    "campaign/settings.py": [
+        Case("name it once", [SHOW, "controllers=['lqr', 'lqr']"], [SHOW, "controllers=['lqr']"]),
+        Case("add 'runs'", NONE, [NONE, "runs=2"]),
+    ],
+    "campaign/distributions.py": [
+        Case("exchange the two", [SHOW, mass("'uniform', low=1.2, high=0.8")],
+             [SHOW, mass("'uniform', low=0.8, high=1.2")]),
+        Case("state it once, with a larger weight in weights",
+             [SHOW, mass("'choice', values=[0.8, 0.8, 1.2]")],
+             [SHOW, mass("'choice', values=[0.8, 1.2], weights=[2.0, 1.0]")]),
+        Case("state as many, or leave weights out",
+             [SHOW, mass("'choice', values=[0.8, 1.2], weights=[2.0]")],
+             [SHOW, mass("'choice', values=[0.8, 1.2]")]),
+        Case("leave levels out", [SHOW, mass("'choice', values=[0.8, 1.2], levels=3")],
+             [SHOW, mass("'choice', values=[0.8, 1.2]")]),
+        Case("leave relative out", [SHOW, "effects.wind={}",
+              "uncertain.effects.wind.seed={distribution='integers', relative=true}"], SHOW),
+    ],
+    "campaign/benchmark/settings.py": [
+        Case("name one of these, or add it to [scenarios]", benchmark("named"), benchmark("right")),
+        Case("state them in increasing order, each once", benchmark("spreads"), benchmark("right")),
+        Case("name another second_plant", benchmark("plant"), benchmark("right")),
+        Case("rename them", benchmark("letters"), benchmark("right")),
+        Case("rename them", benchmark("taken"), benchmark("right")),
+        Case("change tuning.seed", benchmark("seed"), benchmark("right")),
+        Case("change tuning.validation.seed", benchmark("validation"), benchmark("right")),
+    ],
+}  # fmt: skip
 files = written(FILES)
-test_a_remedy_works_on_the_refused_input = remedy_test(CASES, PLAN)
+test_a_remedy_works_on_the_refused_input = remedy_test(CASES, "plan s.toml")

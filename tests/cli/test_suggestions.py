@@ -16,8 +16,7 @@ from cranectl.loaders.opening import close_controllers
 from cranectl.log.reader import read_log
 from cranectl.log.writer import unfinished
 from cranectl.support.resources import MODEL_FILE
-from tests.cli.suggestions import commands_in, commands_of_page, execute, suggested_commands
-from tests.conftest import ROOT
+from tests.cli.suggestions import commands_of_page, execute, suggested_commands
 from tests.loaders.controller_files import LAW
 
 CONTROLLER_FILE = "crane's laws/own law.py"
@@ -211,59 +210,3 @@ def test_the_suggested_drive_option_shows_the_effect_of_its_limits(
     assert shlex.split(options)[3] == plants.partition(",")[0]
     assert main([*fast, *shlex.split(options)]) in (0, 1, 3)
     assert "give the move more time" not in capsys.readouterr().out
-
-
-# Every text of the package that names a command: the test that executes it, or the reason why none does.
-ORIGIN = "names the command that has written a file"
-ABOVE = "executed above"
-KNOWN = {
-    ("analysis/certificate/certify.py", "cranectl ladder"): ABOVE,
-    ("analysis/certificate/certify.py", "cranectl campaign"): ABOVE,
-    ("analysis/certificate/certify.py", "cranectl run"): "describes what other commands do with a long delay",
-    ("campaign/benchmark/results.py", "cranectl benchmark"): ORIGIN,
-    ("campaign/benchmark/table.py", "cranectl benchmark"): ORIGIN,
-    ("campaign/benchmark/tuned.py", "cranectl"): "tests/campaign/benchmark/test_tuning.py",
-    ("campaign/benchmark/tuned.py", "cranectl tune"): ORIGIN,
-    ("campaign/manifest.py", "cranectl"): ABOVE,
-    ("campaign/results.py", "cranectl campaign"): ORIGIN,
-    ("cases/validation.py", "cranectl"): ABOVE,
-    ("cli/benchmark.py", "cranectl tune"): ORIGIN,
-    ("cli/command.py", "cranectl"): ABOVE,
-    ("cli/compare.py", "cranectl log"): "describes which logs are allowed",
-    ("cli/identify.py", "cranectl validate"): "tests/measured/test_identification.py",
-    ("cli/measured.py", "cranectl identify"): "describes which rigs are allowed",
-    ("cli/measured.py", "cranectl log"): "describes which logs are allowed",
-    ("cli/measured.py", "cranectl validate"): "tests/measured/test_verdict.py",
-    ("measured/verdict.py", "cranectl identify"): "describes which rigs are allowed",
-    ("cli/ladder.py", "cranectl log"): ABOVE,
-    ("cli/log.py", "cranectl compare"): "tests/measured/test_runs.py",
-    ("cli/log.py", "cranectl log"): ABOVE,
-    ("cli/measured.py", "cranectl report"): "tests/measured/test_runs.py",
-    ("cli/new.py", "cranectl log"): "tests/measured/test_programme.py",
-    ("cli/new.py", "cranectl run"): "tests/cli/test_new.py",
-    ("cli/report.py", "cranectl ladder"): ABOVE,
-    ("cli/run.py", "cranectl log"): ABOVE,
-    ("loaders/library.py", "cranectl new"): "tests/cli/test_new.py",
-    ("loaders/c_controller.py", "cranectl new"): "tests/cli/test_new.py",
-    ("loaders/python_controller.py", "cranectl new"): "tests/cli/test_new.py",
-    ("controllers/registry.py", "cranectl ladder"): ABOVE,
-    ("controllers/registry.py", "cranectl campaign"): ABOVE,
-    ("live/child_session.py", "cranectl run"): "the same scenario and options, which the session was given",
-    ("live/viewers.py", "cranectl live"): "the name of a server, as viewers show it",
-    ("log/reader.py", "cranectl ladder"): ABOVE,
-    ("log/reader.py", "cranectl log"): ABOVE,
-    ("log/writer.py", "cranectl log"): ABOVE,
-    ("measured/columns.py", "cranectl new"): "tests/measured/test_refused.py",
-    ("mcap_columns/contents.py", "cranectl log"): ABOVE,
-    ("render/timeline.py", "cranectl info"): ABOVE,
-    ("report/benchmark/failures.py", "cranectl"): "tests/campaign/benchmark/test_commands.py",
-    ("report/campaign/tables.py", "cranectl"): ABOVE,
-    ("report/validation.py", "cranectl"): ABOVE,
-    ("report/viewer_layouts.py", "cranectl log"): ORIGIN,
-    ("report/viewer_layouts.py", "cranectl ladder"): ORIGIN,
-    ("support/junit.py", "cranectl validate"): "the name of the suite in JUnit XML",
-}
-
-
-def test_every_text_that_names_a_command_is_tested_or_listed() -> None:
-    assert set(commands_in(ROOT / "cranectl")) == set(KNOWN)
