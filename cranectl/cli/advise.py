@@ -5,16 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import (
-    Command,
-    ScenarioRequest,
-    command_given,
-    json_option,
-    output_option,
-    scenario_argument,
-    scenario_options,
-)
+from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_controllers
 from cranectl.cli.idle import print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
@@ -22,10 +13,11 @@ from cranectl.support.files import HTML
 
 if TYPE_CHECKING:
     from cranectl.analysis.advice import Advice
+    from cranectl.report.page import Page
 
 
-@click.command("advise", cls=Command)
-@scenario_argument
+@click.command("advise", cls=command.Command)
+@command.scenario_argument
 @click.option(
     "--controller",
     "controllers",
@@ -34,15 +26,15 @@ if TYPE_CHECKING:
     shell_complete=complete_controllers,
     help="Repeatable. Default: the six of the flat family.",
 )
-@scenario_options
-@output_option(
+@command.scenario_options
+@command.output_option(
     "--report",
     HTML,
     "HTML page with this, the certificate, the ladder and the error budget of the best controller.",
 )
-@json_option
+@command.json_option
 def advise_command(
-    request: ScenarioRequest, controllers: tuple[str, ...], report: Path | None, screen: Screen
+    request: command.ScenarioRequest, controllers: tuple[str, ...], report: Path | None, screen: Screen
 ) -> int:
     """Recommend a controller for SCENARIO, and what to improve first.
 
@@ -72,21 +64,19 @@ def advise_command(
     screen.print_each(recommendation(advice))
     print_idle_in_analysis(screen, loaded, request, chosen, with_model=report is not None)
     if report is not None and advice.best is not None:
-        _write_report(advice, report, command_given())
-        screen.print(f"report: {report}")
+        screen.save_page(_report(advice), report)
     screen.write_json(advice.to_json())
     if advice.best is None:
         return exit_codes.RUN_STOPPED
     return exit_codes.GOOD if advice.best.guaranteed else exit_codes.LIMIT_EXCEEDED
 
 
-def _write_report(advice: "Advice", report: Path, command: str) -> None:
-    """Evaluate the fidelity levels with the best controller, budget it, and write all of it."""
+def _report(advice: "Advice") -> "Page":
+    """Evaluate the fidelity levels with the best controller, budget it, and return a page on all of it."""
     from cranectl.analysis.budget.error_budget import error_budget
     from cranectl.analysis.certificate.certify import make_nominal_loops
     from cranectl.analysis.ladder import evaluate_levels
     from cranectl.design import design_controller
-    from cranectl.report.page import write_page
     from cranectl.report.rig.page import rig_page
 
     best, scenario = advice.best, advice.scenario
@@ -96,4 +86,4 @@ def _write_report(advice: "Advice", report: Path, command: str) -> None:
     worst = nominal_loop.inner_loop(scenario, point, "velocity")
     results = list(evaluate_levels(scenario, best.controller))
     budget = error_budget(scenario, best.controller)
-    write_page(rig_page(advice, (nominal_loop, worst), results, budget, command), report)
+    return rig_page(advice, (nominal_loop, worst), results, budget, command.command_given())

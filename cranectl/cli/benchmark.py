@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, CommandGroup, command_given, json_option, output_option
+from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controllers_option, opened, timeout_option, trust_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress, progress_bar
@@ -51,15 +50,12 @@ def measured_controllers(
     return tuple(opened_names)
 
 
-tuned_option = click.option(
-    "--tuned",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    help="Where the numbers of tuned controllers are. Default: tuned/ beside the benchmark.",
+tuned_option = command.directory_option(
+    "--tuned", "Where the numbers of tuned controllers are. Default: tuned/ beside the benchmark."
 )
 
 
-@click.command("run", cls=Command)
+@click.command("run", cls=command.Command)
 @click.argument("benchmark", default="literature")
 @controllers_option(
     "A controller to measure, by name or file; repeatable. Default: all of the benchmark's.", opens=False
@@ -73,22 +69,12 @@ tuned_option = click.option(
     show_default=True,
     help="Controllers with their defaults, or with what `cranectl tune` has found.",
 )
-@click.option(
-    "--draws",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="At most the first N cranes of standing set. What was begun with another N is no part of it.",
+@command.count_option(
+    "--draws", "At most the first N cranes of standing set. What was begun with another N is no part of it."
 )
-@click.option(
-    "--workers", metavar="N", type=click.IntRange(min=1), help="Pieces at a time. Default: one for each core."
-)
+@command.count_option("--workers", "Pieces at a time. Default: one for each core.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of this Dask scheduler.")
-@click.option(
-    "--out",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    help="Directory of the results. Default: logs/benchmark-NAME",
-)
+@command.directory_option("--out", "Directory of the results. Default: logs/benchmark-NAME")
 @tuned_option
 @click.option("--despite-differences", is_flag=True, help="Go on with what other sources or versions began.")
 @timeout_option
@@ -167,30 +153,29 @@ def run_benchmark(
                 shown.console.print(f"{trial.folder}: {phrase}")
             if reason:
                 not_run.append(f"could not be run: {trial.controller} on {trial.scenario}: {reason}")
-    for line in sorted(not_run):
-        screen.print(line)
+    screen.print_each(sorted(not_run))
     screen.print(f"{len(trials)} pieces of {len(names)} controllers: {directory}")
     return exit_codes.RUN_STOPPED if not_run else exit_codes.GOOD
 
 
-@click.command("report", cls=Command)
-@click.argument("result", type=click.Path(path_type=Path))
+@click.command("report", cls=command.Command)
+@click.argument("result", type=command.PATH)
 @click.option("--benchmark", default="literature", show_default=True, help="Name or TOML file.")
 @controllers_option(
     "Controllers of the result, by name or file; repeatable. Default: all of the benchmark's.", opens=False
 )
 @click.option(
     "--beside",
-    type=click.Path(path_type=Path),
+    type=command.PATH,
     metavar="FILE",
     help="A table that --table has written, of controllers to stand beside these; in a checkout also "
     "literature.parquet.",
 )
 @tuned_option
-@output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
-@output_option("--table", PARQUET, "All runs in one file.")
+@command.output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
+@command.output_option("--table", PARQUET, "All runs in one file.")
 @trust_option("BENCHMARK")
-@json_option
+@command.json_option
 def report_benchmark(
     result: Path,
     benchmark: str,
@@ -259,7 +244,7 @@ def report_benchmark(
     folder = result.with_suffix("") if there.is_file() else result
     page = out or Path(f"{folder}.html" if folder.name else f"{folder.absolute().name}.html")
     results = None if there.is_file() else result
-    write_page(benchmark_page(settings, judged_table, command_given(), results, yours), page)
+    write_page(benchmark_page(settings, judged_table, command.command_given(), results, yours), page)
     if table is not None:
         write_table(table, judged_table)
     rankings: dict[str, dict[str, list[dict[str, object]]]] = {}
@@ -273,17 +258,13 @@ def report_benchmark(
                 total = len(judged.ranking(name)) + len(judged.unfinished(name))
                 title = f"{TITLES[judged.division]}, {name}, on {settings.plant}"
                 screen.print(replace(short, title=f"{title}: {len(short.rows)} of {total}"))
-    for sentence in conclusions(divisions):
-        screen.print(sentence)
+    screen.print_each(conclusions(divisions))
     screen.print(f"report: {page}")
     screen.write_json({"benchmark": settings.name, **judged_table.about, "divisions": rankings})
 
 
 def _table_place(path: Path) -> Path:
-    """Return where a table is: at its path, or else beside the benchmark of its name in a checkout.
-
-    Raises InputError where cranectl is installed without the table of that benchmark.
-    """
+    """Return where a table is: at its path, or else beside the benchmark of its name in a checkout."""
     judged = BENCHMARK_DIRECTORY / f"{path.stem}.parquet"
     is_name = not exists(path) and path.name == str(path)
     if not is_name or not judged.with_suffix(".toml").is_file():
@@ -303,4 +284,4 @@ A benchmark is a TOML file: controllers, scenarios, sets of cranes, plants. Each
 campaign for standing combination of the others.
 """
 
-benchmark_command = CommandGroup("benchmark", [run_benchmark, report_benchmark], help=HELP)
+benchmark_command = command.CommandGroup("benchmark", [run_benchmark, report_benchmark], help=HELP)

@@ -4,15 +4,7 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import (
-    Command,
-    ScenarioRequest,
-    drive_option,
-    json_option,
-    output_option,
-    scenario_options,
-)
+from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_controllers, complete_scenarios
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
@@ -26,7 +18,7 @@ HOISTING_SPEEDS = (-0.3, 0.0, 0.3)
 DRIVES = ("bridge", "trolley", "winch")
 
 
-@click.command("certify", cls=Command)
+@click.command("certify", cls=command.Command)
 @click.argument("controller", type=ControllerName(), shell_complete=complete_controllers)
 @click.option(
     "--scenario",
@@ -34,7 +26,7 @@ DRIVES = ("bridge", "trolley", "winch")
     shell_complete=complete_scenarios,
     help="Whose [design], [control], [rig] and [effects] to take. Default: the defaults.",
 )
-@drive_option(default="velocity", force=False)
+@command.drive_option(default="velocity", force=False)
 @click.option("--time-constant", type=float, metavar="S", help="Lag of all three velocity drives [s].")
 @click.option(
     "--delay", type=float, metavar="S", help="From measurement to drive [s]; effects.delay.seconds."
@@ -62,11 +54,11 @@ DRIVES = ("bridge", "trolley", "winch")
     "--open-at", metavar="NAME", help="Signal at which the loop is opened: v or v-bar. Default: as designed."
 )
 @click.option("--limits", is_flag=True, help="Also the largest delay and lag certified and survived.")
-@scenario_options
-@output_option(
+@command.scenario_options
+@command.output_option(
     "--plot", None, "Draw the map, and distance and margin over frequency (.svg, .pdf, .png).", endings=PLOTS
 )
-@json_option
+@command.json_option
 def certify_command(
     controller: str,
     drive: str,
@@ -77,7 +69,7 @@ def certify_command(
     hoisting_speeds: tuple[float, ...],
     open_at: str | None,
     limits: bool,
-    request: ScenarioRequest,
+    request: command.ScenarioRequest,
     plot: Path | None,
     screen: Screen,
 ) -> int:
@@ -146,10 +138,8 @@ def certify_command(
     print_idle_in_analysis(screen, loaded, request, [controller], drive=checked, unread=unread)
     if plot is not None:
         from cranectl.report.rig.page import certificate_figure  # matplotlib, only where asked for
-        from cranectl.report.theme import save_figure
 
-        save_figure(certificate_figure(certificate, (nominal_loop, inner)), plot)
-        screen.print(f"picture: {plot}")
+        screen.save_figure(certificate_figure(certificate, (nominal_loop, inner)), plot)
     data = certificate.to_json() | {
         "drive_margins_at_worst": margins.to_json(),
         "taken_in": taken,

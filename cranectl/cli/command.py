@@ -15,7 +15,6 @@ from cranectl.support.files import JSON, Kind, check_place, kind_of
 
 if TYPE_CHECKING:
     from cranectl.scenario import Scenario
-    from cranectl.scenario.rig import RigParameters
 
 try:
     import resource
@@ -152,6 +151,16 @@ def output_option(
 ) -> Callable[[F], F]:
     """Return an option for a file to write, of one kind or of the kind that its ending names."""
     return click.option(name, metavar="FILE", type=OutputFile(kind, endings=endings), help=help_text)
+
+
+def count_option(name: str, help_text: str) -> Callable[[F], F]:
+    """Return an option for a number of 1 or more."""
+    return click.option(name, metavar="N", type=click.IntRange(min=1), help=help_text)
+
+
+def directory_option(name: str, help_text: str, **more: Any) -> Callable[[F], F]:
+    """Return an option for a directory."""
+    return click.option(name, metavar="DIR", type=PATH, help=help_text, **more)
 
 
 class ScenarioRequest(NamedTuple):
@@ -296,16 +305,6 @@ label_option = click.option(
     help="What the runs are called, one after the other. Default: as much of SCENARIO-CONTROLLER-DRIVE-PLANT "
     "as tells them apart, else the names of the files.",
 )
-
-
-def layout_for(plants: tuple[str, ...], rig: "RigParameters", log: Path) -> str:
-    """Return the arguments of `cranectl log layout` for a log of `plants`."""
-    from cranectl.plants.registry import default_plants
-    from cranectl.scenario.drawn_size import drawn_as_filed
-
-    name = "single" if len(plants) == 1 else "comparison"
-    is_usual = drawn_as_filed(rig) and plants == default_plants()
-    return f"{name} view.json" + ("" if is_usual else f" --log {shlex.quote(str(log))}")
 
 
 def drive_option(*, default: str, force: bool = True) -> Callable[[F], F]:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import PATH, Command, json_option, output_option, plants_option, predict_option
+from cranectl.cli import command, exit_codes
 from cranectl.cli.output import FAILED, PASSED, Screen, styled
+from cranectl.cli.refused_options import refuse_options
 from cranectl.support.errors import InputError
 from cranectl.support.files import MCAP, exists, short_names
 
@@ -18,31 +18,31 @@ if TYPE_CHECKING:
     from cranectl.simulate import Run
 
 
-@click.command("compare", cls=Command)
-@click.argument("logs", metavar="LOG [LOG]", nargs=-1, required=True, type=PATH)
+@click.command("compare", cls=command.Command)
+@click.argument("logs", metavar="LOG [LOG]", nargs=-1, required=True, type=command.PATH)
 @click.option(
     "--tolerances",
     metavar="NAME",
     help="exact, rounding or a TOML file: judge the first LOG, NEW, by the second, GOLDEN; exit code 1 if a "
     "limit is exceeded.",
 )
-@output_option("--merge", MCAP, "Write two LOGs of different plants as one log of both.")
+@command.output_option("--merge", MCAP, "Write two LOGs of different plants as one log of both.")
 @click.option(
     "--despite-differences",
     is_flag=True,
     help="With --merge: of different scenarios or versions too; the log then describes the first plant's "
     "scenario and the installed versions.",
 )
-@plants_option("With a measured LOG: predict it on these. Default: mujoco.", check="check_installed")
+@command.plants_option("With a measured LOG: predict it on these. Default: mujoco.", check="check_installed")
 @click.option(
     "--replay",
     type=click.Choice(["commands", "motion"]),
     help="With a measured LOG: repeat its commands, or the motion of its bridge, trolley and rope. Default: "
     "commands, if it has them.",
 )
-@output_option("--out", MCAP, "With a measured LOG: write it with its predictions as an overlay.")
-@predict_option
-@json_option
+@command.output_option("--out", MCAP, "With a measured LOG: write it with its predictions as an overlay.")
+@command.predict_option
+@command.json_option
 def compare_command(
     logs: tuple[Path, ...],
     tolerances: str | None,
@@ -89,27 +89,28 @@ def compare_command(
             allowed="two directories with --tolerances, or logs",
             remedy="name two directories of logs, NEW and GOLDEN, and --tolerances",
         )
+    from cranectl.cases.assertions import software_differences
+    from cranectl.compare.runs import compare_runs, differing_fields, first_differences
+    from cranectl.log.overlay import is_overlay, read_layers
+
+    layers = read_layers(logs[0]) if one else {}
+    if (measured := layers.get("measured")) is not None:
+        from cranectl.cli.measured import compare_measured
+
+        return compare_measured(logs[0], measured, plants, replay=replay, out=out, screen=screen)
+    refuse_options(
+        {"--plants": plants, "--replay": replay, "--out": out},
+        f"with {logs[0]}, which is not the log of a measured crane",
+        allowed="logs that `cranectl log import` made, one at a time",
+    )
     if tolerances is not None:
-        _refuse_replay(logs[0], plants, replay, out)
         judge = _judge_directories if directories else _judge
         return judge(logs[0], logs[1], tolerances, screen)
     if one:
-        from cranectl.log.overlay import is_overlay, read_layers
-
-        layers = read_layers(logs[0])
-        if (measured := layers.get("measured")) is not None:
-            from cranectl.cli.measured import compare_measured
-
-            return compare_measured(logs[0], measured, plants, replay=replay, out=out, screen=screen)
-        _refuse_replay(logs[0], plants, replay, out)
         runs = {name: layer.run for name, layer in layers.items()}
         return (
             _compare_labelled(runs, screen) if is_overlay(layers) else _compare_plants(logs[0], runs, screen)
         )
-    from cranectl.cases.assertions import software_differences
-    from cranectl.compare.runs import compare_runs, differing_fields, first_differences
-
-    _refuse_replay(logs[0], plants, replay, out)
     if merge is None:
         pairs, software = _pairs(*logs), software_differences(logs[0], logs[1])
     else:
@@ -129,17 +130,6 @@ def compare_command(
         {"comparisons": compared, "differing_fields": differing, "software_differences": software}
     )
     return exit_codes.GOOD
-
-
-def _refuse_replay(log: Path, plants: tuple[str, ...], replay: str | None, out: Path | None) -> None:
-    """Raise InputError for options that only a measured log has."""
-    given = [name for name, value in (("--plants", plants), ("--replay", replay), ("--out", out)) if value]
-    if given:
-        raise InputError(
-            f"{' and '.join(given)}, and {log} is not the log of a measured crane",
-            allowed="logs that `cranectl log import` made, one at a time",
-            remedy=f"leave out {' and '.join(given)}",
-        )
 
 
 def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:

@@ -1,7 +1,9 @@
 """What a shell completes in the place of a name: scenarios, rigs, campaigns, controllers, plants, drives."""
 
+import importlib
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
@@ -13,10 +15,7 @@ Completer = Callable[[click.Context, click.Parameter, str], list[CompletionItem]
 
 
 def completer(known: Callable[[], Iterable[str]], *, files: bool = False) -> Completer:
-    """Return a function that completes the names that `known` returns, also after a comma.
-
-    `files`: where no name fits, the shell completes files.
-    """
+    """Return a function that completes the names of `known`, also after a comma, and `files` besides."""
 
     def complete(_context: click.Context, _parameter: click.Parameter, begun: str) -> list[CompletionItem]:
         before, comma, last = begun.rpartition(",")
@@ -29,27 +28,13 @@ def completer(known: Callable[[], Iterable[str]], *, files: bool = False) -> Com
     return complete
 
 
-def _controllers() -> Iterable[str]:
-    from cranectl.controllers.registry import controller_names
-
-    return controller_names()
-
-
-def _plants() -> Iterable[str]:
-    from cranectl.plants.registry import PLANTS
-
-    return (*PLANTS, "all")
-
-
-def _drives() -> Iterable[str]:
-    from cranectl.plants.plant import DRIVES
-
-    return DRIVES
+def _load(module: str) -> Any:
+    return importlib.import_module(f"cranectl.{module}")
 
 
 complete_scenarios = completer(lambda: resources.toml_names(resources.SCENARIO_DIRECTORY), files=True)
 complete_rigs = completer(lambda: resources.toml_names(resources.RIG_DIRECTORY), files=True)
 complete_campaigns = completer(lambda: resources.toml_names(resources.CAMPAIGN_DIRECTORY), files=True)
-complete_controllers = completer(_controllers, files=True)
-complete_plants = completer(_plants)
-complete_drives = completer(_drives)
+complete_controllers = completer(lambda: _load("controllers.registry").controller_names(), files=True)
+complete_plants = completer(lambda: [*_load("plants.registry").PLANTS, "all"])
+complete_drives = completer(lambda: _load("plants.plant").DRIVES)

@@ -6,19 +6,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from cranectl.cli.command import (
-    PATH,
-    Command,
-    ScenarioRequest,
-    command_given,
-    json_option,
-    output_option,
-    scenario_options,
-)
+from cranectl.cli import command
 from cranectl.cli.completion import complete_controllers, complete_drives, complete_scenarios
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen
+from cranectl.cli.refused_options import fmi_option, refuse_fmi, refuse_options
 from cranectl.support.errors import InputError
 from cranectl.support.files import FMU_TABLE, FMUS, PLOTS, check_place, replacing, write_text, writing
 
@@ -31,7 +24,7 @@ UNREAD = (*OF_RUNS, *OF_MOTIONS, "control.physics_step", "control.lag_compensati
 OF_OTHER_CONTROLLERS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_constant", "rig.*_range.*")
 
 
-@click.command("design", cls=Command)
+@click.command("design", cls=command.Command)
 @click.argument(
     "names",
     metavar="NAME...",
@@ -46,36 +39,40 @@ OF_OTHER_CONTROLLERS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_
     shell_complete=complete_scenarios,
     help="Whose [design], [control] and [rig] to take. Default: the defaults.",
 )
-@scenario_options
-@output_option(
+@command.scenario_options
+@command.output_option(
     "--plot", None, "Draw singular values, loop gains and step responses (.svg, .pdf, .png).", endings=PLOTS
 )
 @click.option(
     "--export",
     "directory",
     metavar="DIR",
-    type=PATH,
+    type=command.PATH,
     help="Write the controller as C99, with test vectors of a run of the scenario.",
 )
 @click.option(
     "--real", type=click.Choice(["double", "float"]), help="Numbers in the code of --export. Default: double."
 )
-@output_option(
+@command.output_option(
     "--fmu",
     None,
     "Write the controller as an FMU for co-simulation on Linux, with its C files.",
     endings=FMUS,
 )
-@click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of FMI for --fmu. Default: 2.")
+@fmi_option
 @click.option(
     "--drive",
     metavar="NAME",
     shell_complete=complete_drives,
     help="Drive that --export and --fmu command. Default: by what the controller commands.",
 )
-@json_option
+@command.json_option
 def design_command(
-    names: tuple[str, ...], request: ScenarioRequest, plot: Path | None, screen: Screen, **exporting: Any
+    names: tuple[str, ...],
+    request: command.ScenarioRequest,
+    plot: Path | None,
+    screen: Screen,
+    **exporting: Any,
 ) -> None:
     """Design one or several controllers and show what they achieve.
 
@@ -122,17 +119,13 @@ def design_command(
     flat = [only_flat(design) for design in designs]
     for design in flat:
         tracker_of(loaded, design)  # raises if sampling makes it unstable
-    if plot is not None:
-        from cranectl.report.theme import save_figure
-
-        save_figure(design_figure(flat[0]) if len(flat) == 1 else designs_figure(flat), plot)
     screen.print_each(design_tables(flat[0]) if len(flat) == 1 else [designs_table(flat)])
     if export.is_asked:
         export.write(loaded, names[0], screen)
     else:
         tell(unread=(*UNREAD, *OF_OTHER_CONTROLLERS))
     if plot is not None:
-        screen.print(f"picture: {plot}")
+        screen.save_figure(design_figure(flat[0]) if len(flat) == 1 else designs_figure(flat), plot)
     results = [design.to_json() for design in flat]
     screen.write_json(results[0] if len(flat) == 1 else {"designs": results})
 
@@ -151,21 +144,22 @@ class Export(NamedTuple):
         """Whether anything is to be exported."""
         return self.directory is not None or self.fmu is not None
 
-    def check(self, names: tuple[str, ...], request: ScenarioRequest) -> None:
+    def check(self, names: tuple[str, ...], request: command.ScenarioRequest) -> None:
         """Raise InputError unless one controller with a scenario goes to places that are free."""
-        if self.fmi and self.fmu is None:
-            raise InputError("--fmi without --fmu", allowed="--fmi with --fmu", remedy="add --fmu FILE")
-        if self.real and self.directory is None:
-            raise InputError(
-                "--real without --export", allowed="--real with --export", remedy="add --export DIR"
+        if self.fmu is None:
+            refuse_fmi(self.fmi)
+        if self.directory is None:
+            real = {"--real": self.real}
+            refuse_options(
+                real, "without --export", allowed="--real with --export", remedy="add --export DIR"
             )
-        if self.drive and not self.is_asked:
-            raise InputError(
-                "--drive without --export and --fmu",
+        if not self.is_asked:
+            refuse_options(
+                {"--drive": self.drive},
+                "without --export and --fmu",
                 allowed="--drive where a controller is exported",
                 remedy="leave out --drive, or add --export DIR",
             )
-        if not self.is_asked:
             return
         option = "--export" if self.directory else "--fmu"
         if request.source is None:
@@ -221,7 +215,7 @@ def _write_c(exported: "Exported", directory: Path, *, single: bool) -> None:
     from cranectl.export import exported_files
     from cranectl.loaders.c_controller import HEADER
 
-    texts = exported_files(exported, command_given(), single=single)
+    texts = exported_files(exported, command.command_given(), single=single)
     if not single:  # the library for cranectl computes with doubles
         texts[HEADER.name] = HEADER.read_text(encoding="utf-8")
     for file, text in texts.items():

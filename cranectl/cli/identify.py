@@ -58,7 +58,6 @@ def identify_command(
     from cranectl.measured.identified import campaign_text, rig_text
     from cranectl.measured.verdict import fit_path, fit_text
     from cranectl.report.measured import identification_page, identified_table, remarks
-    from cranectl.report.page import write_page
     from cranectl.scenario.load import load_rig
 
     path = out or Path("identified.toml")
@@ -74,15 +73,13 @@ def identify_command(
         write_text(campaign, campaign_text(result, path.name, f"{path.stem}-campaign", names))
         write_text(path, rig_text(result, base, names))
     screen.print(identified_table(result))
-    for remark in remarks(result):
-        screen.print(remark)
+    screen.print_each(remarks(result))
     screen.print(f"rig: {path}")
     screen.print(f"campaign: {campaign}")
     screen.print(f"judge runs that were not used: cranectl validate LOG --rig {shlex.quote(str(path))}")
     if report is not None:
         page = identification_page(result, [log.name for log in logs], command.command_given())
-        write_page(page, report)
-        screen.print(f"report: {report}")
+        screen.save_page(page, report)
     screen.write_json(
         {
             "rig": str(path),

@@ -46,20 +46,9 @@ def idle_lines(
 ) -> list[str]:
     """Say what of the settings that the user gave changes nothing, a line for each reason.
 
-    Parameters
-    ----------
-    scenario
-        As it is run, planned.
-    asked
-        How the user asks for it.
-    uses
-        Plant, drive and controller of each run.
-    unread
-        Shell patterns of settings that the command does not read. It says so of those that an option gives:
-        a file is for every command.
-    all_effects
-        The command takes numbers of the rig for effects that the scenario does not have.
-
+    `scenario` is planned, `uses` has plant, drive and controller of each run, and `unread` shell patterns of
+    settings that the command does not read: it says so of options only, since a file is for every command.
+    With `all_effects` the command takes numbers of the rig for effects that the scenario does not have.
     """
     from cranectl.scenario.load import given_settings, idle_effects
 

@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import (
-    PATH,
-    Command,
-    ScenarioRequest,
-    json_option,
-    predict_option,
-    scenario_options,
-)
+from cranectl.cli import command, exit_codes
 from cranectl.cli.idle import idle_lines, print_idle
 from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
@@ -27,13 +19,13 @@ if TYPE_CHECKING:
     from cranectl.simulate import Run
 
 
-@click.command("info", cls=Command)
-@click.argument("file", metavar="FILE", type=PATH)
-@scenario_options
+@click.command("info", cls=command.Command)
+@click.argument("file", metavar="FILE", type=command.PATH)
+@command.scenario_options
 @click.option("--as-is", is_flag=True, help="Of a model: it is meant to differ, so the exit code is 0.")
-@predict_option
-@json_option
-def info_command(file: Path, request: ScenarioRequest, as_is: bool, screen: Screen) -> int:
+@command.predict_option
+@command.json_option
+def info_command(file: Path, request: command.ScenarioRequest, as_is: bool, screen: Screen) -> int:
     """Show what a log contains, or what crane a model file is.
 
     Of a log: scenario, design, parameters, versions, topics and verdict. Every message and checksum is

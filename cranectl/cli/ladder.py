@@ -6,26 +6,18 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import (
-    Command,
-    ScenarioRequest,
-    command_given,
-    json_option,
-    output_option,
-    scenario_argument,
-    scenario_options,
-)
+from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controller_option
 from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
-from cranectl.support.errors import InputError
+from cranectl.cli.refused_options import refuse_options
 from cranectl.support.files import HTML, MCAP
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
+LAST_PREDICTED = "friction"  # level, by default
 
 
-class LadderCommand(Command):
+class LadderCommand(command.Command):
     """A command whose help lists the levels."""
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -38,16 +30,18 @@ class LadderCommand(Command):
 
 
 @click.command("ladder", cls=LadderCommand)
-@scenario_argument
+@command.scenario_argument
 @controller_option
 @click.option("--top", show_default="the last", metavar="LEVEL", help="The last level of the shipped plants.")
 @click.option("--predict", is_flag=True, help="Predict what each effect does, and compare.")
-@scenario_options
-@output_option("--out", MCAP, "Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap")
-@output_option("--report", HTML, "HTML page of it.")
-@json_option
+@command.scenario_options
+@command.output_option(
+    "--out", MCAP, "Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap"
+)
+@command.output_option("--report", HTML, "HTML page of it.")
+@command.json_option
 def ladder_command(
-    request: ScenarioRequest,
+    request: command.ScenarioRequest,
     controller: str | None,
     top: str | None,
     predict: bool,
@@ -84,14 +78,16 @@ def ladder_command(
     from cranectl.log.overlay import Layer, write_overlay
     from cranectl.log.writer import check_writable
     from cranectl.report.rig.tables import ladder_table
-    from cranectl.scenario.effects import EffectSettings
     from cranectl.support.provenance import provenance
 
     if predict:
-        from cranectl.cli.effect_prediction import LAST_LEVEL, print_prediction
-
-        _refuse_files(out, report)
-        return print_prediction(request, controller, top or LAST_LEVEL, screen)
+        refuse_options(
+            {"--out": out, "--report": report},
+            "with --predict, which prints a table",
+            allowed="--predict with --json",
+            remedy="leave out {}, or --predict",
+        )
+        return _print_prediction(request, controller, top or LAST_PREDICTED, screen)
     top = top or NAMES[-1]
     loaded = request.load()
     name = controller or loaded.controller.name
@@ -106,36 +102,41 @@ def ladder_command(
     made_by = provenance()
     write_overlay(log, {r.level.name: Layer(r.run.every(EVERY), EVERY, made_by) for r in results})
     screen.print(ladder_table(results))
-    added = [result.level.name for result in results]
-    unread = [
-        *OF_RUNS,
-        *(
-            f"effects.{model_field}.*"
-            for model_field in EffectSettings.model_fields
-            if model_field not in added
-        ),
-    ]
+    added = {result.level.name for result in results}
+    unread = [*OF_RUNS, *_other_effects(added)]
     print_idle_in_analysis(screen, loaded, request, [name], with_model=True, unread=unread)
     screen.print(f"log: {log}")
     screen.print(f"view: cranectl log layout ladder view.json --log {shlex.quote(str(log))}")
     if report is not None:
-        from cranectl.report.page import write_page
         from cranectl.report.rig.page import ladder_page
 
-        write_page(ladder_page(loaded, name, results, command_given()), report)
-        screen.print(f"report: {report}")
+        screen.save_page(ladder_page(loaded, name, results, command.command_given()), report)
     screen.write_json(
         {"scenario": loaded.name, "controller": name, "levels": [result.to_json() for result in results]}
     )
     return exit_codes.RUN_STOPPED if any(result.run.status.stopped for result in results) else exit_codes.GOOD
 
 
-def _refuse_files(out: Path | None, report: Path | None) -> None:
-    """Raise InputError for options of files that a prediction does not write."""
-    given = [name for name, value in (("--out", out), ("--report", report)) if value is not None]
-    if given:
-        raise InputError(
-            f"{' and '.join(given)} with --predict, which prints a table",
-            allowed="--predict with --json",
-            remedy=f"leave out {' and '.join(given)}, or --predict",
-        )
+def _print_prediction(
+    request: command.ScenarioRequest, controller: str | None, top: str, screen: Screen
+) -> int:
+    """Predict what each effect does to the load, run it and compare; return the exit code."""
+    from cranectl.analysis.budget.error_budget import SENSING, error_budget, simulated_seconds
+    from cranectl.report.rig.tables import budget_table
+
+    loaded = request.load()
+    with progress_bar(simulated_seconds(loaded, top), f"{loaded.name}, budget") as advance:
+        budget = error_budget(loaded, controller, top=top, progress=advance)
+    screen.print(budget_table(budget))
+    added = {"sensing" if entry.level in SENSING else entry.level for entry in budget.entries}
+    unread = [*OF_RUNS, "metrics.*", "obstacles.*", *_other_effects(added)]
+    print_idle_in_analysis(screen, loaded, request, [budget.controller], unread=unread)
+    screen.write_json(budget.to_json())
+    return exit_codes.GOOD if budget.holds else exit_codes.LIMIT_EXCEEDED
+
+
+def _other_effects(added: set[str]) -> list[str]:
+    """Return patterns of the settings of all effects but those `added`."""
+    from cranectl.scenario.effects import EFFECTS
+
+    return [f"effects.{name}.*" for name in EFFECTS if name not in added]

@@ -2,13 +2,16 @@
 
 import json
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from cranectl.cli.command import Command, json_option
 from cranectl.cli.output import Screen
 from cranectl.report.table import Table, cells
+
+if TYPE_CHECKING:
+    from cranectl.controllers.controller import Parameter
 
 DOCUMENTS = ("scenario", "rig", "campaign", "benchmark")
 
@@ -57,19 +60,10 @@ def list_command(screen: Screen) -> None:
     controllers = [(name, origin, title) for name, (origin, title) in described_controllers().items()]
     rows = tuple(cells(*controller) for controller in controllers)
     screen.print(Table("Controllers", ("name", "from", "what it is"), rows, labels=3))
-    registries: dict[str, tuple[str, ...]] = {
-        "rigs": tuple(rig_names()),
-        "plants": tuple(PLANTS),
-        "drives": tuple(DRIVES),
-    }
+    registries = {"rigs": rig_names(), "plants": [*PLANTS], "drives": [*DRIVES]}
     screen.print_each(f"{name:12} {', '.join(entries)}" for name, entries in registries.items())
-    listed: list[dict[str, Any]] = [
-        scenario.model_dump(include={"name", "title", "duration", "controller"}) for scenario in scenarios
-    ]
-    entries_by_registry = {name: list(entries) for name, entries in registries.items()}
-    screen.write_json(
-        {"scenarios": listed, "controllers": [name for name, *_ in controllers], **entries_by_registry}
-    )
+    listed = [s.model_dump(include={"name", "title", "duration", "controller"}) for s in scenarios]
+    screen.write_json({"scenarios": listed, "controllers": [name for name, *_ in controllers], **registries})
 
 
 def json_schema(document: str) -> dict[str, Any]:
@@ -134,30 +128,21 @@ def _controller(table: dict[str, Any]) -> dict[str, Any]:
     for controller in map(load_controller, controller_names()):
         if controller.axis_design is not None:  # its numbers are in [design]
             continue
-        parameters = {
-            parameter.name: {
-                "description": f"{parameter.description} [{parameter.unit}]"
-                if parameter.unit
-                else parameter.description,
-                "default": parameter.default,
-                **(
-                    {"enum": list(parameter.choices)}
-                    if parameter.choices
-                    else _number(parameter.lowest, parameter.highest)
-                ),
-            }
-            for parameter in controller.parameters
-        }
         tables[controller.name] = {
             "type": "object",
             "description": controller.title,
-            "properties": parameters,
+            "properties": {parameter.name: _parameter(parameter) for parameter in controller.parameters},
             "additionalProperties": False,
         }
     both = {**table, "properties": {"name": name, **tables}, "additionalProperties": False}
     return {"anyOf": [name, both], "description": table["description"]}
 
 
-def _number(lowest: float, highest: float) -> dict[str, Any]:
-    bounds = {"minimum": lowest, "maximum": highest}
-    return {"type": "number", **{name: value for name, value in bounds.items() if isfinite(value)}}
+def _parameter(parameter: "Parameter") -> dict[str, Any]:
+    """Return the schema of a controller's parameter: a text or a number within its bounds."""
+    unit = f" [{parameter.unit}]" if parameter.unit else ""
+    schema = {"description": f"{parameter.description}{unit}", "default": parameter.default}
+    if parameter.choices:
+        return {**schema, "enum": list(parameter.choices)}
+    bounds = {"minimum": parameter.lowest, "maximum": parameter.highest}
+    return {**schema, "type": "number", **{name: end for name, end in bounds.items() if isfinite(end)}}

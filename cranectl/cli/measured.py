@@ -12,8 +12,9 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import command_given
 from cranectl.cli.output import Screen
+from cranectl.cli.refused_options import refuse_options
 from cranectl.support.errors import InputError
-from cranectl.support.files import MCAP, check_place, write_text, writing
+from cranectl.support.files import MCAP, check_place
 
 if TYPE_CHECKING:
     from cranectl.log.overlay import Layer
@@ -151,10 +152,16 @@ def judge_logs(
     """Judge measured logs by an identified crane, and tell the answers; return the exit code."""
     from cranectl.measured.verdict import COVERED, WITHIN_TOLERANCE, judge, read_fit
     from cranectl.report.measured import fault_of, verdict_page, verdict_sentence, verdict_table
-    from cranectl.report.page import write_page
-    from cranectl.support.junit import JUnitCase, junit_text
+    from cranectl.support.junit import JUnitCase
 
-    _refuse_other_options()
+    context = click.get_current_context()
+    given = {
+        str(option.opts[0]): context.get_parameter_source(str(option.name))
+        is click.core.ParameterSource.COMMANDLINE
+        for option in context.command.params
+        if option.name not in JUDGED_OPTIONS
+    }
+    refuse_options(given, "with measured logs", allowed="--rig, --tolerance, --junit, --report and --json")
     if others := [name for name in names if not name.endswith(".mcap")]:
         raise InputError(
             f"{others[0]} beside measured logs, or --tolerance for it",
@@ -180,12 +187,9 @@ def judge_logs(
             JUnitCase(str(rig), v.name, "passed" if passed else "failed", (fault_of(v), again))
             for v, passed in zip(verdicts, good, strict=True)
         ]
-        with writing(junit):
-            write_text(junit, junit_text(cases))
-        screen.print(f"JUnit: {junit}")
+        screen.save_junit(cases, junit)
     if report is not None:
-        write_page(verdict_page(verdicts, accepted, command_given()), report)
-        screen.print(f"report: {report}")
+        screen.save_page(verdict_page(verdicts, accepted, command_given()), report)
     return exit_codes.GOOD if all(good) else exit_codes.LIMIT_EXCEEDED
 
 
@@ -201,20 +205,3 @@ def _length(text: str) -> float:
             remedy="write --tolerance 5mm",
         )
     return float(match[1]) * LENGTHS[match[2]]
-
-
-def _refuse_other_options() -> None:
-    """Raise InputError for options that change nothing in a verdict on measured logs."""
-    context = click.get_current_context()
-    given = [
-        option.opts[0]
-        for option in context.command.params
-        if option.name not in JUDGED_OPTIONS
-        and context.get_parameter_source(str(option.name)) is click.core.ParameterSource.COMMANDLINE
-    ]
-    if given:
-        raise InputError(
-            f"{', '.join(given)} with measured logs",
-            allowed="--rig, --tolerance, --junit, --report and --json",
-            remedy=f"leave out {', '.join(given)}",
-        )

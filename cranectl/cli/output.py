@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich import box
 from rich.console import Console
@@ -31,6 +31,10 @@ from cranectl.support.documents import mapped
 from cranectl.support.errors import printable
 from cranectl.support.files import write_text, writing
 from cranectl.support.interrupts import in_background
+
+if TYPE_CHECKING:
+    from cranectl.report.page import Page
+    from cranectl.support.junit import JUnitCase
 
 LINE_EVERY = 5.0  # [s] between lines of progress where there is no terminal
 FILE_WIDTH = 160  # what the widest table, of the ladder, takes
@@ -79,6 +83,28 @@ class Screen(Console):
         with writing(path, remedy="choose another place with --json"):
             write_text(path, text + "\n")
 
+    def save_page(self, page: "Page", path: Path) -> None:
+        """Write a page and print where it is."""
+        from cranectl.report.page import write_page
+
+        write_page(page, path)
+        self.print(f"report: {path}")
+
+    def save_figure(self, figure: Any, path: Path) -> None:
+        """Draw a figure into a file and print where it is."""
+        from cranectl.report.theme import save_figure
+
+        save_figure(figure, path)
+        self.print(f"picture: {path}")
+
+    def save_junit(self, cases: "Sequence[JUnitCase]", path: Path) -> None:
+        """Write JUnit XML and print where it is."""
+        from cranectl.support.junit import junit_text
+
+        with writing(path):
+            write_text(path, junit_text(cases))
+        self.print(f"JUnit: {path}")
+
     def _parts(self, table: ScreenTable) -> Iterator[ScreenTable]:
         """Yield `table`, narrowed if need be, or tables of its first column and as many others as fit."""
         if self._needed(table) > self.width:
@@ -87,20 +113,12 @@ class Screen(Console):
         if self._needed(table) <= self.width:
             yield table
             return
-        labels, first = table.columns[:1], 1
-        while first < len(table.columns):
-            part = copy(table)
-            begin, after = _with_group(table.columns, first), first + 1
-            part.columns = [*labels, begin]
-            while after < len(table.columns):
-                wider = copy(table)
-                wider.columns = [*part.columns, table.columns[after]]
-                if self._needed(wider) > self.width:
-                    break
-                part, after = wider, after + 1
-            part.title = table.title if first == 1 else None
-            part.caption = table.caption if after == len(table.columns) else None
-            yield part
+        first, count = 1, len(table.columns)
+        while first < count:
+            after = first + 1
+            while after < count and self._needed(_part(table, first, after + 1)) <= self.width:
+                after += 1
+            yield _part(table, first, after)
             first = after
 
     def _needed(self, table: ScreenTable) -> int:
@@ -112,6 +130,15 @@ class Screen(Console):
                 cells = [Measurement.get(self, options, cell) for cell in (column.header, *column.cells)]
                 needed -= max(cell.maximum for cell in cells) - max(cell.minimum for cell in cells)
         return needed
+
+
+def _part(table: ScreenTable, first: int, after: int) -> ScreenTable:
+    """Return a table of the first column and of those from `first` to before `after`."""
+    part = copy(table)
+    part.columns = [table.columns[0], _with_group(table.columns, first), *table.columns[first + 1 : after]]
+    part.title = table.title if first == 1 else None
+    part.caption = table.caption if after == len(table.columns) else None
+    return part
 
 
 def _with_group(columns: Sequence[Column], k: int) -> Column:

@@ -4,15 +4,7 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import (
-    Command,
-    ScenarioRequest,
-    json_option,
-    output_option,
-    scenario_argument,
-    scenario_options,
-)
+from cranectl.cli import command, exit_codes
 from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
@@ -25,15 +17,15 @@ UNREAD = (
 )  # fmt: skip
 
 
-@click.command("plan", cls=Command)
-@scenario_argument
-@output_option("--plot", None, "Draw path and limits over time (.svg, .pdf, .png).", endings=PLOTS)
+@click.command("plan", cls=command.Command)
+@command.scenario_argument
+@command.output_option("--plot", None, "Draw path and limits over time (.svg, .pdf, .png).", endings=PLOTS)
 @click.option(
     "--bound", is_flag=True, help="Plan with twice the knots too; tell what ever finer ones tend to."
 )
-@scenario_options
-@json_option
-def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, screen: Screen) -> int:
+@command.scenario_options
+@command.json_option
+def plan_command(request: command.ScenarioRequest, plot: Path | None, bound: bool, screen: Screen) -> int:
     """Plan the motions of SCENARIO and show them, without a run.
 
     Shows how long each motion lasts, which limits act when, and what is proven. Exit code 1 if a limit
@@ -67,10 +59,8 @@ def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, scree
     print_idle_in_analysis(screen, ready, request, [ready.controller.name], unread=unread)
     if plot is not None:
         from cranectl.report.plan import plan_figure
-        from cranectl.report.theme import save_figure
 
-        save_figure(plan_figure(reviewed, ready), plot)
-        screen.print(f"picture: {plot}")
+        screen.save_figure(plan_figure(reviewed, ready), plot)
     screen.write_json(plan_json(ready, reviewed, least))
     proven = all(review.proof.is_valid for review in reviewed)
     return exit_codes.GOOD if proven else exit_codes.LIMIT_EXCEEDED

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import PATH, Command, command_given, output_option, predict_option
+from cranectl.cli.command import PATH, Command, command_given, directory_option, output_option, predict_option
 from cranectl.cli.output import Screen
 from cranectl.support.errors import InputError
 from cranectl.support.files import HTML, check_place, check_replaceable, short_names
@@ -20,12 +20,7 @@ if TYPE_CHECKING:
 @click.command("report", cls=Command)
 @click.argument("logs", metavar="[LOG]...", nargs=-1, type=PATH)
 @output_option("--out", HTML, "Default: beside LOG, named after all LOGs; thesis.html without.")
-@click.option(
-    "--figures",
-    metavar="DIR",
-    type=PATH,
-    help="Also save each figure of the page as a file in DIR (.svg, .png).",
-)
+@directory_option("--figures", "Also save each figure of the page as a file in DIR (.svg, .png).")
 @predict_option
 def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | None) -> int:
     """Write runs, or the thesis, as one page of figures and tables.
@@ -56,7 +51,7 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
 def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> None:
     from cranectl.log.overlay import is_overlay, read_layers
     from cranectl.render.draw import draw_worst_moment
-    from cranectl.report.page import write_figures, write_page
+    from cranectl.report.page import write_figures
     from cranectl.report.run.page import log_page
     from cranectl.support.provenance import other_software
 
@@ -85,12 +80,11 @@ def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> Non
     except InputError as error:
         notes.append(f"No picture of the crane: {error.found}")
     page = log_page(of_logs, command_given(), notes, versions=versions, worst=worst)
-    write_page(page, out)
-    for note in notes:
-        Screen().print(note)
-    Screen().print(f"report: {out}")
+    screen = Screen()
+    screen.print_each(notes)
+    screen.save_page(page, out)
     if figures is not None:
-        Screen().print(f"figures: {write_figures(page, figures)} files in {figures}")
+        screen.print(f"figures: {write_figures(page, figures)} files in {figures}")
 
 
 def _check_number(logs: int) -> None:

@@ -10,11 +10,13 @@ from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controller_option, timeout_option
 from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress_bar, styled
+from cranectl.cli.refused_options import fmi_option, refuse_fmi
 from cranectl.support.errors import InputError
 from cranectl.support.files import FMUS, MCAP, replacing, writing
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case
+    from cranectl.scenario.rig import RigParameters
 
 
 @click.command("run", cls=command.Command)
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
 @command.output_option(
     "--fmu", None, "Write the plant as an FMU for co-simulation: analytic or elastic.", endings=FMUS
 )
-@click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of FMI for --fmu. Default: 2.")
+@fmi_option
 @command.predict_option
 @command.json_option
 def run_command(
@@ -65,7 +67,9 @@ def run_command(
         log=out,
         timeout=timeout,
     )
-    if fmu is not None or fmi is not None:
+    if fmu is None:
+        refuse_fmi(fmi)
+    else:
         _write_fmu(case, fmu, fmi)
     replaced = " (in place of the one that was there)" if case.log.exists() else ""
     with progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
@@ -86,7 +90,7 @@ def run_command(
     screen.print(f"log: {case.log}{replaced}")
     if fmu is not None:
         screen.print(f"exported: {fmu}, the {case.plants[0]} plant with {drive} drives")
-    layout = command.layout_for(case.plants, case.scenario.rig, case.log)
+    layout = _layout_for(case.plants, case.scenario.rig, case.log)
     screen.print(
         f"view: cranectl log layout {layout}; open the log in Foxglove or Lichtblick and "
         f"import the layout, or: rerun {shlex.quote(str(case.log))}"
@@ -106,13 +110,11 @@ def run_command(
     return exit_codes.GOOD if result.passed else exit_codes.LIMIT_EXCEEDED
 
 
-def _write_fmu(case: "Case", path: Path | None, fmi: str | None) -> None:
+def _write_fmu(case: "Case", path: Path, fmi: str | None) -> None:
     """Write the plant of a case as an FMU; raise InputError if that is not possible."""
     from cranectl.export.fmu import fmu_archive
     from cranectl.export.plant import plant_model
 
-    if path is None:
-        raise InputError("--fmi without --fmu", allowed="--fmi with --fmu", remedy="add --fmu FILE")
     if len(case.plants) > 1:
         raise InputError(
             f"--fmu of {len(case.plants)} plants: {', '.join(case.plants)}",
@@ -122,3 +124,13 @@ def _write_fmu(case: "Case", path: Path | None, fmi: str | None) -> None:
     content = fmu_archive(plant_model(case.scenario, case.plants[0], case.drive), int(fmi or 2))
     with writing(path), replacing(path) as part:
         part.write_bytes(content)
+
+
+def _layout_for(plants: tuple[str, ...], rig: "RigParameters", log: Path) -> str:
+    """Return the arguments of `cranectl log layout` for a log of `plants`."""
+    from cranectl.plants.registry import default_plants
+    from cranectl.scenario.drawn_size import drawn_as_filed
+
+    name = "single" if len(plants) == 1 else "comparison"
+    is_usual = drawn_as_filed(rig) and plants == default_plants()
+    return f"{name} view.json" + ("" if is_usual else f" --log {shlex.quote(str(log))}")

@@ -33,10 +33,7 @@ def steady_streams() -> Iterator[None]:
 
 
 def _set_apart(stream: Any) -> int | None:
-    """Return a new descriptor of standard output; the old number then leads to standard error.
-
-    Return None where `stream` is not standard output, or one of the two is closed.
-    """
+    """Lead the number of standard output to standard error; return its new descriptor, or None if closed."""
     try:
         if stream.fileno() != STANDARD_OUTPUT:  # a test's
             return None

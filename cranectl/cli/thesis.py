@@ -29,7 +29,7 @@ def thesis_command(report: Path | None, screen: Screen) -> int:
 
 def run_thesis(screen: Screen, report: Path | None, figure_directory: Path | None = None) -> int:
     """Run the chapter, print it, write the requested page and its figures; return the exit code."""
-    from cranectl.report.page import write_figures, write_page
+    from cranectl.report.page import write_figures
     from cranectl.thesis.page import ChapterFigures, printed_tables, thesis_page
     from cranectl.thesis.reproduction import reproduce, total_simulated_seconds
 
@@ -44,8 +44,7 @@ def run_thesis(screen: Screen, report: Path | None, figure_directory: Path | Non
     screen.print(f"{PASSED if result.passed else FAILED}: {verdict}")
     if report is not None and figures is not None:
         page = thesis_page(result, figures, command_given())
-        write_page(page, report)
-        screen.print(f"report: {report}")
+        screen.save_page(page, report)
         if figure_directory is not None:
             screen.print(f"figures: {write_figures(page, figure_directory)} files in {figure_directory}")
     screen.write_json(result.to_json())

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli.benchmark import measured_controllers
-from cranectl.cli.command import PATH, Command, json_option
+from cranectl.cli.command import Command, count_option, directory_option, json_option
 from cranectl.cli.completion import complete_controllers
 from cranectl.cli.controller_options import timeout_option, trust_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
@@ -27,23 +27,14 @@ if TYPE_CHECKING:
     show_default=True,
     help="Whose rules hold: a name or a TOML file.",
 )
-@click.option(
+@directory_option(
     "--out",
-    metavar="DIR",
-    type=PATH,
+    "Directory of the results: CONTROLLER.toml has the numbers, CONTROLLER.parquet every point tried.",
     default="logs/tuned",
     show_default=True,
-    help="Directory of the results: CONTROLLER.toml has the numbers, CONTROLLER.parquet every point tried.",
 )
-@click.option(
-    "--workers", metavar="N", type=click.IntRange(min=1), help="Threads. Default: one for each core."
-)
-@click.option(
-    "--runs",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="Budget in simulated runs. Default: the benchmark's.",
-)
+@count_option("--workers", "Threads. Default: one for each core.")
+@count_option("--runs", "Budget in simulated runs. Default: the benchmark's.")
 @timeout_option
 @trust_option("the benchmark")
 @json_option

@@ -13,13 +13,14 @@ from cranectl.cli.controller_options import controllers_option, timeout_option
 from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
 from cranectl.support.errors import InputError
-from cranectl.support.files import HTML, XML, exists, write_text, writing
+from cranectl.support.files import HTML, XML, exists
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case, Failure, Keep
     from cranectl.cases.pairwise import Pairwise
     from cranectl.cases.validation import Validation
     from cranectl.compare.agreement import Agreement
+    from cranectl.report.page import Page
     from cranectl.report.table import Table
     from cranectl.scenario import Scenario
 
@@ -32,17 +33,8 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 @command.run_plants_option
 @command.drive_option(default="both")
 @command.scenario_options
-@click.option(
-    "--out",
-    metavar="DIR",
-    type=command.PATH,
-    default="logs",
-    show_default=True,
-    help="Directory for the logs.",
-)
-@click.option(
-    "--jobs", metavar="N", type=click.IntRange(min=1), help="Worker processes. Default: one for each core."
-)
+@command.directory_option("--out", "Directory for the logs.", default="logs", show_default=True)
+@command.count_option("--jobs", "Worker processes. Default: one for each core.")
 @command.predict_option
 @command.every_option
 @timeout_option
@@ -118,7 +110,6 @@ def validate_command(
     from cranectl.scenario.load import scenario_names
     from cranectl.simulate import checked_drive
     from cranectl.simulate.child import BLOCK_TIMEOUT
-    from cranectl.support.junit import junit_text
 
     if any(scenario.endswith(".mcap") for scenario in scenarios) or tolerance is not None:
         from cranectl.cli.measured import judge_logs
@@ -176,21 +167,18 @@ def validate_command(
         *(("--timeout", f"{timeout:g}") if timeout != BLOCK_TIMEOUT else ()),
     ]
     if junit is not None:
-        with writing(junit):
-            write_text(junit, junit_text(junit_cases(validation.verdicts, options)))
-        screen.print(f"JUnit: {junit}")
+        screen.save_junit(junit_cases(validation.verdicts, options), junit)
     if report is not None:
-        _write_report(report, validation, options, pairs, screen)
+        screen.save_page(_page(validation, options, pairs, screen), report)
     return code
 
 
-def _write_report(
-    report: Path, validation: "Validation", options: Sequence[str], pairs: "Pairwise | None", screen: Screen
-) -> None:
-    """Write the page, with a picture of the worst moment of each scenario whose log is kept."""
+def _page(
+    validation: "Validation", options: Sequence[str], pairs: "Pairwise | None", screen: Screen
+) -> "Page":
+    """Return the page, with a picture of the worst moment of each scenario whose log is kept."""
     from cranectl.log.reader import read_log
     from cranectl.render.draw import draw_worst_moment
-    from cranectl.report.page import write_page
     from cranectl.report.validation import validation_page, worst_logs
 
     moments = {}
@@ -199,16 +187,11 @@ def _write_report(
             moments[source] = draw_worst_moment(read_log(log))
     except InputError as error:
         screen.print(f"report: no picture of the crane: {error.found}")
-    write_page(validation_page(validation, options, command.command_given(), pairs, moments), report)
-    screen.print(f"report: {report}")
+    return validation_page(validation, options, command.command_given(), pairs, moments)
 
 
 def _sources(names: Sequence[str]) -> list[str]:
-    """Replace each directory in `names` by the scenarios in and below it.
-
-    Rigs and campaigns there are left out; whatever else is no scenario fails as one. Raises InputError for a
-    directory without any.
-    """
+    """Replace each directory in `names` by the scenarios in and below it; leave out rigs and campaigns."""
     sources = []
     for name in names:
         if not exists(Path(name)) or not Path(name).is_dir():
@@ -240,10 +223,7 @@ def _is_rig_or_campaign(file: Path) -> bool:
 def _loaded(
     request: command.ScenarioRequest, names: Sequence[str], plants: Sequence[str], usual: Sequence[str]
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
-    """Return the scenarios by their requested names, and why others cannot be loaded.
-
-    If there are `usual` controllers, a scenario with another controller is refused: it would not run.
-    """
+    """Return scenarios by name, and why others fail: also since they have none of the `usual` controllers."""
     from cranectl.cases.case import Failure
     from cranectl.metrics.limits import limits_of
     from cranectl.plants.model_files import plants_for
@@ -253,21 +233,16 @@ def _loaded(
         try:
             scenario = request._replace(source=name).load()
             limits_of(scenario, plants_for(scenario.rig, plants))
-            _check_controller(scenario, usual)
+            if usual and (own := scenario.controller.name) not in usual:
+                raise InputError(
+                    f"{scenario.name}: its controller is '{own}', which runs only if --controller names it",
+                    allowed=f"without --controller: scenarios with one of {', '.join(usual)}",
+                    remedy=f"add --controller {own}",
+                )
             loaded[name] = scenario
         except Exception as error:
             unloaded[name] = Failure.of(error)
     return loaded, unloaded
-
-
-def _check_controller(scenario: "Scenario", usual: Sequence[str]) -> None:
-    name = scenario.controller.name
-    if usual and name not in usual:
-        raise InputError(
-            f"{scenario.name}: its controller is '{name}', which runs only if --controller names it",
-            allowed=f"without --controller: scenarios with one of {', '.join(usual)}",
-            remedy=f"add --controller {name}",
-        )
 
 
 def _print_results(validation: "Validation", code: int, out: Path, screen: Screen, *, details: bool) -> None:
@@ -333,10 +308,7 @@ def _print_failures(validation: "Validation") -> None:
 
 
 def _exit_code(validation: "Validation") -> int:
-    """Return the most serious code: interrupted, unforeseen, bad input, stopped, disagreed, good.
-
-    A run that stops as its scenario expects is good.
-    """
+    """Return the most serious code; a run that stops as its scenario expects is good."""
     if validation.outcome.interrupted:
         return exit_codes.INTERRUPTED
     failures = [failure for _, _, failure in validation.failures]

@@ -140,10 +140,7 @@ def drawn_eye(filed: Array, axes: Array, tangents: Array, rig: RigParameters) ->
 
 
 def _fitted_eye(box: Array, axes: Array, tangents: Array) -> Array:
-    """Return where the box just fills a camera's picture [m], shape (3,).
-
-    A corner p is in the picture if ±u·(p - eye) ≤ t w·(eye - p), with u to the right or up and w backwards.
-    """
+    """Return where the box just fills a picture [m], (3,): ±u·(p - eye) ≤ t w·(eye - p) for each corner p."""
     across_up, back = np.split(axes @ np.array(np.meshgrid(*box.T)).reshape(3, -1), [2])
     depth = np.outer(tangents, back)
     high, low = (across_up + depth).max(axis=1), (depth - across_up).max(axis=1)

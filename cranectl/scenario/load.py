@@ -124,10 +124,7 @@ def rig_table(name_or_path: str | Path) -> Table:
 
 
 def _rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
-    """Yield path and table of the file of a rig, then of each file that it extends.
-
-    The path of an extended file is relative to the file that names it.
-    """
+    """Yield path and table of the file of a rig, then of each file that it extends, relative to it."""
     below, directory, seen = str(name_or_path), Path(), set[Path]()
     while below is not None:
         path = resources.toml_file("rig", str(rig_place(below, directory)), resources.RIG_DIRECTORY)

@@ -115,16 +115,11 @@ def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
     result: Table = mapped(table)
     for assignment in assignments:
         key, separator, text = assignment.partition("=")
-        if not separator or not all(key.split(".")):
+        parts = key.split(".")
+        if not separator or not all(parts) or len(parts) > MAX_DEPTH:
             raise InputError(
                 f"--set {assignment}",
-                allowed="key=value, with dots between tables",
-                remedy="for example --set rig.load_mass=2.5",
-            )
-        if key.count(".") >= MAX_DEPTH:
-            raise InputError(
-                f"--set {assignment}",
-                allowed=f"keys of at most {MAX_DEPTH} parts",
+                allowed=f"key=value, with dots between tables, at most {MAX_DEPTH} parts",
                 remedy="for example --set rig.load_mass=2.5",
             )
         text = text.strip()
@@ -173,10 +168,7 @@ def _explain(
 
 
 def _list_command(model: type[BaseModel], details: ErrorDetails, assigned: Assigned) -> str:
-    """Return the option that assigns a list of the right kind, if one was assigned that is wrong.
-
-    It has the value from before the assignment, or else the default; of tables it has none.
-    """
+    """Return the option that assigns the list from before a wrong assignment, or else its default."""
     location = [part for part in details["loc"] if str(part).strip()]
     is_of_item = bool(location) and isinstance(location[-1], int)
     names = [str(part) for part in (location[:-1] if is_of_item else location)]
@@ -189,9 +181,8 @@ def _list_command(model: type[BaseModel], details: ErrorDetails, assigned: Assig
     value = _value_at(assigned.before, key) or _value_at(assigned.before, f"rig.{key}")  # numbers of effects
     if not isinstance(value, list | tuple):
         parent = _model_at(model, names[:-1])
-        value = (
-            parent.model_fields[names[-1]].default if parent and names[-1] in parent.model_fields else None
-        )
+        field = parent.model_fields.get(names[-1]) if parent else None
+        value = field.default if field else None
     if not isinstance(value, list | tuple):
         return ""
     plain = [] if any(isinstance(item, Mapping | BaseModel) for item in value) else list(value)

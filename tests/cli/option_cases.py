@@ -88,7 +88,6 @@ CASES: Cases = {
              "compare one.mcap two.mcap"),
     ],
     "cli/design.py": [
-        Case("add --fmu FILE", f"{DESIGN} --fmi 3", f"{DESIGN} --fmi 3 --fmu lqr.fmu"),
         Case("add --export DIR", f"{DESIGN} --real float", f"{DESIGN} --real float --export as-floats"),
         Case("leave out --drive, or add --export DIR", f"{DESIGN} --drive velocity", DESIGN,
              f"{DESIGN} --drive velocity --export as-c"),
@@ -107,6 +106,10 @@ CASES: Cases = {
         Case("choose another place with --json", "info one.mcap --json file/a.json",
              "info one.mcap --json a.json"),
     ],
+    "cli/refused_options.py": [
+        Case("add --fmu FILE", f"{DESIGN} --fmi 3", f"{DESIGN} --fmi 3 --fmu lqr.fmu"),
+        Case("add --fmu FILE", f"{RUN} analytic --fmi 3", f"{RUN} analytic --fmi 3 --fmu crane.fmu"),
+    ],
     "cli/report.py": [
         Case("choose another directory with --figures", "report one.mcap --out page.html --figures file",
              "report one.mcap --out page.html --figures pictures"),
@@ -116,7 +119,6 @@ CASES: Cases = {
              "ladder short.toml --controller lqr --top sampled --report page.html"),
     ],
     "cli/run.py": [
-        Case("add --fmu FILE", f"{RUN} analytic --fmi 3", f"{RUN} analytic --fmi 3 --fmu crane.fmu"),
         Case("name one: --plants analytic", "run short.toml --fmu crane.fmu",
              f"{RUN} analytic --fmu crane.fmu"),
     ],

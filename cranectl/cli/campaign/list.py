@@ -31,18 +31,11 @@ def list_campaigns(screen: Screen) -> None:
     campaigns = [load_campaign(name) for name in campaign_names()]
     headings = ("campaign", "scenario", "sampling", "parameters", "runs")
     rows = tuple(
-        cells(
-            settings.name,
-            settings.scenario,
-            settings.sampling,
-            str(len(campaign.parameters)),
-            str(campaign.runs),
-        )
-        for campaign, settings in ((campaign, campaign.settings) for campaign in campaigns)
+        cells(s.name, s.scenario, s.sampling, str(len(campaign.parameters)), str(campaign.runs))
+        for campaign, s in ((campaign, campaign.settings) for campaign in campaigns)
     )
     screen.print(Table("Campaigns", headings, rows, labels=3))
-    for campaign in campaigns:
-        screen.print(f"{campaign.settings.name}: {campaign.settings.title}")
+    screen.print_each(f"{campaign.settings.name}: {campaign.settings.title}" for campaign in campaigns)
     screen.write_json({"campaigns": [_facts(campaign) for campaign in campaigns]})
 
 
@@ -62,8 +55,7 @@ def show_campaign(campaign: "Campaign", no_estimate: bool, screen: Screen) -> No
     from cranectl.cli.idle import idle_in_campaign, print_idle
 
     screen.print(_parameters_table(campaign))
-    for line in _lines(campaign):
-        screen.print(line)
+    screen.print_each(_lines(campaign))
     print_idle(screen, idle_in_campaign(campaign))
     facts = _facts(campaign)
     if not no_estimate:

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, command_given, json_option, output_option, plants_option
+from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controllers_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
 from cranectl.support.files import HTML
@@ -16,11 +15,11 @@ if TYPE_CHECKING:
     from cranectl.campaign.results import Results
 
 
-@click.command("report", cls=Command)
-@click.argument("result", type=click.Path(path_type=Path))
-@output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
+@click.command("report", cls=command.Command)
+@click.argument("result", type=command.PATH)
+@command.output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
 @click.option("--unfinished", is_flag=True, help="Take what there is of a result that was cut short.")
-@json_option
+@command.json_option
 def report_campaign(result: Path, out: Path | None, unfinished: bool, screen: Screen) -> None:
     """Summarise the runs of RESULT, here and on an HTML page.
 
@@ -42,7 +41,7 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, screen: Sc
     results = read_results(result, unfinished=unfinished)
     check_place(page, HTML, option="--out")
     analysis = analyse(results)
-    write_page(campaign_page(analysis, command_given()), page)
+    write_page(campaign_page(analysis, command.command_given()), page)
     show_result(results, screen, analysis_json(analysis))
     screen.print(f"report: {page}")
 
@@ -57,10 +56,8 @@ def show_result(results: "Results", screen: Screen, more: dict[str, Any] | None 
     for plant in settings.plants:
         of_plant = [group for group in groups if group.plant == plant]
         screen.print(summary_table(of_plant, f"{settings.name} on {plant}, {settings.drive} drives"))
-        for note in failure_notes(of_plant):
-            screen.print(f"  {note}")
-    for note in software_notes(results):
-        screen.print(note)
+        screen.print_each(failure_notes(of_plant), indent="  ")
+    screen.print_each(software_notes(results))
     screen.print(f"result: {results.directory}")
     summary = {
         "campaign": settings.name,
@@ -75,30 +72,20 @@ def show_result(results: "Results", screen: Screen, more: dict[str, Any] | None 
     screen.write_json(summary | (more or {}))
 
 
-@click.command("replay", cls=Command)
-@click.argument("result", type=click.Path(path_type=Path))
-@click.option(
-    "--worst",
-    metavar="N",
-    type=click.IntRange(min=1),
-    help="The N worst of all controllers and plants. Default: 3.",
-)
+@click.command("replay", cls=command.Command)
+@click.argument("result", type=command.PATH)
+@command.count_option("--worst", "The N worst of all controllers and plants. Default: 3.")
 @click.option(
     "--by", "metric", metavar="METRIC", default="max_error_m", show_default=True, help="What is worst."
 )
 @click.option("--run", "samples", metavar="INDEX", type=int, multiple=True, help="This sample; repeatable.")
 @controllers_option("Only runs with these controllers; one that is a controller of a file by its file.")
-@plants_option("Only runs on these plants, by name, or by a model file that has moved.", of_logs=True)
+@command.plants_option("Only runs on these plants, by name, or by a model file that has moved.", of_logs=True)
 @click.option(
     "--every", type=click.IntRange(1, 1_000_000_000), metavar="N", help="Log every N-th control sample."
 )
-@click.option(
-    "--out",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    help="Directory for the logs. Default: 'replays' in RESULT.",
-)
-@json_option
+@command.directory_option("--out", "Directory for the logs. Default: 'replays' in RESULT.")
+@command.json_option
 def replay_campaign(
     result: Path,
     worst: int | None,
@@ -141,11 +128,7 @@ def replay_campaign(
             replays.append(replay_run(results, row, out or result / REPLAYS, every=every, progress=advance))
     for replay in replays:
         screen.print(f"{replay.log}:", PASSED if replay.same else FAILED, replay.text)
-        software = (
-            f"made by other software: {software_difference}"
-            for software_difference in replay.software_differences
-        )
-        for line in (*replay.differences, *software):
-            screen.print(f"  {line}")
+        software = (f"made by other software: {difference}" for difference in replay.software_differences)
+        screen.print_each((*replay.differences, *software), indent="  ")
     screen.write_json({"replays": [replay.to_json() for replay in replays]})
     return exit_codes.GOOD if all(replay.same for replay in replays) else exit_codes.LIMIT_EXCEEDED

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from cranectl.cli import exit_codes
 from cranectl.cli.campaign.options import campaign_argument
-from cranectl.cli.command import Command, arguments_given, json_option
+from cranectl.cli.command import Command, arguments_given, count_option, directory_option, json_option
 from cranectl.cli.controller_options import timeout_option
 from cranectl.cli.output import Screen, progress
 
@@ -34,9 +34,7 @@ BAR = (
 
 @click.command("run", cls=Command)
 @campaign_argument
-@click.option(
-    "--workers", metavar="N", type=click.IntRange(min=1), help="Threads. Default: one for each core."
-)
+@count_option("--workers", "Threads. Default: one for each core.")
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
@@ -48,12 +46,7 @@ BAR = (
     type=click.Choice(["local"]),
     help="local: run on a Dask cluster of --workers processes on this machine, to try it.",
 )
-@click.option(
-    "--out",
-    metavar="DIR",
-    type=click.Path(path_type=Path),
-    help="Directory of the result. Default: logs/campaign-NAME",
-)
+@directory_option("--out", "Directory of the result. Default: logs/campaign-NAME")
 @click.option("--resume", is_flag=True, help="Go on with a result that was cut short.")
 @click.option(
     "--despite-differences",
@@ -116,8 +109,7 @@ def run_campaign(
         ) as engine,
         open_store(campaign, directory, command=arguments_given(), **options) as store,
     ):
-        for note in store.quarantined:
-            screen.print(f"  {note}")
+        screen.print_each(store.quarantined, indent="  ")
         interrupted = _run(campaign, store, engine)
         results = read_results(directory, unfinished=interrupted)
     show_result(results, screen)
