@@ -2,23 +2,13 @@
 
 import pytest
 
-from cranectl.plants.plant import DRIVES, Drive
-from tests.plants.test_hook import CASES, assert_agree, assert_holds, assert_swings_in_two_modes
+from cranectl.plants.plant import Drive
+from tests.plants.test_hook import CASES, assert_agree
 
 EARLY = (
     '{joint="alpha", start=1.0, end=2.0, magnitude=0.01}'  # those of the scenario begin after three seconds
 )
 SHORT = {"fixed-position": ("duration=3", f"disturbances=[{EARLY}]"), "settled-trajectory": ()}
-
-
-@pytest.mark.parametrize("drive", DRIVES)
-def test_the_rope_and_the_winch_hold_load_and_hook(drive: Drive) -> None:
-    assert_holds("drake", drive)
-
-
-@pytest.mark.parametrize("axis", range(2))
-def test_load_and_hook_swing_in_two_modes(axis: int) -> None:
-    assert_swings_in_two_modes("drake", axis)
 
 
 @pytest.mark.parametrize(("share", "drive", "scenario", "controller"), CASES)

@@ -7,10 +7,7 @@ import pytest
 
 from cranectl.compare.runs import compare_runs
 from cranectl.planning import load_scenario
-from cranectl.plants.capabilities import check_effects
-from cranectl.scenario.effects import EffectSettings, Installation
 from cranectl.simulate import Run, simulate_run
-from cranectl.support.errors import InputError
 from tests.conftest import PLANTS
 
 ZONE = (0.02, 0.03, 0.01)
@@ -55,14 +52,3 @@ def test_below_the_dead_zone_nothing_moves(plant: str) -> None:
     state = run.block("state")
     assert state == pytest.approx(np.tile(state[0], (len(state), 1)), abs=1e-9)
     assert np.abs(run.block("input")[:, 3:6]).max() > 0.5
-
-
-@pytest.mark.parametrize("drive", ["ideal", "force"])
-def test_drives_without_set_points_refuse_it(drive: str) -> None:
-    effects = EffectSettings(installation=Installation(dead_zone=ZONE))
-    with pytest.raises(InputError, match=f"dead_zone with {drive} drives, which take no set-points") as error:
-        check_effects(effects, plant="analytic", drive=drive)
-    assert error.value.remedy == "take '--drive velocity'; or set effects.installation.dead_zone = [0, 0, 0]"
-    check_effects(effects, plant="analytic", drive="velocity")
-    none = EffectSettings(installation=Installation())
-    check_effects(none, plant="analytic", drive=drive)

@@ -9,24 +9,19 @@ from cranectl.log.writer import write_log
 from cranectl.model import dynamics
 from cranectl.planning import load_scenario
 from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations, observe_load
-from cranectl.plants.capabilities import check_effects
 from cranectl.plants.mujoco.disturbed_step import push_load
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.surroundings import STICTION_RATE, gravity_in_rig
 from cranectl.scenario.effects import (
     NO_EFFECTS,
-    NO_LIMIT,
-    DriveLimits,
     EffectSettings,
     Friction,
     Installation,
-    Rope,
     Wind,
 )
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import simulate_run
 from cranectl.simulate.actuation import BRAKING
-from cranectl.support.errors import InputError
 from tests.conftest import PLANTS, STILL, random_states, split
 
 RIG = RigParameters(load_mass=1.7, winch_mass=0.3)
@@ -99,33 +94,6 @@ def test_forces_for_the_nominal_rig_cause_the_commanded_accelerations(plant: str
     assert largest[0] / largest[1] > 1.8
 
 
-def test_effects_that_the_nominal_rig_lacks_make_a_difference() -> None:
-    scenario = load_scenario("fast-diagonal", overrides=["duration=4.0", "disturbances=[]"])
-    heavier = load_scenario(
-        "fast-diagonal", overrides=["duration=4.0", "disturbances=[]", "rig.load_mass=1.01"]
-    )
-    known, unknown = (
-        simulate_run(heavier, plant="analytic", drive="force", controller="lqr", nominal=nominal)
-        for nominal in (heavier, scenario)
-    )
-    assert np.abs(known.load_position - unknown.load_position).max() > 1e-3
-
-
-@pytest.mark.parametrize("plant", PLANTS)
-def test_forces_are_recorded_as_the_drives_get_them(plant: str) -> None:
-    """The recorded forces are those of the equations of motion at the recorded state."""
-    run = simulate_run(
-        load_scenario("fast-diagonal", overrides=["duration=3.0", "disturbances=[]"]), plant=plant,
-        drive="force", controller="lqr",
-    )  # fmt: skip
-    group = next(group for group in run.groups if group.name == "command")
-    assert [signal.unit for signal in group.signals] == ["N"] * 3 + ["1"] * 3
-    masses = dynamics.axis_masses(run.scenario.rig)
-    for row in range(0, 1000, 100):
-        forces = dynamics.drive_forces(masses, run.block("state")[row], *run.block("input")[row, :3])
-        assert run.block("command")[row, :3] == pytest.approx(np.array(forces), rel=1e-13)
-
-
 def test_a_delayed_command_starts_with_the_forces_that_hold_the_load() -> None:
     scenario = load_scenario(
         "fixed-position", overrides=["duration=0.5", "disturbances=[]", "effects.delay.seconds=0.005"]
@@ -140,39 +108,10 @@ def test_a_log_of_force_drives_comes_back(tmp_path) -> None:
     run = simulate_run(scenario, plant="mujoco", drive="force", controller="lqr")
     again = read_log(write_log(tmp_path / "force.mcap", [run], every=1))["mujoco"]
     assert again.drive == "force"
+    (command,) = (group for group in run.groups if group.name == "command")
+    assert [signal.unit for signal in command.signals] == ["N"] * 3 + ["1"] * 3
     assert again.groups == run.groups
     assert np.array_equal(again.table, run.table)
-
-
-# Effects
-
-
-def state_after(
-    *, friction: Friction | None = None, limits: DriveLimits | None = None, force: float
-) -> np.ndarray:
-    """State of the engine's crane 0.2 s after its bridge was given `force` [N]."""
-    effects = EffectSettings(friction=friction, limits=limits)
-    check_effects(effects, plant="mujoco", drive="force")
-    plant = MujocoPlant(RIG, drive="force", step=1e-3, substeps=200, effects=effects)
-    plant.reset(np.array([1.0, 0, 0.7, 0, 0.8, 0, 0, 0, 0, 0]))
-    plant.advance(np.array([force, 0.0, -RIG.weight]), np.zeros(2), STILL, np.zeros(7))
-    state = np.zeros(10)
-    plant.measure(state)
-    return state
-
-
-def test_friction_of_the_axes_holds_against_a_force() -> None:
-    friction = Friction(coulomb=(3.0, 0.0, 0.0), viscous=(0.0,) * 3, pivot_coulomb=0.0, pivot_viscous=0.0)
-    assert abs(state_after(friction=friction, force=2.9)[1]) < 1e-4
-    assert state_after(friction=friction, force=4.0)[1] > 0.01
-    assert state_after(force=2.9)[1] > 0.03
-
-
-def test_limits_cut_the_force_off() -> None:
-    no_limit = (NO_LIMIT,) * 3
-    limits = DriveLimits(velocity=no_limit, acceleration=no_limit, force=(2.0, 2.0, 40.0))
-    assert np.array_equal(state_after(limits=limits, force=50.0), state_after(limits=limits, force=2.0))
-    assert state_after(limits=limits, force=50.0) == pytest.approx(state_after(force=2.0), abs=1e-12)
 
 
 def test_while_the_rope_is_slack_forces_brake_the_drives_alone() -> None:
@@ -188,24 +127,3 @@ def test_while_the_rope_is_slack_forces_brake_the_drives_alone() -> None:
     rates = run.block("state")[first:, 1:6:2]
     assert np.abs(rates[0]).max() > 1e-3
     assert np.diff(rates, axis=0) == pytest.approx(rates[:-1] * -1e-3 / BRAKING, rel=1e-6, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("plant", "effects", "found"),
-    [
-        ("analytic", EffectSettings(friction=Friction()), "effects.friction.coulomb"),
-        ("analytic", EffectSettings(rope=Rope()), "effects.rope"),
-        ("mujoco", EffectSettings(limits=DriveLimits()), "effects.limits.velocity"),
-    ],
-)
-def test_what_force_drives_cannot_show_is_refused(plant: str, effects: EffectSettings, found: str) -> None:
-    with pytest.raises(InputError, match=found) as caught:
-        check_effects(effects, plant=plant, drive="force")
-    assert caught.value.remedy
-
-
-def test_one_remedy_names_all_that_force_drives_do_not_take() -> None:
-    with pytest.raises(InputError, match=r"effects\.limits\.velocity and effects\.limits\.accel") as caught:
-        check_effects(EffectSettings(limits=DriveLimits()), plant="analytic", drive="force")
-    settings = (f"effects.limits.{name} = [1e+09, 1e+09, 1e+09]" for name in ("velocity", "acceleration"))
-    assert caught.value.remedy == f"take '--drive velocity'; or set {' and '.join(settings)}"

@@ -1,7 +1,5 @@
 """The mass of the hook: weight and modes in closed form, and plants that agree in closed loop."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -9,18 +7,13 @@ from scipy.linalg import eigh
 from cranectl.compare.runs import compare_runs
 from cranectl.planning import load_scenario
 from cranectl.plants.elastic.plant import ElasticPlant
-from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.plants.registry import plant_entry
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.effects import Body, EffectSettings, Rope
-from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import simulate_run
-from tests.conftest import STILL
-from tests.plants.effects import HANGING, SWINGING
+from tests.plants.cranes import HANGING, RIG, make, simulate
 
-RIG = RigParameters()
 HOOK = Body(hook_offset=0.3, inertia=2e-3, swing_damping=0.0, hook_mass=0.4)
 NAMES = ("elastic", "mujoco")
-HELD = {"ideal": (0.0, 0.0, 0.0), "velocity": (0.0, 0.0, 0.0), "force": (0.0, 0.0, -1.4 * RIG.gravity)}
 CASES = [
     (share, drive, *case)
     for share, case in zip(
@@ -33,47 +26,21 @@ CASES = [
 ]  # fmt: skip
 
 
-def make(name: str, drive: Drive, rig: RigParameters = RIG, **effects: Any) -> Plant:
-    return plant_entry(name).load()(
-        rig, drive=drive, step=1e-3, substeps=1, effects=EffectSettings(**effects)
-    )
-
-
-def simulate_periods(plant: Plant, start: np.ndarray, command: tuple[float, ...], periods: int) -> np.ndarray:
-    """Return joints and load at the start of each period, shape (periods, 17)."""
-    samples = np.zeros((periods, 17))
-    plant.reset(start)
-    for row in samples:
-        plant.measure(row[:10])
-        plant.advance(np.array(command), np.zeros(2), STILL, row[10:])
-    return samples
-
-
-def assert_holds(name: str, drive: Drive) -> None:
-    samples = simulate_periods(make(name, drive, body=HOOK), HANGING, HELD[drive], 200)
-    assert samples[:, :10] == pytest.approx(np.tile(HANGING, (200, 1)), abs=1e-12)
-    assert samples[:, 16] == pytest.approx(1.4 * RIG.gravity, rel=1e-12)
-
-
-@pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("name", NAMES)
-def test_the_rope_bears_load_and_hook_and_the_winch_holds_them(name: str, drive: Drive) -> None:
-    assert_holds(name, drive)
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_a_rope_that_gives_bears_and_damps_both(name: str) -> None:
     rope, hanging = Rope(stiffness=500.0, mass=0.0, damping_ratio=0.1), HANGING[4] - HOOK.hook_offset
-    plant = make(name, "velocity", body=HOOK, rope=rope)
-    samples = simulate_periods(plant, HANGING, HELD["velocity"], 100)
-    assert samples[:, 16] == pytest.approx(1.4 * RIG.gravity, rel=1e-9)
-    stretch = -samples[0, 12] - HANGING[4]
+    plant = make(name, EffectSettings(body=HOOK, rope=rope), drive="velocity")
+    _, loads = simulate(plant, 100)
+    assert loads[:, 6] == pytest.approx(1.4 * RIG.gravity, rel=1e-9)
+    stretch = -loads[0, 2] - HANGING[4]
     assert stretch == pytest.approx(1.4 * RIG.gravity * hanging / rope.stiffness, rel=1e-9)
     views = plant.crane if isinstance(plant, ElasticPlant) else plant.handle.rope
     assert views.viscosity[0] == pytest.approx(2.0 * 0.1 * np.sqrt(rope.stiffness * 1.4 * hanging), rel=1e-12)
 
 
-def assert_swings_in_two_modes(name: str, axis: int) -> None:
+@pytest.mark.parametrize("axis", range(2))
+@pytest.mark.parametrize("name", NAMES)
+def test_it_swings_as_a_double_pendulum(name: str, axis: int) -> None:
     """Rope and body start in one line aside; both modes of the planar double pendulum follow."""
     m, d, rope = RIG.load_mass, HOOK.hook_offset, HANGING[4] - HOOK.hook_offset
     both = m + HOOK.hook_mass
@@ -81,30 +48,12 @@ def assert_swings_in_two_modes(name: str, axis: int) -> None:
     squares, modes = eigh(np.diag([both * RIG.gravity * rope, m * RIG.gravity * d]), mass)
     aside, time = 1e-5, 1e-3 * np.arange(2000)
     angles = (modes * (modes.T @ mass @ [aside, aside])) @ np.cos(np.sqrt(squares)[:, None] * time)
-    samples = simulate_periods(
-        make(name, "ideal", body=HOOK), HANGING + aside * np.eye(10)[6 + 2 * axis], (0.0,) * 3, 2000
-    )
-    assert np.abs(samples[:, 6 + 2 * axis] - angles[0]).max() < 1e-6 * aside
-    at = samples[:, 11 - axis] - HANGING[2 - 2 * axis]
+    start = HANGING + aside * np.eye(10)[6 + 2 * axis]
+    states, loads = simulate(make(name, EffectSettings(body=HOOK), start=start), 2000)
+    assert np.abs(states[:, 6 + 2 * axis] - angles[0]).max() < 1e-6 * aside
+    at = loads[:, 1 - axis] - HANGING[2 - 2 * axis]
     assert np.abs(at - [rope, d] @ angles).max() < 1e-6 * aside
     assert np.abs(angles[0] - angles[1]).max() > 0.2 * aside, "both modes must move"
-
-
-@pytest.mark.parametrize("axis", range(2))
-@pytest.mark.parametrize("name", NAMES)
-def test_it_swings_as_a_double_pendulum(name: str, axis: int) -> None:
-    assert_swings_in_two_modes(name, axis)
-
-
-@pytest.mark.parametrize("drive", ["ideal", "force"])
-def test_a_hook_at_the_centre_of_mass_is_load(drive: Drive) -> None:
-    """Without offset the two are one point, and the disturbance besides acts on the load alone."""
-    point = simulate_periods(
-        make("elastic", drive, RIG.model_copy(update={"load_mass": 1.4})), SWINGING, HELD[drive], 500
-    )
-    body = HOOK.model_copy(update={"hook_offset": 0.0})
-    samples = simulate_periods(make("elastic", drive, body=body), SWINGING, HELD[drive], 500)
-    assert samples == pytest.approx(point, rel=1e-10, abs=1e-10)
 
 
 def assert_agree(a: str, b: str, share: float, drive: Drive, name: str, controller: str, *more: str) -> None:

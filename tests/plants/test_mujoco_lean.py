@@ -64,3 +64,13 @@ def test_nothing_that_is_drawn_is_left_in_the_model_of_a_run() -> None:
     assert (model.ngeom, model.ncam, model.nlight, model.ntendon, model.nmat, model.ntex) == (0,) * 6
     assert model.nsensor == 3, "load position, load velocity, rope force"
     assert 'geom name="load_ball"' in drawn, "the description of a run shows the crane"
+
+
+def test_the_engine_does_not_look_at_a_clock() -> None:
+    """Its timers, which cost a quarter of a step, stay at zero."""
+    plant = MujocoPlant(RIG, drive="ideal", step=1e-3, substeps=1, effects=NO_EFFECTS)
+    plant.reset(np.array([1.0, 0.0, 0.7, 0.0, 0.8, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    mujoco.mj_step(plant.model, plant.data, 100)
+    timer = plant.data.timer[mujoco.mjtTimer.mjTIMER_STEP]
+    assert timer.number >= 100
+    assert timer.duration == 0.0

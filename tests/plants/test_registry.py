@@ -6,17 +6,13 @@ from dataclasses import replace
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.planning import load_scenario
 from cranectl.plants import registry
-from cranectl.plants.capabilities import check_effects
 from cranectl.plants.registry import (
     PLANTS,
     in_order,
-    plant_entry,
     reference_plant,
     register_plant,
 )
-from cranectl.simulate import simulate_run
 from cranectl.support.colours import LIGHT, VIEWER
 from cranectl.support.errors import InputError
 
@@ -61,36 +57,8 @@ def test_a_plant_without_batches_runs_no_campaign(capsys: pytest.CaptureFixture[
     assert "found:   a campaign on the Drake plant" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("effects", "found", "allowed"),
-    [
-        ("rope={}", "[effects.rope] on the Drake plant", "the elastic or MuJoCo plant"),
-        ("limits={}", "effects.limits.force on the Drake plant", "MuJoCo plant with velocity"),
-        ("friction={}", "effects.friction.coulomb on the Drake plant", "MuJoCo plant with velocity"),
-        (
-            "friction={coulomb=[0,0,0]}",
-            "effects.friction.pivot_coulomb on the Drake",
-            "the analytic or elastic or MuJoCo plant",
-        ),
-    ],
-)
-def test_the_drake_plant_refuses_what_it_cannot_show(effects: str, found: str, allowed: str) -> None:
-    scenario = load_scenario("fixed-position", overrides=[f"effects={{{effects}}}"])
-    with pytest.raises(InputError) as caught:
-        check_effects(scenario.effects, plant="drake", drive="velocity")
-    assert found in caught.value.found
-    assert allowed in caught.value.allowed
-
-
 def test_one_plant_lacks_nothing_so_that_every_refusal_has_a_remedy() -> None:
     assert any(not entry.lacks for entry in PLANTS.values())
-
-
-def test_unknown_plants_are_answered_with_the_known_ones() -> None:
-    with pytest.raises(InputError) as caught:
-        plant_entry("mujco")
-    assert caught.value.allowed == ", ".join(PLANTS)
-    assert caught.value.remedy == "did you mean 'mujoco'?"
 
 
 @pytest.mark.parametrize("name", ["mujoco", "", "Heavy", "my_plant", "a/b"])
@@ -107,12 +75,3 @@ def test_the_order_is_the_registrys_and_the_reference_mujoco_or_the_last(
     assert in_order(["third", "mujoco", "third", "analytic"]) == ("analytic", "mujoco", "third")
     assert reference_plant(["third", "mujoco"]) == "mujoco"
     assert reference_plant(["third", "analytic"]) == "third"
-
-
-def test_a_plant_is_not_run_with_drives_that_it_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(PLANTS, "mujoco", replace(PLANTS["mujoco"], drives=("velocity",)))
-    scenario = load_scenario("fixed-position")
-    check_effects(scenario.effects, plant="mujoco", drive="velocity")
-    with pytest.raises(InputError, match="ideal drives on the MuJoCo plant") as caught:
-        simulate_run(scenario, plant="mujoco", drive="ideal")
-    assert (caught.value.allowed, caught.value.remedy) == ("velocity drives", "take '--drive velocity'")

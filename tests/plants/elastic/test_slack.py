@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 
 from cranectl.plants.plant import Drive
-from cranectl.plants.registry import plant_entry
 from cranectl.scenario.effects import Body, EffectSettings, Rope
-from cranectl.scenario.rig import RigParameters
-from tests.conftest import STILL
+from tests.plants.cranes import RIG, make, simulate
 
-RIG = RigParameters()
 START = np.array([1.0, 0.1, 0.7, -0.1, 0.5, 0.0, 0.2, 0.3, -0.15, 0.2])
 PERIOD = 1e-3
 EFFECTS = {
@@ -20,18 +17,14 @@ EFFECTS = {
 
 def thrown(name: str, effects: EffectSettings, drive: Drive, substeps: int) -> np.ndarray:
     """Return the load (N, 7) over 1.2 s while the winch pays out faster than it falls, and then stops."""
-    plant = plant_entry(name).load()(
-        RIG, drive=drive, step=PERIOD / substeps, substeps=substeps, effects=effects
-    )
-    plant.reset(START)
-    loads = np.zeros((1200, 7))
-    for k, load in enumerate(loads):
+
+    def command(k: int) -> tuple[float, float, float]:
         if drive == "ideal":
-            winch = 14.0 if k < 100 else -14.0 if k < 200 else 0.0
-        else:
-            winch = 1.2 if k < 150 else 0.0
-        plant.advance(np.array([0.1, -0.1, winch]), np.zeros(2), STILL, load)
-    return loads
+            return 0.1, -0.1, 14.0 if k < 100 else -14.0 if k < 200 else 0.0
+        return 0.1, -0.1, 1.2 if k < 150 else 0.0
+
+    plant = make(name, effects, drive=drive, step=PERIOD / substeps, substeps=substeps, start=START)
+    return simulate(plant, 1200, command)[1]
 
 
 @pytest.mark.parametrize("drive", ["ideal", "velocity"])

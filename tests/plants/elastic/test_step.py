@@ -63,22 +63,6 @@ def test_a_joint_sticks_and_lets_go() -> None:
     assert load[6] == pytest.approx(RIG.load_mass * (RIG.gravity + raised))  # with the new command acting
 
 
-def test_what_slides_comes_to_rest_when_it_should() -> None:
-    """A bridge alone under Coulomb's friction stops after v M / F, within a step, where v² M / 2 F says."""
-    rig = RIG.model_copy(update={"load_mass": 1e-3})
-    friction = NUMBERS.friction.model_copy(update={"viscous": (0.0, 0.0, 0.0)})
-    plant = ElasticPlant(rig, drive="force", step=1e-3, substeps=1, effects=EffectSettings(friction=friction))
-    start, state, load = HANGING.copy(), np.zeros(10), np.zeros(7)
-    start[1] = 0.1003
-    plant.reset(start)
-    for _ in range(500):
-        plant.advance(np.array([0.0, 0.0, -rig.weight]), QUIET, AIR, load)
-    plant.measure(state)
-    moved = start[1] ** 2 * (rig.bridge_mass + rig.trolley_mass) / (2.0 * friction.coulomb[0])
-    assert state[1] == 0.0
-    assert state[0] - start[0] == pytest.approx(moved, rel=2e-3)
-
-
 @pytest.mark.parametrize("names", [("rope",), ("frame",), ("body", "frame"), ("friction", "rope")])
 @pytest.mark.parametrize("drive", DRIVES)
 def test_it_vibrates_as_fast_as_the_engine_does(names: tuple[str, ...], drive: Drive) -> None:
