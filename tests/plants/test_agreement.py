@@ -76,20 +76,6 @@ def test_level_0_cardan_accelerations_and_tension_with_ideal_drives() -> None:
         assert tension[:2] == pytest.approx([0.0, 0.0], abs=1e-9), "a rope transmits no shear"
 
 
-def test_disturbances_add_to_the_cardan_accelerations_on_both_plants() -> None:
-    """One step with and without: the change of the rates is the disturbance times the step."""
-    for state in random_states(50, seed=12):
-        for name, plant in _plants("ideal").items():
-            rates = []
-            for disturbance in (np.zeros(2), np.array([0.7, -0.4])):
-                plant.reset(state)
-                plant.advance(np.zeros(3), disturbance, STILL, np.zeros(7))
-                after = np.zeros(10)
-                plant.measure(after)
-                rates.append(after[[7, 9]])
-            assert (rates[1] - rates[0]) / STEP == pytest.approx([0.7, -0.4], abs=5e-3), name
-
-
 # Level 1: open loop, the same accelerations into both, 20 s.
 
 

@@ -9,12 +9,9 @@ import numpy as np
 
 from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, advance, integrate
 from cranectl.plants.dop853 import STAGES
-from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Friction, Installation, Wind
+from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from tests.conftest import STILL
-
-FRICTION = Friction(coulomb=(0.0,) * 3, viscous=(0.0,) * 3)
-LEVEL = (0.0, 0.0, 0.0)
 
 
 def rig(effects: EffectSettings) -> AnalyticRig:
@@ -68,17 +65,3 @@ def test_reference_counting_is_detected() -> None:
         return array
 
     assert reference_counts(chosen, (np.zeros(3), np.ones(3)), 1.0) > 0
-
-
-def test_a_rig_without_passive_forces_has_none() -> None:
-    """Also where the effects are there, but nothing of them acts on the load."""
-    frictionless = FRICTION.model_copy(update={"pivot_coulomb": 0.0, "pivot_viscous": 0.0})
-    assert rig(NO_EFFECTS).passive is None
-    assert rig(EffectSettings(friction=frictionless)).passive is None
-    assert rig(EffectSettings(friction=FRICTION)).passive == (
-        0.0, FRICTION.pivot_viscous, FRICTION.pivot_coulomb, LEVEL
-    )  # fmt: skip
-    wind = Wind(drag_area=0.4, density=1.3)
-    assert rig(EffectSettings(wind=wind)).passive == (0.5 * 1.3 * 0.4, 0.0, 0.0, LEVEL)
-    assert rig(EffectSettings(installation=Installation())).passive is None
-    assert rig(EffectSettings(installation=Installation(tilt=(0.01, 0.0)))).passive is not None

@@ -12,7 +12,6 @@ from cranectl.plants.analytic import (
     drive_accelerations,
     observe_load,
 )
-from cranectl.plants.mujoco.disturbed_step import apply_disturbance
 from cranectl.plants.mujoco.effects import ACTUATORS
 from cranectl.plants.mujoco.model import (
     DRIVEN_JOINTS,
@@ -21,13 +20,12 @@ from cranectl.plants.mujoco.model import (
     rate_addresses,
     state_addresses,
 )
-from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.plants.registry import plant_entry
 from cranectl.plants.surroundings import STICTION_RATE
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Friction, Wind
 from cranectl.scenario.rig import RigParameters
-from tests.conftest import PLANTS, ROOT, STILL, random_states, split
+from tests.conftest import PLANTS, STILL, random_states, split
 
 RIG = RigParameters()
 
@@ -99,21 +97,6 @@ def test_drives_of_the_analytic_plant_are_exactly_what_they_say() -> None:
     assert accelerations("velocity", command) == pytest.approx(accelerations("force", force), rel=1e-12)
 
 
-@pytest.mark.parametrize("drive", DRIVES)
-def test_derivative_of_the_analytic_plant_is_made_of_its_parts(drive: str) -> None:
-    plant, rate = AnalyticPlant(RIG, drive=drive, step=1e-3, substeps=1), np.zeros(10)
-    rng = np.random.default_rng(5)
-    for state in random_states(50):
-        command, disturbance = rng.normal(size=3), rng.normal(size=2)
-        drive_rates = drive_accelerations(plant.rig.drives, plant.rig, state, command, disturbance, STILL)
-        derivative(plant.rig, state, drive_rates, disturbance, STILL, rate)
-        accelerations = np.array(drive_rates)
-        cardan = dynamics.angular_accelerations(*state[4:], *accelerations[:2], RIG.gravity)
-        assert rate[0::2].tolist() == state[1::2].tolist()
-        assert rate[1:6:2].tolist() == accelerations.tolist()
-        assert rate[7::2] == pytest.approx(np.array(cardan) + disturbance, rel=1e-13)
-
-
 def test_drag_forces_and_friction_of_the_joint_enter_as_generalised_forces() -> None:
     """Q = J' F and the pivot's torques, over the inertias m l² cos² beta and m l²; the tension takes F n."""
     friction = Friction(coulomb=(0.0,) * 3, viscous=(0.0,) * 3, pivot_coulomb=0.02, pivot_viscous=0.03)
@@ -139,17 +122,6 @@ def test_drag_forces_and_friction_of_the_joint_enter_as_generalised_forces() -> 
         observe_load(bare.rig, state, command, wind, load_without)
         along = on_load @ np.array(dynamics.rope_direction(q[3], q[4]))
         assert load[6] - load_without[6] == pytest.approx(along, rel=1e-9)
-
-
-def test_disturbance_torques_are_those_of_the_state() -> None:
-    """Exactly m l² cos² beta d_alpha and m l² d_beta."""
-    plant = MujocoPlant(RIG, drive="ideal", step=2e-3, substeps=1, effects=NO_EFFECTS)
-    state = np.array([1.0, 0.3, 0.7, -0.2, 0.8, 0.5, 0.4, 0.5, -0.3, 1.6])
-    plant._restart(state)
-    apply_disturbance(plant.rig, np.array([0.7, -1.3]))
-    torques = plant.rig.applied[plant.rig.joints]
-    expected = [0.0, 0.0, 0.0, 0.8**2 * np.cos(-0.3) ** 2 * 0.7, -(0.8**2) * 1.3]
-    assert torques == pytest.approx(expected, rel=1e-13)
 
 
 def test_ideal_drives_accelerate_what_they_carry_besides_their_own_inertia() -> None:
@@ -186,27 +158,6 @@ def test_load_is_reported_for_the_start_of_the_period_under_the_new_command(name
     assert load[6] == pytest.approx(dynamics.rope_tension(q, qd, command, RIG), rel=1e-9)
 
 
-def test_every_element_of_the_model_has_a_name() -> None:
-    model = mujoco.MjModel.from_xml_path(str(ROOT / "models" / "crane.xml"))
-    counts = {
-        mujoco.mjtObj.mjOBJ_BODY: model.nbody,
-        mujoco.mjtObj.mjOBJ_JOINT: model.njnt,
-        mujoco.mjtObj.mjOBJ_GEOM: model.ngeom,
-        mujoco.mjtObj.mjOBJ_SITE: model.nsite,
-        mujoco.mjtObj.mjOBJ_TENDON: model.ntendon,
-        mujoco.mjtObj.mjOBJ_ACTUATOR: model.nu,
-        mujoco.mjtObj.mjOBJ_SENSOR: model.nsensor,
-        mujoco.mjtObj.mjOBJ_CAMERA: model.ncam,
-        mujoco.mjtObj.mjOBJ_LIGHT: model.nlight,
-        mujoco.mjtObj.mjOBJ_MATERIAL: model.nmat,
-        mujoco.mjtObj.mjOBJ_TEXTURE: model.ntex,
-    }
-    for kind, count in counts.items():
-        assert count > 0, kind
-        for index in range(count):
-            assert mujoco.mj_id2name(model, kind, index), f"{kind} {index}"
-
-
 def test_sensors_measure_what_the_rig_measures() -> None:
     model = model_spec(RIG, drive="velocity", step=1e-3).compile()
     data = mujoco.MjData(model)
@@ -220,11 +171,3 @@ def test_sensors_measure_what_the_rig_measures() -> None:
     assert [data.sensor(name).data[0] for name in names] == pytest.approx(state)
     length = data.tendon("rope").length[0]
     assert length == pytest.approx(0.8), "the drawn rope has the length of the rope"
-
-
-def test_model_has_the_dimensions_of_the_rig() -> None:
-    model = mujoco.MjModel.from_xml_path(str(ROOT / "models" / "crane.xml"))
-    assert model.geom("floor").pos[2] == -1.4
-    assert model.joint("bridge_position").range.tolist() == [0.0, 2.0]
-    assert model.joint("trolley_position").range.tolist() == [0.0, 1.54]
-    assert model.joint("rope_length").range[1] == 1.4

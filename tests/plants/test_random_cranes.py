@@ -81,15 +81,6 @@ def test_a_seed_makes_the_same_cases_another_others() -> None:
     assert {plants for case in drawn for plants in [case.plants]} == {PLANTS, PLANTS[1:]}
 
 
-def test_the_program_says_what_it_found(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    options = ["--seed", "1a", "--cases", "2", "--plants", "analytic,elastic"]
-    monkeypatch.setattr("sys.argv", ["random_cranes.py", *options])
-    assert random_cranes.main() == 0
-    assert "2 random cases, seed 1a" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(("from_steps", "code"), [(True, 0), (False, 1)])
 def test_the_program_fails_for_differences_that_steps_do_not_cause(
     from_steps: bool, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

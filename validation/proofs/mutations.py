@@ -111,7 +111,6 @@ SUITE = [
     "tests/plants/elastic/test_accelerations.py",
     "tests/plants/elastic/test_step.py",
     "tests/plants/test_agreement.py",
-    "tests/plants/test_sloping_rails.py",
 ]
 # Tests of modules whose path contains these names, in place of SUITE.
 OWN_SUITES = {
