@@ -202,20 +202,12 @@ class Plants(MutableMapping[str, PlantEntry]):
         # A module of another package may look up one of our plants while it is being loaded.
         if name in self._entries:
             return self._entries[name]
-        known = self._known()
-        return known[name] if name in known else self._logged[name]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._entries or name in self._known() or name in self._logged
+        return {**self._logged, **self._known()}[name]
 
     def remember(self, entry: PlantEntry) -> None:
         """Add a plant that a log describes, unless one of its name is known."""
         if entry.name not in self:
             self._logged[entry.name] = entry
-
-    def forget(self) -> None:
-        """Remove the plants that only logs describe."""
-        self._logged.clear()
 
     def ordered(self, names: Collection[str]) -> tuple[str, ...]:
         """Return the known names among `names`, in the order of a log; those known only from logs last."""

@@ -21,12 +21,12 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 PROBE_PERIOD, PROBE_PERIODS = 1e-3, 50  # control period [s], and number of periods
+SECONDS = PROBE_PERIOD * PROBE_PERIODS
 REACTION = 0.01  # least reaction, as a share of that of a point load on a rigid rope
 RIG = RigParameters()
-SECONDS = PROBE_PERIOD * PROBE_PERIODS
 STILL, BREEZE = Wind(gust=0.0), Wind(gust=0.0, drag_area=0.02)
 AIR = 10.0  # [m/s]
-TENSION, LOAD_VELOCITY = 6, 3  # columns of the load's measurement, see `Plant.advance`
+VELOCITY_COLUMN, TENSION_COLUMN = 13, 16  # of an outcome: state (10), load (7) as of `Plant.advance`
 
 
 @dataclass(frozen=True)
@@ -35,25 +35,14 @@ class ProbeRun:
 
     scaled: Mapping[str, float] = field(default_factory=dict)  # factors on numbers of the rig, by name
     effects: EffectSettings = NO_EFFECTS
-    swinging: bool = False
-    driven: bool = False
+    moving: bool = False  # whether it starts swinging, and is driven
     disturbance: tuple[float, ...] = (0.0, 0.0)
     wind: tuple[float, ...] = (0.0,) * 6
 
 
-Outcome = tuple[Array, Array]  # state (10,), load (7,)
-
-
-@dataclass(frozen=True)
-class Probe:
-    """A setting, two runs that differ in it, and how their outcomes must differ."""
-
-    setting: str  # a name as in `lacks`, or rig.FIELD
-    without: ProbeRun
-    changed: ProbeRun
-    reacts: Callable[[Outcome, Outcome], bool]
-
-
+# A setting, as in `lacks` or as rig.FIELD; two runs that differ in it; how their outcomes must differ.
+Probe = tuple[str, ProbeRun, ProbeRun, Callable[[Array, Array], bool]]
+REST, MOVING = ProbeRun(), ProbeRun(moving=True)
 _tried: dict[tuple[str, Drive], tuple[PlantEntry, tuple[str, ...]]] = {}  # in this process
 
 
@@ -81,31 +70,25 @@ def _declaration(ignored: tuple[str, ...]) -> str:
 
 
 def _ignored(entry: PlantEntry, drive: Drive) -> tuple[str, ...]:
-    """Return the settings to which a plant does not react."""
+    """Return the settings, of those that the entry allows, to which a plant does not react."""
     ignored = dict[str, None]()
-    for probe in _probes(entry, drive):
+    for setting, without, changed, reacts in _probes(entry, drive):
+        if lacking(entry, setting) is not None or setting.removeprefix("rig.") in entry.fixed:
+            continue
         try:
-            without, with_setting = (_outcome(entry, drive, run) for run in (probe.without, probe.changed))
+            outcomes = _outcome(entry, drive, without), _outcome(entry, drive, changed)
         except InputError:  # the plant itself refuses the setting
             continue
-        if not probe.reacts(without, with_setting):
-            ignored[probe.setting] = None
+        if not reacts(*outcomes):
+            ignored[setting] = None
     return tuple(ignored)
 
 
 def _probes(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
-    """Yield the probes of all settings that the entry and the drive allow."""
-    for probe in (*_probe_loads(entry), *_probe_rig(drive), *_probe_effects(entry, drive)):
-        if lacking(entry, probe.setting) is None and probe.setting.removeprefix("rig.") not in entry.fixed:
-            yield probe
-
-
-def _probe_loads(entry: PlantEntry) -> Iterator[Probe]:
-    """Yield a probe of each disturbance, of a force on the load and of the wind."""
-    rest = ProbeRun()
+    """Yield the probes of disturbances, wind, numbers of the rig, and effects with their parts."""
     for disturbance, angle in (((1.0, 0.0), ALPHA), ((0.0, 1.0), BETA)):
         pushed = ProbeRun(disturbance=disturbance)
-        yield Probe("disturbances", rest, pushed, _grows(0, angle + 1, 1.0 * SECONDS))
+        yield "disturbances", REST, pushed, _grows(angle + 1, 1.0 * SECONDS)
     blow = 0.5 * BREEZE.density * BREEZE.drag_area * AIR**2  # [N]
     for setting, wind, acting, force in (
         ("disturbances.force", STILL, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0), 1.0),
@@ -113,60 +96,43 @@ def _probe_loads(entry: PlantEntry) -> Iterator[Probe]:
     ):
         still = ProbeRun(effects=EffectSettings(wind=wind))
         expected = force / entry.fixed.get("load_mass", RIG.load_mass) * SECONDS
-        yield Probe(setting, still, replace(still, wind=acting), _grows(1, LOAD_VELOCITY, expected))
-
-
-def _probe_rig(drive: Drive) -> Iterator[Probe]:
-    """Yield a probe of each number of the rig."""
-    rest, moving = ProbeRun(), ProbeRun(swinging=True, driven=True)
+        yield setting, still, replace(still, wind=acting), _grows(VELOCITY_COLUMN, expected)
     for name, factor in (("load_mass", 2.0), ("gravity", 1.5)):
-        scaled = replace(rest, scaled={name: factor})
-        yield Probe(f"rig.{name}", rest, scaled, _grows(1, TENSION, RIG.weight))
-    part = "time_constant" if DRIVES[drive].is_servo else "mass"
-    for axis in () if DRIVES[drive].is_prescribed else ("bridge", "trolley", "winch"):
+        yield f"rig.{name}", REST, ProbeRun(scaled={name: factor}), _grows(TENSION_COLUMN, RIG.weight)
+    kind = DRIVES[drive]
+    part = "time_constant" if kind.is_servo else "mass"
+    for axis in () if kind.is_prescribed else ("bridge", "trolley", "winch"):
         name = f"{axis}_{part}"
-        yield Probe(f"rig.{name}", moving, replace(moving, scaled={name: 2.0}), _differs)
-
-
-def _probe_effects(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
-    """Yield a probe of each effect but the wind, and of each part of an effect."""
-    moving = ProbeRun(swinging=True, driven=True)
+        yield f"rig.{name}", MOVING, replace(MOVING, scaled={name: 2.0}), _differs
     for name in WHOLE_EFFECTS:
-        if name != "wind":  # `_probe_loads` has it
-            yield Probe(name, moving, _with_effect(moving, name, {}), _differs)
-    for setting, part in PARTS.items():
+        if name != "wind":
+            yield name, MOVING, _with_effect(name, {}), _differs
+    is_moved = entry.servos if kind.is_servo else not kind.is_prescribed
+    for setting, tried in PARTS.items():
         name, _, key = setting.partition(".")
-        kind = DRIVES[drive]
-        is_moved = entry.servos if kind.is_servo else not kind.is_prescribed
-        if (part.on_axes and not is_moved) or (name == "limits" and not kind.is_servo):
+        if (tried.on_axes and not is_moved) or (name == "limits" and not kind.is_servo):
             continue
-        numbers = {key: other.none for key, other in EFFECTS[name].parts.items()}
-        without = _with_effect(moving, name, numbers)
-        with_effect = _with_effect(moving, name, {**numbers, key: part.tried})
-        yield Probe(setting, without, with_effect, _differs)
+        none = {key: other.none for key, other in EFFECTS[name].parts.items()}
+        yield setting, _with_effect(name, none), _with_effect(name, {**none, key: tried.tried}), _differs
 
 
-def _with_effect(trial: ProbeRun, name: str, numbers: Mapping[str, float]) -> ProbeRun:
+def _with_effect(name: str, numbers: Mapping[str, float]) -> ProbeRun:
     usual = EFFECTS[name]()
     update = {key: spread(number, getattr(usual, key)) for key, number in numbers.items()}
-    return replace(trial, effects=NO_EFFECTS.model_copy(update={name: usual.model_copy(update=update)}))
+    return replace(MOVING, effects=NO_EFFECTS.model_copy(update={name: usual.model_copy(update=update)}))
 
 
-def _grows(part: int, column: int, expected: float) -> Callable[[Outcome, Outcome], bool]:
+def _grows(column: int, expected: float) -> Callable[[Array, Array], bool]:
     """Return a test that a column of an outcome grows by at least REACTION times `expected`."""
-
-    def reacts(without: Outcome, with_setting: Outcome) -> bool:
-        return bool(with_setting[part][column] - without[part][column] > REACTION * expected)
-
-    return reacts
+    return lambda without, changed: bool(changed[column] - without[column] > REACTION * expected)
 
 
-def _differs(without: Outcome, with_setting: Outcome) -> bool:
-    return any(not np.array_equal(a, b) for a, b in zip(without, with_setting, strict=True))
+def _differs(without: Array, changed: Array) -> bool:
+    return not np.array_equal(without, changed)
 
 
-def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Outcome:
-    """Return state and load after PROBE_PERIODS periods; raise InputError as the plant does."""
+def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Array:
+    """Return state and load (17,) after PROBE_PERIODS periods; raise InputError as the plant does."""
     base = RIG.model_copy(update=dict(entry.fixed))
     rig = base.model_copy(
         update={name: factor * getattr(base, name) for name, factor in trial.scaled.items()}
@@ -175,10 +141,10 @@ def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Outcome:
     middle = np.zeros(10)
     middle[0:6:2] = RIG.workspace.mean(axis=1)
     state = getattr(plant, "rest", middle).copy()
-    state[ALPHA], state[BETA] = (0.1, 0.05) if trial.swinging else (0.0, 0.0)
+    state[ALPHA], state[BETA] = (0.1, 0.05) if trial.moving else (0.0, 0.0)
     plant.check_length(state[ROPE])
     plant.reset(state)
-    command = np.full(3, 0.2 if trial.driven else 0.0)
+    command = np.full(3, 0.2 if trial.moving else 0.0)
     if DRIVES[drive].at_rest == "weight":
         command = 10.0 * command
         command[2] -= RIG.weight  # to hold the load
@@ -187,4 +153,4 @@ def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Outcome:
     for _ in range(PROBE_PERIODS):
         plant.advance(command, disturbance, wind, load)
     plant.measure(state)
-    return state, load
+    return np.concatenate([state, load])

@@ -124,7 +124,7 @@ def test_a_trial_begins_where_the_model_is(tmp_path: Path) -> None:
     moved = ('name="girders" pos="0 0 8"', 'name="girders" pos="25 0 8"'), ('range="0 30"', 'range="-5 5"')
     rig = RigParameters(plant=PlantSettings(names=HALL_NAMES))
     entry = examine(str(changed(MODELS / "hall.xml", tmp_path, *moved)), rig)
-    state, _ = _outcome(entry, "velocity", ProbeRun())
+    state = _outcome(entry, "velocity", ProbeRun())[:10]
     assert state == pytest.approx([25.0, 0.0, 0.0, 0.0, 4.0, *(0.0,) * 5], abs=1e-6)
 
 
