@@ -8,18 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl.plants.mujoco.plant import MujocoPlant, advance
+from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, MAX_RATE_STEP
-from cranectl.scenario.effects import (
-    NO_EFFECTS,
-    Body,
-    DriveLimits,
-    EffectSettings,
-    Frame,
-    Friction,
-    Rope,
-    Wind,
-)
+from cranectl.scenario.effects import NO_EFFECTS, Body, DriveLimits, EffectSettings, Frame, Friction, Rope
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.errors import InputError
 from tests.plants.cranes import HANGING, RIG, SWINGING, make, simulate
@@ -63,20 +54,6 @@ def test_ideal_drives_move_relative_to_a_frame_that_gives_as_commanded() -> None
     states, _ = simulate(plant, 1000, (0.5, -0.3, 0.1))
     assert np.abs(plant.data.qvel[plant.model.joint("frame_x").dofadr[0]]) > 1e-6
     assert states[-1, [1, 3, 5]] == pytest.approx(0.999 * np.array([0.5, -0.3, 0.1]), abs=1e-10)
-
-
-@pytest.mark.parametrize("drive", DRIVES)
-def test_compiled_steps_and_steps_through_the_binding_are_the_same(drive: str) -> None:
-    effects = ALL.model_copy(update={"wind": Wind()})
-    bound, compiled = (make("mujoco", effects, drive=drive, start=SWINGING) for _ in range(2))
-    states, loads = simulate(bound, 200, *ACTING)
-    state, load = np.zeros(10), np.zeros(7)
-    for k in range(200):
-        compiled.measure(state)
-        advance(compiled.rig, *map(np.array, ACTING), load)
-        assert np.array_equal(states[k], state)
-        assert np.array_equal(loads[k], load)
-    assert bound.warnings() == compiled.warnings() == 0
 
 
 def test_a_reset_undoes_everything_and_runs_share_no_model() -> None:

@@ -25,12 +25,10 @@ _numba_config: Any = numba.config
 
 
 def _library() -> str:
-    candidates = sorted(Path(mujoco.__file__).parent.glob("*mujoco*.so*"))
-    candidates += sorted(Path(mujoco.__file__).parent.glob("*mujoco*.dylib"))
-    candidates += sorted(Path(mujoco.__file__).parent.glob("mujoco.dll"))
-    for path in candidates:
-        if path.name.startswith(("libmujoco", "mujoco")):
-            return str(path)
+    for pattern in ("*mujoco*.so*", "*mujoco*.dylib", "mujoco.dll"):
+        for path in sorted(Path(mujoco.__file__).parent.glob(pattern)):
+            if path.name.startswith(("libmujoco", "mujoco")):
+                return str(path)
     raise CranectlError("the mujoco package contains no engine library that compiled code can call")
 
 

@@ -35,7 +35,7 @@ def present_state(plant: MujocoPlant) -> BaseState:
 
 def load_velocity(plant: MujocoPlant) -> Array:
     """Return the velocity of the load (3,) from the sensors [m/s]."""
-    velocity: Array = plant.data.sensordata[_load_velocity_places(plant)].copy()
+    velocity: Array = plant.data.sensordata[plant.rig.load_sensors[3:6]].copy()
     return velocity
 
 
@@ -83,7 +83,7 @@ def set_state(plant: MujocoPlant, base: BaseState, change: Array) -> None:
     qvel = _about_axes_of(plant, changed, base, base.qvel + total[nv : 2 * nv])
     _set_positions_and_rates(plant, changed._replace(qvel=qvel))
     if plant.rig.drag > 0.0:
-        plant.data.sensordata[_load_velocity_places(plant)] = base.load_velocity + total[2 * nv :]
+        plant.data.sensordata[plant.rig.load_sensors[3:6]] = base.load_velocity + total[2 * nv :]
 
 
 def change_since(plant: MujocoPlant, base: BaseState) -> Array:
@@ -113,10 +113,6 @@ def _about_axes_of(plant: MujocoPlant, new: BaseState, old: BaseState, qvel: Arr
 def _set_positions_and_rates(plant: MujocoPlant, base: BaseState) -> None:
     mujoco.mj_resetData(plant.model, plant.data)
     plant.data.qpos[:], plant.data.qvel[:] = base.qpos, base.qvel
-
-
-def _load_velocity_places(plant: MujocoPlant) -> NDArray[np.int64]:
-    return plant.rig.load_sensors[3:6]
 
 
 def _order(plant: MujocoPlant) -> NDArray[np.int64]:

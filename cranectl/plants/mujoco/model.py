@@ -35,7 +35,6 @@ DRAWN_LENGTH = 0.7  # [m] of rope in the file; with none, the cardan angles woul
 # An ideal drive is a motor on a joint so inert that nothing can move it: acceleration = command to 1e-12.
 IDEAL_INERTIA = 1e12  # [kg] of rotor for each kg of the crane
 
-DRAWN_ROPE = "rope"  # tendon
 # Features of the engine that take time and that a crane without effects does not need.
 SWITCHABLE = frozenset(
     {mujoco.mjtDisableBit.mjDSBL_ISLAND}.union(*(model.needs for model in EFFECT_MODELS.values()))
@@ -163,13 +162,10 @@ def rate_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:
 
 def sensor_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:
     """Return the indices in sensordata of load position (3), load velocity (3) and rope tension (1)."""
-    position, velocity, force = (
-        model.sensor(name).adr[0] for name in ("load_position", "load_velocity", "rope_force")
-    )
+    position, velocity, force = map(model.sensor, ("load_position", "load_velocity", "rope_force"))
     # The force of a rigid rope has three components, the last along the rope.
-    last = model.sensor("rope_force").dim[0] - 1
-    return np.array(
-        [*range(position, position + 3), *range(velocity, velocity + 3), force + last], dtype=np.int64
+    return np.concatenate(
+        [position.adr + np.arange(3), velocity.adr + np.arange(3), force.adr + force.dim - 1]
     )
 
 
@@ -187,7 +183,7 @@ def leave_out_idle(spec: mujoco.MjSpec, effects: EffectSettings) -> None:
     it, its results would differ in the last digits and take longer.
     """
     encoders = [sensor for sensor in spec.sensors if sensor.type in ENCODERS]
-    drawing = [*spec.geoms, spec.tendon(DRAWN_ROPE), *spec.materials, *spec.textures]
+    drawing = [*spec.geoms, spec.tendon("rope"), *spec.materials, *spec.textures]
     drawing += [*spec.cameras, *spec.lights]
     for element in [*drawing, *encoders]:
         spec.delete(element)

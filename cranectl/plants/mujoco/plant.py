@@ -21,13 +21,7 @@ from cranectl.plants.mujoco.model import (
     state_addresses,
     structure_of,
 )
-from cranectl.plants.mujoco.rope import (
-    DISTANCE,
-    ElasticRope,
-    elastic_rope,
-    set_damping,
-    start_taut,
-)
+from cranectl.plants.mujoco.rope import DISTANCE, ElasticRope, elastic_rope, set_damping, start_taut
 from cranectl.plants.mujoco.sites import NO_SITES, SiteViews, measure_sites, read_load_of_sites
 from cranectl.plants.plant import DRIVES, Drive, Kernels, check_hook, check_rate
 from cranectl.plants.surroundings import air_drag
@@ -163,10 +157,7 @@ def views_of(
 
 
 class MujocoPlant:
-    """The MuJoCo crane as a plant.
-
-    The method `advance` and the compiled kernel `advance` step the same data and give the same bits.
-    """
+    """The MuJoCo crane as a plant."""
 
     name = "mujoco"
     shows = tuple(EFFECT_MODELS)
@@ -266,17 +257,7 @@ class MujocoPlant:
         measure_joints(self.rig, state)
 
     def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
-        set_command(self.rig, command)
-        changing = self.rig.in_air or self.rig.rope.active or disturbance.any()
-        for k in range(self.rig.substeps):
-            move_set_points(self.rig, command)
-            if changing:
-                step_in_stages(self.rig, disturbance, wind)
-            else:
-                mujoco.mj_step(self.model, self.data)
-            move_set_points(self.rig, command)
-            if k == 0:
-                read_load(self.rig, load)
+        advance(self.rig, command, disturbance, wind, load)
 
     def warnings(self) -> int:
         return int(count_warnings(self.rig))
