@@ -18,6 +18,7 @@ from cranectl.plants.plant import DRIVES
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS
+from tests.plants.test_random_cranes import assert_random_case_agrees
 from validation.proofs.minimum_times import CASES as PLANNED
 from validation.proofs.minimum_times import scenario as planned
 
@@ -39,38 +40,9 @@ def test_drake_and_mujoco_agree_in_minimum_time_motions(case: str) -> None:
     _assert_agree(planned(case), "lqr", "velocity")
 
 
-@pytest.mark.parametrize("seed", range(25 if len(CASES) == CASE_COUNT else 5))
-def test_drake_and_mujoco_agree_for_random_cranes(seed: int) -> None:
-    """Masses, lags, tilt, frame and friction are random; the load starts off its path and is disturbed."""
-    rng = np.random.default_rng(seed)
-    controller, drive = str(rng.choice(ALL_CONTROLLERS)), str(rng.choice([*DRIVES]))
-    scale = np.exp(rng.uniform(-0.7, 0.7, 4))
-    pulses = [
-        f"{{joint='{joint}', start={start}, end={start + 1}, magnitude={rng.uniform(-1.0, 1.0)}}}"
-        for start, joint in ((1, "alpha"), (4, "beta"))
-    ]
-    overrides = [
-        f"rig.bridge_mass={6.0 * scale[0]}",
-        f"rig.trolley_mass={2.5 * scale[1]}",
-        f"rig.winch_mass={0.4 * scale[2]}",
-        f"rig.load_mass={scale[3]}",
-        f"rig.bridge_time_constant={rng.uniform(0.01, 0.05)}",
-        f"initial.load_offset={rng.uniform(-0.03, 0.03, 3).tolist()}",
-        f"initial.alpha_offset={rng.uniform(-0.1, 0.1)}",
-        f"effects.installation.tilt={rng.uniform(-0.01, 0.01, 2).tolist()}",
-        f"disturbances=[{', '.join(pulses)}]",
-        "duration=8",
-    ]
-    if rng.random() < 0.5:
-        overrides.append(f"effects.frame.frequency={rng.uniform(5.0, 15.0, 2).tolist()}")
-    if rng.random() < 0.5:
-        axes = [0.0] * 3 if drive == "ideal" else rng.uniform(0.0, 5.0, 3).tolist()
-        coulomb = "coulomb=[0,0,0], pivot_coulomb=0.0"
-        overrides.append(
-            f"effects.friction={{{coulomb}, viscous={axes}, pivot_viscous={rng.uniform(0.0, 0.02)}}}"
-        )
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    _assert_agree(scenario, controller, drive)
+@pytest.mark.parametrize("k", range(25 if len(CASES) == CASE_COUNT else 5))
+def test_drake_and_mujoco_agree_for_random_cranes(k: int) -> None:
+    assert_random_case_agrees(k, ("drake", "mujoco"), ("wind", "frame", "installation"))
 
 
 def _assert_agree(scenario: Scenario, controller: str, drive: str) -> None:

@@ -11,15 +11,6 @@ from tests.conftest import random_states, split
 
 G = 9.81
 C4_REFERENCES = {
-    "hold": {"start": [1.0, 0.77, -0.7], "segments": [{"kind": "hold", "duration": 2.0}]},
-    "line": {
-        "start": [0.1, 0.1, -0.15],
-        "segments": [{"kind": "line", "to": [1.65, 0.77, -0.7], "duration": 4.0}],
-    },
-    "quarter arc": {
-        "start": [1.5, 0.77, -0.7],
-        "segments": [{"kind": "arc", "centre": [1.0, 0.77], "angle": 1.5707963, "duration": 3.0}],
-    },
     "clockwise turn": {
         "start": [1.65, 0.77, -0.7],
         "segments": [{"kind": "arc", "centre": [1.0, 0.77], "angle": -6.2831853, "duration": 8.0}],

@@ -38,7 +38,7 @@ def whole_state(plant: Plant) -> Array:
     if plant.name == "elastic":
         return plant.state.copy()
     if isinstance(plant, MujocoPlant):
-        _add_hidden(plant, state)
+        add_hidden(plant, state)
     elif plant.name == "drake" and plant.effects.body:
         plant.rates(plant.state)
         state[BODY : BODY + 3] = -plant.load.EvalPoseInWorld(plant.context).rotation().matrix()[:, 2]
@@ -51,7 +51,8 @@ def whole_state(plant: Plant) -> Array:
     return state
 
 
-def _add_hidden(engine: MujocoPlant, state: Array) -> None:
+def add_hidden(engine: MujocoPlant, state: Array) -> None:
+    """Write what the joints do not show into `state`: stretch, rails, attitude and spin of the body."""
     data, rig = engine.data, engine.rig
     if rig.rope.active:
         state[STRETCH] = data.qpos[rig.distance[0]] - state[4]

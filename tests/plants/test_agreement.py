@@ -31,15 +31,10 @@ RIG = RigParameters()
 # Level 0: the same matrices and accelerations, state by state.
 
 
-@pytest.fixture(scope="module")
-def force_model() -> tuple[mujoco.MjModel, mujoco.MjData]:
+def test_level_0_mass_matrix_bias_and_acceleration() -> None:
     model = model_spec(RIG, drive="velocity", step=STEP).compile()
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-    return model, mujoco.MjData(model)
-
-
-def test_level_0_mass_matrix_bias_and_acceleration(force_model: tuple[mujoco.MjModel, mujoco.MjData]) -> None:
-    model, data = force_model
+    data = mujoco.MjData(model)
     joints = state_addresses(model)
     rng = np.random.default_rng(10)
     for state in random_states(1000, seed=10):
@@ -124,14 +119,13 @@ def test_level_2_all_plants_in_closed_loop(name: str, drive: Drive) -> None:
         assert pairs == {*itertools.combinations(PLANTS, 2)}
 
 
-def pair(scenario: str, controller: str, overrides: list[str]) -> list[Run]:
+def pair(scenario: str, controller: str, overrides: list[str], drive: Drive = "ideal") -> list[Run]:
     loaded = load_scenario(scenario, overrides=overrides)
-    return [simulate_run(loaded, plant=plant, controller=controller) for plant in PAIR]
+    return [simulate_run(loaded, plant=plant, drive=drive, controller=controller) for plant in PAIR]
 
 
-@pytest.mark.parametrize(
-    "overrides",
-    [
+ANY_RIG = {
+    "ideal": [
         ["rig.load_mass=0.001"],
         ["rig.load_mass=10000", "rig.rated_load=10000"],
         ["control.period=0.002"],
@@ -139,11 +133,23 @@ def pair(scenario: str, controller: str, overrides: list[str]) -> list[Run]:
         ["rig.load_mass=0.001", "rig.trolley_mass=1e6", "rig.bridge_mass=1e6"],
         ["rig.load_mass=0.001", "rig.bridge_mass=1e5", "effects.installation.tilt=[0.05,-0.1]"],
     ],
-    ids=" ".join,
+    "velocity": [
+        ["rig.load_mass=4.0"],
+        ["rig.bridge_mass=0.5", "rig.trolley_mass=0.2", "rig.winch_mass=0.1", "rig.load_mass=5.0"],
+        ["rig.bridge_time_constant=0.2", "rig.trolley_time_constant=0.005", "rig.winch_time_constant=0.1"],
+        ["effects.wind={}", "effects.installation={tilt=[0.01,-0.02]}"],
+        ["effects.friction={coulomb=[0,0,0],viscous=[0,0,0],pivot_coulomb=0,pivot_viscous=1e-3}"],
+        ["control.lag_compensation=false"],
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("drive", "overrides"), [(drive, rig) for drive, rigs in ANY_RIG.items() for rig in rigs], ids=str
 )
-def test_level_2_holds_for_any_rig_and_sampling(overrides: list[str]) -> None:
-    """With ideal drives neither very light nor very heavy loads, nor other masses, make a difference."""
-    assert judge(*pair("fast-diagonal", "lqr", ["duration=5.0", *overrides])).passed
+def test_level_2_holds_for_any_rig_and_sampling(drive: Drive, overrides: list[str]) -> None:
+    """Neither very light nor very heavy loads, nor other masses, lags, air or slopes make a difference."""
+    assert judge(*pair("fast-diagonal", "lqr", ["duration=5.0", *overrides], drive)).passed
 
 
 HARD = {"fixed-position": 2, "settled-trajectory": 2, "fast-diagonal": 1, "near-slack": 1}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from cranectl.plants.plant import DRIVES, Drive, Plant
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import plant_entry
 from cranectl.scenario.effects import (
     Body,
@@ -18,11 +18,10 @@ from cranectl.scenario.effects import (
     Rope,
     Wind,
 )
-from cranectl.scenario.rig import RigParameters
 from tests.conftest import PLANTS
 from tests.plants.books import Books, books, whole_state
+from tests.plants.cranes import RIG, make
 
-RIG = RigParameters()
 NUMBERS = EffectNumbers(
     rope=Rope(stiffness=500.0, mass=0.0, damping_ratio=0.02),
     body=Body(hook_offset=0.2, inertia=0.03, swing_damping=0.02),
@@ -40,11 +39,10 @@ WEIGHTS = np.linalg.solve(
 
 
 class Manner(NamedTuple):
-    """How a crane is moved: for how long, with which periods [s], and with how many steps in a sample."""
+    """How a crane is moved: for how long, and with which periods [s]."""
 
     seconds: float = 0.5
     period: float = 1e-3
-    fineness: int = 1
 
 
 DEFAULT = Manner()
@@ -52,14 +50,7 @@ DEFAULT = Manner()
 
 def kept_books(name: str, effects: EffectSettings, drive: Drive, manner: Manner) -> Books:
     """Of a crane that moves about."""
-    plant: Plant = plant_entry(name).load()(
-        RIG,
-        drive=drive,
-        step=manner.period / PARTS / manner.fineness,
-        substeps=manner.fineness,
-        effects=effects,
-    )
-    plant.reset(START)
+    plant = make(name, effects, drive=drive, step=manner.period / PARTS, start=START)
     air, n = WIND if effects.wind else np.zeros(6), round(manner.seconds / manner.period) * PARTS
     states, loads, commands = np.zeros((n, 22)), np.zeros((n, 7)), np.zeros((n, 3))
     for k in range(n):

@@ -6,15 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl.plants.analytic import AnalyticPlant
 from cranectl.plants.mujoco.disturbed_step import step_in_stages, turn_rate
-from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.effects import NO_EFFECTS, Body, EffectSettings, Frame, Friction, Rope, Wind
-from cranectl.scenario.rig import RigParameters
 from tests.conftest import STILL
+from tests.plants.cranes import make, simulate, state_of
 
-RIG = RigParameters()
 START = np.array([1.0, 0.3, 0.7, -0.2, 0.7, 0.4, 0.2, 0.3, -0.3, 0.1])
 PHYSICAL = {"friction": Friction(), "rope": Rope(), "body": Body(), "frame": Frame()}
 SETS = [names for count in (0, 1, 4) for names in itertools.combinations(PHYSICAL, count)]
@@ -24,8 +21,7 @@ PUSH = np.array([3.0, -3.0])
 def course(drive: Drive, effects: EffectSettings, *, in_stages: bool) -> np.ndarray:
     """Return all that 50 steps leave in the data, with drive forces that are constant over each step."""
     step = 1e-4 if effects.rope else 1e-3
-    plant = MujocoPlant(RIG, drive=drive, step=step, substeps=1, effects=effects)
-    plant.reset(START)
+    plant = make("mujoco", effects, drive=drive, step=step, start=START)
     if in_stages:  # or it would be paid out
         plant.rig = plant.rig._replace(rope=plant.rig.rope._replace(active=False))
     data, rows = plant.data, []
@@ -57,12 +53,9 @@ def test_without_a_disturbance_it_is_the_engines_step(drive: Drive, names: tuple
 
 def pushed(effects: EffectSettings, step: float) -> np.ndarray:
     """State after 0.2 s of hoisting under a disturbance of 3 rad/s² about both axes."""
-    plant = MujocoPlant(RIG, drive="ideal", step=step, substeps=round(0.2 / step), effects=effects)
-    plant.reset(START)
-    plant.advance(np.array([0.5, -0.4, 1.0]), PUSH, STILL, np.zeros(7))
-    state = np.zeros(10)
-    plant.measure(state)
-    return state
+    plant = make("mujoco", effects, step=step, substeps=round(0.2 / step), start=START)
+    simulate(plant, 1, (0.5, -0.4, 1.0), PUSH)
+    return state_of(plant)
 
 
 @pytest.mark.parametrize("effects", [NO_EFFECTS, EffectSettings(body=Body())], ids=["point", "body"])
@@ -74,17 +67,15 @@ def test_a_disturbance_leaves_the_order_of_the_step_at_four(effects: EffectSetti
 
 
 def test_a_pushed_crane_moves_as_the_equations_say() -> None:
-    plant = AnalyticPlant(RIG, drive="ideal", step=1e-3, substeps=200)
-    plant.reset(START)
-    plant.advance(np.array([0.5, -0.4, 1.0]), PUSH, STILL, np.zeros(7))
+    plant = make("analytic", substeps=200, start=START)
+    simulate(plant, 1, (0.5, -0.4, 1.0), PUSH)
     assert pushed(NO_EFFECTS, 1e-3) == pytest.approx(plant.state, abs=1e-10)
 
 
 @pytest.mark.parametrize("effects", [NO_EFFECTS, EffectSettings(body=Body(), wind=Wind())], ids=str)
 def test_nothing_of_a_disturbance_is_left_when_it_ends(effects: EffectSettings) -> None:
-    plant = MujocoPlant(RIG, drive="ideal", step=1e-3, substeps=1, effects=effects)
-    plant.reset(START)
-    plant.advance(np.zeros(3), PUSH, np.array([3.0, 1.0, 0.0, 0.0, 2.0, 0.0]), np.zeros(7))
+    plant = make("mujoco", effects, start=START)
+    simulate(plant, 1, disturbance=PUSH, wind=np.array([3.0, 1.0, 0.0, 0.0, 2.0, 0.0]))
     assert not plant.rig.applied.any()
     assert not plant.rig.reaction.any()
     assert not plant.rig.wrench.any()

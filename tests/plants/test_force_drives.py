@@ -12,13 +12,7 @@ from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerati
 from cranectl.plants.mujoco.disturbed_step import push_load
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.surroundings import STICTION_RATE, gravity_in_rig
-from cranectl.scenario.effects import (
-    NO_EFFECTS,
-    EffectSettings,
-    Friction,
-    Installation,
-    Wind,
-)
+from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Friction, Installation, Wind
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import simulate_run
 from cranectl.simulate.actuation import BRAKING

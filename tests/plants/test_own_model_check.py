@@ -25,7 +25,6 @@ MUTANTS = {
     "crane": [
         ('biasprm="-9.81 0 -70"', 'biasprm="0 0 -70"', "rope at rest", 7.01, HELD),
         ('joint name="beta"', 'joint name="beta" stiffness="0.5"', "swing", 0.2, "stiffness of beta"),
-        ('joint name="alpha"', 'joint name="alpha" damping="0.01"', "swing", 0.019, "damping of alpha"),
         (
             'name="bridge_position" type',
             'name="bridge_position" frictionloss="1" type',
@@ -42,9 +41,6 @@ MUTANTS = {
     ],
     "tendon": [
         ('name="rope"', 'name="rope" armature="0.4"', "rope", 0.11, ARMATURE),
-        ('="-9.81 0 -50"', '="0 0 -50"', "rope at rest", 9.81, HELD),
-        ('name="x" type', 'name="x" damping="3" type', "bridge", 0.28, "damping of x"),
-        ('name="y" type', 'name="y" frictionloss="0.5" type', "trolley", 0.2, "frictionloss of y"),
         ('<site name="load"/>', '<site name="load" pos="1e-3 0 0"/>', "swing", 0.0028, HIDDEN),
         ('name="rope"', 'name="rope" damping="2"', "rope", 1.6, "damping of rope"),
         ('name="rope"', 'name="rope" frictionloss="1"', "rope", 1.0, "frictionloss of rope"),
@@ -57,7 +53,6 @@ MUTANTS = {
             '<general name="bridge_drive" joint="x" gainprm="425" biastype="affine" biasprm="5 0 -425"/>',
             "bridge at rest", 0.59, HIDDEN,
         ),
-        ('axis="0 1 0"', 'axis="0.005 1 0"', "trolley", 0.0047, HIDDEN),
         ("<freejoint/>", f"<freejoint/>{SLING}", "swing", 0.32, HIDDEN),
         (
             "</tendon>",
@@ -67,30 +62,13 @@ MUTANTS = {
     ],
     "double-pendulum": [
         ('name="swing"', 'name="swing" stiffness="0.3"', "swing", 0.19, "stiffness of swing"),
-        ('name="sling"', 'name="sling" damping="0.05"', "swing", 0.08, "damping of sling"),
-        ('name="hoist"', 'name="hoist" frictionloss="1"', "rope", 0.74, "frictionloss of hoist"),
-        ('="-9.81 0 -70"', '="-9 0 -70"', "rope at rest", 0.58, HELD),
-        ('name="x"', 'name="x" stiffness="3"', "bridge at rest", 0.062, "stiffness of x"),
         ('mass="0.02"', 'mass="0.4"', "swing", 0.18, HIDDEN),
     ],
     "hall": [
         ('name="sway_along"', 'name="sway_along" damping="90"', "swing", 0.0025, "damping of sway_along"),
-        (
-            'name="sway_across"',
-            'name="sway_across" stiffness="900"',
-            "swing", 0.016, "stiffness of sway_across",
-        ),
-        ('"1e-9 1e-9 1e-9"', '"500 500 500"', "swing", 0.11, HIDDEN),
-        ('<site name="sheave"/>', '<site name="sheave" pos="0 0 0.2"/>', "swing", 0.2, HIDDEN),
         ('<inertial pos="0 0 0"', '<inertial pos="0 0 -0.9"', "swing", 2.6, HIDDEN),
         ('="-24525 0 -9000"', '="-20000 0 -9000"', "rope at rest", 1.7, HELD),
-        (
-            'name="long_travel"',
-            'name="long_travel" frictionloss="500"',
-            "bridge", 0.067, "frictionloss of long_travel",
-        ),
         ('name="hoist"', 'name="hoist" damping="200"', "rope", 0.07, "damping of hoist"),
-        ('kv="6000"', 'kv="6000" ctrlrange="-0.5 0.5"', "limits of drives", 0.0, "have none"),
     ],
 }  # fmt: skip
 

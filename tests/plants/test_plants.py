@@ -6,12 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cranectl.model import dynamics
-from cranectl.plants.analytic import (
-    AnalyticPlant,
-    derivative,
-    drive_accelerations,
-    observe_load,
-)
+from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations, observe_load
 from cranectl.plants.mujoco.effects import ACTUATORS
 from cranectl.plants.mujoco.model import (
     DRIVEN_JOINTS,
@@ -21,27 +16,17 @@ from cranectl.plants.mujoco.model import (
     state_addresses,
 )
 from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.plants.registry import plant_entry
 from cranectl.plants.surroundings import STICTION_RATE
-from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Friction, Wind
+from cranectl.scenario.effects import EffectSettings, Friction, Wind
 from cranectl.scenario.rig import RigParameters
 from tests.conftest import PLANTS, STILL, random_states, split
-
-RIG = RigParameters()
-
-
-def make(name: str, *, drive: str = "ideal", step: float = 1e-3, substeps: int = 1, rig=RIG) -> Plant:
-    return plant_entry(name).load()(rig, drive=drive, step=step, substeps=substeps, effects=NO_EFFECTS)
+from tests.plants.cranes import HANGING, RIG, make, simulate, state_of
 
 
 def swing(plant: Plant, start: np.ndarray, command: np.ndarray, periods: int) -> np.ndarray:
     plant.reset(start)
-    load = np.zeros(7)
-    for _ in range(periods):
-        plant.advance(command, np.zeros(2), STILL, load)
-    state = np.zeros(10)
-    plant.measure(state)
-    return state
+    simulate(plant, periods, command)
+    return state_of(plant)
 
 
 @pytest.mark.parametrize(
@@ -78,9 +63,8 @@ def test_substeps_divide_the_period(name: str) -> None:
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("name", PLANTS)
 def test_a_crane_at_rest_stays_at_rest(name: str, drive: str) -> None:
-    start = np.array([1.0, 0, 0.7, 0, 0.8, 0, 0, 0, 0, 0])
     command = np.array([0.0, 0.0, -RIG.weight if drive == "force" else 0.0])
-    assert swing(make(name, drive=drive), start, command, 1000) == pytest.approx(start, abs=1e-9)
+    assert swing(make(name, drive=drive), HANGING, command, 1000) == pytest.approx(HANGING, abs=1e-9)
 
 
 def test_drives_of_the_analytic_plant_are_exactly_what_they_say() -> None:
@@ -137,11 +121,10 @@ def test_ideal_drives_accelerate_what_they_carry_besides_their_own_inertia() -> 
 def test_velocity_drives_lag_by_their_time_constants(name: str) -> None:
     """Small set-point steps: after one time constant each drive has 1 - 1/e of its velocity."""
     rig = RigParameters(bridge_time_constant=0.01, trolley_time_constant=0.02, winch_time_constant=0.04)
-    start = np.array([1.0, 0, 0.7, 0, 0.8, 0, 0, 0, 0, 0])
     for axis, tau in enumerate(rig.time_constants):
         command = np.zeros(3)
         command[axis] = 1e-3
-        state = swing(make(name, drive="velocity", rig=rig), start, command, round(tau / 1e-3))
+        state = swing(make(name, drive="velocity", rig=rig), HANGING, command, round(tau / 1e-3))
         assert state[2 * axis + 1] == pytest.approx(1e-3 * (1 - np.exp(-1)), rel=0.02)
 
 

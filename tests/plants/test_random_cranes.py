@@ -1,6 +1,7 @@
 """Cranes, paths, effects, laws and drives that nobody chose: others with every commit."""
 
 import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -29,15 +30,19 @@ UNSTABLE = [  # the first crane of seed 41b253d, rounded: lqr-integral makes the
 ]
 
 
-@pytest.mark.parametrize("k", range(CASES))
-def test_random_cranes_agree(k: int) -> None:
-    """Every pair that has limits; the seed is in the message."""
+def assert_random_case_agrees(k: int, plants: Sequence[str], effects: Sequence[str]) -> None:
+    """Run the case `k` of the commit; every pair that has limits must agree. The seed is in the message."""
     seed = random_cranes.commit()
-    case = next(itertools.islice(random_cranes.random_cases(seed, PLANTS), k, None))
+    case = next(itertools.islice(random_cranes.random_cases(seed, plants, effects), k, None))
     result = run_case(case)
     for pair in result.pairs:
         agrees = pair.agreement.passed is not False or random_cranes.is_step_error(case, pair.agreement)
         assert agrees, (seed, k, pair.agreement)
+
+
+@pytest.mark.parametrize("k", range(CASES))
+def test_random_cranes_agree(k: int) -> None:
+    assert_random_case_agrees(k, PLANTS, random_cranes.EFFECTS)
 
 
 def judge_unstable_case(friction_in_mujoco: float, monkeypatch: pytest.MonkeyPatch) -> tuple[Case, Agreement]:

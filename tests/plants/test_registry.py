@@ -7,12 +7,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.plants import registry
-from cranectl.plants.registry import (
-    PLANTS,
-    in_order,
-    reference_plant,
-    register_plant,
-)
+from cranectl.plants.registry import PLANTS, in_order, reference_plant, register_plant
 from cranectl.support.colours import LIGHT, VIEWER
 from cranectl.support.errors import InputError
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from cranectl.plants.mujoco.model import DRAWN_LENGTH, compiled_model
-from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.support import resources
+from tests.plants.cranes import make, simulate
 
 
 def raw(model: mujoco.MjModel) -> bytes:
@@ -61,17 +61,13 @@ def changes() -> Iterator[tuple[RigParameters, EffectSettings]]:
     yield OTHER_RIG, EffectSettings.model_validate(OTHER)
 
 
-def plant_of(rig: RigParameters, drive: Drive, effects: EffectSettings) -> MujocoPlant:
-    return MujocoPlant(rig, drive=drive, step=5e-4, substeps=1, effects=effects)
-
-
 @pytest.mark.parametrize("drive", DRIVES)
 def test_a_model_changed_in_place_is_the_one_compiled_anew(drive: Drive) -> None:
-    plant = plant_of(RigParameters(), drive, ALL_EFFECTS)
+    plant = make("mujoco", ALL_EFFECTS, drive=drive, step=5e-4)
     state = np.array([1.0, 0.1, 0.7, 0.0, 0.6, 0.2, 0.1, 0.0, 0.1, 0.0])
     for rig, effects in changes():
         plant.reset(state)  # a rope changes the model as it moves
-        plant.advance(np.zeros(3), np.ones(2), np.ones(6), np.zeros(7))
+        simulate(plant, 1, disturbance=(1.0, 1.0), wind=np.ones(6))
         assert plant.retune(rig, effects)
         physical = effects.model_copy(update=dict.fromkeys(("sensing", "delay", "wind")))
         new = compiled_model(rig, drive, 5e-4, physical)
@@ -83,7 +79,7 @@ def test_a_model_changed_in_place_is_the_one_compiled_anew(drive: Drive) -> None
 def test_it_is_so_for_each_effect_alone_and_none(name: str, drive: Drive) -> None:
     before = NO_EFFECTS.model_copy(update={name: getattr(ALL_EFFECTS, name)} if name else {})
     after = EffectSettings.model_validate({name: OTHER[name]} if name else {})
-    plant = plant_of(RigParameters(), drive, before)
+    plant = make("mujoco", before, drive=drive, step=5e-4)
     assert plant.retune(OTHER_RIG, after)
     new = compiled_model(OTHER_RIG, drive, 5e-4, after)
     assert raw(plant.model) == raw(new)
@@ -100,7 +96,7 @@ def test_every_number_of_the_effects_in_the_model_was_changed() -> None:
 
 
 def test_another_structure_takes_another_model() -> None:
-    plant = plant_of(RigParameters(), "velocity", ALL_EFFECTS)
+    plant = make("mujoco", ALL_EFFECTS, drive="velocity", step=5e-4)
     before = raw(plant.model)
     assert ALL_EFFECTS.rope is not None
     weightless = ALL_EFFECTS.rope.model_copy(update={"mass": 0.0})

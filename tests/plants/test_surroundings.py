@@ -1,4 +1,4 @@
-"""Effects that both plants show: the plants agree, and each effect changes the run."""
+"""Wind, and forces on the load without wind."""
 
 import numpy as np
 import pytest

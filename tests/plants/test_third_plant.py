@@ -146,14 +146,6 @@ def test_pictures_and_pages_show_all(log: Path) -> None:
     assert "/diff/heavy/distance.load_distance.@log10" in Path("three.json").read_text()
 
 
-def test_some_plants_are_chosen_the_last_is_the_reference_without_mujoco(folder: Path) -> None:
-    assert folder == Path.cwd()
-    assert main([*RUN, "--plants", "heavy,analytic", "--out", "two.mcap", "--json", "two.json"]) == 1
-    (agreement,) = json.loads(Path("two.json").read_text())["agreements"]
-    assert (agreement["plant"], agreement["reference"]) == ("analytic", "heavy")
-    assert list(cranectl.read_log("two.mcap")) == ["analytic", "heavy"]
-
-
 def test_workers_know_it_too(folder: Path) -> None:
     line = "validate fixed-position --drive ideal --jobs 2 --json val.json --plants heavy,mujoco"
     command = [*line.split(), *MOVED, "--controller", "lqr", "--controller", "pole-placement"]

@@ -23,7 +23,7 @@ from cranectl.scenario.effects import (
 )
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
-from tests.plants.books import hook_spin
+from tests.plants.books import add_hidden
 
 RIG = RigParameters(load_mass=1.3, winch_mass=0.7)
 NUMBERS = EffectNumbers(  # so that all that depends on them weighs
@@ -70,10 +70,7 @@ def set_random_state(engine: MujocoPlant, state: Array, random: np.random.Genera
         joint, turned = engine.model.joint("swing"), random.normal(size=4)
         data.qpos[joint.qposadr[0] : joint.qposadr[0] + 4] = turned / np.linalg.norm(turned)
         data.qvel[joint.dofadr[0] : joint.dofadr[0] + 3] = random.uniform(-2.0, 2.0, 3)
-        mujoco.mj_forward(engine.model, data)
-        rotation = data.body("load").xmat.reshape(3, 3)
-        state[BODY : BODY + 3] = -rotation[:, 2]
-        state[SPIN : SPIN + 3] = hook_spin(state[None])[0] + rotation @ data.qvel[joint.dofadr[0] :][:3]
+        add_hidden(engine, state)
 
 
 def engine_rates(engine: MujocoPlant, state: Array, command: Array, disturbance: Array, wind: Array) -> Array:

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from cranectl.plants.elastic.plant import ElasticPlant
-from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.plant import DRIVES, Drive, Plant
+from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.effects import NO_EFFECTS, EffectNumbers, EffectSettings
-from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
+from tests.conftest import STILL
+from tests.plants.cranes import RIG, make, simulate
 
-RIG, NUMBERS = RigParameters(), EffectNumbers()
+NUMBERS = EffectNumbers()
 TILTED = NUMBERS.installation.model_copy(update={"tilt": (0.03, -0.05)})
 START = np.array([1.0, 0.1, 0.7, -0.2, 0.8, 0.05, 0.1, 0.4, -0.15, -0.3])
 WIND = np.array([1.5, -0.9, 0.3, 0.2, -0.1, 0.3])
@@ -43,22 +42,6 @@ def command(drive: Drive, k: int) -> Array:
     return accelerations if drive == "ideal" else accelerations * RIG.driven_masses - [0.0, 0.0, RIG.weight]
 
 
-def apart(a: Plant, b: Plant, disturbance: tuple[float, float], air: Array) -> tuple[float, float]:
-    """Return the largest difference of angles and load over a motion, and the least travel of a joint."""
-    loads, joints = np.zeros((2, 7)), np.zeros((2, 10))
-    difference, way = 0.0, 0.0
-    for plant in (a, b):
-        plant.reset(START)
-    for k in range(800):
-        for plant, load, joint in zip((a, b), loads, joints, strict=True):
-            plant.advance(command(a.drive, k), np.array(disturbance), air, load)
-            plant.measure(joint)
-        difference = max(difference, np.abs(joints[0] - joints[1])[::2].max())
-        difference = max(difference, np.abs(loads[0] - loads[1])[:3].max())
-        way = max(way, np.abs(joints[0] - START)[::2].min())
-    return difference, way
-
-
 def moved(
     drive: Drive,
     effects: EffectSettings,
@@ -66,10 +49,18 @@ def moved(
     believed: EffectSettings | None = None,
     substeps: int = 1,
 ) -> tuple[float, float]:
-    """As `apart`, of the elastic plant with the effects `believed` and the engine's with `effects`."""
-    a = ElasticPlant(RIG, drive=drive, step=1e-3 / substeps, substeps=substeps, effects=believed or effects)
-    b = MujocoPlant(RIG, drive=drive, step=1e-3 / substeps, substeps=substeps, effects=effects)
-    return apart(a, b, disturbance, WIND if effects.wind else np.zeros(6))
+    """Return the largest difference of angles and load over a motion, and the least travel of a joint.
+
+    The elastic plant has the effects `believed`, the engine `effects`.
+    """
+    runs = []
+    for name, shown in (("elastic", believed or effects), ("mujoco", effects)):
+        plant = make(name, shown, drive=drive, step=1e-3 / substeps, substeps=substeps, start=START)
+        air = WIND if effects.wind else STILL
+        runs.append(simulate(plant, 800, lambda k: command(drive, k), disturbance, air))
+    (a, loads_a), (b, loads_b) = runs
+    difference = max(np.abs(a - b)[:, ::2].max(), np.abs(loads_a - loads_b)[:, :3].max())
+    return difference, np.abs(a - START)[:, ::2].min(axis=1).max()
 
 
 @pytest.mark.parametrize("drive", DRIVES)

@@ -7,29 +7,21 @@ from cranectl.plants.elastic.crane import RAILS, STRETCH
 from cranectl.plants.elastic.plant import ElasticPlant
 from cranectl.plants.elastic.step import stick_or_slip
 from cranectl.plants.mujoco.model import fastest_rate
-from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive, StepError
 from cranectl.scenario.effects import EffectNumbers, EffectSettings
-from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
+from tests.plants.cranes import HANGING, RIG, make, simulate
 
-RIG, NUMBERS = RigParameters(), EffectNumbers()
+NUMBERS = EffectNumbers()
 START = np.array([1.0, 0.1, 0.7, -0.2, 0.8, 0.05, 0.1, 0.4, -0.15, -0.3])
-HANGING = np.array([1.0, 0.0, 0.7, 0.0, 0.8, 0.0, 0.0, 0.0, 0.0, 0.0])
 QUIET, AIR = np.zeros(2), np.zeros(6)
 
 
-def ended(
-    substeps: int, names: tuple[str, ...], drive: Drive = "velocity", period: float = 0.016, count: int = 25
-) -> Array:
-    """The state (22,) after so many periods of one command each."""
-    plant = ElasticPlant(
-        RIG, drive=drive, step=period / substeps, substeps=substeps, effects=NUMBERS.only(*names)
-    )
-    plant.reset(START)
-    load = np.zeros(7)
-    for k in range(count):
-        plant.advance(np.array([0.3, -0.2, 0.1]) * np.cos(0.2 * k), np.array([0.4, -0.3]), AIR, load)
+def ended(substeps: int, names: tuple[str, ...]) -> Array:
+    """Return the state (22,) after 25 periods of one command each."""
+    effects, step = NUMBERS.only(*names), 0.016 / substeps
+    plant = make("elastic", effects, drive="velocity", step=step, substeps=substeps, start=START)
+    simulate(plant, 25, lambda k: np.array([0.3, -0.2, 0.1]) * np.cos(0.2 * k), (0.4, -0.3))
     return plant.state
 
 
@@ -46,8 +38,7 @@ def test_half_the_step_leaves_a_thirty_second_of_the_error(names: tuple[str, ...
 def test_a_joint_sticks_and_lets_go() -> None:
     """The trolley stands to the last bit until more than Coulomb's friction pushes, then it accelerates."""
     friction = NUMBERS.friction.model_copy(update={"viscous": (0.0, 0.0, 0.0)})
-    plant = ElasticPlant(RIG, drive="force", step=1e-3, substeps=1, effects=EffectSettings(friction=friction))
-    plant.reset(HANGING)
+    plant = make("elastic", EffectSettings(friction=friction), drive="force")
     state, load = np.zeros(10), np.zeros(7)
     weight = -RIG.weight
     for push in (0.5, -0.999):
@@ -68,9 +59,7 @@ def test_a_joint_sticks_and_lets_go() -> None:
 def test_it_vibrates_as_fast_as_the_engine_does(names: tuple[str, ...], drive: Drive) -> None:
     """The poles by which steps are judged; so both plants refuse the same ones."""
     effects = NUMBERS.only(*names)
-    engine = MujocoPlant(RIG, drive=drive, step=1e-3, substeps=1, effects=effects)
-    elastic = ElasticPlant(RIG, drive=drive, step=1e-3, substeps=1, effects=effects)
-    engine.reset(HANGING)
+    engine, elastic = (make(name, effects, drive=drive) for name in ("mujoco", "elastic"))
     assert elastic.fastest_rate(HANGING[4]) == pytest.approx(
         fastest_rate(engine.model, engine.data), rel=1e-3
     )
@@ -92,8 +81,7 @@ def test_what_holds_a_joint_is_what_would_have_to_push_it(names: tuple[str, ...]
     still = np.array([1.0, 0.0, 0.7, 0.0, 0.8, 0.0, 0.4, 0.0, -0.5, 0.0])
     rates, command, disturbance = [], np.array([2.0, -3.0, -7.0]), np.array([0.5, -0.4])
     for effects in (with_friction, loose):
-        plant = ElasticPlant(RIG, drive="force", step=1e-3, substeps=1, effects=effects)
-        plant.reset(still)
+        plant = make("elastic", effects, drive="force", start=still)
         if effects.frame:
             plant.state[RAILS:] = 0.01, 0.2, -0.02, -0.1
         if effects.rope:
