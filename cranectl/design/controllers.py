@@ -103,10 +103,7 @@ def _computed(name: str, settings: DesignSettings) -> Design:
 
 
 def with_gain(design: Design, gain: np.ndarray) -> Design:
-    """Return `design` with another state feedback (4,), with its poles and margins computed again.
-
-    Raises InputError if the loop of an axis is unstable.
-    """
+    """Return `design` with another state feedback (4,); raise InputError if its loop is unstable."""
     from cranectl.design.linear_systems import closed_loop_poles, loop_margins, open_loop
 
     loop = open_loop(gain, design.robustifier.system())

@@ -145,15 +145,7 @@ class FullInformation(NamedTuple):
 
 
 def full_information(generalised: control.StateSpace, controls: int, measurements: int) -> FullInformation:
-    """Split and balance `generalised`, which maps (w, u) to (z, y) with y = C2 x + w and D11' D12 = 0.
-
-    Parameters
-    ----------
-    generalised
-        Stable system; without the disturbance's path to y it must stay stable.
-    controls, measurements
-        Numbers of inputs u and of outputs y.
-    """
+    """Split and balance a stable system from (w, u) to (z, y), with y = C2 x + w and D11' D12 = 0."""
     w, z = generalised.ninputs - controls, generalised.noutputs - measurements
     d_12, scale = np.linalg.qr(generalised.D[:z, w:])
     b = np.hstack([generalised.B[:, :w], np.linalg.solve(scale.T, generalised.B[:, w:].T).T])
@@ -164,21 +156,10 @@ def full_information(generalised: control.StateSpace, controls: int, measurement
 
 
 def smallest_gamma(problem: FullInformation, highest: float) -> float:
-    """Find the smallest norm from w to z that a stabilising controller reaches.
+    """Find the smallest norm from w to z that a stabilising controller reaches, at most about `highest`.
 
-    It is computed twice, in coordinates that differ by a reflection. If rounding matters, the results differ.
-
-    Parameters
-    ----------
-    problem
-        A result of `full_information`.
-    highest
-        A norm that some controller is known to reach.
-
-    Raises
-    ------
-    InputError
-        If rounding leaves less than five digits of the result.
+    It is computed twice, in coordinates that differ by a reflection. Raises InputError if rounding leaves
+    less than five digits of it.
     """
     first, other = (_bisect(candidate, highest) for candidate in (problem, _reflected(problem)))
     if not abs(other - first) <= AGREEMENT * first:
@@ -231,11 +212,9 @@ def in_own_units(problem: FullInformation, controller: control.StateSpace) -> co
 
 
 def _is_feasible(problem: FullInformation, gamma: float) -> bool:
-    """Return True if the Riccati equation has a stabilising solution X >= 0 for `gamma`.
-
-    With the stable subspace [U; V], X is V U⁻¹, and the eigenvalues of U'V have the same signs as those of X.
-    At the smallest gamma X may grow without bound, but U'V stays bounded.
-    """
+    """Return True if the Riccati equation has a stabilising solution X >= 0 for `gamma`."""
+    # With the stable subspace [U; V], X is V U⁻¹, and the eigenvalues of U'V have the same signs as those of
+    # X. At the smallest gamma X may grow without bound, but U'V stays bounded.
     projected = problem.d_11 - problem.d_12 @ (problem.d_12.T @ problem.d_11)
     if gamma <= np.linalg.norm(projected, 2):
         return False

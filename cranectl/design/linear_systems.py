@@ -105,21 +105,14 @@ def closed_loop_norm(generalised: control.StateSpace, k: control.StateSpace) -> 
 def check_swept(
     name: str, achieved: float, magnitude: Callable[[Array], Array], loop: control.StateSpace, high: float
 ) -> None:
-    """Raise InputError unless a sweep of `loop` over all frequencies gives the norm `achieved`.
-
-    `magnitude` and its limit `high` at high frequencies are those of `peak_over_frequency`.
-    """
+    """Raise InputError unless a sweep over all frequencies, by `peak_over_frequency`, gives `achieved`."""
     swept = peak_over_frequency(magnitude, closed_loop_poles(loop), high)
     if not abs(swept - achieved) <= SWEPT_AGREEMENT * achieved:
         raise ill_conditioned(name)
 
 
 def ill_conditioned(name: str) -> InputError:
-    """Return the error for a synthesis of which two computations differ.
-
-    The message has no numbers and is the same for all pairs of computations. Which of them differ, and by how
-    much, is rounding that depends on the processor.
-    """
+    """Return the error for a synthesis of which two computations differ, the same on every processor."""
     return InputError(
         f"the {name} synthesis is ill-conditioned: two computations of its gamma differ",
         allowed="weights and poles that are fewer decades apart",
@@ -193,10 +186,7 @@ def real_modal_form(system: control.StateSpace) -> control.StateSpace:
 
 
 def _normalised(b: Array, c: Array) -> tuple[Array, Array]:
-    """Return the inputs b and outputs c of one mode after its states are turned and scaled.
-
-    Turning and scaling commute with the mode's block of A, which therefore does not change.
-    """
+    """Turn and scale the states of a mode: its inputs b and outputs c change, but not its block of A."""
     input_norm, output_norm = np.linalg.norm(b), np.linalg.norm(c)
     if not input_norm or not output_norm:
         return b, c
@@ -255,16 +245,9 @@ def peak_over_frequency(
 ) -> float:
     """Find the largest value of a magnitude over all frequencies, by samples and their refinement.
 
-    The usual test for eigenvalues on the imaginary axis loses all digits if poles are many decades apart.
-
-    Parameters
-    ----------
-    magnitude
-        Function of frequencies (N,) [rad/s] that returns magnitudes (N,).
-    poles
-        Poles of the closed loop. Samples reach three decades beyond them, and are dense about each resonance.
-    at_infinity
-        Limit of the magnitude at high frequencies.
+    `magnitude` is a function of frequencies (N,) [rad/s], and `at_infinity` its limit. Samples reach three
+    decades beyond the `poles` of the closed loop, and are dense about each resonance. The usual test for
+    eigenvalues on the imaginary axis loses all digits if poles are many decades apart.
     """
     sizes = _sizes(poles)
     first, last = np.log10(sizes.min() / OUTSIDE), np.log10(sizes.max() * OUTSIDE)

@@ -104,10 +104,7 @@ def error_weight(settings: LoopShapingSettings) -> control.StateSpace:
 
 
 def _coprime_problem(plant: control.StateSpace) -> control.StateSpace:
-    """Return the generalised plant from (disturbances at y and u; u) to (y, u; y).
-
-    With u = K y it becomes [I; K] (I - G K)^-1 [I G].
-    """
+    """Return the plant from (disturbances at y and u; u) to (y, u; y): [I; K] (I - G K)^-1 [I G], u = K y."""
     a, b, c, d = plant.A, plant.B, plant.C, plant.D
     m, p = plant.ninputs, plant.noutputs
     measured = np.hstack([np.eye(p), d, d])

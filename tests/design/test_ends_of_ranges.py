@@ -40,8 +40,9 @@ USED = {  # parts of a controller's name, and the first keys that its design dep
     "loop-shaping": ("loop_shaping",),
 }
 SHORT = ["duration=0.2", "disturbances.0.start=0.02", "disturbances.1.start=0.05"]
-# Margins, gains and norms that were wrong, and a solver that ended in a traceback.
+# The defaults; margins, gains and norms that were wrong, and a solver that ended in a traceback.
 FOUND = (
+    *((f"defaults: {name}", name, {}) for name in CONTROLLERS),
     ("lqr: decades", "lqr", {"state_weights": [2e-4, 8e-9, 1e9, 1.4e-3], "input_weight": 1.76e6}),
     ("lqr: k0", "lqr", {"state_weights": [1e-9, 1e9, 1e-9, 1e-9], "input_weight": 1e-9}),
     ("lqr: bandwidth", "lqr", {"state_weights": [1e9, 1e9, 1e9, 1e9], "input_weight": 1e-9}),

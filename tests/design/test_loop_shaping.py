@@ -1,18 +1,14 @@
-"""Our Glover-McFarlane against SLICOT's SB10ID, published examples and a frequency sweep."""
+"""Our Glover-McFarlane against SLICOT's SB10ID and published examples."""
 
 import control
 import ctrlsys
 import numpy as np
 import pytest
 
-from cranectl.design.linear_systems import inner_loop
-from cranectl.design.loop_shaping import glover_mcfarlane, loop_shaping_robustifier
-from cranectl.scenario.design import LoopShapingSettings
+from cranectl.design.loop_shaping import glover_mcfarlane
 from cranectl.support.errors import InputError
 
 pytestmark = pytest.mark.processor
-
-OMEGA = np.concatenate([[0.0], np.logspace(-4, 5, 4001)])
 
 
 def random_plant(seed: int) -> control.StateSpace:
@@ -32,16 +28,6 @@ def slicot(plant: control.StateSpace, factor: float) -> control.StateSpace:
     return control.ss(a, b, c, d)
 
 
-def closed_loop_response(plant: control.StateSpace, k: control.StateSpace) -> np.ndarray:
-    """Return the largest singular value of [I; K] (I - G K)^-1 [I G] at each frequency, from G and K."""
-    g, c = (np.moveaxis(system(1j * OMEGA, squeeze=False), -1, 0) for system in (plant, k))
-    identity = np.broadcast_to(np.eye(g.shape[1]), (len(OMEGA), g.shape[1], g.shape[1]))
-    inverse = np.linalg.inv(identity - g @ c)
-    full = np.concatenate([identity, c], axis=1) @ inverse @ np.concatenate([identity, g], axis=2)
-    assert full.shape[1:] == (sum(g.shape[1:]), sum(g.shape[1:]))
-    return np.linalg.svd(full, compute_uv=False)[:, 0]
-
-
 def closed_loop_poles(plant: control.StateSpace, k: control.StateSpace) -> np.ndarray:
     """Return the poles of `plant` with `k` in positive feedback, by python-control."""
     return np.asarray(control.feedback(plant, k, sign=1).poles())
@@ -56,16 +42,6 @@ def test_agrees_with_slicot_on_random_plants(seed: int) -> None:
         expected = np.atleast_2d(theirs(s))
         assert np.atleast_2d(ours.controller(s)) == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
     assert closed_loop_poles(plant, ours.controller).real.max() < 0.0
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_norm_by_an_independent_frequency_sweep(seed: int) -> None:
-    plant = random_plant(seed)
-    design = glover_mcfarlane(plant, 1.05)
-    swept = closed_loop_response(plant, design.controller).max()
-    assert swept == pytest.approx(design.gamma, rel=1e-4)
-    assert swept <= 1.05 * design.gamma_min * (1 + 1e-9)
-    assert swept >= design.gamma_min * (1 - 1e-9), "no controller is better than the optimum"
 
 
 def test_random_plants_cover_what_they_should() -> None:
@@ -87,25 +63,6 @@ def test_known_margin_of_an_integrator() -> None:
     """1/s: X = Z = 1, so gamma_min is the square root of 2."""
     integrator = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]])
     assert glover_mcfarlane(integrator, 1.1).gamma_min == pytest.approx(np.sqrt(2.0))
-
-
-@pytest.mark.parametrize(
-    ("gain", "gamma"), [((39.0625, 62.5, 37.5, 10.0), 2.448797), ((100, 86.716, 37.548, 9.225), 1.76001)]
-)
-def test_robustifier_is_the_weight_times_the_controller(gain: tuple[float, ...], gamma: float) -> None:
-    """The loop is built again from the inner loop and the robustifier: v-bar = R e, e = -z."""
-    settings = LoopShapingSettings()
-    robustifier, _, gamma_min, achieved = loop_shaping_robustifier(np.array(gain), settings)
-    assert gamma_min == pytest.approx(gamma, abs=1e-5)
-    assert gamma_min < achieved <= 1.01 * gamma_min
-    poles = control.feedback(inner_loop(np.array(gain)), robustifier).poles()
-    assert poles.real.max() < 0.0
-    weight = control.ss([[0.0]], [[1.0]], [[78.85]], [[17.88]])
-    shaped = inner_loop(np.array(gain)) * weight
-    for omega in OMEGA[1::40]:
-        k = -robustifier(1j * omega) / weight(1j * omega)
-        full = np.outer([1.0, k], [1.0, shaped(1j * omega)]) / (1.0 - shaped(1j * omega) * k)
-        assert np.linalg.svd(full, compute_uv=False)[0] <= achieved * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("back_off", [1.0, 0.9, -1.0, float("nan")])
