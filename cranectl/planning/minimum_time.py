@@ -4,7 +4,7 @@ A search along a path begins with the fastest motion by the time law of degree 9
 if the search finds nothing faster.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from cranectl.planning.limits import Limits, excesses, motion
 from cranectl.planning.problem import PASSAGE_SAMPLES, SAMPLES_PER_SPAN, Problem, Task, ToLoad, series_along
-from cranectl.planning.programs import PENALTIES, Solution, solve
+from cranectl.planning.programs import PENALTIES, solve
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
 from cranectl.planning.route import GUESS_POINTS
 from cranectl.planning.shortest import NEAR_REST_DURATION, bisect_duration
@@ -31,8 +31,6 @@ ALLOWED_EXCESS = 0.02  # of a guess over its excess at rest, as a share of the l
 RETRY_SLOWDOWN = 1.5  # of the second guess, which begins with the largest penalty
 ADDED_OFFSETS = np.array([-1.0, 0.0, 1.0])  # of samples added at a violation, in steps of checked samples
 MAX_REFINEMENTS = 10  # of the samples
-
-Solver = Callable[[Problem, Array, Array, float], Solution]
 
 
 @dataclass(frozen=True)
@@ -101,14 +99,12 @@ def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law
     )
 
 
-def minimum_time(task: Task, solver: Solver = solve) -> FastestMotion | None:
+def minimum_time(task: Task) -> FastestMotion | None:
     """Find and prove the motion of least time, or return None if no guess leads to one."""
-    return _minimum_time(task, solver) or _minimum_time(task, solver, RETRY_SLOWDOWN, PENALTIES[-1])
+    return _minimum_time(task) or _minimum_time(task, RETRY_SLOWDOWN, PENALTIES[-1])
 
 
-def _minimum_time(
-    task: Task, solver: Solver, slowdown: float = 1.0, penalty: float = PENALTIES[0]
-) -> FastestMotion | None:
+def _minimum_time(task: Task, slowdown: float = 1.0, penalty: float = PENALTIES[0]) -> FastestMotion | None:
     fractions = np.linspace(0.0, 1.0, task.spans * task.samples_per_span + 1)
     tightened, passage_samples = tighten_limits(task), PASSAGE_SAMPLES
     problem = Problem(tightened, fractions)
@@ -120,7 +116,7 @@ def _minimum_time(
     )
     obstacles = {box.key for box in task.limits.obstacles}
     for _ in range(MAX_REFINEMENTS):
-        x, solved, penalty = solver(problem, x, sizes, penalty)
+        x, solved, penalty = solve(problem, x, sizes, penalty)
         if not solved:
             return None
         duration, coefficients = problem.duration(x), problem.coefficients(x)

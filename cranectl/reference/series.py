@@ -1,7 +1,7 @@
 """Truncated Taylor series in time over any kind of number: floats, gradients, intervals, symbols.
 
 A series is the list of its coefficients f, f', f''/2!, f'''/3!, …, so that products are Cauchy products.
-Numbers need +, -, *, / and a square root: NumPy arrays, those of `planning.arithmetic`, CasADi's expressions.
+Numbers need +, -, *, / and a square root: NumPy arrays and those of `planning.arithmetic`.
 """
 
 from collections.abc import Sequence

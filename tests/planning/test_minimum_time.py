@@ -10,7 +10,6 @@ from cranectl.planning import plan_motions
 from cranectl.planning.limits import ROPE_TOLERANCE, excesses, motion
 from cranectl.planning.minimum_time import FastestMotion, _minimum_time, along_path, minimum_time
 from cranectl.planning.problem import ORDERS, Task
-from cranectl.planning.programs import solve
 from cranectl.planning.shortest import find_shortest_duration
 from cranectl.reference.geometry import Circular, Geometry, Straight
 from cranectl.reference.series import from_derivatives
@@ -98,13 +97,16 @@ def test_other_first_guesses_give_the_same_duration(name: str, aside: float, lon
     of, part = task(name, True), np.linspace(0.0, 1.0, len(task(name, True).guess))[:, None]
     bump = np.sin(np.pi * part) ** 4
     other = replace(of, guess=of.guess + aside * bump * [0.0, 1.0, 0.3])
-    fastest = _minimum_time(other, solve, longer)
+    fastest = _minimum_time(other, longer)
     assert fastest
     assert fastest.duration == pytest.approx(plan(name, True).duration, rel=1e-3)
 
 
-@pytest.mark.parametrize("name", share(["b", "d, line", "a", "d, turn"]))
-def test_finer_knots_converge_to_the_bound(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "gap"),
+    share([("b", 4e-3), ("d, line", 4e-3), ("a", 4e-3), ("d, turn", 4e-3), ("c, load of 0.05 m", 0.02)]),
+)
+def test_finer_knots_converge_to_the_bound(name: str, gap: float) -> None:
     """`cranectl plan --bound` extrapolates in this way, at the same limits."""
     of, fastest = task(name, False), plan(name, False)
     finer = minimum_time(replace(of, spans=2 * of.spans))
@@ -116,7 +118,7 @@ def test_finer_knots_converge_to_the_bound(name: str) -> None:
         lean=LIMIT_SHARE * limits.lean,
         tension=tuple(1.0 + LIMIT_SHARE * (weights - 1.0) for weights in limits.tension),
     )
-    assert 2.0 * finer.duration - fastest.duration == pytest.approx(bound(CASES[name], reduced), rel=4e-3)
+    assert 2.0 * finer.duration - fastest.duration == pytest.approx(bound(CASES[name], reduced), rel=gap)
 
 
 @pytest.mark.parametrize("name", ["a", "b", "d, line", "d, turn"])
