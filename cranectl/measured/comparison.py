@@ -46,18 +46,10 @@ class ReadingsComparison:
 def compare_readings(
     experiment: Experiment, predicted: Array, deviation: Array, values: Mapping[str, float]
 ) -> ReadingsComparison:
-    """Compare the readings of a run with predicted ones.
+    """Compare the readings of a run with predicted ones, (N, 5) [m or rad].
 
-    Parameters
-    ----------
-    experiment : Experiment
-        The measured run.
-    predicted : Array
-        Predicted readings of all channels (N, 5) [m or rad].
-    deviation : Array
-        Standard deviation of the means, without an error of the model (B, 5) or (5,) [m or rad].
-    values : Mapping
-        Numbers of the crane by name; the zero of the rope tells how long it is.
+    `deviation` (B, 5) or (5,) is the standard deviation of the means without an error of the model.
+    `values` are the crane's numbers by name; the zero of the rope tells how long it is.
     """
     rope = predicted[:, 2:3] - rig_with(experiment.rig, values).effects.installation.rope_offset
     lengths = block_means(np.where(IS_ANGLE, rope, 1.0))

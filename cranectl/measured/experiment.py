@@ -1,8 +1,9 @@
 """Predict the readings of a measured run from numbers of the crane."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -73,32 +74,21 @@ def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
 
 def rig_with(rig: RigParameters, values: Mapping[str, float]) -> RigParameters:
     """Return the rig with other `values`, by the names of its settings."""
-    effects = rig.effects
-    friction = {n: values.get(f"effects.friction.{n}") for n in ("pivot_coulomb", "pivot_viscous")}
-    friction = {name: value for name, value in friction.items() if value is not None}
-    coulomb, gain = (
-        tuple(values.get(f"{prefix}.{k}", old[k]) for k in range(3))
-        for prefix, old in (
-            ("effects.friction.coulomb", effects.friction.coulomb),
-            ("effects.installation.drive_gain", effects.installation.drive_gain),
-        )
-    )
-    changed = {
-        "friction": effects.friction.model_copy(update={**friction, "coulomb": coulomb}),
-        "installation": effects.installation.model_copy(
-            update={
-                "drive_gain": gain,
-                "rope_offset": values.get(
-                    "effects.installation.rope_offset", effects.installation.rope_offset
-                ),
-            }
-        ),
-        "delay": effects.delay.model_copy(
-            update={"seconds": values.get("effects.delay.seconds", effects.delay.seconds)}
-        ),
-    }
-    plain = {name: value for name, value in values.items() if "." not in name}
-    return rig.model_copy(update={**plain, "effects": effects.model_copy(update=changed)})
+    for name, value in values.items():
+        if name not in (ANGLE_SCALE, ANGLE_DELAY):
+            rig = _replace(rig, name.split("."), value)
+    return rig
+
+
+def _replace(settings: Any, path: Sequence[str], value: float) -> Any:
+    """Return settings, or a list of numbers, with another value at the end of `path`."""
+    if not path:
+        return value
+    key, *below = path
+    if isinstance(settings, tuple):
+        index = int(key)
+        return (*settings[:index], _replace(settings[index], below, value), *settings[index + 1 :])
+    return settings.model_copy(update={key: _replace(getattr(settings, key), below, value)})
 
 
 class Experiment:

@@ -315,23 +315,11 @@ class LeastSquares:
 
 
 def reduced_equations(base: Array, by_common: Array, by_own: Array) -> tuple[Array, Array]:
-    """Return the normal equations of a run for the common numbers, its own numbers eliminated.
+    """Return the normal equations of a run for the P common numbers, with its Q own numbers eliminated.
 
-    Parameters
-    ----------
-    base : ndarray, shape (M,) or (M, D)
-        Residuals in units of noise, of one or D sets of readings.
-    by_common : ndarray, shape (M, P)
-        Derivatives by the common numbers.
-    by_own : ndarray, shape (M, Q)
-        Derivatives by the numbers of this run.
-
-    Returns
-    -------
-    ndarray, shape (P, P)
-        The matrix of the normal equations.
-    ndarray, shape (P,) or (P, D)
-        Their right sides, with opposite sign.
+    `base` (M,) or (M, D) are residuals in units of noise, of one or D sets of readings. `by_common` (M, P)
+    and `by_own` (M, Q) are their derivatives. The result is the matrix (P, P) and the negative right sides
+    (P,) or (P, D).
     """
     own, _ = np.linalg.qr(by_own)
     by_common = by_common - own @ (own.T @ by_common)

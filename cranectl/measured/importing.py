@@ -143,24 +143,7 @@ def import_files(
 def assemble_run(
     signals: Mapping[str, Array], mapping: MeasuredMap, rig: RigParameters, period_ns: int
 ) -> Run:
-    """Return the run of a crane whose signals at even times are known.
-
-    Parameters
-    ----------
-    signals : Mapping of str to ndarray, shape (N,)
-        Each signal of the map by its name, in SI units.
-    mapping : MeasuredMap
-        The names of the signals, and the kind of the commands.
-    rig : RigParameters
-        The crane.
-    period_ns : int
-        Time between two samples [ns].
-
-    Returns
-    -------
-    Run
-        The run, as an import of a file with these signals gives it.
-    """
+    """Return the run that an import of a file with `signals` gives, each (N,) in SI units at even times."""
     time_ns = period_ns * np.arange(len(next(iter(signals.values()))), dtype=np.int64)
     table, columns, groups = _empty_table(mapping, len(time_ns))
     for name, values in signals.items():

@@ -77,27 +77,11 @@ def simulate_replay(
     commands: Array | None = None,
     initial: Array | None = None,
 ) -> Run:
-    """Simulate what drives a measured run.
+    """Simulate what drives a measured run; the result has the same times, or fewer.
 
-    Parameters
-    ----------
-    run : Run
-        The measured run, with angles.
-    plant : str
-        The plant.
-    replay : {"commands", "motion"}
-        What of the measured run drives the plant.
-    scenario : Scenario, optional
-        The crane, in place of that of the run.
-    commands : ndarray, shape (N, 3) or (N, 9), optional
-        Commands, or positions, rates and accelerations of the axes, in place of the measured ones.
-    initial : ndarray, shape (10,), optional
-        The initial state, in place of the first measured one.
-
-    Returns
-    -------
-    Run
-        The simulated run, at the same times or shorter.
+    `scenario` is the crane in place of that of the run. `commands` (N, 3), or positions, rates and
+    accelerations of the axes (N, 9), replace the measured ones, and `initial` (10,) the first measured
+    state.
     """
     scenario = scenario or run.scenario
     drive: Drive = run.drive if replay == "commands" else "ideal"

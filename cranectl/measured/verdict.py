@@ -152,7 +152,7 @@ def read_fit(rig: Path) -> Fit:
             converged=bool(kept["converged"]),
             used=frozenset(kept["used"]),
         )
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise InputError(
             f"cannot read {path}, what is known of how exact {rig} is: {error}",
             allowed="a rig of `cranectl identify`, with the files beside it",

@@ -31,18 +31,9 @@ BAND_QUANTILE = 0.975  # of magnitudes: the upper end of a band of 95 %
 
 
 def interpolate_points(time: Array, points: Array) -> tuple[BSpline, float]:
-    """Compute the spline of degree 9 through `points` at `time`, with a knot at each, at rest at both ends.
+    """Compute the spline of degree 9 through `points` (N, 3) [m] at `time` (N,) [s], with a knot at each.
 
-    Parameters
-    ----------
-    time : (N,) array [s]
-    points : (N, 3) array [m]
-
-    Returns
-    -------
-    curve : BSpline
-    error : float
-        Bound on the rounding error of any coefficient [m].
+    It rests at both ends. Also return a bound on the rounding error of any coefficient [m].
     """
     curve, error = _interpolate(time, points, INTERPOLATION_DEGREE, range(1, REST_COEFFICIENTS))
     coefficients = curve.c.copy()
@@ -51,18 +42,9 @@ def interpolate_points(time: Array, points: Array) -> tuple[BSpline, float]:
 
 
 def interpolate_path(parameter: Array, points: Array) -> tuple[BSpline, float]:
-    """Compute the natural spline of degree 7 through `points`, with a knot at each, not at rest at its ends.
+    """Compute the natural spline of degree 7 through `points` (N, 3) [m], with a knot at each `parameter`.
 
-    Parameters
-    ----------
-    parameter : (N,) array
-    points : (N, 3) array [m]
-
-    Returns
-    -------
-    curve : BSpline
-    error : float
-        Bound on the rounding error of any coefficient [m].
+    It does not rest at its ends. Also return a bound on the rounding error of any coefficient [m].
     """
     if len(points) < NATURAL_ORDER:  # a polynomial of lower degree
         knots = np.concatenate([[parameter[0]] * DEGREE, parameter, [parameter[-1]] * DEGREE])
@@ -174,17 +156,14 @@ class RecordedSamples:
         random, signs = np.random.default_rng(0), np.empty((self._block[-1] + 1, NOISE_DRAWS), dtype=np.int8)
         for k in range(NOISE_DRAWS):
             signs[:, k] = random.choice([-1, 1], size=len(signs))
-        sums = unknown.signed_right_sides(self._block, signs, residual)
-        deviations = [
-            np.vstack([np.zeros_like(fixed), _solve(factor, np.ascontiguousarray(sums[:, :, k]))])
-            for k in range(NOISE_DRAWS)
-        ]
+        draws = unknown.weighted_right_sides(self._block, signs, residual)
+        deviations = [np.vstack([np.zeros_like(fixed), _solve(factor, side)]) for side in draws]
         index = free_indices(spans)
-        curves = [
+        curve, *others = (
             spline(breaks, coefficients[index], DEGREE)
             for coefficients in (free, *(free + deviation for deviation in deviations))
-        ]
-        return SplineFit(curves[0], residual, tuple(curves[1:]))
+        )
+        return SplineFit(curve, residual, tuple(others))
 
 
 @dataclass(frozen=True)

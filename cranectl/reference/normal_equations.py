@@ -55,18 +55,16 @@ class DesignMatrix(NamedTuple):
 
     def right_sides(self, group: Integers, groups: int, points: Array) -> Array:
         """Return A' `points` (N, 3) of each group's rows (groups, columns, 3)."""
-        sums = np.zeros((groups, self.columns + ORDER, 3))
-        side = _sum_sides(self.first, self.values, group, points, sums)
-        return side[:, : self.columns]
+        return self.weighted_right_sides(group, np.eye(groups, dtype=np.int8), points)
 
-    def signed_right_sides(self, block: Integers, signs: NDArray[np.int8], points: Array) -> Array:
-        """Return A' `points`, each multiplied by the sign of its block, for each draw (columns, 3, draws).
+    def weighted_right_sides(self, block: Integers, weights: NDArray[np.int8], points: Array) -> Array:
+        """Return A' `points`, each multiplied by the weight of its block, for each draw (draws, columns, 3).
 
-        `signs` (blocks, draws) holds 1 and -1.
+        `weights` (blocks, draws) holds 1, 0 and -1.
         """
-        sums = np.zeros((self.columns + ORDER, 3, signs.shape[1]))
-        side = _sum_signed_sides(self.first, self.values, block, signs, points, sums)
-        return side[: self.columns]
+        sums = np.zeros((self.columns + ORDER, 3, weights.shape[1]))
+        sides = _sum_weighted_sides(self.first, self.values, block, weights, points, sums)
+        return np.ascontiguousarray(np.moveaxis(sides[: self.columns], -1, 0))
 
     def evaluate(self, group: Integers, coefficients: Array) -> Array:
         """Return A times the `coefficients` (groups, columns, 3) of each row's group: (N, 3)."""
@@ -100,20 +98,11 @@ def _sum_products(first: Integers, values: Array, group: Integers, sums: Array) 
 
 
 @jit
-def _sum_sides(first: Integers, values: Array, group: Integers, points: Array, sums: Array) -> Array:
-    for i in range(len(first)):
-        for k in range(ORDER):
-            for axis in range(3):
-                sums[group[i], first[i] + k, axis] += values[i, k] * points[i, axis]
-    return sums
-
-
-@jit
-def _sum_signed_sides(
-    first: Integers, values: Array, block: Integers, signs: NDArray[np.int8], points: Array, sums: Array
+def _sum_weighted_sides(
+    first: Integers, values: Array, block: Integers, weights: NDArray[np.int8], points: Array, sums: Array
 ) -> Array:
     for i in range(len(first)):
-        row = signs[block[i]]
+        row = weights[block[i]]
         for k in range(ORDER):
             for axis in range(3):
                 product, target = values[i, k] * points[i, axis], sums[first[i] + k, axis]

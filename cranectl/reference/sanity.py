@@ -141,20 +141,10 @@ def check_demand(
 ) -> None:
     """Raise InputError where velocity or acceleration of a set-point exceeds the drives' limits.
 
-    The limits are those of `effects.limits`, or of the rig without that effect. A motion with a slack rope
-    has no set-points. It passes here, and its run is refused.
-
-    Parameters
-    ----------
-    curves : sequence of BSpline
-        One motion, or several that are equally likely, whose upper quantile of peaks counts.
-    scenario : Scenario
-    where : str
-        Beginning of error messages.
-    time : (N,) array, optional
-        Times to look at [s], by default every control sample.
-    begins : float
-        When the motion begins in its segment [s].
+    The limits are those of `effects.limits`, or of the rig without that effect. Of several `curves`, which
+    are equally likely, the upper quantile of the peaks counts. They are evaluated at `time` (N,) [s], by
+    default at every control sample; `begins` is when the motion begins in its segment [s]. A motion with a
+    slack rope has no set-points. It passes here, and its run is refused.
     """
     if time is None:
         time = np.arange(0.0, curves[0].t[-1], scenario.control.period)

@@ -50,28 +50,11 @@ class FileColumn(NamedTuple):
 def read_columns(
     content: bytes, column_names: Mapping[str, str], units: Mapping[str, Sequence[str]], where: str
 ) -> dict[str, FileColumn]:
-    """Return the columns of a file by kind.
+    """Return the columns of a file by kind: time, x, y, z, speed.
 
-    Parameters
-    ----------
-    content : bytes
-        Content of the file.
-    column_names : mapping
-        Name of the column of each kind: time, x, y, z, speed.
-    units : mapping
-        Allowed units of each kind, one of which may stand in brackets behind a column's name.
-    where : str
-        Beginning of error messages.
-
-    Returns
-    -------
-    dict
-        Columns by kind.
-
-    Raises
-    ------
-    InputError
-        For another kind of file, a column that is missing or holds no numbers, and rows of different lengths.
+    `column_names` has the name of each column by kind. `units` has the units that each kind allows, one of
+    which may stand in brackets behind a column's name. Error messages begin with `where`. Raises InputError
+    for another kind of file, a column that is missing or holds no numbers, and rows of different lengths.
     """
     import pyarrow as pa
 

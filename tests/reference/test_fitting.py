@@ -117,7 +117,7 @@ def test_products_of_the_design_matrix_are_those_of_dense_algebra() -> None:
                 assert bands[DEGREE - above, above:] == pytest.approx(expected, abs=1e-11)
             side = rows.T @ recorded.points[group == k]
             assert matrix.right_sides(group, 3, recorded.points)[k] == pytest.approx(side, abs=1e-11)
-        drawn = matrix.signed_right_sides(group, signs, recorded.points)
+        drawn = matrix.weighted_right_sides(group, signs, recorded.points)
         for draw in range(4):
             expected = dense.T @ (signs[group, draw, np.newaxis] * recorded.points)
-            assert drawn[:, :, draw] == pytest.approx(expected, abs=1e-11)
+            assert drawn[draw] == pytest.approx(expected, abs=1e-11)
