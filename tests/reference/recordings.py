@@ -4,10 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-from pyarrow import parquet
 
 from cranectl.planning import load_scenario
+from cranectl.reference import build_trajectory
 from cranectl.reference.time_laws import progress
 from cranectl.scenario import Scenario
 
@@ -28,16 +27,20 @@ def motion(seconds: float = 8.0, rate: float = 50.0, noise: float = 0.0) -> np.n
     return np.column_stack([time, points + np.random.default_rng(0).normal(0.0, noise, points.shape)])
 
 
+def positions(scenario: Scenario) -> np.ndarray:
+    """Return the load's positions (N, 3) at the times of `truth`."""
+    return build_trajectory(scenario.reference).sample(motion(rate=100.0)[:, 0])[:, :3]
+
+
+def truth() -> np.ndarray:
+    return motion(rate=100.0)[:, 1:]
+
+
 def write_csv(path: Path, rows: np.ndarray, *, header: str = "t,X,Y,Z", comma: str = ".") -> None:
     """Write rows in milliseconds and millimetres."""
     separator = ";" if comma == "," else ","
     lines = [separator.join(f"{1e3 * number:.4f}".replace(".", comma) for number in row) for row in rows]
     path.write_text("\n".join([header.replace(",", separator), *lines, ""]), encoding="utf-8")
-
-
-def write_parquet(path: Path, rows: np.ndarray) -> None:
-    table = {name: 1e3 * column for name, column in zip(("t", "X", "Y", "Z"), rows.T, strict=True)}
-    parquet.write_table(pa.table(table), path)
 
 
 def scenario_of(directory: Path, segment: str, **changes: Any) -> Scenario:

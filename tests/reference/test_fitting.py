@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from cranectl.reference.fitting import FOLD_BLOCK, FOLDS, RecordedSamples, interpolate_points
-from cranectl.reference.normal_equations import DEGREE, DesignMatrix
+from cranectl.reference.normal_equations import DEGREE
 from cranectl.reference.time_laws import progress, spline
 
 NOISE = 1e-3  # [m]
@@ -45,11 +45,33 @@ def test_a_spline_through_two_points_is_the_time_law_of_degree_9() -> None:
     assert curve(time) == pytest.approx(line(time)[0], abs=1e-13)
 
 
-def test_cross_validation_errors_are_those_of_dense_least_squares() -> None:
-    recorded, spans = recorded_motion(0), 9
+def dense_matrix(recorded: RecordedSamples, spans: int) -> np.ndarray:
+    """Return the values of the free basis functions at all samples."""
     curve = spline(np.linspace(0.0, 10.0, spans + 1), np.eye(spans + DEGREE), DEGREE)
     basis = curve(recorded.time)
-    tied = np.column_stack([basis[:, :5].sum(axis=1), basis[:, 5:-5], basis[:, -5:].sum(axis=1)])
+    return np.column_stack([basis[:, :5].sum(axis=1), basis[:, 5:-5], basis[:, -5:].sum(axis=1)])
+
+
+def test_a_fit_is_that_of_dense_least_squares() -> None:
+    """Its alternatives have random signs of the residuals of whole blocks."""
+    recorded, spans = recorded_motion(1), 9
+    tied, start = dense_matrix(recorded, spans), np.array([0.1, -0.2, 0.3])
+    fit = recorded.fit(spans, start)
+    free = np.linalg.lstsq(tied[:, 1:], recorded.points - np.outer(tied[:, 0], start))[0]
+    assert (fit.curve.c[:5] == start).all()
+    assert fit.curve.c[4:-4] == pytest.approx(np.vstack([start, free]), abs=1e-11)
+    assert fit.residual == pytest.approx(recorded.points - fit.curve(recorded.time), abs=1e-13)
+    signs, block = np.random.default_rng(0), np.arange(len(tied)) // FOLD_BLOCK
+    for other in fit.alternatives[:4]:
+        drawn = signs.choice([-1, 1], size=block[-1] + 1)[block, np.newaxis] * fit.residual
+        moved = np.linalg.lstsq(tied[:, 1:], drawn)[0]
+        assert (other.c - fit.curve.c)[5:-4] == pytest.approx(moved, abs=1e-11)
+        assert (other.c[:5] == start).all()
+
+
+def test_cross_validation_errors_are_those_of_dense_least_squares() -> None:
+    recorded, spans = recorded_motion(0), 9
+    tied = dense_matrix(recorded, spans)
     fold = np.arange(len(tied)) // FOLD_BLOCK % FOLDS
     for k, predicted in enumerate(recorded.cross_validate(spans)):
         inside = fold != k
@@ -93,31 +115,3 @@ def test_the_same_samples_give_the_same_fit_to_the_bit() -> None:
     first, second = (recorded_motion(5).fit(8, np.zeros(3)) for _ in range(2))
     assert (first.curve.c == second.curve.c).all()
     assert first.snap(first.curve.t) == second.snap(second.curve.t)
-
-
-def test_products_of_the_design_matrix_are_those_of_dense_algebra() -> None:
-    recorded, spans = recorded_motion(1), 9
-    breaks = np.linspace(0.0, 10.0, spans + 1)
-    basis = spline(breaks, np.eye(spans + DEGREE), DEGREE)(recorded.time)
-    tied = np.column_stack([basis[:, :5].sum(axis=1), basis[:, 5:-5], basis[:, -5:].sum(axis=1)])
-    rng = np.random.default_rng(2)
-    group = rng.integers(0, 3, len(tied))
-    signs = rng.choice([-1.0, 1.0], (3, 4))
-    whole = DesignMatrix.of(recorded.time, breaks)
-    for matrix, dense in ((whole, tied), (whole.without_first(), tied[:, 1:])):
-        columns = dense.shape[1]
-        coefficients = rng.normal(size=(3, columns, 3))
-        expected = np.einsum("ij,ijk->ik", dense, coefficients[group])
-        assert matrix.evaluate(group, coefficients) == pytest.approx(expected, abs=1e-13)
-        for k in range(3):
-            rows = dense[group == k]
-            bands = matrix.gram_bands(group, 3)[k]
-            for above in range(DEGREE + 1):
-                expected = np.diagonal(rows.T @ rows, above)
-                assert bands[DEGREE - above, above:] == pytest.approx(expected, abs=1e-11)
-            side = rows.T @ recorded.points[group == k]
-            assert matrix.right_sides(group, 3, recorded.points)[k] == pytest.approx(side, abs=1e-11)
-        drawn = matrix.weighted_right_sides(group, signs, recorded.points)
-        for draw in range(4):
-            expected = dense.T @ (signs[group, draw, np.newaxis] * recorded.points)
-            assert drawn[draw] == pytest.approx(expected, abs=1e-11)

@@ -10,23 +10,12 @@ import pytest
 from pyarrow import parquet
 from scipy.io import savemat
 
-from cranectl.reference import build_trajectory
-from cranectl.scenario import Scenario
 from cranectl.support.errors import InputError
-from tests.reference.recordings import motion, scenario_of
+from tests.reference.recordings import motion, positions, scenario_of, truth
 
-TIME = np.linspace(0.0, 8.0, 801)
 PLAIN = "kind = 'samples'\nfile = 'teach.csv'\n"
 SI = f"{PLAIN}units = {{time = 's', length = 'm'}}\n"
 EPOCH = 1_789_452_000_000_000_000  # [ns]
-
-
-def positions(scenario: Scenario) -> np.ndarray:
-    return build_trajectory(scenario.reference).sample(TIME)[:, :3]
-
-
-def truth() -> np.ndarray:
-    return motion(rate=100.0)[:, 1:]
 
 
 def text(header: str, *, separator: str = ",", comma: str = ".", end: str = "\n") -> str:
@@ -115,7 +104,7 @@ def test_a_number_stands_for_a_column_that_a_file_lacks(tmp_path: Path) -> None:
     (tmp_path / "teach.csv").write_text("\n".join(["time,x,z", *lines, ""]))
     segment = f"{PLAIN}columns = {{y = 500}}\nunits = {{time = 's', length = 'mm'}}"
     load = positions(scenario_of(tmp_path, segment))
-    assert load[:, 1] == pytest.approx(np.full(len(TIME), 0.5), abs=1e-12)
+    assert load[:, 1] == pytest.approx(np.full(len(load), 0.5), abs=1e-12)
     assert load[:, [0, 2]] == pytest.approx(truth()[:, [0, 2]], abs=2e-6)
 
 
