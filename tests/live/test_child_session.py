@@ -27,6 +27,15 @@ def _close_controllers() -> Iterator[None]:
     close_controllers()
 
 
+def assert_equal_increments(session: Session, child: ChildSession, samples: int) -> None:
+    for run, other in zip(session.advance(samples), child.advance(samples), strict=True):
+        assert (run.plant, run.design.name) == (other.plant, other.design.name)
+        for name in ("time_ns", "table", "reference"):
+            assert np.array_equal(getattr(run, name), getattr(other, name))
+    for name in ("now_ns", "origin_ns", "moving"):
+        assert getattr(session, name) == getattr(child, name)
+
+
 def test_a_session_in_a_child_process_equals_one_in_this_process(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -45,16 +54,7 @@ def test_a_session_in_a_child_process_equals_one_in_this_process(
         for either in (session, child):
             act(either)
         for samples in (20, 0, 30):
-            for run, other in zip(session.advance(samples), child.advance(samples), strict=True):
-                assert run.plant == other.plant
-                assert run.design.name == other.design.name
-                assert np.array_equal(run.time_ns, other.time_ns)
-                assert np.array_equal(run.table, other.table)
-        assert (session.now_ns, session.origin_ns, session.moving) == (
-            child.now_ns,
-            child.origin_ns,
-            child.moving,
-        )
+            assert_equal_increments(session, child, samples)
     assert child._child is not None
     child._child.connection.close()  # as if the parent had ended
     process = child._child._process
@@ -107,9 +107,7 @@ def test_a_session_in_a_child_process_is_driven_by_hand_in_the_same_way() -> Non
         assert session.driven_scenario() == child.driven_scenario()
         for either in (session, child):
             act(either)
-        for run, other in zip(session.advance(300), child.advance(300), strict=True):
-            assert np.array_equal(run.reference, other.reference)
-            assert np.array_equal(run.table, other.table)
+        assert_equal_increments(session, child, 300)
     with pytest.raises(InputError, match="moves the load until"):
         ChildSession(SCENARIO, controller_design("lqr", SCENARIO), plants=PLANTS).steer(
             HandRequest(True, 1.0, 0.5, -0.5)
