@@ -90,28 +90,12 @@ def identify(
     replay: Replay | None = None,
     progress: Progress = lambda _: None,
 ) -> Identification:
-    """Fit the numbers of a crane to measured runs.
+    """Fit the numbers of a crane to at least three measured runs of it.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        Measured runs of one crane; intervals need at least three.
-    rig : RigParameters
-        What is known of the crane: masses of its axes, gravity, encoders, and first values.
-    replay : {"commands", "motion"}, optional
-        What drives the prediction; by default the commands, if all runs have them.
-    progress : Callable, optional
-        Called with a sentence at each stage.
-
-    Returns
-    -------
-    Identification
-        The numbers with their intervals, and those that cannot be identified.
-
-    Raises
-    ------
-    InputError
-        For fewer than three runs, or runs without commands or angles.
+    `rig` is what is known of the crane: masses of its axes, gravity, encoders, and first values. `replay`
+    says what drives the prediction; by default the commands, if all runs have them. `progress` is called
+    with a sentence at each stage. Raises InputError for fewer than three runs, or runs without commands or
+    angles.
     """
     if len(runs) < 3:
         raise InputError(

@@ -71,29 +71,11 @@ class Imported:
 def import_files(
     files: Sequence[Path], mapping: MeasuredMap, *, directory: Path, rig: str | None = None
 ) -> Imported:
-    """Return the run that `files` hold.
+    """Return the run that `files`, in the order of their numbers in the map, hold, with remarks on it.
 
-    Parameters
-    ----------
-    files : sequence of Path
-        The measured files, in the order of their numbers in the map.
-    mapping : MeasuredMap
-        Where each signal is.
-    directory : Path
-        The directory of the map, from which it names its rig.
-    rig : str, optional
-        Name or file of a rig, in place of that of the map.
-
-    Returns
-    -------
-    Imported
-        The run, and remarks on it.
-
-    Raises
-    ------
-    InputError
-        For files that cannot be read, columns that are missing, clocks that do not increase, gaps, jumps that
-        the drives cannot make, and a mapping that contradicts physics.
+    `directory` is that of the map, from which it names its rig; `rig` is the name or file of another one.
+    Raises InputError for files that cannot be read, columns that are missing, clocks that do not increase,
+    gaps, jumps that the drives cannot make, and a mapping that contradicts physics.
     """
     _check_files(files, mapping)
     parameters = load_rig(rig or rig_place(mapping.rig, directory))

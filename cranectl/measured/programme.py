@@ -38,27 +38,12 @@ SPEED_DIGITS = 6  # of set-points in m/s, in files too
 
 
 def propose_runs(rig: RigParameters, *, seed: int = 0, period: float | None = None) -> tuple[Run, ...]:
-    """Return runs that keep the limits of a crane and tell its numbers.
+    """Return runs that keep the limits of a crane and tell its numbers, each between two pauses.
 
-    Parameters
-    ----------
-    rig : RigParameters
-        What is known of the crane.
-    seed : int
-        Chooses the patterns; each run has another one.
-    period : float, optional
-        Time between two set-points [s]; by default 5 ms on the laboratory rig, and longer on larger cranes.
-
-    Returns
-    -------
-    tuple of Run
-        Runs with the proposed set-points as commands, and the readings of perfect encoders that the rig's
-        numbers predict. Each begins and ends with a pause.
-
-    Raises
-    ------
-    InputError
-        If the period is too short or too long for the swing of the load.
+    They have the proposed set-points as commands, and the readings of perfect encoders that the rig's
+    numbers predict. `seed` chooses the patterns. The `period` between two set-points [s] is by default 5 ms
+    on the laboratory rig, and longer on larger cranes. Raises InputError for a period that does not suit
+    the swing of the load.
     """
     swing = 2.0 * pi * sqrt(float(np.mean(rig.rope_range)) / rig.gravity)
     chosen = period or max(round(1000.0 * LAB_PERIOD * sqrt(length_scale(rig.rope_range[1]))), 1) / 1000.0
@@ -143,19 +128,8 @@ def predict_estimates(
 ) -> tuple[tuple[Estimate, ...], tuple[str, ...]]:
     """Predict the intervals of `identify` from the least-squares equations at the rig's numbers.
 
-    Parameters
-    ----------
-    runs : sequence of ProposedRun
-        The runs that will be fitted.
-    rig : RigParameters
-        The crane with steps and noise of its encoders.
-
-    Returns
-    -------
-    tuple of Estimate
-        The rig's numbers with the intervals that its encoders leave.
-    tuple of str
-        Names of the numbers that cannot be identified: their intervals are as large as the numbers.
+    Return the rig's numbers with the intervals that its encoders leave, and the names of the numbers that
+    cannot be identified: their intervals are as large as the numbers.
     """
     most = MAX_READINGS // len(runs)
     experiments = [Experiment(run, rig, "commands", most) for run in runs]

@@ -31,26 +31,10 @@ def default_replay(run: Run) -> Replay:
 
 
 def predict(run: Run, plant: str, replay: Replay) -> Run:
-    """Predict a measured run on a plant.
+    """Predict a measured run on a plant, driven by its commands or its motion.
 
-    Parameters
-    ----------
-    run : Run
-        The measured run.
-    plant : str
-        The plant.
-    replay : {"commands", "motion"}
-        What of the measured run drives the plant.
-
-    Returns
-    -------
-    Run
-        The predicted run, at the same times, with the group `residual`: measured minus predicted.
-
-    Raises
-    ------
-    InputError
-        If the run lacks angles or commands, or if the plant cannot show the crane.
+    The predicted run has the same times, and the group `residual`: measured minus predicted. Raises
+    InputError if the run lacks angles or commands, or if the plant cannot show the crane.
     """
     if not run.has("state"):
         raise InputError(

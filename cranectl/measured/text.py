@@ -14,7 +14,7 @@ from cranectl.measured.columns import (
     from_arrow,
     not_numbers,
 )
-from cranectl.reference.tables import COMMENT, SEPARATORS, split_cells
+from cranectl.reference.tables import COMMENT, SEPARATORS, is_data, is_numeric, split_cells
 from cranectl.support.errors import InputError
 
 
@@ -27,7 +27,7 @@ def read_text(path: Path, begins: bytes, where: str) -> TableHead:
     whole = begins if len(begins) < HEAD_BYTES else begins[: begins.rfind(b"\n") + 1]
     lines = whole.decode(encoding, "replace").removeprefix("\ufeff").splitlines()
     names, separator, skipped = _header(lines, where)
-    data = [line for line in lines[skipped:] if line.strip() and not COMMENT.match(line)]
+    data = list(filter(is_data, lines[skipped:]))
     first = split_cells(data[0], separator) if data else []
     names = (*names, *(str(k) for k in range(len(names) + 1, len(first) + 1)))  # columns without a name
     commas = (
@@ -97,12 +97,10 @@ def _encoding(begins: bytes) -> str:
 
 def _header(lines: Sequence[str], where: str) -> tuple[Sequence[str], str, int]:
     """Return the names of columns, or their numbers; the separator; and the lines before the numbers."""
-    first = next((k for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)), None)
+    first = next((k for k, line in enumerate(lines) if is_data(line)), None)
     if first is None:
         raise InputError(f"{where} has no line of numbers", allowed=READABLE, remedy="record it again")
-    after = next(
-        (line for line in lines[first + 1 :] if line.strip() and not COMMENT.match(line)), lines[first]
-    )
+    after = next(filter(is_data, lines[first + 1 :]), lines[first])
     separator = max(SEPARATORS, key=after.count)
     cells = split_cells(lines[first], separator)
     if not all(map(_is_number, cells)):
@@ -115,8 +113,5 @@ def _header(lines: Sequence[str], where: str) -> tuple[Sequence[str], str, int]:
 
 
 def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace(",", ".") or "nan")
-    except ValueError:
-        return False
-    return True
+    """Return True for a number or an empty cell."""
+    return not cell or is_numeric(cell)

@@ -161,26 +161,10 @@ def read_fit(rig: Path) -> Fit:
 
 
 def judge(runs: Mapping[str, Run], fit: Fit, *, tolerance: float | None = None) -> tuple[RunVerdict, ...]:
-    """Judge measured runs by an identified crane.
+    """Judge measured runs, by name, by an identified crane; return an answer for each run.
 
-    Parameters
-    ----------
-    runs : Mapping
-        Measured runs by name, none of them used for the identification.
-    fit : Fit
-        The identified crane.
-    tolerance : float, optional
-        Largest difference that its user accepts [m].
-
-    Returns
-    -------
-    tuple of RunVerdict
-        An answer for each run.
-
-    Raises
-    ------
-    InputError
-        For a run that was used to identify the crane.
+    `tolerance` is the largest difference that its user accepts [m]. Raises InputError for a run that was
+    used to identify the crane.
     """
     if used := [name for name, run in runs.items() if run_digest(run) in fit.used]:
         raise InputError(

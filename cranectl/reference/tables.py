@@ -142,12 +142,18 @@ def _describe_column(column: Any) -> str:
     if not pa.types.is_string(column.type):
         return f"values of the type {column.type}"
     for row, value in enumerate(column.to_pylist()):
-        if value is not None and ("," in value or not _is_numeric(value)):
+        if value is not None and ("," in value or not is_numeric(value)):
             return f"the text '{value[:40]}', in row {row + 1}"
     return "text"
 
 
-def _is_numeric(cell: str) -> bool:
+def is_data(line: str) -> bool:
+    """Return True for a line of CSV that is neither blank nor a comment."""
+    return bool(line.strip()) and not COMMENT.match(line)
+
+
+def is_numeric(cell: str) -> bool:
+    """Return True if a cell is a number, with a point or a comma before decimals."""
     with contextlib.suppress(ValueError):
         float(cell.strip().replace(",", "."))
         return True
@@ -235,12 +241,12 @@ def _read_csv(content: bytes, column_names: Mapping[str, str], where: str) -> tu
 
 def _read_header(lines: Sequence[str], where: str) -> tuple[list[str], str, int]:
     """Return the column names, the separator, and the number of lines before the numbers."""
-    first = next((k for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)), len(lines))
+    first = next((k for k, line in enumerate(lines) if is_data(line)), len(lines))
     rows = [line for line in lines[first : first + 2] if line.strip()]
     line = rows[0] if rows else ""
     separator = max(SEPARATORS, key=line.count)
     cells = split_cells(line, separator)
-    if cells and not all(map(_is_numeric, cells)):
+    if cells and not all(map(is_numeric, cells)):
         return _check_separator(cells, line, where), separator, first + 1
     if first:  # the last comment may be the line of names
         comment = COMMENT.sub("", lines[first - 1], count=1)
