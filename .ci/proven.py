@@ -51,7 +51,12 @@ class Set:
 PACKAGE = ("cranectl/**/*.py", "validation/**/*.py")  # for tests that run many commands
 PACKAGE_DATA = ("cranectl/**/*", "validation/**/*")
 PAGES = ("docs/**/*", "examples/**/*", "*.md", "LICENSE", "CITATION.cff", "pyproject.toml")
+TOOLS = ("export", "measured", "live", "fuzz", "report", "render")
 SETS = {
+    "tools": Set(
+        modules=(*PACKAGE, *(f"tests/{name}/**/*.py" for name in TOOLS)),
+        data=(*PACKAGE_DATA, *(f"tests/{name}/**/*" for name in TOOLS)),
+    ),
     "docs": Set(
         modules=(*PACKAGE, "docs/**/*.py", "tests/**/*.py"),  # pages name tests
         data=(*PACKAGE_DATA, *PAGES, "tests/**/*"),

@@ -62,8 +62,7 @@ RETRIED = {"server.settimeout(0.2)"}  # repeated until it succeeds
 TESTED = {
     'points = tune(tiny, open_controller("mine.py:HANGS"), runs=10, timeout=0.5).points',
     "worker = ChildWorker(PreparedCampaign(made), children, timeout=1.0)",
-    'run = simulate_run(scenario, plant="analytic", controller=name, timeout=7.0)',
-    'session = ChildSession(scenario, design, plants=("analytic",), timeout=7.0)',
+    'run = simulate_run(scenario(), plant="analytic", controller=name, timeout=7.0)',
 }
 
 
