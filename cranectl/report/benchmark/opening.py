@@ -42,7 +42,9 @@ class TuningChange(NamedTuple):
     @property
     def mark(self) -> str:
         """Mark of a cell: bad if more runs fail beyond chance, good if fewer do, else empty."""
-        (low, high), (new_low, new_high) = (failure_interval(each.failures, each.runs) for each in self)
+        (low, high), (new_low, new_high) = (
+            failure_interval(standing.failures, standing.runs) for standing in self
+        )
         return "bad" if new_low > high else "good" if new_high < low else ""
 
     @property
@@ -107,7 +109,7 @@ def conclusions(divisions: Sequence[Judged]) -> Iterator[str]:
 def _undominated(divisions: Sequence[Judged]) -> str:
     """Tell which controller beats ours, and in what; without ours, who is undominated."""
     sets = [(judged, name) for judged in divisions for name in judged.ranked_sets]
-    controllers = {each.controller for judged, name in sets for each in judged.ranking(name)}
+    controllers = {standing.controller for judged, name in sets for standing in judged.ranking(name)}
     if OUR_CONTROLLER not in controllers:
         everywhere = set.intersection(*(judged.front(name) for judged, name in sets))
         who = listed(sorted(everywhere)) or "none"
@@ -144,7 +146,9 @@ def caveats(divisions: Sequence[Judged]) -> Iterator[str]:
         texts += [*MADE_BY_US[:2], limits, *MADE_BY_US[2:]]
     for name, changes in list(tuning_changes(divisions).items())[-1:]:
         if harmed := _harmed(changes):
-            unseen = [each for each in benchmark.scenarios if each not in benchmark.tuning.scenarios]
+            unseen = [
+                scenario for scenario in benchmark.scenarios if scenario not in benchmark.tuning.scenarios
+            ]
             text = f"Tuning harms {len(harmed)} of {len(changes)} controllers on {name}, in failures: "
             text += f"{', '.join(change.text for change in harmed)}."
             costly = [

@@ -227,7 +227,9 @@ def tornado(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure
     for axes, part in zip(panels, parts, strict=True):
         nominal = float(part.group.metrics[MEASURE][0])
         for row, parameter in enumerate(parameters):
-            _bars(axes, row, nominal, [each for each in part.one_at_a_time if each.parameter == parameter])
+            _bars(
+                axes, row, nominal, [effect for effect in part.one_at_a_time if effect.parameter == parameter]
+            )
         axes.axvline(0.0, color=STAND_IN["ink"], linewidth=0.8)
         axes.set_title(f"{part.group.controller}, nominal {number(nominal)} m")
         axes.set_xlabel("change of the largest error [m]")

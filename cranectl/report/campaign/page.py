@@ -171,9 +171,12 @@ def _failures(analysis: Analysis) -> Iterator[Section]:
         if not having:
             continue
         separations = [separation for part in having for separation in part.separations]
-        names = list(dict.fromkeys(each.parameter for each in separations))
-        distances = [max(each.distance for each in separations if each.parameter == name) for name in names]
-        beyond = len({each.parameter for each in separations if each.significant})
+        names = list(dict.fromkeys(separation.parameter for separation in separations))
+        distances = [
+            max(separation.distance for separation in separations if separation.parameter == name)
+            for name in names
+        ]
+        beyond = len({separation.parameter for separation in separations if separation.significant})
         columns = [analysis.results.campaign.names.index(names[j]) for j in _leading(distances, beyond)]
         title = f"failure rate over what separates most, {parts[0].group.plant}"
         verdict = _failures_sentence(having)
@@ -276,8 +279,10 @@ def _failures_sentence(parts: Sequence[GroupAnalysis]) -> str:
     """Return sentences on the parameters that separate failed runs from the others."""
     texts = []
     for part in parts:
-        beyond = [each for each in part.separations if each.significant][:NAMED_PARAMETERS]
-        named = ", ".join(f"{each.parameter} (distance {each.distance:.2f})" for each in beyond)
+        beyond = [separation for separation in part.separations if separation.significant][:NAMED_PARAMETERS]
+        named = ", ".join(
+            f"{separation.parameter} (distance {separation.distance:.2f})" for separation in beyond
+        )
         texts.append(f"{part.group.controller}: {named or 'no parameter beyond chance'}.")
     return f"Parameters that separate failed runs from the others. {' '.join(texts)}"
 

@@ -110,10 +110,10 @@ def separation_table(parts: Sequence[GroupAnalysis]) -> Table:
     """Return a table that compares the parameters of failed runs with those of the others."""
     rows = []
     for part in parts:
-        for each in part.separations[:SEPARATING]:
-            distance = Cell(number(each.distance), "bad" if each.significant else "")
-            medians = number(each.failed_median), number(each.other_median)
-            rows.append(cells(part.group.controller, each.parameter, distance, *medians))
+        for parameter in part.separations[:SEPARATING]:
+            distance = Cell(number(parameter.distance), "bad" if parameter.significant else "")
+            medians = number(parameter.failed_median), number(parameter.other_median)
+            rows.append(cells(part.group.controller, parameter.parameter, distance, *medians))
     headings = ("controller", "parameter", "distance", "median of failed", "of the others")
     note = (
         "Distance: Kolmogorov-Smirnov, 0 for equal distributions, 1 for separate values, largest first. Red: "

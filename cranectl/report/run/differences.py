@@ -78,7 +78,9 @@ def what_differs(logs: Logs) -> Table | None:
         requested["scenario"] = run.scenario.model_dump(mode="json", exclude={"controller"})
         flat.append(dict(leaves(requested)))
     rows = {
-        name.removeprefix("scenario."): [_text(each[name]) if name in each else "–" for each in flat]
+        name.removeprefix("scenario."): [
+            _text(settings[name]) if name in settings else "–" for settings in flat
+        ]
         for name in dict.fromkeys(name for settings in flat for name in settings)
         if any(settings.get(name) != flat[0].get(name) for settings in flat)
     }
@@ -135,9 +137,9 @@ def distances_table(first: str, comparisons: Mapping[str, Comparison]) -> Table:
 def regression_table(verdict: RegressionVerdict) -> Table:
     """Compare a run with its golden run: one row for each signal, then how both ended."""
     rows = []
-    for each in verdict.signals:
-        numbers = difference_text(each.max_abs), _when(each.at_s, each.max_abs), f"{each.limit:.1e}"
-        rows.append(cells(each.signal, each.unit, *numbers, VERDICTS[each.passed]))
+    for signal in verdict.signals:
+        numbers = difference_text(signal.max_abs), _when(signal.at_s, signal.max_abs), f"{signal.limit:.1e}"
+        rows.append(cells(signal.signal, signal.unit, *numbers, VERDICTS[signal.passed]))
     difference, limit = difference_text(verdict.end_difference_s), f"{verdict.end_difference_limit_s:.1e}"
     rows.append(cells("ends", "s", difference, "", limit, VERDICTS[verdict.ends_passed]))
     before = f"{verdict.status}, was {verdict.golden_status}"
@@ -189,14 +191,14 @@ def pair_tables(pairwise: Pairwise) -> tuple[Table, Table]:
         "Each plant by itself",
         pairwise.plants,
         {
-            "drives": lambda each: each.drive,
-            "plant": lambda each: each.plant,
-            "step error\n[m]": lambda each: difference_text(each.step_error_m),
-            "order": lambda each: "-" if isnan(each.order) else f"{each.order:.1f}",
-            "energy drift\n[m g l]": lambda each: (
-                "-" if isnan(each.energy_drift) else difference_text(each.energy_drift)
+            "drives": lambda plant: plant.drive,
+            "plant": lambda plant: plant.plant,
+            "step error\n[m]": lambda plant: difference_text(plant.step_error_m),
+            "order": lambda plant: "-" if isnan(plant.order) else f"{plant.order:.1f}",
+            "energy drift\n[m g l]": lambda plant: (
+                "-" if isnan(plant.energy_drift) else difference_text(plant.energy_drift)
             ),
-            "step error, where": lambda each: f"{each.scenario}, {each.controller}",
+            "step error, where": lambda plant: f"{plant.scenario}, {plant.controller}",
         },
         labels=2,
         note=note,
