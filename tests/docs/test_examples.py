@@ -52,11 +52,10 @@ def test_its_own_tests_pass_and_leave_nothing(example: Path, tmp_path: Path) -> 
 def test_the_harbour_crane_fails_as_its_page_shows(tmp_path: Path) -> None:
     repository, _, environment = install(EXAMPLES / "harbour-crane", tmp_path)
     for copy in (repository, tmp_path / "site"):
-        code = (copy / "sway_cascade.py").read_text(encoding="utf-8")
-        assert '"outer_frequency", 0.4' in code
-        (copy / "sway_cascade.py").write_text(
-            code.replace('"outer_frequency", 0.4', '"outer_frequency", 0.2')
-        )
+        file, right = copy / "sway_cascade.py", '"outer_frequency", 0.4'
+        code = file.read_text(encoding="utf-8")
+        assert right in code
+        file.write_text(code.replace(right, '"outer_frequency", 0.2'))
     said = run_pytest(repository, "-k", "terminal", "--cranectl-logs", "logs", **environment)
     assert is_shown_failure(EXAMPLES / "harbour-crane" / "README.md", said), said
 

@@ -13,6 +13,7 @@ from cranectl.render.timeline import timeline_of
 from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN
 from cranectl.simulate import Run, simulate_run
 from cranectl.support import resources
+from tests.scenario.test_drawn_size import similar
 
 WIDTH, HEIGHT = 480, 360
 
@@ -76,16 +77,11 @@ def shift_run(run: Run, x: float) -> Run:
 
 
 def enlarge_run(run: Run, times: float) -> Run:
-    """Return the run of a rig that is `times` as large, whose disturbances are smaller by that factor."""
-    rig = run.scenario.rig
-    ranges = {
-        n: tuple(times * np.array(getattr(rig, n))) for n in ("bridge_range", "trolley_range", "rope_range")
-    }
-    larger = rig.model_copy(update={**ranges, "load_mass": times**3 * rig.load_mass})
+    """Return the run on a rig `times` as large, whose disturbances are smaller by that factor."""
     table = run.table.copy()
     table[:, [0, 2, 4, *range(LOAD_COLUMN, LOAD_COLUMN + 3)]] *= times
     table[:, TENSION_COLUMN] *= times**3
-    scenario = run.scenario.model_copy(update={"rig": larger})
+    scenario = run.scenario.model_copy(update={"rig": similar(times)})
     result = replace(run, scenario=scenario, table=table, reference=times * run.reference)
     result.block("disturbance")[:] /= times
     return result
