@@ -42,9 +42,10 @@ def split(state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @functools.cache
-def closed_loop(scenario: str, controller: str, plant: str, drive: str = "ideal") -> Run:
+def closed_loop(scenario: str, controller: str, plant: str, drive: str = "ideal", *overrides: str) -> Run:
     """Simulate a whole run, once per process."""
-    return simulate_run(load_scenario(scenario), plant=plant, drive=drive, controller=controller)
+    chosen = load_scenario(scenario, overrides=overrides)
+    return simulate_run(chosen, plant=plant, drive=drive, controller=controller)
 
 
 def cut(run: Run, samples: int, **changes: Any) -> Run:

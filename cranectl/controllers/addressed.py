@@ -62,10 +62,7 @@ class CompiledController(NamedTuple):
 
 
 def compile_controller(controller: Controller, nominal: Nominal, recorded: int) -> CompiledController:
-    """Prepare `controller` for `nominal`; raise InputError as its `prepare` does.
-
-    `recorded` is the number of signals that a run records of it, including load and error.
-    """
+    """Prepare `controller`; `recorded` is the number of signals of it in a run, with load and error."""
     parameters, memory = prepared(controller, nominal)
     reference = nominal.reference
     places = np.array([place for place, _ in controller.logged], dtype=np.int64)

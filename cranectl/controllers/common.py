@@ -6,13 +6,7 @@ from cranectl.signals import ACCELERATION, ROPE, ROPE_RATE, Z
 from cranectl.support.arrays import Array
 from cranectl.support.jit import jit
 
-AXIS_MASSES = (
-    "bridge_mass",
-    "gravity",
-    "load_mass",
-    "trolley_mass",
-    "winch_mass",
-)  # `axis_masses` reads them
+AXIS_MASSES = ("bridge_mass", "gravity", "load_mass", "trolley_mass", "winch_mass")  # read by `axis_masses`
 MASSES = len(AxisMasses._fields)  # size of a slot of parameters that `masses_at` reads
 
 

@@ -51,10 +51,6 @@ _NAMES = {  # by kind of thing: the verb for its owner, the pattern of its name,
         f"at most {MAX_SIGNAL_NAME} characters",
     ),
 }
-_WHOLE = (  # whole numbers that a controller declares: name, range and meaning
-    ("every", 1, MAX_EVERY, "how many control periods lie between two steps"),
-    ("preview", 0, MAX_PREVIEW, "how many rows of the reference it looks ahead"),
-)
 
 
 @dataclass(frozen=True)
@@ -268,16 +264,25 @@ class Controller:
         """Raise InputError for a declaration of the wrong kind or out of its range."""
         if self.axis_design is None:
             check_name("controller", self.name)
-        check_callable(f"{self.name}.step", self.step, remedy="write step(parameters, measured, ...)")
-        check_callable(f"{self.name}.prepare", self.prepare, remedy="write prepare(nominal)")
+        self._check("step", callable(self.step), "a function", remedy="write step(parameters, measured, ...)")
+        self._check("prepare", callable(self.prepare), "a function", remedy="write prepare(nominal)")
         for key, kinds in (("command", Command), ("follows", Follows), ("measures", Measures)):
             check_choice(f"{self.name}.{key}", getattr(self, key), get_args(kinds))
-        for key, lowest, highest, meaning in _WHOLE:
-            check_whole(f"{self.name}.{key}", getattr(self, key), lowest, highest, meaning)
-        check_period(f"{self.name}.period", self.period, self.every)
-        check_items(f"{self.name}.parameters", self.parameters, Parameter, "{name: number}")
+        every = "how many control periods lie between two steps"
+        check_whole(f"{self.name}.every", self.every, 1, MAX_EVERY, every)
+        preview = "how many rows of the reference it looks ahead"
+        check_whole(f"{self.name}.preview", self.preview, 0, MAX_PREVIEW, preview)
+        lowest, highest = self.every * MIN_DURATION, self.every * MAX_DURATION
+        is_number = isinstance(self.period, Real) and not isinstance(self.period, bool)
+        self._check(
+            "period",
+            self.period is None or (is_number and lowest <= float(self.period) <= highest),
+            f"a number of seconds from {lowest:g} to {highest:g}, or none",
+            remedy="give the time between two steps for which the controller was made, or leave it out",
+        )
+        self._check_items("parameters", Parameter, "{name: number}")
         check_names(self.name, "parameter", (parameter.name for parameter in self.parameters))
-        check_items(f"{self.name}.logged", self.logged, Logged, "{name: place of the memory}")
+        self._check_items("logged", Logged, "{name: place of the memory}")
         check_names(self.name, "signal", (logged.signal.name for logged in self.logged))
         for name in self.reads or ():
             check_choice(f"{self.name}.reads", name, READABLE)
@@ -286,6 +291,22 @@ class Controller:
             places["slack_place"] = self.slack_place
         for what, place in places.items():
             check_whole(f"{self.name}.{what}", place, 0, MAX_MEMORY - 1, "a place of the memory, from 0 on")
+
+    def _check(self, key: str, fits: bool, allowed: str, *, remedy: str) -> None:
+        """Raise InputError unless the declaration `key` fits."""
+        if not fits:
+            found = f"{self.name}.{key} = {shown(getattr(self, key))}"
+            raise InputError(found, allowed=allowed, remedy=remedy)
+
+    def _check_items(self, key: str, kind: type, otherwise: str) -> None:
+        """Raise InputError unless `key` has items of a `kind`; a class may have `otherwise` instead."""
+        values = getattr(self, key)
+        self._check(
+            key,
+            isinstance(values, tuple | list) and all(isinstance(item, kind) for item in values),
+            f"a tuple of cranectl.{kind.__name__}; in a class also {otherwise}",
+            remedy="write it in one of these ways",
+        )
 
     def designed(self, stated: Mapping[str, Value], length: float = 1.0) -> ControllerDesign:
         """Return the design with the `stated` parameters, on a rig `length` times the laboratory's.
@@ -320,41 +341,12 @@ def check_whole(what: str, value: Any, lowest: int, highest: int, meaning: str) 
         )
 
 
-def check_period(what: str, value: Any, every: int) -> None:
-    """Raise InputError unless `value` is None or a time [s] that `every` control periods can last."""
-    lowest, highest = every * MIN_DURATION, every * MAX_DURATION
-    if value is None:
-        return
-    if not isinstance(value, Real) or isinstance(value, bool) or not lowest <= float(value) <= highest:
-        raise InputError(
-            f"{what} = {shown(value)}",
-            allowed=f"a number of seconds from {lowest:g} to {highest:g}, or none",
-            remedy="give the time between two steps for which the controller was made, or leave it out",
-        )
-
-
 def check_choice(what: str, value: Any, choices: Collection[str]) -> None:
     """Raise InputError unless `value` is one of `choices`."""
     if not (isinstance(value, str) and value in choices):
         raise InputError(
             f"{what} = {shown(value)}", allowed=", ".join(choices), remedy="choose one of those listed above"
         )
-
-
-def check_items(what: str, values: Any, kind: type, otherwise: str) -> None:
-    """Raise InputError unless each of `values` is a `kind`; `otherwise` is what a class may have instead."""
-    if not isinstance(values, tuple | list) or not all(isinstance(item, kind) for item in values):
-        raise InputError(
-            f"{what} = {shown(values)}",
-            allowed=f"a tuple of cranectl.{kind.__name__}; in a class also {otherwise}",
-            remedy="write it in one of these ways",
-        )
-
-
-def check_callable(what: str, value: Any, *, remedy: str) -> None:
-    """Raise InputError unless `value` can be called."""
-    if not callable(value):
-        raise InputError(f"{what} = {shown(value)}", allowed="a function", remedy=remedy)
 
 
 def check_names(owner: str, kind: str, names: Iterable[Any]) -> None:

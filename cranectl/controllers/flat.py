@@ -42,9 +42,7 @@ ANGLE_SINGULAR = int(RunStatus.ANGLE_SINGULAR)
 LENGTH_SINGULAR = int(RunStatus.LENGTH_SINGULAR)
 NON_FINITE = int(RunStatus.NON_FINITE)
 
-PARAMETERS = Slots(
-    gain=4, feedthrough=1, period=1, gravity=1, blocks=1, matrices=0
-)  # matrices: of all blocks
+PARAMETERS = Slots(gain=4, feedthrough=1, period=1, gravity=1, blocks=1, matrices=0)  # last: of all blocks
 BLOCK_SIZE = 8  # numbers of a block of the robustifier: A (2, 2), B (2,), C (2,)
 # `begun` says whether the extension has been set to the reference, and `slack` is the `slack_place`. In
 # `robustifier` the states of the axes x, y, z come first, then a row of the record.
@@ -75,10 +73,7 @@ SAMPLING_REMEDIES = {
 
 
 def make_tracker(design: Design, *, period: float, gravity: float) -> Tracker:
-    """Return the tracker of a design, sampled with `period` [s].
-
-    Raises InputError if the sampled loop is unstable.
-    """
+    """Return the tracker of a design sampled with `period` [s]; raise InputError if its loop is unstable."""
     r = design.robustifier
     blocks = sampled_blocks(r.a, r.b, r.c, r.d, period)
     loop = sampled_loop(design.gain, blocks, period)
@@ -194,10 +189,7 @@ def keep_taut(tracker, memory):
 
 @jit
 def wait_step(tracker, state, reference, memory, row):
-    """Replace `control_step` while the rope is slack; dynamic extension and robustifiers stay as they are.
-
-    The record has free fall, z'' = (0, 0, -g), and position and velocity as if the rope were taut.
-    """
+    """Replace `control_step` while the rope is slack: record free fall, and leave extension and states."""
     row[CONTROLLER_COLUMN], row[CONTROLLER_COLUMN + 1] = memory[MEMORY.zeta], memory[MEMORY.zeta_dot]
     for i in range(len(memory) - MEMORY.robustifier):
         row[CONTROLLER_COLUMN + 2 + i] = memory[MEMORY.robustifier + i]

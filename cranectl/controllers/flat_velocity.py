@@ -68,12 +68,8 @@ def step(parameters, measured, reference, memory, command):
     numbers, buffer = carray(parameters, (PARAMETERS.size,)), carray(memory, (MEMORY.size,))
     begin(reference, buffer)
     none = carray(parameters, (0,))
-    gain, period, gravity = (
-        numbers[: PARAMETERS.period],
-        numbers[PARAMETERS.period],
-        numbers[PARAMETERS.gravity],
-    )
-    tracker = Tracker(gain, none, none, none, 0.0, period, gravity)
+    gain, period = numbers[: PARAMETERS.period], numbers[PARAMETERS.period]
+    tracker = Tracker(gain, none, none, none, 0.0, period, numbers[PARAMETERS.gravity])
     return set_points(
         tracker,
         numbers[PARAMETERS.lead :],
@@ -140,13 +136,9 @@ FLAT_VELOCITY = Controller(
                   search=(0.8, 24.0), length_power=-0.5)
         for name in POLES
     ),
-    logged=tuple(
-        Logged(place, signal)
-        for first, signals in (
-            (TRACKED.zeta, controller_group(0).signals),
-            (VIRTUAL, VIRTUAL_INPUT.signals[:3]),
-        )
-        for place, signal in enumerate(signals, first)
+    logged=(
+        *map(Logged, range(TRACKED.zeta, TRACKED.begun), controller_group(0).signals),
+        *map(Logged, range(VIRTUAL, VIRTUAL + 3), VIRTUAL_INPUT.signals[:3]),
     ),
     linearise=linearise,
 )  # fmt: skip

@@ -55,11 +55,8 @@ def impulses(shaper: str, period: float) -> tuple[tuple[float, ...], tuple[float
 
 def step(parameters, measured, reference, memory, command):
     """Compute the velocity set-points of one sample from readings and path; see `controller`."""
-    period, clock, rows = (
-        parameters[PARAMETERS.period],
-        int(memory[MEMORY.clock]),
-        int(parameters[PARAMETERS.rows]),
-    )
+    period, rows = parameters[PARAMETERS.period], int(parameters[PARAMETERS.rows])
+    clock = int(memory[MEMORY.clock])
     memory[MEMORY.clock] += 1.0
     for i in range(KEPT):
         memory[MEMORY.ring + KEPT * (clock % rows) + i] = reference[i]

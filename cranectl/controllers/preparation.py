@@ -20,9 +20,8 @@ PAIR = "a prepare(nominal) that returns (parameters, memory), two arrays of at m
 def prepared(controller: Controller, nominal: Nominal) -> tuple[Array, Array]:
     """Return parameters and memory, each with at least one number, so that pointers to them are valid.
 
-    Raises InputError if the controller was made for another period. Raises it also as the controller's
-    `prepare` does, if `prepare` raises anything else or returns no such pair, and if the controller logs an
-    index that its memory does not have.
+    Raises InputError as the controller's `prepare` does, if that fails or returns no such pair, if the
+    controller was made for another period, and if it logs an index that its memory does not have.
     """
     if controller.period is not None:
         _check_period(controller, controller.period, nominal.period)
@@ -60,10 +59,7 @@ def linearised(controller: Controller, nominal: Nominal, rope_length: float) -> 
 
 
 def real_numbers(values: Any) -> Array:
-    """Return a flat copy of `values`, or one zero if there are none.
-
-    Raises TypeError, ValueError or MemoryError if they are not real numbers or more than a million.
-    """
+    """Return a flat copy, or one zero for no `values`; raise TypeError, ValueError or MemoryError."""
     array = np.asarray(values)
     if array.size and array.dtype.kind not in "biuf":
         raise TypeError(f"{array.dtype} is no type of real numbers")
@@ -89,10 +85,7 @@ def _check_period(controller: Controller, made_for: float, given: float) -> None
 def _run_own_code(
     controller: Controller, name: str, function: Callable[..., Any], allowed: str, *arguments: Any
 ) -> Any:
-    """Return what a function of the controller returns; turn its exceptions into InputError.
-
-    Exceptions of this package's own functions are not changed.
-    """
+    """Return what a function returns; turn exceptions of code that is not ours into InputError."""
     if str(getattr(function, "__module__", "")).partition(".")[0] == __name__.partition(".")[0]:
         return function(*arguments)
     try:

@@ -133,8 +133,7 @@ def load_controller(name: str) -> "Controller":
 def controller_of(design: ControllerDesign) -> "Controller":
     """Return the controller that runs `design`; from a file, the version with the same content.
 
-    All controllers of the flat family run the same code. So their first one is returned for any of their
-    designs, also for one with gains set by hand, whose name is not registered.
+    All designs of the flat family run the same code, also one whose gains were set by hand.
     """
     if design.axis_design is not None:
         return load_controller(FLAT_FAMILY[0])
@@ -175,11 +174,7 @@ def _registered(names: Iterable[str]) -> list["Controller"]:
 
 
 def controller_design(name: str, scenario: Scenario) -> ControllerDesign:
-    """Return the controller `name` with the settings of `scenario`.
-
-    Raises InputError for an unknown name, also of a table of parameters, and for settings that no design
-    meets.
-    """
+    """Return `name` with the settings of `scenario`; raise InputError for unknown names and bad settings."""
     checked_controller(name)
     names = [other for other in controller_names() if other not in FLAT_FAMILY]
     for other in scenario.controller.parameters:

@@ -1,5 +1,6 @@
 """Controllers that the loop calls by address: the arguments of their steps, and what their commands cause."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -14,7 +15,7 @@ from cranectl.scenario import Scenario
 from cranectl.simulate import Run, loops, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
-from tests.conftest import PLANTS
+from tests.conftest import PLANTS, closed_loop
 from tests.controllers.own_controllers import FOLLOWING, PUSHING, giving_up, known, noting
 
 SENSED = ("effects.sensing.angle_resolution=0.001", "effects.delay.seconds=0.004")
@@ -150,21 +151,24 @@ def slip(_parameters, measured, _reference, _memory, command):  # type: ignore[n
     return 0
 
 
-def test_a_step_that_cannot_be_compiled_is_refused_with_its_line() -> None:
-    with pytest.raises(InputError, match=r"cannot be compiled: .*'stifness' is not defined") as caught:
-        run_of(replace(FOLLOWING, step=slip), path())
-    assert f"{Path(__file__).name}:{slip.__code__.co_firstlineno + 1}" in caught.value.remedy
-
-
 def mix(_parameters, measured, _reference, _memory, command):  # type: ignore[no-untyped-def]
     command[0] = np.dot(measured, "a")
     return 0
 
 
-def test_the_whole_reason_of_numba_is_in_the_error() -> None:
-    with pytest.raises(InputError, match=r"found for signature: dot\(float64") as caught:
-        run_of(replace(FOLLOWING, step=mix), path())
-    assert f"{Path(__file__).name}:{mix.__code__.co_firstlineno + 1}" in caught.value.remedy
+@pytest.mark.parametrize(
+    ("step", "reason"),
+    [
+        (slip, r"cannot be compiled: .*'stifness' is not defined"),
+        (mix, r"found for signature: dot\(float64"),
+    ],
+)
+def test_a_step_that_cannot_be_compiled_is_refused_with_its_line(
+    step: Callable[..., int], reason: str
+) -> None:
+    with pytest.raises(InputError, match=reason) as caught:
+        run_of(replace(FOLLOWING, step=step), path())
+    assert f"{Path(__file__).name}:{step.__code__.co_firstlineno + 1}" in caught.value.remedy
 
 
 @pytest.mark.parametrize(
@@ -197,8 +201,8 @@ def test_one_loop_serves_every_controller_and_plant() -> None:
 
 
 def test_while_the_rope_is_slack_the_controller_waits() -> None:
-    falling = load_scenario("slack-rope", overrides=["effects.rope.on_slack=recover"])
-    run = simulate_run(falling, plant="mujoco", drive="velocity", controller="lqr-integral")
+    recovering = "effects.rope.on_slack=recover"
+    run = closed_loop("slack-rope", "lqr-integral", "mujoco", "velocity", recovering)
     slack = np.flatnonzero(run.tension[:-1] <= 0.0)[:-1] + 1
     assert len(slack), "it goes slack"
     states = run.block("controller")

@@ -160,9 +160,3 @@ def test_a_place_that_the_memory_does_not_have_is_refused_before_the_run(
     assert "logs place 5 of its memory as 'x'" in told
     assert "0 to 1: its memory has 2 numbers" in told
     assert not log.exists()
-
-
-@pytest.mark.parametrize("seconds", ["inf", "nan", "1e300", "0"])
-def test_a_timeout_without_end_is_refused(seconds: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "fixed-position", "--timeout", seconds]) == 2
-    assert "'--timeout'" in capsys.readouterr().err

@@ -21,11 +21,9 @@ from cranectl.controllers.flat import (
 )
 from cranectl.design import Design, Robustifier, design_controller
 from cranectl.design.records import closed_loop_matrix
-from cranectl.model.flatness import flat_output, linearising_input, states_and_inputs
-from cranectl.scenario import DesignSettings
+from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.scenario.rig import RigParameters
 from cranectl.status import RunStatus
-from cranectl.support.errors import InputError
 from tests.conftest import random_states
 
 G, PERIOD = 9.81, 0.001
@@ -88,20 +86,6 @@ def test_memory_advances_by_one_held_period() -> None:
     assert row[signals.CONTROLLER_COLUMN :].tolist() == before[:2].tolist()
 
 
-def test_on_its_reference_the_tracker_commands_the_feed_forward() -> None:
-    rng = np.random.default_rng(3)
-    design = design_controller("lqr")
-    for _ in range(50):
-        flat = np.concatenate([[1.0, 0.7, -0.6], 0.3 * rng.normal(size=12)])
-        states, inputs = states_and_inputs(flat[np.newaxis], G)
-        memory = memory_of(design)
-        memory[MEMORY.begun] = 0.0
-        begin(flat, memory)
-        _, row = step(design, states[0], flat, memory)
-        assert row[signals.INPUT_COLUMN : signals.INPUT_COLUMN + 3] == pytest.approx(inputs[0], abs=1e-10)
-        assert row[signals.ERROR_COLUMN : signals.ERROR_COLUMN + 12] == pytest.approx(np.zeros(12), abs=1e-12)
-
-
 def test_robustifier_is_the_sampled_system_it_stands_for() -> None:
     """It equals SciPy's zero-order hold of the whole matrix, axis by axis."""
     design = robust_design()
@@ -116,13 +100,6 @@ def test_robustifier_is_the_sampled_system_it_stands_for() -> None:
             assert robustify(tracker, axis, errors[axis], memory) == pytest.approx(expected, rel=1e-11)
             x[axis] = a @ x[axis] + b[:, 0] * errors[axis]
     assert memory[MEMORY.robustifier :] == pytest.approx(x.ravel(), rel=1e-11)
-
-
-def test_a_design_too_fast_for_its_sampling_is_refused() -> None:
-    fast = design_controller("pole-placement", DesignSettings(poles=(-900.0, -900.0, -900.0, -900.0)))
-    with pytest.raises(InputError, match=r"unstable when sampled every 0\.001 s"):
-        tracker_of(fast)
-    make_tracker(fast, period=1e-5, gravity=G)
 
 
 def test_robustifier_adds_to_v_and_its_states_are_recorded() -> None:

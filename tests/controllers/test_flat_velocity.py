@@ -12,7 +12,7 @@ from cranectl.model.flatness import flat_output
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, linearised_controller, plan_scenario, simulate_run
-from cranectl.support.errors import InputError
+from tests.conftest import closed_loop
 
 NAME = "flat-velocity"
 LENGTH = 0.7  # [m]
@@ -56,11 +56,7 @@ def test_errors_obey_the_polynomial_of_the_poles() -> None:
 
 @pytest.mark.parametrize("drive", ["ideal", "force"])
 def test_with_other_drives_it_is_pole_placement(drive: str) -> None:
-    scenario = load_scenario("fast-diagonal")
-    one, other = (
-        simulate_run(scenario, plant="analytic", drive=drive, controller=name)
-        for name in (NAME, "pole-placement")
-    )
+    one, other = (closed_loop("fast-diagonal", name, "analytic", drive) for name in (NAME, "pole-placement"))
     assert one.load_position == pytest.approx(other.load_position, abs=1e-12)
     assert one.block("controller")[-1, 2:] == pytest.approx(other.block("virtual_input")[-1, :3], abs=1e-9)
 
@@ -88,10 +84,9 @@ def test_a_wrong_lag_or_a_delay_is_a_wrong_gain(believed: float, delay: float) -
 
 def test_servos_that_feel_the_load_are_given_away_on_every_plant_alike() -> None:
     """The numbers are those in docs/explanation/controllers.md."""
-    scenario = load_scenario("fast-diagonal", overrides=["disturbances=[]"])
 
     def run(plant: str, controller: str) -> Run:
-        return simulate_run(scenario, plant=plant, drive="velocity", controller=controller)
+        return closed_loop("fast-diagonal", controller, plant, "velocity", "disturbances=[]")
 
     def largest(of: Run) -> float:
         return float(np.linalg.norm(of.block("error")[:, :3], axis=1).max())
@@ -100,19 +95,3 @@ def test_servos_that_feel_the_load_are_given_away_on_every_plant_alike() -> None
     for plant in ("analytic", "elastic"):
         assert judge(run(plant, NAME), engine).passed
     assert largest(engine) > 20.0 * largest(run("mujoco", "pole-placement"))
-
-
-@pytest.mark.parametrize(
-    ("overrides", "found"),
-    [
-        ([f"controller.{NAME}.pole_2=0.5"], "controller.flat-velocity.pole_2 = 0.5"),
-        ([f"controller.{NAME}.poles=-1"], "unknown parameter of controller.flat-velocity 'poles'"),
-        (
-            [f"controller.{NAME}.pole_{k}=-900" for k in (1, 2, 3, 4)],
-            "'flat-velocity' is unstable when sampled",
-        ),
-    ],
-)
-def test_settings_that_cannot_be_met_are_refused(overrides: list[str], found: str) -> None:
-    with pytest.raises(InputError, match=found):
-        simulate_run(hanging(*overrides), plant="analytic", controller=NAME)

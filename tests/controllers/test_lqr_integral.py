@@ -10,6 +10,7 @@ from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import linearised_controller, simulate_run
 from cranectl.support.errors import InputError
+from tests.conftest import closed_loop
 
 LENGTH = 0.725  # [m], the middle of the rig's range
 
@@ -40,20 +41,14 @@ def test_near_rest_it_moves_as_its_linearisation_says() -> None:
 
 
 def test_on_the_path_the_flat_map_is_all_it_needs() -> None:
-    run = simulate_run(
-        load_scenario("fast-diagonal", overrides=["disturbances=[]"]),
-        plant="analytic",
-        controller="lqr-integral",
-    )
+    run = closed_loop("fast-diagonal", "lqr-integral", "analytic", "ideal", "disturbances=[]")
     assert np.linalg.norm(run.block("error")[:, :3], axis=1).max() < 1e-3
     assert np.abs(run.block("input")[:, :3]).max() > 0.3
 
 
 @pytest.mark.parametrize("plant", ["analytic", "mujoco"])
 def test_lasting_disturbances_leave_no_error(plant: str) -> None:
-    run = simulate_run(
-        load_scenario("fixed-position"), plant=plant, drive="velocity", controller="lqr-integral"
-    )
+    run = closed_loop("fixed-position", "lqr-integral", plant, "velocity")
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1
     assert np.linalg.norm(run.block("error")[-1, :3]) < 1e-4
 

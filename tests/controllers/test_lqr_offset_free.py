@@ -24,12 +24,12 @@ from cranectl.controllers.lqr_offset_free import (
 from cranectl.controllers.registry import controller_design
 from cranectl.planning import load_scenario
 from cranectl.signals import BRIDGE_RATE
-from cranectl.simulate import linearised_controller, simulate_run
+from cranectl.simulate import linearised_controller
 from cranectl.support.arrays import Array
 from cranectl.support.documents import read_toml
 from cranectl.support.errors import InputError
 from tests.benchmark.linear_loop import GRAVITY, PERIOD, loop_matrix, nominal_at
-from tests.conftest import ROOT
+from tests.conftest import ROOT, closed_loop
 
 LAW = LQR_OFFSET_FREE.name
 SENSED = ["effects.sensing={}", "effects.delay.seconds=0.004"]
@@ -112,25 +112,12 @@ def test_its_command_stays_within_the_limit_on_the_whole_ellipsoid() -> None:
     ],
 )
 def test_standing_pushes_and_tilted_rails_leave_no_error(plant: str, drive: str, effects: list[str]) -> None:
-    scenario = load_scenario("fixed-position", overrides=effects)
-    run = simulate_run(scenario, plant=plant, drive=drive, controller=LAW)
+    run = closed_loop("fixed-position", LAW, plant, drive, *effects)
     late = run.time > 22.0
     assert np.abs(run.block("disturbance")[-1]).min() > 0.1
     error, push = run.block("error")[late, :3].mean(axis=0), run.block("controller")[late].mean(axis=0)
     assert np.linalg.norm(error) < (2e-4 if effects else 1e-5)
     assert np.abs(push).min() > 0.1
-
-
-@pytest.mark.parametrize(("law", "least", "most"), [(LAW, 0.0, 1e-4), ("lqr", 0.015, 0.03)])
-@pytest.mark.parametrize("scenario", ["fixed-position", "fast-diagonal"])
-def test_tilted_rails_alone_leave_no_error_at_rest_or_after_a_motion(
-    scenario: str, law: str, least: float, most: float
-) -> None:
-    tilted = ["disturbances=[]", "duration=12.0", "effects.installation={tilt=[0.01, -0.005]}", *SENSED]
-    run = simulate_run(
-        load_scenario(scenario, overrides=tilted), plant="mujoco", drive="velocity", controller=law
-    )
-    assert least <= np.linalg.norm(run.block("error")[run.time > 11.0, :3].mean(axis=0)) < most
 
 
 @pytest.mark.parametrize("numbers", ["defaults", "tuned"])
@@ -160,9 +147,7 @@ def test_within_the_limits_of_weak_drives_nothing_winds_up(effects: list[str]) -
         "duration=6.0",
         *effects,
     ]
-    run = simulate_run(
-        load_scenario("fixed-position", overrides=weak), plant="mujoco", drive="velocity", controller=LAW
-    )
+    run = closed_loop("fixed-position", LAW, "mujoco", "velocity", *weak)
     acceleration = np.abs(run.block("input")[:, 0])
     assert 0.1 < acceleration.max() < 0.3
     assert np.abs(run.block("controller")).max() < 0.05  # nothing pushes, nor does it seem so
@@ -180,8 +165,7 @@ def test_it_takes_no_saturation_of_a_drive_for_a_disturbance(law: str, least: fl
         "duration=5.0",
         *SENSED,
     ]
-    scenario = load_scenario("fixed-position", overrides=slow)
-    run = simulate_run(scenario, plant="mujoco", drive="velocity", controller=law)
+    run = closed_loop("fixed-position", law, "mujoco", "velocity", *slow)
     assert np.abs(run.block("state")[:, BRIDGE_RATE]).max() == pytest.approx(0.1, rel=0.02)
     assert least <= np.linalg.norm(run.block("error")[-1, :3]) < most
     if law == LAW:
@@ -195,6 +179,6 @@ def test_sampling_that_it_cannot_stand_is_refused() -> None:
 
 def test_an_estimate_begins_with_the_load_as_it_is_measured() -> None:
     offset = ["initial.load_offset=[0.05, -0.02, 0.0]", "disturbances=[]", "duration=0.01"]
-    run = simulate_run(load_scenario("fixed-position", overrides=offset), plant="analytic", controller=LAW)
+    run = closed_loop("fixed-position", LAW, "analytic", "ideal", *offset)
     assert np.abs(run.block("controller")).max() < 1e-6
     assert MEMORY.estimate == 0

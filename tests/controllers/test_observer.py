@@ -1,4 +1,4 @@
-"""The observer against its own theory: poles, steady state, error bounds, noise."""
+"""The observer against its own theory: poles, gains, error bounds, and motions that it follows."""
 
 import numpy as np
 import pytest
@@ -65,17 +65,6 @@ def test_a_measurement_corrects_its_own_joint_by_the_gains(observer: Observer) -
     assert np.count_nonzero(memory - before) == 3
 
 
-def test_constant_acceleration_is_found_without_error(observer: Observer) -> None:
-    """The acceleration that is not commanded is the estimated disturbance."""
-    time = PERIOD * np.arange(1500)
-    commanded, unknown = 0.7, -1.3
-    positions = bridge(0.5 * (commanded + unknown) * time**2)
-    estimates = follow(observer, positions, np.tile([commanded, 0.0, 0.0], (len(time), 1)))
-    assert_allclose(estimates[-1, EXPECTED.velocity], (commanded + unknown) * time[-1], atol=1e-9)
-    assert_allclose(estimates[-1, EXPECTED.disturbance], unknown, atol=1e-7)
-    assert_allclose(estimates[-1, [1, 2, 3]], [0.0, 0.7, 0.0], atol=1e-12)
-
-
 def test_a_step_of_the_disturbance_stays_within_its_bounds(observer: Observer) -> None:
     """The error also comes near the bounds, else they would prove nothing."""
     time, step = PERIOD * np.arange(600), 2.0
@@ -87,33 +76,6 @@ def test_a_step_of_the_disturbance_stays_within_its_bounds(observer: Observer) -
     assert 0.8 < position / (0.27 * step / BANDWIDTH**2) <= 1.0
     late = time > 12.0 / BANDWIDTH
     assert np.abs(estimates[late, EXPECTED.velocity] - step * time[late]).max() < 0.05 * step / BANDWIDTH
-
-
-def test_noise_reaches_the_velocity_with_the_variance_of_theory(observer: Observer) -> None:
-    """The discrete Lyapunov equation of the error predicts the noise of a long record."""
-    from scipy.linalg import solve_discrete_lyapunov
-
-    deviation = 1e-4
-    noise = np.random.default_rng(1).normal(scale=deviation, size=40_000)
-    estimates = follow(observer, bridge(noise), np.zeros((len(noise), 3)))[2000:]
-    gain = np.array([observer.position_gain, observer.velocity_gain, observer.disturbance_gain])
-    variance = solve_discrete_lyapunov(error_dynamics(observer), deviation**2 * np.outer(gain, gain))
-    measured = [
-        estimates[:, column].std() for column in (EXPECTED.position, EXPECTED.velocity, EXPECTED.disturbance)
-    ]
-    assert_allclose(measured, np.sqrt(np.diag(variance)), rtol=0.1)
-
-
-def test_a_free_pendulum_is_followed_by_its_equations(observer: Observer) -> None:
-    """The acceleration of alpha comes from the model, so that no disturbance remains."""
-    time, length, amplitude = PERIOD * np.arange(3000), 0.7, 0.05
-    frequency = np.sqrt(GRAVITY / length) * (1.0 - amplitude**2 / 16.0)
-    rows = bridge(np.zeros_like(time))
-    rows[:, 3] = amplitude * np.cos(frequency * time)
-    estimates = follow(observer, rows, np.zeros((len(time), 3)))[500:]
-    rate = -amplitude * frequency * np.sin(frequency * time[500:])
-    assert np.abs(estimates[:, EXPECTED.velocity + 3] - rate).max() < 1e-3 * amplitude * frequency
-    assert np.abs(estimates[:, EXPECTED.disturbance + 3]).max() < 2e-3 * amplitude * frequency**2
 
 
 def test_what_moves_the_trolley_is_not_taken_for_a_disturbance_of_the_angles(observer: Observer) -> None:
