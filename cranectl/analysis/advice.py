@@ -135,13 +135,7 @@ def advise(
     scenario: Scenario, controllers: Sequence[str] = CONTROLLERS, *, progress: Progress | None = None
 ) -> Advice:
     """Assess the controllers with velocity drives and DRIVE_AND_SENSOR_EFFECTS, as set or by default."""
-    rig = with_effects(
-        scenario,
-        [
-            *DRIVE_AND_SENSOR_EFFECTS,
-            *(n for n in scenario.effects.names if n not in DRIVE_AND_SENSOR_EFFECTS),
-        ],
-    )
+    rig = with_effects(scenario, {*DRIVE_AND_SENSOR_EFFECTS, *scenario.effects.names})
     points = tuple(visited_points(rig))
     assessments = []
     for name in controllers:

@@ -72,10 +72,7 @@ class ContinuousLoop(NamedTuple):
 
 @jit_called
 def closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outputs):
-    """Write the state derivative into `rate`, the flat output (15,) into `flat`, and `outputs` (9,).
-
-    `outputs` are u, v and v-bar, three numbers each. `reference` is (15,), `disturbance` (2,) [rad/s²].
-    """
+    """Write state derivative, flat output (15,) and `outputs` (9,), which are u, v and v-bar, three each."""
     zeta, zeta_dot = state[EXTENSION], state[EXTENSION + 1]
     flat_output(state, zeta, zeta_dot, loop.gravity, flat)
     order = loop.b.shape[0]
@@ -145,10 +142,7 @@ def record_rows(loop, rig, states, reference, disturbance, wind, record):
 
 @jit_called
 def advance_steps(loop, rig, state, steps, reference, disturbance, wind, row_of, states):
-    """Integrate over steps of lengths `steps` (n,), with `reference` (n, stages, 15).
-
-    `row_of` (n,) is the row of a state in `states`, or -1.
-    """
+    """Integrate over `steps` (n,), `reference` (n, stages, 15); `row_of` (n,) are rows in `states`, or -1."""
     size = len(state)
     rates, stage_state = np.zeros((STAGES, size)), np.zeros(size)
     flat, outputs = np.zeros(15), np.zeros(9)
@@ -176,7 +170,7 @@ def advance_steps(loop, rig, state, steps, reference, disturbance, wind, row_of,
             state[i] += steps[k] * increment
 
 
-def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: float = MAX_STEP) -> Run:
+def simulate_continuous(scenario: Scenario, design: Design) -> Run:
     """Simulate `scenario` on the analytic plant with the continuous-time tracker.
 
     The states are recorded at the control samples. Drives are ideal, and none of the scenario's effects act.
@@ -186,7 +180,7 @@ def simulate_continuous(scenario: Scenario, design: Design, *, longest_step: flo
     r = design.robustifier
     fastest = abs(r.fastest_mode[0]) if r.order else 0.0
     period = scenario.period_ns / NANOSECONDS
-    parts = max(ceil(period / longest_step - 1e-9), ceil(period * fastest / STIFFNESS), 1)
+    parts = max(ceil(period / MAX_STEP - 1e-9), ceil(period * fastest / STIFFNESS), 1)
     columns = record_width(design) + PART_COLUMNS * parts
     check_several(scenario, design, 1, "a run in continuous time", columns=columns, max_bytes=MAX_BYTES)
     plan = plan_scenario(scenario)

@@ -141,11 +141,7 @@ def evaluate_levels(
 
 
 def model_level(scenario: Scenario, added: Sequence[str]) -> tuple[Level, Scenario]:
-    """Return the level of the model file that the rig names, and its scenario with the effects `added`.
-
-    Effects that the model does not honour are left out, and the level says so. Raises InputError if the model
-    is no crane, or has other numbers than the rig.
-    """
+    """Return the level of the rig's model file, and its scenario with those effects that the file honours."""
     entry = examine(str(scenario.rig.model), scenario.rig)
     drive, effects = entry.drives[0], with_effects(scenario, added).effects
     honoured, left_out = without_lacking(effects, plant=entry.name, drive=drive)

@@ -130,6 +130,11 @@ class PointVerdict:
             check_ascending(("the largest pole of a certified loop", self.closed_loop_radius), ("one", 1.0))
 
     @property
+    def difference(self) -> float:
+        """The margin minus the nu-gap."""
+        return self.margin - self.gap
+
+    @property
     def certified(self) -> bool:
         """Whether gap and margin prove that the linear loop is stable."""
         return self.grade != "refused"
@@ -158,7 +163,7 @@ class Certificate:
     @property
     def worst(self) -> PointVerdict:
         """The point with the smallest difference of margin and nu-gap."""
-        return worst_of(self.points)
+        return min(self.points, key=lambda verdict: verdict.difference)
 
     @property
     def margin(self) -> float:
@@ -168,7 +173,7 @@ class Certificate:
     @property
     def least_margin(self) -> float:
         """The margin minus the nu-gap at the worst point."""
-        return self.margin - self.worst.gap
+        return self.worst.difference
 
     @property
     def certified(self) -> bool:
@@ -191,11 +196,6 @@ class Certificate:
             "worst": self.worst.to_json(),
             "points": [verdict.to_json() for verdict in self.points],
         }
-
-
-def worst_of(points: Sequence[PointVerdict]) -> PointVerdict:
-    """Return the first point with the smallest difference of margin and nu-gap."""
-    return min(points, key=lambda verdict: verdict.margin - verdict.gap)
 
 
 def make_nominal_loops(
@@ -241,13 +241,9 @@ def make_nominal_loop(
     scenario: Scenario,
     design: ControllerDesign,
     opened_at: str | None = None,
-    linear: LinearController | None = None,
+    linear: LinearController | None = None,  # of a controller outside the flat family
 ) -> NominalLoop:
-    """Return design model and margin of `design` with the loop opened at a signal, see `choose_opening`.
-
-    `linear` is the linearisation of a controller outside the flat family. Raises InputError for a signal at
-    which the loop cannot be opened, and for a long delay.
-    """
+    """Return design model and margin of `design` with the loop opened at a signal, see `choose_opening`."""
     samples = scenario.delay_samples
     if samples > MAX_DELAY_SAMPLES:
         raise InputError(
@@ -294,7 +290,8 @@ def certify(
             progress(1.0)
     lag_x, lag_y, lag_l = (float(lag) for lag in scenario.rig.time_constants)
     delay = scenario.effects.delay
-    loop = nominal_loops[worst_of(verdicts).point.rope_length]
+    worst = min(verdicts, key=lambda verdict: verdict.difference)
+    loop = nominal_loops[worst.point.rope_length]
     return Certificate(
         controller=loop.design.name,
         drive=drive,

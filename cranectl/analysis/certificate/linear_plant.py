@@ -50,16 +50,14 @@ from cranectl.simulate.actuation import Actuation, actuate, make_actuation
 from cranectl.support.arrays import Array
 
 
-def _names(effect: str, settings: Sequence[str]) -> list[str]:
-    return [f"{effect}.{setting}" if setting else effect for setting in settings]
+def _names(part: str) -> list[str]:
+    """Return the effects that are wholly in a `part` of their classes, and the settings that are in it."""
+    settings = ((effect, setting) for effect, kind in EFFECTS.items() for setting in getattr(kind, part))
+    return [f"{effect}.{setting}" if setting else effect for effect, setting in settings]
 
 
-# What is included, whole effects first, and what is left out.
-LINEAR = sorted(
-    (full_name for name, kind in EFFECTS.items() for full_name in _names(name, kind.linear)),
-    key=lambda name: "." in name,
-)
-NOT_LINEAR = [full_name for name, kind in EFFECTS.items() for full_name in _names(name, kind.nonlinear)]
+LINEAR = sorted(_names("linear"), key=lambda name: "." in name)  # included; whole effects first
+NOT_LINEAR = _names("nonlinear")  # left out
 
 
 def present(effects: EffectSettings, names: Sequence[str]) -> list[str]:
@@ -145,11 +143,8 @@ def run_plant(scenario: Scenario, drive: Drive) -> MujocoPlant:
 
 
 def _crane_matrix(plant: MujocoPlant, base: BaseState, command: Array, tilt: Array, air: Array) -> Array:
-    """Return the matrix (n, n + 3) from (change of state, command) to the change one period later.
-
-    The ten joints come first, see `plants.mujoco.linearisation`. Coordinates that affect nothing are left
-    out.
-    """
+    """Return the matrix (n, n + 3) from (change of state, command) to the change one period later."""
+    # The ten joints come first. Coordinates that affect nothing are left out.
     n, load = count_coordinates(plant), np.zeros(7)
 
     def crane(values: Array) -> Array:
@@ -184,10 +179,7 @@ def _equilibrium_memory(state: EquilibriumState, command: Array, observer: Obser
 def _controller_map(
     tracker: Tracker | None, actuation: Actuation, observer: Observer | None, drive: Drive
 ) -> Callable[[Array], Array]:
-    """Return the map (joints, memory, v) → (memory one period later, command (3), flat state (12)).
-
-    Without a tracker, v is the command, and the joints (10) replace the flat state.
-    """
+    """Return (joints, memory, v) → (memory later, command (3,), flat state (12,) or joints if no tracker)."""
     size = ESTIMATE + (0 if observer is None else EXPECTED.size)
     first = DRIVES[drive].column or 0
 
@@ -213,10 +205,7 @@ def _controller_map(
 
 
 def _join(crane: Array, controller: Array, size: int, retained: list[int]) -> SampledSystem:
-    """Join crane and controller, with only the entries `retained` of the memory.
-
-    The controller measures the crane's first ten states. Ideal drives ignore the set-points in the memory.
-    """
+    """Join crane and controller, with the entries `retained` of the memory; the joints are measured."""
     rows, n, m = [*retained, *range(size, len(controller))], len(crane), len(retained)
     measured = np.zeros((len(rows), n))
     measured[:, :JOINT_SIGNALS] = controller[rows, :JOINT_SIGNALS]

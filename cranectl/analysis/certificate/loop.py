@@ -240,10 +240,7 @@ def choose_opening(controller: str, axis: AxisDesign, settings: DesignSettings, 
 
 
 def best_scales(axis: AxisDesign) -> Array:
-    """Find scales (4,) of an axis's measured signals for which b(G, K) at "v" or "u" is largest.
-
-    The scale of a signal that the controller does not use is 0.
-    """
+    """Find the scales (4,) with the largest b(G, K) at "v" or "u"; 0 for signals that are not used."""
     measured = axis.inner_loop().response(GRID)[:, :: axis.axes, 0]
     r = axis.robustifier.response(GRID)[:, 0]
     plant, controller = np.abs(measured) ** 2, np.abs(axis.gain + r) ** 2

@@ -100,11 +100,10 @@ class CoprimeMargin:
 
 
 def coprime_margin(plant: Graph, controller: Response, poles: Complex) -> CoprimeMargin:
-    """Compute the margin b(P, K) of a loop that is known to be stable.
+    """Compute the margin b(P, K) of a loop that is known to be stable; 0 if the grid cannot resolve it.
 
     `controller` returns K of u = K y at points z (k,), shape (k, m, p); `poles` are its poles. The grid
-    starts above zero frequency, so that K may have integrators. The margin is 0 if the grid cannot resolve
-    it.
+    starts above zero frequency, so that K may have integrators.
     """
 
     def evaluate(z: Complex) -> GridSamples:
@@ -140,7 +139,7 @@ def _grid_from_start(*poles: Complex) -> Array:
 
 def smallest_sine(across: Complex, graph: Complex) -> Array:
     """Return the sine (k,) of the smallest angle between a controller's and a plant's graph."""
-    sine: Array = np.linalg.norm(np.conj(np.swapaxes(across, 1, 2)) @ graph, -2, axis=(1, 2))
+    sine: Array = np.linalg.norm(_hermitian(across) @ graph, -2, axis=(1, 2))
     return sine
 
 
@@ -148,4 +147,4 @@ def complement(controller: Complex) -> Complex:
     """Return an orthonormal basis (k, p + m, m) of the complement of the graph [y; K y], K (k, m, p)."""
     k, m, _ = controller.shape
     rows = np.concatenate([-controller, np.broadcast_to(np.eye(m), (k, m, m))], axis=2)
-    return orthonormal(np.conj(np.swapaxes(rows, 1, 2)))
+    return orthonormal(_hermitian(rows))

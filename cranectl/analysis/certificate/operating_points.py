@@ -81,10 +81,7 @@ def signals_at(joints: Array, gravity: float) -> EquilibriumState:
 
 
 def tilt_angles(point: OperatingPoint, gravity: float) -> tuple[float, float]:
-    """Return alpha and beta [rad] at the equilibrium in which the load of a crane without effects hangs down.
-
-    Raises InputError if gravity cannot balance the disturbance at any angle.
-    """
+    """Return alpha and beta [rad] at rest without effects; raise InputError if gravity is too weak."""
     a, b = (point.rope_length * d / gravity for d in point.tilt)
     total = 1.0 + a * a
     root = total * total - 4.0 * a * a * (1.0 - b * b)
@@ -108,11 +105,9 @@ def grid_of(
     hoisting_speeds: Sequence[float],
 ) -> list[OperatingPoint]:
     """Return the operating points of every combination; raise InputError for values that are out of range."""
-    values = [("a tilt of", angle, "rad/s²") for tilt in tilts for angle in tilt]
-    for name, value, unit in (
-        *values,
-        *(("a hoisting speed of", hoisting_speed, "m/s") for hoisting_speed in hoisting_speeds),
-    ):
+    numbers = [*(("a tilt of", "rad/s²", angle) for tilt in tilts for angle in tilt)]
+    numbers += (("a hoisting speed of", "m/s", speed) for speed in hoisting_speeds)
+    for name, unit, value in numbers:
         if not abs(value) <= MAX_OPERATING_VALUE:  # also true for NaN
             raise InputError(
                 f"{name} {value:g} {unit}",
@@ -127,10 +122,8 @@ def grid_of(
                 allowed=f"{low:g} to {high:g} m, rig.rope_range",
                 remedy="choose other rope lengths, or set rig.rope_range",
             )
-    return [
-        OperatingPoint(length, tilt, speed)
-        for length, tilt, speed in itertools.product(rope_lengths, tilts, hoisting_speeds)
-    ]
+    combinations = itertools.product(rope_lengths, tilts, hoisting_speeds)
+    return [OperatingPoint(*values) for values in combinations]
 
 
 STEP = 1e-5  # of the differences, in each signal's unit
@@ -143,10 +136,7 @@ REST_ITERATIONS = 30
 def find_equilibrium(
     plant: MujocoPlant, point: OperatingPoint, drive: Drive, air: Array, gravity: float
 ) -> tuple[BaseState, Array, EquilibriumState]:
-    """Find the engine's state, the command (3,) that keeps it, and the tracker's signals at the equilibrium.
-
-    Raises InputError if it finds no equilibrium.
-    """
+    """Return engine state, command (3,) and tracker's signals at rest; raise InputError if there is none."""
     start, free = _starting_guess(plant, point, gravity), free_coordinates(plant)
     commands = 0 if DRIVES[drive].at_rest == "nothing" else 3
 

@@ -41,10 +41,7 @@ MIN_DIVISOR = 1e-300
 
 
 def structured_values(matrices: Complex) -> tuple[Array, Array]:
-    """Return upper bounds (k,) of mu of matrices (k, m, m), m > 1, and the scalings (k, m) that give them.
-
-    The bound is the norm of D M D^-1, so it holds even if the scalings are not optimal.
-    """
+    """Return upper bounds (k,) of mu of matrices (k, m, m), m > 1: norms of D M D^-1, and these D (k, m)."""
     k, m, _ = matrices.shape
     centre = np.zeros((k, m))
     shape = np.broadcast_to(RADIUS**2 * np.eye(m - 1), (k, m - 1, m - 1)).copy()
@@ -108,11 +105,8 @@ class GridBounds(NamedTuple):
 
 
 def find_unproven(system: SampledSystem, bounds: GridBounds, level: Callable[[Array], Array]) -> float | None:
-    """Return None if mu is proven below `level` at every frequency, else the first angle without a proof.
-
-    `level` is a function of angles (k,), positive and nowhere increasing. `system` must be stable.
-    """
-    continuous, allowed = bilinear(system), level(bounds.angles)
+    """Return None if mu of a stable system is proven below `level`, else the first angle without proof."""
+    continuous, allowed = bilinear(system), level(bounds.angles)  # positive and nowhere increasing
     start = 0.0
     for _ in range(MAX_INTERVALS):
         passed = int(np.searchsorted(bounds.angles, start * (1.0 + 2.0 * EIGENVALUE_TOLERANCE), side="right"))
@@ -137,10 +131,7 @@ def find_unproven(system: SampledSystem, bounds: GridBounds, level: Callable[[Ar
 def find_proven_end(
     continuous: SampledSystem, scaling: Array, level: float, start: float, end: float
 ) -> float:
-    """Return the angle, at most `end`, up to which the norm of D T D^-1 is below `level` from `start` on.
-
-    `continuous` is the result of `bilinear`. The result is `start` if the norm is not below `level` there.
-    """
+    """Return the angle up to which the norm of D T D^-1 is below `level`, from `start` to at most `end`."""
     a, b, c, d = continuous
     b, c, d = b / scaling, scaling[:, None] * c, scaling[:, None] * d / scaling
     crossings = _crossings(SampledSystem(a, b, c, d), level)
@@ -184,10 +175,7 @@ def _crossings(continuous: SampledSystem, level: float) -> Array | None:
 
 
 def _longest_interval(bounds: GridBounds, allowed: Array, first: int) -> tuple[int, Array]:
-    """Return the last grid point up to which one scaling keeps all norms below `allowed`, and that scaling.
-
-    The last point is before `first` if the norm at `first` is too large.
-    """
+    """Return the last grid point, maybe first - 1, up to which one scaling serves, and that scaling."""
     hardest = first + int(np.argmax(bounds.values[first:] / allowed[first:]))
     best, scaling = first - 1, bounds.scalings[first]
     for k in (hardest, first):
@@ -237,10 +225,7 @@ class DriveMargins:
 
 
 def drive_margins(inner: InnerLoop, robustifier: SampledSystem, period: float) -> DriveMargins:
-    """Return the margins of a loop at the drives; all are zero for an unstable loop.
-
-    They are computed on a grid that follows the loop's poles, and proven between its points.
-    """
+    """Return the margins of a loop at the drives, proven at all frequencies; zero for an unstable loop."""
     loop = closed_loop(inner, robustifier)  # T'
     poles = loop.poles()
     if np.abs(poles).max() >= 1.0:
@@ -278,10 +263,7 @@ def _find_proven_value(
     best: Callable[[GridBounds], float],
     level: Callable[[float, Array], Array],
 ) -> float:
-    """Return the `best` value on the grid if it is proven between the grid points too, else 0.
-
-    The proof is that mu stays below `level`, a function of this value and of the angles (k,).
-    """
+    """Return the `best` value on the grid if mu is proven below its `level` everywhere, else 0."""
     for _ in range(MAX_PROOFS):
         value = best(bounds)
         unproven = find_unproven(system, bounds, partial(level, value)) if value else None

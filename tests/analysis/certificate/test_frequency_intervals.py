@@ -5,9 +5,7 @@ import pytest
 
 from cranectl.analysis.certificate.structured import (
     GridBounds,
-    bilinear,
     bound_on_grid,
-    find_proven_end,
     find_unproven,
 )
 from cranectl.analysis.certificate.systems import SampledSystem
@@ -33,16 +31,6 @@ def resonance(damping: float, angle: float = 0.7654) -> SampledSystem:
     b, c = np.zeros((2, 3)), np.zeros((3, 2))
     b[0, 0], c[0, 0] = 1.0, 2.0 * damping
     return SampledSystem(a, b, c, np.diag([0.0, 0.5, 0.5]))
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_the_bilinear_map_keeps_the_response(seed: int) -> None:
-    system = random_stable(seed)
-    angles = np.array([1e-4, 0.1, 1.0, 3.0])
-    a, b, c, d = bilinear(system)
-    at = 1j * np.tan(0.5 * angles)
-    found = np.array([c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d for s in at])
-    assert np.abs(found - system.response(np.exp(1j * angles))).max() < 1e-9
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -77,17 +65,6 @@ def test_a_falling_level_is_proven_arc_by_arc() -> None:
 
     assert falling(1.03) is None
     assert falling(0.97) is not None
-
-
-def test_below_until_stops_at_the_crossing() -> None:
-    """First order: |0.1 / (z - 0.9)| falls through 0.5 at a known angle."""
-    system = SampledSystem(np.diag([0.9]), np.eye(1), 0.1 * np.eye(1), np.zeros((1, 1)))
-    crossing = np.arccos((1.0 + 0.81 - 0.04) / 1.8)  # |z - 0.9| = 0.2
-    one = np.ones(1)
-    assert find_proven_end(bilinear(system), one, 0.5, 0.0, 3.0) == 0.0, "above from the start"
-    assert find_proven_end(bilinear(system), one, 0.5, 1.01 * crossing, 3.0) == 3.0
-    rising = system._replace(a=np.diag([-0.9]))  # its mirror image
-    assert find_proven_end(bilinear(rising), one, 0.5, 0.0, 3.0) == pytest.approx(np.pi - crossing, rel=1e-9)
 
 
 def test_scalings_may_differ_from_arc_to_arc() -> None:

@@ -15,7 +15,6 @@ from cranectl.analysis.certificate.loop import closed_loop, flat_axis, inner_loo
 from cranectl.analysis.certificate.operating_points import (
     OperatingPoint,
     find_equilibrium,
-    grid_of,
     tilt_angles,
 )
 from cranectl.controllers.flat import MEMORY, RUNNING, control_step
@@ -273,13 +272,3 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int, controller: str) -
 def test_more_than_gravity_holds_is_refused(tilt: tuple[float, float]) -> None:
     with pytest.raises(InputError, match="disturbance of"):
         tilt_angles(OperatingPoint(0.7, tilt), G)
-
-
-def test_grid_is_every_combination_within_the_rig() -> None:
-    scenario = default_scenario()
-    points = grid_of(
-        scenario, rope_lengths=(0.2, 1.0), tilts=((0.0, 0.0), (1.0, 1.0)), hoisting_speeds=(0.1,)
-    )
-    assert len(set(points)) == 4
-    with pytest.raises(InputError, match=r"rope of 1\.5 m"):
-        grid_of(scenario, rope_lengths=(0.2, 1.5), tilts=((0.0, 0.0),), hoisting_speeds=(0.0,))
