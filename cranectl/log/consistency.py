@@ -78,10 +78,7 @@ def check_outcome(plant: str, outcome: Outcome, sampling: Sampling) -> None:
 def check_times(
     topic: str, time_ns: NDArray[np.int64], sampling: Sampling, outcomes: Sequence[Outcome]
 ) -> None:
-    """Raise DamageError unless a topic has regular samples from the start on, and one at the end of a run.
-
-    `time_ns` increases. `outcomes` has the run that the topic belongs to, or all runs if they share it.
-    """
+    """Raise DamageError unless increasing times (N,) are regular and end where one of `outcomes` does."""
     period_ns = sampling.scenario.period_ns
     ends = {outcome.end_ns for outcome in outcomes}
     ends |= {outcome.end_ns - period_ns for outcome in outcomes if outcome.status not in WITH_LAST_SAMPLE}

@@ -107,18 +107,12 @@ def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> Expor
 
 @functools.cache
 def exporters() -> dict[str, Exporter]:
-    """Return the exporters of cranectl and of installed packages, by name.
-
-    Raises InputError if a package declares an invalid one.
-    """
+    """Return our exporters and those of installed packages by name; raise InputError for an invalid one."""
     return with_extensions({own.name: own for own in EXPORTERS}, Exporter, extensions.EXPORTERS)
 
 
 def choose_exporter(name: str | None, out: Path | None) -> Exporter:
-    """Return the exporter of the format `name`, or without a name that of the ending of `out`, or csv.
-
-    Raises InputError if there is no such format.
-    """
+    """Return the exporter `name`, else that of the ending of `out`, or csv; raise InputError for others."""
     known = exporters()
     ending = name or (out.suffix.removeprefix(".").lower() if out else "csv")
     if ending in known:

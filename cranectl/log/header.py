@@ -130,12 +130,7 @@ def parse_header(
 
 
 def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]) -> LogHeader:
-    """Return the header in metadata and attachments of format 2.
-
-    Raises DamageError if it contradicts itself. Raises InputError, KeyError, TypeError, ValueError,
-    IndexError, OverflowError or RecursionError if it is not such a header; `parse_header` turns all of these
-    into a LogError.
-    """
+    """Return the header; `parse_header` turns the errors of a contradictory or wrong one into LogError."""
     declared = metadata["cranectl"]
     kind = MeasuredScenario if declared["format"] == WITHOUT_REFERENCE else Scenario
     stated = parse_settings(kind, _json(attachments, "scenario.json"), "scenario.json")
@@ -206,10 +201,7 @@ def _json(attachments: Mapping[str, bytes], name: str) -> dict[str, Any]:
 
 
 def _design(data: dict[str, Any]) -> ControllerDesign:
-    """Return the design in `data`; raise TypeError or ValueError if numbers are missing, NaN or changed.
-
-    Writing the design again must give the same numbers.
-    """
+    """Return the design; raise TypeError or ValueError unless it has all numbers, and writes them again."""
     design = ControllerDesign.from_json(data)
     if design.axis_design is None:
         return design

@@ -88,10 +88,7 @@ def _differences(a: Run, b: Run, name: str) -> list[Stream]:
 
 
 def distances(topic: str, a: Run, b: Run) -> Stream:
-    """Return the distances of two runs at their common times, at least MIN_DISTANCE.
-
-    Both runs must have angles and the position of the load.
-    """
+    """Return the distances, at least MIN_DISTANCE, of two runs with angles and loads at common times."""
     time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
     load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
     angles = np.abs(b.angles[in_b] - a.angles[in_a]).max(axis=1)

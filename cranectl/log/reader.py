@@ -60,10 +60,7 @@ def read_log(path: str | Path) -> dict[str, Run]:
 
 
 def read_runs(path: str | Path, *, overlays: bool) -> dict[str, tuple[LogHeader, Run]]:
-    """Read the runs in a log, each with its header: by plant, or by label from an overlay.
-
-    Raises LogError as `read_log` does, and for an overlay unless `overlays` are allowed.
-    """
+    """Read the runs with their headers, by plant or label; raise LogError for unwanted `overlays`."""
     with opened(path) as stream:
         contents, columns = read_rows(path, stream, is_of_runs)
         headers = headers_of(path, contents, overlays=overlays)
@@ -113,21 +110,14 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
 
 
 def header_of(path: str | Path, contents: Contents, prefix: str = "") -> LogHeader:
-    """Return the header of a log from its contents; `prefix` selects the records of one run of an overlay.
-
-    Raises LogError or DamageError as `parse_header` does.
-    """
+    """Return the header in the records whose names begin with `prefix`; raise errors of `parse_header`."""
     check_names(contents)
     attachments = {name: attachment.data for name, attachment in contents.attachments.items()}
     return parse_header(str(path), _of(prefix, contents.metadata), _of(prefix, attachments))
 
 
 def headers_of(path: str | Path, contents: Contents, *, overlays: bool = True) -> dict[str, LogHeader]:
-    """Return the header of each run of a log from its contents, by label or plant.
-
-    Raises DamageError for contradictions. Raises LogError for an overlay of an old format, and for any
-    overlay unless `overlays` are allowed.
-    """
+    """Return the headers by label or plant; raise LogError for an overlay unless `overlays` are allowed."""
     if OVERLAY not in contents.metadata or not overlays:
         header = header_of(path, contents)
         return dict.fromkeys(header.plants, header)
@@ -171,10 +161,10 @@ def is_of_runs(topic: str) -> bool:
 def blocks_of(
     groups: Mapping[str, SignalGroup], contents: Contents, columns: dict[int, Column]
 ) -> dict[str, TopicSamples]:
-    """Return the samples of `groups` by topic, and remove their channels from `columns` to free memory.
+    """Return the samples of `groups` by topic, none for a topic without a channel.
 
-    A topic without a channel has no samples. Raises DamageError unless each channel carries the signals of
-    its group, in their order and units.
+    To free memory, the channels are removed from `columns`. Raises DamageError for a channel with other
+    signals or units.
     """
     channels = _checked_channels(contents, groups)
     return {

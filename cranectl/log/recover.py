@@ -124,10 +124,7 @@ def _target(source: Path, out: str | Path | None) -> Path:
 
 
 def _runs(header: LogHeader, contents: Contents, chunks: Sequence[Content]) -> dict[str, Run]:
-    """Return the runs, each cut to the samples that all its topics have.
-
-    Raises UnsupportedError if a topic has no samples, though its run is said to have some.
-    """
+    """Return the runs, each cut to the samples of all its topics; raise UnsupportedError if one has none."""
     blocks = blocks_of(header.groups(), contents, columns_of(contents, chunks, lambda _: True))
     runs = {}
     for plant in header.plants:

@@ -84,10 +84,7 @@ def can_be_drawn(run: Run) -> bool:
 
 
 def opacities(plants: Sequence[str]) -> dict[str, float]:
-    """Return the opacity of each crane: 1 for the reference plant, and less for all others.
-
-    All ghosts at one place together have the opacity GHOST.
-    """
+    """Return the opacity of each crane: 1 for the reference plant; all others together have GHOST."""
     ghost = 1.0 - (1.0 - GHOST) ** (1.0 / max(len(plants) - 1, 1))
     return {plant: 1.0 if plant == reference_plant(plants) else ghost for plant in plants}
 

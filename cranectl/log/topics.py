@@ -58,10 +58,8 @@ def in_order(streams: Sequence[Stream]) -> Iterator[tuple[int, int, bytes]]:
     waiting = [iter(stream.messages) for stream in streams]
     taken = [0] * len(streams)
     longest = max((stream.time_ns for stream in streams), key=len, default=np.empty(0, np.int64))
-    for until in [
-        *longest[SORTED_MESSAGES::SORTED_MESSAGES].tolist(),
-        None,
-    ]:  # a few at a time, or their order takes memory
+    # A few at a time, or their order takes memory.
+    for until in (*longest[SORTED_MESSAGES::SORTED_MESSAGES].tolist(), None):
         times, numbers = [], []
         for k, stream in enumerate(streams):
             last = len(stream.time_ns) if until is None else int(np.searchsorted(stream.time_ns, until))
@@ -81,9 +79,7 @@ LOG = "/log"
 TRANSFORMS = "/tf"
 REFERENCE_PATH = "/reference/path"
 WORKSPACE = "/rig/workspace"
-OVERLAY_REFERENCE = (
-    "reference"  # topic of the reference of one run of an overlay; runs of other logs share theirs
-)
+OVERLAY_REFERENCE = "reference"  # of one run of an overlay; runs of other logs share theirs
 ROPE, ARROW = "rope", "disturbance_arrow"  # drawings of a plant, beside its `model` and `trail`
 FORMER_NAMES = ("cable", "push")  # names of these two before 0.3
 
@@ -112,10 +108,7 @@ def plant_topic(plant: str, group: str) -> str:
 
 
 def difference_topic(group: str, plant: str = "") -> str:
-    """Return the topic of a difference from the reference plant.
-
-    `plant` is given if a log compares several plants with the reference plant.
-    """
+    """Return the topic of a difference; `plant` is given if a log compares several plants."""
     return f"{DIFFERENCES}{plant}/{group}" if plant else f"{DIFFERENCES}{group}"
 
 

@@ -74,10 +74,7 @@ def write_log(
 
 
 def write_logged(path: Path, runs: Sequence[Run], every: int, limits: PairLimits | None = None) -> None:
-    """Write runs that already hold only every n-th sample, as runs from a log do.
-
-    Raises LogError, and InputError as `check_recordable` does.
-    """
+    """Write runs that already hold only every n-th sample; raise LogError or InputError if that fails."""
     check_recordable(runs[0].scenario, runs[0].design, runs[0].drive)
     try:
         check_runs(runs, every)

@@ -161,10 +161,7 @@ class Contents:
 
 
 def read_end(stream: BinaryIO, size: int) -> End:
-    """Read the end of a closed file of `size` bytes, and check its records and checksums.
-
-    Raises DamageError if one is wrong.
-    """
+    """Read the end of a closed file; raise DamageError for wrong records or checksums there."""
     stop = size - len(MAGIC) - _FOOTER_LENGTH
     footer = parse(Footer.read, read_record(stream, max(stop, 0), size - len(MAGIC), Opcode.FOOTER))
     start = footer.summary_start or stop  # 0 means that there is no summary
@@ -246,10 +243,7 @@ def check_begin(path: str | Path, stream: BinaryIO) -> None:
 
 
 def open_contents(path: str | Path, stream: BinaryIO) -> Contents:
-    """Return the contents of a closed log before its data are read.
-
-    Raises LogError if the file is not an MCAP file or is truncated, and DamageError if its end is damaged.
-    """
+    """Return the contents of a closed log before its data are read; raise LogError or DamageError."""
     check_begin(path, stream)
     size = stream.seek(0, 2)
     stream.seek(max(size - len(MAGIC), 0))

@@ -225,11 +225,10 @@ _INFLATE: dict[str, Callable[[bytes, int], bytes]] = {"": lambda data, _: data, 
 
 @jit
 def record_tables(data: Bytes) -> tuple[Integers, Integers, int]:
-    """Return a table of messages and one of definitions in a chunk, and the byte at which they end.
+    """Return tables of messages (channel, time [ns], start, stop) and definitions (opcode, start, stop).
 
-    The rows of messages are (channel, time [ns], start, stop), and those of definitions (opcode, start,
-    stop). The bytes from start to stop are a record without its head. The tables end before the first record
-    that is of another kind, too short or too long.
+    The bytes from start to stop are a record without its head. The third result is the byte where the tables
+    end, before the first record of another kind or a wrong length.
     """
     size = len(data)
     messages = np.empty((size // (_PREFIX + _MESSAGE_HEAD), 4), dtype=np.int64)

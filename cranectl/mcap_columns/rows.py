@@ -24,10 +24,7 @@ _FIXED64 = 1  # protobuf wire type of a double
 def read_rows(
     path: str | Path, stream: BinaryIO, is_selected: Callable[[str], bool]
 ) -> tuple[Contents, dict[int, Column]]:
-    """Read a closed file: return its contents, and by channel the rows of the selected topics.
-
-    Raises LogError as `open_contents` does, and DamageError for damaged records.
-    """
+    """Return the contents of a closed file, and by channel the rows of selected topics; raise its errors."""
     contents = open_contents(path, stream)
     return contents, columns_of(contents, contents.chunks(stream), is_selected)
 
@@ -35,10 +32,7 @@ def read_rows(
 def columns_of(
     contents: Contents, chunks: Iterable[Content], is_selected: Callable[[str], bool]
 ) -> dict[int, Column]:
-    """Return the rows of signals of the selected topics by channel, in the order of the file.
-
-    Raises DamageError for a message of another length than a row has.
-    """
+    """Return the rows of selected topics by channel; raise DamageError for a message of another length."""
     widths: dict[int, int] = {}
     parts: dict[int, list[Column]] = defaultdict(list)
     for content in chunks:

@@ -5,6 +5,7 @@ import json
 import re
 import struct
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from cranectl.cli.main import main
 from cranectl.log.reader import describe_log, read_log, read_signal
 from cranectl.log.recover import recover_log
 from cranectl.log.writer import write_log
@@ -57,7 +57,8 @@ def rewrite_log(
 ) -> Path:
     """Rewrite a log as another tool does, with attachments and metadata last; `add` may add records.
 
-    Only topics for which `keep` is true, and only the named `parts` of attachments and metadata, are written.
+    Only topics for which `keep` is true, and only the named `parts` of attachments and metadata, are written;
+    `twice` as a part writes them twice, as a tool that merges logs does.
     """
     with source.open("rb") as stream, path.open("wb") as out:
         reader = make_reader(stream)
@@ -79,10 +80,11 @@ def rewrite_log(
             )
         if add:
             add(writer)
-        for attachment in reader.iter_attachments() if "attachments" in parts else ():
-            writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
-        for metadata in reader.iter_metadata() if "metadata" in parts else ():
-            writer.add_metadata(metadata.name, metadata.metadata)
+        for _ in range(1 + ("twice" in parts)):
+            for attachment in reader.iter_attachments() if "attachments" in parts else ():
+                writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
+            for metadata in reader.iter_metadata() if "metadata" in parts else ():
+                writer.add_metadata(metadata.name, metadata.metadata)
         writer.finish()
     return path
 
@@ -116,32 +118,22 @@ FORMS: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_log_rewritten_by_another_tool_is_read(
+def test_a_log_rewritten_by_another_tool_is_read_and_recovered(
     written: Path, short_run: Any, tmp_path: Path, form: str
 ) -> None:
-    path = rewrite_log(written, tmp_path / "again.mcap", **FORMS[form])
-    assert_same(read_log(path)["analytic"], short_run.every(4))
+    path, saved = rewrite_log(written, tmp_path / "again.mcap", **FORMS[form]), tmp_path / "saved.mcap"
+    recover_log(path, saved)
+    for log in (path, saved):
+        assert_same(read_log(log)["analytic"], short_run.every(4))
     _, alpha = read_signal(path, "analytic/state.alpha")
     assert np.array_equal(alpha, short_run.every(4).signal("state.alpha"))
     assert describe_log(path).versions == describe_log(written).versions
-
-
-@pytest.mark.parametrize("form", ["no chunks", "no summary", "other topics", "other topics without chunks"])
-def test_a_log_rewritten_by_another_tool_is_recovered(
-    written: Path, short_run: Any, tmp_path: Path, form: str
-) -> None:
-    path = rewrite_log(written, tmp_path / "again.mcap", **FORMS[form])
-    recover_log(path, tmp_path / "saved.mcap")
-    assert_same(read_log(tmp_path / "saved.mcap")["analytic"], short_run.every(4))
-    with opened(tmp_path / "saved.mcap") as stream:
-        contents, _ = read_rows(tmp_path / "saved.mcap", stream, lambda _: True)
-    if "other" in form:
+    if "other topics" in form:
+        with opened(saved) as stream:
+            contents, _ = read_rows(saved, stream, lambda _: True)
         by_topic = {channel.topic: channel for channel in contents.channels.values()}
-        assert [by_topic[name].message_encoding for name in ("/pose", "/ros", "/raw")] == [
-            "json",
-            "cdr",
-            "json",
-        ]
+        encodings = [by_topic[name].message_encoding for name in ("/pose", "/ros", "/raw")]
+        assert encodings == ["json", "cdr", "json"]
         assert contents.schemas[by_topic["/ros"].schema_id].encoding == "ros2msg"
         assert by_topic["/raw"].schema_id == 0
 
@@ -178,59 +170,29 @@ def test_records_with_the_same_name_are_kept(written: Path, short_run: Any, tmp_
         reader = make_reader(stream)
         contents = [record.data for record in reader.iter_attachments() if record.name == "notes.txt"]
         assert contents == [b"x", b"y"]
-        assert [record.metadata["a"] for record in reader.iter_metadata() if "notes" in record.name] == [
-            "x",
-            "y",
-        ]
+        values = [record.metadata["a"] for record in reader.iter_metadata() if "notes" in record.name]
+        assert values == ["x", "y"]
 
 
-def merged(written: Path, path: Path) -> Path:
-    """Write a log with its metadata and attachments twice, as a tool that merges logs does."""
-    with written.open("rb") as stream:
-        reader = make_reader(stream)
-        attachments, metadata = list(reader.iter_attachments()), list(reader.iter_metadata())
-
-    def add(writer: Writer) -> None:
-        for attachment in attachments:
-            writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
-        for record in metadata:
-            writer.add_metadata(record.name, record.metadata)
-
-    return rewrite_log(written, path, add)
-
-
-UNREADABLE: dict[str, tuple[Callable[[Path, Path], Path], str]] = {
-    "merged": (merged, "it has cranectl twice, as merged logs do"),
+UNREADABLE: dict[str, tuple[dict[str, Any], str]] = {
+    "merged": ({"parts": "attachments metadata twice"}, "it has cranectl twice, as merged logs do"),
     "topics left out": (
-        lambda log, path: rewrite_log(log, path, keep=lambda topic: topic != "/analytic/load"),
+        {"keep": lambda topic: topic != "/analytic/load"},
         "0 of 101 samples of analytic/load",
     ),
     "no reference": (
-        lambda log, path: rewrite_log(log, path, keep=lambda topic: topic != "/reference/load"),
+        {"keep": lambda topic: topic != "/reference/load"},
         "the reference has 0 of 101 samples",
     ),
-    "topics only": (
-        lambda log, path: rewrite_log(log, path, parts=""),
-        "it has no metadata, like a filtered log",
-    ),
-    "no attachments": (
-        lambda log, path: rewrite_log(log, path, parts="metadata"),
-        "'scenario.json' is missing",
-    ),
-    "large chunks": (
-        lambda log, path: rewrite_log(log, path, add_large_messages),
-        "a chunk claims to unpack to 17",
-    ),
+    "topics only": ({"parts": ""}, "it has no metadata, like a filtered log"),
+    "no attachments": ({"parts": "metadata"}, "'scenario.json' is missing"),
+    "large chunks": ({"add": add_large_messages}, "a chunk claims to unpack to 17"),
     "a large record": (
-        lambda log, path: rewrite_log(
-            log, path, lambda writer: add_large_messages(writer, 65), use_chunking=False
-        ),
+        {"add": partial(add_large_messages, size=65), "use_chunking": False},
         "the message record at byte",
     ),
     "repetitive": (
-        lambda log, path: rewrite_log(
-            log, path, lambda writer: add_large_messages(writer, 4, 60), chunk_size=2**22
-        ),
+        {"add": partial(add_large_messages, size=4, count=60), "chunk_size": 2**22},
         "unpack to more than 100 times its size",
     ),
 }
@@ -240,8 +202,8 @@ UNREADABLE: dict[str, tuple[Callable[[Path, Path], Path], str]] = {
 def test_an_unreadable_log_of_another_tool_is_not_called_damaged(
     written: Path, tmp_path: Path, case: str
 ) -> None:
-    write, reason = UNREADABLE[case]
-    path = write(written, tmp_path / "again.mcap")
+    options, reason = UNREADABLE[case]
+    path = rewrite_log(written, tmp_path / "again.mcap", **options)
     for attempt in (lambda: read_log(path), lambda: recover_log(path, tmp_path / "out.mcap")):
         with pytest.raises(LogError, match="cannot be read") as error:
             attempt()
@@ -259,9 +221,7 @@ def messages(writer: Writer, size: int = 8, count: int = 20) -> None:
 
 def twice(writer: Writer) -> None:
     messages(writer)
-    for content in (b"x", b"y"):
-        writer.add_attachment(0, 0, "a.txt", "text/plain", content)
-        writer.add_metadata("m", {"a": content.decode()})
+    add_notes(writer)
 
 
 OTHER_FILES: dict[str, tuple[Callable[[Writer], Any], dict[str, Any]]] = {
@@ -316,15 +276,3 @@ def test_a_damaged_log_is_called_damaged(written: Path, tmp_path: Path) -> None:
     (tmp_path / "bad.mcap").write_bytes(content)
     with pytest.raises(LogError, match="is damaged"):
         read_log(tmp_path / "bad.mcap")
-
-
-@pytest.mark.parametrize("command", [["report"], ["log", "export", "--format", "csv"]])
-def test_a_directory_without_a_name_is_refused_before_writing(
-    command: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The root directory has no name, so the default output would be `/.html`."""
-    checked: list[Path] = []
-    for module in ("report", "log"):
-        monkeypatch.setattr(f"cranectl.cli.{module}.check_place", lambda path, *_, **__: checked.append(path))
-    assert main([*command, "/"]) == 2
-    assert checked == []

@@ -1,4 +1,4 @@
-"""The reader agrees with the reader of the mcap package; single signals, speed, and foreign topics."""
+"""Single signals, the speed of the reader, and foreign topics."""
 
 import time
 from collections.abc import Callable
@@ -15,35 +15,8 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError
 from tests.conftest import closed_loop, cut
-from tests.controllers.test_flat import robust_design
 from tests.log.corruption import SIGNAL, put_together, take_apart
 from tests.log.test_log import assert_same
-from tests.log.viewer import decode_rows
-
-
-def read_with_mcap(path: Path, topic: str) -> tuple[list[int], list[bytes]]:
-    """Read times and messages of a topic with mcap's own reader."""
-    with path.open("rb") as stream:
-        messages = list(make_reader(stream, validate_crcs=True).iter_messages(topic, log_time_order=False))
-    return [message.log_time for _, _, message in messages], [message.data for _, _, message in messages]
-
-
-@pytest.mark.parametrize("every", [1, 4])
-def test_the_reader_agrees_with_the_reader_of_mcap(tmp_path: Path, short: Scenario, every: int) -> None:
-    written_runs = [
-        simulate_run(short, plant=plant, design=robust_design()) for plant in ("analytic", "mujoco")
-    ]
-    path = write_log(tmp_path / "a.mcap", written_runs, every=every)
-    for plant, run in read_log(path).items():
-        for group in run.groups:
-            times, messages = read_with_mcap(path, f"/{plant}/{group.name}")
-            assert run.time_ns.tolist() == times
-            assert run.block(group.name).tobytes() == decode_rows(messages, len(group)).tobytes()
-        times, messages = read_with_mcap(path, "/reference/load")
-        assert run.reference.tobytes() == decode_rows(messages, 15).tobytes()
-
-
-# Single signals.
 
 
 def test_a_single_signal_equals_that_of_the_whole_log(log: Path, runs: dict[str, Run]) -> None:
@@ -74,9 +47,6 @@ def test_an_unknown_signal_is_refused_with_suggestions(log: Path, name: str) -> 
     assert caught.value.allowed.count("mujoco/s" if "mujoco/s" in name else "/") >= 1
     assert len(caught.value.allowed) < 500
     assert name != "mujoco/state.alfa" or caught.value.remedy == "did you mean 'mujoco/state.alpha'?"
-
-
-# Speed.
 
 
 def seconds(function: Callable[[], object], times: int) -> float:

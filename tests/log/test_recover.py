@@ -300,7 +300,7 @@ def test_the_command_prints_the_recovered_runs(part: Path, capsys: pytest.Captur
 # Child processes write a long log, and each is killed at another moment.
 
 WRITE = """
-import os, random, signal, sys, time
+import os, sys
 from pathlib import Path
 from cranectl.support.interrupts import heed_interrupts, interrupt
 from cranectl.log import writer
@@ -327,7 +327,7 @@ def write(path):
     heed_interrupts(interrupt)
     if moment >= 0:
         writer.open_channel = Channel
-    elif moment == -1:
+    else:
         Path.replace = kill_before_rename
     try:
         write_log(path, runs)
@@ -335,24 +335,12 @@ def write(path):
         os._exit(130)
     os._exit(0)
 
-def has_begun(part):
-    try:
-        return part.stat().st_size > 100_000
-    except FileNotFoundError:
-        return False
-
 for case in sys.argv[2:]:
     number, moment = (int(word) for word in case.split(":"))
     path = Path(f"{number}:{moment}.mcap")
     child = os.fork()
     if child == 0:
         write(path)
-    if moment < -1:
-        part = Path(f"{path}.{child}.part")
-        while not has_begun(part) and not path.exists():
-            time.sleep(0.001)
-        time.sleep(random.Random(moment).uniform(0.0, 0.3))
-        os.kill(child, number)
     print(child, os.waitpid(child, 0)[1])
 """
 
@@ -360,8 +348,7 @@ for case in sys.argv[2:]:
 def kill(log: Path, directory: Path, cases: Iterable[str]) -> list[tuple[Path, Path, int]]:
     """Return (log, unfinished log, exit status) of a writer for each case `signal:moment`.
 
-    A moment is the number of a message, or -1 for a complete file before it is renamed. Other negative
-    moments stand for random times after the first chunks.
+    A moment is the number of a message, or -1 for a complete file before it is renamed.
     """
     cases = list(cases)
     command = [sys.executable, "-c", WRITE, str(log), *cases]
@@ -381,29 +368,22 @@ def test_a_log_can_be_recovered_after_a_kill_at_any_time(long_log: Path, tmp_pat
     with long_log.open("rb") as stream:
         messages = make_reader(stream).iter_messages(log_time_order=False)
         sizes = np.array([31 + len(message.data) for _, _, message in messages])
-    message_counts = sorted(
-        [1, len(sizes), *np.random.default_rng(4).integers(1500, len(sizes), size=4).tolist()]
-    )
-    moments = [*message_counts, *range(-1, -6, -1)]
-    recovered = 0
-    for moment, (path, part, status) in zip(
-        moments, kill(long_log, tmp_path, [f"9:{moment}" for moment in moments]), strict=True
-    ):
-        assert status == 9 or moment < 0
+    counts = np.random.default_rng(4).integers(1500, len(sizes), size=4).tolist()
+    moments = [1, *sorted(counts), len(sizes), -1]
+    killed = kill(long_log, tmp_path, [f"9:{moment}" for moment in moments])
+    for moment, (path, part, status) in zip(moments, killed, strict=True):
+        assert status == 9
+        assert not path.exists()
         if moment == 1:
             with pytest.raises(LogError, match="nothing can be saved"):
                 recover_log(part)
             continue
-        assert not path.exists() or moment < 0
-        if not path.exists():
-            recovery = recover_log(part)
-            recovered += moment < 0
-            assert recovery.lost < 1.3 * CHUNK_SIZE
-            if moment > 0:
-                assert 0 <= sizes[recovery.messages : moment].sum() <= CHUNK_SIZE + sizes.max()
+        recovery = recover_log(part)
+        assert recovery.lost < 1.3 * CHUNK_SIZE
+        if moment > 0:
+            assert 0 <= sizes[recovery.messages : moment].sum() <= CHUNK_SIZE + sizes.max()
         for plant, run in read_log(path).items():
             assert_beginning(run, expected[plant])
-    assert recovered, "no process was killed during writing"
 
 
 def test_a_termination_signal_waits_for_the_log(long_log: Path, tmp_path: Path) -> None:

@@ -182,7 +182,7 @@ def test_the_rope_connects_trolley_and_load(scene: Messages, runs: dict[str, Run
 
 
 def test_a_nearly_slack_rope_is_red(tmp_path: Path) -> None:
-    run = simulate_run(load_scenario("slack-rope"), plant="mujoco")
+    run = closed_loop("slack-rope", "pole-placement", "mujoco")
     tension = run.signal("load.rope_tension")
     assert tension.min() < 0.1 * run.scenario.rig.weight
     reds = {}
