@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -22,6 +23,24 @@ from cranectl.support.arrays import Array
 
 LAB = load_rig("lab-rig")
 COMMANDS = ("bridge_command", "trolley_command", "rope_command")
+
+
+def with_effects(owner: Any, **effects: object) -> Any:
+    """Return a rig or a scenario with other effects."""
+    return owner.model_copy(update={"effects": owner.effects.model_copy(update=effects)})
+
+
+def with_sensing(**sensing: object) -> RigParameters:
+    """Return the laboratory's rig with other encoders."""
+    changed: RigParameters = with_effects(LAB, sensing=LAB.effects.sensing.model_copy(update=sensing))
+    return changed
+
+
+def with_signal(run: Run, name: str, values: Array) -> Run:
+    """Return a run with other readings (N,) of a signal."""
+    table = run.table.copy()
+    table[:, next(k for k, column in enumerate(table.T) if (column == run.signal(name)).all())] = values
+    return replace(run, table=table)
 
 
 def hidden_numbers(rig: RigParameters, rng: np.random.Generator) -> dict[str, float]:

@@ -19,7 +19,7 @@ from cranectl.scenario.effects import Frame
 from cranectl.scenario.load import load_rig
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
-from tests.measured.hidden import LAB, NUMBERS, measured_run
+from tests.measured.hidden import LAB, NUMBERS, measured_run, with_effects, with_sensing, with_signal
 
 
 def test_all_numbers_are_found_within_their_intervals(result: Identification) -> None:
@@ -40,8 +40,7 @@ def test_all_numbers_are_found_within_their_intervals(result: Identification) ->
 
 def test_intervals_have_what_coarse_encoders_leave_open() -> None:
     """A reading that stays in one step repeats its error, also if four runs happen to agree."""
-    sensing = LAB.effects.sensing.model_copy(update={"position_resolution": (2e-3, 2e-3, 2e-3)})
-    coarse = LAB.model_copy(update={"effects": LAB.effects.model_copy(update={"sensing": sensing})})
+    coarse = with_sensing(position_resolution=(2e-3, 2e-3, 2e-3))
     result = identify([measured_run(coarse, NUMBERS, seed) for seed in range(3)], coarse)
     outside = [e.name for e in result.estimates if abs(e.value - NUMBERS[e.name]) > e.half_width]
     assert len(outside) <= 1, outside
@@ -67,12 +66,11 @@ def test_scale_and_delay_of_a_camera_are_found(runs: list[Run]) -> None:
     """Angles of a camera that sees 9/10 of the angle, 60 ms late."""
     seen = []
     for run in runs:
-        table, late = run.table.copy(), round(0.06 / run.scenario.period_ns * 1e9)
+        late = round(0.06 / run.scenario.period_ns * 1e9)
         for name in ("state.alpha", "state.beta"):
-            column = next(k for k, values in enumerate(table.T) if (values == run.signal(name)).all())
-            table[late:, column] = 0.9 * table[:-late, column]
-            table[:late, column] *= 0.9
-        seen.append(replace(run, table=table))
+            angle = run.signal(name)
+            run = with_signal(run, name, 0.9 * np.concatenate([angle[:late], angle[:-late]]))
+        seen.append(run)
     result = identify(seen, LAB, replay="motion")
     values = {estimate.name: estimate.value for estimate in result.estimates}
     assert values["angles.scale"] == pytest.approx(0.9, abs=2e-3)
@@ -87,18 +85,13 @@ def test_scale_and_delay_of_a_camera_are_found(runs: list[Run]) -> None:
     assert "angles" not in campaign_text(result, "mine.toml", "mine", "three runs")
 
 
-def test_residuals_that_last_are_told_though_noise_would_explain_their_size() -> None:
+def test_residuals_that_last_are_told_though_noise_would_explain_their_size(runs: list[Run]) -> None:
     """Angles that drift, as of a camera, with a noise that is stated as large as the drift."""
-    sensing = LAB.effects.sensing.model_copy(update={"angle_noise": 4e-3})
-    rig = LAB.model_copy(update={"effects": LAB.effects.model_copy(update={"sensing": sensing})})
-    runs = []
-    for seed in range(3):
-        run = measured_run(LAB, NUMBERS, seed)
-        table = run.table.copy()
-        column = next(k for k, c in enumerate(table.T) if (c == run.signal("state.alpha")).all())
-        table[:, column] += 4e-3 * np.sin(2.5 * run.time + seed)
-        runs.append(replace(run, table=table))
-    result = identify(runs, rig, replay="motion")
+    drifting = []
+    for seed, run in enumerate(runs):
+        drift = 4e-3 * np.sin(2.5 * run.time + seed)
+        drifting.append(with_signal(run, "state.alpha", run.signal("state.alpha") + drift))
+    result = identify(drifting, with_sensing(angle_noise=4e-3), replay="motion")
     assert result.converged
     (said,) = (remark for remark in remarks(result) if remark.startswith("residuals last"))
     assert "intervals are too narrow" in said
@@ -126,9 +119,7 @@ def test_a_crane_that_the_model_does_not_cover_gives_no_good_fit(
     for seed in range(3):
         run = measured_run(
             LAB, NUMBERS, seed, seconds=6.0,
-            change=lambda s: s.model_copy(
-                update={"effects": s.effects.model_copy(update={"frame": Frame(frequency=(2.0, 2.5))})}
-            ),
+            change=lambda s: with_effects(s, frame=Frame(frequency=(2.0, 2.5))),
         )  # fmt: skip
         write_log(tmp_path / f"{seed}.mcap", [run])
     assert main(["identify", "0.mcap", "1.mcap", "2.mcap", "--rig", "lab-rig"]) == 1

@@ -26,7 +26,7 @@ from cranectl.scenario.effects import DriveLimits, Sensing
 from cranectl.scenario.load import load_rig, rig_names
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
-from tests.measured.hidden import LAB, NUMBERS, measured_run
+from tests.measured.hidden import LAB, NUMBERS, measured_run, with_effects
 
 OWN = 'extends = "harbour-crane"\nrope_range = [3.0, 42.0]\n'
 
@@ -85,7 +85,7 @@ def test_each_run_moves_every_axis_alone_and_all_together_between_two_pauses(nam
 
 def test_drives_without_limits_do_not_swing_the_load_too_far() -> None:
     free = DriveLimits(velocity=(1e9,) * 3, acceleration=(1e9,) * 3, force=(1e9,) * 3)
-    rig = LAB.model_copy(update={"effects": LAB.effects.model_copy(update={"limits": free})})
+    rig = with_effects(LAB, limits=free)
     low, high = rig.workspace.T
     for run in propose_runs(rig):
         way = start(run) + period(run) * np.cumsum(commands(run), axis=0)
@@ -111,8 +111,8 @@ def test_coarse_encoders_are_predicted_to_leave_numbers_open() -> None:
     fine, open_with_fine = predict_estimates(runs, LAB)
     assert open_with_fine == ()
     assert {e.name for e in fine} == NUMBERS.keys()
-    coarse = LAB.effects.model_copy(update={"sensing": Sensing(angle_resolution=0.05, angle_noise=0.02)})
-    wide, left_open = predict_estimates(runs, LAB.model_copy(update={"effects": coarse}))
+    coarse = Sensing(angle_resolution=0.05, angle_noise=0.02)
+    wide, left_open = predict_estimates(runs, with_effects(LAB, sensing=coarse))
     assert left_open == ("effects.friction.pivot_viscous",)
     half = {e.name: e.half_width for e in fine}
     assert all(e.half_width > half[e.name] for e in wide if "rope_offset" in e.name or "pivot" in e.name)

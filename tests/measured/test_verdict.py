@@ -28,11 +28,11 @@ from cranectl.measured.verdict import (
     read_fit,
 )
 from cranectl.scenario import Scenario
-from cranectl.scenario.effects import Body, Rope, Sensing, Wind
+from cranectl.scenario.effects import Body, Rope, Wind
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
-from tests.measured.hidden import LAB, NUMBERS, measured_run
+from tests.measured.hidden import LAB, NUMBERS, measured_run, with_effects, with_sensing, with_signal
 
 Change = Callable[[Scenario], Scenario]
 
@@ -45,17 +45,13 @@ def fit(result: Identification, runs: list[Run], tmp_path_factory: pytest.TempPa
     return read_fit(path)
 
 
-def unchanged(scenario: Scenario) -> Scenario:
-    return scenario
-
-
 def verdict_of(
     fit: Fit,
     seed: int = 50,
     *,
     tolerance: float | None = None,
     numbers: Mapping[str, float] | None = None,
-    change: Change = unchanged,
+    change: Change = lambda scenario: scenario,
     sticks: bool = False,
 ) -> RunVerdict:
     run = measured_run(LAB, {**NUMBERS, **(numbers or {})}, seed, change=change, sticks=sticks)
@@ -71,42 +67,40 @@ def test_clean_runs_are_covered(seed: int, sticks: bool, fit: Fit) -> None:
     assert verdict.comparison.largest < 0.001
 
 
-def with_effect(**effects: object) -> Change:
-    return lambda s: s.model_copy(update={"effects": s.effects.model_copy(update=effects)})
-
-
 DELAY, OFFSET = "effects.delay.seconds", "effects.installation.rope_offset"
-CHANGED: dict[str, tuple[Mapping[str, float], Change]] = {
-    "load": ({"load_mass": 1.2 * NUMBERS["load_mass"]}, unchanged),
-    "drive": ({"trolley_time_constant": 1.1 * NUMBERS["trolley_time_constant"]}, unchanged),
-    "dead time": ({DELAY: NUMBERS[DELAY] + 0.004}, unchanged),
-    "rope": ({OFFSET: NUMBERS[OFFSET] + 0.02}, unchanged),
-    "load under its hook": ({}, with_effect(body=Body())),
-    "elastic rope": ({}, with_effect(rope=Rope(stiffness=5000.0))),
-    "gusts": ({}, with_effect(wind=Wind(gust=0.5))),
+CHANGED: dict[str, tuple[Mapping[str, float], Mapping[str, object]]] = {  # numbers and effects
+    "load": ({"load_mass": 1.2 * NUMBERS["load_mass"]}, {}),
+    "drive": ({"trolley_time_constant": 1.1 * NUMBERS["trolley_time_constant"]}, {}),
+    "dead time": ({DELAY: NUMBERS[DELAY] + 0.004}, {}),
+    "rope": ({OFFSET: NUMBERS[OFFSET] + 0.02}, {}),
+    "load under its hook": ({}, {"body": Body()}),
+    "elastic rope": ({}, {"rope": Rope(stiffness=5000.0)}),
+    "gusts": ({}, {"wind": Wind(gust=0.5)}),
 }
+
+
+def gusty(scenario: Scenario) -> Scenario:
+    changed: Scenario = with_effects(scenario, **CHANGED["gusts"][1])
+    return changed
 
 
 @pytest.mark.parametrize("kind", CHANGED)
 def test_a_changed_crane_is_not_covered(kind: str, fit: Fit) -> None:
-    numbers, change = CHANGED[kind]
-    verdict = verdict_of(fit, numbers=numbers, change=change)
+    numbers, effects = CHANGED[kind]
+    verdict = verdict_of(fit, numbers=numbers, change=lambda scenario: with_effects(scenario, **effects))
     assert verdict.answer == NOT_COVERED
     assert verdict.statistic > 8.0
     assert verdict.probability < 0.005
 
 
 def test_a_tolerance_accepts_differences_or_is_too_narrow_to_decide(fit: Fit) -> None:
-    _, gusts = CHANGED["gusts"]
-    assert verdict_of(fit, tolerance=0.05, change=gusts).answer == WITHIN_TOLERANCE
-    assert verdict_of(fit, tolerance=0.0005, change=gusts).answer == NOT_COVERED
+    assert verdict_of(fit, tolerance=0.05, change=gusty).answer == WITHIN_TOLERANCE
+    assert verdict_of(fit, tolerance=0.0005, change=gusty).answer == NOT_COVERED
     assert verdict_of(fit, tolerance=1e-5).answer == NOT_DECIDED
 
 
 def test_a_fit_that_did_not_converge_decides_nothing(fit: Fit) -> None:
-    run = measured_run(LAB, NUMBERS, 50)
-    (verdict,) = judge({"a": run}, Fit(**{**vars(fit), "converged": False}))
-    assert verdict.answer == NOT_DECIDED
+    assert verdict_of(replace(fit, converged=False)).answer == NOT_DECIDED
 
 
 def test_probabilities_of_clean_runs_are_neither_all_large_nor_all_small(fit: Fit) -> None:
@@ -127,13 +121,6 @@ def test_a_run_that_begins_in_motion_is_identified_but_not_judged(fit: Fit, runs
     assert "begins at rest, by from in its map" in error.value.remedy
 
 
-def with_rope(run: Run, values: Array) -> Run:
-    """The run with other readings of the rope, shape (N,)."""
-    table = run.table.copy()
-    table[:, next(k for k, c in enumerate(table.T) if (c == run.signal("state.rope_length")).all())] = values
-    return replace(run, table=table)
-
-
 @pytest.mark.parametrize("rope", [0.35, 0.3775, 0.3885, 1.0])
 def test_rest_is_read_from_readings_and_not_from_their_smoothing(rope: float) -> None:
     """A smoothed constant differs by rounding, and a smoothed step has a speed."""
@@ -141,13 +128,17 @@ def test_rest_is_read_from_readings_and_not_from_their_smoothing(rope: float) ->
     trolley = run.signal("state.trolley_position")
     first = int(np.argmax(np.abs(trolley - trolley[0]) > 1.5e-4))
     assert first > 50
-    constant = with_rope(run, np.full(len(trolley), rope))
-    assert Experiment(constant, LAB, "motion", 1000).still_samples() == first
-    stepped = np.full(len(trolley), rope)
+
+    def experiment(readings: Array) -> Experiment:
+        return Experiment(with_signal(run, "state.rope_length", readings), LAB, "motion", 1000)
+
+    constant = np.full(len(trolley), rope)
+    assert experiment(constant).still_samples() == first
+    stepped = constant.copy()
     stepped[:2] -= LAB.effects.sensing.position_resolution[2]
-    assert Experiment(with_rope(run, stepped), LAB, "motion", 1000).at_rest
+    assert experiment(stepped).at_rest
     moved = np.linspace(rope, rope + 0.2, len(trolley))
-    assert "an axis moves within the first" in Experiment(with_rope(run, moved), LAB, "motion", 1000).motion
+    assert "an axis moves within the first" in experiment(moved).motion
 
 
 def test_angles_are_compared_in_metres_at_the_true_length_of_the_rope(fit: Fit) -> None:
@@ -183,8 +174,7 @@ def part(run: Run, begin: float) -> Run:
 @pytest.mark.parametrize("seed", range(3))
 def test_the_step_of_the_rope_encoder_leaves_the_phase_of_the_swing_open(seed: int, fit: Fit) -> None:
     """A rope that is a millimetre longer than its first reading swings later and later."""
-    sensing = LAB.effects.sensing.model_copy(update={"position_resolution": (1e-4, 1e-4, 4e-3)})
-    coarse = LAB.model_copy(update={"effects": LAB.effects.model_copy(update={"sensing": sensing})})
+    coarse = with_sensing(position_resolution=(1e-4, 1e-4, 4e-3))
     run = measured_run(coarse, NUMBERS, seed, seconds=20.0)
     (verdict,) = judge({"a": run}, replace(fit, rig=coarse))
     assert verdict.answer == COVERED, verdict
@@ -196,8 +186,7 @@ def test_the_step_of_the_rope_encoder_leaves_the_phase_of_the_swing_open(seed: i
 def test_the_mean_of_readings_keeps_the_rounding_error_that_noise_does_not_shake(noise: float) -> None:
     """`noise` in steps of the encoder; each place between two steps is as likely."""
     rng, step, count = np.random.default_rng(3), 1e-3, 25
-    sensing = Sensing(position_resolution=(step,) * 3, position_noise=(noise * step,) * 3)
-    rig = LAB.model_copy(update={"effects": LAB.effects.model_copy(update={"sensing": sensing})})
+    rig = with_sensing(position_resolution=(step,) * 3, position_noise=(noise * step,) * 3)
     places = step * rng.uniform(-0.5, 0.5, 4000)
     readings = np.round(places / step + noise * rng.standard_normal((count, 4000))) * step
     error = float(np.sqrt(np.mean(np.square(readings.mean(axis=0) - places))))
@@ -219,8 +208,7 @@ def test_the_answers_of_the_command_line(
     Path("mine.toml").write_text('extends = "lab-rig"\n')
     Path("mine-fit.json").write_text(fit_text(result, runs))
     write_log("new.mcap", [measured_run(LAB, NUMBERS, 50)])
-    gusts = with_effect(wind=Wind(gust=0.5))
-    write_log("gusts.mcap", [measured_run(LAB, NUMBERS, 50, change=gusts)])
+    write_log("gusts.mcap", [measured_run(LAB, NUMBERS, 50, change=gusty)])
     judged = ["validate", "new.mcap", "--rig", "mine.toml"]
     assert main([*judged, "--tolerance", "5mm", "--json", "v.json"]) == 0
     assert "All runs are covered" in capsys.readouterr().out

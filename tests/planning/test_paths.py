@@ -10,18 +10,15 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario, plan_motions
-from cranectl.planning.limits import excesses, limits_of, motion
 from cranectl.planning.plan import plan_with_blends
-from cranectl.planning.problem import ORDERS
-from cranectl.planning.review import curve_of, reviews
+from cranectl.planning.review import reviews
 from cranectl.reference import build_trajectory
-from cranectl.reference.series import from_derivatives
-from cranectl.reference.time_laws import spline
 from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import BlendedPath, SplineLaw
 from cranectl.scenario.load import held_files
-from cranectl.scenario.segments import Segment, Spline, seconds
+from cranectl.scenario.segments import Spline, seconds
 from cranectl.simulate import simulate_run
+from tests.reference.recordings import largest_excess
 
 SAMPLES = 100_000
 MINIMUM = "time_law='minimum-time'"
@@ -63,18 +60,6 @@ def duration_of(of: Scenario) -> float:
     return sum(map(seconds, of.reference.segments))
 
 
-def largest_excess(of: Scenario, segment: Segment) -> float:
-    """Return the largest excess of the first segment over any limit at fine samples, as a share of it."""
-    curve = curve_of(segment, np.array(of.reference.start))
-    along = spline(curve.breaks, curve.coefficients, curve.degree)
-    time = np.linspace(0.0, curve.breaks[-1], SAMPLES)
-    rows = [along.derivative(k)(time)[:, 0] if k else along(time)[:, 0] for k in range(ORDERS)]
-    assert curve.to_load is not None
-    limits = limits_of(of)
-    over = excesses(motion(curve.to_load([from_derivatives(rows)]), limits.gravity), limits)
-    return max(float(values.max()) for values in over.values())
-
-
 @pytest.mark.parametrize(("path", "blend"), [(THESIS, 0.05), (THESIS, 0.1), (SQUARE, 0.04), (ARCS, 0.03)])
 def test_a_blended_path_is_within_limits_and_faster_than_with_stops(
     path: tuple[str, ...], blend: float
@@ -84,7 +69,7 @@ def test_a_blended_path_is_within_limits_and_faster_than_with_stops(
     assert isinstance(segment, BlendedPath)
     (review,) = reviews(planned)
     assert review.proof.is_valid
-    assert largest_excess(planned, segment) < 1e-9
+    assert largest_excess(planned, SAMPLES) < 1e-9
     assert (
         duration_of(planned)
         < duration_of(scenario(path, 0.0))
@@ -142,7 +127,7 @@ def test_way_points_are_passed_in_minimum_time(points: tuple[tuple[float, ...], 
     assert isinstance(segment.time_law, SplineLaw)
     (review,) = reviews(planned)
     assert review.proof.is_valid
-    assert largest_excess(planned, segment) < 1e-9
+    assert largest_excess(planned, SAMPLES) < 1e-9
     time = np.linspace(0.0, segment.duration, 20_001)
     trajectory = build_trajectory(planned.reference)
     samples = trajectory.sample(time)

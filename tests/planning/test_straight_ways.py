@@ -133,22 +133,6 @@ def test_a_motion_longer_than_a_run_is_refused_with_the_limiting_quantity(
 
 
 @pytest.mark.parametrize(
-    ("limit", "remedied", "name"),
-    [
-        ("planning.lean=1e-6", "planning.lean=0.3", "the lean of the rope"),
-        ("planning.jerk=[1e-7, 1e-7, 1e-7]", "planning.jerk=[9.0, 9.0, 9.0]", "the jerk of the bridge"),
-    ],
-)
-def test_the_limit_that_makes_a_motion_long_is_named(limit: str, remedied: str, name: str) -> None:
-    line = f"kind='line', {FAR}, duration='shortest'"
-    with pytest.raises(InputError) as error:
-        planned([0.4, 0.5, -0.6], line, limit)
-    assert name in error.value.found
-    assert f"raise {limit.split('=')[0]}" in error.value.remedy
-    assert planned([0.4, 0.5, -0.6], line, remedied)
-
-
-@pytest.mark.parametrize(
     ("holds", "settings", "remedy"),
     [
         ([1.7], ["control.period=0.0007", "control.physics_step=0.0007"], "duration = 3.6722 or more"),

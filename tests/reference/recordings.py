@@ -1,4 +1,4 @@
-"""Files of motions as tools or runs write them, and scenarios that read them."""
+"""Files of motions, scenarios that read them, and the excess of planned motions over their limits."""
 
 from pathlib import Path
 from typing import Any
@@ -6,9 +6,15 @@ from typing import Any
 import numpy as np
 
 from cranectl.planning import load_scenario
+from cranectl.planning.limits import excesses, limits_of
+from cranectl.planning.limits import motion as motion_of_crane
+from cranectl.planning.problem import series_along
+from cranectl.planning.review import curve_of
 from cranectl.reference import build_trajectory
 from cranectl.reference.time_laws import progress
+from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Scenario
+from cranectl.scenario.segments import seconds
 
 START = np.array([0.4, 0.5, -0.6])
 TO = np.array([1.2, 0.9, -0.9])
@@ -52,3 +58,16 @@ def scenario_of(directory: Path, segment: str, **changes: Any) -> Scenario:
         encoding="utf-8",
     )
     return load_scenario(path, overrides=[f"{name}={value}" for name, value in changes.items()])
+
+
+def largest_excess(scenario: Scenario, samples: int) -> float:
+    """Return the largest excess over any limit at so many samples of each segment, as a share of it."""
+    limits, point, worst = limits_of(scenario), np.array(scenario.reference.start), -np.inf
+    for segment in scenario.reference.segments:
+        curve = curve_of(segment, point)
+        series = series_along(*curve[:3], np.linspace(0.0, seconds(segment), samples))
+        assert curve.to_load is not None
+        moved = motion_of_crane(curve.to_load(series), limits.gravity)
+        worst = max(worst, *(float(over.max()) for over in excesses(moved, limits).values()))
+        point = end_point(segment, point)
+    return worst

@@ -1,9 +1,8 @@
-"""Blended corners: distance from the path, smoothness, enclosures, and refused corners."""
+"""Blended corners: distance from the path, smoothness and enclosures."""
 
 import numpy as np
 import pytest
 
-from cranectl.planning import load_scenario
 from cranectl.planning.arithmetic import Interval
 from cranectl.planning.blends import deviation, path_with_blends
 from cranectl.reference.geometry import Geometry, Polynomial, blend_corner, geometry_of, parts_of
@@ -13,7 +12,6 @@ from cranectl.support.errors import InputError
 
 pytestmark = pytest.mark.processor
 
-MINIMUM = "time_law='minimum-time'"
 ORDERS = 6
 
 
@@ -123,52 +121,3 @@ def test_the_enclosure_of_an_interval_contains_all_points_of_a_chain(seed: int) 
                 assert (box.high * factor >= points[order, :, axis] - slack).all()
     narrow = high - low < 1e-5
     assert np.ptp([enclosed[0][0].low[narrow], enclosed[0][0].high[narrow]], axis=0).max() < 1e-3
-
-
-CORNER = "{{kind='line', to=[1.1, 0.5, -0.7], {time}, blend={blend}}}"
-SIDE = "{kind='line', to=[1.1, 0.9, -0.6], time_law='minimum-time'}"
-
-
-def scenario(*segments: str, start: str = "[0.5, 0.5, -0.7]", more: tuple[str, ...] = ()):  # type: ignore[no-untyped-def]
-    overrides = [f"reference.start={start}", f"reference.segments=[{', '.join(segments)}]"]
-    return load_scenario("fixed-position", overrides=[*overrides, "duration=20.0", "disturbances=[]", *more])
-
-
-def corner(blend_: float, time: str = MINIMUM) -> str:
-    return CORNER.format(blend=blend_, time=time)
-
-
-@pytest.mark.parametrize(
-    ("segments", "found", "remedy"),
-    [
-        ([corner(0.05)], "segments.0 has a blend, but nothing follows", "leave blend out"),
-        (
-            [corner(0.05), "{kind='hold', duration=1.0}"],
-            "but a segment of kind 'hold' follows",
-            "leave blend out",
-        ),
-        ([corner(0.05), "{kind='move', to=[1.1, 0.9, -0.6]}"], "kind 'move'", "leave blend out"),
-        (
-            [corner(0.05), "{kind='line', to=[1.1, 0.9, -0.6], duration=4.0}"],
-            "kind 'line' whose time is given",
-            "leave blend out",
-        ),
-        (
-            [corner(0.05, "duration=3.0"), SIDE],
-            "blend = 0.05 without time_law = 'minimum-time'",
-            "leave blend out",
-        ),
-        ([corner(0.05, "duration='shortest'"), SIDE], "without time_law = 'minimum-time'", "leave blend out"),
-        ([corner(-0.05), SIDE], "blend", "correct"),
-        (
-            [corner(0.05), "{kind='line', to=[0.6, 0.5, -0.7], time_law='minimum-time'}"],
-            "corner 1 turns back by 180 degrees",
-            "leave blend out",
-        ),
-    ],
-)
-def test_corners_that_cannot_be_blended_are_refused(segments: list[str], found: str, remedy: str) -> None:
-    with pytest.raises(InputError) as error:
-        scenario(*segments)
-    assert found in str(error.value)
-    assert remedy in str(error.value)

@@ -11,20 +11,17 @@ import pytest
 from pydantic import BaseModel
 
 from cranectl.planning import load_scenario
-from cranectl.planning.limits import excesses, limits_of, motion
-from cranectl.planning.problem import series_along
-from cranectl.planning.review import curve_of
 from cranectl.reference import build_trajectory
-from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import Arc, Line
 from cranectl.scenario.effects import DriveLimits
 from cranectl.scenario.planning import PlanningSettings
 from cranectl.scenario.recorded import Driven
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.segments import Hold, Move, WayPoints, seconds
+from cranectl.scenario.segments import Hold, Move, WayPoints
 from cranectl.support.errors import InputError
 from tests.ranges import ends, put, share_of
+from tests.reference.recordings import largest_excess
 
 SHARE = 24
 START = [0.5, 0.5, -0.7]
@@ -127,20 +124,7 @@ def test_a_motion_keeps_its_limits_or_is_refused_with_a_remedy(
     if end := segment.get("to") or segment.get("points", [None])[-1]:
         assert reached[1] == pytest.approx(end, rel=1e-12)
     if segment.get("duration") == "shortest":
-        assert largest_excess(scenario) <= 1e-8
-
-
-def largest_excess(scenario: Scenario) -> float:
-    """Return the largest excess over any limit at a thousand samples of each segment, as a share of it."""
-    limits, point, worst = limits_of(scenario), np.array(scenario.reference.start), -np.inf
-    for segment in scenario.reference.segments:
-        curve = curve_of(segment, point)
-        series = series_along(*curve[:3], np.linspace(0.0, seconds(segment), 1001))
-        assert curve.to_load is not None
-        moved = motion(curve.to_load(series), limits.gravity)
-        worst = max(worst, *(float(over.max()) for over in excesses(moved, limits).values()))
-        point = end_point(segment, point)
-    return worst
+        assert largest_excess(scenario, 1001) <= 1e-8
 
 
 def test_every_number_is_tried_at_both_ends() -> None:

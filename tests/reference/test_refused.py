@@ -31,41 +31,12 @@ def move(to: str = "[1.6, 1.0, -0.6]", more: str = "") -> str:
     ("settings", "found", "allowed"),
     [
         ([move("[1.6, 1.0, -1.38]")], "its end, (1.6, 1, -1.38), is out of reach: there the load z", "-1.35"),
-        ([move("[2.1, 1.0, -0.6]")], "load x is 2.1 m", "0.05 to 1.95 m"),
         ([move(more=", via=[[1.0, 1.6, -0.7]]")], "its point in via, (1, 1.6, -0.7)", "0.05 to 1.49"),
         ([move(), "reference.start=[0.4, 0.02, -0.9]"], "its start", "0.05 to 1.49 m"),
-        ([move(), "planning.load_box=[[0,2],[0,1.54],[-1.3,0]]", "rig.rope_range=[0.7,1.4]"], "rope", "0.7"),
-        ([move("[0.4, 0.4, -0.9]")], "moves nowhere", "another place"),
-        ([move("[0.4000000001, 0.4, -0.9]")], "moves by 1e-10 m from one of its points", "at least 1e-06 m"),
-        ([move(more=", via=[[1.6, 1.0, -0.6000000001]]")], "moves by 1e-10 m", "at least 1e-06 m"),
         ([move(), "rig.load_mass=3.0"], "the load weighs 29.4 N", "a load of less than"),
-        ([move("[0.9, 0.4, -0.9]"), WALL.format(top=-0.6)], "in the obstacle 'wall'", "further away"),
         ([move(), WALL.format(top=-0.08)], "no way over the obstacle 'wall'", "rope_range begins at 0.05"),
-        ([move(more=", constant_rope=true")], "constant_rope with points at heights", "of one height"),
-        ([move(more=", plane=true, via=[[1.0, 1.2, -0.7]]")], "plane = true with a point", "vertical plane"),
-        ([move(more=", duration=3.0")], "duration = 3.0", "shortest"),
-        ([move(), "planning.share=1.0"], "planning.share = 1.0", "less than 1"),
-        ([move(), "planning.lean=-0.1"], "planning.lean = -0.1", "greater than or equal to 0.000001"),
         ([move(), "planning.lean=nan"], "nan", "finite"),
-        ([move(), "planning.tension=[1.0, 2.0]"], "planning.tension = [", "the tension of a load at rest"),
-        ([move(), "planning.tension=[0.2, 0.9]"], "planning.tension = [", "the tension of a load at rest"),
         ([move(), "planning.solver='snopt'"], "unknown key 'planning.solver'", "share, lean"),
-        (
-            [move(), "obstacles=[{name='flat', low=[1,1,-1], high=[1,2,-0.5]}]"],
-            "obstacle 'flat'",
-            "low must be below high",
-        ),
-        (
-            ["reference.segments=[{kind='line', to=[1,1,-1], duration=2.0, time_law='minimum-time'}]"],
-            "duration = 2.0 and time_law = 'minimum-time'",
-            "",
-        ),
-        (["reference.segments=[{kind='line', to=[1,1,-1]}]"], "has no duration", ""),
-        (
-            ["reference.segments=[{kind='line', to=[1,1,-1], duration='shortest', time_law='degree-5'}]"],
-            "time_law = 'degree-5' with duration = 'shortest'",
-            "no drive can follow",
-        ),
         (
             [
                 "reference.segments=[{kind='line', to=[1.6,0.4,-0.9], duration='shortest'}]",
@@ -74,7 +45,6 @@ def move(to: str = "[1.6, 1.0, -0.6]", more: str = "") -> str:
             "cannot be driven however slowly: it comes 0.25 m too near to the obstacle 'wall'",
             "can hang at rest everywhere",
         ),
-        (["reference.segments=[{kind='line', to=[1,1,-1], duration='longest'}]"], "longest", "shortest"),
     ],
 )
 def test_impossible_settings_are_refused_with_the_allowed_range(
