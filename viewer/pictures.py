@@ -47,11 +47,6 @@ def load_mask(picture: Picture) -> Mask:
     return hue_mask(picture, -12.0, 12.0)
 
 
-def blue_mask(picture: Picture) -> Mask:
-    """Select the ghost of the analytic plant and the trolley of the solid crane, which are blue."""
-    return hue_mask(picture, 195.0, 235.0)
-
-
 def centroid(mask: Mask) -> NDArray[np.float64]:
     """Return the mean position (x right, y down) of the selected pixels."""
     y, x = np.nonzero(mask)

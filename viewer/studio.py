@@ -5,12 +5,14 @@ import math
 import re
 import time
 from collections.abc import Callable, Iterable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+import pytest
 from PIL import Image
-from playwright.sync_api import Locator, Page
+from playwright.sync_api import Browser, Locator, Page
 
+from cranectl.scenario import NANOSECONDS
 from tests.pace import HANG, slowness
 from viewer.panels import Layout
 from viewer.pictures import Picture
@@ -60,6 +62,11 @@ class Studio:
         problems = listed.all_inner_texts()
         self.page.get_by_role("tab", name="Topics").click()
         return problems
+
+    def clock_time(self) -> float:
+        """Return the run's time [s] from the server's messages, because a busy viewer shows it late."""
+        self.page.wait_for_timeout(10)  # messages of the server are received only during a call
+        return self.clock[-1] / NANOSECONDS
 
     def start(self) -> float:
         """Return the start time of the data source [s]."""
@@ -179,6 +186,14 @@ def poll_until(read: Callable[[], T], is_expected: Callable[[T], object]) -> T:
     while not is_expected(value := read()) and time.monotonic() < end:
         time.sleep(0.1)
     return value
+
+
+def open_page(chromium: Browser, **settings: Any) -> Page:
+    """Open an empty page that may load files only, and whose scripts may not fail."""
+    page = chromium.new_page(**settings)
+    page.on("pageerror", lambda error: pytest.fail(str(error)))
+    page.on("request", lambda request: request.url.startswith(("file:", "data:")) or pytest.fail(request.url))
+    return page
 
 
 def accessibility_violations(page: Page) -> list[str]:

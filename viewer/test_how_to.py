@@ -11,7 +11,6 @@ from PIL import Image
 from playwright.sync_api import FloatRect
 
 from cranectl.cli.main import main
-from cranectl.scenario import NANOSECONDS
 from tests.conftest import ROOT
 from viewer import panels
 from viewer.conftest import FAILURES, Live
@@ -78,12 +77,7 @@ def test_the_picture_of_the_largest_error_is_current(studio: Studio, commands: d
 
 def test_the_live_picture_is_current(studio: Studio, live: Live, files: Path) -> None:
     studio.open_live(live.url, panels.load_shipped_layout("live", files, "--plant", "mujoco"))
-
-    def clock() -> float:
-        studio.page.wait_for_timeout(10)  # messages of the server are received only during a call
-        return studio.clock[-1] / NANOSECONDS
-
-    assert poll_until(clock, lambda seconds: seconds > 5.0) > 5.0
+    assert poll_until(studio.clock_time, lambda seconds: seconds > 5.0) > 5.0
     assert poll_until(
         lambda: matches_picture("foxglove-live.png", screenshot_without_popups(studio, 512)), bool
     )

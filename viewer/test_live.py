@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 import cranectl
-from cranectl.scenario import NANOSECONDS
 from tests.pace import HANG
 from viewer import panels, pictures
 from viewer.conftest import Live
@@ -25,11 +24,6 @@ def layout(files: Path) -> Layout:
 
 
 def test_a_session_can_be_watched_steered_and_recorded(studio: Studio, live: Live, layout: Layout) -> None:
-    def clock() -> float:
-        """Return the run's time [s] from the server's messages, because a busy viewer shows it late."""
-        studio.page.wait_for_timeout(10)  # messages of the server are received only during a call
-        return studio.clock[-1] / NANOSECONDS
-
     studio.open_live(live.url, layout)
     (scene,) = panels.panels_of_type(layout, "3D")
     (steering,) = panels.panels_of_type(layout, "Parameters")
@@ -47,16 +41,16 @@ def test_a_session_can_be_watched_steered_and_recorded(studio: Studio, live: Liv
     before = poll_until(lambda: studio.parameters(steering), lambda values: {"pause", "k0"} <= values.keys())
     assert before["pause"] == "false"
     studio.set_parameter(steering, "pause", "true")
-    paused = poll_until_stable(clock)  # the panel sends a value half a second after it was typed
+    paused = poll_until_stable(studio.clock_time)  # the panel sends a value half a second after it was typed
     studio.set_parameter(steering, "controller", '"lqr+hinf"')
     after = poll_until(lambda: studio.parameters(steering), lambda values: values["k0"] != before["k0"])
     assert after["controller"] == '"lqr+hinf"'
     assert after["k0"] != before["k0"]
-    assert poll_until_stable(clock) == paused, "time passes while the session is paused"
+    assert poll_until_stable(studio.clock_time) == paused, "time passes while the session is paused"
     assert studio.parameters(steering)["pause"] == "true"
     duration = poll_until_stable(studio.duration)  # all messages from before the pause are shown now
     studio.set_parameter(steering, "pause", "false")
-    assert poll_until(clock, lambda seconds: seconds > paused + 2.0) > paused + 2.0
+    assert poll_until(studio.clock_time, lambda seconds: seconds > paused + 2.0) > paused + 2.0
     assert poll_until(studio.duration, lambda seconds: seconds > duration) > duration
     assert studio.problems() == []
     assert [text for text in studio.exceptions if not re.search(SERVICES, text)] == []

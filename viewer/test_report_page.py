@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page
 from cranectl.cli import exit_codes
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
-from viewer.studio import accessibility_violations, poll_until
+from viewer.studio import accessibility_violations, open_page, poll_until
 
 COUNT_LABELS = """all => all.map(svg => [...svg.querySelectorAll("[data-part^=axes]")].at(-1)
     .querySelectorAll(".zoomed > g > text").length)"""
@@ -53,11 +53,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def page(chromium: Browser, log: Path) -> Iterator[Page]:
     """Open the report of the log from the disk."""
-    opened = chromium.new_page(viewport={"width": 1280, "height": 800})
-    opened.on("pageerror", lambda error: pytest.fail(str(error)))
-    opened.on(
-        "request", lambda request: request.url.startswith(("file:", "data:")) or pytest.fail(request.url)
-    )
+    opened = open_page(chromium, viewport={"width": 1280, "height": 800})
     opened.goto(log.with_suffix(".html").as_uri())
     yield opened
     opened.close()
@@ -126,8 +122,7 @@ def test_pages_of_campaigns_and_rigs_fit(
     for command in PAGE_COMMANDS[name]:
         assert main(command.split()) == exit_codes.GOOD, command
     for scheme in ("light", "dark"):
-        page = chromium.new_page(color_scheme=scheme)  # type: ignore[arg-type]
-        page.on("pageerror", lambda error: pytest.fail(str(error)))
+        page = open_page(chromium, color_scheme=scheme)
         page.goto((tmp_path / f"{name}.html").as_uri())
         assert page.title()
         for width in (1440, 1024, 390):

@@ -154,26 +154,6 @@ def test_without_transforms_the_panel_reports_an_error(
     assert "/mujoco/model" in errors
 
 
-def test_the_analytic_crane_is_drawn_as_a_pale_ghost(
-    studio: Studio, files: Path, logs: dict[str, Path], plain: Layout
-) -> None:
-    """The ghost is blue where it stands alone. Inside a solid crane in the same pose it changes no colour."""
-    shown = {}
-    for log in (
-        logs["comparison"],
-        rewrite(logs["comparison"], files / "ghost.mcap", keep=lambda topic: topic != "/mujoco/model"),
-    ):
-        name = open_scene(studio, log, plain)
-        shown[log.stem] = poll_until(
-            lambda name=name: studio.picture(name), lambda image: pictures.count_foreground(image) > 5000
-        )
-    both, ghost = (pictures.blue_mask(shown[name]) for name in ("comparison", "ghost"))
-    assert ghost.sum() > 3 * both.sum(), "only the trolley of the solid crane is blue"
-    assert not pictures.bridge_mask(shown["ghost"]).any()
-    assert pictures.bridge_mask(shown["comparison"]).sum() > 1000
-    assert shown["ghost"][ghost].max(axis=1).mean() < 160.0
-
-
 def test_each_of_four_ghosts_has_the_colour_of_its_plant(
     studio: Studio, files: Path, logs: dict[str, Path]
 ) -> None:

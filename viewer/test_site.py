@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser
 
 from docs.build import build
-from viewer.studio import accessibility_violations, poll_until
+from viewer.studio import accessibility_violations, open_page, poll_until
 
 PAGES = ("index", "start", "how-to/index", "explanation/controllers", "reference/api", "reference/settings")
 PAGES += ("reference/command-line", "proofs/performance")
@@ -18,14 +18,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("site") / "docs"
     build(directory, gallery=False)
     return directory
-
-
-def open_page(chromium: Browser, scheme: str = "light") -> Page:
-    """Open an empty page that may load files only."""
-    page = chromium.new_page(color_scheme=scheme)  # type: ignore[arg-type]
-    page.on("pageerror", lambda error: pytest.fail(str(error)))
-    page.on("request", lambda request: request.url.startswith(("file:", "data:")) or pytest.fail(request.url))
-    return page
 
 
 def test_search_finds_a_page_without_a_server(site: Path, chromium: Browser) -> None:
@@ -40,7 +32,7 @@ def test_search_finds_a_page_without_a_server(site: Path, chromium: Browser) -> 
 @pytest.mark.parametrize("name", PAGES)
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_page_fits_and_is_accessible(site: Path, chromium: Browser, name: str, scheme: str) -> None:
-    page = open_page(chromium, scheme)
+    page = open_page(chromium, color_scheme=scheme)
     page.goto((site / f"{name}.html").as_uri())
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 900})
