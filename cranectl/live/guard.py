@@ -154,14 +154,10 @@ def checked_origin(text: str) -> str:
 
 
 def _is_allowed_origin(origin: str, origins: Collection[str]) -> bool:
-    """Return True if a client with this Origin may connect.
-
-    Foxglove, the listed origins, pages of this machine, and schemes other than http and https may connect.
-    The origin `null`, which a browser sends to hide the page, may not.
-    """
+    """Return True for Foxglove, listed origins, pages of this machine, and schemes other than http(s)."""
     if origin in FOXGLOVE or origin in origins:
         return True
-    scheme = origin.partition(":")[0].lower()
+    scheme = origin.partition(":")[0].lower()  # a browser sends `null` to hide the page
     return _is_loopback(_host_of(origin)) if scheme in ("http", "https") else origin.lower() != "null"
 
 

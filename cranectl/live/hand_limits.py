@@ -34,11 +34,7 @@ Bounds = list[float]  # on a quantity and its derivatives, lowest order first
 
 
 def hand_limits(scenario: Scenario) -> HandLimits:
-    """Find the fastest filter that keeps all limits for any velocity command.
-
-    The limits are those of planned motions, without those on forces and obstacles. Raises InputError for a
-    rig that leaves no room between its limits.
-    """
+    """Find the fastest filter that keeps the limits of planned motions, except forces and obstacles."""
     limits, gap = limits_of(scenario), scenario.planning.clearance * np.array([1.0, -1.0])
     x, y, rope = limits.axes + gap
     low = np.maximum(limits.load[:, 0], (x[0], y[0], -rope[1]))
@@ -116,10 +112,7 @@ def _bound_quotient(a: Bounds, zeta: Bounds, min_gravity: float) -> Bounds:
 
 @functools.lru_cache(maxsize=64)
 def _kernel_norm(order: int, mu: float) -> float:
-    """Return the L1 norm of the derivative of k + mu k'' of this order, for omega = 1.
-
-    For t >= 0 these functions are polynomials times e^-t. They may jump at t = 0.
-    """
+    """Return the L1 norm of this derivative of k + mu k'' for omega = 1, with its jump at t = 0."""
     if order == 0:
         return 1.0  # mu <= NO_OVERSHOOT
     below, itself = (_kernel(n) + mu * _kernel(n + 2) for n in (order - 1, order))

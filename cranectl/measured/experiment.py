@@ -125,14 +125,11 @@ class Experiment:
         self.own_scale = np.array([*noise[self.channels], *([] if self.at_rest else swing_scale)])
 
     def still_samples(self) -> int:
-        """Return how many samples pass before the axes are moved, at least one.
-
-        An axis that was measured rests while its readings stay within a step and the noise of its encoder.
-        """
+        """Return how many samples pass before the axes are moved, at least one."""
         if self.replay == "commands":
             moving = (self.commands != self.commands[0]).any(axis=1)
         else:
-            steps, noise = encoders_of(self.rig)
+            steps, noise = encoders_of(self.rig)  # readings of an axis at rest stay within these
             allowed = STILL_STEPS * steps[:3] + STILL_NOISE * noise[:3]
             moving = (np.abs(self.readings[:, :3] - self.readings[0, :3]) > allowed).any(axis=1)
         return max(int(np.argmax(moving)), 1) if moving.any() else len(moving)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
@@ -182,13 +183,8 @@ class LeastSquares:
         def jacobian(z: Array) -> Array:
             common, own = split(z)
             parts = [self.jacobian(k, common, o) for k, o in enumerate(own)]
-            whole = np.zeros((sum(len(base) for base, _, _ in parts), len(z)))
-            row = 0
-            for k, (base, by_common, by_own) in enumerate(parts):
-                whole[row : row + len(base), : len(common)] = by_common
-                whole[row : row + len(base), sizes[k] : sizes[k + 1]] = by_own
-                row += len(base)
-            return whole
+            _, by_common, by_own = zip(*parts, strict=True)
+            return np.hstack([np.vstack(by_common), block_diag(*by_own)])
 
         lows = [u.low / u.scale for u in self.unknowns]
         low = np.concatenate([lows, np.full(sizes[-1] - sizes[0], -np.inf)])
@@ -238,10 +234,7 @@ class LeastSquares:
         return moved
 
     def encoder_covariance(self) -> Array:
-        """Return the covariance of the numbers from steps and noise of encoders, in scales (P, P).
-
-        Readings are drawn and rounded, since a reading that stays in one step keeps its error.
-        """
+        """Return the covariance of the numbers from drawn, rounded readings of encoders, in scales (P, P)."""
         rng = np.random.default_rng(0)
         pulls = np.zeros((len(self.unknowns), ENCODER_DRAWS))
         for experiment, (_, by_common, by_own) in zip(self.experiments, self.parts, strict=True):

@@ -141,11 +141,7 @@ def compare_with_physics(columns: Mapping[str, Array], period: float, gravity: f
 def _fit(
     angle: str, axis: str, columns: Mapping[str, Array], band: "_Band", answer: Array
 ) -> tuple[Finding, float]:
-    """Return how `answer`, computed from an angle, fits the acceleration of an axis.
-
-    The second value is the residual with gain 1, as a share of the axis's acceleration; NaN without enough
-    motion.
-    """
+    """Return how `answer` fits an axis's acceleration, and the residual as a share of it, NaN at rest."""
     pivot, mean = band.second(columns[axis]), float(columns[angle].mean())
     settled = min(round(3.0 / band.frequency / band.period), len(pivot) // 4)
     pivot, answer = pivot[settled:], answer[settled:]

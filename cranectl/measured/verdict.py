@@ -226,10 +226,7 @@ def _answer(
 
 
 def _resting_place(experiment: Experiment) -> tuple[Array, Array]:
-    """Return where the compared channels (C,) rest before the axes move, with standard deviations.
-
-    Positions are relative to the first reading.
-    """
+    """Return where the compared channels (C,) rest before the axes move, and standard deviations."""
     still, rig = experiment.still_samples(), experiment.rig
     readings = experiment.readings[:still].mean(axis=0)
     rest = np.concatenate([readings[:3] - experiment.readings[0, :3], readings[3:]])
@@ -243,10 +240,7 @@ def _resting_place(experiment: Experiment) -> tuple[Array, Array]:
 def _drawn_differences(
     predicted: Array, slopes: Array, rest_deviations: Array, fit: Fit, draws: int
 ) -> Array:
-    """Return measured minus predicted (draws, B, 5) of cranes that the identification leaves open.
-
-    Their readings have the noise and the steps of the encoders.
-    """
+    """Return measured minus predicted (draws, B, 5) of cranes that the identification leaves open."""
     rng, freedom = np.random.default_rng(SEED), fit.runs - 1
     steps, noise = encoders_of(fit.rig)
     values, vectors = np.linalg.eigh(fit.covariance)

@@ -61,10 +61,7 @@ def check_corner(before: LineOrArc, after: LineOrArc, where: str) -> None:
 
 
 def choose_blend_length(before: LineOrArc, after: LineOrArc, tolerance: float) -> float:
-    """Return the length of both parts that a blend replaces [m], as large as `tolerance` [m] allows.
-
-    Samples give a first length, which is reduced until enclosures confirm it.
-    """
+    """Return the longest blend [m] within `tolerance` [m]: from samples, then reduced until it is proven."""
 
     def is_near(length: float) -> bool:
         return deviation(before, after, length, enclosed=False) < ENCLOSURE_RESERVE * tolerance

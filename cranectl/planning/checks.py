@@ -81,10 +81,7 @@ def check_height_over(height: float, limits: Limits, what: str) -> None:
 
 
 def least_times(start: Array, end: Array, limits: Limits) -> list[float]:
-    """Return the durations that bridge, trolley and winch would need without a load from rest to rest [s].
-
-    They are lower bounds, since each axis moves under the limits of its set-point alone.
-    """
+    """Return the durations [s] of bridge, trolley and winch alone without a load, which are lower bounds."""
     times = []
     for i, travel in enumerate(np.abs(end - start)):
         distance, speed, rate = float(travel), float(limits.velocity[i]), float(limits.acceleration[i])
@@ -124,10 +121,7 @@ def too_long(duration: float, name: str, limits: Limits, takes: str) -> InputErr
 
 
 def check_excesses(excesses: dict[str, float], limits: Limits, what: str) -> None:
-    """Raise InputError for a path that exceeds limits however slowly it is driven.
-
-    `excesses` has the excess over each exceeded limit as a share of it.
-    """
+    """Raise InputError for a path with `excesses` over limits, as shares of them, however slow it is."""
     if not excesses:
         return
     worst = max(excesses, key=lambda name: excesses[name])

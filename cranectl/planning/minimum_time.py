@@ -75,10 +75,7 @@ def along_path(geometry: Geometry, limits: Limits, duration: float) -> Task:
 
 
 def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law, float, float]]) -> Task:
-    """Return the task of a motion along parts that are joined by blends.
-
-    `stopping` has the time law, duration [s] and length [m] of each part when it starts and ends at rest.
-    """
+    """Return the task along blended parts, from law, duration [s] and length [m] of each part with stops."""
     durations, lengths = (np.array([part[k] for part in stopping]) for k in (1, 2))
     begins = np.cumsum(durations) - durations
     time = np.linspace(0.0, durations.sum(), GUESS_POINTS)
@@ -174,13 +171,10 @@ def _widen_to(ranges: Array, points: Array) -> Array:
 
 
 def _scale_limits(limits: Limits, share: float) -> Limits:
-    """Tighten each limit by `share` of itself, and ranges and obstacles by a gap at each side.
-
-    The gap is half of `share` times `limits.size`, at most a tenth of a range's own width.
-    """
+    """Tighten each limit by `share` of itself, and ranges and obstacles by a gap at each side."""
     low, high = limits.tension
     weight = float(limits.masses[3]) * limits.gravity
-    keep, gap = 1.0 - share, 0.5 * share * limits.size
+    keep, gap = 1.0 - share, 0.5 * share * limits.size  # of a range at most a tenth of its width
     return limits._replace(
         velocity=keep * limits.velocity,
         acceleration=keep * limits.acceleration,

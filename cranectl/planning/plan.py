@@ -101,10 +101,7 @@ def _prepare(
 def _plan_segment(
     segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str
 ) -> list[Segment]:
-    """Return the segment with its duration and time law, or a spline or lines with stops in its place.
-
-    Raises InputError where no motion keeps the limits. Plans are stored on disk and used again.
-    """
+    """Return the planned segment, or its replacements. Plans are stored on disk and used again."""
     key = key_of(segment, start, scenario)
     if key not in _SEGMENTS:
         text = kept(
@@ -137,11 +134,7 @@ def _plan_as_json(segment: Along | Spline | Move, start: Array, scenario: Scenar
 
 
 def plan_along(segment: Along | Spline, start: Array, scenario: Scenario, where: str) -> Along | Spline:
-    """Plan a segment on a given path.
-
-    A segment in minimum time gets the time law that the search finds. Any other segment, or one for which the
-    search finds nothing faster, gets the law of degree 9. Raises InputError for a motion that takes too long.
-    """
+    """Plan a segment on a given path, by the law of degree 9 unless the search finds a faster one."""
     geometry = geometry_of(segment, start, where)
     limits = limits_of(scenario)._replace(size=RANGE_SCALE * geometry.length)
     check_point(start, limits, f"{where}: its start")
@@ -190,11 +183,7 @@ def _set_duration(segment: Along | Spline, duration: float, time_law: SplineLaw 
 
 
 def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
-    """Plan a free motion: the fastest spline that is found, else lines with stops.
-
-    Raises InputError for a motion that takes too long. With `constant_rope` it also raises instead of
-    returning lines, along which the rope's length varies.
-    """
+    """Plan a free motion: the fastest spline, else lines with stops unless `constant_rope` forbids them."""
     points = _distinct_points(segment, start)
     size = float(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(points)))
     limits = limits_of(scenario)._replace(size=RANGE_SCALE * size)

@@ -60,10 +60,7 @@ def solve(problem: Problem, x: Array, sizes: Array, min_penalty: float = PENALTI
 
 @dataclass(frozen=True)
 class Merit:
-    """Merit function [s]: the duration plus weights on the mean square effort and on the largest excess.
-
-    Moves are in units of `sizes`.
-    """
+    """The duration [s] plus weights on mean square effort and largest excess; moves are in `sizes`."""
 
     problem: Problem
     sizes: Array
@@ -94,10 +91,7 @@ class Merit:
         return float(duration + self.effort * mean + self.excess * excess + 0.5 * move @ hessian @ move)
 
     def hessian(self, x: Array, linearised: Linearisation, multipliers: Array) -> tuple[Array, Array]:
-        """Return the Hessian of the efforts plus the convex part of that of the active limits.
-
-        The second result is a direction of negative curvature, or zeros if there is none.
-        """
+        """Return the Hessian of efforts and convex active limits, and a downhill direction, or zeros."""
         slope = linearised.effort_slope
         hessian: Array = 2.0 * self.effort / len(slope) * slope.T @ slope
         if not multipliers.any():
@@ -115,10 +109,7 @@ class Merit:
 
 
 def _minimise(merit: Merit, x: Array) -> Solution:
-    """Descend to a minimum; leave a saddle point along its direction of negative curvature.
-
-    Many planar motions are such saddle points.
-    """
+    """Descend to a minimum; leave a saddle point, as many planar motions are, along negative curvature."""
     minimum, downhill = _descend(merit, x, MAX_STEPS)
     if not minimum.solved or not downhill.any():
         return minimum

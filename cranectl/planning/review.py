@@ -119,8 +119,7 @@ def estimate_least_durations(
     """Estimate the least duration of each segment [s] with any knots, from the `plan` of `requested`.
 
     The duration T(n) of plans with n knot spans exceeds its limit by a term in 1/n, so the estimate is
-    T(2n) - (T(n) - T(2n)). It was measured 0.3 % above the shortest motion, 1.5 % over an obstacle
-    (docs/explanation/planning.md). Raises InputError for segments that cannot be planned.
+    T(2n) - (T(n) - T(2n)), see docs/explanation/planning.md.
     """
     finer = requested.planning.model_copy(update={"refinement": 2 * requested.planning.refinement})
     plans = plan, plan_motions(requested.model_copy(update={"planning": finer}), directory)

@@ -18,10 +18,7 @@ EXTRA_CLEARANCE = 0.1  # of the load's radius, above an obstacle on a path with 
 
 
 def add_stops(points: list[Array], limits: Limits, where: str) -> list[Array]:
-    """Return the corners of a path of straight lines, lifted where an obstacle blocks a line.
-
-    Raises InputError where the load cannot be lifted over an obstacle.
-    """
+    """Return the corners of straight lines, lifted over obstacles; raise InputError if one is too high."""
     result = [points[0]]
     for end in points[1:]:
         start = result[-1]
@@ -74,10 +71,7 @@ def round_corners(points: list[Array]) -> Array:
 def find_passages(
     guess: Array, limits: Limits, via_count: int
 ) -> tuple[tuple[Passage, ...], tuple[float, ...]]:
-    """Return the passages of a slow motion along a guess (GUESS_POINTS, 3), and the instants between them.
-
-    At each obstacle a passage is on the side on which the guess stays clear for longest.
-    """
+    """Return passages on the sides where a guess (GUESS_POINTS, 3) stays clear longest, and instants."""
     passages: list[Passage] = []
     instants: list[float] = []
     zero = np.zeros(len(guess))

@@ -24,10 +24,7 @@ RETRY_FACTOR = 1.0005  # of a duration that could not be proven; its increase do
 
 
 def find_shortest_duration(geometry: Geometry, limits: Limits, where: str) -> float:
-    """Return the shortest proven duration [s], or infinity above MAX_TRIED_DURATION.
-
-    Raises InputError if the path exceeds limits even at rest.
-    """
+    """Return the shortest proven duration [s], or infinity; raise InputError for excesses even at rest."""
     duration = estimate_shortest_duration(geometry, limits, where)
     if duration == np.inf:
         return duration

@@ -118,10 +118,7 @@ class RecordedSamples:
         return np.array([squares[self._fold == k].mean() for k in range(FOLDS)])
 
     def choose_spans(self, max_spans: int, target_error: float) -> int:
-        """Return the fewest spans whose cross-validation error is not significantly above the least.
-
-        The search stops when the error is below `target_error` [m], or has been worse several times in a row.
-        """
+        """Return the fewest spans whose error is near the least, or below `target_error` [m]."""
         tried: list[tuple[int, Array]] = []
         worse_in_a_row = 0
         for spans in _numbers_of_spans(min(max_spans, len(self.time) // 3)):

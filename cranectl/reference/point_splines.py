@@ -72,10 +72,7 @@ def interpolate_way_points(
 
 
 def _split_at_rests(points: Array, tolerance: float) -> Iterator[tuple[int, int, bool]]:
-    """Divide way points (N, 3) into rests, where all are within `tolerance` [m] of the first, and motions.
-
-    Yield the first and the last index of each part, and True if it is a rest.
-    """
+    """Yield first and last index of each part of points (N, 3), and whether it is a rest."""
     begin = index = 0
     while index < len(points) - 1:
         distances = np.linalg.norm(points[index + 1 :] - points[index], axis=1)
