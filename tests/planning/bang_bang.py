@@ -29,7 +29,6 @@ class Limits:
 
     velocity: tuple[float, ...] = (1.0, 1.0, 0.6)  # [m/s], of the set-points
     acceleration: tuple[float, ...] = (4.0, 4.0, 6.0)  # [m/s²], of the set-points
-    force: tuple[float, ...] | None = None  # [N]
     lag: float = 0.0  # [s]
     lean: float = 0.35  # [rad]
     tension: tuple[float, float] = (0.2, 2.0)  # in weights of the load
@@ -37,8 +36,6 @@ class Limits:
     load_high: tuple[float, ...] = (1.95, 1.49, -0.05)
     joints_low: tuple[float, ...] = (0.0, 0.0, 0.05)
     joints_high: tuple[float, ...] = (2.0, 1.54, 1.4)
-    masses: tuple[float, ...] = (8.5, 2.5, 0.4)  # [kg], moved by each drive, without the load
-    load_mass: float = 1.0
     gravity: float = 9.81
 
 
@@ -121,9 +118,9 @@ def _free(limits: Limits) -> Model:
     state = ca.vertcat(joints, angles, velocity, rates)
     rate = ca.vertcat(velocity, rates, u, a_forcing / (length * cos_b), b_forcing / length)
     if not limits.lag:
-        rows = _rows(limits, joints, load, velocity, u, u, n, pull)
+        rows = _rows(limits, joints, load, velocity, u, n, pull)
         return Model(state, control, rate, joints, load, u, rows)
-    rows = _rows(limits, joints, load, setpoint, control, u, n, pull)
+    rows = _rows(limits, joints, load, setpoint, control, n, pull)
     return Model(ca.vertcat(state, setpoint), control, ca.vertcat(rate, control), joints, load, u, rows)
 
 
@@ -142,12 +139,12 @@ def _along(path: Along, limits: Limits) -> Model:
     velocity = dot(joints)
     u, pull = dot(velocity), ca.norm_2(force)
     w = velocity + limits.lag * u
-    rows = _rows(limits, joints, load, w, dot(w) if limits.lag else u, u, -force / pull, pull)
+    rows = _rows(limits, joints, load, w, dot(w) if limits.lag else u, -force / pull, pull)
     return Model(state, control, rate, joints, load, u, rows)
 
 
 def _rows(
-    limits: Limits, joints: ca.SX, load: ca.SX, w: ca.SX, w_dot: ca.SX, u: ca.SX, n: ca.SX, pull: ca.SX
+    limits: Limits, joints: ca.SX, load: ca.SX, w: ca.SX, w_dot: ca.SX, n: ca.SX, pull: ca.SX
 ) -> tuple[ca.SX, np.ndarray, np.ndarray]:
     """Return constraints and bounds; `pull` is the tension per mass of the load [m/s²]."""
     rows = [
@@ -158,9 +155,6 @@ def _rows(
         (-n[2], [cos(limits.lean)], [2.0]),
         (pull / limits.gravity, limits.tension[:1], limits.tension[1:]),
     ]
-    if limits.force:
-        force = ca.DM(limits.masses) * u - limits.load_mass * pull * ca.vertcat(n[:2], 1)
-        rows.append((force, -np.array(limits.force), limits.force))
     expressions, low, high = zip(*rows, strict=True)
     return ca.vertcat(*expressions), np.concatenate(low), np.concatenate(high)
 
