@@ -13,5 +13,11 @@ def runs() -> list[Run]:
 
 
 @pytest.fixture(scope="session")
+def clean() -> Run:
+    """Return a run that is not used for the identification."""
+    return measured_run(LAB, NUMBERS, 50)
+
+
+@pytest.fixture(scope="session")
 def result(runs: list[Run]) -> Identification:
     return identify(runs, LAB)

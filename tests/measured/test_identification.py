@@ -49,7 +49,17 @@ def test_intervals_have_what_coarse_encoders_leave_open() -> None:
 
 
 def test_the_motion_of_the_axes_tells_rope_and_pivot(runs: list[Run]) -> None:
-    result = identify(runs, LAB, replay="motion")
+    """It is taken by default if the runs have no commands."""
+    (group,) = (group for group in runs[0].groups if group.name == "command")
+    without = [
+        replace(run, table=run.table[:, : -len(group)], own_groups=tuple(g for g in run.groups if g != group))
+        for run in runs
+    ]
+    with pytest.raises(InputError, match="no commands of the drives") as error:
+        identify(without, LAB, replay="commands")
+    assert error.value.remedy == "add --replay motion"
+    result = identify(without, LAB)
+    assert result.replay == "motion"
     values = {estimate.name: estimate.value for estimate in result.estimates}
     assert len(values) == 5
     assert values["angles.scale"] == pytest.approx(1.0, abs=1e-3)
@@ -167,18 +177,6 @@ def test_an_identified_crane_is_a_rig_and_a_campaign(
     assert main(["campaign", "run", "mine-campaign.toml", "--runs", "4", "--out", "result"]) == 0
     (tmp_path / "other.toml").write_text("my notes")
     assert main(["identify", *logs, "--rig", "lab-rig", "--out", "other.toml"]) == 2
-
-
-def test_runs_without_commands_are_identified_from_their_motion(runs: list[Run]) -> None:
-    (group,) = (group for group in runs[0].groups if group.name == "command")
-    without = [
-        replace(run, table=run.table[:, : -len(group)], own_groups=tuple(g for g in run.groups if g != group))
-        for run in runs
-    ]
-    with pytest.raises(InputError, match="no commands of the drives") as error:
-        identify(without, LAB, replay="commands")
-    assert error.value.remedy == "add --replay motion"
-    assert identify(without, LAB).replay == "motion"
 
 
 def test_a_simulated_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
