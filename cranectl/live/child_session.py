@@ -38,13 +38,12 @@ class ChildSession:
         *,
         plants: Iterable[str] = (),
         drive: Drive = "ideal",
-        timeout: float = BLOCK_TIMEOUT,
     ) -> None:
         """Prepare the session at time zero; raise InputError as `simulate_run` does."""
         self.scenario, self.design, self.drive = scenario, design, drive
         self.plan = plan_scenario(scenario)
         self.origin_ns, self.now_ns, self.moving = 0, 0, True
-        self._names, self._timeout = plants_to_run(plants), timeout
+        self._names, self._timeout = plants_to_run(plants), BLOCK_TIMEOUT
         self._child: Child | None = None
         self._runs = self._start()
         if not self._runs:
