@@ -22,7 +22,7 @@ PLANTS = "plants"  # key of a difference between plants
 
 
 class Verdict(NamedTuple):
-    """Verdict on a case, or on a scenario that cannot be loaded (without controller and drive)."""
+    """Verdict on a case, or on a scenario that cannot be loaded (without case, controller and drive)."""
 
     scenario: str  # name or file, as requested
     controller: str
@@ -32,6 +32,18 @@ class Verdict(NamedTuple):
     faults: tuple[str, ...]  # sentences that say why it did not pass
     log: str  # empty without a log
     overrun: float = math.inf  # largest ratio of a value to its limit; inf for an unexpected end
+    case: Case | None = None
+    result: CaseResult | None = None
+
+    @property
+    def name(self) -> str:
+        """Controller and drives in words."""
+        return f"{self.controller} with {self.drive} drives"
+
+    @property
+    def sort_key(self) -> tuple[bool, float]:
+        """Key that sorts cases, the worst last."""
+        return self.kind != "passed", self.overrun
 
     def command(self, options: Sequence[str]) -> str:
         """Return the command that runs this case alone, with `options` of the validation."""
@@ -39,24 +51,6 @@ class Verdict(NamedTuple):
         if self.controller:
             parts += ["--controller", controller_argument(self.controller), "--drive", self.drive]
         return shlex.join([*parts, "--plants", ",".join(map(plant_argument, self.plants)), *options])
-
-
-class CaseVerdict(NamedTuple):
-    """A case with its result and verdict; a scenario that cannot be loaded has only a verdict."""
-
-    verdict: Verdict
-    case: Case | None
-    result: CaseResult | None
-
-    @property
-    def name(self) -> str:
-        """Controller and drives in words."""
-        return f"{self.verdict.controller} with {self.verdict.drive} drives"
-
-    @property
-    def sort_key(self) -> tuple[bool, float]:
-        """Key that sorts cases, the worst last."""
-        return self.verdict.kind != "passed", self.verdict.overrun
 
 
 class JudgedValue(NamedTuple):
@@ -150,15 +144,13 @@ class Validation:
         return list(zip(self.cases, self.outcome.results, strict=True))
 
     def _verdict(self, case: Case, result: CaseResult | Failure | None) -> Verdict:
-        kind: Outcome = "error"
-        log, overrun = "", math.inf
+        labels = case.source, case.controller, case.drive, case.plants
         if isinstance(result, CaseResult):
-            overrun = _overrun(result)
-            kind, log = "passed" if result.passed else "failed", str(result.log or "")
-            faults = tuple(_faults(result))
-        else:
-            faults = (result.reason if result is not None else f"no result: {self.missing_reason}",)
-        return Verdict(case.source, case.controller, case.drive, case.plants, kind, faults, log, overrun)
+            kind: Outcome = "passed" if result.passed else "failed"
+            log, overrun = str(result.log or ""), _overrun(result)
+            return Verdict(*labels, kind, tuple(_faults(result)), log, overrun, case, result)
+        fault = result.reason if result is not None else f"no result: {self.missing_reason}"
+        return Verdict(*labels, "error", (fault,), "", case=case)
 
     def to_json(self, *, passed: bool) -> dict[str, Any]:
         """Return the validation as plain data."""
@@ -185,15 +177,7 @@ class Validation:
 
 def _overrun(result: CaseResult) -> float:
     """Return the largest ratio of a judged value to its limit."""
-    agreements = [
-        value / limit if value == value else math.inf
-        for agreement in result.agreements
-        for value, limit in (
-            (agreement.max_load_error_m, agreement.limit_m),
-            (agreement.max_angle_error_rad, agreement.limit_rad),
-        )
-        if limit is not None
-    ]
+    agreements = [agreement.excess for agreement in result.agreements if agreement.limit_m is not None]
     limits = [limit.overrun for run in result.runs for limit in run.limits]
     return max([*agreements, *limits], default=0.0) if result.as_expected else math.inf
 

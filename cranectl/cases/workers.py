@@ -170,13 +170,9 @@ def _plant_modules() -> tuple[str, ...]:
 def _serve_cases(
     connection: Connection, shared: SharedControllers, plants: tuple[str, ...], models: dict[str, PlantEntry]
 ) -> None:
-    """Run cases in a worker until the parent asks it to end.
-
-    `shared` are the parent's controllers from files. `plants` are modules that the server may not have found,
-    since only this process has the parent's search path. `models` are plants from model files.
-    """
+    """Run cases in a worker, with the parent's controllers and plants, until the parent asks it to end."""
     PLANTS.update(models)
-    for module in plants:
+    for module in plants:  # only this process has the parent's search path, unlike the server
         with suppress(ImportError):
             importlib.import_module(module)
     open_again(shared)

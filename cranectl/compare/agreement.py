@@ -164,10 +164,11 @@ class Agreement:
 
     @property
     def excess(self) -> float:
-        """The larger difference over its limit; NaN without limits."""
+        """The larger difference over its limit, infinite where it is NaN; NaN without limits."""
         if self.limit_m is None or self.limit_rad is None:
             return math.nan
-        return max(self.max_load_error_m / self.limit_m, self.max_angle_error_rad / self.limit_rad)
+        ratios = self.max_load_error_m / self.limit_m, self.max_angle_error_rad / self.limit_rad
+        return math.inf if any(map(math.isnan, ratios)) else max(ratios)
 
     @property
     def verdict(self) -> str:

@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 from PIL.Image import Image
 
-from cranectl.cases.case import Failure
 from cranectl.cases.pairwise import Pairwise
-from cranectl.cases.validation import PLANTS, CaseVerdict, JudgedValue, Validation, judged_values
+from cranectl.cases.validation import PLANTS, JudgedValue, Validation, Verdict, judged_values
 from cranectl.plants.registry import reference_plant
 from cranectl.report.page import Fact, Figure, FirstScreen, Page, Section
 from cranectl.report.run.differences import pair_tables
@@ -34,12 +33,12 @@ class ScenarioVerdict(NamedTuple):
 
     source: str
     scenario: Scenario | None
-    cases: tuple[CaseVerdict, ...]
+    cases: tuple[Verdict, ...]
 
     @property
-    def failed(self) -> list[CaseVerdict]:
+    def failed(self) -> list[Verdict]:
         """The cases that did not pass."""
-        return [case for case in self.cases if case.verdict.kind != "passed"]
+        return [case for case in self.cases if case.kind != "passed"]
 
     @property
     def name(self) -> str:
@@ -97,12 +96,9 @@ def validation_page(
 
 def scenario_verdicts(validation: Validation) -> list[ScenarioVerdict]:
     """Return the scenarios of a validation, the worst first, each with its cases, the worst first."""
-    loaded = [*[None] * len(validation.unloaded), *validation.cases]
-    outcomes = [*[None] * len(validation.unloaded), *validation.outcome.results]
-    by_source: dict[str, list[CaseVerdict]] = {}
-    for verdict, case, outcome in zip(validation.verdicts, loaded, outcomes, strict=True):
-        result = None if isinstance(outcome, Failure) else outcome
-        by_source.setdefault(verdict.scenario, []).append(CaseVerdict(verdict, case, result))
+    by_source: dict[str, list[Verdict]] = {}
+    for verdict in validation.verdicts:
+        by_source.setdefault(verdict.scenario, []).append(verdict)
     scenarios = []
     for source, cases in by_source.items():
         cases.sort(key=lambda case: case.sort_key, reverse=True)
@@ -114,18 +110,18 @@ def scenario_verdicts(validation: Validation) -> list[ScenarioVerdict]:
 def worst_logs(validation: Validation) -> dict[str, Path]:
     """Return the log of the worst case of the scenarios that are shown, where it is kept."""
     shown = scenario_verdicts(validation)[:SHOWN_SCENARIOS]
-    logs = {scenario.source: scenario.cases[0].verdict.log for scenario in shown}
+    logs = {scenario.source: scenario.cases[0].log for scenario in shown}
     return {source: Path(log) for source, log in logs.items() if log}
 
 
-def causes(case: CaseVerdict) -> list[str]:
+def causes(case: Verdict) -> list[str]:
     """Return why a case does not pass, a sentence each.
 
     A run that ends too early explains its limits and differences, which are left out then.
     """
     result = case.result
     if result is None:
-        return [_refusal(fault) for fault in case.verdict.faults]
+        return [_refusal(fault) for fault in case.faults]
     ends: dict[str, list[str]] = {}
     for run in result.runs:
         if run.status.label != result.expected:
@@ -263,11 +259,11 @@ def _scenario_section(
     return Section(anchor, title, tuple(paragraphs), tables, _figures(scenario, moments))
 
 
-def _command_table(case: CaseVerdict, options: Sequence[str]) -> Table:
+def _command_table(case: Verdict, options: Sequence[str]) -> Table:
     """Return the commands that show a case, as they are typed."""
-    commands = {"the run again": case.verdict.command(options)}
-    if case.verdict.log:
-        commands = {"all figures": shlex.join(["cranectl", "report", case.verdict.log]), **commands}
+    commands = {"the run again": case.command(options)}
+    if case.log:
+        commands = {"all figures": shlex.join(["cranectl", "report", case.log]), **commands}
     rows = tuple(cells(what, Cell(text, "code")) for what, text in commands.items())
     return Table("", ("to see", "type"), rows, labels=2)
 
@@ -277,7 +273,7 @@ def _cases_section(scenarios: Sequence[ScenarioVerdict], options: Sequence[str])
     rows = []
     for scenario in scenarios:
         for case in scenario.failed:
-            name = ", ".join(filter(None, (scenario.name, case.verdict.controller, case.verdict.drive)))
+            name = ", ".join(filter(None, (scenario.name, case.controller, case.drive)))
             rows.append(cells(name, " ".join(causes(case)), _command_table(case, options).rows[0][1]))
     total = sum(len(scenario.cases) for scenario in scenarios)
     summary = f"{len(rows)} of {total} cases fail." if rows else f"All {total} cases pass."
