@@ -3,6 +3,7 @@
 import ast
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -13,29 +14,54 @@ import pytest
 import cranectl
 from tests.conftest import ROOT
 
-HEAVY = ("mujoco", "numba", "control", "matplotlib", "scipy", "pydantic")
-HEAVY += (
-    "foxglove",
-    "mcap",
-    "pyarrow",
-    "filelock",
-    "PIL",
-    "av",
-    "pydrake",
-    "fmpy",
-    "clarabel",
-    "casadi",
-    "cma",
-)
+HEAVY = (
+    "mujoco", "numba", "control", "matplotlib", "scipy", "pydantic", "foxglove", "mcap", "pyarrow",
+    "filelock", "PIL", "av", "pydrake", "fmpy", "clarabel", "casadi", "cma",
+)  # fmt: skip
+# A line that a module must not have, and the contract that it violates.
+VIOLATIONS = [
+    ("model/dynamics.py", "import cranectl.controllers.flat", "one direction of imports"),
+    ("log/events.py", "import cranectl.planning.review", "the core knows no tool"),
+    ("controllers/registry.py", "import cranectl.loaders.opening", "the core knows no tool"),
+    ("plants/analytic.py", "import cranectl.controllers.flat", "one direction of imports"),
+    ("plants/mujoco/model.py", "import cranectl.model.dynamics", "knows nothing of our equations"),
+    ("plants/drake/model.py", "import cranectl.plants.mujoco.model", "the Drake plant knows neither"),
+    ("metrics/summary.py", "import mujoco", "only the MuJoCo plant"),
+    ("metrics/summary.py", "import pydrake", "only the Drake plant"),
+    ("loaders/opening.py", "import fmpy", "only the loader of FMUs"),
+    ("planning/programs.py", "import casadi", "nothing imports casadi"),
+    ("campaign/workers.py", "import cma", "only tuning imports cma"),
+    ("metrics/summary.py", "import mcap", "only logs, live sessions"),
+]
 
 
-def run_lint_imports(directory: Path) -> subprocess.CompletedProcess[str]:
-    command = [str(Path(sys.executable).parent / "lint-imports"), "--no-cache"]
-    return subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False)
+def python(
+    script: str, directory: Path | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """Run a script in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-c", script], cwd=directory, env={**os.environ, **environment},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def last_line(script: str, directory: Path | None = None) -> str:
+    """Return the last line that a script prints; it must succeed."""
+    result = python(script, directory)
+    assert result.returncode == 0, result.stderr
+    return result.stdout.splitlines()[-1]
+
+
+def lint_imports(directory: Path) -> subprocess.CompletedProcess[str]:
+    return python(
+        "import sys; sys.path.insert(0, '.'); from importlinter.cli import lint_imports; "
+        "sys.exit(lint_imports(no_cache=True))",
+        directory,
+    )
 
 
 def test_imports_follow_the_contracts() -> None:
-    result = run_lint_imports(ROOT)
+    result = lint_imports(ROOT)
     assert result.returncode == 0, result.stdout
 
 
@@ -62,10 +88,7 @@ def test_programs_of_validation_import(folder: str) -> None:
     """Their imports match the package. Most of these programs are rarely run, and only by hand."""
     names = sorted(path.stem for path in (ROOT / folder).glob("*.py"))
     assert names
-    result = subprocess.run(
-        [sys.executable, "-c", f"import {', '.join(names)}"], cwd=ROOT / folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    result = python(f"import {', '.join(names)}", ROOT / folder, PYTHONPATH=str(ROOT))
     assert result.returncode == 0, result.stderr
 
 
@@ -77,38 +100,19 @@ def test_the_package_has_at_most_27_top_level_entries() -> None:
     assert len(entries) <= 27, sorted(path.name for path in entries)
 
 
-@pytest.mark.parametrize(
-    ("module", "line", "contract"),
-    [
-        ("model/dynamics.py", "import cranectl.controllers.flat", "one direction of imports"),
-        ("log/events.py", "import cranectl.planning.review", "the core knows no tool"),
-        ("controllers/registry.py", "import cranectl.loaders.opening", "the core knows no tool"),
-        ("plants/analytic.py", "import cranectl.controllers.flat", "one direction of imports"),
-        ("plants/mujoco/model.py", "import cranectl.model.dynamics", "knows nothing of our equations"),
-        ("plants/drake/model.py", "import cranectl.plants.mujoco.model", "the Drake plant knows neither"),
-        ("metrics/summary.py", "import mujoco", "only the MuJoCo plant"),
-        ("metrics/summary.py", "import pydrake", "only the Drake plant"),
-        ("loaders/opening.py", "import fmpy", "only the loader of FMUs"),
-        ("planning/programs.py", "import casadi", "nothing imports casadi"),
-        ("campaign/workers.py", "import cma", "only tuning imports cma"),
-        ("metrics/summary.py", "import mcap", "only logs, live sessions"),
-    ],
-)
-def test_the_contracts_detect_a_violation(tmp_path: Path, module: str, line: str, contract: str) -> None:
-    import shutil
-
+def test_the_contracts_detect_each_violation(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "cranectl", tmp_path / "cranectl", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    path = tmp_path / "cranectl" / module
-    path.write_text(f"{path.read_text()}\n{line}\n")
-    script = "import sys; sys.path.insert(0, '.'); from importlinter.cli import lint_imports; " \
-        "sys.exit(lint_imports(no_cache=True))"  # fmt: skip
-    result = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    for module, line, _ in VIOLATIONS:
+        with (tmp_path / "cranectl" / module).open("a") as file:
+            file.write(f"\n{line}\n")
+    result = lint_imports(tmp_path)
     assert result.returncode != 0, result.stdout
     broken = [row for row in result.stdout.splitlines() if "BROKEN" in row]
-    assert any(contract in row for row in broken), result.stdout
+    for module, line, contract in VIOLATIONS:
+        assert any(contract in row for row in broken), contract
+        names = f"cranectl.{module.removesuffix('.py').replace('/', '.')} -> {line.removeprefix('import ')}"
+        assert names in result.stdout, names
 
 
 def test_help_imports_no_heavy_package() -> None:
@@ -119,8 +123,7 @@ def test_help_imports_no_heavy_package() -> None:
         f"for line in {lines!r}: assert main(line.split()) == 0\n"
         f"print('HEAVY', [name for name in {HEAVY!r} if name in sys.modules])"
     )
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert result.stdout.splitlines()[-1] == "HEAVY []"
+    assert last_line(script) == "HEAVY []"
 
 
 def test_a_command_loads_no_module_of_another_command() -> None:
@@ -135,21 +138,11 @@ def test_a_command_loads_no_module_of_another_command() -> None:
         "    assert cli.commands[name].name == name\n"
         "    print('LOADED', *loaded() & {*NAMES} - {name})"
     )
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    result = python(script)
     others = [line.split()[1:] for line in result.stdout.splitlines() if line.startswith("LOADED")]
     assert "Did you mean 'run'?" in result.stderr
     assert len(others) == 21
     assert [names for names in others if names] == [["benchmark"]], "only `tune` needs another command"
-
-
-UNUSED_IN_A_RUN = {
-    "log.reader",
-    "log.recover",
-    "plants.elastic",
-    "plants.trials",
-    "reference.driven",
-    "support.children",
-}
 
 
 def test_a_run_loads_no_unneeded_module(tmp_path: Path) -> None:
@@ -159,14 +152,12 @@ def test_a_run_loads_no_unneeded_module(tmp_path: Path) -> None:
         f"assert main({[*run.split(), '--out', 'a.mcap']!r}) == 0\n"
         "print('LOADED', *[name for name in sys.modules if name.startswith('cranectl.')])"
     )
-    result = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    modules = [name.removeprefix("cranectl.") for name in result.stdout.splitlines()[-1].split()[1:]]
+    modules = [name.removeprefix("cranectl.") for name in last_line(script, tmp_path).split()[1:]]
     rooms = {name.partition(".")[0] for name in modules}
     assert "simulate" in rooms
     assert not rooms & {"analysis", "campaign", "export", "live", "loaders", "render", "thesis"}
-    assert not UNUSED_IN_A_RUN & set(modules)
+    unneeded = {"log.reader", "log.recover", "plants.elastic", "plants.trials", "reference.driven"}
+    assert not {*unneeded, "support.children"} & set(modules)
 
 
 def test_a_simulation_of_the_analytic_plant_does_not_import_mujoco() -> None:
@@ -176,8 +167,7 @@ def test_a_simulation_of_the_analytic_plant_does_not_import_mujoco() -> None:
         "s = load_scenario('fixed-position', overrides=['duration=0.1', 'disturbances=[]'])\n"
         "simulate_run(s, plant='analytic'); print('mujoco' in sys.modules)"
     )
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert result.stdout.strip() == "False"
+    assert last_line(script) == "False"
 
 
 def test_public_names_exist_and_are_typed() -> None:

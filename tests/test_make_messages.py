@@ -52,30 +52,6 @@ def test_every_long_target_has_a_limit_that_prints_a_message() -> None:
     assert not [line for line in recipes if "$(call " not in line and ".ci/limited.py" not in line]
 
 
-BOUNDS = (
-    r"timeout=\s*[\d.]+[,)]",
-    r"\b(settimeout|process\.join|process\.wait)\([\d.]+\)",
-    r"assert .*\b(monotonic|perf_counter|time)\(\) - .* <",
-)
-RETRIED = {"server.settimeout(0.2)"}  # repeated until it succeeds
-# Time limits of controllers: what they do is what is tested.
-TESTED = {
-    'points = tune(tiny, open_controller("mine.py:HANGS"), runs=10, timeout=0.5).points',
-    "worker = ChildWorker(PreparedCampaign(made), children, timeout=1.0)",
-    'run = simulate_run(scenario(), plant="analytic", controller=name, timeout=7.0)',
-}
-
-
-def test_no_test_has_a_bound_in_seconds_of_its_own() -> None:
-    """A slow machine would exceed such a bound. Tests that hang end after `tests.pace.HANG`."""
-    files = [*(ROOT / "tests").rglob("*.py"), *(ROOT / "viewer").glob("*.py")]
-    lines = {
-        line.strip(): file.name for file in files for line in file.read_text(encoding="utf-8").splitlines()
-    }
-    bounded = {line for line in lines if any(re.search(bound, line) for bound in BOUNDS)}
-    assert {line for line in bounded if lines[line] != "test_make_messages.py"} == RETRIED | TESTED
-
-
 def test_progress_is_written_into_a_pipe(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
