@@ -115,11 +115,9 @@ def run_batches_on(
 
 
 def _check_installed(client: "Client", expected: Mapping[str, str]) -> None:
-    """Raise InputError if a package is absent or has another version on the scheduler or a worker.
-
-    Workers that join later are checked with their first batch.
-    """
-    # Dask itself reads the versions: a worker without cranectl cannot call a function of cranectl.
+    """Raise InputError if a package is absent or has another version on the scheduler or a worker."""
+    # Dask itself reads the versions: a worker without cranectl cannot call a function of cranectl. Workers
+    # that join later are checked with their first batch.
     names = [name for name in PACKAGES if name not in HARMLESS]
     versions: Any = client.get_versions(packages=names)
     # The scheduler only loads cranectl, so that its other packages do not matter.
@@ -234,12 +232,6 @@ def packed(manifest: Table, files: Sequence[ControllerFile]) -> bytes:
     return zlib.compress(pickle.dumps((json.dumps(manifest), tuple(files))))
 
 
-def unpacked(packed_manifest: bytes) -> tuple[Table, SharedControllers]:
-    """Return the manifest and the controllers in `sent`, the result of `packed`."""
-    manifest, files = pickle.loads(zlib.decompress(packed_manifest))
-    return json.loads(manifest), SharedControllers(files)
-
-
 def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
     """Return the rows of `batch`, or the error that keeps this worker from computing any."""
     try:
@@ -251,13 +243,10 @@ def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
 
 
 def dask_setup(_worker: Any) -> None:
-    """Ignore interrupts in a process of a local cluster: the command that started the process ends it.
-
-    Dask calls this function in each process by its name.
-    """
+    """Ignore interrupts in a process of a local cluster; Dask calls this function by its name."""
     forget_safe_path()
     for number in SIGNALS:
-        if number != signal.SIGTERM:  # the signal by which Dask ends its processes
+        if number != signal.SIGTERM:  # the signal by which Dask ends its processes, as their command does
             signal.signal(number, signal.SIG_IGN)
 
 
@@ -277,8 +266,9 @@ def _prepared(packed_manifest: bytes) -> PreparedCampaign:
     """Prepare a campaign once in each process; raise InputError if the manifest names other software."""
     from distributed import get_worker
 
-    manifest, files = unpacked(packed_manifest)
-    open_again(files)
+    text, files = pickle.loads(zlib.decompress(packed_manifest))
+    manifest = json.loads(text)
+    open_again(SharedControllers(files))
     open_models(manifest)
     here = software_of(manifest["campaign"]["plants"], manifest["campaign"]["controllers"])
     _check_software(here, manifest["versions"], f"worker {get_worker().address}")

@@ -97,11 +97,7 @@ def _nominal_scenario(settings: CampaignSettings) -> Scenario:
     """Return the scenario that the controller assumes, with every uncertain effect switched on."""
     scenario = load_scenario(settings.scenario, rig=settings.rig, overrides=settings.set)
     named = {name.split(".")[1] for name in settings.uncertain if name.startswith("effects.")}
-    off = [
-        effect
-        for effect, settings_of_effect in scenario.effects
-        if settings_of_effect is None and effect in named
-    ]
+    off = [effect for effect, stated in scenario.effects if stated is None and effect in named]
     if not off:
         return scenario
     added = [f"effects.{effect}={{}}" for effect in off]

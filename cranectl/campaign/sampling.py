@@ -29,10 +29,7 @@ def stream(seed: int, label: str, *, counter: int = 0) -> np.random.Philox:
 
 
 def uniform_block(seed: int, label: str, first: int, last: int) -> Array:
-    """Return numbers [first, last) of the stream of `label`, shape (last - first,).
-
-    They are multiples of 2⁻⁵³ in [0, 1).
-    """
+    """Return numbers [first, last) of the stream of `label`, multiples of 2⁻⁵³ in [0, 1)."""
     skipped = first % NUMBERS_PER_COUNT
     random = np.random.Generator(stream(seed, label, counter=first // NUMBERS_PER_COUNT))
     return random.random(last - first + skipped)[skipped:]
@@ -46,11 +43,7 @@ def saltelli_blocks(campaign: Campaign, outputs: Array) -> dict[str, Array]:
     """
     d = len(campaign.varied)
     by_base = outputs.reshape(-1, d + 2, outputs.shape[1])
-    return {
-        "f_A": by_base[:, 0].T,
-        "f_B": by_base[:, 1].T,
-        "f_AB": by_base[:, 2:].transpose(1, 2, 0),
-    }
+    return {"f_A": by_base[:, 0].T, "f_B": by_base[:, 1].T, "f_AB": by_base[:, 2:].transpose(1, 2, 0)}
 
 
 POINT_LIMITS = (2.0**-54, 1.0 - 2.0**-53)  # of random points, so that their normal scores are finite
@@ -85,10 +78,7 @@ def monte_carlo(campaign: Campaign, first: int, last: int) -> Array:
 
 
 def latin_hypercube(campaign: Campaign, first: int, last: int) -> Array:
-    """Draw points of which each of `runs` equal intervals of every axis has exactly one.
-
-    Source: McKay, Beckman and Conover (1979).
-    """
+    """Draw points of which each of `runs` equal intervals of every axis has one (McKay et al. 1979)."""
     runs = campaign.runs
 
     def column(parameter: UncertainParameter) -> Array:
@@ -211,17 +201,14 @@ def gaussian_copula(campaign: Campaign) -> tuple[list[int], Array]:
 
 
 def _correlated(points: Array, columns: Sequence[int], factor: Array) -> Array:
-    """Correlate some columns of independent points (k, d) of the unit cube; return all columns.
-
-    The sum is built term by term, because matrix products round differently for blocks of different sizes.
-    """
+    """Correlate some columns of independent points (k, d) of the unit cube; return all columns."""
     from scipy.special import ndtr, ndtri
 
     scores = [ndtri(np.ascontiguousarray(points[:, column])) for column in columns]
     result = points.copy(order="F")
     for row, column in enumerate(columns):
         mixed = np.zeros(len(points))
-        for index in range(row + 1):
+        for index in range(row + 1):  # matrix products round differently for blocks of different sizes
             mixed += factor[row, index] * scores[index]
         result[:, column] = ndtr(mixed)
     return result

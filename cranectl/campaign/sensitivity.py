@@ -184,10 +184,7 @@ def correlations(results: Results, group: Group, values: Array) -> Correlations:
 
 
 def independent_rows(results: Results) -> NDArray[np.intp]:
-    """Return the samples that were drawn independently of each other.
-
-    In a Saltelli design these are the rows of A and B; all others repeat a row of A but for one coordinate.
-    """
+    """Return the samples that were drawn independently; in a Saltelli design the rows of A and B."""
     campaign = results.campaign
     rows = np.arange(campaign.runs)
     if campaign.settings.sampling == "saltelli":

@@ -129,14 +129,16 @@ def parse_campaign(
     return settings if plants == settings.plants else settings.model_copy(update={"plants": plants})
 
 
+def is_distribution(value: Any) -> bool:
+    """Return True for a distribution below [uncertain], and for a value that cannot contain one."""
+    return not isinstance(value, Mapping) or not value or "distribution" in value
+
+
 def _distributions(node: Mapping[str, Any], source: str) -> dict[str, Distribution]:
     """Return the distributions below [uncertain] by the dotted names of their parameters."""
     distributions: dict[str, Distribution] = {}
 
-    def is_leaf(value: Any) -> bool:  # a distribution, or a value that cannot contain one
-        return not isinstance(value, Mapping) or not value or "distribution" in value
-
-    for name, table in leaves(node, is_leaf=is_leaf):
+    for name, table in leaves(node, is_leaf=is_distribution):
         if name in distributions:
             raise InputError(
                 f"{source}: parameter '{name}' appears twice under [uncertain]",

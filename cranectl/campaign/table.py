@@ -155,10 +155,7 @@ def read_part(
     from pyarrow import parquet
 
     try:
-        with (
-            open_input(path) as stream,
-            parquet.ParquetFile(stream, page_checksum_verification=True) as file,
-        ):
+        with open_input(path) as stream, parquet.ParquetFile(stream, page_checksum_verification=True) as file:
             schema = file.schema_arrow
             table = file.read(use_threads=False)
             table.validate(full=True)

@@ -106,27 +106,21 @@ def run_batches(
 def make_worker(
     prepared: PreparedCampaign, children: "Children", timeout: float = BLOCK_TIMEOUT
 ) -> "Worker | ChildWorker":
-    """Make the worker of one thread; it runs controllers from files in one of `children`.
-
-    A block of a run may take `timeout` [s].
-    """
+    """Make the worker of one thread; controllers from files run in a child, a block within `timeout` [s]."""
     if not controller_digests(prepared.campaign.settings.controllers):
         return Worker(prepared)
     return ChildWorker(prepared, children, timeout)
 
 
 def estimated_seconds(campaign: Campaign, *, workers: int) -> float:
-    """Estimate the time of all runs on `workers` cores [s] from the first sample of each group.
-
-    The sample runs twice, and only the second run counts, because the first one loads and compiles.
-    """
+    """Estimate the time of all runs on `workers` cores [s] from the first sample of each group."""
     total = 0.0
     with Children() as children:
         # No timeout, because the user can interrupt it.
         worker = make_worker(PreparedCampaign(campaign), children, inf)
         for plant, controller in campaign.groups:
             batch = Batch(plant, controller, 0, 1)
-            worker.run_batch(batch)
+            worker.run_batch(batch)  # which loads and compiles
             start = perf_counter()
             worker.run_batch(batch)
             total += perf_counter() - start
@@ -211,10 +205,7 @@ class ChildWorker:
 
 
 def _serve_requests(connection: Connection) -> None:
-    """Serve requests in the child process: the start of a campaign, or a batch of one sample.
-
-    For a batch it sends None at the start and after each block, and at the end a row or an error.
-    """
+    """Serve campaigns and batches of one sample: send None after each block, then a row or an error."""
     report_to_parent(connection.send)
     worker: Worker | InputError | None = None
 
@@ -238,14 +229,12 @@ def _serve_requests(connection: Connection) -> None:
 
 
 def _make_worker(manifest: Table, shared: SharedControllers) -> Worker | InputError:
-    """Return a worker for a campaign, or the error that prevents it.
-
-    The parent has prepared the same campaign, so an error other than InputError comes from the machine.
-    """
+    """Return a worker for a campaign, or the error that prevents it."""
     try:
         open_again(shared)
         return Worker(PreparedCampaign(campaign_of(manifest, "the manifest of the campaign")))
     except Exception as error:
         if isinstance(error, InputError) and not is_of_machine(error):
             return error
+        # The parent has prepared the same campaign.
         return MachineError.of(f"a worker cannot begin: {' '.join(str(error).split())}")

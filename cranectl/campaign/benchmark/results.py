@@ -94,10 +94,7 @@ def run_trials(
 
 
 def _finished_result(campaign: Campaign, directory: Path) -> Results | None:
-    """Return the finished result of `campaign` in `directory`, or None if `open_store` would change it.
-
-    The installed software must have made it. The result is neither locked nor written.
-    """
+    """Return the finished result of `campaign` by the installed software; None if `open_store` changes it."""
     if not (directory / MANIFEST_FILE).exists():
         return None
     try:
@@ -197,10 +194,7 @@ def collect_results(
 
 
 def _check_same(results: Results, expected: Table, controller: str) -> None:
-    """Raise InputError unless `results` have the manifest `expected` for this `controller`.
-
-    Settings of the controller and the number of cranes may differ.
-    """
+    """Raise InputError unless `results` are those of `expected`, but for controller and number of cranes."""
     manifest = results.manifest
     adapted = {
         **manifest,

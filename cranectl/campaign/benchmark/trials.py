@@ -22,7 +22,7 @@ from cranectl.campaign.benchmark.settings import (
 )
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.load import unchecked_campaign
-from cranectl.campaign.settings import parse_campaign
+from cranectl.campaign.settings import is_distribution, parse_campaign
 from cranectl.controllers.registry import checked_controller, load_controller
 from cranectl.metrics.limits import limits_of
 from cranectl.scenario.load import read_scenario
@@ -244,8 +244,4 @@ def rules_of(benchmark: Benchmark) -> str:
 
 def _flat(*tables: Mapping[str, Any]) -> dict[str, Any]:
     """Return distributions by the dotted names of their parameters; later tables replace earlier ones."""
-
-    def is_leaf(value: Any) -> bool:
-        return not isinstance(value, Mapping) or "distribution" in value
-
-    return {name: distribution for table in tables for name, distribution in leaves(table, is_leaf=is_leaf)}
+    return {name: found for table in tables for name, found in leaves(table, is_leaf=is_distribution)}

@@ -275,10 +275,7 @@ def _search(
 
 
 def _strategy(variables: Sequence[Variable], seed: int) -> Any:
-    """Return a CMA-ES search that starts at the untuned numbers; raise InputError without pycma.
-
-    CMA-ES needs two coordinates, so a single variable gets a second one that has no effect.
-    """
+    """Return a CMA-ES search that starts at the untuned numbers; raise InputError without pycma."""
     try:
         import cma
     except ImportError as error:
@@ -296,7 +293,8 @@ def _strategy(variables: Sequence[Variable], seed: int) -> Any:
         "verbose": -9,
         "verb_log": 0,
     }
-    return cma.CMAEvolutionStrategy(start if len(start) > 1 else [*start, 0.5], INITIAL_DEVIATION, options)
+    start += [] if len(start) > 1 else [0.5]  # CMA-ES needs two coordinates; this one has no effect
+    return cma.CMAEvolutionStrategy(start, INITIAL_DEVIATION, options)
 
 
 @contextmanager
