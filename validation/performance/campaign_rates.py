@@ -32,13 +32,7 @@ from cranectl.simulate.runner import start_run, stream_run
 from cranectl.support import resources
 from cranectl.support.jit import jit
 from validation.performance import other_implementations as other
-from validation.performance.figures import (
-    Measurement,
-    compare_best,
-    ratios_of,
-    summarise,
-    time_alternately,
-)
+from validation.performance.figures import Measurement, compare_best, ratios_of, summarise, time_alternately
 
 SCENARIO, DRIVE = "settled-trajectory", "velocity"
 STEPPED_CRANES, STEPPED_SAMPLES = 16, 20

@@ -16,12 +16,7 @@ from numpy.typing import NDArray
 from cranectl.analysis.budget.trajectory_loop import dense_robustifier
 from cranectl.design import design_controller
 from cranectl.planning import load_scenario
-from cranectl.plants.mujoco.model import (
-    drive_addresses,
-    model_spec,
-    rate_addresses,
-    state_addresses,
-)
+from cranectl.plants.mujoco.model import drive_addresses, model_spec, rate_addresses, state_addresses
 from cranectl.simulate import plan_scenario, tracker_of
 from cranectl.simulate.actuation import make_actuation
 

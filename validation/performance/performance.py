@@ -34,13 +34,7 @@ from validation.performance.campaign_rates import (
     measure_many_runs,
 )
 from validation.performance.controller_times import controllers_section, measure_controllers
-from validation.performance.figures import (
-    Measurement,
-    ratios_of,
-    summarise,
-    time_alternately,
-    time_call,
-)
+from validation.performance.figures import Measurement, ratios_of, summarise, time_alternately, time_call
 from validation.performance.page import DATA, results_table, write_results
 from validation.performance.scaling import measure_result_costs
 

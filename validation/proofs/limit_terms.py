@@ -24,16 +24,9 @@ _NO_TERM_PREFIXES = (
     "effects.sensing or", "scenario.rig", "scenario.effects", "{", "-np.inf",
 )  # fmt: skip
 _NO_TERMS = (
-    "coefficients",
-    "constraint",
-    "by_name",
-    "name",
-    "quotient",
-    "result",
-    "planning",
-    "rig",
+    "coefficients", "constraint", "by_name", "name", "quotient", "result", "planning", "rig",
     "scenario.planning",
-)
+)  # fmt: skip
 
 
 def is_number(node: ast.expr) -> bool:

@@ -33,14 +33,7 @@ from typing import Any
 
 import pytest
 
-from validation.proofs.limit_terms import (
-    HELPERS,
-    INDEX,
-    LIMIT_TARGETS,
-    is_indexed,
-    is_number,
-    listed_terms,
-)
+from validation.proofs.limit_terms import HELPERS, INDEX, LIMIT_TARGETS, is_indexed, is_number, listed_terms
 from validation.proofs.mutation_results import (
     DATA,
     KINDS,
@@ -175,38 +168,12 @@ def _elements(value: ast.expr) -> Iterator[ast.expr]:
 _BUILDERS = ("_add_body", "_slide", "_add_rotor", "PrismaticSpring")
 # Expressions that begin so are no terms: indices, status codes, views of arrays, objects.
 _NO_TERM_PREFIXES = (
-    "status",
-    "RUNNING",
-    "actuator",
-    "spec.",
-    "row[ERROR",
-    "row[FLAT",
-    "n_blocks",
-    "ROBUSTIFIER",
-    "np.eye",
-    "drives",
-    "held_forces",
-    "work.along",
-    "work.stuck[",
-    "is_locked(",
-    "locked and",
-    "drive == ",
-    "AXES[",
-    "MultibodyPlant",
-    "crane.world_body",
-    "crane.AddJointActuator",
-    "gravity_in_rig",
-    "axis_damping",
-    "_add_",
-    "_slide",
-    "(ideal_inertia",
-    "self.load.EvalPoseInWorld",
-    "ExternallyAppliedSpatialForce",
-    "self.load.index",
-    "SpatialForce",
-    "np.nan",
-    "np.zeros",
-)
+    "status", "RUNNING", "actuator", "spec.", "row[ERROR", "row[FLAT", "n_blocks", "ROBUSTIFIER", "np.eye",
+    "drives", "held_forces", "work.along", "work.stuck[", "is_locked(", "locked and", "drive == ", "AXES[",
+    "MultibodyPlant", "crane.world_body", "crane.AddJointActuator", "gravity_in_rig", "axis_damping", "_add_",
+    "_slide", "(ideal_inertia", "self.load.EvalPoseInWorld", "ExternallyAppliedSpatialForce",
+    "self.load.index", "SpatialForce", "np.nan", "np.zeros",
+)  # fmt: skip
 _NO_TERMS = ("crane", "base")
 # Flipping the sign of these has no effect, because they are squared: in m J'J and in m l² cos² beta.
 _SQUARED = (
@@ -434,9 +401,7 @@ def main() -> int:
     )
     parser.add_argument("name", nargs="?", default="", help="only targets whose name contains this")
     parser.add_argument(
-        "--write",
-        action="store_true",
-        help=f"write {DATA.name}; with NAME only the part of these targets",
+        "--write", action="store_true", help=f"write {DATA.name}; with NAME only the part of these targets"
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N")
     arguments = parser.parse_args()
