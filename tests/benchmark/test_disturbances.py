@@ -33,7 +33,7 @@ def test_drives_rest_where_the_lean_of_the_rope_balances_the_error(
     assert np.abs(run.block("disturbance")[-1]).max() > 0.1
     state = run.block("state")[-1]
     for joint, angle, start in ((0, 8, 1.0), (2, 6, 0.77)):
-        assert abs(state[angle]) > 0.01
+        assert abs(state[angle]) > 0.05
         assert state[joint] - start == pytest.approx(factor * state[4] * state[angle], rel=tolerance)
 
 
