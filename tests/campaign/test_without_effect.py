@@ -118,9 +118,17 @@ def expected(plant: str, drive: str) -> Iterator[str]:
             yield name
 
 
-def test_a_factor_that_is_always_zero_is_found_unless_it_is_uncertain() -> None:
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [
+        ("effects.wind.seed", "effects.wind.gust"),
+        ("effects.wind.mean.0", "effects.wind.drag_area"),
+        ("effects.wind.density", "effects.wind.drag_area"),
+    ],
+)
+def test_a_factor_that_is_always_zero_is_found_unless_it_is_uncertain(name: str, factor: str) -> None:
     """`tests/simulate/test_idle_settings.py` has the other factors."""
-    seed, settings = {"effects.wind.seed": fixed(3.0)}, [*MOVING, "effects.wind.gust=0.0"]
+    uncertain, settings = {name: fixed(3.0)}, [*MOVING, f"{factor}=0.0"]
     with pytest.raises(InputError, match="is 0 in all runs"):
-        campaign(seed, scenario=SCENARIO, set=settings, runs=1)
-    campaign(seed | {"effects.wind.gust": uniform(0.0, 1.0)}, scenario=SCENARIO, set=settings, runs=1)
+        campaign(uncertain, scenario=SCENARIO, set=settings, runs=1)
+    campaign(uncertain | {factor: uniform(0.0, 1.0)}, scenario=SCENARIO, set=settings, runs=1)

@@ -109,6 +109,13 @@ def test_rules_exclude_controllers_and_seed(small: Path) -> None:
         file.write_text(text)
 
 
+def test_validation_does_not_use_the_cranes_of_the_ranking(small: Path) -> None:
+    """`tests/cli/test_key_remedies_rules.py` has the other rules."""
+    small.write_text(small.read_text().replace("seed = 6", "seed = 3"))
+    with pytest.raises(InputError, match="a seed other than 3 of the ranking and 5 of the search"):
+        read_benchmark(str(small))
+
+
 @pytest.mark.parametrize("name", resources.toml_names(resources.BENCHMARK_DIRECTORY))
 def test_shipped_benchmarks_can_be_run(name: str) -> None:
     benchmark = read_benchmark(name)
