@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -27,20 +28,10 @@ from cranectl.simulate import simulate_run
 from cranectl.support.consistency import InconsistentError
 
 GROUP = GroupSummary(
-    plant="analytic",
-    controller="lqr",
-    runs=10,
-    failures=3,
-    stopped={"failed": 1, "rope-slack": 1},
-    not_run={"no licence": 1},
-    broken={"max_error_m": 1},
-    failure_rate=0.3,
-    failure_rate_interval=(0.1, 0.6),
-    median_max_error_m=0.01,
-    q95_max_error_m=0.02,
-    worst_sample=4,
-    worst_max_error_m=0.03,
-)
+    plant="analytic", controller="lqr", runs=10, failures=3, stopped={"failed": 1, "rope-slack": 1},
+    not_run={"no licence": 1}, broken={"max_error_m": 1}, failure_rate=0.3, failure_rate_interval=(0.1, 0.6),
+    median_max_error_m=0.01, q95_max_error_m=0.02, worst_sample=4, worst_max_error_m=0.03,
+)  # fmt: skip
 POINT = OperatingPoint(rope_length=1.0)
 VERDICT = PointVerdict(POINT, 0.4, 1.0, 0.1, 1.0, "whole-gap", 0.3, 0.9)
 TOPIC = TopicDescription("/wish", "wish", 3, None)
@@ -149,21 +140,10 @@ def test_summaries_of_random_runs_are_consistent() -> None:
 
 
 def test_a_summary_that_omits_runs_is_an_internal_error() -> None:
-    class Results:
-        campaign = SimpleNamespace(
-            settings=SimpleNamespace(limits=SimpleNamespace(given={}), sampling="grid"),
-            groups=[("analytic", "lqr")],
-        )
-
-        def __len__(self) -> int:
-            return 3
-
-        def rows(self, *_: str) -> Any:
-            return np.arange(2)
-
-        def column(self, name: str) -> Any:
-            return np.array(["completed"] * 3) if name in ("status", "reason") else np.arange(3.0)
-
-    results: Any = Results()
+    settings = SimpleNamespace(limits=SimpleNamespace(given={}), sampling="grid")
+    results: Any = MagicMock(campaign=SimpleNamespace(settings=settings, groups=[("analytic", "lqr")]))
+    results.__len__.return_value = 3
+    results.rows.return_value = np.arange(2)
+    results.column = lambda name: np.array(["completed"] * 3) if name in ("status", "reason") else np.ones(3)
     with pytest.raises(InconsistentError, match="number of runs is 3, and its parts add up to 2"):
         summarize(results)
