@@ -1,6 +1,7 @@
 """Collect every remedy in the sources, and check that following a remedy works."""
 
 import ast
+import contextlib
 import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -42,10 +43,34 @@ def written(contents: Mapping[str, str | bytes]) -> Any:
     @pytest.fixture(autouse=True)
     def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
-        for name, content in contents.items():
-            Path(name).write_bytes(content.encode() if isinstance(content, str) else content)
+        write(contents)
 
     return files
+
+
+def prepared(
+    contents: Mapping[str, str | bytes], commands: Iterable[str], then: Callable[[], object] = dict
+) -> Any:
+    """Return the fixture `prepared_files` of a module: a folder with files and what commands write there."""
+
+    @pytest.fixture(scope="module")
+    def prepared_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+        folder = tmp_path_factory.mktemp("files")
+        with contextlib.chdir(folder):
+            write(contents)
+            for command in commands:
+                assert main(command.split()) == 0, command
+            then()
+        return folder
+
+    return prepared_files
+
+
+def write(contents: Mapping[str, str | bytes]) -> None:
+    """Write files into the working directory."""
+    for name, content in contents.items():
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def check(case: Case, base: str, capsys: pytest.CaptureFixture[str]) -> None:

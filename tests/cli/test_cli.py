@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.compare.agreement import AgreementLimits, agreement_limits
+from cranectl.compare.agreement import agreement_limits
 from cranectl.controllers.registry import controller_names
 from cranectl.design import CONTROLLERS
 from cranectl.log.reader import read_log
@@ -94,31 +94,6 @@ def test_validate_writes_all_runs_and_agreements_as_json(capsys: pytest.CaptureF
         assert agreement["passed"] is True
         assert agreement["max_load_error_m"] < agreement["limit_m"] == agreement_limits("ideal").load_m
     assert "passed" in captured.err, "tables go to standard error when JSON takes standard output"
-
-
-def test_validate_fails_when_a_limit_is_exceeded(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        "cranectl.compare.agreement.agreement_limits", lambda *_, **__: AgreementLimits(1e-15, 1e-15, 0.0, "")
-    )
-    arguments = ["fixed-position", *SHORT, "--controller", "lqr"]
-    assert main(["validate", *arguments, "--jobs", "1", "--json", "v.json"]) == 1
-    assert "FAILED" in capsys.readouterr().out
-    assert json.loads(Path("v.json").read_text())["passed"] is False
-
-
-def test_tables_fit_a_terminal_of_80_columns(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("cranectl.cli.output.FILE_WIDTH", 80)
-    assert main(["run", "settled-trajectory", "--set", "workspace.on_exit=stop"]) == 3
-    assert main(["compare", "logs/settled-trajectory/pole-placement-ideal.mcap"]) == 1
-    out = capsys.readouterr().out
-    assert "…" not in out
-    # A table that is split into parts repeats its first columns.
-    assert out.count("outside rig [m]") == 1
-    assert out.count("max |diff|") == 2
 
 
 def test_a_stopped_run_prints_the_reason_and_leaves_a_readable_log(
@@ -216,14 +191,14 @@ def test_compare_takes_one_or_two_logs(capsys: pytest.CaptureFixture[str]) -> No
     assert "load.rope_tension" in out
 
 
-def test_a_log_of_one_plant_needs_a_second_log_to_be_compared(capsys: pytest.CaptureFixture[str]) -> None:
+def test_logs_of_one_plant_each_are_compared_but_not_judged(capsys: pytest.CaptureFixture[str]) -> None:
     for plant in ("analytic", "mujoco"):
         assert main(["run", "fixed-position", *SHORT, "--plant", plant, "--out", f"{plant}.mcap"]) == 0
-    assert main(["info", "mujoco.mcap"]) == 0
-    assert "verdict" not in capsys.readouterr().out
-    assert "one plant only" in bad_input(capsys, "compare", "analytic.mcap")
-    assert main(["compare", "analytic.mcap", "mujoco.mcap"]) == 0
-    assert "mujoco/ideal minus" in capsys.readouterr().out
+    capsys.readouterr()
+    assert main(["info", "mujoco.mcap"]) == main(["compare", "analytic.mcap", "mujoco.mcap"]) == 0
+    out = capsys.readouterr().out
+    assert "mujoco/ideal minus" in out
+    assert "verdict" not in out
 
 
 # Errors in scenarios, logs and names have their own tests. These cases show that every option reports them.

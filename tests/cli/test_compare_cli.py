@@ -14,13 +14,19 @@ from cranectl.simulate import simulate_run
 from cranectl.support.provenance import provenance
 from tests.cli.arguments import SHORT, STOP
 from tests.conftest import PAIR
+from tests.remedies import prepared
 
-pytestmark = pytest.mark.usefixtures("in_empty_directory")
+pytestmark = pytest.mark.usefixtures("in_copy_of_files")
+
+
+RUN = f"run fixed-position {' '.join(SHORT)} --controller lqr --out"
+prepared_files = prepared(
+    {}, [f"{RUN} golden.mcap", *(f"{RUN} {plant}.mcap --plant {plant}" for plant in PAIR)]
+)
 
 
 def run(out: str, *options: str, controller: str = "lqr", code: int = 0) -> None:
-    arguments = ["fixed-position", *SHORT, "--controller", controller, *options, "--out", out]
-    assert main(["run", *arguments]) == code
+    assert main([*RUN.split(), out, *options, "--controller", controller]) == code
 
 
 def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -38,7 +44,6 @@ def bad_input(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 def test_an_identical_run_passes_and_a_run_with_another_gain_fails(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    run("golden.mcap")
     run("again.mcap")
     run("new.mcap", "--set", "design.input_weight=0.11")
     Path("limits.toml").write_text(
@@ -74,7 +79,6 @@ def test_an_identical_run_passes_and_a_run_with_another_gain_fails(
 
 
 def test_other_settings_are_named_first_and_in_few_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    run("golden.mcap", "--plants", "analytic")
     run("new.mcap", "--plants", "analytic", controller="pid")
     changes = [f"rig.{part}_mass=7" for part in ("bridge", "trolley", "load")] + ["disturbances=[]"]
     options = [word for change in changes for word in ("--set", change)]
@@ -82,12 +86,12 @@ def test_other_settings_are_named_first_and_in_few_lines(capsys: pytest.CaptureF
     capsys.readouterr()
     rounding = ("--tolerances", "rounding")
     for arguments, who, code in (((), "the runs", 0), (rounding, "golden and new", 1)):
-        pair = ("golden.mcap", "new.mcap") if code == 0 else ("new.mcap", "golden.mcap")
+        pair = ("analytic.mcap", "new.mcap") if code == 0 else ("new.mcap", "analytic.mcap")
         assert main(["compare", *pair, *arguments]) == code
         lines = capsys.readouterr().out.splitlines()
         assert lines[0] == f"{who} differ in controller: lqr and pid"
         assert sum("differ in" in line for line in lines) == 1
-    assert main(["compare", "other.mcap", "golden.mcap", *rounding, "--json", "v.json"]) == 1
+    assert main(["compare", "other.mcap", "analytic.mcap", *rounding, "--json", "v.json"]) == 1
     lines = [line for line in capsys.readouterr().out.splitlines() if "golden and new differ in" in line]
     fields = json.loads(Path("v.json").read_text())["differing_fields"]
     assert len(fields) > len(lines) == 11
@@ -108,25 +112,20 @@ def test_one_plant_out_of_limits_fails_the_comparison() -> None:
 
 
 def test_only_plants_of_both_logs_are_judged(capsys: pytest.CaptureFixture[str]) -> None:
-    run("golden.mcap")
-    run("new.mcap", "--plant", "mujoco")
-    capsys.readouterr()
-    assert main(["compare", "new.mcap", "golden.mcap", "--tolerances", "exact", "--json", "v.json"]) == 0
+    assert main(["compare", "mujoco.mcap", "golden.mcap", "--tolerances", "exact", "--json", "v.json"]) == 0
     assert "not compared: analytic, only in golden.mcap" in capsys.readouterr().out
     (verdict,) = json.loads(Path("v.json").read_text())["verdicts"]
     assert verdict["plant"] == "mujoco"
-    run("analytic.mcap", "--plant", "analytic")
-    error = bad_input(capsys, "new.mcap", "analytic.mcap", "--tolerances", "exact")
+    error = bad_input(capsys, "mujoco.mcap", "analytic.mcap", "--tolerances", "exact")
     assert "share no plant" in error
 
 
 def test_invalid_combinations_with_tolerances_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    run("a.mcap")
-    exact = ("--tolerances", "exact")
-    assert "did you mean 'exact'?" in bad_input(capsys, "a.mcap", "a.mcap", "--tolerances", "exct")
-    assert "NEW and GOLDEN" in bad_input(capsys, "a.mcap", *exact)
-    assert "3 logs" in bad_input(capsys, "a.mcap", "a.mcap", "a.mcap", *exact)
-    assert "one of the two" in bad_input(capsys, "a.mcap", "a.mcap", *exact, "--merge", "c.mcap")
+    log, exact = "golden.mcap", ("--tolerances", "exact")
+    assert "did you mean 'exact'?" in bad_input(capsys, log, log, "--tolerances", "exct")
+    assert "NEW and GOLDEN" in bad_input(capsys, log, *exact)
+    assert "3 logs" in bad_input(capsys, log, log, log, *exact)
+    assert "one of the two" in bad_input(capsys, log, log, *exact, "--merge", "c.mcap")
 
 
 @pytest.mark.parametrize(
@@ -163,7 +162,6 @@ def test_a_merged_log_keeps_the_rate_of_its_sources(short: Scenario) -> None:
 
 
 def test_different_scenarios_merge_only_on_request(capsys: pytest.CaptureFixture[str]) -> None:
-    run("analytic.mcap", "--plant", "analytic")
     changes = ("--set", "rig.bridge_mass=7", "--set", "disturbances.0.magnitude=2")
     run("mujoco.mcap", "--plant", "mujoco", *changes)
     pair = ("mujoco.mcap", "analytic.mcap")
@@ -183,7 +181,6 @@ def test_different_scenarios_merge_only_on_request(capsys: pytest.CaptureFixture
 
 def test_runs_with_different_loads_are_not_merged(capsys: pytest.CaptureFixture[str]) -> None:
     """A log describes one mass of the load, and readers check the rope tension against it."""
-    run("analytic.mcap", "--plant", "analytic")
     run("mujoco.mcap", "--plant", "mujoco", "--set", "rig.load_mass=2")
     error = bad_input(capsys, "analytic.mcap", "mujoco.mcap", "--merge", "m.mcap", "--despite-differences")
     assert "different loads [kg], 1.0 and 2.0" in error
@@ -193,8 +190,6 @@ def test_runs_with_different_loads_are_not_merged(capsys: pytest.CaptureFixture[
 def test_logs_of_other_versions_merge_only_on_request(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for plant in ("analytic", "mujoco"):
-        run(f"{plant}.mcap", "--plant", plant)
     newer = {**provenance(), "mujoco": "99.0"}
     monkeypatch.setattr("cranectl.support.provenance.provenance", lambda: newer)
     pair = ("analytic.mcap", "mujoco.mcap")
@@ -205,15 +200,12 @@ def test_logs_of_other_versions_merge_only_on_request(
 
 
 def test_incompatible_logs_are_not_merged(capsys: pytest.CaptureFixture[str]) -> None:
-    run("both.mcap")
-    run("analytic.mcap", "--plant", "analytic")
-    run("mujoco.mcap", "--plant", "mujoco")
     run("velocity.mcap", "--plant", "mujoco", "--drive", "velocity")
     Path("text").write_text("")
     first = "analytic.mcap"
     for second, out, expected in (
         (first, "new.mcap", "both logs hold the run of analytic"),
-        ("both.mcap", "new.mcap", "both.mcap holds the runs of 3 plants"),
+        ("golden.mcap", "new.mcap", "golden.mcap holds the runs of 3 plants"),
         ("velocity.mcap", "new.mcap", "different drives, ideal and velocity"),
         ("absent.mcap", "new.mcap", "cannot read absent.mcap"),
         ("mujoco.mcap", "./mujoco.mcap", "the same command reads it"),

@@ -4,24 +4,18 @@ import ast
 import re
 import tomllib
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import click
 
 from cranectl.cli.main import cli
 from tests.cli import option_cases
-from tests.cli import test_key_remedies_campaign as campaign
-from tests.cli import test_key_remedies_controllers as controllers
-from tests.cli import test_key_remedies_design as design
-from tests.cli import test_key_remedies_files as files
-from tests.cli import test_key_remedies_planning as planning
-from tests.cli import test_key_remedies_reference as reference
-from tests.cli import test_key_remedies_rules as rules
-from tests.cli import test_key_remedies_scenario as scenario
 from tests.conftest import ROOT
 from tests.remedies import PACKAGE, Remedy, remedies_in, without_remedy
 
-TABLES = (campaign, controllers, design, files, option_cases, planning, reference, rules, scenario)
+INPUTS = ("campaign", "controllers", "design", "files", "planning", "reference", "rules", "scenario")
+TABLES = [option_cases, *(import_module(f"tests.cli.test_key_remedies_{name}") for name in INPUTS)]
 TESTED: set[Remedy] = {
     (source, case.remedy) for table in TABLES for source, cases in table.CASES.items() for case in cases
 }

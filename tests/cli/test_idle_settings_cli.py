@@ -36,6 +36,8 @@ MESSAGES = [
      "short: design.input_weight changes nothing here: lqr-integral has its own parameters"),
     (f"campaign show load-and-lag --plants analytic --controller lqr {SHORT} --set design.hinf.peak=3.0",
      "design.hinf.peak changes nothing here: lqr is designed without it"),
+    (f"campaign run load-and-lag --plants analytic --controller lqr {SHORT} --seed 3",
+     "seed changes nothing here: grid sampling draws nothing"),
     (f"live fixed-position --plants analytic --port 0 {SHORT} --set rig.effects.delay.seconds=0.02",
      "[effects.delay] of the rig do not act in this run"),
     (f"live fixed-position --plants analytic --port 0 {SHORT} --set planning.lean=0.3 "
@@ -109,13 +111,3 @@ def test_settings_of_a_file_for_other_commands_cause_no_message(capsys: pytest.C
     main(["run", "ours.toml", "--plants", "analytic"])
     message = "ours: design.input_weight changes nothing here: pole-placement is designed without it"
     assert message in capsys.readouterr().out
-
-
-def test_a_campaign_reports_settings_without_effect(capsys: pytest.CaptureFixture[str]) -> None:
-    main(shlex.split(
-        "campaign run load-and-lag --plants analytic --controller lqr --seed 3 --set duration=0.1 "
-        "--set disturbances=[] --set reference.segments=[] --set design.hinf.peak=3.0"
-    ))  # fmt: skip
-    out = capsys.readouterr().out
-    assert "seed changes nothing here: grid sampling draws nothing" in out
-    assert "design.hinf.peak changes nothing here: lqr is designed without it" in out

@@ -78,6 +78,8 @@ def test_compare_has_the_exit_code_of_the_run(monkeypatch: pytest.MonkeyPatch) -
             lambda *_, **__: AgreementLimits(1e-16, 1e-16, 0.0, ""),
         )
         assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 1
+        assert main(["validate", *OWN, "--jobs", "1", "--json", "v.json"]) == 1
+        assert json.loads(Path("v.json").read_text())["passed"] is False
     assert main(["run", *ideal, *STOP]) == 3
     assert judged("compare", "a.mcap", code=1)["passed"] is True, (
         "the plants agree although both stop unexpectedly"

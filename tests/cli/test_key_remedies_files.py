@@ -1,14 +1,11 @@
 """Remedies for files, names and capabilities of plants work on the refused input."""
 
-from pathlib import Path
-
 import numpy as np
 import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from cranectl.cli.main import main
-from tests.remedies import Case, remedy_test
+from tests.remedies import Case, prepared, remedy_test
 
 pytestmark = pytest.mark.usefixtures("in_copy_of_files")
 
@@ -16,6 +13,7 @@ RUN = "run s.toml --plants analytic"
 SCENARIO = "name='s'\nduration=2.0\nreference.start=[1.0, 0.77, -0.7]\ncontrol.period=0.005\n"
 FILES = {
     "s.toml": SCENARIO,
+    "folder/s.toml": SCENARIO,
     "wrong.toml": SCENARIO.replace("=2.0", "=2.0.0"),
     "s.xml": "<mujoco model='crane'/>\n",
     "cut.parquet": "PAR1",
@@ -93,22 +91,12 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def prepared_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write settings, recordings and the log of a run."""
-    folder = tmp_path_factory.mktemp("files")
-    for name, text in FILES.items():
-        (folder / name).write_text(text)
-    (folder / "folder").mkdir()
-    (folder / "folder" / "s.toml").write_text(SCENARIO)
+def write_tables() -> None:
     time = np.arange(0.0, 1.0, 0.01)
     columns = {"time": time, "x": 0.0 * time + 1.0, "y": 0.0 * time + 0.77, "z": 0.0 * time - 0.7}
-    parquet.write_table(pa.table(columns), folder / "own.parquet")
-    parquet.write_table(pa.table({**columns, "x": time.astype(str)}), folder / "text.parquet")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        assert main(f"{RUN} --out one.mcap".split()) == 0
-    return folder
+    parquet.write_table(pa.table(columns), "own.parquet")
+    parquet.write_table(pa.table({**columns, "x": time.astype(str)}), "text.parquet")
 
 
+prepared_files = prepared(FILES, [f"{RUN} --out one.mcap"], write_tables)
 test_a_remedy_works_on_the_refused_input = remedy_test(CASES, RUN)

@@ -4,20 +4,17 @@ The options are read from the commands, so that new ones are tested too. `make t
 of the cases; RANGE_CASES=all runs all of them.
 """
 
-import os
-import shutil
 from collections.abc import Iterator
-from pathlib import Path
 
 import click
-import numpy as np
 import pytest
 
 from cranectl.cli.main import cli, main
 from tests.cli.option_cases import MANY, SHORT
+from tests.ranges import share_of
+from tests.remedies import prepared
 
 NUMBERS = ("0", "1", "-1", "1e-300", "1e300", "nan", "inf", str(10**12), str(2**63))
-SELECTED_CASES = 40
 # A command line that is quick, by command, or by command and option.
 QUICK_LINES = {
     "run": "run short.toml --plants analytic --out own.mcap",
@@ -42,11 +39,8 @@ LONG_VALUES = {
     "certify": ("1",),  # a rope length, a delay or a lag of 1 takes half a minute
 }
 # Cases that once failed; they are always tested.
-ALWAYS_TESTED = [
-    ("campaign replay", "--every", str(2**63)),
-    ("certify", "--tilt", "nan"),
-    *(("certify", "--hoisting-speed", value) for value in ("1e300", "nan", "inf")),
-]
+ALWAYS_TESTED = (f"campaign replay --every {2**63}", "certify --tilt nan")
+ALWAYS_TESTED += tuple(f"certify --hoisting-speed {value}" for value in ("1e300", "nan", "inf"))
 
 
 def numeric_options(command: click.Command, path: tuple[str, ...] = ()) -> Iterator[tuple[str, str, int]]:
@@ -64,40 +58,26 @@ def numeric_options(command: click.Command, path: tuple[str, ...] = ()) -> Itera
 
 OPTIONS = list(numeric_options(cli))
 CASES = [
-    (command, option, nargs, value)
+    (f"{command} {option} {value}", command, option, nargs, value)
     for command, option, nargs in OPTIONS
     for value in NUMBERS
     if value not in (*LONG_VALUES.get(command, ()), *LONG_VALUES.get(f"{command} {option}", ()))
 ]
-ALL = os.environ.get("RANGE_CASES") == "all"
-CHOSEN = set(
-    np.random.default_rng(1).permutation(len(CASES))[: len(CASES) if ALL else SELECTED_CASES].tolist()
+
+
+prepared_files = prepared(
+    {"short.toml": f'name = "short"\n{SHORT}', "many.toml": MANY},
+    ["run short.toml --plants analytic --out one.mcap", "campaign run many.toml --out result"],
 )
 
 
-@pytest.fixture(scope="module")
-def prepared_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write a scenario, a campaign, a log and the result of a campaign."""
-    folder = tmp_path_factory.mktemp("files")
-    (folder / "short.toml").write_text(f'name = "short"\n{SHORT}')
-    (folder / "many.toml").write_text(MANY)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        assert main(["run", "short.toml", "--plants", "analytic", "--out", "one.mcap"]) == 0
-        assert main(["campaign", "run", "many.toml", "--out", "result"]) == 0
-    return folder
-
-
+@pytest.mark.usefixtures("in_copy_of_files")
 @pytest.mark.parametrize(
-    ("command", "option", "nargs", "value"),
-    [case for k, case in enumerate(CASES) if k in CHOSEN or (*case[:2], case[3]) in ALWAYS_TESTED],
+    ("command", "option", "nargs", "value"), [case[1:] for case in share_of(CASES, 40, ALWAYS_TESTED)]
 )
 def test_an_odd_number_gives_a_result_or_an_explained_error(
-    command: str, option: str, nargs: int, value: str,
-    prepared_files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    shutil.copytree(prepared_files, tmp_path / "here")
-    monkeypatch.chdir(tmp_path / "here")
+    command: str, option: str, nargs: int, value: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     capsys.readouterr()
     line = QUICK_LINES.get(f"{command} {option}") or QUICK_LINES[command]
     if f" {option} " in line:

@@ -20,30 +20,28 @@ from cranectl.cli.main import main
 from cranectl.loaders.opening import close_controllers
 from cranectl.plants.registry import PLANTS
 from tests.cli.option_cases import CAMPAIGN, CASES, FILES, LOGS, RUN
-from tests.remedies import PLACEHOLDER, remedy_test
+from tests.remedies import PLACEHOLDER, prepared, remedy_test
 
 pytestmark = pytest.mark.usefixtures("in_copy_of_files")
 
 
-@pytest.fixture(scope="module")
-def prepared_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write settings, logs, folders of logs, and the result of a campaign."""
-    folder = tmp_path_factory.mktemp("files")
-    for name, text in FILES.items():
-        (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).write_text(text)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        for name, command in LOGS.items():
-            assert main([*command.split(), "--out", name]) == 0
-        assert main(["log", "overlay", "one.mcap", "two.mcap", "--out", "over.mcap"]) == 0
-        assert main([*CAMPAIGN.split(), "result"]) == 0
-        assert main(["new", "scenario", "short", "--in", "there"]) == 0
-    for part in ("newer", "golden"):
-        (folder / part).mkdir()
-        shutil.copy(folder / "one.mcap", folder / part / "one.mcap")
-    shutil.copy(folder / "again.mcap", folder / "again.mcap.4711.part")
-    return folder
+def copy_logs() -> None:
+    shutil.copy("again.mcap", "again.mcap.4711.part")
+    for folder in ("newer", "golden"):
+        Path(folder).mkdir()
+        shutil.copy("one.mcap", folder)
+
+
+prepared_files = prepared(
+    FILES,
+    [
+        *(f"{command} --out {name}" for name, command in LOGS.items()),
+        "log overlay one.mcap two.mcap --out over.mcap",
+        f"{CAMPAIGN} result",
+        "new scenario short --in there",
+    ],
+    copy_logs,
+)
 
 
 @pytest.fixture

@@ -5,24 +5,12 @@ from pathlib import Path
 import pytest
 
 from cranectl import read_log
-from cranectl.campaign.results import read_results
 from cranectl.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
 CONTROLLERS = ("pid", "lqr-integral", "flat-velocity")
 SHORT = ["--set", "duration=0.6", "--set", "disturbances=[]", "--set", "reference.segments=[]"]
-CAMPAIGN = """
-name = "small"
-scenario = "small.toml"
-runs = 8
-plants = ["analytic", "mujoco"]
-controllers = ["pid", "lqr-integral"]
-drive = "velocity"
-set = ["initial.load_offset=[0.0,0.01,0.0]"]  # encoders do not measure an angle
-[uncertain]
-"rig.trolley_time_constant" = {distribution = "uniform", low = 0.01, high = 0.04}
-"""
 SCENARIO = """
 name = "small"
 duration = 0.5
@@ -90,20 +78,6 @@ def test_a_controller_file_is_refused_without_being_opened(
     Path("mine.toml").write_text(f'name = "mine"\nduration = 1.0\ncontroller = "mine.so"\n{reference}\n')
     assert main(command.split()) == 2
     assert "'mine.so' has no linear design of one axis of the load" in capsys.readouterr().err
-
-
-def test_a_campaign_runs_two_controllers() -> None:
-    Path("small.toml").write_text(SCENARIO)
-    Path("many.toml").write_text(CAMPAIGN)
-    assert main(["campaign", "run", "many.toml", "--out", "results"]) == 0
-    assert main(["campaign", "report", "results"]) == 0
-    rows = read_results("results").table.to_pylist()
-    assert sorted({(row["controller"], row["plant"], row["status"]) for row in rows}) == [
-        (name, plant, "completed") for name in ("lqr-integral", "pid") for plant in ("analytic", "mujoco")
-    ]
-    assert len(rows) == 32
-    errors = {row["rms_error_m"] for row in rows if row["controller"] == "lqr-integral"}
-    assert len(errors) == 16, "every run has another crane"
 
 
 def test_parameters_come_from_file_and_command_line() -> None:

@@ -121,52 +121,42 @@ def test_an_unforeseen_error_gives_no_verdict(
 
 
 LIMITS = "[limits]\nmax_error_m = {0}\n[limits.mujoco]\nmin_rope_tension_n = 1.0\n"
+OFFSET = ["--set", "initial.load_offset=[0.001,0,0]"]
+
+
+def write_variant(name: str, text: str) -> None:
+    Path(f"{name}.toml").write_text(GOOD.replace("good", name) + text)
 
 
 @pytest.mark.processor
 def test_limits_of_a_scenario_are_judged_in_addition_to_the_agreement(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """`run`, `validate` and `compare` report both verdicts separately."""
-    Path("strict.toml").write_text(GOOD.replace("good", "strict") + LIMITS.format(0.0))
-    Path("mild.toml").write_text(GOOD.replace("good", "mild") + LIMITS.format(1.0))
+    """Each limit counts once a case, whatever the number of plants: on screens, in JSON and on pages."""
+    write_variant("strict", LIMITS.format(0.0))
+    write_variant("mild", LIMITS.format(1.0))
+    write_variant("wrong", LIMITS.format(1.0).replace("max_error_m", "max_eror_m"))
     options = ["--controller", "lqr", "--json", "result.json"]
     for name, code in (("mild", 0), ("strict", 1)):
-        assert main(["run", f"{name}.toml", "--set", "initial.load_offset=[0.001,0,0]", *options]) == code
+        log, kept = f"logs/{name}/lqr-ideal.mcap", f"{2 - code} of 2 limits kept"
+        assert main(["run", f"{name}.toml", *OFFSET, *options]) == code
         data = json.loads(Path("result.json").read_text())
         assert (data["plants_agree"], data["limits_kept"]) == (True, code == 0)
         metrics = [[limit["metric"] for limit in run["limits"]] for run in data["runs"]]
         assert metrics == [*[["max_error_m"]] * 2, ["max_error_m", "min_rope_tension_n"]]
-        assert main(["compare", f"logs/{name}/lqr-ideal.mcap", "--json", "result.json"]) == code
+        assert main(["compare", log, "--json", "result.json"]) == code
         assert json.loads(Path("result.json").read_text())["limits_kept"] is (code == 0)
+        assert capsys.readouterr().out.count(kept) == 2, "by run and by compare"
+        assert main(["report", log, "--out", "run.html"]) == 0
+        assert kept in read_page(Path("run.html").read_text()).text
+    assert "1 of 2 limits are broken" in read_page(Path("run.html").read_text()).text
     capsys.readouterr()
-    wrong = Path("wrong.toml")
-    wrong.write_text(GOOD.replace("good", "wrong") + LIMITS.format(1.0).replace("max_error_m", "max_eror_m"))
-    offset = ["--set", "initial.load_offset=[0.001,0,0]"]
-    assert main(["validate", "strict.toml", "wrong.toml", *offset, *options]) == 2
+    report = ["--report", "cases.html"]
+    assert main(["validate", "strict.toml", "wrong.toml", *OFFSET, *options, *report]) == 2
     captured = capsys.readouterr()
-    assert "limits broken" in captured.out
-    assert "2 of 4 limits kept" in captured.out
+    assert "2 of 4 limits kept" in captured.out, "with ideal and velocity drives"
     assert "did you mean 'max_error_m'?" in captured.err
-
-
-def test_limits_are_counted_in_one_way_everywhere(capsys: pytest.CaptureFixture[str]) -> None:
-    """Each limit counts once a case, whatever the number of plants: on screen and on both pages."""
-    limits = "[limits]\nmax_error_m = 0.0\nmax_sway_rad = 1.0\nmin_rope_tension_n = 1.0\n"
-    Path("counted.toml").write_text(GOOD.replace("good", "counted") + limits)
-    options = ["counted.toml", "--controller", "lqr", "--set", "initial.load_offset=[0.001,0,0]"]
-    assert main(["run", *options]) == 1
-    assert "2 of 3 limits kept." in capsys.readouterr().out
-    log = "logs/counted/lqr-ideal.mcap"
-    assert main(["compare", log]) == 1
-    assert "2 of 3 limits kept." in capsys.readouterr().out
-    assert main(["report", log, "--out", "run.html"]) == 0
-    page = read_page(Path("run.html").read_text()).text
-    assert "1 of 3 limits are broken" in page
-    assert "2 of 3 limits kept." in page
-    assert main(["validate", *options, "--drive", "ideal", "--report", "cases.html"]) == 1
-    assert "2 of 3 limits kept." in capsys.readouterr().out
-    assert "2 of 3" in read_page(Path("cases.html").read_text()).text
+    assert "2 of 4" in read_page(Path("cases.html").read_text()).text
 
 
 def test_a_directory_selects_all_scenarios_in_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -188,9 +178,8 @@ def test_a_directory_selects_all_scenarios_in_it(tmp_path: Path, capsys: pytest.
 
 
 def test_validate_writes_junit_and_a_page_and_keeps_failed_logs(capsys: pytest.CaptureFixture[str]) -> None:
-    Path("strict.toml").write_text(GOOD.replace("good", "strict") + LIMITS.format(0.0))
-    offset = ["--set", "initial.load_offset=[0.001,0,0]"]
-    command = ["validate", "strict.toml", "good.toml", "broken.toml", *offset, *OPTIONS]
+    write_variant("strict", LIMITS.format(0.0))
+    command = ["validate", "strict.toml", "good.toml", "broken.toml", *OFFSET, *OPTIONS]
     command += ["--keep", "failed", "--every", "20", "--junit", "cases.xml", "--report", "cases.html"]
     assert main(command) == 2
     capsys.readouterr()
@@ -233,20 +222,16 @@ def test_validate_writes_junit_and_a_page_and_keeps_failed_logs(capsys: pytest.C
     assert [Path(f"cases.{kind}").read_bytes() for kind in ("xml", "html")] == first
 
 
-def test_validate_judges_without_keeping_logs(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", "good.toml", *OPTIONS, "--keep", "none"]) == 0
-    assert "3 runs, no log kept" in capsys.readouterr().out
-    assert not Path("logs", "good").exists()
-    assert [run["log"] for run in json.loads(Path("result.json").read_text())["runs"]] == [None] * 3
-
-
-def test_the_output_has_one_line_per_scenario(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_output_has_one_line_per_scenario_without_logs_too(capsys: pytest.CaptureFixture[str]) -> None:
     command = ["validate", "good.toml", "strict.toml", *OPTIONS, "--keep", "none"]
-    Path("strict.toml").write_text(GOOD.replace("good", "strict"))
+    write_variant("strict", "")
     assert main(command) == 0
     short = capsys.readouterr().out
     assert re.findall(r"^ (\w+) +<.* yes *$", short, re.MULTILINE) == ["good", "strict"]
     assert "lqr+hinf" not in short
+    assert "6 runs, no log kept" in short
+    assert not Path("logs", "good").exists()
+    assert [run["log"] for run in json.loads(Path("result.json").read_text())["runs"]] == [None] * 6
     assert main([*command, "--details"]) == 0
     assert capsys.readouterr().out.count("lqr+hinf, elastic") == 2
     assert main([*command, "--plants", "analytic"]) == 0
@@ -257,7 +242,7 @@ def test_the_output_has_one_line_per_scenario(capsys: pytest.CaptureFixture[str]
 
 def test_the_controller_of_a_scenario_must_be_named(capsys: pytest.CaptureFixture[str]) -> None:
     """`validate` runs six other controllers by default, whose results would say nothing about this one."""
-    Path("mine.toml").write_text(GOOD.replace("good", "mine") + 'controller = "pid"\n')
+    write_variant("mine", 'controller = "pid"\n')
     command = ["validate", "mine.toml", "--drive", "ideal", "--plants", "analytic,elastic"]
     assert main(command) == 2
     captured = capsys.readouterr()
