@@ -14,7 +14,6 @@ import signal
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
@@ -108,13 +107,9 @@ def _wait(child: BaseProcess, kill: tuple[float, signal.Signals] | None) -> int:
 
 
 def _work(
-    directory: Path,
-    arguments: Sequence[str],
-    limit: Callable[[], None],
-    out: Path,
-    err: Path,
+    directory: Path, arguments: Sequence[str], limit: Callable[[], None], out: Path, err: Path,
     environment: Mapping[str, str],
-) -> None:
+) -> None:  # fmt: skip
     """Run the command in the child process, with the environment variables of the test process."""
     code = 99
     try:
@@ -135,17 +130,6 @@ def _work(
             with contextlib.suppress(OSError, ValueError):
                 stream.flush()
         os._exit(code)
-
-
-@dataclass(frozen=True)
-class Limit:
-    """A limit that can be pickled; a call applies it to the calling process."""
-
-    apply: Callable[[int], None]
-    amount: int
-
-    def __call__(self) -> None:
-        self.apply(self.amount)
 
 
 def limit_memory(additional: int) -> None:

@@ -1,6 +1,8 @@
 """A directory with files as a user may have them: logs, settings, the result of a campaign, notes."""
 
 import contextlib
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -37,3 +39,18 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (directory / "cut.mcap").write_bytes(content[: 2 * len(content) // 3])
     (directory / "link.mcap").symlink_to("x.mcap")
     return directory
+
+
+NewDirectory = Callable[[], Path]
+
+
+@pytest.fixture(scope="session")
+def new_directory(template: Path, tmp_path_factory: pytest.TempPathFactory) -> NewDirectory:
+    """Return a function that makes a directory with the scenario, since each test runs many cases."""
+
+    def make() -> Path:
+        directory = tmp_path_factory.mktemp("new")
+        shutil.copy(template / "s.toml", directory)
+        return directory
+
+    return make

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import strategies as st
 
 from tests.fuzz.child_process import check, run_in_child
+from tests.fuzz.conftest import NewDirectory
 from tests.fuzz.oracle import PROCESS_FUZZ_FACTOR, fuzzed
 
 RUN = ["campaign", "run", "c.toml", "--out", "r", "--workers", "2"]
@@ -49,10 +50,9 @@ def parts(directory: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def many(template: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def many(new_directory: NewDirectory) -> Path:
     """Finish a campaign of several parts; return its directory."""
-    directory = tmp_path_factory.mktemp("many")
-    shutil.copy(template / "s.toml", directory)
+    directory = new_directory()
     (directory / "c.toml").write_text(CAMPAIGN)
     assert run_in_child(directory, RUN).code == 0
     return directory
@@ -65,11 +65,10 @@ def many(template: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     signal_number=st.sampled_from([signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP]),
 )
 def test_a_killed_campaign_resumes_to_the_same_bytes(
-    many: Path, tmp_path_factory: pytest.TempPathFactory, moments: list[float], signal_number: signal.Signals
+    many: Path, new_directory: NewDirectory, moments: list[float], signal_number: signal.Signals
 ) -> None:
-    directory = tmp_path_factory.mktemp("killed")
-    for name in ("s.toml", "c.toml"):
-        shutil.copy(many / name, directory)
+    directory = new_directory()
+    shutil.copy(many / "c.toml", directory)
     expected = parts(many)
     for moment in moments:
         result = run_in_child(directory, [*RUN, "--resume"], kill=(moment, signal_number))
@@ -85,10 +84,9 @@ def test_a_killed_campaign_resumes_to_the_same_bytes(
 
 
 @pytest.fixture(scope="module")
-def own(template: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def own(new_directory: NewDirectory) -> Path:
     """Finish a campaign with a controller of several files; return its directory."""
-    directory = tmp_path_factory.mktemp("own")
-    shutil.copy(template / "s.toml", directory)
+    directory = new_directory()
     (directory / "c.toml").write_text(CAMPAIGN.replace('["lqr", "pid"]', '["law"]').replace("200", "70"))
     for name, content in CONTROLLER_FILES.items():
         (directory / name).parent.mkdir(parents=True, exist_ok=True)

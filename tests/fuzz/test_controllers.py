@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from cranectl.log.reader import read_log
 from tests.fuzz.child_process import check, run_in_child
+from tests.fuzz.conftest import NewDirectory
 from tests.fuzz.oracle import PROCESS_FUZZ_FACTOR, fuzzed
 
 CONTROLLER = """
@@ -110,34 +111,26 @@ reference[0] = 9.0
 }
 STATEMENTS = {effect: text.split("\n")[1:-1] for effect, text in STATEMENT_TEXTS.items()}
 EXPECTED = {"same": {0}, "ends": {2, 3}, "any": {0, 2, 3}}
+Record = Callable[[], np.ndarray]
 NESTED = "{}"  # Numba cannot compile this, so the step stays in the interpreter
 
 
+NORMAL = {"top": "", "bottom": "", "declared": "", "preparing": "pass", "stepping": "pass"}
+
+
 @pytest.fixture(scope="module")
-def normal_record(template: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[], np.ndarray]:
+def normal_record(new_directory: NewDirectory) -> Record:
     """Return the signals of the correct controller, as a function: pytest would print an array."""
-    record = run_controller(template, tmp_path_factory.mktemp("normal_record"), source(stepping="pass"))[1]
+    record = run_controller(new_directory())[1]
     return lambda: record
 
 
-def source(**changes: object) -> str:
-    normal_record: dict[str, object] = {
-        "top": "",
-        "bottom": "",
-        "declared": "",
-        "preparing": "pass",
-        "stepping": "pass",
-    }
-    return CONTROLLER.format(**normal_record | {"parameter": 16.0, "step": 3.0} | changes)
-
-
-def run_controller(template: Path, directory: Path, text: str) -> tuple[int, np.ndarray]:
-    """Run a controller with this source code; return the exit code and the logged signals."""
+def run_controller(directory: Path, step: int = 3, **statements: str) -> tuple[int, np.ndarray]:
+    """Run a controller with these statements; return the exit code and the logged signals."""
+    text = CONTROLLER.format(**{**NORMAL, **statements}, parameter=16.0, step=float(step))
     (directory / "law.py").write_text(text, encoding="utf-8", errors="surrogatepass")
-    (directory / "s.toml").write_bytes((template / "s.toml").read_bytes())
     arguments = ["run", "s.toml", "--controller", "law.py:Odd", "--plants", "analytic", "--every", "1"]
     arguments += ["--out", "o.mcap", "--json", "-"]
-    (directory / "o.mcap").unlink(missing_ok=True)
     result = run_in_child(directory, arguments)
     check(result, arguments)
     if result.code in (0, 3):
@@ -162,43 +155,25 @@ def faults(draw: st.DrawFn) -> tuple[str, str, int]:
 
 @fuzzed(12, factor=PROCESS_FUZZ_FACTOR, fault=faults(), callback=st.booleans())
 def test_a_faulty_step_ends_its_run_or_changes_no_earlier_sample(
-    template: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    normal_record: Callable[[], np.ndarray],
-    fault: tuple[str, str, int],
-    callback: bool,
+    new_directory: NewDirectory, normal_record: Record, fault: tuple[str, str, int], callback: bool
 ) -> None:
     effect, statement, step = fault
-    stepping = (
-        f"{statement}; str({NESTED})"
-        if callback and not statement.startswith(("return", "raise"))
-        else statement
-    )
-    code, record = run_controller(
-        template, tmp_path_factory.mktemp("odd"), source(stepping=stepping, step=step)
-    )
+    is_called_back = callback and not statement.startswith(("return", "raise"))
+    stepping = f"{statement}; str({NESTED})" if is_called_back else statement
+    code, record = run_controller(new_directory(), step, stepping=stepping)
     assert code in EXPECTED[effect], f"{statement} at step {step} exits {code}"
     # A process that ends loses the last block of its log.
     unaffected = len(normal_record()) if effect == "same" else min(len(record), step - 1)
-    assert record[:unaffected].tobytes() == normal_record()[:unaffected].tobytes(), (
-        f"{statement} at step {step}"
-    )
+    is_unaffected = record[:unaffected].tobytes() == normal_record()[:unaffected].tobytes()
+    assert is_unaffected, f"{statement} at step {step}"
 
 
 # Before the run, the controller is loaded by the command's own process, which these statements can end.
-ENDS_THIS_PROCESS = (
-    "os.kill",
-    "ctypes.string_at",
-    "sys.stdout.close",
-    "os.close",
-    "raise KeyboardInterrupt",
-    "os.umask",
-)
+ENDS_THIS_PROCESS = ("os.kill", "ctypes.string_at", "sys.stdout.close", "os.close", "os.umask")
 MODULE_STATEMENTS = [
     statement
-    for effect in ("same", "ends")
-    for statement in STATEMENTS[effect]
-    if not statement.startswith(ENDS_THIS_PROCESS)
+    for statement in (*STATEMENTS["same"], *STATEMENTS["ends"])
+    if not statement.startswith((*ENDS_THIS_PROCESS, "raise KeyboardInterrupt"))
 ]
 MODULE_STATEMENTS += ["import no_such_module", "Odd_ = 1/0", "os.remove('o.mcap')", "x = (", "\0"]
 DECLARATION_TEXT = r"""
@@ -235,38 +210,18 @@ command = 'velocity'
 measures = 'encoders'
 """
 DECLARATIONS = DECLARATION_TEXT.split("\n")[1:-1]
-PREPARE_STATEMENTS = [
-    *MODULE_STATEMENTS,
-    "start = None",
-    "start[:] = np.inf",
-    "start = 'x'",
-    "start = np.zeros(10**7)",
-    "return 1",
-    "return {}, []",
-]
+PREPARE_STATEMENTS = [*MODULE_STATEMENTS, "start = None", "start[:] = np.inf", "start = 'x'"]
+PREPARE_STATEMENTS += ["start = np.zeros(10**7)", "return 1", "return {}, []"]
+FAULTY_LINES = {"top": MODULE_STATEMENTS, "bottom": MODULE_STATEMENTS}
+FAULTY_LINES |= {"preparing": PREPARE_STATEMENTS, "declared": DECLARATIONS}
 
 
-@fuzzed(
-    12,
-    factor=PROCESS_FUZZ_FACTOR,
-    position=st.sampled_from(["top", "bottom", "preparing", "declared"]),
-    data=st.data(),
-)
+@fuzzed(12, factor=PROCESS_FUZZ_FACTOR, position=st.sampled_from([*FAULTY_LINES]), data=st.data())
 def test_a_faulty_definition_is_refused_or_changes_nothing(
-    template: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    normal_record: Callable[[], np.ndarray],
-    position: str,
-    data: st.DataObject,
+    new_directory: NewDirectory, normal_record: Record, position: str, data: st.DataObject
 ) -> None:
-    lines = {
-        "top": MODULE_STATEMENTS,
-        "bottom": MODULE_STATEMENTS,
-        "preparing": PREPARE_STATEMENTS,
-        "declared": DECLARATIONS,
-    }[position]
-    statement = data.draw(st.sampled_from(lines))
-    code, record = run_controller(template, tmp_path_factory.mktemp("odd"), source(**{position: statement}))
+    statement = data.draw(st.sampled_from(FAULTY_LINES[position]))
+    code, record = run_controller(new_directory(), **{position: statement})
     if statement in STATEMENTS["same"]:
         assert code == 0, f"{statement} exits {code}"
         assert record.tobytes() == normal_record().tobytes(), statement

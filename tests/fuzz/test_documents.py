@@ -1,23 +1,18 @@
 """Odd settings files and odd records of campaigns are either read or refused."""
 
-import io
 import json
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pyarrow as pa
 import pytest
 from hypothesis import strategies as st
-from pyarrow import parquet
 
 from cranectl.campaign import load_campaign
 from cranectl.compare.golden import load_tolerances
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.simulate.plan import Plan, plan_scenario
 from cranectl.support import resources
 from cranectl.support.errors import InputError
 from tests.fuzz.oracle import MAX_MESSAGE_LENGTH, UNSAFE_CHARACTERS, call_within, check_command, fuzzed
@@ -116,31 +111,3 @@ def test_odd_campaign_records_are_used_or_refused(
     line = ["campaign", "run", "c.toml", "--out", "r", "--resume"]
     line = line if resume else ["campaign", "replay", "r", "--run", "0", "--plant", "analytic"]
     check_command(template, line, files={"r/campaign.json": content})
-
-
-RECORDING_SCENARIO = """name = "t"
-duration = 3.0
-reference.start = [0.4, 0.5, -0.6]
-reference.segments = [
-  {kind = "KIND", file = "f.dat", offset = "to-start", units = {time = "s", length = "m"}},
-]
-"""
-
-
-def recordings() -> list[bytes]:
-    time = np.linspace(0.0, 2.0, 60)
-    table = {"time": time, **{axis: np.full(60, -0.5) for axis in "xyz"}}
-    lines = [",".join(table), *(",".join(map(str, row)) for row in np.column_stack([*table.values()]))]
-    packed = io.BytesIO()
-    parquet.write_table(pa.table(table), packed)
-    return ["\n".join(lines).encode(), packed.getvalue()]
-
-
-@fuzzed(
-    40, kind=st.sampled_from(["samples", "waypoints"]), content=st.sampled_from(recordings()).flatmap(damaged)
-)
-def test_damaged_recordings_are_used_or_refused(tmp_path: Path, kind: str, content: bytes) -> None:
-    (tmp_path / "f.dat").write_bytes(content)
-    text = RECORDING_SCENARIO.replace("KIND", kind).encode()
-    plan: Plan | None = read(lambda path: plan_scenario(load_scenario(path)), tmp_path, text)
-    assert plan is None or np.isfinite(plan.reference).all()

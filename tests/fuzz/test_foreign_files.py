@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from cranectl.planning import load_scenario
 from cranectl.simulate.plan import Plan, plan_scenario
 from tests.fuzz.child_process import check, run_in_child
-from tests.fuzz.conftest import CAMPAIGN, SCENARIO, TEXTS
+from tests.fuzz.conftest import CAMPAIGN, SCENARIO, TEXTS, NewDirectory
 from tests.fuzz.oracle import PROCESS_FUZZ_FACTOR, check_command, fuzzed
 from tests.fuzz.strategies import changed, damaged, toml
 from tests.fuzz.test_documents import read
@@ -67,7 +67,7 @@ TABLES |= {name: (content, READ["Excel"][1]) for name, (content, *_) in REFUSED.
 SEGMENT = 'name = "t"\nduration = 10.0\n[reference]\nstart = [0.4, 0.5, -0.6]\n[[reference.segments]]\n'
 
 
-@fuzzed(30, name=st.sampled_from(sorted(TABLES)), other=st.sampled_from(sorted(READ)), data=st.data())
+@fuzzed(70, name=st.sampled_from(sorted(TABLES)), other=st.sampled_from(sorted(READ)), data=st.data())
 def test_damaged_tables_of_other_tools_are_used_or_refused(
     tmp_path: Path, name: str, other: str, data: st.DataObject
 ) -> None:
@@ -75,6 +75,7 @@ def test_damaged_tables_of_other_tools_are_used_or_refused(
     content, own_settings = TABLES[name]
     (tmp_path / "teach.csv").write_bytes(data.draw(st.one_of(st.just(content), damaged(content))))
     text = SEGMENT + data.draw(st.sampled_from([own_settings, READ[other][1]]))
+    text = text.replace("samples", data.draw(st.sampled_from(["samples", "waypoints"])))
     plan: Plan | None = read(lambda path: plan_scenario(load_scenario(path)), tmp_path, text.encode())
     assert plan is None or np.isfinite(plan.reference).all()
 
@@ -99,28 +100,18 @@ def written(template: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
     return files
 
 
-MCAP = [["info"], ["compare", "x.mcap"], ["log", "export"], ["log", "recover"], ["log", "layout", "overlay"]]
+LINES = ["info f.mcap", "compare x.mcap f.mcap", "log export f.mcap", "log recover f.mcap --out new.mcap"]
+FORM_NAMES = sorted({*FORMS, *(f"theirs: {name}" for name in OTHER_FILES if "MiB" not in name)})
 
 
 @fuzzed(
-    30,
-    form=st.sampled_from(sorted({*FORMS, *(f"theirs: {name}" for name in OTHER_FILES if "MiB" not in name)})),
-    line=st.sampled_from(MCAP[:4]),
-    undamaged=st.booleans(),
-    data=st.data(),
+    30, form=st.sampled_from(FORM_NAMES), line=st.sampled_from(LINES), undamaged=st.booleans(), data=st.data()
 )
 def test_damaged_logs_of_other_tools_are_read_or_refused(
-    template: Path,
-    written: dict[str, bytes],
-    form: str,
-    line: list[str],
-    undamaged: bool,
-    data: st.DataObject,
+    template: Path, written: dict[str, bytes], form: str, line: str, undamaged: bool, data: st.DataObject
 ) -> None:
-    content = written[form]
-    line = [*line, "f.mcap", *(["--out", "new.mcap"] if "recover" in line else [])]
-    content = content if undamaged else data.draw(damaged(content))
-    code, _ = check_command(template, line, files={"f.mcap": content})
+    content = written[form] if undamaged else data.draw(damaged(written[form]))
+    code, _ = check_command(template, line.split(), files={"f.mcap": content})
     assert not undamaged or code == (2 if form.startswith("theirs") else 0)
 
 
@@ -162,11 +153,8 @@ def description(draw: st.DrawFn, content: bytes) -> bytes:
         pieces = content.split(word)
         if len(pieces) > 1:
             k = draw(st.integers(1, len(pieces) - 1))
-            content = (
-                word.join(pieces[:k])
-                + draw(st.sampled_from(DESCRIPTION_CHANGES[word]))
-                + word.join(pieces[k:])
-            )
+            new = draw(st.sampled_from(DESCRIPTION_CHANGES[word]))
+            content = word.join(pieces[:k]) + new + word.join(pieces[k:])
     return draw(damaged(content)) if draw(st.integers(0, 4)) == 0 else content
 
 
@@ -181,14 +169,9 @@ every = 2
 
 @fuzzed(6, factor=PROCESS_FUZZ_FACTOR, fmi=st.sampled_from([2, 3]), data=st.data())
 def test_damaged_fmus_are_run_or_refused(
-    template: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    units: dict[int, dict[str, bytes]],
-    fmi: int,
-    data: st.DataObject,
+    new_directory: NewDirectory, units: dict[int, dict[str, bytes]], fmi: int, data: st.DataObject
 ) -> None:
-    directory = tmp_path_factory.mktemp("fmu")
-    (directory / "s.toml").write_bytes((template / "s.toml").read_bytes())
+    directory = new_directory()
     with zipfile.ZipFile(directory / "f.fmu", "w") as archive:
         for name, content in units[fmi].items():
             archive.writestr(name, data.draw(description(content)) if name.endswith(".xml") else content)
@@ -205,23 +188,15 @@ while frame := sys.stdin.buffer.read(4 + 27 * 8):
     sys.stdout.buffer.write(frame[:4] + struct.pack("<3d", 0.0, 0.0, 0.0))
     sys.stdout.buffer.flush()
 """
-REMOTE_SETTINGS = {
-    "name": "remote",
-    "program": ["python3", "p.py"],
-    "files": ["p.py"],
-    "every": 5,
-    "measures": "state",
-    "logged": [],
-}
+REMOTE_SETTINGS = {"name": "remote", "program": ["python3", "p.py"], "files": ["p.py"]}
+REMOTE_SETTINGS |= {"every": 5, "measures": "state", "logged": []}
 
 
 @fuzzed(6, factor=PROCESS_FUZZ_FACTOR, data=st.data())
 def test_odd_settings_of_process_controllers_are_used_or_refused(
-    template: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+    new_directory: NewDirectory, data: st.DataObject
 ) -> None:
-    table = data.draw(changed(REMOTE_SETTINGS))
-    directory = tmp_path_factory.mktemp("remote")
-    (directory / "s.toml").write_bytes((template / "s.toml").read_bytes())
+    table, directory = data.draw(changed(REMOTE_SETTINGS)), new_directory()
     (directory / "p.py").write_text(PROGRAM)
     words = table.get("program")
     if isinstance(words, list) and words != REMOTE_SETTINGS["program"]:  # never run a random program

@@ -4,6 +4,7 @@ They end with a documented exit code, leave only complete files, and store no wr
 with enough resources then writes the same bytes as always.
 """
 
+import functools
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -14,15 +15,8 @@ from hypothesis import strategies as st
 
 from cranectl.campaign.results import read_results
 from cranectl.campaign.table import FAILED
-from tests.fuzz.child_process import (
-    Limit,
-    Result,
-    check,
-    limit_disk,
-    limit_handles,
-    limit_memory,
-    run_in_child,
-)
+from tests.fuzz import child_process
+from tests.fuzz.child_process import check, run_in_child
 from tests.fuzz.oracle import PROCESS_FUZZ_FACTOR, fuzzed
 from tests.fuzz.test_campaigns import CONTROLLER_FILES, parts
 
@@ -61,8 +55,7 @@ class Shortage(NamedTuple):
 
     @property
     def limit(self) -> Callable[[], None]:
-        limits = {"disk": limit_disk, "memory": limit_memory, "handles": limit_handles}
-        return Limit(limits[self.resource], self.left)
+        return functools.partial(getattr(child_process, f"limit_{self.resource}"), self.left)
 
 
 SHORTAGES = st.one_of(
@@ -96,12 +89,9 @@ def copy_template(template: Path, parent: Path, name: str) -> Path:
 
 @fuzzed(12, factor=PROCESS_FUZZ_FACTOR, name=st.sampled_from(sorted(COMMANDS)), shortage=SHORTAGES)
 def test_a_lack_of_resources_leaves_no_wrong_result(
-    template: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    expected: dict[str, Path],
-    name: str,
-    shortage: Shortage,
-) -> None:
+    template: Path, tmp_path_factory: pytest.TempPathFactory, expected: dict[str, Path],
+    name: str, shortage: Shortage,
+) -> None:  # fmt: skip
     directory, line = copy_template(template, tmp_path_factory.mktemp("short"), name), COMMANDS[name]
     before = contents(directory)
     result = run_in_child(directory, line, limit=shortage.limit)
@@ -119,7 +109,7 @@ def test_a_lack_of_resources_leaves_no_wrong_result(
             assert content == (expected[name] / file).read_bytes(), file
 
 
-def check_no_failure_is_stored(directory: Path, name: str, result: Result) -> None:
+def check_no_failure_is_stored(directory: Path, name: str, result: child_process.Result) -> None:
     """Check that a lack of resources is recorded neither as a campaign row nor as a failed controller."""
     if (directory / "r" / "campaign.json").exists() and name.startswith("campaign"):
         rows = read_results(directory / "r", unfinished=True)
