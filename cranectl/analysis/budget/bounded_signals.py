@@ -24,7 +24,7 @@ from cranectl.support.jit import jit_called
 
 STATES = 3  # of the estimator of one joint
 NEGLIGIBLE = 1e-60
-BLOCK_SAMPLES = 256
+SAMPLES_AT_A_TIME = 256
 ENCODER_INSTANTS, FRICTION_INSTANTS = 24, 16  # number of times, spread over the run, with a bound
 
 
@@ -90,7 +90,7 @@ def load_variance(loop: TrajectoryLoop, estimator: Estimator, deviations: Array)
 def _blocks(loop: TrajectoryLoop) -> list[NDArray[np.intp]]:
     """Return the samples of the loop except the last, in blocks whose matrices fit into the memory."""
     samples = np.arange(loop.samples - 1)
-    return [samples[first : first + BLOCK_SAMPLES] for first in range(0, len(samples), BLOCK_SAMPLES)]
+    return [samples[first : first + SAMPLES_AT_A_TIME] for first in range(0, len(samples), SAMPLES_AT_A_TIME)]
 
 
 def _flushed(matrix: Array) -> Array:
