@@ -243,10 +243,10 @@ def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
 
 
 def dask_setup(_worker: Any) -> None:
-    """Ignore interrupts in a process of a local cluster; Dask calls this function by its name."""
+    """Ignore interrupts in a process of a local cluster, which its command ends; Dask calls this by name."""
     forget_safe_path()
     for number in SIGNALS:
-        if number != signal.SIGTERM:  # the signal by which Dask ends its processes, as their command does
+        if number != signal.SIGTERM:  # the signal by which Dask ends its processes
             signal.signal(number, signal.SIG_IGN)
 
 
