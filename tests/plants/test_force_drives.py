@@ -45,14 +45,17 @@ def test_plants_accelerate_alike_under_forces_and_a_disturbance() -> None:
 
 
 def test_drives_feel_air_joint_and_slope_as_generalised_forces() -> None:
-    """M q'' + C q' + G = Q: forces of the drives, J' F of the air, torques of the pivot, weight on rails."""
+    """M q'' + C q' + G = Q: forces of the drives, J' F of the air, torques of the pivot, weight on rails.
+
+    The rope takes what is left of the forces on the load.
+    """
     friction = Friction(coulomb=(0.0,) * 3, viscous=(0.0,) * 3, pivot_coulomb=0.02, pivot_viscous=0.03)
     effects = EffectSettings(
         wind=Wind(drag_area=0.4, density=1.3), friction=friction, installation=Installation(tilt=(0.1, -0.2))
     )
     plant = AnalyticPlant(RIG, drive="force", step=1e-3, substeps=1, effects=effects)
     gravity = np.array(gravity_in_rig(RIG.gravity, effects))
-    rng, rate = np.random.default_rng(4), np.zeros(10)
+    rng, rate, load = np.random.default_rng(4), np.zeros(10), np.zeros(7)
     for state in random_states(50, seed=4):
         command, disturbance, wind = 20.0 * rng.normal(size=3), rng.normal(size=2), rng.normal(size=6)
         q, qd = split(state)
@@ -69,6 +72,10 @@ def test_drives_feel_air_joint_and_slope_as_generalised_forces() -> None:
         accelerations = drive_accelerations(plant.rig.drives, plant.rig, state, command, disturbance, wind)
         derivative(plant.rig, state, accelerations, disturbance, wind, rate)
         assert rate[1::2] == pytest.approx(expected, rel=1e-10, abs=1e-10)
+        observe_load(plant.rig, state, accelerations, wind, load)
+        acceleration = jacobian @ expected + dynamics.load_jacobian_rate(q, qd) @ qd
+        tension = (on_load - RIG.load_mass * acceleration) @ dynamics.rope_direction(q[3], q[4])
+        assert load[6] == pytest.approx(tension, rel=1e-9)
 
 
 @pytest.mark.parametrize("plant", PLANTS)

@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cranectl.model import dynamics
-from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations, observe_load
+from cranectl.plants.analytic import AnalyticPlant, drive_accelerations
 from cranectl.plants.mujoco.effects import ACTUATORS
 from cranectl.plants.mujoco.model import (
     DRIVEN_JOINTS,
@@ -16,10 +16,8 @@ from cranectl.plants.mujoco.model import (
     state_addresses,
 )
 from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.plants.surroundings import STICTION_RATE
-from cranectl.scenario.effects import EffectSettings, Friction, Wind
 from cranectl.scenario.rig import RigParameters
-from tests.conftest import PLANTS, STILL, random_states, split
+from tests.conftest import PLANTS, STILL, split
 from tests.plants.cranes import HANGING, RIG, make, simulate, state_of
 
 
@@ -79,33 +77,6 @@ def test_drives_of_the_analytic_plant_are_exactly_what_they_say() -> None:
     assert accelerations("ideal", command) == tuple(command)
     force = rig.driven_masses / rig.time_constants * (command - state[1:6:2]) - [0.0, 0.0, rig.weight]
     assert accelerations("velocity", command) == pytest.approx(accelerations("force", force), rel=1e-12)
-
-
-def test_drag_forces_and_friction_of_the_joint_enter_as_generalised_forces() -> None:
-    """Q = J' F and the pivot's torques, over the inertias m l² cos² beta and m l²; the tension takes F n."""
-    friction = Friction(coulomb=(0.0,) * 3, viscous=(0.0,) * 3, pivot_coulomb=0.02, pivot_viscous=0.03)
-    effects = EffectSettings(wind=Wind(drag_area=0.4, density=1.3), friction=friction)
-    heavy = RigParameters(load_mass=1.7)
-    bare = AnalyticPlant(heavy, drive="ideal", step=1e-3, substeps=1)
-    plant = AnalyticPlant(heavy, drive="ideal", step=1e-3, substeps=1, effects=effects)
-    rng = np.random.default_rng(8)
-    for state in random_states(30, seed=2):
-        command, wind = rng.normal(size=3), rng.normal(size=6)
-        q, qd = split(state)
-        through_air = wind[:3] - dynamics.load_velocity(q, qd)
-        on_load = 0.5 * 1.3 * 0.4 * np.linalg.norm(through_air) * through_air + wind[3:]
-        rates = state[[7, 9]]
-        torque = -0.03 * rates - 0.02 * np.tanh(rates / STICTION_RATE)
-        force = dynamics.load_jacobian(q).T[3:] @ on_load + torque
-        inertia = 1.7 * q[2] ** 2 * np.array([np.cos(q[4]) ** 2, 1.0])
-        with_wind, without, load, load_without = np.zeros(10), np.zeros(10), np.zeros(7), np.zeros(7)
-        derivative(plant.rig, state, command, np.zeros(2), wind, with_wind)
-        derivative(bare.rig, state, command, np.zeros(2), wind, without)
-        assert (with_wind - without)[[7, 9]] == pytest.approx(force / inertia, rel=1e-9)
-        observe_load(plant.rig, state, command, wind, load)
-        observe_load(bare.rig, state, command, wind, load_without)
-        along = on_load @ np.array(dynamics.rope_direction(q[3], q[4]))
-        assert load[6] - load_without[6] == pytest.approx(along, rel=1e-9)
 
 
 def test_ideal_drives_accelerate_what_they_carry_besides_their_own_inertia() -> None:
