@@ -22,8 +22,8 @@ SENSED = ("effects.sensing.angle_resolution=0.001", "effects.delay.seconds=0.004
 
 
 def path(*overrides: str) -> Scenario:
-    """Six seconds along a diagonal, hoisting."""
-    return load_scenario("fast-diagonal", overrides=overrides)
+    """Three seconds along a diagonal, hoisting, and half a second at rest."""
+    return load_scenario("fast-diagonal", overrides=["duration=3.5", *overrides])
 
 
 def run_of(controller: object, scenario: Scenario, **how: object) -> Run:
@@ -192,9 +192,9 @@ def test_one_loop_serves_every_controller_and_plant() -> None:
     """
     loop = loops.shared_loop()
     for controller in (noting(), noting(every=3, measures="encoders"), giving_up(1), FOLLOWING, PUSHING):
-        run_of(controller, path("duration=6.001"))
+        run_of(controller, path())
     for name, plant in product(("lqr", "pole-placement+hinf", "pid"), PLANTS):
-        simulate_run(path("duration=6.001"), controller=name, plant=plant)
+        simulate_run(path(), controller=name, plant=plant)
     parts = ("SignalPath(", "AxisMasses(")
     kinds = {tuple(str(signature).count(part) for part in parts) for signature in loop.signatures}  # type: ignore[attr-defined]
     assert len(loop.signatures) == len(kinds)  # type: ignore[attr-defined]
