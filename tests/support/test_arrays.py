@@ -14,14 +14,8 @@ def test_rounding_keeps_shape_and_digits_and_drops_the_rest() -> None:
     assert (round_digits(values * (1.0 + 1e-14)) == rounded).all()
     assert (round_digits(rounded) == rounded).all()
     assert (rounded != values).all()
-
-
-def test_what_is_negligible_beside_the_largest_number_becomes_zero() -> None:
     negligible = 0.4 * 10.0**-NEGLIGIBLE_PLACE
     assert round_digits(np.array([1.0, negligible])).tolist() == [1.0, 0.0]
     assert round_digits(np.array([negligible])).tolist() == [pytest.approx(negligible)]
-
-
-@pytest.mark.parametrize("values", [[], [0.0, 0.0], [np.nan, 1.0], [np.inf, 1.0]])
-def test_nothing_and_what_is_not_finite_stay(values: list[float]) -> None:
-    np.testing.assert_array_equal(round_digits(np.array(values)), values)
+    for others in ([], [0.0, 0.0], [np.nan, 1.0], [np.inf, 1.0]):
+        np.testing.assert_array_equal(round_digits(np.array(others)), others)

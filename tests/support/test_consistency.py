@@ -7,23 +7,20 @@ import pytest
 from cranectl.support.consistency import InconsistentError, check_ascending, check_sum
 
 
-def test_values_that_ascend_pass() -> None:
+def test_values_must_ascend() -> None:
     check_ascending(("a", 1.0), ("b", 1.0), ("c", 2.0), ("d", inf), ("e", inf))
     check_ascending(("a", 1.0), ("b", None), ("c", nan), ("d", 1.0))
     check_ascending(("a", 1.0 + 1e-12), ("b", 1.0), rounding=1e-9)
-    check_sum("runs", 6, (1, 2, 3))
-    check_sum("share", 1.0, [0.1] * 10)
-
-
-@pytest.mark.parametrize("middle", [None, nan, 2.0])
-def test_values_that_do_not_ascend_are_told_by_name(middle: float | None) -> None:
-    with pytest.raises(InconsistentError, match="is 2, above the largest, which is 1"):
-        check_ascending(("the smallest", 2.0), ("the mean", middle), ("the largest", 1.0))
+    for middle in (None, nan, 2.0):
+        with pytest.raises(InconsistentError, match="is 2, above the largest, which is 1"):
+            check_ascending(("the smallest", 2.0), ("the mean", middle), ("the largest", 1.0))
     with pytest.raises(InconsistentError, match="a is inf, above b"):
         check_ascending(("a", inf), ("b", 1.0), rounding=1e-3)
 
 
-@pytest.mark.parametrize("total", [5, nan])
-def test_a_sum_that_is_not_that_of_its_parts_is_told(total: float) -> None:
-    with pytest.raises(InconsistentError, match=r"runs is (5|nan), and its parts add up to 6"):
-        check_sum("runs", total, (1, 2, 3))
+def test_a_sum_must_be_that_of_its_parts() -> None:
+    check_sum("runs", 6, (1, 2, 3))
+    check_sum("share", 1.0, [0.1] * 10)
+    for total in (5, nan):
+        with pytest.raises(InconsistentError, match=r"runs is (5|nan), and its parts add up to 6"):
+            check_sum("runs", total, (1, 2, 3))

@@ -44,28 +44,27 @@ def in_time(call: Callable[[], Any]) -> Any:
     return result
 
 
+DEEP_TOML = [
+    "x = " + "[" * 20_000,
+    "x = " + "[" * 300 + "]" * 300,
+    "x = " + "{a=" * 1000 + "1" + "}" * 1000,
+    "a." * 50_000 + "a = 1",
+    "[" + "a." * 50_000 + "a]",
+    "[[" + '"a" . ' * 50_000 + "a]]",
+    "x = {" + "a." * 50_000 + "a = 1}",
+    "x = {b = 1, " + "'' ." * 50_000 + "a = 1}",
+]
+DEEP_JSON = ["[" * 20_000, '{"a":' * 5000 + "1" + "}" * 5000, "[" * 40 + "]" * 40]
+
+
 @pytest.mark.parametrize(
-    "text",
-    [
-        "x = " + "[" * 20_000,
-        "x = " + "[" * 300 + "]" * 300,
-        "x = " + "{a=" * 1000 + "1" + "}" * 1000,
-        "a." * 50_000 + "a = 1",
-        "[" + "a." * 50_000 + "a]",
-        "[[" + '"a" . ' * 50_000 + "a]]",
-        "x = {" + "a." * 50_000 + "a = 1}",
-        "x = {b = 1, " + "'' ." * 50_000 + "a = 1}",
-    ],
+    ("parse", "text"),
+    [*((parse_toml, text) for text in DEEP_TOML), *((parse_json, text) for text in DEEP_JSON)],
 )
-def test_deep_toml_is_refused(text: str) -> None:
-    error = in_time(lambda: parse_toml(text, "deep.toml"))
-    assert "deep.toml nests" in error.found
+def test_deep_documents_are_refused(parse: Callable[[str, str], Any], text: str) -> None:
+    error = in_time(lambda: parse(text, "deep"))
+    assert "deep nests" in error.found
     assert str(MAX_DEPTH) in error.allowed
-
-
-@pytest.mark.parametrize("text", ["[" * 20_000, '{"a":' * 5000 + "1" + "}" * 5000, "[" * 40 + "]" * 40])
-def test_deep_json_is_refused(text: str) -> None:
-    assert "deep.json nests" in in_time(lambda: parse_json(text, "deep.json")).found
 
 
 def test_what_is_not_deep_is_read() -> None:
@@ -83,20 +82,26 @@ def test_every_whole_number_that_is_allowed_becomes_a_float() -> None:
         load_scenario("fixed-position", overrides=[f"rig.load_mass={2**MAX_BITS - 1}"])
 
 
-@pytest.mark.parametrize("number", ["9" * 5000, "-" + "9" * 5000, "0x" + "f" * 5000])
-def test_numbers_of_thousands_of_digits_are_no_traceback(number: str) -> None:
-    found = in_time(lambda: load_scenario("fixed-position", overrides=[f"duration={number}"]))
-    assert isinstance(found, InputError)
-    if number.isdecimal():
-        assert "not valid JSON" in in_time(lambda: parse_json(number, "j")).found
-
-
-def test_half_a_character_is_refused_where_it_comes_in() -> None:
-    """As the shell passes a byte that is no UTF-8, or as JSON may write it."""
-    assert "surrogates" in in_time(lambda: parse_json('{"title": "\\ud800"}', "j")).found
-    error = in_time(lambda: load_scenario("fixed-position", overrides=["title=\udcff"]))
-    assert "\\udcff" in str(error)
+@pytest.mark.parametrize(
+    ("override", "found"),
+    [
+        (["duration=" + "9" * 5000], ""),
+        (["duration=-" + "9" * 5000], ""),
+        (["duration=0x" + "f" * 5000], ""),
+        (["title=\udcff"], "\\udcff"),  # as the shell passes a byte that is no UTF-8
+        ([f"k{i}=1" for i in range(100)], "and 90 more"),
+    ],
+)
+def test_odd_values_of_set_are_refused_shortly(override: list[str], found: str) -> None:
+    error = in_time(lambda: load_scenario("fixed-position", overrides=override))
+    assert isinstance(error, InputError)
+    assert found in str(error)
     str(error).encode()
+
+
+def test_odd_values_of_json_are_refused() -> None:
+    assert "not valid JSON" in in_time(lambda: parse_json("9" * 5000, "j")).found
+    assert "surrogates" in in_time(lambda: parse_json('{"title": "\\ud800"}', "j")).found
 
 
 @pytest.mark.parametrize(
@@ -121,26 +126,12 @@ def test_a_mebibyte_takes_at_most_a_second(text: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("read", [read_toml, read_json])
-def test_files_that_are_none(read: Callable[[Path], Any], tmp_path: Path) -> None:
+def test_files_that_cannot_be_read(read: Callable[[Path], Any], tmp_path: Path) -> None:
     (tmp_path / "large").write_bytes(b"#" * (MAX_DOCUMENT_BYTES + 1))
     (tmp_path / "latin").write_bytes(b"x = '\xff'")
-    for name, what in (
-        ("large", "larger"),
-        ("latin", "utf-8"),
-        ("\0", "null"),
-        ("missing", "cannot read"),
-        ("", "cannot"),
-    ):
+    wrong = {"large": "larger", "latin": "utf-8", "\0": "null", "missing": "cannot read", "": "cannot"}
+    for name, what in {**wrong, "/dev/zero": "larger"}.items():  # an endless device is not read to its end
         assert what in in_time(lambda name=name: read(tmp_path / name)).found
-
-
-def test_an_endless_device_is_not_read_to_its_end() -> None:
-    assert "larger" in in_time(lambda: read_toml(Path("/dev/zero"))).found
-
-
-def test_many_mistakes_are_told_shortly() -> None:
-    error = in_time(lambda: load_scenario("fixed-position", overrides=[f"k{i}=1" for i in range(100)]))
-    assert "and 90 more" in error.found
 
 
 TREE = {"a": {"b": [1, {"c": 2}], "d": (3,)}, "e": None, "f": {}, "g": []}
@@ -155,15 +146,12 @@ def test_leaves_are_found_where_set_would_put_them() -> None:
         assign(copied, name, name, "test")
     assert dict(leaves(copied)) == {name: name for name in found}
     assert dict(leaves(TREE)) == found, "the copy is one"
-
-
-def test_what_is_a_leaf_is_not_entered() -> None:
+    made: dict[str, Any] = {}
+    assign(made, "a.b.0", 1, "test")
+    assert made == {"a": {"b": {"0": 1}}}
     assert dict(leaves(TREE, is_leaf=lambda value: not value or isinstance(value, list | int))) == {
         "a.b": [1, {"c": 2}], "a.d.0": 3, "e": None, "f": {}, "g": [],
     }  # fmt: skip
-
-
-def test_a_change_reaches_every_leaf_and_leaves_lists() -> None:
     assert mapped(TREE, str) == {"a": {"b": ["1", {"c": "2"}], "d": ["3"]}, "e": "None", "f": {}, "g": []}
     assert mapped(4, str) == "4"
 
@@ -203,12 +191,6 @@ def test_places_that_are_not_there(path: str, found: str, allowed: str) -> None:
     with pytest.raises(InputError) as caught:
         assign(tree, path, 1, "test")
     assert (caught.value.found, caught.value.allowed) == (f"test: {found}", allowed)
-
-
-def test_missing_tables_are_made() -> None:
-    tree: dict[str, Any] = {}
-    assign(tree, "a.b.0", 1, "test")
-    assert tree == {"a": {"b": {"0": 1}}}
 
 
 def test_tables_become_toml_and_come_back() -> None:

@@ -1,17 +1,80 @@
-from cranectl.support.errors import InputError, nearest_first, unknown_name
+"""Errors say what was found, what is allowed and what to do; failures of the machine are told apart."""
+
+import errno
+import os
+import signal
+
+import pytest
+
+from cranectl.support.errors import (
+    InputError,
+    MachineError,
+    is_of_machine,
+    nearest_first,
+    unknown_name,
+    was_killed,
+    with_retries,
+)
 
 
 def test_message_has_found_allowed_remedy() -> None:
-    text = str(InputError("a", allowed="b", remedy="c"))
-    assert text == "found:   a\nallowed: b\nremedy:  c"
+    assert str(InputError("a", allowed="b", remedy="c")) == "found:   a\nallowed: b\nremedy:  c"
     assert str(InputError("a")) == "found:   a"
 
 
-def test_nearest_first_breaks_ties_by_name() -> None:
+def test_the_nearest_name_comes_first_and_is_suggested_only_if_near() -> None:
     assert nearest_first("lqr", ["zzz", "pole-placement", "lqr", "aaa"])[0] == "lqr"
     assert nearest_first("q", ["bb", "aa"]) == ["aa", "bb"]
-
-
-def test_unknown_name_only_guesses_what_is_near() -> None:
     assert "did you mean 'lqr'" in unknown_name("controller", "lq", ["lqr", "pole-placement"]).remedy
     assert "did you mean" not in unknown_name("controller", "xyz", ["lqr", "pole-placement"]).remedy
+
+
+def caused(error: Exception, cause: BaseException) -> Exception:
+    error.__cause__ = cause
+    return error
+
+
+def test_a_lack_of_memory_disk_or_handles_is_of_the_machine() -> None:
+    unmapped = ImportError("libopenblas.so: failed to map segment from shared object")
+    for error in (
+        *(OSError(number, "") for number in (errno.ENOSPC, errno.ENOMEM, errno.EMFILE, errno.EIO)),
+        MemoryError(),
+        caused(ImportError("Importing the numpy C-extensions failed."), unmapped),
+        caused(RuntimeError("LLVM cannot compile"), MemoryError()),
+    ):
+        assert is_of_machine(error)
+    others = (OSError(errno.ENOENT, os.strerror(errno.ENOENT)), ImportError("No module named 'numpy'"))
+    assert not any(map(is_of_machine, (*others, ValueError("a"), ZeroDivisionError(), RuntimeError())))
+    assert was_killed(-signal.SIGKILL)
+    assert was_killed(-signal.SIGTERM)
+    assert not any(map(was_killed, (0, 1, 75, -signal.SIGSEGV, -signal.SIGABRT)))
+
+
+@pytest.mark.parametrize(
+    ("error", "failures", "raised", "tries"),
+    [
+        (MemoryError(), 2, None, 3),
+        (MemoryError(), 9, MachineError, 3),
+        (ValueError("own"), 9, ValueError, 1),
+        (InputError("own"), 9, InputError, 1),
+    ],
+)
+def test_only_what_the_machine_fails_at_is_tried_again(
+    error: Exception, failures: int, raised: type[Exception] | None, tries: int
+) -> None:
+    tried: list[int] = []
+
+    def attempt() -> str:
+        tried.append(1)
+        if len(tried) <= failures:
+            raise error
+        return "done"
+
+    if raised is None:
+        assert with_retries(attempt) == "done"
+    else:
+        with pytest.raises(raised, match=r"MemoryError|own") as caught:
+            with_retries(attempt)
+        assert type(caught.value) is raised
+        assert getattr(caught.value, "remedy", "").startswith("free memory") == (raised is MachineError)
+    assert len(tried) == tries

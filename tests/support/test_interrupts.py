@@ -39,74 +39,80 @@ def usual_signals() -> Iterator[None]:
 @pytest.mark.parametrize("number", SIGNALS)
 def test_each_of_them_interrupts_once(number: signal.Signals) -> None:
     """A shell passes its hang-up on to those who were hung up on already."""
-    assert signal.SIGHUP in SIGNALS
-    heed_interrupts(interrupt)
+    before = heed_interrupts(interrupt)
+    assert before == {
+        signal.SIGINT: signal.default_int_handler,
+        signal.SIGTERM: signal.SIG_DFL,
+        signal.SIGHUP: signal.SIG_DFL,
+    }
     with pytest.raises(KeyboardInterrupt):
         os.kill(os.getpid(), number)
     os.kill(os.getpid(), signal.SIGHUP)
 
 
+CALLBACK = f"""
+import ctypes, os, time
+from cranectl.support.interrupts import *
+heed_interrupts(interrupt)
+callback = ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), NUMBER))
+try:
+    callback(); time.sleep({HANG})
+except KeyboardInterrupt:
+    print('interrupted')
+"""
+IGNORED = """
+import os
+from cranectl.support.interrupts import *
+heed_interrupts(interrupt)
+os.kill(os.getpid(), NUMBER)
+print('goes on')
+"""
+
+
 @pytest.mark.parametrize("number", SIGNALS)
-def test_an_interrupt_in_a_callback_is_raised_again(number: signal.Signals) -> None:
-    """A library that calls Python reports exceptions and goes on: LLVM does, while it compiles."""
-    script = (
-        "import ctypes, os, time; from cranectl.support.interrupts import *\n"
-        f"heed_interrupts(interrupt); end = lambda: os.kill(os.getpid(), {number:d})\n"
-        "callback = ctypes.CFUNCTYPE(None)(end)\n"
-        f"try:\n    callback(); time.sleep({HANG})\nexcept KeyboardInterrupt: print('interrupted')"
+@pytest.mark.parametrize(
+    ("script", "before", "printed"),
+    [(CALLBACK, "", "interrupted\n"), (IGNORED, "trap '' NAME; ", "goes on\n")],
+    ids=["raised again after a callback of a library", "ignored since the start, as by nohup"],
+)
+def test_what_a_signal_does_to_a_process(
+    number: signal.Signals, script: str, before: str, printed: str
+) -> None:
+    command = ["sh", "-c", f'{before.replace("NAME", number.name[3:])}exec "$0" -c "$1"', sys.executable]
+    done = subprocess.run(
+        [*command, script.replace("NUMBER", str(int(number)))], capture_output=True, text=True, check=False
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
+    assert (done.returncode, done.stdout, done.stderr) == (0, printed, "")
 
 
-def test_only_after_an_interrupt_nothing_is_said_of_objects_that_it_cut_short() -> None:
-    """A destructor of llvmlite fails where the making of its object was interrupted."""
-    script = (
-        "import os, sys; from cranectl.support.interrupts import *\n"
-        "class Half:\n"
-        "    def __init__(self, signal): os.kill(os.getpid(), signal); self.whole = True\n"
-        "    def __del__(self): del self.whole\n"
-        "heed_interrupts(interrupt)\n"
-        "half = Half(0); del half.whole; del half; print('-', file=sys.stderr)\n"
-        f"try:\n    Half({signal.SIGTERM:d})\nexcept KeyboardInterrupt: pass"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+DISCARDED = f"""
+import os, sys
+from cranectl.support.interrupts import *
+class Half:
+    def __init__(self, signal): os.kill(os.getpid(), signal); self.whole = True
+    def __del__(self): del self.whole
+def lacking():
+    try:
+        yield
+    finally:
+        raise MemoryError
+heed_interrupts(interrupt)
+half = Half(0); del half.whole; del half; print('-', file=sys.stderr)
+generator = lacking(); next(generator); del generator
+try:
+    Half({signal.SIGTERM:d})
+except KeyboardInterrupt:
+    pass
+"""
+
+
+def test_objects_that_cannot_be_discarded_are_reported_until_an_interrupt() -> None:
+    """Destructors fail where the making of an object was interrupted; a lack of memory is one line."""
+    done = subprocess.run([sys.executable, "-c", DISCARDED], capture_output=True, text=True, check=False)
     before, _, after = done.stderr.partition("\n-\n")
     assert "AttributeError" in before
-    assert (done.returncode, after) == (0, "")
-
-
-def test_a_lack_of_memory_while_objects_are_discarded_is_one_line() -> None:
-    """A generator of Numba that is closed while memory lacks cannot pass on the exception."""
-    script = (
-        "from cranectl.support.interrupts import *\n"
-        "def lacking():\n"
-        "    try:\n        yield\n    finally:\n        raise MemoryError\n"
-        "heed_interrupts(interrupt); generator = lacking(); next(generator); del generator"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert after == "cranectl: there was not enough memory to discard an object in order\n"
     assert done.returncode == 0
-    assert done.stderr == "cranectl: there was not enough memory to discard an object in order\n"
-
-
-def test_the_handlers_before_can_be_put_back() -> None:
-    assert heed_interrupts(interrupt) == {
-        signal.SIGINT: signal.default_int_handler,
-        signal.SIGTERM: signal.SIG_DFL,
-        signal.SIGHUP: signal.SIG_DFL,
-    }
-
-
-@pytest.mark.parametrize("number", SIGNALS)
-def test_what_was_ignored_at_the_start_stays_ignored(number: signal.Signals) -> None:
-    """As by nohup, or in the background of a script."""
-    script = (
-        "import os, sys; from cranectl.support.interrupts import *\n"
-        f"heed_interrupts(interrupt); os.kill(os.getpid(), {number:d}); print('goes on')"
-    )
-    command = ["sh", "-c", f'trap \'\' {number.name[3:]}; exec "$0" -c "$1"', sys.executable, script]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "goes on\n", "")
 
 
 LOADING = "import time; print('loading', flush=True); time.sleep(60)"
@@ -157,27 +163,15 @@ def test_an_interrupt_waits_for_the_end_of_the_block() -> None:
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert steps == ["after the signal"]
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-def test_after_an_error_signals_are_as_before() -> None:
     with pytest.raises(OSError, match="full"), interrupts_wait():
         raise OSError("full")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in workers of a pool, whose parent decides
+    interrupted()
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
-def test_ignored_signals_stay_ignored() -> None:
-    """Workers of a pool ignore them: their parent decides."""
-    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        with interrupts_wait():
-            os.kill(os.getpid(), signal.SIGINT)
-            assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGINT, previous)
-
-
-def test_other_threads_pass() -> None:
+def test_no_interrupt_waits_in_other_threads() -> None:
     passed = []
 
     def work() -> None:

@@ -23,13 +23,10 @@ def test_matching(pattern: str, expected: list[str]) -> None:
     assert matching(pattern, NAMES) == expected
 
 
-def test_near_names_are_listed_nearest_first() -> None:
+def test_a_pattern_that_matches_nothing_is_corrected_by_the_nearest() -> None:
     error = unmatched("mujoco.state.alhpa", NAMES)
     assert error.found == "no signal matches 'mujoco.state.alhpa'"
     assert "nearest being mujoco.state.alpha" in error.allowed
     assert error.remedy == "did you mean 'mujoco.state.alpha'?"
-
-
-def test_a_pattern_is_corrected_by_a_pattern() -> None:
     assert unmatched("mujoco.sate.*", NAMES).remedy == "did you mean 'mujoco.state.*'?"
     assert "did you mean" not in unmatched("zzzz", NAMES).remedy
