@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from cranectl.controllers.addressed import JOINTS
 from cranectl.export.description import FmuVariable
-from cranectl.export.fmu import Model, fmu_archive
+from cranectl.export.fmu import Model, filled, fmu_archive
 from cranectl.export.package import controller_sources
 from cranectl.export.plant import DRIVEN
 from cranectl.export.prepared import Exported
@@ -57,52 +57,33 @@ def controller_fmu(exported: Exported, fmi: int = 2) -> ControllerFmu:
         )
     measured, reference = exported.inputs[0]
     group, signals = ("encoders", STATE.signals[::2]) if len(measured) == JOINTS else ("state", STATE.signals)
-    starts = zip(signals, measured.tolist(), strict=True), zip(REFERENCE.signals, reference, strict=True)
+    groups = ((group, signals, measured), ("reference", REFERENCE.signals, reference))
     inputs = [
-        FmuVariable(f"{kind}.{signal.name}", "input", signal.unit, signal.description, float(start))
-        for kind, pairs in zip((group, "reference"), starts, strict=True)
-        for signal, start in pairs
+        FmuVariable.of_signal(f"{kind}.{signal.name}", "input", signal, float(start))
+        for kind, signals, starts in groups
+        for signal, start in zip(signals, starts, strict=True)
     ]
     command = DRIVES[exported.drive].command
     outputs = [
-        FmuVariable(f"command.{axis}", "output", signal.unit, signal.description, discrete=True)
+        FmuVariable.of_signal(f"command.{axis}", "output", signal)._replace(discrete=True)
         for axis, signal in zip(DRIVEN, command_group(command).signals, strict=False)
     ]
-    code = _model_text(exported.stem, exported.symbol, len(measured), len(inputs))
+    values = {
+        "STEM": exported.stem,
+        "SYMBOL": exported.symbol,
+        "REFERENCE": len(measured),
+        "COMMAND": len(inputs),
+        "PREVIOUS": KEPT.previous,
+    }
     model = Model(
         name=exported.slug.replace("-", "_"),
         title=f"the controller {exported.design.name} for {exported.drive} drives",
         variables=(*inputs, *outputs),
         period=exported.scenario.period_ns / NANOSECONDS,
         memory=len(exported.sample.memory),
-        sources={**controller_sources(exported), "model.c": code},
+        sources={**controller_sources(exported), "model.c": filled("fmi/controller.c.txt", values)},
         failure=FAILURE,
     )
     table = {"name": exported.slug, "command": command, "follows": exported.controller.follows}
     lines = [TABLE_BEGINS, *(f"{key} = {json.dumps(value)}\n" for key, value in table.items())]
     return ControllerFmu(fmu_archive(model, fmi), "".join(lines))
-
-
-def _model_text(stem: str, symbol: str, first_reference: int, first_command: int) -> str:
-    """Return the C file that calls the control sample from the functions of FMI."""
-    arguments = f"{symbol}_parameters, values, values + {first_reference}, memory, values + {first_command}"
-    return f"""#include <string.h>
-
-#include "model.h"
-#include "{stem}.h"
-
-int model_initialise(double *values, double *memory)
-{{
-    memcpy(memory, {symbol}_initial_memory, sizeof {symbol}_initial_memory);
-    memcpy(values + {first_command}, memory + {KEPT.previous}, 3 * sizeof *values);
-    return 0;
-}}
-
-int model_step(double *values, double *memory, int64_t samples)
-{{
-    int64_t status = 0;
-    while (status == 0 && samples-- > 0)
-        status = {symbol}_sample({arguments});
-    return (int)status;
-}}
-"""

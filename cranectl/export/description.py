@@ -1,10 +1,12 @@
 """The files of an FMU that describe it in XML."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal, NamedTuple
 from xml.sax.saxutils import quoteattr
+
+from cranectl.signals import Signal
 
 if TYPE_CHECKING:
     from cranectl.export.fmu import Model
@@ -19,19 +21,28 @@ BASE_UNITS = {
     "Hz": {"s": -1},
 }
 POWERS = str.maketrans("²³⁴", "234")
+DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'
+
+
+Causality = Literal["parameter", "input", "output", "constant"]
 
 
 class FmuVariable(NamedTuple):
     """A variable of an FMU, a number; one that is `discrete` changes only from sample to sample."""
 
     name: str
-    causality: Literal["parameter", "input", "output", "constant"]
+    causality: Causality
     unit: str
     description: str
     start: float = 0.0  # outputs have none
     lowest: float | None = None
     highest: float | None = None
     discrete: bool = False
+
+    @classmethod
+    def of_signal(cls, name: str, causality: Causality, signal: Signal, start: float = 0.0) -> "FmuVariable":
+        """Return the variable `name` with unit and description of a signal."""
+        return cls(name, causality, signal.unit, signal.description, start)
 
     @property
     def role(self) -> dict[str, str]:
@@ -69,7 +80,7 @@ def base_unit(unit: str) -> dict[str, int] | None:
     return {name: exponent for name, exponent in exponents.items() if exponent}
 
 
-def element(name: str, attributes: dict[str, object], content: Iterable[str] = ()) -> str:
+def element(name: str, attributes: Mapping[str, object], content: Iterable[str] = ()) -> str:
     """Return an XML element; attributes that are None are left out."""
     texts = [f"{key}={quoteattr(_text(value))}" for key, value in attributes.items() if value is not None]
     head, inner = " ".join([name, *texts]), "\n".join(content)
@@ -87,7 +98,7 @@ def model_description(model: "Model", fmi: int, token: str, sources: Sequence[st
     variables = model.variables
     outputs = [k for k, variable in enumerate(variables) if variable.causality == "output"]
     units = dict.fromkeys(variable.unit for variable in variables if variable.numbers["unit"])
-    head: dict[str, object] = {
+    head = {
         "fmiVersion": f"{fmi}.0",
         "modelName": model.name,
         "guid" if fmi == 2 else "instantiationToken": token,
@@ -95,49 +106,49 @@ def model_description(model: "Model", fmi: int, token: str, sources: Sequence[st
         "generationTool": f"cranectl {version('cranectl')}",
         "variableNamingConvention": "structured",
     }
-    kind: dict[str, object] = {
+    kind = {
         "modelIdentifier": model.name,
         "canHandleVariableCommunicationStepSize": False,
         "fixedInternalStepSize": model.period if fmi == 3 else None,
     }
+    described = [_variable(fmi, k, variable) for k, variable in enumerate(variables)]
+    inner: list[str] = []
     if fmi == 2:
-        listed = [element("File", {"name": name}) for name in sources]
-        inner = [element("SourceFiles", {}, listed)] if listed else []
-        described = [_scalar(k, variable) for k, variable in enumerate(variables)]
+        inner += _group("SourceFiles", [element("File", {"name": name}) for name in sources])
         unknowns = [element("Unknown", {"index": k + 1}) for k in outputs]
-        structure = [element(name, {}, unknowns) for name in ("Outputs", "InitialUnknowns") if unknowns]
+        structure = [*_group("Outputs", unknowns), *_group("InitialUnknowns", unknowns)]
     else:
-        inner = []
         time = {"causality": "independent", "variability": "continuous"}
-        described = [_float64(k, variable) for k, variable in enumerate(variables)]
         described.append(element("Float64", {"name": "time", "valueReference": len(variables), **time}))
         names = ("Output", "InitialUnknown")
         structure = [element(name, {"valueReference": k}) for name in names for k in outputs]
     parts = [
         element("CoSimulation", kind, inner),
-        *([element("UnitDefinitions", {}, map(_unit, units))] if units else []),
+        *_group("UnitDefinitions", map(_unit, units)),
         element("DefaultExperiment", {"startTime": 0.0, "stepSize": model.period}),
         element("ModelVariables", {}, described),
         element("ModelStructure", {}, structure),
     ]
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + element("fmiModelDescription", head, parts) + "\n"
+    return DECLARATION + element("fmiModelDescription", head, parts) + "\n"
+
+
+def _group(name: str, content: Iterable[str]) -> list[str]:
+    """Return an element in a list, or an empty list if it would have no content."""
+    elements = list(content)
+    return [element(name, {}, elements)] if elements else []
 
 
 def _unit(unit: str) -> str:
     exponents = base_unit(unit)
-    return element("Unit", {"name": unit}, [] if exponents is None else [element("BaseUnit", {**exponents})])
+    return element("Unit", {"name": unit}, [] if exponents is None else [element("BaseUnit", exponents)])
 
 
-def _scalar(reference: int, variable: FmuVariable) -> str:
-    """Return a variable as FMI 2.0 has it."""
+def _variable(fmi: int, reference: int, variable: FmuVariable) -> str:
+    """Return a variable as a version of FMI has it."""
     known = {"name": variable.name, "valueReference": reference, "description": variable.description}
-    return element("ScalarVariable", {**known, **variable.role}, [element("Real", {**variable.numbers})])
-
-
-def _float64(reference: int, variable: FmuVariable) -> str:
-    """Return a variable as FMI 3.0 has it."""
-    known = {"name": variable.name, "valueReference": reference, "description": variable.description}
-    return element("Float64", {**known, **variable.role, **variable.numbers})
+    if fmi == 2:
+        return element("ScalarVariable", known | variable.role, [element("Real", variable.numbers)])
+    return element("Float64", known | variable.role | variable.numbers)
 
 
 def build_description(name: str, sources: Sequence[str]) -> str:
@@ -145,5 +156,4 @@ def build_description(name: str, sources: Sequence[str]) -> str:
     listed = [element("SourceFile", {"name": source}) for source in sources]
     files = element("SourceFileSet", {"language": "C99"}, listed)
     configuration = element("BuildConfiguration", {"modelIdentifier": name}, [files])
-    head: dict[str, object] = {"fmiVersion": "3.0"}
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + element("fmiBuildDescription", head, [configuration])
+    return DECLARATION + element("fmiBuildDescription", {"fmiVersion": "3.0"}, [configuration])

@@ -14,15 +14,15 @@ from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
+from uuid import UUID
 
 from cranectl.export.description import FmuVariable, build_description, model_description
 from cranectl.support.children import answer_of_program
 from cranectl.support.errors import InputError
 
-TEMPLATES = Path(__file__).parent / "templates" / "fmi"
+TEMPLATES = Path(__file__).parent / "templates"
 FOLDERS = {2: "linux64", 3: "x86_64-linux"}  # of the binary, by version of FMI
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s")
-LETTERS = {"parameter": "p", "input": "i", "output": "o", "constant": "c"}
 INSTALL = "install one, for example with apt install gcc libc6-dev"
 COMPILER_TIMEOUT = 600.0  # [s]
 FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # of all files, so that the same model gives the same bytes
@@ -46,36 +46,26 @@ class Model(NamedTuple):
 
 
 def fmu_archive(model: Model, fmi: int = 2) -> bytes:
-    """Return the content of an FMU.
+    """Return the content of an FMU for version 2 or 3 of FMI; the same model gives the same bytes.
 
-    Parameters
-    ----------
-    model : Model
-        What the FMU computes.
-    fmi : int
-        Version of FMI, 2 or 3.
-
-    Returns
-    -------
-    bytes
-        The archive; the same model gives the same bytes.
-
-    Raises
-    ------
-    InputError
-        On another machine than Linux on x86-64, or without a C compiler.
+    Raises InputError on another machine than Linux on x86-64, or without a C compiler.
     """
+    if sys.platform != "linux" or platform.machine() != "x86_64":
+        raise InputError(
+            f"an FMU is to be written on {platform.system()}, {platform.machine()}",
+            allowed="Linux on x86-64, for which its binary is",
+            remedy="export it on such a machine, or in a container",
+        )
     sources = model_sources(model, fmi)
-    token = _token(model, fmi)
     kept = {} if model.objects else sources
-    units = [name for name in sources if name.endswith(".c")]
-    description = model_description(model, fmi, token, units if kept else ())
-    texts = {"modelDescription.xml": description, **{f"sources/{name}": text for name, text in kept.items()}}
+    units = [name for name in kept if name.endswith(".c")]
+    texts = {"modelDescription.xml": model_description(model, fmi, _token(model, fmi), units)}
+    texts |= {f"sources/{name}": text for name, text in kept.items()}
     if kept and fmi == 3:
         texts["sources/buildDescription.xml"] = build_description(model.name, units)
-    binary = f"binaries/{FOLDERS[fmi]}/{model.name}.so"
     contents = {name: text.encode() for name, text in texts.items()}
-    contents[binary] = _compiled(model, sources)
+    library = compile_library(model.name, {**sources, **model.objects})
+    contents[f"binaries/{FOLDERS[fmi]}/{model.name}.so"] = library
     packed = BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in contents.items():
@@ -85,57 +75,41 @@ def fmu_archive(model: Model, fmi: int = 2) -> bytes:
 
 def model_sources(model: Model, fmi: int) -> dict[str, str]:
     """Return all C files of an FMU by name: those of the model, and those around it."""
-    texts = {name: (TEMPLATES / name).read_text(encoding="utf-8") for name in ("instance.h", f"fmi{fmi}.c")}
+    variables = model.variables
+    bounds = {
+        key: ", ".join(f"{sign}DBL_MAX" if number is None else float(number).hex() for number in numbers)
+        for key, sign, numbers in (
+            ("LOWEST", "-", [variable.lowest for variable in variables]),
+            ("HIGHEST", "", [variable.highest for variable in variables]),
+        )
+    }
     values = {
         "TITLE": model.title.replace("*/", "* /"),
         "TOKEN": _token(model, fmi),
         "PERIOD": repr(model.period),
         "FAILURE": model.failure,
-        "VARIABLES": len(model.variables),
+        "VARIABLES": len(variables),
         "MEMORY": max(model.memory, 1),
+        "STARTS": "\n".join(f"    {float(v.start).hex()}, /* {v.name} */" for v in variables),
+        **bounds,
+        "NAMES": ", ".join(json.dumps(variable.name) for variable in variables),
+        "KINDS": json.dumps("".join(variable.causality[0] for variable in variables)),
     }
-    header = filled((TEMPLATES / "model.h.txt").read_text(encoding="utf-8"), values)
-    rows = [f"    {float(variable.start).hex()}, /* {variable.name} */" for variable in model.variables]
-    names = ", ".join(json.dumps(variable.name) for variable in model.variables)
-    kinds = "".join(LETTERS[variable.causality] for variable in model.variables)
-    variables = [
-        "#include <float.h>",
-        "",
-        '#include "model.h"',
-        "",
-        "const double model_starts[MODEL_VARIABLES] = {",
-        *rows,
-        "};",
-    ]
-    for bound, sign in (("lowest", "-"), ("highest", "")):
-        numbers = [getattr(variable, bound) for variable in model.variables]
-        texts_of = [f"{sign}DBL_MAX" if number is None else float(number).hex() for number in numbers]
-        variables.append(f"const double model_{bound}[MODEL_VARIABLES] = {{{', '.join(texts_of)}}};")
-    variables.append(f"const char *const model_names[MODEL_VARIABLES] = {{{names}}};")
-    variables += [f"const char model_kinds[MODEL_VARIABLES] = {json.dumps(kinds)};", ""]
-    return {"model.h": header, "variables.c": "\n".join(variables), **texts, **model.sources}
+    texts = {name: filled(f"fmi/{name}.txt", values) for name in ("model.h", "variables.c")}
+    texts |= {name: (TEMPLATES / "fmi" / name).read_text("utf-8") for name in ("instance.h", f"fmi{fmi}.c")}
+    return {**texts, **model.sources}
 
 
 def filled(template: str, values: Mapping[str, object]) -> str:
-    """Return a template in which `@KEY@` is replaced by the value of each key."""
-    return re.sub(r"@(\w+?)@", lambda match: str(values[match[1]]), template)
+    """Return the text of a template in which `@KEY@` is replaced by the value of each key."""
+    text = (TEMPLATES / template).read_text(encoding="utf-8")
+    return re.sub(r"@(\w+?)@", lambda match: str(values[match[1]]), text)
 
 
 def _token(model: Model, fmi: int) -> str:
     """Return the text by which a description and its binary know each other."""
     digest = hashlib.sha256(repr((fmi, *model)).encode()).hexdigest()
-    return "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
-
-
-def _compiled(model: Model, sources: Mapping[str, str]) -> bytes:
-    """Return the library of a model."""
-    if sys.platform != "linux" or platform.machine() != "x86_64":
-        raise InputError(
-            f"an FMU is to be written on {platform.system()}, {platform.machine()}",
-            allowed="Linux on x86-64, for which its binary is",
-            remedy="export it on such a machine, or in a container",
-        )
-    return compile_library(model.name, {**sources, **model.objects})
+    return f"{{{UUID(digest[:32])}}}"
 
 
 def compile_library(name: str, sources: Mapping[str, str | bytes]) -> bytes:

@@ -2,8 +2,8 @@
 
 import json
 from collections.abc import Iterable, Sequence
+from functools import partial
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 
@@ -21,8 +21,6 @@ from cranectl.signals import BRIDGE, ERROR, FLAT_OUTPUT, ROPE, STATE, TROLLEY, S
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-TEMPLATES = Path(__file__).parent / "templates"
-HEADER = "NAME.h.txt"
 TOLERANCE, SINGLE_TOLERANCE = "1e-11", "1e-4"  # of commands on a target, relative to 1 or to a larger one
 INCLUDED = "#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n"
 CHECKED = """
@@ -39,6 +37,7 @@ FOLLOWED = {"path": "path of the load", "set-point": "where the present motion e
 MAX_REFERENCE_ROWS = 100_000  # of a reference that is exported
 LOOPED = 6  # numbers of load and error that the loop records of every controller
 NUMBERS_PER_LINE = 5
+_string = partial(json.dumps, ensure_ascii=False)  # a text as a string of C
 
 
 def exported_files(exported: Exported, command: str, *, single: bool = False) -> dict[str, str]:
@@ -76,32 +75,28 @@ def exported_files(exported: Exported, command: str, *, single: bool = False) ->
         blocks = record_blocks(steps, len(exported.inputs))
         values |= {"TOLERANCE": TOLERANCE}
     values |= {"VECTORS": str(sum(map(len, blocks))), "REAL": "float" if single else "double"}
-    values["REMARK"] = _filled("single.md.txt" if single else "library.md.txt", values)
+    values["REMARK"] = filled("single.md.txt" if single else "library.md.txt", values)
     written = {
-        "README.md": _filled("README.md.txt", values),
-        "main.c": _filled("main.c.txt", values),
+        "README.md": filled("README.md.txt", values),
+        "main.c": filled("main.c.txt", values),
         "vectors.h": _vectors_text(blocks),
         "reference.h": _reference_text(exported),
     }
     if single:
         tables = ("vectors.h", "reference.h")
         return {**sources, **written, **{name: in_single_precision(written[name]) for name in tables}}
-    return {**sources, **written, f"cranectl_{exported.stem}.c": _filled("cranectl_NAME.c.txt", values)}
+    return {**sources, **written, f"cranectl_{exported.stem}.c": filled("cranectl_NAME.c.txt", values)}
 
 
 def controller_sources(exported: Exported) -> dict[str, str]:
     """Return the C file of a controller and its header, by name."""
-    symbol, sample = exported.symbol, exported.sample
+    symbol, sample, header = exported.symbol, exported.sample, f"{exported.stem}.h"
     constants = [
         _array(f"{symbol}_parameters[{len(sample.parameters)}]", sample.parameters),
         _array(f"{symbol}_initial_memory[{len(sample.memory)}]", sample.memory),
     ]
-    return {
-        f"{exported.stem}.h": _filled(HEADER, _values(exported)),
-        f"{exported.stem}.c": "\n".join(
-            [f'{INCLUDED}\n#include "{exported.stem}.h"\n{CHECKED}', *constants, exported.code]
-        ),
-    }
+    parts = [f'{INCLUDED}\n#include "{header}"\n{CHECKED}', *constants, exported.code]
+    return {header: filled("NAME.h.txt", _values(exported)), f"{exported.stem}.c": "\n".join(parts)}
 
 
 def _values(exported: Exported) -> dict[str, str]:
@@ -122,7 +117,7 @@ def _values(exported: Exported) -> dict[str, str]:
         "ROWS_OF_REFERENCE": str(compiled.samples),
         "START": _start(exported),
         "CONTENTS": _contents(exported),
-        **_signals(_logged(controller, design, len(compiled.start))),
+        **_signals(controller, design, len(compiled.start)),
         "NAME": design.name,
         "FILE": exported.stem,
         "SLUG": exported.slug,
@@ -145,60 +140,46 @@ def _values(exported: Exported) -> dict[str, str]:
 
 def _start(exported: Exported) -> str:
     """Return the state at the start, without angles and rates that are zero."""
-    state = exported.run.block("state")[0]
+    state = zip(STATE.signals, exported.run.block("state")[0].tolist(), strict=True)
     return ", ".join(
         f"{signal.name.replace('_', ' ')} {value:.6g} {signal.unit}"
-        for place, (signal, value) in enumerate(zip(STATE.signals, state.tolist(), strict=True))
+        for place, (signal, value) in enumerate(state)
         if value != 0.0 or place in (BRIDGE, TROLLEY, ROPE)
     )
 
 
 def _contents(exported: Exported) -> str:
     """Return what the code has and lacks, as lines of a list."""
-    effects, has_encoders = exported.scenario.effects, exported.sample.measured == JOINTS
+    has_encoders, limits = exported.sample.measured == JOINTS, exported.scenario.effects.limits
     lines = [
         "the observer for encoders" if has_encoders else "no observer: the scenario has no effects.sensing"
     ]
     lines.append(f"the commands of {exported.drive} drives")
     if exported.drive == "velocity":
         lines.append(
-            "limits of these" if effects.limits else "no limits of these: the scenario has no effects.limits"
+            "limits of these" if limits else "no limits of these: the scenario has no effects.limits"
         )
     return "\n".join(f"- {line}" for line in lines)
 
 
-def _logged(controller: Controller, design: ControllerDesign, memory: int) -> list[tuple[int, Signal]]:
-    """Return places in the memory of the signals that a run records, besides those that the loop computes."""
-    if not controller.records_all:
-        return list(controller.logged)
-    signals = [signal for group in design.groups for signal in group.signals]
-    known = {*FLAT_OUTPUT.names[:LOOPED], *ERROR.names[:LOOPED]}
-    first = memory - len(signals)
-    return [(first + k, signal) for k, signal in enumerate(signals) if signal.name not in known]
-
-
-def _signals(logged: Iterable[tuple[int, Signal]]) -> dict[str, str]:
-    """Return the table of logged signals for the template of the library."""
+def _signals(controller: Controller, design: ControllerDesign, memory: int) -> dict[str, str]:
+    """Return the table of signals that a run records, besides those of the loop, for the library."""
+    logged: Iterable[tuple[int, Signal]] = controller.logged
+    if controller.records_all:
+        signals = [signal for group in design.groups for signal in group.signals]
+        known = {*FLAT_OUTPUT.names[:LOOPED], *ERROR.names[:LOOPED]}
+        places = enumerate(signals, memory - len(signals))
+        logged = [(place, signal) for place, signal in places if signal.name not in known]
     rows = [
         f"    {{{', '.join(map(_string, (signal.name, signal.unit, signal.description)))}, {place}}},"
         for place, signal in logged
     ]
-    table = ["static const cranectl_signal signals[] = {", *rows, "};", ""]
+    table = ["", "static const cranectl_signal signals[] = {", *rows, "};", ""]
     return {
-        "SIGNALS": "\n".join(["", *table]) if rows else "",
+        "SIGNALS": "\n".join(table) if rows else "",
         "SIGNAL_COUNT": str(len(rows)),
         "SIGNAL_TABLE": "signals" if rows else "0",
     }
-
-
-def _string(text: str) -> str:
-    """Return a text as a string of C."""
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _filled(template: str, values: dict[str, str]) -> str:
-    """Return the text of a template with its values."""
-    return filled((TEMPLATES / template).read_text(encoding="utf-8"), values)
 
 
 def _array(name: str, numbers: Array) -> str:
@@ -247,17 +228,11 @@ def _table(name: str, count: str, rows: Sequence[Array]) -> list[str]:
 def _vectors_text(blocks: list[list[Sample]]) -> str:
     """Return the header with test vectors."""
     samples = [sample for block in blocks for sample in block]
-    tables = {
-        "memory": ("BLOCKS", [block[0].before for block in blocks]),
-        **{
-            key: ("VECTORS", [getattr(sample, key) for sample in samples])
-            for key in ("measured", "reference", "command")
-        },
-    }
     lines = ["/* Samples of a simulated run, and what the compiled functions of cranectl return for them. */",
              "#include <math.h>", "#include <stdint.h>", "", f"#define BLOCKS {len(blocks)}",
              f"#define BLOCK_SIZE {len(blocks[0])}", "#define VECTORS (BLOCKS * BLOCK_SIZE)", ""]  # fmt: skip
-    for name, (count, rows) in tables.items():
-        lines += [*_table(f"vector_{name}", count, rows), ""]
+    lines += [*_table("vector_memory", "BLOCKS", [block[0].before for block in blocks]), ""]
+    for key in ("measured", "reference", "command"):
+        lines += [*_table(f"vector_{key}", "VECTORS", [getattr(sample, key) for sample in samples]), ""]
     statuses = ", ".join(str(sample.status) for sample in samples)
     return "\n".join([*lines, f"static const int64_t vector_status[VECTORS] = {{{statuses}}};", ""])

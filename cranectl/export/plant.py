@@ -1,12 +1,9 @@
 """Export a plant as the model of an FMU: the machine code of runs, with numbers of the rig as parameters."""
 
-from collections.abc import Mapping
-from typing import Literal
-
-from cranectl.export.description import FmuVariable
-from cranectl.export.fmu import TEMPLATES, Model, filled
+from cranectl.export.description import Causality, FmuVariable
+from cranectl.export.fmu import Model, filled
 from cranectl.export.inference import check_compiler
-from cranectl.export.plant_numbers import Memory, PlantNumbers
+from cranectl.export.plant_numbers import PlantNumbers
 from cranectl.export.traced import Traced
 from cranectl.plants.addressed import ADVANCE, MEASURE, plant_object
 from cranectl.plants.plant import DRIVES, Drive
@@ -22,29 +19,13 @@ from cranectl.support.errors import InputError
 
 PLANTS = ("analytic", "elastic")  # whose code needs no engine
 DRIVEN = ("bridge", "trolley", "rope")
-
 WORDS_PER_LINE = 5
 
 
 def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
-    """Return a plant as a model for `fmu_archive`; a sample of it is a control period.
+    """Return a plant with a kind of drives as a model for `fmu_archive`; its sample is a control period.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Rig, effects on the plant, start, and control period.
-    plant, drive : str
-        `analytic` or `elastic`, and the kind of drives.
-
-    Returns
-    -------
-    Model
-        The model.
-
-    Raises
-    ------
-    InputError
-        If the plant cannot be exported, or cannot show the scenario.
+    Raises InputError if the plant cannot be exported, or cannot show the scenario.
     """
     if plant not in PLANTS:
         raise InputError(
@@ -63,17 +44,34 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
     traced = {
         variable.name: Traced(variable.start, f"values[{first + k}]") for k, variable in enumerate(parameters)
     }
-    memory = numbers.memory({})
-    expressions = {place: number.text for place, number in numbers.expressions(traced).items()}
+    memory, expressions = numbers.memory({}), numbers.expressions(traced)
     title = f"{plant_entry(plant).label} plant with {drive} drives, scenario {scenario.name}"
-    source = _source(title, memory, expressions, len(inputs), has_air=scenario.effects.wind is not None)
+    words = [f"0x{word:x}," for word in memory.words]
+    rows = [" ".join(words[k : k + WORDS_PER_LINE]) for k in range(0, len(words), WORDS_PER_LINE)]
+    air = [f"values[{len(inputs) - len(AXES) + k}]" for k in range(len(AXES))]  # the last inputs
+    values = {
+        "TITLE": title,
+        "STATE": len(inputs),
+        "LOAD": len(inputs) + len(STATE),
+        "TENSION": TENSION,
+        "MEASURE": MEASURE,
+        "ADVANCE": ADVANCE,
+        "SLACK": float(RunStatus.SLACK_ROPE),
+        "NON_FINITE": float(RunStatus.NON_FINITE),
+        "AIR": ", ".join(air if scenario.effects.wind else ["0.0"] * len(AXES)),
+        "WORDS": "".join(f"    {row}\n" for row in rows),
+        "ADDRESSES": ", ".join(map(str, memory.addresses)),
+        "EXPRESSIONS": "".join(
+            f"    memory[{place}] = {number.text};\n" for place, number in sorted(expressions.items())
+        ),
+    }
     return Model(
         name=f"{plant}_{drive}",
         title=title,
         variables=(*inputs, *outputs, *parameters, *constants),
         period=scenario.period_ns / NANOSECONDS,
         memory=len(memory.words),
-        sources={"plant.c": source},
+        sources={"plant.c": filled("fmi/plant.c.txt", values)},
         objects={"plant.o": plant_object(numbers.plant({}), "plant_step")},
     )
 
@@ -84,10 +82,7 @@ def _inputs(scenario: Scenario, drive: Drive, start: Array) -> list[FmuVariable]
     signals = command_group(DRIVES[drive].command).signals
     commands = zip(DRIVEN, signals, first.tolist(), strict=False)
     return [
-        *(
-            FmuVariable(f"command.{name}", "input", s.unit, s.description, number)
-            for name, s, number in commands
-        ),
+        *(FmuVariable.of_signal(f"command.{axis}", "input", *command) for axis, *command in commands),
         *_all("input", DISTURBANCE),
         *_all("input", LOAD_FORCE),
         *(
@@ -101,39 +96,11 @@ def _outputs() -> list[FmuVariable]:
     """Return the outputs, which hold at the end of a step under its command."""
     slack = int(RunStatus.SLACK_ROPE)
     text = f"0, or {slack} if the rope was slack at a sample of the step, its end included"
-    return [
-        *_all("output", STATE),
-        *_all("output", LOAD),
-        FmuVariable("status", "output", "1", text, discrete=True),
-    ]
+    status = FmuVariable("status", "output", "1", text, discrete=True)
+    return [*_all("output", STATE), *_all("output", LOAD), status]
 
 
-def _all(causality: Literal["input", "output"], group: SignalGroup) -> list[FmuVariable]:
+def _all(causality: Causality, group: SignalGroup) -> list[FmuVariable]:
     """Return a group of signals as variables, named as in logs."""
-    return [
-        FmuVariable(f"{group.name}.{signal.name}", causality, signal.unit, signal.description)
-        for signal in group.signals
-    ]
-
-
-def _source(title: str, memory: Memory, expressions: Mapping[int, str], inputs: int, *, has_air: bool) -> str:
-    """Return the C file between the functions of FMI and the compiled plant."""
-    words = [f"0x{word:x}," for word in memory.words.tolist()]
-    lines = [" ".join(words[k : k + WORDS_PER_LINE]) for k in range(0, len(words), WORDS_PER_LINE)]
-    assigned = [f"    memory[{place}] = {text};" for place, text in sorted(expressions.items())]
-    air = inputs - len(AXES)  # the last inputs
-    values = {
-        "TITLE": title,
-        "STATE": inputs,
-        "LOAD": inputs + len(STATE),
-        "TENSION": TENSION,
-        "MEASURE": MEASURE,
-        "ADVANCE": ADVANCE,
-        "SLACK": float(RunStatus.SLACK_ROPE),
-        "NON_FINITE": float(RunStatus.NON_FINITE),
-        "AIR": ", ".join(f"values[{air + k}]" if has_air else "0.0" for k in range(len(AXES))),
-        "WORDS": "".join(f"    {line}\n" for line in lines),
-        "ADDRESSES": ", ".join(map(str, memory.addresses)),
-        "EXPRESSIONS": "".join(f"{line}\n" for line in assigned),
-    }
-    return filled((TEMPLATES / "plant.c.txt").read_text(encoding="utf-8"), values)
+    prefix, signals = group.name, group.signals
+    return [FmuVariable.of_signal(f"{prefix}.{signal.name}", causality, signal) for signal in signals]

@@ -29,7 +29,7 @@ START = "start"  # prefix of the names of numbers of the state at the start
 class Memory(NamedTuple):
     """The memory of a compiled plant: the block of its handle, then its arrays."""
 
-    words: NDArray[np.uint64]
+    words: list[int]
     addresses: tuple[int, ...]  # places of addresses in it; there it has the places of arrays
 
 
@@ -46,16 +46,9 @@ class PlantNumbers:
             *((f"effects.{name}", getattr(effects, name)) for name in effects.names),
         ]
         known = [variable for prefix, settings in groups for variable in _variables(prefix, settings)]
-        known += [
-            FmuVariable(
-                f"{START}.{signal.name}",
-                "parameter",
-                signal.unit,
-                f"at the start: {signal.description}",
-                number,
-            )
-            for signal, number in zip(STATE.signals, start.tolist(), strict=True)
-        ]
+        for signal, number in zip(STATE.signals, start.tolist(), strict=True):
+            variable = FmuVariable.of_signal(f"{START}.{signal.name}", "parameter", signal, number)
+            known.append(variable._replace(description=f"at the start: {signal.description}"))
         self.known = {variable.name: variable for variable in known}
 
     def plant(self, numbers: Mapping[str, Any]) -> Plant:
@@ -79,7 +72,20 @@ class PlantNumbers:
         for k, name in enumerate(STATE.names):
             start[k] = numbers.get(f"{START}.{name}", start[k])
         plant.reset(start)
-        return _memory(plant.handle)
+        words: list[int] = []
+        arrays: dict[int, NDArray[Any]] = {}
+        for place, leaf in _placed(plant.handle):
+            if isinstance(leaf, np.ndarray):
+                arrays[place] = leaf
+                words += (0, *leaf.shape, *leaf.strides)
+            else:
+                words.append(_bits(leaf))
+        for place, array in arrays.items():
+            words[place] = len(words)
+            content = array.tobytes()
+            padded = content.ljust(-(-len(content) // 8) * 8, b"\0")
+            words += np.frombuffer(padded, dtype=np.uint64).tolist()
+        return Memory(words, tuple(arrays))
 
     def expressions(self, numbers: Mapping[str, Traced]) -> dict[int, Traced]:
         """Return the numbers of the memory that `numbers` decide, by place.
@@ -87,17 +93,14 @@ class PlantNumbers:
         Raises TypeError if one of them takes part in more than sums, products and quotients.
         """
         handle = self.plant(numbers).handle
-        found, place = {}, 0
-        for leaf in leaves(handle):
-            if isinstance(leaf, Traced):
-                found[place] = leaf
-            place += _width(leaf)
-        memory = _memory(self.plant({}).handle)
-        state = int(memory.words[_place_of(handle, handle.state)])
+        leaves_by_place = dict(_placed(handle))
+        found = {place: leaf for place, leaf in leaves_by_place.items() if isinstance(leaf, Traced)}
+        state = next(place for place, leaf in leaves_by_place.items() if leaf is handle.state)
+        first = self.memory({}).words[state]
         for k, name in enumerate(STATE.names):
             number = numbers.get(f"{START}.{name}")
             if number is not None:  # a number that is 0 is false
-                found[state + k] = number
+                found[first + k] = number
         return found
 
     def sorted_out(self) -> tuple[list[FmuVariable], list[FmuVariable]]:
@@ -106,7 +109,7 @@ class PlantNumbers:
         for name, variable in self.known.items():
             other = variable.start + max(0.25 * abs(variable.start), 0.01)
             changed = self.memory({name: other})
-            if _same(memory, changed):
+            if memory == changed:
                 continue
             if self._is_followed(memory, changed, name, other):
                 parameters.append(variable)
@@ -116,8 +119,6 @@ class PlantNumbers:
 
     def _is_followed(self, memory: Memory, changed: Memory, name: str, value: float) -> bool:
         """Return True if expressions of one number give the memory that has changed with it."""
-        if memory.addresses != changed.addresses:
-            return False
         try:
             expressions = self.expressions({name: Traced(value, "")})
         except TypeError:
@@ -125,7 +126,7 @@ class PlantNumbers:
         words = memory.words.copy()
         for place, number in expressions.items():
             words[place] = _bits(number.value)
-        return bool(np.array_equal(words, changed.words))
+        return memory._replace(words=words) == changed
 
 
 def _variables(prefix: str, settings: Settings) -> Iterator[FmuVariable]:
@@ -133,19 +134,14 @@ def _variables(prefix: str, settings: Settings) -> Iterator[FmuVariable]:
     schema = type(settings).model_json_schema()["properties"]
     for name, field in type(settings).model_fields.items():
         value, (text, unit) = getattr(settings, name), _text_and_unit(field.description or name)
-        is_list = isinstance(value, tuple)
-        for k, number in enumerate(value if is_list else (value,)):
+        numbers = {f"{prefix}.{name}": (value, schema[name])}
+        if isinstance(value, tuple):
+            pairs = zip(value, schema[name].get("prefixItems", ()), strict=False)
+            numbers = {f"{prefix}.{name}[{k}]": pair for k, pair in enumerate(pairs, 1)}
+        for key, (number, bounds) in numbers.items():
             if isinstance(number, float):
-                bounds = schema[name]["prefixItems"][k] if is_list else schema[name]
-                yield FmuVariable(
-                    f"{prefix}.{name}[{k + 1}]" if is_list else f"{prefix}.{name}",
-                    "parameter",
-                    unit,
-                    text,
-                    number,
-                    bounds.get("minimum"),
-                    bounds.get("maximum"),
-                )
+                lowest, highest = bounds.get("minimum"), bounds.get("maximum")
+                yield FmuVariable(key, "parameter", unit, text, number, lowest, highest)
 
 
 def _text_and_unit(description: str) -> tuple[str, str]:
@@ -167,43 +163,15 @@ def _replaced(settings: Any, prefix: str, numbers: Mapping[str, Any]) -> Any:
     return settings.model_copy(update=update)
 
 
-def _memory(handle: Any) -> Memory:
-    """Return the block of a handle without traced numbers, followed by its arrays."""
-    words: list[int] = []
-    arrays: dict[int, NDArray[Any]] = {}
-    for leaf in leaves(handle):
-        if isinstance(leaf, np.ndarray):
-            arrays[len(words)] = leaf
-            words += (0, *leaf.shape, *leaf.strides)
-        else:
-            words.append(_bits(leaf))
-    for place, array in arrays.items():
-        words[place] = len(words)
-        content = array.tobytes()
-        padded = content.ljust(-(-len(content) // 8) * 8, b"\0")
-        words += np.frombuffer(padded, dtype=np.uint64).tolist()
-    return Memory(np.array(words, dtype=np.uint64), tuple(arrays))
-
-
-def _place_of(handle: Any, array: Any) -> int:
-    """Return the place of an array's address in the block of a handle."""
+def _placed(handle: Any) -> Iterator[tuple[int, Any]]:
+    """Yield the parts of a handle with their places in its block."""
     place = 0
     for leaf in leaves(handle):
-        if leaf is array:
-            break
-        place += _width(leaf)
-    return place
-
-
-def _width(leaf: Any) -> int:
-    return array_words(leaf) if isinstance(leaf, np.ndarray) else 1
+        yield place, leaf
+        place += array_words(leaf) if isinstance(leaf, np.ndarray) else 1
 
 
 def _bits(number: float) -> int:
     """Return the 8 bytes of a number as an integer."""
     kind: Any = np.float64 if isinstance(number, float | np.floating) else np.int64
     return int(np.array(number, dtype=kind).view(np.uint64))
-
-
-def _same(a: Memory, b: Memory) -> bool:
-    return a.addresses == b.addresses and bool(np.array_equal(a.words, b.words))

@@ -13,7 +13,7 @@ import numpy as np
 from cranectl.controllers.addressed import JOINTS
 from cranectl.design import ControllerDesign
 from cranectl.export.calls import MATH
-from cranectl.export.fmu import compile_library
+from cranectl.export.fmu import compile_library, filled
 from cranectl.export.prepared import Exported
 from cranectl.export.vectors import Sample, record_blocks, replay
 from cranectl.plants.plant import DRIVES
@@ -102,36 +102,15 @@ def _rounded(numbers: Array) -> Array:
 @contextmanager
 def _compiled(exported: Exported, sources: Mapping[str, str]) -> Iterator[int]:
     """Yield the address of the sample in single precision, with arguments of doubles."""
-    adapter = _adapter(exported)
-    content = compile_library("single", {**sources, "adapter.c": adapter})
+    values = {
+        "STEM": exported.stem,
+        "SYMBOL": exported.symbol,
+        "MEASURED": exported.sample.measured,
+        "REFERENCE": len(exported.inputs[0][1]),
+        "MEMORY": len(exported.sample.memory),
+    }
+    content = compile_library("single", {**sources, "adapter.c": filled("adapter.c.txt", values)})
     with TemporaryDirectory(prefix="cranectl-single-") as directory:
         path = Path(directory, "single.so")
         path.write_bytes(content)
         yield ctypes.cast(ctypes.CDLL(str(path)).adapter, ctypes.c_void_p).value or 0
-
-
-def _adapter(exported: Exported) -> str:
-    """Return the C file of a function that converts the arguments of a control sample."""
-    symbol, memory = exported.symbol, len(exported.sample.memory)
-    sizes = {"m": exported.sample.measured, "r": len(exported.inputs[0][1]), "k": memory}
-    declared = ", ".join(f"{name}[{size}]" for name, size in sizes.items())
-    loops = {
-        name: f"    for (int i = 0; i < {size}; i++)\n        {name}[i] = (float){source}[i];"
-        for (name, size), source in zip(sizes.items(), ("measured", "reference", "memory"), strict=True)
-    }
-    return f"""#include "{exported.stem}.h"
-
-__attribute__((visibility("default"))) int64_t adapter(const double *parameters, const double *measured,
-    const double *reference, double *memory, double *command)
-{{
-    float {declared}, c[3] = {{0.0f, 0.0f, 0.0f}};
-    (void)parameters;
-{chr(10).join(loops.values())}
-    const int64_t status = {symbol}_sample({symbol}_parameters, m, r, k, c);
-    for (int i = 0; i < {memory}; i++)
-        memory[i] = k[i];
-    for (int i = 0; i < 3; i++)
-        command[i] = c[i];
-    return status;
-}}
-"""

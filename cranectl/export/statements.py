@@ -1,16 +1,27 @@
 """Translate statements of compiled Python to C."""
 
 import ast
+import re
+import textwrap
 
 from numba.core.types import Array, BaseTuple, CPointer, Integer, NoneType
 
 from cranectl.export.calls import Calls, sequenced
 from cranectl.export.inference import Type
-from cranectl.export.lines import filled
 from cranectl.export.operators import ARITHMETIC
 from cranectl.export.values import ATOM, Value
 
+C_LINE_WIDTH = 110  # of lines in C
+UNBROKEN = "\xa0"  # a space at which no line is broken
 Place = tuple[tuple[int, int], ...]  # of a statement: block and index in it, from the outermost block
+
+
+def wrap_line(text: str, indent: str) -> str:
+    """Return a line of C, broken where it is too long, but not within comments."""
+    kept = re.sub(r" /\*.*?\*/", lambda match: match[0].replace(" ", UNBROKEN), text)
+    lines = textwrap.wrap(kept, C_LINE_WIDTH, initial_indent=indent, subsequent_indent=indent + "    ",
+                          break_long_words=False, break_on_hyphens=False)  # fmt: skip
+    return "\n".join(lines).replace(UNBROKEN, " ")
 
 
 class Statements(Calls):
@@ -40,7 +51,7 @@ class Statements(Calls):
 
     def line(self, text: str) -> None:
         """Append a line of C, broken where it is too long."""
-        self.lines.append(filled(text, "    " * self.depth))
+        self.lines.append(wrap_line(text, "    " * self.depth))
 
     def block(self, statements: list[ast.stmt]) -> None:
         for statement in statements:

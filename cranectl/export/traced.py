@@ -4,8 +4,6 @@ from collections.abc import Callable
 from operator import add, mul, neg, sub, truediv
 from typing import Any
 
-Operator = Callable[[Any, Any], Any]
-
 
 class Traced:
     """A number, and the C expression that computes it in the same order with the same rounding.
@@ -27,36 +25,18 @@ class Traced:
         return Traced(neg(self.value), f"(-{self.text})")
 
 
-def _forward(operator: Operator, sign: str) -> Callable[[Traced, Any], Traced]:
-    """Return the method of an operator with the traced number on the left."""
+def _method(operator: Callable[[Any, Any], Any], sign: str, *, is_reflected: bool) -> Callable[..., Traced]:
+    """Return the method of an operator; it is reflected if the number itself is the right operand."""
 
     def method(self: Traced, other: Any) -> Traced:
-        value, text = _parts(other)
-        return Traced(operator(self.value, value), f"({self.text} {sign} {text})")
+        if not isinstance(other, Traced):
+            other = Traced(float(other), float(other).hex())
+        left, right = (other, self) if is_reflected else (self, other)
+        return Traced(operator(left.value, right.value), f"({left.text} {sign} {right.text})")
 
     return method
 
 
-def _reflected(operator: Operator, sign: str) -> Callable[[Traced, Any], Traced]:
-    """Return the method of an operator with the traced number on the right."""
-
-    def method(self: Traced, other: Any) -> Traced:
-        value, text = _parts(other)
-        return Traced(operator(value, self.value), f"({text} {sign} {self.text})")
-
-    return method
-
-
-def _parts(other: Any) -> tuple[float, str]:
-    """Return value and C text of an operand."""
-    return (other.value, other.text) if isinstance(other, Traced) else (float(other), float(other).hex())
-
-
-for _name, _operator, _sign in (
-    ("add", add, "+"),
-    ("sub", sub, "-"),
-    ("mul", mul, "*"),
-    ("truediv", truediv, "/"),
-):
-    setattr(Traced, f"__{_name}__", _forward(_operator, _sign))
-    setattr(Traced, f"__r{_name}__", _reflected(_operator, _sign))
+for _operator, _sign in ((add, "+"), (sub, "-"), (mul, "*"), (truediv, "/")):
+    setattr(Traced, f"__{_operator.__name__}__", _method(_operator, _sign, is_reflected=False))
+    setattr(Traced, f"__r{_operator.__name__}__", _method(_operator, _sign, is_reflected=True))

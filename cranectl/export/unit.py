@@ -178,17 +178,17 @@ class Unit:
                 members, name = [f"{item} item[{len(kind)}];"], f"{item}_{len(kind)}"
             else:
                 for place, part in enumerate(kind):
-                    members += self._members(part, self.member(kind, place), function, node)
+                    label, is_array = self.member(kind, place), isinstance(part, Array)
+                    item = self.c_type(part.dtype if is_array else part, function, node)
+                    members += (
+                        [f"const {item} *{label};", f"int64_t {label}_size;"]
+                        if is_array
+                        else [f"{item} {label};"]
+                    )
             name = self._free_name(name)
             lines = ["typedef struct {", *(f"    {member}" for member in members), f"}} {name};"]
             self._structs[kind] = (name, "\n".join(lines))
         return self._structs[kind][0]
-
-    def _members(self, part: Type, label: str, function: Expressions, node: Any) -> list[str]:
-        """Return the members of a structure for a part of a tuple; an array has a pointer and a length."""
-        if isinstance(part, Array):
-            return [f"const {self.c_type(part.dtype, function, node)} *{label};", f"int64_t {label}_size;"]
-        return [f"{self.c_type(part, function, node)} {label};"]
 
 
 def _power(exponent: int) -> tuple[str, ...]:
