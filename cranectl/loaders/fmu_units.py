@@ -28,24 +28,7 @@ class Conversion(NamedTuple):
     def factor(self, variable: Any, unit: str, signal: str) -> float:
         """Return how many `unit` of `signal` one unit of the FMU's variable is.
 
-        Parameters
-        ----------
-        variable : Any
-            Variable of the FMU, as FMPy describes it.
-        unit : str
-            Unit of the signal.
-        signal : str
-            Name of the signal.
-
-        Returns
-        -------
-        float
-            Factor from the variable's unit to `unit`.
-
-        Raises
-        ------
-        InputError
-            For a unit of another kind, or one that the FMU does not define.
+        Raises InputError for a unit of another kind, or one that the FMU does not define.
         """
         if variable.name in self.stated:
             return self.stated[variable.name]
@@ -81,12 +64,10 @@ class Conversion(NamedTuple):
                 )
 
     def _wrong(self, variable: Any, what: str, unit: str, signal: str) -> InputError:
-        found = (
-            f"{self.file.reference}: {variable.causality} '{variable.name}' is {what}; {signal} is in {unit}"
-        )
-        for kind in ("acceleration", "velocity", "force"):
-            is_of_kind = _plain(command_group(kind).signals[0].unit) == _plain(variable.unit or "")
-            if signal.startswith("command.") and is_of_kind:
+        name = variable.name
+        found = f"{self.file.reference}: {variable.causality} '{name}' is {what}; {signal} is in {unit}"
+        for kind in ("acceleration", "velocity", "force") if signal.startswith("command.") else ():
+            if _plain(command_group(kind).signals[0].unit) == _plain(variable.unit or ""):
                 return InputError(
                     found,
                     allowed=f"{unit}, or a table beside the FMU that says what it commands",
@@ -95,7 +76,7 @@ class Conversion(NamedTuple):
         return InputError(
             found,
             allowed=f"{unit}, or a unit that the FMU defines by it",
-            remedy=f"say in {self.source} how many {unit} one unit is: [units] '{variable.name}' = 1.0",
+            remedy=f"say in {self.source} how many {unit} one unit is: [units] '{name}' = 1.0",
         )
 
 

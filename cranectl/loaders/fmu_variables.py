@@ -66,73 +66,58 @@ class Variables(NamedTuple):
 
 
 def variables_of(file: ControllerFile, description: Any) -> Variables:
-    """Return the meaning of each variable in the description of an FMU.
+    """Return the meaning of each variable in the description of an FMU, as FMPy has read it.
 
-    Parameters
-    ----------
-    file : ControllerFile
-        The FMU, with the table beside it.
-    description : Any
-        The description of the FMU, as FMPy has read it.
-
-    Returns
-    -------
-    Variables
-        The variables that the step exchanges and those set before.
-
-    Raises
-    ------
-    InputError
-        For a variable without a meaning, of another type or in another unit.
+    Raises InputError for a variable without a meaning, of another type or in another unit.
     """
     declared = description.modelVariables
     source = str(file.path.with_suffix(".toml"))
-    parsed = parse_toml(file.table.decode("utf-8", "replace"), source)
-    table = parse_settings(FmuTable, parsed, source)
-    of = {
-        cause: [variable for variable in declared if variable.causality == cause]
-        for cause in ("input", "output")
-    }
-    held_axes = _held(table, of["output"], source)
-    outputs = {name: meant for name, meant in table.outputs.items() if name not in held_axes}
-    meant = _meant(outputs, of["output"], "output", source)
-    sources = _meant(table.inputs, of["input"], "input", source)
-    constant = [variable for variable in of["input"] if not isinstance(sources[variable.name], str)]
-    free = [variable for variable in of["input"] if _keeps_its_start(variable, table)]
-    inputs = [variable for variable in of["input"] if variable not in constant and variable not in free]
-    conversion = Conversion(
-        file, source, {unit.name: unit for unit in description.unitDefinitions}, table.units
+    table = parse_settings(FmuTable, parse_toml(file.table.decode("utf-8", "replace"), source), source)
+    all_inputs, all_outputs = (
+        [variable for variable in declared if variable.causality == cause] for cause in ("input", "output")
     )
-    encoders = any(sources[variable.name] in ENCODERS for variable in inputs)
+    held_axes = _held(table, all_outputs, source)
+    outputs = {name: meant for name, meant in table.outputs.items() if name not in held_axes}
+    meant = _meant(outputs, all_outputs, "output", source)
+    signals = _meant(table.inputs, all_inputs, "input", source)
+    constant = [variable for variable in all_inputs if not isinstance(signals[variable.name], str)]
+    free = [variable for variable in all_inputs if _keeps_its_start(variable, table)]
+    inputs = [variable for variable in all_inputs if variable not in constant and variable not in free]
+    encoders = any(signals[variable.name] in ENCODERS for variable in inputs)
     known = {**(ENCODERS if encoders else STATES), **REFERENCES}
-    for variable in inputs:
-        _check(variable, str(sources[variable.name]), known, file, source)
-    for variable in constant:
+    for variable in (*inputs, *constant):
         _check_type(variable, file)
-    commands = _commands(meant, of["output"], held_axes, file, source)
-    commanding = [place for place in commands if place is not None]
+        signal = signals[variable.name]
+        if signal not in known and variable in inputs:
+            raise InputError(
+                f"{file.reference}: input '{variable.name}' is to be '{signal}', which no signal is",
+                allowed=", ".join(known),
+                remedy=did_you_mean(signal, known)
+                or f"say in {source} what it is: [inputs] NAME = SIGNAL, or a number",
+            )
+    commands = _commands(meant, all_outputs, held_axes, file, source)
+    commanding = [output for output in commands if output is not None]
+    definitions = {unit.name: unit for unit in description.unitDefinitions}
+    conversion = Conversion(file, source, definitions, table.units)
     conversion.check_stated([*inputs, *commanding])
-    drives = command_group(table.command).signals[: len(COMMANDS)]
-    others = [variable for variable in of["output"] if variable not in commanding and _is_number(variable)]
+    drives = zip(COMMANDS, command_group(table.command).signals, strict=False)
+    in_si = UNITS | {command: drive.unit for command, drive in drives}
+    exchanged = [
+        *((variable, signals[variable.name]) for variable in inputs),
+        *zip(commands, COMMANDS, strict=True),
+    ]
+    others = [variable for variable in all_outputs if variable not in commanding and _is_number(variable)]
     parameters = _settable(declared, free, connected=[*inputs, *constant])
     return Variables(
         table=table,
         measures="encoders" if encoders else "state",
         input_references=_references(inputs, file),
-        sources=[known[str(sources[variable.name])] for variable in inputs],
+        sources=[known[signals[variable.name]] for variable in inputs],
         output_references=_references([*commanding, *others], file),
-        commands=[
-            HELD if command_place is None else commanding.index(command_place) for command_place in commands
-        ],
+        commands=[HELD if output is None else commanding.index(output) for output in commands],
         factors=[
-            *(
-                conversion.factor(variable, UNITS[sources[variable.name]], sources[variable.name])
-                for variable in inputs
-            ),
-            *(
-                1.0 if place is None else conversion.factor(place, drive.unit, command)
-                for place, drive, command in zip(commands, drives, COMMANDS, strict=True)
-            ),
+            1.0 if variable is None else conversion.factor(variable, in_si[signal], signal)
+            for variable, signal in exchanged
         ],
         logged=tuple(
             Signal(name, name, _of(variable, "unit"), variable.description or variable.name)
@@ -149,7 +134,7 @@ def variables_of(file: ControllerFile, description: Any) -> Variables:
             )
             for name, variable in _named(parameters, file).items()
         ),
-        constants=tuple(float(sources[variable.name]) for variable in constant),
+        constants=tuple(float(signals[variable.name]) for variable in constant),
         fixed_references=_references([*parameters, *constant], file),
     )
 
@@ -180,15 +165,9 @@ def _held(table: FmuTable, outputs: Sequence[Any], source: str) -> list[str]:
 
 
 def _keeps_its_start(variable: Any, table: FmuTable) -> bool:
-    """Return True for an input that has a start value and is connected neither by name nor by the table.
-
-    A variable whose name resembles one of our signals counts as connected.
-    """
-    return (
-        variable.name not in table.inputs
-        and variable.start is not None
-        and not OUR_NAMES.match(variable.name)
-    )
+    """Return True for an input with a start value that is connected neither by the table nor by its name."""
+    is_ours = variable.name in table.inputs or OUR_NAMES.match(variable.name)
+    return variable.start is not None and not is_ours
 
 
 def _meant(table: Mapping[str, Any], variables: Sequence[Any], cause: str, source: str) -> dict[str, Any]:
@@ -202,17 +181,6 @@ def _meant(table: Mapping[str, Any], variables: Sequence[Any], cause: str, sourc
                 remedy=did_you_mean(name, names) or "correct the name",
             )
     return {name: table.get(name, name) for name in names}
-
-
-def _check(variable: Any, signal: str, known: dict[str, int], file: ControllerFile, source: str) -> None:
-    _check_type(variable, file)
-    if signal not in known:
-        raise InputError(
-            f"{file.reference}: input '{variable.name}' is to be '{signal}', which no signal is",
-            allowed=", ".join(known),
-            remedy=did_you_mean(signal, known)
-            or f"say in {source} what it is: [inputs] NAME = SIGNAL, or a number",
-        )
 
 
 def _check_type(variable: Any, file: ControllerFile) -> None:
@@ -232,12 +200,13 @@ def _commands(
     result: list[Any] = []
     for command in COMMANDS:
         fitting = [output for output in outputs if meant[output.name] == command]
-        if command in held_axes and not fitting:
+        is_held = command in held_axes
+        if is_held and not fitting:
             result.append(None)
             continue
-        if len(fitting) != 1 or command in held_axes:
+        if len(fitting) != 1 or is_held:
             number = f"{len(fitting)} outputs are" if len(fitting) > 1 else "no output is"
-            number = f"an output is '{HOLD}' and" if command in held_axes else number
+            number = f"an output is '{HOLD}' and" if is_held else number
             raise InputError(
                 f"{file.reference}: {number} {command}",
                 allowed=f"one each for {', '.join(COMMANDS)}, of {', '.join(meant) or 'no outputs'}",

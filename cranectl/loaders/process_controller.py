@@ -9,7 +9,6 @@ the run holds the last command and counts a missed sample.
 """
 
 import os
-import select
 import shutil
 import socket
 import struct
@@ -19,7 +18,6 @@ from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from threading import Thread
 from time import monotonic
 from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
@@ -39,6 +37,7 @@ from cranectl.support.children import Timeout, users_environment
 from cranectl.support.documents import parse_toml
 from cranectl.support.errors import InputError, starting
 from cranectl.support.extensions import check_name
+from cranectl.support.interrupts import in_background
 
 ANSWER_TIMEOUT = 600.0  # [s] for an answer in lock step, if the run has no shorter time limit
 START_TIMEOUT = 3600.0  # [s] for the first answer of a run, because a program may import and compile
@@ -47,7 +46,6 @@ MAX_DEADLINE = 5.0  # [s] for an answer in free running
 MEASURED_WIDTH = {"state": 12, "encoders": 5}
 REFERENCE_WIDTH = 15
 PIPE_BYTES = 65536  # largest number of bytes in one read
-CAN_WAIT_FOR_PIPES = hasattr(select, "poll")
 MEMORY = Slots(sequence=1, missed=1, last_command=3, reported=0)
 
 
@@ -245,46 +243,6 @@ class _Datagrams:
             return None
 
 
-class _Pipe:
-    """Reads the bytes that come through a pipe."""
-
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-
-    def read(self, seconds: float) -> bytes | None:
-        """Return the bytes that come within `seconds`, None if none come, or b"" at the end of the pipe."""
-        if not select.select([self._descriptor], [], [], seconds)[0]:
-            return None
-        return os.read(self._descriptor, PIPE_BYTES)
-
-    def close(self) -> None:
-        """Do nothing: only `_PipeInThread` has a thread to end."""
-
-
-class _PipeInThread(_Pipe):
-    """Reads a pipe in a thread, for systems such as Windows that can only wait for sockets."""
-
-    def __init__(self, descriptor: int) -> None:
-        super().__init__(descriptor)
-        self._parts: SimpleQueue[bytes] = SimpleQueue()
-        self._thread = Thread(target=self._read_all, daemon=True)
-        self._thread.start()
-
-    def _read_all(self) -> None:
-        while part := os.read(self._descriptor, PIPE_BYTES):
-            self._parts.put(part)
-        self._parts.put(b"")
-
-    def read(self, seconds: float) -> bytes | None:
-        try:
-            return self._parts.get(timeout=seconds)
-        except Empty:
-            return None
-
-    def close(self) -> None:
-        self._thread.join()
-
-
 class _Program:
     """A program for one run, started in the folder that holds its files; raises OSError."""
 
@@ -304,17 +262,26 @@ class _Program:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self.send = self._process.stdin.write
-        self._pipe = (_Pipe if CAN_WAIT_FOR_PIPES else _PipeInThread)(self._process.stdout.fileno())
+        self._parts: SimpleQueue[bytes] = SimpleQueue()
         self._incomplete_frame = b""
+        in_background(partial(self._read, self._process.stdout.fileno()))
+
+    def _read(self, descriptor: int) -> None:
+        """Read the output in a thread, because some systems can only wait for sockets."""
+        while part := os.read(descriptor, PIPE_BYTES):
+            self._parts.put(part)
+        self._parts.put(b"")
 
     def receive(self, size: int, seconds: float) -> bytes | None:
         """Return a frame, or None if none comes in time; raise ConnectionError if the program ended."""
         deadline = monotonic() + seconds
         while len(self._incomplete_frame) < size:
-            part = self._pipe.read(max(deadline - monotonic(), 0.0))
-            if part is None:
+            try:
+                part = self._parts.get(timeout=max(deadline - monotonic(), 0.0))
+            except Empty:
                 return None
             if not part:
+                self._parts.put(part)  # for `close`
                 raise ConnectionError(f"the program ended with exit code {self._process.wait()}")
             self._incomplete_frame += part
         frame, self._incomplete_frame = self._incomplete_frame[:size], self._incomplete_frame[size:]
@@ -322,5 +289,6 @@ class _Program:
 
     def close(self) -> None:
         self._process.kill()
-        self._pipe.close()
+        while self._parts.get():  # the last part is empty
+            pass
         self._process.communicate()

@@ -1,10 +1,28 @@
-"""Files with laws, good and broken."""
+"""Files with laws, good and broken, and the runs that tests ask of them."""
 
 import subprocess
 from pathlib import Path
 
+from cranectl.cli.main import main
 from cranectl.loaders.c_controller import HEADER
+from cranectl.log.reader import read_log
+from cranectl.planning import load_scenario
+from cranectl.scenario import Scenario
 
+SHORT = ["duration=3.2", "disturbances=[]"]
+ASKED = [part for text in SHORT for part in ("--set", text)]
+CAMPAIGN = """
+name = "own"
+scenario = "fast-diagonal"
+controllers = CONTROLLERS
+plants = ["analytic", "mujoco"]
+runs = RUNS
+set = ["duration=3.2", "disturbances=[]"]
+[uncertain.rig.load_mass]
+distribution = "uniform"
+low = 0.8
+high = 1.2
+"""
 LAW = '''
 import numpy as np
 from math import sin
@@ -45,21 +63,6 @@ def interpreted(parameters, measured, reference, memory, command):
         command[axis] += 8.0 * (rates[axis] - measured[2 * axis + 1])
     return 0
 
-def raising(parameters, measured, reference, memory, command):
-    memory[0] += 1.0
-    if memory[0] > 1200:
-        raise RuntimeError("no more: " + str({}))
-    return 0
-
-class Compiled:
-    """Raises in what Numba compiles."""
-
-    def step(parameters, measured, reference, memory, command):
-        memory[0] += 1.0
-        if memory[0] > 1200:
-            raise ValueError("sensor lost", memory[0])
-        return 0
-
 print("loading")
 
 def talking(parameters, measured, reference, memory, command):
@@ -81,36 +84,11 @@ class Talking:
             print("stepping", memory[0])
         return 0
 
-def leaving(parameters, measured, reference, memory, command):
-    memory[0] += 1.0
-    if memory[0] > 1200:
-        raise SystemExit(f"{memory[0]:g} samples")
-    return 0
-
-def not_a_number(parameters, measured, reference, memory, command):
-    memory[0] += 1.0
-    command[0] = 0.0 * np.sqrt(1200.0 - memory[0])
-    return 0
-
-def endless(parameters, measured, reference, memory, command):
-    memory[0] += 1.0
-    x = 0.0
-    while memory[0] > 1200.0 and x < 1.0:
-        x = 0.5 * x
-    return 0
-
-def writing(parameters, measured, reference, memory, command):
-    reference[0] = len(str({}))
-    return 0
-
 def greedy(parameters, measured, reference, memory, command):
     for axis in range(3):
         reference[axis] += 1.0
         parameters[0] += 1.0
         command[axis] = 1e-4 * (reference[axis] + parameters[0])
-    return 0
-
-def two(parameters, measured):
     return 0
 '''
 C_LAW = """
@@ -148,34 +126,39 @@ int64_t STEP(const double *p, const double *q, const double *r, double *m, doubl
 """
 
 
-def built(
-    folder: Path,
-    *,
-    declared: str = "",
-    broken: str = "",
-    step: str = "cranectl_step",
-    tuning: str = "",
-    loaded: str = "",
-    more: str = "",
-) -> Path:
-    """A library: `broken` in its step, `tuning` after the bounds of its stiffness, run when `loaded`.
+def built(folder: Path, **replaced: str) -> Path:
+    """Return a library in whose source words in capitals are replaced.
 
-    `more` ends its declaration.
+    `broken` in its step, `tuning` after the bounds of its stiffness, run when `loaded`; `more` ends its
+    declaration.
     """
-    parts = {
-        "DECLARED": declared,
-        "BROKEN": broken,
-        "STEP": step,
-        "TUNING": tuning,
-        "LOADED": loaded,
-        "MORE": more,
-    }
+    usual = dict.fromkeys(("declared", "broken", "tuning", "loaded", "more"), "")
     text = C_LAW
-    for name, part in parts.items():
-        text = text.replace(name, part)
+    for name, part in (usual | {"step": "cranectl_step"} | replaced).items():
+        text = text.replace(name.upper(), part)
     source, library = folder / "law.c", folder / f"law-{abs(hash(text))}.so"
     source.write_text(text)
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wno-missing-field-initializers", "-shared", "-fPIC"]
     flags += ["-ffp-contract=off", f"-I{HEADER.parent}"]
     subprocess.run(["cc", *flags, "-o", library, source, "-lm"], check=True)
     return library
+
+
+def campaign_file(*controllers: str, runs: int = 4) -> None:
+    """Write the campaign `own.toml` into the working directory."""
+    text = CAMPAIGN.replace("CONTROLLERS", str(list(controllers))).replace("RUNS", str(runs))
+    Path("own.toml").write_text(text)
+
+
+def scenario(*overrides: str) -> Scenario:
+    """Return a short scenario without disturbances."""
+    return load_scenario("fast-diagonal", overrides=[*SHORT, *overrides])
+
+
+def samples_before_failure(controller: str, log: Path, *options: str) -> int:
+    """Run a controller that fails: with exit code 3, and a closed log of as many samples as are returned."""
+    run = ["run", "fast-diagonal", "--controller", controller, "--plants", "analytic", "--every", "1"]
+    assert main([*run, *ASKED, *options, "--out", str(log)]) == 3
+    (found,) = read_log(log).values()
+    assert found.status.label == "controller-failed"
+    return len(found.time_ns)

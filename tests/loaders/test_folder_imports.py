@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.campaign.benchmark.tuned import tuned_facts
 from cranectl.campaign.cluster import packed, unpacked
 from cranectl.campaign.results import PARTS
 from cranectl.cli.main import main
@@ -21,10 +20,9 @@ from cranectl.controllers.registry import (
     load_controller,
 )
 from cranectl.loaders.opening import close_controllers, open_again, open_controller
-from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
-from cranectl.support.documents import toml_text
 from cranectl.support.errors import InputError
+from tests.loaders.controller_files import campaign_file, scenario
 from tests.loaders.test_process_controller import PROGRAM
 
 STEP = """
@@ -70,10 +68,9 @@ ways = pytest.mark.parametrize("way", PARTS_OF_A_LAW)
 
 
 @pytest.fixture(autouse=True)
-def forgotten() -> Iterator[None]:
+def the_path_of_imports_stays() -> Iterator[None]:
     path = sys.path[:]
     yield
-    close_controllers()
     assert sys.path == path
 
 
@@ -113,19 +110,16 @@ def test_each_controller_has_the_modules_and_data_of_its_own_folder(way: str, tm
 @ways
 def test_what_lies_beside_it_counts_in_its_digest(way: str, tmp_path: Path) -> None:
     """Whatever the time of the change: within the second, and of the same length."""
-    asked = written(tmp_path / "a", "first", 16.0, way)
-    name = open_controller(asked)
-    before = controller_digests([name])
+
+    def digests(value: float) -> dict[str, str]:
+        assert open_controller(written(tmp_path / "a", "first", value, way)) == "first"
+        assert gain("first") == value
+        return controller_digests(["first"])
+
+    before = digests(16.0)
     (tmp_path / "a" / "unrelated.py").write_text("K = 3.0")
-    assert open_controller(asked) == name
-    assert controller_digests([name]) == before
-    written(tmp_path / "a", "first", 17.0, way)
-    assert open_controller(asked) == name
-    assert controller_digests([name]) != before
-    assert gain(name) == 17.0
-    written(tmp_path / "a", "first", 16.0, way)
-    assert open_controller(asked) == name
-    assert controller_digests([name]) == before
+    assert digests(16.0) == before != digests(17.0)
+    assert digests(16.0) == before
 
 
 def travelled(shared: SharedControllers) -> SharedControllers:
@@ -153,14 +147,14 @@ def test_workers_have_what_lay_beside_it_when_it_was_opened(way: str, then: str,
 
 def test_a_worker_keeps_versions_of_one_name_apart(tmp_path: Path) -> None:
     """One that serves two campaigns has both, whichever came last."""
-    scenario, sent, designs = load_scenario("fast-diagonal"), [], []
+    sent, designs = [], []
     for value in (16.0, 4.25):
         name = open_controller(written(tmp_path / "a", "first", value))
         sent.append(OPEN.share())
         close_controllers()
     for shared in sent:
         open_again(shared)
-        designs.append(controller_design(name, scenario))
+        designs.append(controller_design(name, scenario()))
     assert [gain_of(controller_of(design)) for design in designs] == [16.0, 4.25]
 
 
@@ -179,36 +173,29 @@ def test_the_same_text_in_two_folders_is_two_controllers(tmp_path: Path) -> None
 def test_nothing_is_imported_from_there_later(tmp_path: Path) -> None:
     """It would count in no digest; what the file has imported is there."""
     asked = written(tmp_path / "a", "first", 16.0)
-    text = (
-        Path(tmp_path / "a" / "law.py")
-        .read_text()
-        .replace("    for axis", "    from MODULE import K\n    for axis")
-    )
+    law = tmp_path / "a" / "law.py"
+    text = law.read_text().replace("    for axis", "    from MODULE import NAME\n    for axis")
     (tmp_path / "a" / "later.py").write_text("K = 1.0")
-    for module in ("gains", "math"):
-        (tmp_path / "a" / "law.py").write_text(
-            text.replace("MODULE import K", f"{module} import {'K' if module == 'gains' else 'pi'}")
-        )
+    for module, imported in (("gains", "K"), ("math", "pi")):
+        law.write_text(text.replace("MODULE", module).replace("NAME", imported))
         assert gain(open_controller(asked)) == 16.0
-    (tmp_path / "a" / "law.py").write_text(text.replace("MODULE", "later"))
+    law.write_text(text.replace("MODULE", "later").replace("NAME", "K"))
     name = open_controller(asked)
-    with pytest.raises(
-        ModuleNotFoundError, match=r"later lies beside the controller.*at the top of the file"
-    ):
+    later = r"later lies beside the controller.*at the top of the file"
+    with pytest.raises(ModuleNotFoundError, match=later):
         gain(name)
 
 
 def test_a_module_that_fails_is_named_as_the_user_knows_it(tmp_path: Path) -> None:
     asked = written(tmp_path / "a", "first", 16.0)
-    (tmp_path / "a" / "gains.py").write_text("from nowhere_at_all import K")
-    with pytest.raises(InputError, match=r"law\.py:1: ModuleNotFoundError: No module named 'nowhere_at_all'"):
-        open_controller(asked)
-    (tmp_path / "a" / "gains.py").write_text("\nK = 1 +")
-    with pytest.raises(InputError, match=r"gains\.py:2: SyntaxError"):
-        open_controller(asked)
-    (tmp_path / "a" / "gains.py").write_text("")
-    with pytest.raises(InputError, match=r"law\.py:1: ImportError: cannot import name 'K' from 'gains'"):
-        open_controller(asked)
+    for gains, found in (
+        ("from nowhere_at_all import K", r"law\.py:1: ModuleNotFoundError: No module named 'nowhere_at_all'"),
+        ("\nK = 1 +", r"gains\.py:2: SyntaxError"),
+        ("", r"law\.py:1: ImportError: cannot import name 'K' from 'gains'"),
+    ):
+        (tmp_path / "a" / "gains.py").write_text(gains)
+        with pytest.raises(InputError, match=found):
+            open_controller(asked)
 
 
 # Processes
@@ -234,13 +221,12 @@ FILES = 'files = ["gains.py", "data/*.csv"]\n'
 
 
 def test_the_files_of_a_program_count_and_travel(tmp_path: Path) -> None:
-    short = load_scenario("fast-diagonal", overrides=["duration=3.2", "disturbances=[]"])
     (tmp_path / "a" / "data").mkdir(parents=True)
     (tmp_path / "a" / "data" / "table.csv").write_text("1,2")
     asked = peer(tmp_path / "a", gain=16.0, more=FILES)
     name = open_controller(asked)
     first = controller_digests([name])
-    files, run = travelled(OPEN.share()), simulate_run(short, plant="analytic", controller=name)
+    files, run = travelled(OPEN.share()), simulate_run(scenario(), plant="analytic", controller=name)
     for changed in ("peer.py", "gains.py", "data/table.csv"):
         path = tmp_path / "a" / changed
         text = path.read_text()
@@ -253,69 +239,29 @@ def test_the_files_of_a_program_count_and_travel(tmp_path: Path) -> None:
     close_controllers()
     peer(tmp_path / "a", gain=4.0, more=FILES)
     open_again(files)
-    again = simulate_run(short, plant="analytic", controller=name)
+    again = simulate_run(scenario(), plant="analytic", controller=name)
     assert controller_digests([name]) == first
     assert np.array_equal(run.block("state"), again.block("state"))
     close_controllers()
-    other = simulate_run(short, plant="analytic", controller=open_controller(asked))
+    other = simulate_run(scenario(), plant="analytic", controller=open_controller(asked))
     assert not np.array_equal(run.block("state"), other.block("state"))
 
 
-def test_a_file_that_is_named_and_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no file matches files = 'data/\*\.csv'"):
-        open_controller(peer(tmp_path, gain=16.0, more=FILES))
-
-
-# Who must notice
-
-
-CAMPAIGN = """
-name = "own"
-scenario = "fast-diagonal"
-controllers = ["ASKED"]
-plants = ["analytic", "mujoco"]
-runs = 1
-set = ["duration=3.2", "disturbances=[]"]
-[uncertain.rig.load_mass]
-distribution = "uniform"
-low = 0.8
-high = 1.2
-"""
-
-
-@pytest.mark.parametrize("kind", ["module", "data", "program"])
 def test_a_campaign_is_not_resumed_with_another_helper(
-    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def law(value: float) -> str:
-        if kind == "program":
-            return peer(tmp_path / "a", gain=value, more='files = ["gains.py"]\n')
-        return written(tmp_path / "a", "first", value, kind)
-
     monkeypatch.chdir(tmp_path)
-    Path("own.toml").write_text(CAMPAIGN.replace("ASKED", law(16.0)))
+    campaign_file(written(tmp_path / "a", "first", 16.0), runs=1)
     run = ["campaign", "run", "own.toml", "--out", "result", "--trust"]
     assert main(run) == 0
     last = sorted(Path("result", PARTS).glob("*.parquet"))[-1]
     last.unlink()
     close_controllers()
-    law(4.0)
+    written(tmp_path / "a", "first", 4.0)
     assert main([*run, "--resume"]) == 2
     assert "made by other software: law " in capsys.readouterr().err
     assert not last.exists()
     close_controllers()
-    law(16.0)
+    written(tmp_path / "a", "first", 16.0)
     assert main([*run, "--resume"]) == 0
     assert last.exists()
-
-
-def test_numbers_that_were_tuned_with_another_helper_are_refused(tmp_path: Path) -> None:
-    asked = written(tmp_path / "a", "first", 16.0)
-    law = load_controller(open_controller(asked))
-    facts = {"runs": 1, "cost": {}, "failed": {}, "chosen": "full", "validation": {}}
-    (tmp_path / "first.toml").write_text(toml_text({"law": "first", "code": law.code, "rules": "r", **facts}))
-    assert tuned_facts(tmp_path, "r", "first")["numbers"] == {}
-    written(tmp_path / "a", "first", 4.0)
-    open_controller(asked)
-    with pytest.raises(InputError, match="numbers of another version of first"):
-        tuned_facts(tmp_path, "r", "first")

@@ -10,8 +10,9 @@ import pytest
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
+from tests.loaders.controller_files import scenario
 from tests.loaders.fmu_files import INPUTS, Replaced, binary, description, fmu
-from tests.loaders.test_fmu import damped, scenario
+from tests.loaders.test_fmu import damped
 
 # As pythonfmu writes them: a Boolean has no variability, and is said to need its tool.
 PYTHON = """\
@@ -67,11 +68,10 @@ def in_units(path: Path, units: dict[str, str], *, fmi: int = 2, defined: str = 
     return fmu(path, fmi, xml=text)
 
 
-def run(path: Path, *overrides: str) -> Run:
+def run(path: Path) -> Run:
     close_controllers()
-    return simulate_run(
-        scenario(*overrides), plant="analytic", controller=open_controller(str(path)), drive="velocity"
-    )
+    name = open_controller(str(path))
+    return simulate_run(scenario(), plant="analytic", controller=name, drive="velocity")
 
 
 def refused(path: Path) -> InputError:

@@ -16,21 +16,19 @@ from cranectl.compare.runs import differing_fields
 from cranectl.controllers.registry import controller_design
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.log.reader import read_log
-from cranectl.planning import load_scenario
-from cranectl.scenario import Scenario
 from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
-from cranectl.simulate.child import CAN_FORK
 from cranectl.support.children import spawn_child
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign, choice, fixed
-from tests.loaders.controller_files import LAW, built
-
-SHORT = ["duration=3.2", "disturbances=[]"]
-
-
-def scenario(*overrides: str) -> Scenario:
-    return load_scenario("fast-diagonal", overrides=[*SHORT, *overrides])
-
+from tests.loaders.controller_files import (
+    ASKED,
+    LAW,
+    SHORT,
+    built,
+    campaign_file,
+    samples_before_failure,
+    scenario,
+)
 
 # The loaders
 
@@ -43,19 +41,19 @@ def test_every_loader_gives_the_same_bits(law: Path, capfd: pytest.CaptureFixtur
     sensed = scenario("effects.sensing={}", "effects.delay.seconds=0.003")
     for crane in (scenario(), sensed):
         for plant in ("analytic", "mujoco"):
-            runs = [simulate_run(crane, plant=plant, controller=name, drive="velocity") for name in names]
-            width = runs[0].block("state").shape[0]
-            assert width == 3201
-            for run in runs[1:]:
-                assert np.array_equal(run.block("state"), runs[0].block("state"))
-                assert np.array_equal(run.block("load"), runs[0].block("load"))
+            first, *others = [
+                simulate_run(crane, plant=plant, controller=name, drive="velocity") for name in names
+            ]
+            assert len(first.time_ns) == 3201
+            for run in others:
+                assert np.array_equal(run.block("state"), first.block("state"))
+                assert np.array_equal(run.block("load"), first.block("load"))
 
 
 def test_a_law_is_logged_with_its_file_its_signals_and_its_parameters(law: Path) -> None:
     log, asked = law.parent / "run.mcap", f"{law}:BridgeServo"
-    short = [part for text in SHORT for part in ("--set", text)]
     stiff = ["--set", "controller.bridge-servo.stiffness=25", "--plants", "analytic,mujoco"]
-    assert main(["run", "fast-diagonal", "--controller", asked, *short, *stiff, "--out", str(log)]) == 0
+    assert main(["run", "fast-diagonal", "--controller", asked, *ASKED, *stiff, "--out", str(log)]) == 0
     close_controllers()  # a log is read without its law
     run = read_log(log)["mujoco"]
     assert run.design.parameters == {"stiffness": 25.0, "damping": 8.0}
@@ -65,7 +63,7 @@ def test_a_law_is_logged_with_its_file_its_signals_and_its_parameters(law: Path)
     assert main(["compare", str(log)]) == 0
     law.write_text(LAW + "# edited\n")
     again = law.parent / "again.mcap"
-    assert main(["run", "fast-diagonal", "--controller", asked, *short, *stiff, "--out", str(again)]) == 0
+    assert main(["run", "fast-diagonal", "--controller", asked, *ASKED, *stiff, "--out", str(again)]) == 0
     (told,) = differing_fields(read_log(log)["mujoco"], read_log(again)["mujoco"])
     assert re.fullmatch(r"controller\.origin\.sha256: \w{64} and \w{64}", told)
     view = law.parent / "view.json"
@@ -81,9 +79,8 @@ def test_a_law_is_logged_with_its_file_its_signals_and_its_parameters(law: Path)
 def test_workers_know_what_their_parent_was_given(law: Path) -> None:
     verdict = law.parent / "verdict.json"
     asked = ["--controller", f"{law}:damper", "--controller", f"{law}:BridgeServo", "--keep", "none"]
-    short = [part for text in SHORT for part in ("--set", text)]
     plants = ["--plants", "analytic,mujoco", "--drive", "ideal", "--jobs", "2"]
-    main(["validate", "fast-diagonal", *asked, *short, *plants, "--json", str(verdict)])
+    main(["validate", "fast-diagonal", *asked, *ASKED, *plants, "--json", str(verdict)])
     told = json.loads(verdict.read_text())
     assert {run["controller"] for run in told["runs"]} == {"damper", "bridge-servo"}
     assert all(agreement["passed"] for agreement in told["agreements"])
@@ -123,31 +120,17 @@ def test_a_scenario_runs_no_code_unless_it_is_trusted(
     close_controllers()
     assert main(["info", "own.mcap"]) == main(["report", "own.mcap"]) == 0
     assert not Path("it_ran").exists()
-    described = f"bridge-servo, {law.parent}/law.py:BridgeServo, SHA-256 "
-    assert described.replace(f"{law.parent}/", "../") in capsys.readouterr().out
-    assert described.replace(f"{law.parent}/", "../") in Path("own.html").read_text()
+    described = "bridge-servo, ../law.py:BridgeServo, SHA-256 "
+    assert described in capsys.readouterr().out
+    assert described in Path("own.html").read_text()
     assert read_log("own.mcap")["analytic"].design.parameters["stiffness"] == 25.0
-
-
-CAMPAIGN = """
-name = "own"
-scenario = "fast-diagonal"
-controllers = ["law.py:damper"]
-plants = ["analytic"]
-runs = 4
-set = ["duration=3.2", "disturbances=[]"]
-[uncertain.rig.load_mass]
-distribution = "uniform"
-low = 0.8
-high = 1.2
-"""
 
 
 def test_a_result_of_a_campaign_is_read_without_its_laws_and_replayed_with_them(
     law: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(law.parent)
-    Path("own.toml").write_text(CAMPAIGN)
+    campaign_file("law.py:damper")
     assert main(["campaign", "run", "own.toml", "--out", "result"]) == 2
     assert main(["campaign", "run", "own.toml", "--out", "result", "--trust"]) == 0
     close_controllers()
@@ -167,16 +150,13 @@ def test_a_result_of_a_campaign_is_read_without_its_laws_and_replayed_with_them(
 
 
 def test_what_a_compiled_law_writes_where_it_must_not_harms_itself_only(law: Path) -> None:
-    name, short = open_controller(f"{law}:greedy"), scenario("workspace.on_exit='record'")
-    design = controller_design(name, short)
-    plan = plan_scenario(short)
-    shared = {
-        "design": design,
-        "plan": plan,
-        "compiled_controller": prepare_controller(short, design, "ideal", plan),
-        "plant": "analytic",
-    }
-    first, second = (simulate_run(short, **shared) for _ in range(2))
+    short = scenario("workspace.on_exit='record'")
+    design, plan = controller_design(open_controller(f"{law}:greedy"), short), plan_scenario(short)
+    compiled = prepare_controller(short, design, "ideal", plan)
+    first, second = (
+        simulate_run(short, design=design, plan=plan, compiled_controller=compiled, plant="analytic")
+        for _ in range(2)
+    )
     assert np.array_equal(first.block("state"), second.block("state"))
     assert np.array_equal(first.reference, plan_scenario(short).reference[: len(first.reference)])
 
@@ -226,101 +206,70 @@ def test_a_process_is_kept_for_the_next_campaign(law: Path, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize(
-    ("text", "symbol", "found"),
+    ("part", "text", "found"),
     [
-        (LAW, "two", "takes parameters, measured"),
-        (LAW, "three", "has no controller 'three'"),
-        (LAW, "", "does not say which controller"),
-        ("import nothing_of_this_name", "x", "law.py:1: ModuleNotFoundError"),
-        ("def x(:", "x", "law.py:1: SyntaxError"),
-        ("raise SystemExit(3)", "x", "law.py:1: SystemExit"),
-        ("import os\nos._exit(3)", "x", "law.py:2: SystemExit: 3"),
-    ],
-)
-def test_what_is_no_law_is_refused(text: str, symbol: str, found: str, law: Path) -> None:
-    law.write_text(text)
-    with pytest.raises(InputError, match=found.replace(".", r"\.")):
-        open_controller(f"{law}:{symbol}" if symbol else str(law))
-
-
-@pytest.mark.parametrize(
-    ("declared", "broken", "step", "found"),
-    [
-        ("D.abi = 7;", "", "cranectl_step", "version 7 of the interface"),
-        ("D.size = 8;", "", "cranectl_step", "8 bytes"),
-        ("D.memory = -1;", "", "cranectl_step", "memory = -1"),
-        ("abort();", "", "cranectl_step", "with SIGABRT"),
-        ("for (volatile int k = 0;; k++) {}", "", "cranectl_step", "no answer within"),
-        ("", "", "other", "no function cranectl_step"),
-        (
-            "",
-            "if (steps > 3) return steps; u[0] = steps;",
-            "cranectl_step",
-            "cranectl new generated-controller",
-        ),
-        ("", "if (steps > 300) return steps;", "cranectl_step", "outside of its memory"),
-        ("", "((double *)r)[0] = 1.0;", "cranectl_step", "writes to reference"),
+        ("declared", "D.abi = 7;", "version 7 of the interface"),
+        ("declared", "D.size = 8;", "8 bytes"),
+        ("declared", "D.memory = -1;", "memory = -1"),
+        ("declared", "abort();", "with SIGABRT"),
+        ("declared", "for (volatile int k = 0;; k++) {}", "no answer within"),
+        ("step", "other", "no function cranectl_step"),
+        ("broken", "if (steps > 3) return steps; u[0] = steps;", "cranectl new generated-controller"),
+        ("broken", "if (steps > 300) return steps;", "outside of its memory"),
+        ("broken", "((double *)r)[0] = 1.0;", "writes to reference"),
     ],
 )
 def test_a_library_that_breaks_the_rules_is_refused(
-    declared: str, broken: str, step: str, found: str, law: Path, monkeypatch: pytest.MonkeyPatch
+    part: str, text: str, found: str, law: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if found == "no answer within":
         monkeypatch.setattr("cranectl.loaders.declaration_process.DECLARATION_TIMEOUT", 2.0)
     with pytest.raises(InputError, match=found):
-        open_controller(str(built(law.parent, declared=declared, broken=broken, step=step)))
+        open_controller(str(built(law.parent, **{part: text})))
 
 
 def test_what_is_no_library_of_this_machine_is_refused(law: Path) -> None:
     library = built(law.parent)
-    content = bytearray(library.read_bytes())
+    content = library.read_bytes()
     arm, intel = 0xB7, 0x3E
-    others = {"machine": (18, intel if content[18] == arm else arm), "bits": (4, 1)}
-    for name, (place, value) in others.items():
-        other = law.parent / f"{name}.so"
+    for place, value in ((18, intel if content[18] == arm else arm), (4, 1)):  # the machine, and its bits
+        other = law.parent / f"{place}.so"
         other.write_bytes(bytes([*content[:place], value, *content[place + 1 :]]))
-        with pytest.raises(InputError, match=rf"{name}\.so"):
+        with pytest.raises(InputError, match=rf"{place}\.so"):
             open_controller(str(other))
     with pytest.raises(InputError, match=r"absent\.so"):
         open_controller(str(law.parent / "absent.so"))
 
 
+FAILING = """
+import numpy as np
+
+def failing(parameters, measured, reference, memory, command):
+    memory[0] += 1.0
+    if memory[0] > 1200:
+        DEED
+    return 0
+"""
+
+
 @pytest.mark.parametrize(
-    ("symbol", "said"),
+    ("deed", "said", "samples"),
     [
-        ("raising", "failed in law.py:"),
-        ("Compiled", "Compiled.step failed in law.py:"),
-        ("leaving", "SystemExit: 1201 samples"),
-        ("not_a_number", ""),
-        ("endless", "took more than 2 s for a block"),
-        ("writing", "read-only"),
-        ("segfault", "ended its process with SIGSEGV"),
+        ("raise RuntimeError('no more: ' + str({}))", "failed in law.py:7: RuntimeError: no more: {}", 1200),
+        ("raise ValueError('sensor lost', memory[0])", "failing failed in law.py:7: ValueError", 1200),
+        ("raise SystemExit(f'{memory[0]:g} samples')", "SystemExit: 1201 samples", 1200),
+        ("command[0] = np.nan", "", 1200),
+        ("reference[0] = len(str({}))", "read-only", 1200),
+        ("while parameters[0] == 0.0: pass", "took more than 2 s for a block", 1000),
+        ("*(volatile int *)0 = 1;", "ended its process with SIGSEGV", 1000),
     ],
 )
 def test_a_law_that_fails_ends_its_run_only(
-    symbol: str, said: str, law: Path, capfd: pytest.CaptureFixture[str]
+    deed: str, said: str, samples: int, law: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """With a sentence, exit code 3 and a closed log that has what came before."""
-    crash = "if (m[3] > 1200.0) *(volatile int *)0 = 1;"
-    asked = f"{law}:{symbol}" if symbol != "segfault" else str(built(law.parent, broken=crash))
-    short = [part for text in SHORT for part in ("--set", text)]
-    log = law.parent / "run.mcap"
-    assert CAN_FORK
-    run = [
-        "run",
-        "fast-diagonal",
-        "--controller",
-        asked,
-        "--plants",
-        "analytic",
-        *short,
-        "--every",
-        "1",
-        "--timeout",
-        "2",
-    ]
-    assert main([*run, "--out", str(log)]) == 3
+    law.write_text(FAILING.replace("DEED", deed))
+    asked = f"{law}:failing"
+    if "volatile" in deed:
+        asked = str(built(law.parent, broken=f"if (m[3] > 1200.0) {deed}"))
+    assert samples_before_failure(asked, law.parent / "run.mcap", "--timeout", "2") == samples
     assert said in capfd.readouterr().err
-    (found,) = read_log(log).values()
-    assert found.status.label == "controller-failed"
-    assert len(found.time_ns) == {"writing": 0, "endless": 1000, "segfault": 1000}.get(symbol, 1200)

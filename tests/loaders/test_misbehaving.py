@@ -40,9 +40,8 @@ MUTE = "raise type('Mute', (Exception,), dict(__str__=lambda self: 1 / 0))()"
 
 def opened(folder: Path, **parts: str) -> str:
     path = folder / "law.py"
-    path.write_text(
-        LAW.format(**{"top": "", "declared": "", "preparing": "pass", "stepping": "pass"} | parts)
-    )
+    usual = {"top": "", "declared": "", "preparing": "pass", "stepping": "pass"}
+    path.write_text(LAW.format(**usual | parts))
     return open_controller(f"{path}:Odd")
 
 
@@ -99,6 +98,7 @@ def test_a_compiled_step_that_returns_no_whole_number_ends_its_run(
         ("raise GeneratorExit", "GeneratorExit"),
         ("raise BaseExceptionGroup('two', [KeyboardInterrupt()])", "BaseExceptionGroup: two"),
         ("os._exit(5)", "SystemExit: 5"),
+        ("raise SystemExit(3)", "SystemExit: 3"),
     ],
 )
 def test_what_fails_before_the_run_is_told(deed: str, said: str, place: str, tmp_path: Path) -> None:
@@ -107,10 +107,9 @@ def test_what_fails_before_the_run_is_told(deed: str, said: str, place: str, tmp
     assert said in error.value.found
 
 
-@pytest.mark.parametrize("place", ["top", "preparing"])
-def test_the_working_directory_stays(place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_working_directory_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert ran(tmp_path, **{place: "os.chdir('/')"}) == "completed"
+    assert ran(tmp_path, top="os.chdir('/')", preparing="os.chdir('/')") == "completed"
     assert Path.cwd() == tmp_path
 
 
@@ -128,18 +127,18 @@ def test_a_step_that_lacks_memory_or_disk_is_no_failed_controller(error: str, tm
 
 def test_threads_that_run_foreign_code_at_once_leave_standard_output_as_it_was() -> None:
     """The first that enters leaves first."""
-    before, bind_address, left = (sys.stdout, os._exit), threading.Event(), threading.Event()
+    before = (sys.stdout, os._exit)
+    entered, second, left = threading.Event(), threading.Event(), threading.Event()
 
     def first() -> None:
         with foreign_code.contained():
-            bind_address.set()
+            entered.set()
             assert second.wait(HANG)
         left.set()
 
-    second = threading.Event()
     thread = threading.Thread(target=first)
     thread.start()
-    assert bind_address.wait(HANG)
+    assert entered.wait(HANG)
     with foreign_code.contained():
         second.set()
         assert left.wait(HANG)

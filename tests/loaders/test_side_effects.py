@@ -8,11 +8,8 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.loaders.opening import close_controllers, open_controller
-from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
-from tests.loaders.controller_files import LAW, built
-
-SHORT = ["duration=3.2", "disturbances=[]"]
+from tests.loaders.controller_files import ASKED, LAW, built, scenario
 
 
 @pytest.mark.parametrize(
@@ -25,8 +22,7 @@ def test_what_a_law_prints_goes_to_standard_error(
     """Without an end of the line, too; standard output has the JSON alone."""
     declared, broken = 'printf("declaring");', 'if (m[3] == 5.0) printf("in C");'
     asked = f"{law}:{symbol}" if symbol else str(built(law.parent, declared=declared, broken=broken))
-    short = [part for text in SHORT for part in ("--set", text)]
-    run = ["run", "fast-diagonal", "--controller", asked, "--plants", "analytic", *short]
+    run = ["run", "fast-diagonal", "--controller", asked, "--plants", "analytic", *ASKED]
     assert main([*run, "--out", str(law.parent / "run.mcap"), "--json", "-"]) == 0
     told = capfd.readouterr()
     assert json.loads(told.out)["runs"][0]["status"] == "completed"
@@ -34,10 +30,10 @@ def test_what_a_law_prints_goes_to_standard_error(
 
 
 def test_a_library_that_changes_how_numbers_are_rounded_changes_no_plant(law: Path) -> None:
-    scenario, states = load_scenario("fast-diagonal", overrides=SHORT), []
+    states = []
     for loaded in ("", "fesetround(FE_UPWARD);"):
         name = open_controller(str(built(law.parent, loaded=loaded)))
-        states.append(simulate_run(scenario, plant="analytic", controller=name).block("state"))
+        states.append(simulate_run(scenario(), plant="analytic", controller=name).block("state"))
         close_controllers()
     assert len(states[0]) == len(states[1]) == 3201
     assert np.array_equal(*states)
