@@ -13,14 +13,10 @@ NEGLIGIBLE_PLACE = 12  # decimal places below the first digit of an array's larg
 
 
 def round_digits(values: Array, digits: int = CERTAIN_DIGITS) -> Array:
-    """Return `values` rounded to significant digits, so that their bits are the same on every processor.
+    """Return `values`, of any shape, rounded to significant digits.
 
-    Parameters
-    ----------
-    values : ndarray
-        Numbers whose last bits depend on the kernels of BLAS. Digits beyond `NEGLIGIBLE_PLACE` are dropped.
-    digits : int
-        Significant digits of each number.
+    Their last bits depend on the kernels of BLAS; rounded numbers are the same on every processor. Digits
+    beyond `NEGLIGIBLE_PLACE` of the largest number are dropped.
     """
     largest = float(np.max(np.abs(values), initial=0.0))
     if not 0.0 < largest < math.inf:

@@ -51,20 +51,8 @@ class _StepTarget:
 
 
 MATHEMATICAL = {
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "atan2",
-    "sinh",
-    "cosh",
-    "tanh",
-    "exp",
-    "log",
-    "pow",
-}
+    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "pow",
+}  # fmt: skip
 STEP_ARGUMENTS = (_POINTER(float64),) * 5  # of all controllers
 
 
@@ -121,11 +109,8 @@ class BareStep(CompiledStep):
 
 
 def _wrap_step(context: Any, library: Any, described: Any, *_: Any, report: Callable[..., None]) -> None:
-    """Add to `library` the C function that calls the compiled step, as Numba's `create_cfunc_wrapper`.
-
-    Raises TypingError for a step that does not return an integer, because NaN would become the status 0.
-    """
-    if not isinstance(described.restype, Integer | Boolean | IntEnumMember):
+    """Add to `library` the C function that calls the compiled step, as Numba's `create_cfunc_wrapper`."""
+    if not isinstance(described.restype, Integer | Boolean | IntEnumMember):  # NaN would become the status 0
         raise TypingError(f"the step returns {described.restype}, which is no whole number")
     module = context.create_module("step_wrapper")
     signature = context.call_conv.get_function_type(described.restype, described.argtypes)

@@ -15,10 +15,7 @@ from numba.core.compiler import Compiler
 
 
 class LinkedLibrary(JITCodeLibrary):
-    """Code for callers to link, before optimisation.
-
-    The execution engine receives only its environments.
-    """
+    """Code for callers to link, not optimised; the execution engine receives only its environments."""
 
     def _optimize_final_module(self) -> None:
         """Leave that to the callers."""

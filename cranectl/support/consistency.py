@@ -14,15 +14,9 @@ class InconsistentError(RuntimeError):
 
 
 def check_ascending(*named: tuple[str, float | None], rounding: float = 0.0) -> None:
-    """Raise InconsistentError unless the named values ascend.
+    """Raise InconsistentError unless pairs of name and value ascend; None and NaN are left out.
 
-    Parameters
-    ----------
-    *named
-        Pairs of a name and a value, the smallest first. None and NaN, where there is no value, are left out.
-    rounding
-        Allowed excess, relative to the value that must not be exceeded.
-
+    `rounding` is the allowed excess, relative to the value that must not be exceeded.
     """
     known = [(name, value) for name, value in named if value is not None and not isnan(value)]
     for (name, value), (next_name, next_value) in pairwise(known):

@@ -135,10 +135,7 @@ def _remove_abandoned(above: Path) -> None:
 
 
 def _lock(directory: Path) -> int | None:
-    """Lock a directory until the descriptor is closed; return None if another process locks or removes it.
-
-    Raises OSError if the directory does not exist, or if the file system has no locks.
-    """
+    """Lock a directory; return the descriptor, or None if another process locks or removes it."""
     descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     with contextlib.ExitStack() as unless_locked:
         unless_locked.callback(os.close, descriptor)

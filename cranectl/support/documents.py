@@ -63,10 +63,10 @@ MARK = "\ufeff"  # what Windows editors write before a text in UTF-8
 
 def read_toml(path: Path) -> Table:
     """Read a TOML file; raise InputError if it is missing, too large or not TOML."""
-    return parse_toml(_text(path, "TOML"), str(path))
+    return parse_toml(_content(path, "TOML"), str(path))
 
 
-def parse_toml(text: str, source: str) -> Table:
+def parse_toml(text: str | bytes, source: str) -> Table:
     """Parse `text` as TOML; raise InputError that names `source` if it is invalid or exceeds the limits."""
     table: Table = _parsed(_toml, text, source, "TOML")
     return table
@@ -74,7 +74,7 @@ def parse_toml(text: str, source: str) -> Table:
 
 def read_json(path: Path) -> Any:
     """Read a JSON file; raise InputError if it is missing, too large or not JSON."""
-    return parse_json(_text(path, "JSON"), str(path))
+    return parse_json(_content(path, "JSON"), str(path))
 
 
 def parse_json(text: str | bytes, source: str) -> Any:
@@ -82,17 +82,11 @@ def parse_json(text: str | bytes, source: str) -> Any:
     return _parsed(json.loads, text, source, "JSON")
 
 
-def _text(path: Path, kind: str) -> str:
+def _content(path: Path, kind: str) -> bytes:
     try:
         with open_input(path, piped=MAX_DOCUMENT_BYTES + 1) as file:
-            content = file.read(MAX_DOCUMENT_BYTES + 1)
-        if len(content) > MAX_DOCUMENT_BYTES and (other_format := format_of(content)):
-            raise _other(str(path), kind, other_format)
-        _check_size(content, str(path))
-        return content.decode("utf-8")
-    except (OSError, ValueError) as error:  # ValueError: no UTF-8, or a null character in the name
-        if isinstance(error, UnicodeDecodeError) and (other_format := format_of(content)):
-            raise _other(str(path), kind, other_format) from None
+            return file.read(MAX_DOCUMENT_BYTES + 1)
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise InputError(f"cannot read {path}: {error}", remedy=f"name a readable {kind} file") from None
 
 
@@ -113,39 +107,39 @@ def _toml(text: str) -> Table:
     return tomllib.loads(text)
 
 
-def _parsed(parse: Callable[[Any], Any], text: str | bytes, source: str, kind: str) -> Any:
-    text = text.removeprefix(MARK) if isinstance(text, str) else text.removeprefix(MARK.encode())
+def _parsed(parse: Callable[[str], Any], content: str | bytes, source: str, kind: str) -> Any:
     try:
-        return _limited(parse, text, source)
-    except ValueError as error:  # those of tomllib and json among them; a number of thousands of digits
-        other_format = format_of(text.encode(errors="replace") if isinstance(text, str) else text)
+        return _limited(parse, content, source)
+    except (InputError, ValueError) as error:  # ValueError: of tomllib, of json, or no UTF-8
+        other_format = format_of(content.encode(errors="replace") if isinstance(content, str) else content)
         if other_format and other_format != kind:
-            raise _other(source, kind, other_format) from None
-        raise _invalid(source, kind, error) from None
+            raise InputError(
+                f"{source} is {other_format}, not {kind}",
+                allowed=f"settings as {kind} in UTF-8",
+                remedy=f"name a {kind} file, or write the settings into one",
+            ) from None
+        raise error if isinstance(error, InputError) else _invalid(source, kind, error) from None
 
 
-def _limited(parse: Callable[[Any], Any], text: str | bytes, source: str) -> Any:
-    """Return `parse(text)`; raise InputError beyond the limits, else ValueError as `parse` does."""
-    _check_size(text, source)
+def _limited(parse: Callable[[str], Any], content: str | bytes, source: str) -> Any:
+    """Return what `parse` returns; raise InputError beyond the limits, else ValueError as `parse` does."""
+    if len(content) > MAX_DOCUMENT_BYTES:
+        raise InputError(
+            f"{source} is larger than {MAX_DOCUMENT_BYTES} bytes",
+            allowed="files of settings, which have some thousands",
+            remedy="check that this is the right file",
+        )
+    text = content if isinstance(content, str) else content.decode()
     try:
-        content = parse(text)
-        _check_depth(content)
+        parsed = parse(text.removeprefix(MARK))
+        _check_depth(parsed)
     except RecursionError:
         raise InputError(
             f"{source} nests tables, lists or dotted keys more than {MAX_DEPTH} deep",
             allowed=f"at most {MAX_DEPTH} levels; settings have five",
             remedy="check that this is the right file",
         ) from None
-    return content
-
-
-def _check_size(text: str | bytes, source: str) -> None:
-    if len(text) > MAX_DOCUMENT_BYTES:
-        raise InputError(
-            f"{source} is larger than {MAX_DOCUMENT_BYTES} bytes",
-            allowed="files of settings, which have some thousands",
-            remedy="check that this is the right file",
-        )
+    return parsed
 
 
 def _check_depth(content: Any) -> None:
@@ -174,14 +168,6 @@ def _invalid(source: str, kind: str, error: ValueError) -> InputError:
         f"{source} is not valid {kind}: {error}",
         allowed=f"{kind} in UTF-8, whole numbers of at most {MAX_BITS} bits",
         remedy="correct it at that place",
-    )
-
-
-def _other(source: str, kind: str, other_format: str) -> InputError:
-    return InputError(
-        f"{source} is {other_format}, not {kind}",
-        allowed=f"settings as {kind} in UTF-8",
-        remedy=f"name a {kind} file, or write the settings into one",
     )
 
 

@@ -117,10 +117,7 @@ def _part(path: Path) -> Path:
 
 
 def _lock(file: BinaryIO) -> bool:
-    """Lock `file` until it is closed; return False if it is locked already.
-
-    On systems without such locks it returns True.
-    """
+    """Lock `file` until it is closed, where there are such locks; return False if it is locked already."""
     if fcntl is None:
         return True
     try:

@@ -64,17 +64,13 @@ def jit_called(function: F) -> F:
 
 
 def _jit(function: F, *, inline: bool) -> F:
-    """Prepare two compilations of `function`, one for Python and one for compiled callers.
-
-    Each is compiled at its first call. Most kernels are never called from Python, and the wrapper for such
-    calls takes a fifth of the time of compiling.
-    """
+    """Prepare two compilations, each at its first call: one for Python, one for compiled callers."""
     compiled: Any = _compiled(function)
     if UNCOMPILED:
         return cast(F, compiled)
 
     @functools.cache
-    def inner() -> Any:  # made only when a compiled caller is compiled, not at each start
+    def inner() -> Any:  # most kernels are never called from Python, whose wrapper takes a fifth of the time
         copy = _copied(function, "inner")
         return _compiled(
             copy,
@@ -189,11 +185,7 @@ class _Locator(UserProvidedCacheLocator):
 
 
 class _Files(CompileResultCacheImpl):
-    """Names of Numba's cache files for one function, independent of Numba's configuration.
-
-    The configuration belongs to the whole process, and other threads or Numba itself may change it at any
-    time.
-    """
+    """Names of Numba's cache files for one function, whatever other threads do to its configuration."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         source = inspect.getfile(function)

@@ -4,11 +4,8 @@ import os
 import stat
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
-from typing import Any
 
 import pytest
 
@@ -30,12 +27,8 @@ def test_a_change_in_an_imported_module_counts(
 ) -> None:
     """Numba would not notice a change in a callee of another file; the digest of the sources does."""
     monkeypatch.setattr(jit, "_PACKAGE", tmp_path)
-    contents = {
-        "a": through,
-        "b": "    from cranectl.sub import (\n    z,\n)",
-        "sub/__init__": "z = 1",
-        "d": "",
-    }
+    b = "    from cranectl.sub import (\n    z,\n)"
+    contents = {"a": through, "b": b, "sub/__init__": "z = 1", "d": ""}
     (tmp_path / "sub").mkdir()
     for name, text in contents.items():
         (tmp_path / f"{name}.py").write_text(text)
@@ -60,28 +53,16 @@ def test_kernels_depend_on_every_module_that_they_call() -> None:
         seen.add(waiting[-1])
         waiting += jit._imported(waiting.pop()) - seen
     names = {str(path.relative_to(package)) for path in seen}
-    assert {
-        "model/dynamics.py",
-        "controllers/flat.py",
-        "plants/surroundings.py",
-        "plants/dop853.py",
-        "signals.py",
-    } <= names
+    kernels = {"model/dynamics.py", "controllers/flat.py", "plants/surroundings.py", "plants/dop853.py"}
+    assert {*kernels, "signals.py"} <= names
     assert not any(name.startswith(("cli/", "report/", "log/")) for name in names)
 
 
-def test_chosen_directory_wins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_chosen_directory_is_closed_to_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     directory = directories.cache_directory()
     assert directory.parent == tmp_path
     assert stat.S_IMODE(directory.stat().st_mode) == stat.S_IRWXU, "nobody else may put code there"
-
-
-def test_a_directory_that_others_could_write_is_closed_to_them(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    directory = directories.cache_directory()
     directory.chmod(0o777)
     directories.cache_directory.cache_clear()
     assert directories.cache_directory() == directory
@@ -115,42 +96,6 @@ def test_compiled_code_does_not_follow_the_working_directory(
     assert all(place.is_absolute() for place in directories._candidates())
 
 
-def test_threads_that_define_compiled_code_at_once_keep_it_in_one_place(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """One begins, the other begins, the first ends, the other ends: Numba's own setting plays no part."""
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    begun, both, ended = threading.Event(), threading.Event(), threading.Event()
-    places = []
-
-    def stops(at: Callable[[], object]) -> Callable[..., None]:
-        def profile(frame: FrameType, event: str, _: object) -> None:
-            if event == "call" and frame.f_code.co_name == "njit":
-                at()
-
-        return profile
-
-    def define(at: Callable[[], object]) -> None:
-        def third(x):
-            return x / 3
-
-        sys.setprofile(stops(at))
-        compiled: Any = jit.jit(third)
-        sys.setprofile(None)
-        places.append(Path(compiled._cache.cache_path))
-
-    first = threading.Thread(target=define, args=[lambda: (begun.set(), both.wait())])
-    second = threading.Thread(target=define, args=[lambda: (both.set(), ended.wait())])
-    first.start()
-    begun.wait()
-    second.start()
-    first.join()
-    ended.set()
-    second.join()
-    assert len(places) == 2
-    assert all(directories.cache_directory() in place.parents for place in places)
-
-
 NOWHERE = """
 import subprocess, sys, tempfile
 import cranectl.support.directories as directories
@@ -165,13 +110,9 @@ def test_no_place_for_the_cache_is_said_once_and_leaves_nothing(tmp_path: Path) 
     """A file where a directory should be cannot be written by anyone, root included."""
     (tmp_path / "file").write_text("")
     (tmp_path / "temporary").mkdir()
-    environment = {
-        **os.environ,
-        "NUMBA_CACHE_DIR": str(tmp_path / "file"),
-        "TMPDIR": str(tmp_path / "temporary"),
-    }
+    places = {"NUMBA_CACHE_DIR": str(tmp_path / "file"), "TMPDIR": str(tmp_path / "temporary")}
     command = [sys.executable, "-c", NOWHERE]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | places, check=True)
     (line,) = done.stderr.splitlines()
     assert str(tmp_path / "file") in line
     assert "NUMBA_CACHE_DIR names" in line
@@ -279,10 +220,9 @@ def test_any_damage_is_found(tmp_path: Path, suffix: str, damage: Callable[[byte
 
 def test_code_of_other_sources_is_never_run(tmp_path: Path) -> None:
     """Two versions share a place: one renews a file between the other's reading of index and of data."""
-    file = jit._CheckedFile(str(tmp_path), "kernel", "sources 1")
+    file, other = (jit._CheckedFile(str(tmp_path), "kernel", f"sources {k}") for k in (1, 2))
     file.save("signature", "code")
     assert file.load("signature") == "code"
-    other = jit._CheckedFile(str(tmp_path), "kernel", "sources 2")
     assert other.load("signature") is None
     other.save("signature", "other code")
     with pytest.raises(jit._DamageError):
@@ -294,13 +234,3 @@ def test_a_disk_too_full_for_the_cache_is_no_error(tmp_path: Path) -> None:
     assert compiled_in_a_process(tmp_path, FULL) > 0
     assert compiled_in_a_process(tmp_path) > 0, "nothing broken was left to be taken for a cache"
     assert compiled_in_a_process(tmp_path) == 0
-
-
-def test_what_only_python_calls_is_compiled_for_python_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A second dispatcher for each kernel took a tenth of a second at each start."""
-    monkeypatch.setattr(jit, "_copied", None)  # which makes the function for compiled callers
-    assert jit.jit(_doubled)(2.0) == 4.0
-
-
-def _doubled(number: float) -> float:
-    return 2.0 * number

@@ -119,23 +119,6 @@ def test_a_controller_of_a_file_runs_without_a_child(elsewhere: dict[str, str]) 
     assert len(list(Path("logs").rglob("*.mcap"))) == 1
 
 
-def test_a_controller_in_another_process_is_read_in_a_thread(elsewhere: dict[str, str]) -> None:
-    program = """
-import struct, sys
-QUESTION = struct.Struct("<I27d")
-while data := sys.stdin.buffer.read(QUESTION.size):
-    frame = struct.pack("<I3d", QUESTION.unpack(data)[0], 0.0, 0.0, 0.0)
-    for part in (frame[:5], frame[5:]):
-        sys.stdout.buffer.write(part)
-        sys.stdout.buffer.flush()
-"""
-    Path("peer.py").write_text(program, encoding="utf-8")
-    Path("peer.toml").write_text(
-        f"name = 'peer'\nprogram = ['{sys.executable}', 'peer.py']\n", encoding="utf-8"
-    )
-    cranectl(elsewhere, "run", "fixed-position", *SHORT, "--plants", "analytic", "--controller", "peer.toml")
-
-
 def test_a_campaign_is_written_and_written_again(elsewhere: dict[str, str]) -> None:
     given = ["campaign", "run", "lab-rig", "--controller", "lqr", "--plants", "mujoco", "--out", "result"]
     cranectl(elsewhere, *given, "--runs", "2")
@@ -146,21 +129,9 @@ def test_a_campaign_is_written_and_written_again(elsewhere: dict[str, str]) -> N
 
 def test_every_text_file_is_opened_with_its_encoding() -> None:
     """That of the system is not UTF-8 everywhere."""
-    command = [
-        str(Path(sys.executable).parent / "ruff"),
-        "check",
-        "--preview",
-        "--select",
-        "PLW1514",
-        "--no-cache",
-    ]
-    done = subprocess.run(
-        [*command, "cranectl", "validation", "examples"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ruff = [Path(sys.executable).parent / "ruff", "check", "--preview", "--select", "PLW1514", "--no-cache"]
+    command = [*ruff, "cranectl", "validation", "examples"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
 
 

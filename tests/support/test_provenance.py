@@ -72,6 +72,7 @@ def test_one_changed_file_is_named(copied: Path, changed: str, named: str | None
             path.write_bytes(before)
     differ = [name for name in FINGERPRINTS if now[name] != fingerprints()[name]]
     assert differ == ([named] if named else [])
+    assert provenance().keys() == {"python", *PACKAGES, "machine", *FINGERPRINTS}
 
 
 def test_everything_shipped_is_covered() -> None:
@@ -79,6 +80,7 @@ def test_everything_shipped_is_covered() -> None:
 
     Pictures, schemas, what the benchmark has found decide nothing; laws, some in C, have their own digests.
     """
+    assert {"mujoco", "numba", "llvmlite", "numpy", "scipy", "control", "ctrlsys"} <= set(PACKAGES)
     models, data = resources.MODEL_FILE.parent, resources.TOLERANCE_FILE.parent
     kinds = {path.suffix for path in models.rglob("*") if path.is_file()}
     assert kinds == {".xml"}
@@ -102,11 +104,6 @@ def test_names_and_contents_count_and_line_endings_do_not(tmp_path: Path) -> Non
     assert of({"a": b"1\r\n", "b": b"2"}) == same
     others = ({"a": b"2", "b": b"1\n"}, {"a": b"1\n", "c": b"2"}, {"a": b"1\n"}, {"a": b"1\n2"})
     assert len({same, *map(of, others)}) == 5
-
-
-def test_it_has_all_that_decides_numbers() -> None:
-    assert provenance().keys() == {"python", *PACKAGES, "machine", *FINGERPRINTS}
-    assert {"mujoco", "numba", "llvmlite", "numpy", "scipy", "control", "ctrlsys"} <= set(PACKAGES)
 
 
 def test_differences_are_named_and_unknown_is_one() -> None:

@@ -16,33 +16,27 @@ def gain(length, *, unit="m"):
 
 
 @pytest.mark.parametrize(
-    "other",
+    ("old", "new", "counts"),
     [
-        SOURCE.replace(b"A gain", b"Another sentence"),
-        SOURCE.replace(b'    """Return it."""\n', b""),
-        SOURCE.replace(b"GAIN = 16.0", b"GAIN = 16.0  # of the drive"),
-        SOURCE.replace(b"(length, *, unit", b"(\n    length,\n    *,\n    unit"),
-        SOURCE.replace(b"\n", b"\r\n"),
+        (b"A gain", b"Another sentence", False),
+        (b'    """Return it."""\n', b"", False),
+        (b"GAIN = 16.0", b"GAIN = 16.0  # of the drive", False),
+        (b"(length, *, unit", b"(\n    length,\n    *,\n    unit", False),
+        (b"\n", b"\r\n", False),
+        (b"16.0", b"16.5", True),
+        (b'"m"', b'"mm"', True),
+        (b"*, unit", b"unit", True),
+        (b":.3f", b":.4f", True),
+        (b"GAIN *", b"GAIN +", True),
+        (b'f"{unit}"\n', b'f"{unit}"\ngain.__doc__\n', True),
     ],
 )
-def test_comments_docstrings_and_layout_do_not_count(other: bytes) -> None:
+def test_what_runs_counts_and_comments_docstrings_and_layout_do_not(
+    old: bytes, new: bytes, counts: bool
+) -> None:
+    other = SOURCE.replace(old, new)
     assert other != SOURCE
-    assert syntax_of(other) == syntax_of(SOURCE)
-
-
-@pytest.mark.parametrize(
-    "other",
-    [
-        SOURCE.replace(b"16.0", b"16.5"),
-        SOURCE.replace(b'"m"', b'"mm"'),
-        SOURCE.replace(b"*, unit", b"unit"),
-        SOURCE.replace(b":.3f", b":.4f"),
-        SOURCE.replace(b"GAIN *", b"GAIN +"),
-        SOURCE + b"gain.__doc__\n",
-    ],
-)
-def test_what_runs_counts(other: bytes) -> None:
-    assert syntax_of(other) != syntax_of(SOURCE)
+    assert (syntax_of(other) != syntax_of(SOURCE)) == counts
 
 
 def test_docstrings_count_where_they_are_read() -> None:
@@ -50,11 +44,8 @@ def test_docstrings_count_where_they_are_read() -> None:
     assert syntax_of(read) != syntax_of(read.replace(b"Return it.", b"2.0"))
 
 
-def test_what_is_no_python_counts_as_it_is() -> None:
-    assert syntax_of(b"gain: 16\x00") == b"gain: 16\x00"
-
-
 def test_the_text_is_that_of_every_version_of_python() -> None:
+    assert syntax_of(b"gain: 16\x00") == b"gain: 16\x00", "what is no Python counts as it is"
     assert syntax_of(b'def f(x):\n    "It."\n    return f"{x:{3}}a" "b"\n').decode() == (
         "Module(body=[FunctionDef(name='f',args=arguments(args=[arg(arg='x')]),"
         "body=[Return(value=JoinedStr([FormattedValue(value=Name(id='x',ctx=Load()),conversion=-1,"

@@ -52,27 +52,19 @@ def left_in(folder: Path) -> list[Path]:
 
 
 def test_a_directory_is_removed_by_its_process_or_else_by_a_later_one(tmp_path: Path, start: Start) -> None:
+    """Processes that start at once leave each other's directories."""
     killed = start()
     left = place_of(killed)
     killed.kill()
     assert end(killed) == -signal.SIGKILL
     assert left_in(tmp_path) == [left]
-    first, second = start(), start()
-    places = [place_of(first), place_of(second)]
-    assert left_in(tmp_path) == sorted(places), "each living process keeps its own"
-    assert (end(first), end(second)) == (0, 0)
-    assert left_in(tmp_path) == []
-
-
-def test_processes_that_start_at_once_leave_each_others_directories(tmp_path: Path, start: Start) -> None:
-    above = tmp_path / f"cranectl-{os.geteuid()}"
-    above.mkdir(mode=0o700)
     for number in range(20):
-        (above / f"laws-{number}").mkdir()
+        (left.parent / f"laws-{number}").mkdir()
     begun = [start() for _ in range(4)]
     places = [place_of(process) for process in begun]
-    assert left_in(tmp_path) == sorted(places)
+    assert left_in(tmp_path) == sorted(places), "each living process keeps its own"
     assert [end(process) for process in begun] == [0] * len(begun)
+    assert left_in(tmp_path) == []
 
 
 def test_a_new_directory_that_another_process_removes_is_not_taken(
@@ -99,21 +91,16 @@ def test_a_place_that_another_user_may_have_prepared_is_not_used(
     prepared: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    user = os.geteuid()
-    above = tmp_path / f"cranectl-{user + 1}"
-    target = tmp_path / "elsewhere"
-    target.mkdir(mode=0o700)
-    (target / "laws-1").mkdir()
+    user = os.geteuid() + (prepared == "of another user")
+    monkeypatch.setattr(os, "geteuid", lambda: user)
+    above, target = tmp_path / f"cranectl-{user}", tmp_path / "elsewhere"
+    (target / "laws-1").mkdir(mode=0o700, parents=True)
     if prepared == "a link":
-        above = tmp_path / f"cranectl-{user}"
+        target.chmod(0o700)
         above.symlink_to(target)
-    elif prepared == "open to all":
-        above = tmp_path / f"cranectl-{user}"
-        above.mkdir()
-        above.chmod(0o777)
     else:
-        above.mkdir(mode=0o700)
-        monkeypatch.setattr(os, "geteuid", lambda: user + 1)
+        above.mkdir()
+        above.chmod(0o777 if prepared == "open to all" else 0o700)
     made = directories.temporary_directory("laws")
     assert made.parent == tmp_path
     assert not list(above.glob("laws-[!1]*"))

@@ -51,9 +51,7 @@ def test_a_setting_is_told_with_the_digits_that_it_needs(setting: object, expect
 
 
 def test_a_column_has_the_unit_of_its_largest_value() -> None:
-    assert scaled("m", 0.4) == (1e3, "mm")
-    assert scaled("m", 40.0) == (1.0, "m")
-    assert scaled("m", 0.0) == (1.0, "m")
+    assert [scaled("m", value) for value in (0.4, 40.0, 0.0)] == [(1e3, "mm"), (1.0, "m"), (1.0, "m")]
 
 
 @pytest.mark.parametrize(
