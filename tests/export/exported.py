@@ -3,6 +3,7 @@
 import ctypes
 import shutil
 import subprocess
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,7 @@ def replayed(folder: Path, stem: str, compiler: str, options: str) -> str:
     return result.stdout
 
 
+@lru_cache(maxsize=4)
 def prepared(name: str, drive: str | None = None, *overrides: str) -> Exported:
     """Return a controller as it is exported, with the run of which its vectors are."""
     return prepare_export(load_scenario(SCENARIO, overrides=overrides), name, drive)

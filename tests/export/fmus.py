@@ -68,20 +68,12 @@ class Instance:
         self.slave.freeInstance()
 
 
-def undefined_symbols(library: Path) -> set[str]:
-    """Return the names of functions that a library takes from others, without versions."""
-    shown = subprocess.run(
-        ["nm", "-D", "--undefined-only", library], check=True, capture_output=True, text=True
-    )
-    return {line.split()[-1].partition("@")[0] for line in shown.stdout.splitlines() if " U " in line}
-
-
-def defined_symbols(library: Path) -> set[str]:
-    """Return the names of functions that a library offers."""
-    shown = subprocess.run(
-        ["nm", "-D", "--defined-only", library], check=True, capture_output=True, text=True
-    )
-    return {line.split()[-1] for line in shown.stdout.splitlines()}
+def symbols(library: Path, kind: str) -> set[str]:
+    """Return the names of functions, without versions, that a library has `defined` or takes `undefined`."""
+    command = ["nm", "-D", f"--{kind}-only", library]
+    shown = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    rows = [line.split()[-2:] for line in shown.splitlines()]
+    return {name.partition("@")[0] for letter, name in rows if letter != "w"}
 
 
 def standard_functions(fmi: int) -> set[str]:

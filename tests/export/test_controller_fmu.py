@@ -1,6 +1,5 @@
 """An FMU of a controller gives the bits of a run, in cranectl and against the FMU of a plant."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,13 +27,6 @@ LOOPS = {
     "analytic, velocity": ("analytic", "velocity", "lqr", [*LIMITS]),
     "elastic, force": ("elastic", "force", "lqr-offset-free", ["effects.rope={}"]),
 }
-
-
-@pytest.fixture(autouse=True)
-def forgotten() -> Iterator[None]:
-    """Close the FMUs that a test has opened."""
-    yield
-    close_controllers()
 
 
 def write(folder: Path, fmi: int, name: str, drive: str, *overrides: str) -> Path:

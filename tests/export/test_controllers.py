@@ -1,16 +1,14 @@
 """Every controller of the package in C gives the bits of the compiled step, at each of 25 001 samples."""
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cranectl.controllers.registry import controller_names
-from cranectl.export.sample import KEPT
 from cranectl.export.vectors import replay
-from cranectl.loaders.opening import close_controllers, open_controller
+from cranectl.loaders.opening import open_controller
 from cranectl.simulate import Run, simulate_run
 from tests.export.exported import (
     COMPILERS,
@@ -28,13 +26,6 @@ STEPS = ("lqr", "lqr+loop-shaping", "pid", "lqr-integral", "flat-velocity", "lqr
 OPTIONS = ("-O0", "-O2", "-O3")
 EQUAL = "0 of 3000 commands differ in a bit, by at most 0; 0 statuses differ"
 SANITISERS = "-g -fsanitize=address,undefined -fno-sanitize-recover=all"
-
-
-@pytest.fixture(autouse=True)
-def forgotten() -> Iterator[None]:
-    """Close the libraries that a test has opened."""
-    yield
-    close_controllers()
 
 
 @pytest.mark.parametrize("name", controller_names())
@@ -106,13 +97,3 @@ def test_the_replay_notices_a_changed_operator(tmp_path: Path) -> None:
     source.write_text(changed, encoding="utf-8")
     with pytest.raises(AssertionError):
         replayed(tmp_path, stem, COMPILERS[0], "-O2")
-
-
-def test_vectors_are_samples_in_a_row_with_the_memory_before_them(tmp_path: Path) -> None:
-    stem = export(tmp_path, prepared("pid"))
-    text = (tmp_path / "vectors.h").read_text(encoding="utf-8")
-    assert "#define BLOCKS 5\n#define BLOCK_SIZE 200\n" in text
-    rows = text.split("vector_memory")[1].split("};")[0].splitlines()[1:]
-    clocks = [float(row.strip(" {},").split(", ")[KEPT.controller + 12]) for row in rows[1:]]
-    assert clocks == [6200.0, 12400.0, 18600.0, 24801.0]
-    assert f'#include "{stem}.h"' in (tmp_path / "main.c").read_text(encoding="utf-8")

@@ -2,7 +2,6 @@
 
 import shlex
 import subprocess
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,13 +17,6 @@ from tests.docs.test_docs import blocks
 from tests.export.exported import library, prepared
 
 
-@pytest.fixture(autouse=True)
-def forgotten() -> Iterator[None]:
-    """Close the libraries that a test has opened."""
-    yield
-    close_controllers()
-
-
 @pytest.mark.parametrize("name", ["lqr+loop-shaping", "flat-velocity"])
 def test_the_commands_of_the_readme_work(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -36,16 +28,8 @@ def test_the_commands_of_the_readme_work(
     assert "exported: new/as-c; new/as-c/README.md says" in capsys.readouterr().out
     monkeypatch.chdir("new/as-c")
     stem = name.replace("+", "_").replace("-", "_")
-    files = {
-        "README.md",
-        "main.c",
-        "vectors.h",
-        f"{stem}.c",
-        f"{stem}.h",
-        f"cranectl_{stem}.c",
-        "cranectl.h",
-        "reference.h",
-    }
+    files = {"README.md", "main.c", "vectors.h", "reference.h", "cranectl.h", f"{stem}.h"}
+    files |= {f"{stem}.c", f"cranectl_{stem}.c"}
     assert {path.name for path in Path().iterdir()} == files
     readme = Path("README.md").read_text(encoding="utf-8")
     assert all(f"`{file}`" in readme for file in files - {"README.md"})

@@ -88,21 +88,14 @@ def test_readme_says_what_the_code_has() -> None:
     assert "- no limits of these: the scenario has no effects.limits\n" in bare["README.md"]
     assert "- the observer for encoders\n" in whole["README.md"]
     assert "- limits of these\n" in whole["README.md"]
-    assert (
-        "- Begin where the scenario begins: bridge position 0.1 m, bridge velocity 0.0014"
-        in bare["README.md"]
-    )
+    begins = "- Begin where the scenario begins: bridge position 0.1 m, bridge velocity 0.0014"
+    assert begins in bare["README.md"]
 
 
 def test_fast_math_is_refused_and_cpp_links(tmp_path: Path) -> None:
     stem = export(tmp_path, prepared("lqr"))
-    fast = subprocess.run(
-        [COMPILERS[0], "-ffast-math", "-c", f"{stem}.c"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [COMPILERS[0], "-ffast-math", "-c", f"{stem}.c"]
+    fast = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert fast.returncode != 0
     assert "compile without -ffast-math" in fast.stderr
     header = (tmp_path / f"{stem}.h").read_text(encoding="utf-8")
