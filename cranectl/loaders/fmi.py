@@ -18,11 +18,8 @@ Functions = dict[str, Any]  # by name without fmi2 or fmi3; SetReal and SetFloat
 
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 ERROR, FATAL = 3, 4
-_RESULTS = {
-    "Instantiate": c_void_p,
-    "InstantiateCoSimulation": c_void_p,
-    "FreeInstance": None,
-}  # all others return a status
+# All others return a status.
+_RESULTS = {"Instantiate": c_void_p, "InstantiateCoSimulation": c_void_p, "FreeInstance": None}
 _ARGUMENTS: dict[int, dict[str, list[Any]]] = {
     2: {
         "Instantiate": [c_char_p, c_int, c_char_p, c_char_p, c_void_p, c_int, c_int],
@@ -60,10 +57,7 @@ def functions(path: str, fmi: int) -> Functions:
 
 
 def initialised(known: Functions, model: Plain, values: Iterable[float]) -> int:
-    """Return a new instance in initialisation mode at time 0, with `values` of the parameters.
-
-    Raises ValueError that names the function that fails.
-    """
+    """Return a new instance in initialisation mode at time 0; raise ValueError if a function fails."""
     fmi, name, token = model["fmi"], model["name"].encode(), model["token"].encode()
     resources = Path(model["resources"])
     if fmi == 2:

@@ -13,6 +13,7 @@ import weakref
 import zipfile
 from functools import cached_property
 from io import BytesIO
+from itertools import starmap
 from math import isclose
 from pathlib import Path
 from typing import Any
@@ -79,17 +80,17 @@ class Fmu:
     def check_period(self, period: float) -> None:
         """Raise InputError unless `period` [s] is a whole number of the FMU's steps, if it declares a step.
 
-        The FMU's preferred step counts only if it cannot vary its step and the TOML file beside it has no
-        `every`.
+        The preferred step counts only if the FMU cannot vary its step and its table has no `every`.
         """
         table, experiment = self.variables.table, self.description.defaultExperiment
         own = self.kind.fixedInternalStepSize
-        prefers = not (
-            own or self.kind.canHandleVariableCommunicationStepSize or "every" in table.model_fields_set
-        )
-        if prefers and experiment is not None:
+        can_vary = self.kind.canHandleVariableCommunicationStepSize or "every" in table.model_fields_set
+        if experiment is not None and not own and not can_vary:
             own = experiment.stepSize
-        step = _number(self.file, "step", own)
+        try:
+            step = float(own or 0.0)
+        except ValueError:
+            raise wrong(self.file, f"its step is '{own}'") from None
         if step > 0.0 and not (period > 0.5 * step and isclose(period / step, round(period / step))):
             every = max(round(step * table.every / period), 1)
             raise InputError(
@@ -106,17 +107,11 @@ class Fmu:
             "token": self.description.guid,
             "resources": str(self.resources),
             "references": self.variables.fixed_references,
-            "values": [
-                *(parameter.default for parameter in self.variables.parameters),
-                *self.variables.constants,
-            ],
+            "values": [*(known.default for known in self.variables.parameters), *self.variables.constants],
         }
 
     def entry(self, parameters: Array) -> int:
-        """Make an instance for the run that has these parameters; return the address of the step.
-
-        Without an instance the step fails.
-        """
+        """Return the address of the step, which fails if no instance can be made for these parameters."""
         try:
             self._begin(parameters)
         except (OSError, ValueError) as error:
@@ -136,9 +131,8 @@ class Fmu:
                 "run, campaign and live do not"
             )
         known, variables = self._functions, self.variables
-        first = fmu_step.PARAMETERS.sources + len(
-            (*variables.sources, *variables.commands, *variables.factors)
-        )
+        before = (*variables.sources, *variables.commands, *variables.factors)
+        first = fmu_step.PARAMETERS.sources + len(before)
         instance = fmi.initialised(known, self.model(), parameters[first:])
         self._made = True
         called = (known["Set"], known["ExitInitializationMode"], known["DoStep"], known["Get"], self._tell)
@@ -169,10 +163,11 @@ def open_fmu(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     try:
         ask_declaration(fmi.__file__, fmu.binary, fmu.model())
     except ValueError as error:
+        tool = fmu.description.generationTool or "unnamed"
         needs = (
-            f"; it says that it needs the tool that made it: {fmu.description.generationTool or 'unnamed'}"
+            f"; it says that it needs the tool that made it: {tool}" if fmu.kind.needsExecutionTool else ""
         )
-        raise wrong(file, f"{error}{needs if fmu.kind.needsExecutionTool else ''}") from None
+        raise wrong(file, f"{error}{needs}") from None
     address_of(fmu_step.step)  # compiled before any run
     variables, table = fmu.variables, fmu.variables.table
     commanded = [index for index in variables.commands if index != fmu_step.HELD]
@@ -198,10 +193,7 @@ def open_fmu(file: ControllerFile) -> tuple[Controller, ControllerFile]:
         every=table.every,
         reads=(),
         parameters=variables.parameters,
-        logged=tuple(
-            Logged(index, signal)
-            for index, signal in enumerate(variables.logged, fmu_step.MEMORY.values + len(commanded))
-        ),
+        logged=tuple(starmap(Logged, enumerate(variables.logged, fmu_step.MEMORY.values + len(commanded)))),
         entry=lambda _, parameters: fmu.entry(parameters),
     )
     return controller, file
@@ -217,14 +209,6 @@ def wrong(file: ControllerFile, what: str, remedy: str = EXPORT) -> InputError:
         allowed="an FMU for co-simulation, FMI 2.0 or 3.0, with a binary for this machine",
         remedy=remedy,
     )
-
-
-def _number(file: ControllerFile, what: str, text: Any) -> float:
-    """Return a number of the description, or 0.0 if it has none; raise InputError for other text."""
-    try:
-        return float(text or 0.0)
-    except ValueError:
-        raise wrong(file, f"its {what} is '{text}'") from None
 
 
 def _library() -> Any:

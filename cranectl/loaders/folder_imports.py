@@ -58,10 +58,7 @@ class FolderImports(MetaPathFinder):
 
     @contextlib.contextmanager
     def running(self) -> Iterator[None]:
-        """Record the files that the controller reads while its file runs, and allow imports during that time.
-
-        If the block fails, its modules are removed.
-        """
+        """Record what the controller's file reads in the block; if that fails, remove its modules."""
         self._before, self._running = sys.path[:], True
         try:
             with self._recording(self):
@@ -85,10 +82,7 @@ class FolderImports(MetaPathFinder):
         self._opened.add(_located(Path(path)))
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, _target: Any = None) -> ModuleSpec | None:
-        """Return the spec of a module of this controller's package, or None for any other module.
-
-        Raises ModuleNotFoundError unless the controller's file is running.
-        """
+        """Return the spec of a module of this package; raise ModuleNotFoundError once the file has run."""
         package, _, name = fullname.partition(".")
         if package != self.package or not name:
             return None
@@ -173,10 +167,7 @@ def _located(path: Path) -> Path:
 
 
 def _is_elsewhere(name: str, beside: ModuleSpec) -> bool:
-    """Return True if the import means a module elsewhere.
-
-    That is so if only a plain folder lies beside the controller, or if both are one installed package.
-    """
+    """Return True if only a plain folder lies beside the controller, or if both are one installed package."""
     try:
         other = importlib.util.find_spec(name)  # the ordinary search, without the controller's folder
     except ValueError:  # a module without a spec

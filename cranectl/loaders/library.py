@@ -225,10 +225,7 @@ def check(library: ctypes.CDLL, declared: Plain, start: Plain) -> None:
 
 
 def answer(path: str, question: Plain) -> Plain:
-    """Return the declaration of the library and, if the question has parameter values, the start of a run.
-
-    Raises OSError or ValueError that says what is wrong with the library.
-    """
+    """Return the declaration, and for values also the start of a run; raise OSError or ValueError."""
     library = ctypes.CDLL(path)
     declared = declaration(library)
     if question["values"] is not None:

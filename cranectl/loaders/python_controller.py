@@ -114,11 +114,6 @@ def _controller_names(module: ModuleType) -> list[str]:
     ]
 
 
-def _title(value: Any, name: str) -> str:
-    lines = (inspect.getdoc(value) or name).splitlines()
-    return lines[0].rstrip(".") if lines else name
-
-
 def _checked(step: Any, file: ControllerFile) -> Any:
     taken = list(inspect.signature(step).parameters) if inspect.isfunction(step) else []
     if len(taken) != len(ARGUMENTS):
@@ -131,12 +126,7 @@ def _checked(step: Any, file: ControllerFile) -> Any:
 
 
 def _declared(source: Any, step: Any, file: ControllerFile) -> Controller:
-    """Return the controller of a class or function, whose attributes are named as those of a `Controller`.
-
-    There are short forms. `parameters` may be {name: number}, and `logged` may be {name: place of the
-    memory}. `memory` may be its `Slots`, its size, or its start values. Without `prepare`, the step gets the
-    values of the parameters in their order.
-    """
+    """Return the controller of a class or function, whose attributes may have short forms."""
     name = getattr(source, "name", slug(file.symbol))
     parameters = getattr(source, "parameters", {})
     if isinstance(parameters, Mapping):
@@ -153,7 +143,7 @@ def _declared(source: Any, step: Any, file: ControllerFile) -> Controller:
 
     return Controller(
         name=name,
-        title=_title(source, str(name)),
+        title=(inspect.getdoc(source) or str(name)).partition("\n")[0].rstrip("."),
         step=_checked(step, file),
         prepare=getattr(source, "prepare", prepare),
         parameters=parameters,

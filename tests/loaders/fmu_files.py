@@ -12,14 +12,16 @@ from typing import NamedTuple
 import fmpy
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
+FOLDER = TemporaryDirectory(prefix="cranectl-fmu-")  # of binaries, as long as the tests run
 # Its variables in the order of their value references.
 INPUTS = [
-    f"state.{n}" for n in ("bridge_position", "bridge_velocity", "trolley_position", "trolley_velocity")
+    *(f"state.{drive}_{rate}" for drive in ("bridge", "trolley") for rate in ("position", "velocity")),
+    *("state.rope_length", "state.rope_length_rate"),
+    *(f"reference.load_{axis}{dot}" for dot in ("", "_dot") for axis in "xyz"),
 ]
-INPUTS += ["state.rope_length", "state.rope_length_rate"]
-INPUTS += [f"reference.load_{axis}{dot}" for dot in ("", "_dot") for axis in "xyz"]
 OUTPUTS = ["command.bridge", "command.trolley", "command.rope", "error[1]"]
-PARAMETERS = ["stiffness", "damper.damping"]
+STARTS = {**dict.fromkeys(INPUTS, 'start="0"'), **dict.fromkeys(OUTPUTS, "")}
+STARTS |= {"stiffness": 'start="16" min="0"', "damper.damping": 'start="8" min="0"'}
 SOURCE = """
 #include <stdio.h>
 #include <stdlib.h>
@@ -119,14 +121,9 @@ class Replaced(NamedTuple):
 
 
 @cache
-def _folder() -> TemporaryDirectory[str]:
-    return TemporaryDirectory(prefix="cranectl-fmu-")  # as long as the tests run
-
-
-@cache
 def binary(fmi: int, replaced: Replaced = Replaced()) -> Path:  # noqa: B008 - immutable
     """The library."""
-    folder = Path(mkdtemp(dir=_folder().name))
+    folder = Path(mkdtemp(dir=FOLDER.name))
     text = SOURCE % {"fmi": fmi} + (FMI2 if fmi == 2 else FMI3) + BOTH
     for name, value in {**replaced._asdict(), "status": f"fmi{fmi}Status"}.items():
         text = text.replace(name.upper(), value)
@@ -138,20 +135,16 @@ def binary(fmi: int, replaced: Replaced = Replaced()) -> Path:  # noqa: B008 - i
 
 def description(fmi: int, *, names: dict[str, str], variables: str = "", kind: str = "") -> str:
     """The XML: `names` replace those of variables, `variables` come after them, `kind` are attributes."""
-    kinds = [*["input"] * len(INPUTS), *["output"] * len(OUTPUTS), *["parameter"] * len(PARAMETERS)]
     rows = []
-    for k, (cause, name) in enumerate(zip(kinds, [*INPUTS, *OUTPUTS, *PARAMETERS], strict=True)):
+    for k, (name, start) in enumerate(STARTS.items()):
+        cause = "input" if name in INPUTS else "output" if name in OUTPUTS else "parameter"
         told = f'name="{names.get(name, name)}" valueReference="{k}" causality="{cause}"'
-        start = {"input": 'start="0"', "output": "", "parameter": f'start="{16 if k == 16 else 8}" min="0"'}[
-            cause
-        ]
         told += ' variability="fixed"' if cause == "parameter" else ""
         real = f"<ScalarVariable {told}><Real {start}/></ScalarVariable>"
         rows.append(real if fmi == 2 else f"<Float64 {told} {start}/>")
     if fmi == 3:
-        rows.append(
-            '<Float64 name="time" valueReference="99" causality="independent" variability="continuous"/>'
-        )
+        time = 'name="time" valueReference="99" causality="independent" variability="continuous"'
+        rows.append(f"<Float64 {time}/>")
     outputs = range(len(INPUTS) + 1, len(INPUTS) + len(OUTPUTS) + 1)
     unknowns = "".join(f'<Unknown index="{k}"/>' for k in outputs)
     structure = "".join(f'<Output valueReference="{k - 1}"/>' for k in outputs)

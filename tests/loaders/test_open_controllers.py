@@ -8,7 +8,7 @@ from pathlib import Path
 from cranectl import open_controller
 from cranectl.controllers.open_controllers import OPEN, OpenControllers, SharedControllers
 from cranectl.controllers.registry import controller_digests
-from cranectl.loaders.opening import close_controllers, copy_of, open_again
+from cranectl.loaders.opening import copy_of, open_again
 from cranectl.support.children import spawn_child
 
 
@@ -29,16 +29,6 @@ def test_a_child_has_what_is_shared_and_copies_where_its_parent_removes_them(law
     assert [path.parents[1] for path in copies] == [OPEN.folder]
     assert all(path.is_file() for path in copies)
     assert dict(os.environ) == environment
-
-
-def test_nothing_is_shared_of_a_process_that_has_opened_nothing(law: Path) -> None:
-    opened = OpenControllers()
-    assert opened.share() == SharedControllers((), None)
-    open_controller(f"{law}:damper")
-    assert len(OPEN.share().files) == 1
-    assert OPEN.share(["lqr"]).files == ()
-    close_controllers()
-    assert OPEN.share().files == ()
 
 
 def test_a_process_makes_a_folder_of_its_own_where_its_parent_has_removed_that(tmp_path: Path) -> None:
