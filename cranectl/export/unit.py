@@ -53,7 +53,6 @@ HELPERS = {
     "min_double": ("double a, double b", "return b < a ? b : a;"),
     "max_double": ("double a, double b", "return b > a ? b : a;"),
 }
-INTEGER_HELPERS = ("index", "bound", "span", "floor_divide", "modulo", "abs_int", "min_int", "max_int")
 
 
 class Unit:
@@ -122,8 +121,8 @@ class Unit:
     def helper(self, name: str, *arguments: str) -> str:
         """Return the call of a helper, which the file then defines."""
         if name not in self._helpers:
-            kind = "int64_t" if name in INTEGER_HELPERS else "double"
             parameters, *body = HELPERS[name] if name in HELPERS else _power(int(name.removeprefix("power_")))
+            kind = parameters.partition(" ")[0]  # all parameters have the type of the value
             lines = [
                 f"static {kind} cranectl_{name}({parameters})",
                 "{",
@@ -178,17 +177,17 @@ class Unit:
                 members, name = [f"{item} item[{len(kind)}];"], f"{item}_{len(kind)}"
             else:
                 for place, part in enumerate(kind):
-                    label, is_array = self.member(kind, place), isinstance(part, Array)
-                    item = self.c_type(part.dtype if is_array else part, function, node)
-                    members += (
-                        [f"const {item} *{label};", f"int64_t {label}_size;"]
-                        if is_array
-                        else [f"{item} {label};"]
-                    )
+                    members += self._members(part, self.member(kind, place), function, node)
             name = self._free_name(name)
             lines = ["typedef struct {", *(f"    {member}" for member in members), f"}} {name};"]
             self._structs[kind] = (name, "\n".join(lines))
         return self._structs[kind][0]
+
+    def _members(self, part: Type, label: str, function: Expressions, node: Any) -> list[str]:
+        """Return the members of a structure for a part of a tuple; an array has a pointer and a length."""
+        if isinstance(part, Array):
+            return [f"const {self.c_type(part.dtype, function, node)} *{label};", f"int64_t {label}_size;"]
+        return [f"{self.c_type(part, function, node)} {label};"]
 
 
 def _power(exponent: int) -> tuple[str, ...]:
