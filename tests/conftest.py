@@ -69,9 +69,14 @@ def no_model_afterwards() -> Iterator[None]:
     forget_models()
 
 
-@pytest.fixture(scope="session")
-def short() -> Scenario:
+def short_scenario() -> Scenario:
     """Return a disturbed scenario of half a second, for tests that need any run."""
     return load_scenario(
         "fixed-position", overrides=["duration=0.5", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
     )
+
+
+@pytest.fixture(scope="session")
+def short() -> Scenario:
+    """Return `short_scenario`."""
+    return short_scenario()

@@ -48,16 +48,25 @@ def test_consistent_results_are_accepted() -> None:
     check_duration(1.0, 1.0, "a move")
 
 
+def changed_group(**changes: Any) -> Callable[[], Any]:
+    return lambda: replace(GROUP, **changes)
+
+
+def changed_agreement(**changes: Any) -> Callable[[], Any]:
+    return lambda: replace(AGREEMENT, **changes)
+
+
 CONTRADICTIONS: dict[str, Callable[[], Any]] = {
-    "failures is 11, above runs, which is 10": lambda: replace(GROUP, failures=11),
-    "stopped runs is 4, above failures": lambda: replace(GROUP, stopped={"rope-slack": 3, "failed": 1}),
-    "could not be run is 1, and its parts add up to 2": lambda: replace(GROUP, not_run={"no licence": 2}),
-    "low end is 0.4, above the failure rate": lambda: replace(GROUP, failure_rate_interval=(0.4, 0.6)),
-    "the failure rate is 0.3, above its interval's high": lambda: replace(
-        GROUP, failure_rate_interval=(0.1, 0.2)
-    ),
-    "median of max_error_m is 0.05, above": lambda: replace(GROUP, median_max_error_m=0.05),
-    "95 % quantile is 0.04, above its largest value": lambda: replace(GROUP, q95_max_error_m=0.04),
+    "failures is 11, above runs, which is 10": changed_group(failures=11),
+    "stopped runs is 4, above failures": changed_group(stopped={"rope-slack": 3, "failed": 1}),
+    "could not be run is 1, and its parts add up to 2": changed_group(not_run={"no licence": 2}),
+    "low end is 0.4, above the failure rate": changed_group(failure_rate_interval=(0.4, 0.6)),
+    "the failure rate is 0.3, above its interval's high": changed_group(failure_rate_interval=(0.1, 0.2)),
+    "median of max_error_m is 0.05, above": changed_group(median_max_error_m=0.05),
+    "95 % quantile is 0.04, above its largest value": changed_group(q95_max_error_m=0.04),
+    "stopped or broke one limit is 4, above failures": changed_group(broken={"max_error_m": 2}),
+    "difference of a load that passed is 0.2, above its limit": changed_agreement(max_load_error_m=0.2),
+    "difference of an angle that passed is 0.2, above its limit": changed_agreement(max_angle_error_rad=0.2),
     "the nu-gap is 1.5, above one": lambda: replace(VERDICT, gap=1.5),
     "left of the margin is 0.5, above the margin": lambda: replace(VERDICT, left=0.5),
     "largest pole of a certified loop is 1.1, above one": lambda: replace(VERDICT, closed_loop_radius=1.1),
@@ -66,19 +75,10 @@ CONTRADICTIONS: dict[str, Callable[[], Any]] = {
     "failures is 11, above runs of lqr": lambda: checked_standing("lqr", 10, 11, 0.5, 0.5, 1.0, 1.0),
     "share that settled is 1.5, above one": lambda: checked_standing("lqr", 10, 1, 1.5, 0.5, 1.0, 1.0),
     "cost with the whole budget is 3, above that with half": lambda: consistent_points(*POINTS[::-1]),
-    "least time of the drives .* is 2, above the planned duration of a move": lambda: check_duration(
-        2.0, 1.0, "a move"
-    ),
-    "difference of a load that passed is 0.2, above its limit": lambda: replace(
-        AGREEMENT, max_load_error_m=0.2
-    ),
-    "difference of an angle that passed is 0.2, above its limit": lambda: replace(
-        AGREEMENT, max_angle_error_rad=0.2
-    ),
+    "least time .* is 2, above the planned duration of a move": lambda: check_duration(2.0, 1.0, "a move"),
     "failed or were not judged is 4, above cases, which is 3": lambda: WorstPair(
         "ideal", "analytic", "mujoco", 3, 2, 2, 0.1, 0.1, 0.1, "", ""
     ),
-    "stopped or broke one limit is 4, above failures": lambda: replace(GROUP, broken={"max_error_m": 2}),
     "number of messages is 4, and its parts add up to 3": lambda: replace(LOG, messages=4),
     "number of cases is 0, and its parts add up to 1": lambda: Validation(
         (), CasesOutcome([None], interrupted=False), {}, ("analytic",)

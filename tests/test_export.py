@@ -18,13 +18,12 @@ from cranectl.log.export import ExportTable as Table
 from cranectl.log.overlay import Layer, write_overlay
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
-from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, matching
-from tests.conftest import PAIR, ROOT, cut
+from tests.conftest import PAIR, ROOT, cut, short_scenario
 from tests.packages import install, run_beside
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -38,10 +37,7 @@ INFO = {
 
 @pytest.fixture(scope="module")
 def runs() -> list[Run]:
-    scenario = load_scenario(
-        "fixed-position", overrides=["duration=0.5", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
-    )
-    return [simulate_run(scenario, plant=plant, controller="lqr+hinf") for plant in PAIR]
+    return [simulate_run(short_scenario(), plant=plant, controller="lqr+hinf") for plant in PAIR]
 
 
 @pytest.fixture

@@ -23,6 +23,7 @@ from cranectl.scenario.load import scenario_names
 from cranectl.status import RunStatus
 from tests.cli.arguments import SHORT, STOP
 from tests.pace import HANG
+from tests.remedies import prepared
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
@@ -149,12 +150,12 @@ def test_a_design_plot_is_reproducible(capsys: pytest.CaptureFixture[str], suffi
     assert Path(f"a.{suffix}").stat().st_size > 10_000
 
 
-def test_info_describes_a_log(capsys: pytest.CaptureFixture[str]) -> None:
-    assert (
-        main(["run", "fixed-position", *SHORT, "--controller", "lqr+hinf", "--set", "rig.load_mass=2"]) == 0
-    )
-    capsys.readouterr()
-    log = "logs/fixed-position/lqr+hinf-ideal.mcap"
+RUN = f"run fixed-position {' '.join(SHORT)} --controller lqr+hinf --set rig.load_mass=2 --drive"
+prepared_files = prepared({}, [f"{RUN} {drive} --out {drive}.mcap" for drive in ("ideal", "velocity")])
+
+
+def test_info_describes_a_log(prepared_files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = str(prepared_files / "ideal.mcap")
     assert main(["info", log]) == 0
     out = capsys.readouterr().out
     for expected in (
@@ -175,11 +176,8 @@ def test_info_describes_a_log(capsys: pytest.CaptureFixture[str]) -> None:
     assert [run["plant"] for run in description["runs"]] == ["analytic", "elastic", "mujoco"]
 
 
-def test_compare_takes_one_or_two_logs(capsys: pytest.CaptureFixture[str]) -> None:
-    for drive in ("ideal", "velocity"):
-        assert main(["run", "fixed-position", *SHORT, "--drive", drive]) == 0
-    logs = [f"logs/fixed-position/pole-placement-{drive}.mcap" for drive in ("ideal", "velocity")]
-    capsys.readouterr()
+def test_compare_takes_one_or_two_logs(prepared_files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    logs = [str(prepared_files / f"{drive}.mcap") for drive in ("ideal", "velocity")]
     assert main(["compare", logs[0], "--json", "-"]) == 0
     comparison, _ = json.loads(capsys.readouterr().out)["comparisons"]
     assert comparison["max_load_error_m"] < 1e-7
@@ -282,24 +280,25 @@ def test_json_can_be_written_to_a_device() -> None:
     assert Path(os.devnull).is_char_device()
 
 
+ANNOUNCE = """
+import sys
+from cranectl.simulate import runner
+blocks = runner._run_blocks
+def announce(*arguments, **options):
+    options["progress"] = lambda seconds: print("running", flush=True)
+    return blocks(*arguments, **options)
+runner._run_blocks = announce
+from cranectl.cli.main import main
+sys.exit(main())
+"""
+
+
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_closes_the_log(signal_number: signal.Signals) -> None:
     """The signal is sent as soon as the simulation has started; the run takes much longer."""
-    script = (
-        "import sys\n"
-        "from cranectl.simulate import runner\n"
-        "blocks = runner._run_blocks\n"
-        "def announce(*arguments, **options):\n"
-        "    options['progress'] = lambda seconds: print('running', flush=True)\n"
-        "    return blocks(*arguments, **options)\n"
-        "runner._run_blocks = announce\n"
-        "from cranectl.cli.main import main\n"
-        "sys.exit(main(['run', 'fixed-position', '--plant', 'mujoco', '--set', 'duration=600', "
-        "'--out', 'long.mcap']))"
-    )
-    process = subprocess.Popen(
-        [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    run = "run fixed-position --plant mujoco --set duration=600 --out long.mcap"
+    command = [sys.executable, "-c", ANNOUNCE, *run.split()]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "running\n"
     process.send_signal(signal_number)

@@ -1,7 +1,5 @@
 """Strict TOML: every mistake is named, with what is allowed and what to do."""
 
-from pathlib import Path
-
 import pytest
 
 from cranectl.planning import load_scenario
@@ -10,7 +8,6 @@ from cranectl.scenario.disturbances import Disturbance
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Arc
 from cranectl.scenario.settings import Settings, override
-from cranectl.support.documents import read_toml
 from cranectl.support.errors import InputError
 
 BASE = "settled-trajectory"
@@ -134,15 +131,3 @@ def test_override_creates_absent_tables_and_leaves_the_original_alone() -> None:
     expected = {"a": {"b": 2}, "c": [{"d": 3}], "e": {"f": "x"}, "g": "plain text"}
     assert override(table, ["a.b=2", "c.0.d=3", "e.f='x'", "g=plain text"]) == expected
     assert table == {"a": {"b": 1}, "c": [{"d": 2}]}
-
-
-def test_files_that_are_no_toml_or_not_there(tmp_path: Path) -> None:
-    broken = tmp_path / "broken.toml"
-    broken.write_text("name = ")
-    with pytest.raises(InputError, match="not valid TOML"):
-        read_toml(broken)
-    binary = tmp_path / "binary.toml"
-    binary.write_bytes(b"\x81\xfe\x00")
-    for path in (binary, tmp_path / "absent.toml", tmp_path):
-        with pytest.raises(InputError, match="cannot read"):
-            read_toml(path)
