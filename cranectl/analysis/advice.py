@@ -94,16 +94,11 @@ class Improvement:
 
     name: str
     change: str
-    assessment: Assessment
     gain: float  # fraction by which it reduces the RMS cost; negative if it increases the cost
+    assessment: Assessment
 
     def to_json(self) -> dict[str, Any]:
-        return {
-            "name": self.name,
-            "change": self.change,
-            "gain": self.gain,
-            "assessment": self.assessment.to_json(),
-        }
+        return {**vars(self), "assessment": self.assessment.to_json()}
 
 
 @dataclass(frozen=True)
@@ -147,7 +142,7 @@ def advise(
     improvements = []
     for name, change, better in improved(rig) if best.survived else []:
         after = assess(better, best.controller, points)
-        improvements.append(Improvement(name, change, after, _saved(best, after)))
+        improvements.append(Improvement(name, change, _saved(best, after), after))
         if progress is not None:
             progress(1.0)
     improvements.sort(key=lambda improvement: -improvement.gain)
