@@ -60,19 +60,20 @@ lint: .venv/extras ## check format, style, spelling, types and directions of imp
 	$(call limit,1200) $(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-TOOLS = tests/export tests/measured tests/live tests/fuzz tests/report tests/render
+TOOLS = tests/analysis tests/export tests/fuzz tests/live tests/loaders tests/measured tests/render tests/report
 # Kernels are compiled and motions planned first, or two processes of the tests would do the same.
 test: .venv/extras ## run the core tests
 	$(call saying,3600,"looking for EGL and a C compiler") tests/install
 	$(call saying,1800,"compiling kernels and planning motions") $(BIN)/python -m tests.kernels
 	$(call limit,7200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/thesis --ignore tests/drake \
-		--ignore tests/planning --ignore tests/benchmark --ignore tests/campaign/benchmark $(TOOLS:%=--ignore %)
+		--ignore tests/planning --ignore tests/benchmark --ignore tests/campaign/benchmark $(TOOLS:%=--ignore %) \
+		--ignore tests/test_processors.py
 
 # A set is left out while nothing that it depends on has changed since its last full pass, in .ci/proven.json.
 # ALL=1 runs every set and records those that pass. PLAN_CASES and DRAKE_CASES limit the number of random cases.
 NMPC_PLANS = tests/benchmark/test_nmpc_plans.py
 changed = $(BIN)/python .ci/proven.py $(1) $(if $(ALL),--always) --
-test-more: .venv/extras ## test tools, docs, examples, the literature, plans and Drake, if their sources changed
+test-more: .venv/extras ## test tools, documents, the literature, plans and Drake, if sources changed
 	$(call saying,3600,"looking for EGL and a C compiler") tests/install
 	$(call limit,3600) $(call changed,tools) $(BIN)/python -m pytest $(TOOLS)
 	$(call limit,3600) $(call changed,docs) $(BIN)/python -m pytest tests/docs tests/thesis
