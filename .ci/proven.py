@@ -55,7 +55,14 @@ TOOLS = ("analysis", "export", "fuzz", "live", "loaders", "measured", "render", 
 SETS = {
     "tools": Set(
         modules=(*PACKAGE, *(f"tests/{name}/**/*.py" for name in TOOLS)),
-        data=(*PACKAGE_DATA, *(f"tests/{name}/**/*" for name in TOOLS)),
+        data=(
+            *PACKAGE_DATA,
+            *(f"tests/{name}/**/*" for name in TOOLS),
+            "tests/plants/models/**/*",
+            "tests/log/samples/*",
+            "docs/how-to/live.md",
+            "docs/pictures/run.png",
+        ),
     ),
     "docs": Set(
         modules=(*PACKAGE, "docs/**/*.py", "tests/**/*.py"),  # pages name tests
