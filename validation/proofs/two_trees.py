@@ -23,7 +23,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 MAX_RATIO = 1.02  # of the time of this tree over that of the other tree
-RUNS_PER_TURN = 3  # of which the fastest counts
+RUNS = 3  # of a process, of which the fastest counts; one more run before them compiles the loop
 
 DIGESTS = """
 import hashlib, sys
@@ -48,7 +48,7 @@ try:
     from cranectl.simulate.run import record_width
 except ImportError:
     from cranectl.simulate.runner import record_width
-plant, drive = sys.argv[1:3]
+plant, drive, runs = sys.argv[1:]
 scenario = load_scenario("fixed-position")
 design = design_controller("lqr+loop-shaping", scenario.design)
 plan = plan_run(plan_reference(scenario), scenario)
@@ -65,8 +65,7 @@ def seconds():
     run.advance(inputs, path, record, run.memory, 0, len(record))
     return time.perf_counter() - begin
 seconds()
-for line in sys.stdin:
-    print(min(seconds() for _ in range(int(line))), flush=True)
+print(min(seconds() for _ in range(int(runs))))
 """
 
 
@@ -84,30 +83,20 @@ def digests(tree: Path) -> str:
 
 def time_ratios(old: Path, new: Path, plant: str, drive: str, pairs: int) -> np.ndarray:
     """Return the ratios (pairs,) of the time of the new loop to that of the old one."""
-    workers = [
-        subprocess.Popen(
-            [sys.executable, "-c", WORKER, plant, drive],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "PYTHONPATH": str(tree)},
-        )
-        for tree in (old, new)
-    ]
     order, ratios = random.Random(1), []
+    for tree in (old, new):
+        loop_seconds(tree, plant, drive)  # compiles
     for _ in range(pairs):
-        times = [0.0, 0.0]
-        for k in order.sample((0, 1), 2):
-            worker = workers[k]
-            assert worker.stdin is not None
-            assert worker.stdout is not None
-            worker.stdin.write(f"{RUNS_PER_TURN}\n")
-            worker.stdin.flush()
-            times[k] = float(worker.stdout.readline())
-        ratios.append(times[1] / times[0])
-    for worker in workers:
-        worker.communicate()
+        times = {tree: loop_seconds(tree, plant, drive) for tree in order.sample((old, new), 2)}
+        ratios.append(times[new] / times[old])
     return np.array(ratios)
+
+
+def loop_seconds(tree: Path, plant: str, drive: str) -> float:
+    """Return the time of the loop in a new process [s]."""
+    command = [sys.executable, "-c", WORKER, plant, drive, str(RUNS)]
+    environment = {**os.environ, "PYTHONPATH": str(tree)}
+    return float(subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout)
 
 
 def main() -> int:
