@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -49,6 +50,12 @@ def test_every_pattern_of_a_set_matches_files(proven_module: ModuleType) -> None
     for test_set in proven_module.SETS.values():
         for pattern in (*test_set.modules, *test_set.data, *proven_module.DATA):
             assert proven_module.matching([pattern]), pattern
+
+
+def test_the_makefile_runs_all_tests_of_tools(proven_module: ModuleType) -> None:
+    folders = re.search(r"^TOOLS = (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    assert folders is not None
+    assert folders[1].split() == [f"tests/{name}" for name in proven_module.TOOLS]
 
 
 @pytest.fixture(autouse=True)

@@ -28,7 +28,7 @@ from cranectl.simulate import Run, make_plant, plan_reference, plan_scenario, si
 from cranectl.simulate.memory import MAX_BYTES, check_several
 from cranectl.support.arrays import Array
 from cranectl.support.consistency import check_ascending
-from cranectl.support.errors import unknown_name
+from cranectl.support.errors import check_known
 
 Progress = Callable[[float], None]  # called with simulated seconds
 
@@ -96,8 +96,7 @@ def evaluate_levels(
     An effect takes the settings of the scenario if it has them, else the defaults. Raises InputError for an
     unknown level. Before any run, it also raises InputError for settings that a level does not allow.
     """
-    if top not in NAMES:
-        raise unknown_name("fidelity level", top, NAMES)
+    check_known("fidelity level", [top], NAMES)
     design = controller_design(controller or scenario.controller.name, scenario)
     names = NAMES[: NAMES.index(top) + 1]
     check_several(scenario, design, len(names) + EXTRA_RUNS, "a ladder", max_bytes=MAX_BYTES)

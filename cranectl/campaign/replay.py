@@ -19,7 +19,7 @@ from cranectl.plants.model_files import plant_argument
 from cranectl.plants.registry import plant_entry
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.errors import InputError, check_known
 
 
 @dataclass(frozen=True)
@@ -66,14 +66,11 @@ def chosen_rows(
     that the result lacks.
     """
     settings = results.campaign.settings
-    if metric not in METRIC_COLUMNS:
-        raise unknown_name("metric", metric, METRIC_COLUMNS)
+    check_known("metric", [metric], METRIC_COLUMNS)
     chosen = np.ones(len(results), dtype=np.bool_)
     requested = (("plant", plants, settings.plants), ("controller", controllers, settings.controllers))
     for kind, names, known in requested:
-        for name in names:
-            if name not in known:
-                raise unknown_name(kind, name, known)
+        check_known(kind, names, known)
         if names:
             chosen &= np.isin(results.column(kind).astype(str), names)
     if not samples:

@@ -29,24 +29,26 @@ def measured_controllers(
 ) -> tuple[str, ...]:
     """Return names of the controllers `named`, as `benchmark` names them or as ever; by default of all its.
 
-    Files of controllers are opened. Those that somebody else's benchmark names are, only by `trust`.
+    Files of controllers are opened. If only somebody else's benchmark names a file, `trust` is needed.
     Raises InputError for an unknown name.
     """
     from cranectl.controllers.registry import checked_controller
 
+    folder = benchmark.file.parent
     is_ours = benchmark.file.resolve().is_relative_to(BENCHMARK_DIRECTORY.resolve())
+    trust = trust or is_ours or (bool(named) and folder.resolve() == Path.cwd())
     opened_names = []
     for name in named or benchmark.laws:
         if name not in benchmark.laws:
             opened_names.append(checked_controller(opened(name)))
             continue
-        if {".", ":"} & set(name) and not trust and not is_ours:
+        if {".", ":"} & set(name) and not trust:
             raise InputError(
                 f"{benchmark.file} names the controller {name}, and no file runs code by itself",
                 allowed="controllers by name, and files named on the command line",
                 remedy="if you know what is in it, add --trust, or name it: --controller PATH",
             )
-        opened_names.append(opened(name, benchmark.file.parent))
+        opened_names.append(opened(name, folder))
     return tuple(opened_names)
 
 

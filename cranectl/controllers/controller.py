@@ -27,7 +27,7 @@ from cranectl.scenario.settings import MAX_DURATION, MIN_DURATION
 from cranectl.scenario.similarity import rounded
 from cranectl.signals import Signal
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.errors import InputError, check_known
 from cranectl.support.extensions import check_name
 
 Command = Literal["acceleration", "velocity", "force"]  # [m/s²], [m/s], [N]
@@ -315,9 +315,7 @@ class Controller:
         """
         known = {parameter.name: parameter for parameter in self.parameters}
         where = f"controller.{self.name}"
-        for name in stated:
-            if name not in known:
-                raise unknown_name(f"parameter of {where}", name, known)
+        check_known(f"parameter of {where}", stated, known)
         values = {
             name: parameter.checked(stated.get(name, parameter.sized(parameter.default, length)), where)
             for name, parameter in known.items()

@@ -11,7 +11,7 @@ from cranectl.design import ControllerDesign, Design
 from cranectl.scenario import Scenario
 from cranectl.scenario.similarity import size_of
 from cranectl.support import extensions
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.errors import InputError, check_known, unknown_name
 from cranectl.support.extensions import check_free, loaded, packages, with_extensions
 from cranectl.support.provenance import FINGERPRINT_DIGITS, source_digests
 
@@ -177,9 +177,7 @@ def controller_design(name: str, scenario: Scenario) -> ControllerDesign:
     """Return `name` with the settings of `scenario`; raise InputError for unknown names and bad settings."""
     checked_controller(name)
     names = [other for other in controller_names() if other not in FLAT_FAMILY]
-    for other in scenario.controller.parameters:
-        if other not in names:
-            raise unknown_name("controller", other, names)
+    check_known("controller", scenario.controller.parameters, names)
     controller = load_controller(name)
     if controller.axis_design is not None:
         return controller.axis_design(scenario.design)

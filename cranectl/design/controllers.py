@@ -12,7 +12,7 @@ import numpy as np
 
 from cranectl.design.records import NO_ROBUSTIFIER, Design, Robustifier
 from cranectl.scenario import DesignSettings
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.errors import InputError, check_known
 from cranectl.support.kept import kept
 
 FEEDBACKS = {
@@ -59,8 +59,7 @@ def design_controller(name: str, settings: DesignSettings | None = None) -> Desi
     >>> design_controller("lqr").gain.shape
     (4,)
     """
-    if name not in CONTROLLERS:
-        raise unknown_name("controller", name, CONTROLLERS)
+    check_known("controller", [name], CONTROLLERS)
     settings = settings or DesignSettings()
     text = kept(
         "designs",

@@ -23,7 +23,7 @@ from cranectl.reference.driven import HandLimits
 from cranectl.scenario import Scenario
 from cranectl.scenario.similarity import length_scale, rounded
 from cranectl.simulate import PlannedReference, checked_drive, plan_reference, prepare_controller
-from cranectl.support.errors import InputError, printable, unknown_name
+from cranectl.support.errors import InputError, check_known, printable
 
 Value = bool | float | str
 T = TypeVar("T")
@@ -179,8 +179,7 @@ class Controls:
             self._say(refusal_line(name, error), warning=True)
 
     def _set(self, name: str, value: object) -> None:
-        if name not in self._values:
-            raise unknown_name("parameter", name, self._values)
+        check_known("parameter", [name], self._values)
         if name == "pause":
             if not isinstance(value, bool):
                 remedy = f"choose another {name}"
@@ -205,9 +204,7 @@ class Controls:
             design = controller_design(controller, self._scenario)
         before = tunable_values(design)
         values = {name: value for name, value in changes.items() if name != "controller"}
-        for name in values:
-            if name not in before:
-                raise unknown_name("parameter", name, before)
+        check_known("parameter", values, before)
         design = _with_values(design, {**before, **values})
         if design.to_json() == self._design.to_json():
             return

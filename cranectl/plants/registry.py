@@ -14,7 +14,7 @@ from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.scenario.effects import PARTS, WHOLE_EFFECTS
 from cranectl.support import extensions
 from cranectl.support.colours import COLOURS, VIEWER
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.errors import InputError, check_known
 from cranectl.support.extensions import check_free, check_name, loaded, with_extensions
 from cranectl.support.provenance import source_digests
 
@@ -98,9 +98,7 @@ class PlantEntry:
                 remedy="take one of these",
             )
         for declared, known, what in ((self.lacks, LACKS, "lacks"), (self.fixed, BUILT_IN, "fixed")):
-            for name in declared:
-                if name not in known:
-                    raise unknown_name(f"setting in {what} of the plant {self.name}:", name, known)
+            check_known(f"setting in {what} of the plant {self.name}:", declared, known)
 
     @property
     def is_own(self) -> bool:
@@ -296,8 +294,7 @@ def plant_sources(names: Iterable[str]) -> dict[str, str]:
 
 def plant_entry(name: str) -> PlantEntry:
     """Return the entry of the plant `name`; an InputError lists the known ones, nearest first."""
-    if name not in PLANTS:
-        raise unknown_name("plant", name, PLANTS)
+    check_known("plant", [name], PLANTS)
     return PLANTS[name]
 
 

@@ -21,7 +21,7 @@ from cranectl.render.timeline import Timeline, timeline_of
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.errors import InputError, check_known
 from cranectl.support.files import replacing, writing
 
 CAMERAS = ("overview", "side", "top")
@@ -79,8 +79,7 @@ def render_settings(
 ) -> RenderSettings:
     """Return settings for a .png, .gif or .mp4, with defaults; raise InputError for impossible ones."""
     suffix = out.suffix.lower()
-    if camera not in CAMERAS:
-        raise unknown_name("camera", camera, CAMERAS)
+    check_known("camera", [camera], CAMERAS)
     if suffix == ".png" and (fps is not None or speed is not None):
         raise InputError(
             f"{out} is a still, which has no --fps or --speed",

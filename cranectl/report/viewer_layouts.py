@@ -32,7 +32,7 @@ from cranectl.scenario.drawn_size import LABORATORY
 from cranectl.scenario.rig import RigParameters
 from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.support.colours import VIEWER, VIEWER_SERIES
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.errors import InputError, check_known
 
 Lines = list[dict[str, Any]]  # of a plot
 SIGNALS: dict[tuple[str, str], Signal] = {
@@ -63,8 +63,7 @@ def layout_json(
     `logged`: what a controller outside the flat family logs under its own names. `recorded`: the signals of a
     log, as `/measured/state.alpha`; lines of others are left out. Raises InputError for an unknown name.
     """
-    if name not in LAYOUTS:
-        raise unknown_name("layout", name, LAYOUTS)
+    check_known("layout", [name], LAYOUTS)
     panels: dict[str, dict[str, Any]] = {}
     shown = labels if name in ("overlay", "ladder") else in_order(plants or default_plants())
     drawn = _controller(shown, logged) if name == "controller" else LAYOUTS[name](shown)

@@ -10,7 +10,7 @@ import functools
 import os
 import re
 import signal
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -129,6 +129,13 @@ def unknown_name(kind: str, name: str, known: Iterable[str], *, remedy: str = ""
         allowed=", ".join(names),
         remedy=did_you_mean(name, names) or remedy or "choose one of those listed above",
     )
+
+
+def check_known(kind: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Raise the error of `unknown_name` for the first of `names` that is not known."""
+    for name in names:
+        if name not in known:
+            raise unknown_name(kind, name, known)
 
 
 def matching(pattern: str, names: Iterable[str]) -> list[str]:

@@ -123,10 +123,13 @@ TEXTS: dict[str, dict[str, Any]] = {
 }
 
 
+def unchanged(same: Any) -> Any:
+    return same
+
+
 @pytest.mark.parametrize("case", TEXTS)
 def test_the_truth_in_a_text_is_read(case: str, tmp_path: Path) -> None:
     settings = dict(TEXTS[case])
-    unchanged: Callable[[Any], Any] = lambda same: same  # noqa: E731
     table, text = (settings.pop(key, unchanged) for key in ("table", "text"))
     error, encoding = settings.pop("error", ROUNDED), settings.pop("encoding", "utf-8")
     path = write_csv(tmp_path / "a.csv", table(columns()))

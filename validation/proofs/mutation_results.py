@@ -1,6 +1,6 @@
 """Write and read mutations.json, the results of `mutations.py`, and return them as a page.
 
-A row of the file is a term: its line, its text, and for each kind of mutant the test that failed first, as an
+A row of the file is a term: its line, its text, and for each kind of mutant a test that failed, as an
 index into the list of tests. It is null if the kind was not tried, and "survived" if no test failed.
 """
 
@@ -18,7 +18,7 @@ HEAD = """# Mutation proof
 This page shows that the tests notice every wrong term of the physics.
 `validation/proofs/mutations.py` changes one term at a time: it flips the sign, drops the term, or
 makes it 1 % larger. Elements in the limits of planned motions also get the next index. A cell names
-the first test that fails. `make docs` writes the page.
+a test that fails. `make docs` writes the page.
 
 The terms are those of:
 
@@ -37,7 +37,7 @@ class Row(NamedTuple):
 
     line: int
     term: str
-    tests: tuple[str | None, ...]  # by kind: the test that failed first, SURVIVED, or None if not tried
+    tests: tuple[str | None, ...]  # by kind: a test that failed, SURVIVED, or None if not tried
 
 
 Results = Mapping[str, Sequence[Row]]  # by function

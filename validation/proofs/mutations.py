@@ -8,7 +8,8 @@ of the functions in TARGETS is flipped in sign, dropped, and made 1 % larger. Ea
     python validation/proofs/mutations.py flatness        only targets whose name contains this
     python validation/proofs/mutations.py --write         also write mutations.json, which `make docs` reads
 
-Functions run uncompiled. Each mutant runs in a forked copy of one process, which has loaded all modules.
+Functions run uncompiled. Each mutant runs in a forked copy of one process, which has loaded all modules. The
+test that mutations.json names for a mutant runs first, and the others of its suite only if that one passes.
 """
 
 import os
@@ -301,8 +302,11 @@ class FirstFailure:
             self.test = report.nodeid
 
 
-def run_suite(files: list[str], mutant: Mutant | None) -> str | None:
-    """Run the tests on a mutant in a forked process, and return the test that failed, if any."""
+def run_suite(files: list[str], mutant: Mutant | None, name: str = "") -> str | None:
+    """Run the tests on a mutant in a forked process, and return the test that failed, if any.
+
+    `name` restricts them to the tests whose names contain it.
+    """
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
@@ -316,7 +320,7 @@ def run_suite(files: list[str], mutant: Mutant | None) -> str | None:
             if mutant is not None:
                 install(mutant)
                 disable_stored_plans()
-            code = pytest.main(_pytest_arguments(files), plugins=[failure])
+            code = pytest.main(_pytest_arguments(files, name), plugins=[failure])
             outcome = failure.test or ("passed" if code == 0 else f"pytest exit code {int(code)}")
         except BaseException as error:
             outcome = f"{type(error).__name__}: {error}"
@@ -329,8 +333,9 @@ def run_suite(files: list[str], mutant: Mutant | None) -> str | None:
     return outcome.removeprefix("passed") or None
 
 
-def _pytest_arguments(files: list[str]) -> list[str]:
-    options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-k", f"not ({EXCLUDED_TESTS})"]
+def _pytest_arguments(files: list[str], name: str) -> list[str]:
+    selected = f"{name} and not ({EXCLUDED_TESTS})" if name else f"not ({EXCLUDED_TESTS})"
+    options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-k", selected]
     # Without explanations of failures, pytest need not rewrite and compile every file of the package.
     options += ["--assert=plain", "-p", "no:hypothesispytest"]
     return [*options, "--rootdir", str(ROOT), *(str(ROOT / file) for file in files)]
@@ -361,22 +366,48 @@ def _load_modules(mutants: list[Mutant]) -> None:
 
 
 def check_mutant(mutant: Mutant) -> Verdict:
-    """Run the tests on one mutant."""
-    return Verdict(mutant, run_suite(suite_of(mutant), mutant))
+    """Run the tests on one mutant: first the one that mutations.json names, then all."""
+    suite = suite_of(mutant)
+    recorded = _recorded_tests().get((*_row_of(mutant), mutant.operation), "")
+    file, _, name = recorded.partition("::")
+    if files := [each for each in suite if name and each.endswith(f"/{file}")]:
+        failed = run_suite(files, mutant, name)
+        if failed and _short_name(failed).endswith(f"::{name}"):
+            return Verdict(mutant, failed)
+    return Verdict(mutant, run_suite(suite, mutant))
+
+
+@functools.cache
+def _recorded_tests() -> dict[tuple[str, int, str, str], str]:
+    """Return the tests of mutations.json by function, number of the term, its text, and operation."""
+    return {
+        (function, term, row.term, kind): test
+        for function, rows in (read_results(DATA) if DATA.exists() else {}).items()
+        for term, row in enumerate(rows)
+        for kind, test in zip(KINDS, row.tests, strict=False)
+        if test
+    }
+
+
+def _row_of(mutant: Mutant) -> tuple[str, int, str]:
+    """Return function, number and text of the term of a mutant."""
+    return f"{mutant.module}.{mutant.function}", mutant.term, " ".join(mutant.text.split())
 
 
 def results_of(verdicts: list[Verdict]) -> Results:
     """Return the results by function, with a row for each term and the short names of the failed tests."""
-    functions: dict[str, dict[tuple[int, str, int], dict[str, str]]] = {}
+    functions: dict[str, dict[tuple[int, int, str], dict[str, str]]] = {}
     for verdict in verdicts:
-        m = verdict.mutant
-        rows = functions.setdefault(f"{m.module}.{m.function}", {})
-        failed = rows.setdefault((m.line, " ".join(m.text.split()), m.term), {})
-        failed[m.operation] = _short_name(verdict.failed_test) if verdict.failed_test else SURVIVED
+        function, term, text = _row_of(verdict.mutant)
+        rows = functions.setdefault(function, {})
+        failed = rows.setdefault((verdict.mutant.line, term, text), {})
+        failed[verdict.mutant.operation] = (
+            _short_name(verdict.failed_test) if verdict.failed_test else SURVIVED
+        )
     return {
         function: [
             Row(line, text, tuple(failed.get(kind) for kind in (KINDS if INDEX in failed else OPERATIONS)))
-            for (line, text, _), failed in rows.items()
+            for (line, _, text), failed in rows.items()
         ]
         for function, rows in functions.items()
     }
@@ -391,7 +422,7 @@ def merge(new: Results, previous: Results) -> Results:
 
 def _short_name(test: str) -> str:
     """Return file and name of a test, without folder and parameters."""
-    return test.split("/")[-1].split("[")[0].removesuffix(".py")
+    return test.split("[")[0].split("/")[-1].removesuffix(".py")
 
 
 def main() -> int:

@@ -21,7 +21,7 @@ from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.simulate import simulate_run
 from cranectl.simulate.memory import check_several
-from cranectl.support.errors import unknown_name
+from cranectl.support.errors import check_known
 
 Progress = Callable[[float], None]  # called with simulated seconds
 
@@ -152,8 +152,7 @@ def error_budget(
     Raises InputError for an unknown level or controller. Before any run, it also raises InputError for
     settings that a level does not allow.
     """
-    if top not in LEVELS:
-        raise unknown_name("fidelity level", top, LEVELS)
+    check_known("fidelity level", [top], LEVELS)
     levels = LEVELS[: LEVELS.index(top) + 1]
     scenarios = level_scenarios(scenario, levels)
     check_steps(scenario, scenarios[LEVELS.index("servos") :])

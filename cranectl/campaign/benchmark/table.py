@@ -16,7 +16,7 @@ from cranectl.campaign.benchmark.trials import Trial
 from cranectl.campaign.summary import EFFORT, Columns, effort, failed
 from cranectl.metrics.table import DRIVES
 from cranectl.support.arrays import Array, Mask
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.errors import InputError, check_known
 from cranectl.support.files import open_input, replacing
 
 VARIATION = "variation_m_s2"  # sum of the command variations of all drives
@@ -181,9 +181,7 @@ def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
 
 def select_controllers(table: BenchmarkTable, controllers: Collection[str]) -> BenchmarkTable:
     """Return the table with the trials of `controllers` only; raise InputError if one has no trials."""
-    for controller in controllers:
-        if controller not in table.about["laws"]:
-            raise unknown_name("controller of the table", controller, table.about["laws"])
+    check_known("controller of the table", controllers, table.about["laws"])
     about = {
         part: {name: facts for name, facts in table.about[part].items() if name in controllers}
         for part in ("laws", "tuned")

@@ -29,7 +29,7 @@ from cranectl.scenario.load import read_scenario
 from cranectl.scenario.similarity import size_of
 from cranectl.support import resources
 from cranectl.support.documents import leaves
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support.errors import InputError, check_known
 from cranectl.support.provenance import FINGERPRINT_DIGITS, syntax_of
 
 Division = Literal["published", "tuned"]  # controllers with default numbers, or with tuned ones
@@ -93,9 +93,7 @@ def trials_of(
     """
     known = sets_of(benchmark)
     for kind, names, allowed in (("set", sets, known), ("scenario", scenarios, benchmark.scenarios)):
-        for name in names:
-            if name not in allowed:
-                raise unknown_name(f"{kind} of {benchmark.name}", name, allowed)
+        check_known(f"{kind} of {benchmark.name}", names, allowed)
     plants = (benchmark.plant, benchmark.second_plant)
     return [
         Trial(division, plant, name, scenario, controller)

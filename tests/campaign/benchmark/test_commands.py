@@ -25,7 +25,7 @@ RUN = "cranectl benchmark run small.toml --out out"
 REPORT = "cranectl benchmark report out --benchmark small.toml"
 REPORT_TABLE = "cranectl benchmark report all.parquet --benchmark small.toml"
 NOMINAL = "--set-of-cranes nominal"
-SERVO = "--controller ./servo.py:SERVO"  # named by the command, not by the file of the benchmark
+SERVO = "--controller servo.py:SERVO"  # the command names it, so --trust is not needed
 
 
 @pytest.fixture
