@@ -51,7 +51,7 @@ class Set:
 PACKAGE = ("cranectl/**/*.py", "validation/**/*.py")  # for tests that run many commands
 PACKAGE_DATA = ("cranectl/**/*", "validation/**/*")
 PAGES = ("docs/**/*", "examples/**/*", "*.md", "LICENSE", "CITATION.cff", "pyproject.toml")
-TOOLS = ("analysis", "export", "fuzz", "live", "loaders", "measured", "render", "report")
+TOOLS = ("analysis", "campaign", "cases", "export", "fuzz", "live", "loaders", "measured", "render", "report")
 SETS = {
     "tools": Set(
         modules=(*PACKAGE, *(f"tests/{name}/**/*.py" for name in TOOLS)),
