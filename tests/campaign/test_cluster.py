@@ -25,7 +25,6 @@ from cranectl.cli.main import main
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import provenance
 from tests.campaign.results import parts_of
-from tests.conftest import ROOT
 from tests.pace import HANG
 from tests.shadowing_modules import write_shadowing_modules
 
@@ -197,21 +196,6 @@ def test_a_scheduler_without_workers(refused: Refused, monkeypatch: pytest.Monke
     with LocalCluster(n_workers=0, processes=False, protocol="tcp://", **NO_DASHBOARD) as empty:
         error = refused(*RUN, "--scheduler", empty.scheduler_address)
     assert re.search(r"has no workers[^$]*--nworkers 16", error)
-
-
-def test_no_recipe_opens_a_scheduler_to_everybody(capsys: pytest.CaptureFixture[str]) -> None:
-    """Everybody who reaches a scheduler can run programs, and by default it listens on all addresses."""
-    recipes = []
-    for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
-        text = page.read_text()
-        commands = re.findall("^dask (?:scheduler|worker) .*$", text, re.MULTILINE)
-        assert not commands or ("runs programs on it" in text and "tls://" in text)
-        recipes += commands
-    assert recipes
-    assert all(re.search(r" --host 10[.\d]+ ", recipe) for recipe in recipes)
-    assert main(["campaign", "run", "--help"]) == 0
-    help_text = " ".join(capsys.readouterr().out.split())
-    assert "Whoever reaches it runs programs there: start it with --host" in help_text
 
 
 def test_dask_s_usual_port_may_be_taken() -> None:

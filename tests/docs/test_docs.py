@@ -192,3 +192,18 @@ def test_every_test_that_the_page_of_promises_names_exists() -> None:
     for file, name in named:
         text = (ROOT / "tests" / file).read_text(encoding="utf-8")
         assert re.search(rf"^def {name}\(", text, re.MULTILINE), f"{file}::{name}"
+
+
+def test_no_recipe_opens_a_scheduler_to_everybody(capsys: pytest.CaptureFixture[str]) -> None:
+    """Everybody who reaches a scheduler can run programs, and by default it listens on all addresses."""
+    recipes = []
+    for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
+        text = page.read_text()
+        commands = re.findall("^dask (?:scheduler|worker) .*$", text, re.MULTILINE)
+        assert not commands or ("runs programs on it" in text and "tls://" in text)
+        recipes += commands
+    assert recipes
+    assert all(re.search(r" --host 10[.\d]+ ", recipe) for recipe in recipes)
+    assert main(["campaign", "run", "--help"]) == 0
+    help_text = " ".join(capsys.readouterr().out.split())
+    assert "Whoever reaches it runs programs there: start it with --host" in help_text

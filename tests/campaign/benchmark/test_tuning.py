@@ -81,10 +81,17 @@ def test_tuning_improves_controller_and_keeps_all_points(tiny: Benchmark) -> Non
         assert np.all((np.abs(values) >= variable.low) & (np.abs(values) <= variable.high))
 
 
-def test_written_numbers_give_the_same_cost(tiny: Benchmark, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["tune", "mine.py:MINE", "--benchmark", "tiny.toml", "--runs", "13", "--out", "out"]) == 2
+def test_a_file_that_only_a_benchmark_elsewhere_names_needs_trust(
+    tiny: Benchmark, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tiny.file.parent / "elsewhere").mkdir()
+    monkeypatch.chdir(tiny.file.parent / "elsewhere")
+    assert main(["tune", "mine.py:MINE", "--benchmark", "../tiny.toml", "--runs", "13", "--out", "out"]) == 2
     assert "--trust" in capsys.readouterr().err
-    command = ["tune", "mine.py:MINE", "--benchmark", "tiny.toml", "--trust", "--out", "out", "--runs", "13"]
+
+
+def test_written_numbers_give_the_same_cost(tiny: Benchmark, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["tune", "mine.py:MINE", "--benchmark", "tiny.toml", "--out", "out", "--runs", "13"]
     assert main([*command, "--json", "output.json"]) == 0
     assert "controller.mine.stiffness" in capsys.readouterr().out
     written, points = read_toml(Path("out/mine.toml")), parquet.read_table("out/mine.parquet")
