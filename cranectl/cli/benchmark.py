@@ -27,10 +27,11 @@ BAR = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), Time
 def measured_controllers(
     benchmark: "Benchmark", named: Sequence[str] = (), *, trust: bool = False
 ) -> tuple[str, ...]:
-    """Return names of the controllers `named`, as `benchmark` names them or as ever; by default of all its.
+    """Return the names of the controllers `named`, by default of all controllers of `benchmark`.
 
-    Files of controllers are opened. If only somebody else's benchmark names a file, `trust` is needed.
-    Raises InputError for an unknown name.
+    Files of controllers are opened. A file that `benchmark` names needs `trust`, unless the benchmark is one
+    of ours, or `named` has the file and the benchmark is in the working directory. Raises InputError for an
+    unknown name.
     """
     from cranectl.controllers.registry import checked_controller
 

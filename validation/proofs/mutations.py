@@ -370,7 +370,7 @@ def check_mutant(mutant: Mutant) -> Verdict:
     suite = suite_of(mutant)
     recorded = _recorded_tests().get((*_row_of(mutant), mutant.operation), "")
     file, _, name = recorded.partition("::")
-    if files := [each for each in suite if name and each.endswith(f"/{file}")]:
+    if files := [path for path in suite if name and path.endswith(f"/{file}")]:
         failed = run_suite(files, mutant, name)
         if failed and _short_name(failed).endswith(f"::{name}"):
             return Verdict(mutant, failed)
