@@ -19,7 +19,7 @@ from cranectl.controllers.registry import controller_digests, load_controller, r
 from cranectl.loaders.opening import ControllerFile, close_controllers, complete_copy_of, open_controller
 from cranectl.planning import load_scenario, plan
 from cranectl.plants.registry import PLANTS, PlantEntry, plant_sources
-from cranectl.support import jit, kept
+from cranectl.support import kept, sources
 from cranectl.support.documents import toml_text
 from cranectl.support.errors import InputError
 
@@ -132,8 +132,8 @@ def registered(folder: Path, value: str) -> object:
 
 def compiled(folder: Path, value: str) -> object:
     """Return the digest that identifies a cache of compiled code; it also depends on the folder."""
-    jit._PACKAGE = folder
-    return jit.sources_digest(put(folder, "kernel.py", "from cranectl.beside import K\nVALUE", value))
+    sources.PACKAGE = folder
+    return sources.sources_digest(put(folder, "kernel.py", "from cranectl.beside import K\nVALUE", value))
 
 
 def planned(folder: Path, value: str) -> object:
@@ -163,7 +163,7 @@ BY_IMPORT_ONLY = ("helper",)
 @pytest.fixture(autouse=True)
 def _clean_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path)
-    monkeypatch.setattr(jit, "_PACKAGE", jit._PACKAGE)
+    monkeypatch.setattr(sources, "PACKAGE", sources.PACKAGE)
     monkeypatch.setattr(sys, "path", sys.path[:])
     yield
     close_controllers()

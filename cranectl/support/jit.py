@@ -13,7 +13,6 @@ import inspect
 import multiprocessing
 import os
 import pickle
-import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from io import BytesIO
@@ -35,18 +34,17 @@ from cranectl.support.compiled_step import BareStep, CompiledStep
 from cranectl.support.compilers import LinkedCompiler, PausingCompiler
 from cranectl.support.directories import cache_directory, is_own
 from cranectl.support.errors import printable
+from cranectl.support.sources import PACKAGE, sources_digest
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 # Numba sets its configuration as attributes at run time; no type checker knows them.
 _numba_config: Any = numba.config
-_PACKAGE = Path(__file__).parents[1]
 _COMPILER = f"numba {numba.__version__}, llvmlite {llvmlite.__version__}, numpy {np.__version__}"
 UNCOMPILED = bool(_numba_config.DISABLE_JIT)  # as NUMBA_DISABLE_JIT asks
 STEP = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.POINTER(ctypes.c_double)] * 5)
 _CALLBACKS: list[Any] = []  # to uncompiled steps, whose addresses are in use
 _DIGEST_SIZE = hashlib.sha256().digest_size
-_IMPORT = re.compile(r"^\s*(?:from|import)\s+cranectl\b([.\w]*)(?:\s+import\s+(\([^)]*\)|.*))?", re.MULTILINE)
 
 
 def jit(function: F) -> F:
@@ -117,7 +115,7 @@ def address_of(step: Callable[..., int]) -> int:
         _CALLBACKS.append(callback)
         return ctypes.cast(callback, ctypes.c_void_p).value or 0
     compiled: Any = CompiledStep(step)
-    if (file := Path(step.__code__.co_filename)).is_relative_to(_PACKAGE):
+    if (file := Path(step.__code__.co_filename)).is_relative_to(PACKAGE):
         compiled._cache = _Cache(step, sources_digest(file))
     compiled.compile()
     return int(compiled.address)
@@ -257,36 +255,3 @@ class _CheckedFile(IndexDataCacheFile):
 
 class _DamageError(Exception):
     """A cached file has been changed, was made from other sources, or belongs to another user."""
-
-
-def sources_digest(*paths: Path) -> str:
-    """Return a digest of source files and of all package files that they import, directly or not."""
-    waiting, seen = list(paths), set(paths)
-    while waiting:
-        new = _imported(waiting.pop()) - seen
-        seen |= new
-        waiting += new
-    digest = hashlib.sha256()
-    for file in sorted(seen):
-        digest.update(_source(file).encode() + b"\0")
-    return digest.hexdigest()
-
-
-@functools.cache
-def _imported(path: Path) -> frozenset[Path]:
-    """Return the files of the package that a source file imports."""
-    files: set[Path | None] = set()
-    for match in _IMPORT.finditer(_source(path)):
-        module = _PACKAGE.joinpath(*match[1].split("."))
-        parts = [_file(module / name) for name in re.findall(r"\w+", match[2] or "")]
-        files.update(parts if parts and all(parts) else [*parts, _file(module)])
-    return frozenset(file for file in files if file)
-
-
-def _file(module: Path) -> Path | None:
-    return next(filter(Path.is_file, (module.with_suffix(".py"), module / "__init__.py")), None)
-
-
-@functools.cache
-def _source(path: Path) -> str:
-    return path.read_text(encoding="utf-8")

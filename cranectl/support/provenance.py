@@ -31,7 +31,7 @@ FINGERPRINT_DIGITS = 16  # of a fingerprint, hexadecimal
 
 def provenance() -> dict[str, str]:
     """Return versions and fingerprints of this program by name; some 10 ms the first time in a process."""
-    return {**_installed(), **fingerprints(), **_extensions()}
+    return {**installed(), **fingerprints(), **extensions()}
 
 
 @functools.cache
@@ -50,7 +50,7 @@ def fingerprints() -> dict[str, str]:
 
 
 @functools.cache
-def _extensions() -> dict[str, str]:
+def extensions() -> dict[str, str]:
     """Return versions of the packages that add metrics or plants, and digests of their sources."""
     entries = [entry for group in GROUPS for entry in importlib.metadata.entry_points(group=group)]
     versions = {entry.dist.name: entry.dist.version for entry in entries if entry.dist}
@@ -136,7 +136,8 @@ def provenance_differences(
 
 
 @functools.cache
-def _installed() -> dict[str, str]:
+def installed() -> dict[str, str]:
+    """Return the versions of Python and of the packages that decide numbers, and the kind of machine."""
     versions = {name: importlib.metadata.version(name) for name in PACKAGES}
     return {"python": platform.python_version(), **versions, "machine": platform.machine()}
 

@@ -48,7 +48,7 @@ def test_other_settings_are_another_design() -> None:
 @pytest.mark.parametrize("damage", [b"", b"garbage\n{}", b"\xff"])
 def test_what_is_damaged_is_computed_again(tmp_path: Path, damage: bytes) -> None:
     gain = fresh("lqr").gain
-    (file,) = tmp_path.rglob("*.json")
+    (file,) = tmp_path.glob("designs/*.json")
     whole = file.read_bytes()
     for content in (damage, whole.replace(b"100", b"101", 1), whole[:-1]):
         file.write_bytes(content)
@@ -59,7 +59,7 @@ def test_what_is_damaged_is_computed_again(tmp_path: Path, damage: bytes) -> Non
 def test_other_software_is_another_design(monkeypatch: pytest.MonkeyPatch) -> None:
     fresh("lqr")
     compute_never(monkeypatch)
-    monkeypatch.setattr(kept, "provenance", lambda: {"sources": "other"})
+    monkeypatch.setattr(kept, "installed", lambda: {"scipy": "other"})
     with pytest.raises(AssertionError, match="computed again"):
         fresh("lqr")
 
@@ -75,7 +75,7 @@ def test_a_place_that_cannot_be_written_costs_time_only(
 def test_settings_that_nothing_can_meet_are_kept_nowhere(tmp_path: Path) -> None:
     with pytest.raises(InputError):
         fresh("lqr+hinf", DesignSettings.model_validate({"hinf": {"gamma": 1e-3}}))
-    assert not list(tmp_path.rglob("*.json"))
+    assert not list(tmp_path.glob("designs/*.json"))
 
 
 def test_a_run_loads_no_library_of_control_theory(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.support import directories, jit
+from cranectl.support import directories, jit, sources
 
 
 @pytest.fixture(autouse=True)
@@ -26,7 +26,7 @@ def test_a_change_in_an_imported_module_counts(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, through: str
 ) -> None:
     """Numba would not notice a change in a callee of another file; the digest of the sources does."""
-    monkeypatch.setattr(jit, "_PACKAGE", tmp_path)
+    monkeypatch.setattr(sources, "PACKAGE", tmp_path)
     b = "    from cranectl.sub import (\n    z,\n)"
     contents = {"a": through, "b": b, "sub/__init__": "z = 1", "d": ""}
     (tmp_path / "sub").mkdir()
@@ -34,9 +34,9 @@ def test_a_change_in_an_imported_module_counts(
         (tmp_path / f"{name}.py").write_text(text)
 
     def digest() -> str:
-        jit._source.cache_clear()
-        jit._imported.cache_clear()
-        return jit.sources_digest(tmp_path / "a.py")
+        sources.source_of.cache_clear()
+        sources._imported.cache_clear()
+        return sources.sources_digest(tmp_path / "a.py")
 
     before = digest()
     (tmp_path / "d.py").write_text("not imported")
@@ -48,10 +48,7 @@ def test_a_change_in_an_imported_module_counts(
 def test_kernels_depend_on_every_module_that_they_call() -> None:
     """What the loop over the analytic plant is compiled from, but not the command line."""
     package = Path(jit.__file__).parents[1]
-    seen, waiting = set(), [package / "simulate/loops.py", package / "plants/analytic.py"]
-    while waiting:
-        seen.add(waiting[-1])
-        waiting += jit._imported(waiting.pop()) - seen
+    seen = sources.imported_files(package / "simulate/loops.py", package / "plants/analytic.py")
     names = {str(path.relative_to(package)) for path in seen}
     kernels = {"model/dynamics.py", "controllers/flat.py", "plants/surroundings.py", "plants/dop853.py"}
     assert {*kernels, "signals.py"} <= names

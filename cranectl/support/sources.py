@@ -1,0 +1,48 @@
+"""Find the source files of the package on which a module depends, so that results can be kept by them."""
+
+import functools
+import hashlib
+import re
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[1]
+_IMPORT = re.compile(r"^\s*(?:from|import)\s+cranectl\b([.\w]*)(?:\s+import\s+(\([^)]*\)|.*))?", re.MULTILINE)
+
+
+def sources_digest(*paths: Path) -> str:
+    """Return a digest of source files and of all package files that they import, directly or not."""
+    digest = hashlib.sha256()
+    for file in imported_files(*paths):
+        digest.update(source_of(file).encode() + b"\0")
+    return digest.hexdigest()
+
+
+def imported_files(*paths: Path) -> list[Path]:
+    """Return source files and all package files that they import, directly or not, sorted."""
+    waiting, seen = list(paths), set(paths)
+    while waiting:
+        new = _imported(waiting.pop()) - seen
+        seen |= new
+        waiting += new
+    return sorted(seen)
+
+
+@functools.cache
+def source_of(path: Path) -> str:
+    """Return the text of a source file, read once in a process."""
+    return path.read_text(encoding="utf-8")
+
+
+@functools.cache
+def _imported(path: Path) -> frozenset[Path]:
+    """Return the files of the package that a source file imports."""
+    files: set[Path | None] = set()
+    for match in _IMPORT.finditer(source_of(path)):
+        module = PACKAGE.joinpath(*match[1].split("."))
+        parts = [_file(module / name) for name in re.findall(r"\w+", match[2] or "")]
+        files.update(parts if parts and all(parts) else [*parts, _file(module)])
+    return frozenset(file for file in files if file)
+
+
+def _file(module: Path) -> Path | None:
+    return next(filter(Path.is_file, (module.with_suffix(".py"), module / "__init__.py")), None)
