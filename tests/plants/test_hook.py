@@ -1,5 +1,7 @@
 """The mass of the hook: weight and modes in closed form, and plants that agree in closed loop."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -10,6 +12,7 @@ from cranectl.plants.elastic.plant import ElasticPlant
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.effects import Body, EffectSettings, Rope
 from cranectl.simulate import simulate_run
+from tests.conftest import ROOT
 from tests.plants.cranes import HANGING, RIG, make, simulate
 
 HOOK = Body(hook_offset=0.3, inertia=2e-3, swing_damping=0.0, hook_mass=0.4)
@@ -36,6 +39,33 @@ def test_a_rope_that_gives_bears_and_damps_both(name: str) -> None:
     assert stretch == pytest.approx(1.4 * RIG.gravity * hanging / rope.stiffness, rel=1e-9)
     views = plant.crane if isinstance(plant, ElasticPlant) else plant.handle.rope
     assert views.viscosity[0] == pytest.approx(2.0 * 0.1 * np.sqrt(rope.stiffness * 1.4 * hanging), rel=1e-12)
+
+
+def documented(symbol: str, **values: float) -> float:
+    """Return what the page on effects gives for `symbol`; `values` are those of its letters."""
+    page = (ROOT / "docs/explanation/effects.md").read_text(encoding="utf-8")
+    (formula,) = re.findall(rf" {symbol} = (2 d .*)$", page, re.MULTILINE)
+    product = re.sub(r"(?<=[\w)]) (?=[\w(√])", " * ", formula).replace("√", "sqrt").replace("₀", "0")
+    return float(eval(product, {"sqrt": np.sqrt, **values}))
+
+
+@pytest.mark.parametrize("hook", [0.0, 0.4, 3.0])
+@pytest.mark.parametrize("name", NAMES)
+def test_the_rope_damps_as_the_page_says(name: str, hook: float) -> None:
+    """The winch jerks the load. Two samples predict the next, and the poles tell stiffness and damping."""
+    body = HOOK.model_copy(update={"hook_mass": hook})
+    rope, hanging = Rope(stiffness=500.0, mass=0.0, damping_ratio=0.1), HANGING[4] - HOOK.hook_offset
+    plant, step = make(name, EffectSettings(body=body, rope=rope)), 1e-3
+    simulate(plant, 6, command=lambda k: (0.0, 0.0, 10.0 if k < 3 else -10.0))
+    _, loads = simulate(plant, 600)
+    height = loads[::10, 2]
+    before = np.column_stack([height[1:-1], height[:-2], np.ones(len(height) - 2)])
+    (first, second, _), *_ = np.linalg.lstsq(before, height[2:], rcond=None)
+    pole = np.log(np.roots([1.0, -first, -second]).astype(complex)[0]) / (10.0 * step)
+    both, stiffness = RIG.load_mass + hook, rope.stiffness / hanging
+    assert abs(pole) ** 2 * both == pytest.approx(stiffness, rel=1e-3)
+    damping = documented("C₀", d=rope.damping_ratio, K0=stiffness, m=RIG.load_mass, m_h=hook)
+    assert -2.0 * pole.real * both == pytest.approx(damping, rel=1e-3)
 
 
 @pytest.mark.parametrize("axis", range(2))
