@@ -47,9 +47,12 @@ class Fmu:
         except Exception as error:  # of many classes
             raise wrong(file, f"its description cannot be read: {' '.join(str(error).split())}") from None
         if description.fmiVersion not in ("2.0", "3.0"):
-            raise wrong(file, f"it has version {description.fmiVersion} of FMI")
+            raise wrong(
+                file, f"it has version {description.fmiVersion} of FMI", remedy="export it as FMI 2.0 or 3.0"
+            )
         if description.coSimulation is None:
-            raise wrong(file, "it is for model exchange only: it would need a solver of its importer")
+            kind = "model exchange" if description.modelExchange else "scheduled execution"
+            raise wrong(file, f"it is for {kind} only", remedy="export it for co-simulation")
         self.file, self.description, self.kind = file, description, description.coSimulation
         self.fmi = int(description.fmiVersion[0])
         platform = fmpy.platform if self.fmi == 2 else fmpy.platform_tuple

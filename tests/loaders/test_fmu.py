@@ -228,11 +228,11 @@ ARRAY = """<Float64 name="state.alpha" valueReference="40" causality="input" sta
 <Dimension start="2"/></Float64>"""
 BOOLEAN = """<ScalarVariable name="state.alpha" valueReference="40" causality="input" variability="discrete">
 <Boolean start="true"/></ScalarVariable>"""
+FMI1 = '"1.0" modelIdentifier="law" numberOfContinuousStates="0" numberOfEventIndicators="0"'
 BAD: dict[str, Callable[[Path], Path]] = {  # what the error says
     "cannot be unpacked": _no_zip,
     "allowed: an FMU for co-simulation, FMI 2.0 or 3.0": _changed(2, '"2.0"', '"1.0"'),
     "description cannot be read": lambda path: fmu(path, 2, xml="<a"),
-    "model exchange only": _changed(2, "CoSimulation", "ModelExchange"),
     "no binary binaries/linux64/x.so, it has linux64": _changed(2, 'Identifier="law"', 'Identifier="x"'),
     "input 'state.x'": _renamed("state.rope_length", "state.x"),
     "which is no identifier of C": _escape,
@@ -255,6 +255,24 @@ BAD: dict[str, Callable[[Path], Path]] = {  # what the error says
 @pytest.mark.parametrize("found", BAD)
 def test_what_is_no_fmu_to_run_is_refused(found: str, tmp_path: Path) -> None:
     refused(BAD[found](tmp_path / "law.fmu"), found)
+
+
+@pytest.mark.parametrize(
+    ("change", "found", "remedy", "good"),
+    [
+        (_changed(2, "CoSimulation", "ModelExchange"), "model exchange", "for co-simulation", 2),
+        (_changed(3, "CoSimulation", "ModelExchange"), "model exchange", "for co-simulation", 3),
+        (_changed(3, "CoSimulation", "ScheduledExecution"), "scheduled execution", "for co-simulation", 3),
+        (_changed(2, '"2.0"', FMI1), "version 1.0", "as FMI 2.0 or 3.0", 2),
+    ],
+)
+def test_another_kind_of_fmu_is_to_be_exported_as_one_that_runs(
+    change: Callable[[Path], Path], found: str, remedy: str, good: int, tmp_path: Path
+) -> None:
+    path = tmp_path / "law.fmu"
+    refused(change(path), found, f"remedy:  export it {remedy}")
+    path.unlink()
+    assert open_controller(str(fmu(path, good)))
 
 
 @pytest.mark.parametrize(
