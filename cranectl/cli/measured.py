@@ -175,12 +175,20 @@ def judge_logs(
             remedy="cranectl validate LOG --rig identified.toml --tolerance 5mm",
         )
     accepted = None if tolerance is None else _length(tolerance)
-    runs = {name: measured_run(Path(name)) for name in names}
+    runs, repeated = _distinct_runs(names)
     verdicts = judge(runs, read_fit(Path(rig)), tolerance=accepted)
     good = [verdict.answer in (COVERED, WITHIN_TOLERANCE) for verdict in verdicts]
     screen.print(verdict_table(verdicts))
     screen.print(verdict_sentence(verdicts))
-    screen.write_json({"tolerance_m": accepted, "verdicts": [verdict.to_json() for verdict in verdicts]})
+    screen.print_each(
+        f"{name} is given twice, and judged once"
+        if name == first
+        else f"{name} has the readings of {first}, and is judged with it"
+        for name, first in repeated
+    )
+    told = [{"name": name, "same_as": first} for name, first in repeated]
+    facts = [verdict.to_json() for verdict in verdicts]
+    screen.write_json({"tolerance_m": accepted, "verdicts": facts, "repeated": told})
     if junit is not None:
         again = f"again: {command_given()}"
         cases = [
@@ -191,6 +199,23 @@ def judge_logs(
     if report is not None:
         screen.save_page(verdict_page(verdicts, accepted, command_given()), report)
     return exit_codes.GOOD if all(good) else exit_codes.LIMIT_EXCEEDED
+
+
+def _distinct_runs(names: Sequence[str]) -> tuple[dict[str, "Run"], list[tuple[str, str]]]:
+    """Return measured runs by name, and each further name of one with the name of the first."""
+    from cranectl.measured.identity import readings_digest
+
+    runs: dict[str, Run] = {}
+    first_of: dict[str, str] = {}  # name by digest
+    repeated = []
+    for name in names:
+        run = runs[name] if name in runs else measured_run(Path(name))
+        first = first_of.setdefault(readings_digest(run), name)
+        if first in runs:
+            repeated.append((name, first))
+        else:
+            runs[name] = run
+    return runs, repeated
 
 
 def _length(text: str) -> float:

@@ -227,6 +227,17 @@ def test_the_answers_of_the_command_line(
     figures = [text for text in re.findall(r"<text[^>]*>([^<]*)</text>", page) if "load" in text]
     assert figures == 2 * ["α, at the load [m]", "β, at the load [m]"]
     assert main(["validate", "gusts.mcap", "--rig", "mine.toml", "--tolerance", "5cm"]) == 0
+    Path("copy.mcap").write_bytes(Path("new.mcap").read_bytes())
+    again = ["validate", "new.mcap", "new.mcap", "./new.mcap", "copy.mcap", "--rig", "mine.toml"]
+    capsys.readouterr()
+    assert main([*again, "--json", "r.json", "--junit", "r.xml"]) == 0
+    said = capsys.readouterr().out
+    assert "new.mcap is given twice, and judged once" in said
+    assert "copy.mcap has the readings of new.mcap, and is judged with it" in said
+    facts = json.loads(Path("r.json").read_text())
+    assert facts["verdicts"] == json.loads(Path("v.json").read_text())["verdicts"]
+    assert facts["repeated"] == [{"name": n, "same_as": "new.mcap"} for n in ("new.mcap", *again[3:5])]
+    assert len(list(ElementTree.parse("r.xml").getroot().iter("testcase"))) == 1
     refused = {
         (*judged, "--tolerance", "5"): "write --tolerance 5mm",
         (*judged, "--jobs", "2"): "leave out --jobs",
