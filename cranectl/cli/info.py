@@ -26,10 +26,14 @@ if TYPE_CHECKING:
 @command.predict_option
 @command.json_option
 def info_command(file: Path, request: command.ScenarioRequest, as_is: bool, screen: Screen) -> int:
-    """Show what a log contains, or what crane a model file is.
+    """Show what a log, a rig, a scenario or a crane's model file is.
 
     Of a log: scenario, design, parameters, versions, topics and verdict. Every message and checksum is
     read. A damaged file is refused with the reason.
+
+    Of a rig, a name or TOML file: each number, and whether a file states it, or it is scaled to the size
+    of the crane, or assumed as for the laboratory rig. Of a scenario, a name or TOML file: its reference,
+    effects, limits and settings. --rig and --set change what is shown.
 
     Of a model in MJCF, a file that ends in '.xml': its drives, the numbers of a rig that it has, and how
     it differs from the rigid crane of the other plants, and what to write into a rig file. Exit code 1
@@ -37,21 +41,36 @@ def info_command(file: Path, request: command.ScenarioRequest, as_is: bool, scre
 
     \b
     cranectl info logs/fixed-position/lqr-ideal.mcap
+    cranectl info my-rig.toml
+    cranectl info fixed-position --rig harbour-crane
     cranectl info mine.xml --set rig.plant.names.load=hook
     """
-    from cranectl.plants.model_files import MODEL_ENDING
+    from cranectl.cli.info_settings import kind_of, print_rig, print_scenario
 
-    if file.suffix == MODEL_ENDING:
+    kind, request = kind_of(file), request._replace(source=str(file))
+    if as_is and kind != "model":
+        raise InputError(
+            f"--as-is with {file}, which is no model",
+            allowed="--as-is with a model, a file that ends in .xml",
+            remedy="leave out --as-is",
+        )
+    if kind == "model":
+        request = request._replace(source=None)
         scenario = request.read()
         print_idle(screen, idle_lines(scenario, request, (), unread=("[!r]*", "rig.[!p]*")))
         return _print_model(file, scenario.rig.plant.names, as_is=as_is, screen=screen)
-    if as_is or request.rig or request.overrides:
-        raise InputError(
-            f"--as-is, --rig or --set with {file}",
-            allowed=f"these options with a model, a file that ends in {MODEL_ENDING}",
-            remedy="leave these options out",
-        )
-    _print_log(file, screen)
+    if kind == "rig":
+        print_rig(request, screen)
+    elif kind == "scenario":
+        print_scenario(request, screen)
+    else:
+        if request.rig or request.overrides:
+            raise InputError(
+                f"--rig or --set with the log {file}",
+                allowed="these options with a model, a rig or a scenario",
+                remedy="leave these options out",
+            )
+        _print_log(file, screen)
     return exit_codes.GOOD
 
 

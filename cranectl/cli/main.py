@@ -52,7 +52,7 @@ COMMANDS = {
     },
     "Look": {
         "list": "List scenarios, rigs, controllers, plants and drives.",
-        "info": "Show what a log contains, or what crane a model file is.",
+        "info": "Show what a log, a rig, a scenario or a crane's model file is.",
         "compare": "Compare the plants of one LOG, two LOGs, or a crane with models.",
         "report": "Write runs, or the thesis, as one page of figures and tables.",
         "render": "Draw LOG as a video, or one moment of it as a picture.",

@@ -115,7 +115,7 @@ def rig_table(name_or_path: str | Path) -> Table:
 
     Parameters that neither its file nor a file that it extends has are scaled from the laboratory rig.
     """
-    *above, (_, whole) = _rig_files(name_or_path)
+    *above, (_, whole) = rig_files(name_or_path)
     if "load_mass" in whole:
         whole = {"rated_load": whole["load_mass"], **whole}
     for _, table in reversed(above):
@@ -123,7 +123,7 @@ def rig_table(name_or_path: str | Path) -> Table:
     return completed_rig(whole)
 
 
-def _rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
+def rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
     """Yield path and table of the file of a rig, then of each file that it extends, relative to it."""
     below, directory, seen = str(name_or_path), Path(), set[Path]()
     while below is not None:
@@ -161,7 +161,7 @@ def given_settings(
             rig = rig_place(table["rig"], path.parent)
     if rig is not None:
         table = {**table, "rig": {}}
-        for path, own in reversed([*_rig_files(rig)]):
+        for path, own in reversed([*rig_files(rig)]):
             if path.parent != resources.RIG_DIRECTORY:
                 table["rig"] = merged(table["rig"], own)
     if "controller" in table:

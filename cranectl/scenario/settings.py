@@ -147,7 +147,7 @@ def _explain(
     if details["type"] == "missing":
         return (
             f"'{where}' is missing",
-            f"{where}: {_describe(model, location)}",
+            f"{where}: {describe(model, location)}",
             (f"write a list{such}" if such else f"add '{where}'"),
         )
     if details["type"] == "value_error" and isinstance(rule := details["ctx"]["error"], RuleError):
@@ -225,7 +225,8 @@ def _tag(model: type[BaseModel]) -> str | None:
     return next(iter(get_args(kind.annotation)), "added") if kind is not None else None
 
 
-def _describe(model: type[BaseModel], location: Sequence[int | str]) -> str:
+def describe(model: type[BaseModel], location: Sequence[int | str]) -> str:
+    """Return the description of the setting at `location`, or "a value" if it has none."""
     parent = _model_at(model, location[:-1])
     field = parent.model_fields.get(str(location[-1])) if parent is not None else None
     return (field.description if field is not None else None) or "a value"

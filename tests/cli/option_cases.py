@@ -32,6 +32,9 @@ FILES = {
     "renamed.toml": f'name = "longer"\n{SHORT}'.replace("0.3", "0.4"),
     "many.toml": MANY,
     "other.toml": MANY.replace("runs = 1", "runs = 2"),
+    "crane.toml": "load_mass = 2.0\n",
+    "law.toml": "colour = 'red'\n",
+    "rows.csv": "time,bridge\n0.0,1.0\n0.1,1.1\n",
     "law.py": LAW,
     "slow.py": SLOW,
     "file": "of another kind",
@@ -93,6 +96,19 @@ CASES: Cases = {
              f"{DESIGN} --drive velocity --export as-c"),
         Case("choose another place with --fmu", f"{DESIGN} --fmu file/a.fmu", f"{DESIGN} --fmu a.fmu"),
     ],
+    "cli/info.py": [
+        Case("leave out --as-is", "info short.toml --as-is", "info short.toml"),
+        Case("leave these options out", "info one.mcap --set duration=1", "info one.mcap"),
+    ],
+    "cli/info_settings.py": [
+        Case("leave out --rig", "info crane.toml --rig lab-rig", "info crane.toml"),
+        Case("see the keys of a rig by: cranectl list --schema rig", "info law.toml", "info crane.toml"),
+        Case("cranectl run fast-diagonal --controller {}{}", "info law.py",
+             "run fast-diagonal --controller law.py:damper --set duration=0.3 --set disturbances=[] "
+             "--set reference.segments=[] --plants analytic"),
+        Case("name one of these; a measured file gets a map by: cranectl new map {}", "info rows.csv",
+             "info crane.toml", "new map rows.csv"),
+    ],
     "cli/log.py": [
         Case("name another log, or the plants of this one with --plants all", "log overlay two.mcap",
              "log overlay two.mcap one.mcap --out over.mcap",
@@ -121,6 +137,10 @@ CASES: Cases = {
     "cli/run.py": [
         Case("name one: --plants analytic", "run short.toml --fmu crane.fmu",
              f"{RUN} analytic --fmu crane.fmu"),
+    ],
+    "scenario/origins.py": [
+        Case("leave this --set out", "info crane.toml --set duration=2", "info crane.toml",
+             "info crane.toml --set rig.load_mass=3.0"),
     ],
     "cli/validate.py": [
         Case("add --controller {}", "validate pid.toml --plants analytic --drive ideal",

@@ -1,0 +1,144 @@
+"""`info` shows rigs and scenarios, and says of other files what they are."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cranectl.cli.main import main
+from cranectl.scenario.load import load_rig, rig_names, scenario_names
+from cranectl.support.documents import toml_text
+from tests.loaders.controller_files import LAW
+
+YARD = """\
+bridge_range = [0.0, 60.0]
+trolley_range = [0.0, 20.0]
+rope_range = [2.0, 14.0]
+load_mass = 40e3
+trolley_time_constant = 0.25
+[effects.friction]
+coulomb = [9000.0, 3000.0, 2000.0]
+"""
+MINE = """extends = "yard.toml"
+load_mass = 30e3
+"""
+CAMPAIGN = """\
+name = "many"
+scenario = "fixed-position"
+controllers = ["lqr"]
+plants = ["analytic"]
+runs = 1
+[uncertain.rig.load_mass]
+distribution = "uniform"
+low = 0.8
+high = 1.2
+"""
+MAP = 'rig = "mine.toml"\ntime = { column = "t" }\n[signals]\n'
+FILES = {
+    "yard.toml": YARD,
+    "mine.toml": MINE,
+    "campaign.toml": CAMPAIGN,
+    "map.toml": MAP,
+    "law.py": LAW,
+    "process.toml": 'program = ["python", "law.py"]\n',
+    "other.toml": "colour = 'red'\n",
+    "table.csv": "t,x\n0,1\n",
+    "broken.mcap": "no log",
+    "misspelt.toml": MINE.replace("load_mass", "loadmass"),
+}
+
+
+@pytest.fixture(autouse=True)
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, text in FILES.items():
+        Path(name).write_text(text, encoding="utf-8")
+
+
+def info(*arguments: str) -> dict[str, Any]:
+    assert main(["info", *arguments, "--json", "info.json"]) == 0
+    facts: dict[str, Any] = json.loads(Path("info.json").read_text(encoding="utf-8"))
+    return facts
+
+
+def test_the_numbers_of_a_rig_and_where_they_come_from(capsys: pytest.CaptureFixture[str]) -> None:
+    """Ropes ten times as long and a load of 40 t: lengths by 10, times by √10, masses by 40 000."""
+    facts = info("mine.toml", "--set", "rig.winch_time_constant=0.3")
+    rig, origins = facts["rig"], facts["origins"]
+    assert (facts["length_scale"], facts["mass_scale"]) == pytest.approx((10.0, 40e3))
+    expected = {
+        "bridge_range": ([0.0, 60.0], "yard.toml"),
+        "load_mass": (30e3, "mine.toml"),
+        "rated_load": (40e3, "load_mass"),
+        "winch_time_constant": (0.3, "--set"),
+        "trolley_time_constant": (0.25, "yard.toml"),
+        "trolley_mass": (2.5 * 40e3, "scaled"),
+        "bridge_time_constant": (0.0632, "scaled"),  # 0.02 s times the root of 10
+        "gravity": (9.81, "assumed"),
+    }
+    assert {name: (rig[name], origins[name]) for name in expected} == expected
+    assert origins["effects.friction.coulomb"] == "yard.toml"
+    assert rig["effects"]["rope"]["stiffness"] == 5e4 * 40e3
+    assert origins["effects.rope.stiffness"] == "scaled"
+    assert origins["effects.limits.acceleration"] == "assumed"
+    said = capsys.readouterr().out
+    stated = [origin for origin in origins.values() if origin not in ("scaled", "assumed")]
+    assert f"{len(stated)} stated" in said
+    assert "lengths by 10, times by 3.16, masses and forces by 4e+04" in said
+    (line,) = [line for line in said.splitlines() if line.strip().startswith("trolley_time_constant")]
+    assert "assumed" not in line
+    assert "yard.toml" in line
+
+
+@pytest.mark.parametrize("name", [*rig_names(), "mine.toml"])
+def test_what_is_shown_is_the_rig_that_runs(name: str) -> None:
+    """The numbers, written into a file of their own, are the same rig."""
+    facts = info(name)
+    assert facts["kind"] == "rig"
+    Path("whole.toml").write_text(toml_text(facts["rig"]), encoding="utf-8")
+    assert load_rig("whole.toml") == load_rig(name)
+    assert set(info("whole.toml")["origins"].values()) == {"whole.toml"}
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_a_scenario_is_shown_by_its_name(name: str) -> None:
+    assert info(name)["scenario"]["name"] == name
+
+
+def test_a_scenario_of_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "scenario", "own"]) == 0
+    capsys.readouterr()
+    facts = info("own.toml", "--rig", "mine.toml", "--set", "limits.max_error_m=0.5")
+    assert facts["scenario"]["rig"]["load_mass"] == 30e3
+    said = capsys.readouterr().out
+    assert "max_error_m = 0.5" in said
+    assert "rig.load_mass" in said
+
+
+OTHERS = {
+    "campaign.toml": ("is a campaign", "cranectl campaign show campaign.toml"),
+    "map.toml": ("is a map of measured columns", "cranectl log import MEASURED --map map.toml"),
+    "process.toml": ("is a controller", "cranectl run fast-diagonal --controller process.toml"),
+    "law.py": ("is a controller", "cranectl run fast-diagonal --controller law.py:NAME"),
+    "law.py:damper": ("is a controller", "cranectl run fast-diagonal --controller law.py:damper"),
+    "other.toml": ("has the keys colour", "cranectl list --schema rig"),
+    "table.csv": ("is another kind of file", "cranectl new map table.csv"),
+    "broken.mcap": ("is not an MCAP file", "name a log that cranectl wrote"),
+    "misspelt.toml": ("unknown key 'loadmass'", "did you mean 'load_mass'?"),
+    "lost.toml": ("lost.toml", ""),
+    "mine.toml --as-is": ("--as-is with mine.toml", "leave out --as-is"),
+    "mine.toml --rig lab-rig": ("--rig lab-rig of the rig mine.toml", "leave out --rig"),
+    "mine.toml --set duration=2": ("--set duration=2 of a rig", "leave this --set out"),
+    "mine.toml --set rig.load_mass=9e9": ("load_mass", ""),
+    "broken.mcap --rig lab-rig": ("--rig or --set with the log", "leave these options out"),
+}
+
+
+@pytest.mark.parametrize("words", OTHERS)
+def test_what_is_not_shown_is_named(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    found, remedy = OTHERS[words]
+    assert main(["info", *words.split()]) == 2
+    error = capsys.readouterr().err
+    assert found in error
+    assert remedy in error.split("remedy:")[1]
