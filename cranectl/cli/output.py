@@ -97,12 +97,14 @@ class Screen(Console):
         save_figure(figure, path)
         self.print(f"picture: {path}")
 
-    def save_junit(self, cases: "Sequence[JUnitCase]", path: Path) -> None:
+    def save_junit(
+        self, cases: "Sequence[JUnitCase]", path: Path, command: str = "cranectl validate"
+    ) -> None:
         """Write JUnit XML and print where it is."""
         from cranectl.support.junit import junit_text
 
         with writing(path):
-            write_text(path, junit_text(cases))
+            write_text(path, junit_text(cases, command))
         self.print(f"JUnit: {path}")
 
     def _parts(self, table: ScreenTable) -> Iterator[ScreenTable]:

@@ -16,12 +16,12 @@ class JUnitCase(NamedTuple):
     lines: Sequence[str] = ()
 
 
-def junit_text(cases: Sequence[JUnitCase]) -> str:
-    """Return the tests of `cranectl validate` as JUnit XML."""
+def junit_text(cases: Sequence[JUnitCase], command: str) -> str:
+    """Return the tests of a command, such as `cranectl validate`, as JUnit XML."""
     count = {kind: sum(case.kind == kind for case in cases) for kind in ("failed", "error")}
     totals = {"tests": str(len(cases)), "failures": str(count["failed"]), "errors": str(count["error"])}
     root = ElementTree.Element("testsuites", totals)
-    suite = ElementTree.SubElement(root, "testsuite", {"name": "cranectl validate", **totals})
+    suite = ElementTree.SubElement(root, "testsuite", {"name": command, **totals})
     for case in cases:
         element = ElementTree.SubElement(suite, "testcase", {"classname": case.group, "name": case.name})
         if case.kind != "passed":

@@ -96,6 +96,14 @@ CASES: Cases = {
              f"{DESIGN} --drive velocity --export as-c"),
         Case("choose another place with --fmu", f"{DESIGN} --fmu file/a.fmu", f"{DESIGN} --fmu a.fmu"),
     ],
+    "campaign/failures.py": [
+        Case("write --max-failures 5%", "campaign report result --max-failures 0.05",
+             "campaign report result --max-failures 5%"),
+    ],
+    "cli/campaign/options.py": [
+        Case("add --max-failures 5%", "campaign report result --junit junit.xml",
+             "campaign report result --junit junit.xml --max-failures 5%"),
+    ],
     "cli/info.py": [
         Case("leave out --as-is", "info short.toml --as-is", "info short.toml"),
         Case("leave these options out", "info one.mcap --set duration=1", "info one.mcap"),

@@ -3,13 +3,53 @@
 import functools
 import json
 from collections.abc import Callable, Sequence
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from cranectl.cli.command import plants_option
+from cranectl.cli.command import output_option, plants_option
 from cranectl.cli.completion import complete_campaigns, complete_drives, complete_rigs
 from cranectl.cli.controller_options import controllers_option, opened, trust_option
+from cranectl.support.errors import InputError
+from cranectl.support.files import XML
+
+if TYPE_CHECKING:
+    from cranectl.campaign.failures import AllowedFailures
+
+
+class Judgement(NamedTuple):
+    """What `--max-failures` and `--junit` ask for."""
+
+    allowed: "AllowedFailures | None"
+    junit: Path | None
+
+
+def judgement_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add `--max-failures` and `--junit`; the command gets them as `judgement`."""
+
+    @click.option(
+        "--max-failures",
+        metavar="N|N%",
+        help="Exit code 1 if more runs with a controller on a plant fail: a number, or a share such as 5%.",
+    )
+    @output_option(
+        "--junit", XML, "With --max-failures: write JUnit XML, a test for each controller and plant."
+    )
+    @functools.wraps(function)
+    def command(*given: Any, max_failures: str | None, junit: Path | None, **options: Any) -> Any:
+        from cranectl.campaign.failures import allowed_failures
+
+        if junit is not None and max_failures is None:
+            raise InputError(
+                "--junit without --max-failures, which judges the runs",
+                allowed="--junit with --max-failures",
+                remedy="add --max-failures 5%",
+            )
+        allowed = None if max_failures is None else allowed_failures(max_failures)
+        return function(*given, judgement=Judgement(allowed, junit), **options)
+
+    return command
 
 
 def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:

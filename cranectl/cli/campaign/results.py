@@ -7,20 +7,27 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cranectl.cli import command, exit_codes
+from cranectl.cli.campaign.options import Judgement, judgement_options
 from cranectl.cli.controller_options import controllers_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
 from cranectl.support.files import HTML
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from cranectl.campaign.results import Results
+    from cranectl.campaign.summary import GroupSummary
 
 
 @click.command("report", cls=command.Command)
 @click.argument("result", type=command.PATH)
 @command.output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
 @click.option("--unfinished", is_flag=True, help="Take what there is of a result that was cut short.")
+@judgement_options
 @command.json_option
-def report_campaign(result: Path, out: Path | None, unfinished: bool, screen: Screen) -> None:
+def report_campaign(
+    result: Path, out: Path | None, unfinished: bool, judgement: Judgement, screen: Screen
+) -> int:
     """Summarise the runs of RESULT, here and on an HTML page.
 
     RESULT is a directory that `campaign run` has written. The page shows failures, distributions, controllers
@@ -30,6 +37,7 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, screen: Sc
     cranectl campaign report logs/campaign-lab-rig
     cranectl campaign report logs/campaign-lab-rig --out lab-rig.html --json lab-rig.json
     cranectl campaign report logs/campaign-lab-rig --unfinished --json -
+    cranectl campaign report logs/campaign-lab-rig --max-failures 5% --junit junit.xml
     """
     from cranectl.campaign.evaluation import analyse, analysis_json
     from cranectl.campaign.results import read_results
@@ -42,12 +50,15 @@ def report_campaign(result: Path, out: Path | None, unfinished: bool, screen: Sc
     check_place(page, HTML, option="--out")
     analysis = analyse(results)
     write_page(campaign_page(analysis, command.command_given()), page)
-    show_result(results, screen, analysis_json(analysis))
+    code = show_result(results, screen, judgement, analysis_json(analysis))
     screen.print(f"report: {page}")
+    return code
 
 
-def show_result(results: "Results", screen: Screen, more: dict[str, Any] | None = None) -> None:
-    """Print the summary of a result and write it as JSON, with what is `more`, where asked for."""
+def show_result(
+    results: "Results", screen: Screen, judgement: Judgement, more: dict[str, Any] | None = None
+) -> int:
+    """Print the summary of a result and write it as JSON, with what is `more`; return the exit code."""
     from cranectl.campaign.summary import makers, software_notes, summarize
     from cranectl.report.campaign.tables import failure_notes, summary_table
 
@@ -59,6 +70,7 @@ def show_result(results: "Results", screen: Screen, more: dict[str, Any] | None 
         screen.print_each(failure_notes(of_plant), indent="  ")
     screen.print_each(software_notes(results))
     screen.print(f"result: {results.directory}")
+    judged = judge_result(results, groups, judgement, screen)
     summary = {
         "campaign": settings.name,
         "result": str(results.directory),
@@ -69,7 +81,43 @@ def show_result(results: "Results", screen: Screen, more: dict[str, Any] | None 
         "software": [asdict(maker) for maker in makers(results)],
         "groups": [asdict(group) for group in groups],
     }
-    screen.write_json(summary | (more or {}))
+    screen.write_json(summary | judged | (more or {}))
+    passed = not judged or judged["max_failures"]["passed"]
+    return exit_codes.GOOD if passed else exit_codes.LIMIT_EXCEEDED
+
+
+def judge_result(
+    results: "Results", groups: "Sequence[GroupSummary]", judgement: Judgement, screen: Screen
+) -> dict[str, Any]:
+    """Print whether as many runs failed as are allowed, if that is asked for; return it as plain data."""
+    from cranectl.campaign.failures import failure_cases, judge_failures
+    from cranectl.report.campaign.tables import failure_notes
+
+    if judgement.allowed is None:
+        return {}
+    verdicts = judge_failures(groups, judgement.allowed)
+    for verdict in verdicts:
+        screen.print(f"{verdict.name}: {verdict.text}:", PASSED if verdict.kept else FAILED)
+    if not results.campaign.settings.limits.given:
+        screen.print("the campaign has no [limits]: only runs that stop early count as failed")
+    if judgement.junit is not None:
+        notes = [[*failure_notes([group]), *_again(results, group)] for group in groups]
+        cases = failure_cases(verdicts, results.campaign.settings.name, notes)
+        screen.save_junit(cases, judgement.junit, "cranectl campaign")
+    kept = all(verdict.kept for verdict in verdicts)
+    judged = [verdict.to_json() for verdict in verdicts]
+    return {"max_failures": {"allowed": judgement.allowed.text, "passed": kept, "groups": judged}}
+
+
+def _again(results: "Results", group: "GroupSummary") -> "Iterator[str]":
+    """Yield the command that repeats the first run that failed, if there is one."""
+    from cranectl.campaign.summary import failed
+    from cranectl.report.campaign.tables import replay_command
+
+    rows = results.rows(group.plant, group.controller)
+    bad = failed(lambda name: results.column(name)[rows], results.campaign.settings.limits.given)
+    for sample in results.column("sample")[rows][bad][:1].tolist():
+        yield f"again: {replay_command(results, sample, group.controller, group.plant)}"
 
 
 @click.command("replay", cls=command.Command)

@@ -10,7 +10,7 @@ import click
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from cranectl.cli import exit_codes
-from cranectl.cli.campaign.options import campaign_argument
+from cranectl.cli.campaign.options import Judgement, campaign_argument, judgement_options
 from cranectl.cli.command import Command, arguments_given, count_option, directory_option, json_option
 from cranectl.cli.controller_options import timeout_option
 from cranectl.cli.output import Screen, progress
@@ -55,6 +55,7 @@ BAR = (
     "which runs were made by what.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace a result that is there.")
+@judgement_options
 @timeout_option
 @json_option
 def run_campaign(
@@ -67,23 +68,25 @@ def run_campaign(
     despite_differences: bool,
     overwrite: bool,
     timeout: float,
+    judgement: Judgement,
     screen: Screen,
 ) -> int:
     """Run CAMPAIGN, a name or a TOML file, and store all results.
 
     Results are written as they come. After a kill or Ctrl-C, the same command with --resume runs only
     what is missing. A run that fails is a result; it counts as failed if it stops early or breaks one of the
-    campaign's [limits].
+    campaign's [limits]. --max-failures judges that.
 
     \b
     cranectl campaign run lab-rig
     cranectl campaign run lab-rig --runs 100 --controller lqr,lqr+hinf
     cranectl campaign run mine.toml --set limits.max_error_m=0.05 --out results/mine
     cranectl campaign run mine.toml --out results/mine --resume
+    cranectl campaign run mine.toml --max-failures 5% --junit junit.xml
     cranectl campaign run mine.toml --scheduler tcp://host:8786
 
-    Exit codes: 0 all runs are there, failed ones included; 2 bad input or a full disk; 3 none could be run;
-    130 interrupted.
+    Exit codes: 0 all runs are there, failed ones included; 1 more than --max-failures failed; 2 bad input
+    or a full disk; 3 none could be run; 130 interrupted.
     """
     from cranectl.campaign.manifest import resume_command
     from cranectl.campaign.results import open_store, read_results
@@ -112,13 +115,14 @@ def run_campaign(
         screen.print_each(store.quarantined, indent="  ")
         interrupted = _run(campaign, store, engine)
         results = read_results(directory, unfinished=interrupted)
-    show_result(results, screen)
+    # What was interrupted is not judged: the runs that are missing may fail.
+    code = show_result(results, screen, Judgement(None, None) if interrupted else judgement)
     if interrupted:
         again = resume_command(results.manifest) or "the same command and --resume"
         remaining = f"{len(results)} of {len(results) + results.missing_runs} runs are kept"
         screen.print(f"interrupted: {remaining}; go on with: {again}")
         return exit_codes.INTERRUPTED
-    return exit_codes.RUN_STOPPED if set(results.column("status")) == {FAILED} else exit_codes.GOOD
+    return exit_codes.RUN_STOPPED if set(results.column("status")) == {FAILED} else code
 
 
 def _run(campaign: "Campaign", store: "Store", engine: "Engine") -> bool:
