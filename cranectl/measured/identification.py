@@ -32,6 +32,7 @@ from cranectl.measured.experiment import (
     rig_with,
     unknowns_of,
 )  # fmt: skip
+from cranectl.measured.identity import check_all_differ
 from cranectl.measured.replay import Replay, default_replay
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
@@ -95,8 +96,8 @@ def identify(
 
     `rig` is what is known of the crane: masses of its axes, gravity, encoders, and first values. `replay`
     says what drives the prediction; by default the commands, if all runs have them. `progress` is called
-    with a sentence at each stage. Raises InputError for fewer than three runs, or runs without commands or
-    angles.
+    with a sentence at each stage. Raises InputError for fewer than three runs, for two with the same
+    readings, and for runs without commands or angles.
     """
     if len(runs) < 3:
         raise InputError(
@@ -104,6 +105,7 @@ def identify(
             allowed="at least 3, whose spread tells how exact the numbers are",
             remedy="cut a long log where the crane rests, by from and to in its map, and import each part",
         )
+    check_all_differ(runs)
     has_commands = all(default_replay(run) == "commands" for run in runs)
     chosen: Replay = replay or ("commands" if has_commands else "motion")
     experiments = [Experiment(run, rig, chosen, MAX_READINGS // len(runs)) for run in runs]

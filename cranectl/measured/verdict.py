@@ -7,7 +7,6 @@ open, tells how often such a difference occurs without any error of the model. T
 against the validation uncertainty of ASME V&V 20, at all times of a run at once.
 """
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from scipy.linalg import block_diag
 from cranectl.measured.comparison import BLOCK_SAMPLES, ReadingsComparison, block_means, compare_readings
 from cranectl.measured.experiment import Experiment, encoders_of, reading_noise, rig_with
 from cranectl.measured.identification import Identification
+from cranectl.measured.identity import readings_digest
 from cranectl.measured.replay import Replay
 from cranectl.scenario.load import load_rig
 from cranectl.scenario.rig import RigParameters
@@ -52,7 +52,7 @@ class Fit:
     covariance: Array  # (P, P)
     runs: int
     converged: bool
-    used: frozenset[str]  # digests of the runs to which it was fitted
+    used: frozenset[str]  # `readings_digest` of the runs to which it was fitted
 
     @property
     def deviations(self) -> Array:
@@ -111,11 +111,6 @@ class RunVerdict:
         }
 
 
-def run_digest(run: Run) -> str:
-    """Return a digest of where a measured run is from: its files and the map."""
-    return hashlib.sha256(run.model.encode()).hexdigest()
-
-
 def fit_text(result: Identification, runs: Sequence[Run]) -> str:
     """Return the file that keeps an identification for verdicts."""
     kept = {
@@ -125,7 +120,7 @@ def fit_text(result: Identification, runs: Sequence[Run]) -> str:
         "runs": result.runs,
         "converged": result.converged,
         "misfit": result.misfit,
-        "used": sorted(map(run_digest, runs)),
+        "used_readings": sorted(map(readings_digest, runs)),
     }
     return json.dumps(kept, indent=1) + "\n"
 
@@ -150,7 +145,7 @@ def read_fit(rig: Path) -> Fit:
             covariance=covariance,
             runs=int(kept["runs"]),
             converged=bool(kept["converged"]),
-            used=frozenset(kept["used"]),
+            used=frozenset(kept["used_readings"]),
         )
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise InputError(
@@ -163,10 +158,10 @@ def read_fit(rig: Path) -> Fit:
 def judge(runs: Mapping[str, Run], fit: Fit, *, tolerance: float | None = None) -> tuple[RunVerdict, ...]:
     """Judge measured runs, by name, by an identified crane; return an answer for each run.
 
-    `tolerance` is the largest difference that its user accepts [m]. Raises InputError for a run that was
-    used to identify the crane.
+    `tolerance` is the largest difference that its user accepts [m]. Raises InputError for a run whose
+    readings were used to identify the crane, whatever its file is called and however it was imported.
     """
-    if used := [name for name, run in runs.items() if run_digest(run) in fit.used]:
+    if used := [name for name, run in runs.items() if readings_digest(run) in fit.used]:
         raise InputError(
             f"{', '.join(used)} was used to identify the crane",
             allowed="runs that were not used",
