@@ -14,7 +14,7 @@ from cranectl.measured.verdict import fit_path, fit_text, judge, read_fit
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
 from tests.measured.crane import SIGNALS, UNITS, mapping, write_csv
-from tests.measured.hidden import LAB
+from tests.measured.hidden import LAB, run_of
 
 TIME = 0.01 * np.arange(300)
 COMMANDS = {f"{axis}_command": {"column": "w", "unit": "m/s"} for axis in ("bridge", "trolley", "rope")}
@@ -85,3 +85,15 @@ def test_used_readings_are_refused_under_another_name(
     named_alike = replace(clean, model=runs[1].model)
     (verdict,) = judge({"b": named_alike}, read_fit(rig))
     assert verdict.name == "b"
+
+
+def test_a_crane_that_rests_is_not_identified() -> None:
+    """No number moves a reading, so that nothing is fitted, and a good fit of nothing says nothing."""
+    time, rng = 0.005 * np.arange(401), np.random.default_rng(0)
+    resting = np.tile([1.0, 0.7, 0.7, 0.0, 0.0], (len(time), 1))
+    runs = [
+        run_of(LAB, time, resting + 1e-5 * rng.integers(-1, 2, resting.shape), np.zeros((len(time), 3)))
+        for _ in range(3)
+    ]
+    with pytest.raises(InputError, match="nothing is identified"):
+        identify(runs, LAB)
