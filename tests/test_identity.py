@@ -4,24 +4,32 @@ Each case creates the same kind of thing in two folders under the same name, and
 the package assigns. Either the content differs, or the content is the same and an imported module differs.
 """
 
+import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cranectl.campaign.benchmark.tuned import tuned_facts
-from cranectl.campaign.manifest import software_of
+from cranectl.campaign.load import load_campaign
+from cranectl.campaign.manifest import differences, manifest_of, software_of
+from cranectl.compare.runs import differing_fields
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.registry import controller_digests, load_controller, register_controller
 from cranectl.loaders.opening import ControllerFile, close_controllers, complete_copy_of, open_controller
 from cranectl.planning import load_scenario, plan
+from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.registry import PLANTS, PlantEntry, plant_sources
+from cranectl.simulate import Run, simulate_run
 from cranectl.support import kept, sources
 from cranectl.support.documents import toml_text
 from cranectl.support.errors import InputError
+from tests.plants.own_models import HALL_NAMES, MODELS
 
 Identity = Callable[[Path, str], object]  # (folder, content of a file) -> identity of the thing in the folder
 
@@ -216,3 +224,49 @@ def test_an_fmu_or_library_is_identified_by_its_content(tmp_path: Path) -> None:
     ]
     assert files[0].digest == files[1].digest
     assert len({file.digest for file in files}) == 3
+
+
+def test_a_recorded_motion_is_known_by_its_content(tmp_path: Path) -> None:
+    """A run or a campaign of a renamed or moved motion is the same; with other content it is another one."""
+
+    def scenario(folder: str, file: str, value: str) -> Path:
+        points = "x,y,z\n0.5,0.5,-0.7\n0.6,0.6,-0.7\nVALUE\n"
+        put(tmp_path / folder, file, points, value)
+        shutil.copy(MODELS / "tendon.xml", tmp_path / folder / f"{folder}.xml")
+        (tmp_path / folder / "crane.toml").write_text(f'model = "{folder}.xml"\n')
+        text = SCENARIO.replace("path.csv", file).replace('time_law = "minimum-time"', "speed = 0.1")
+        return put(tmp_path / folder, "own.toml", text, "")
+
+    def run(path: Path) -> Run:
+        return simulate_run(load_scenario(path), plant="analytic", controller="lqr", drive="ideal")
+
+    def campaign(path: Path) -> Any:
+        settings = {"name": "c", "scenario": str(path), "controllers": ["lqr"], "plants": ["analytic"]}
+        uncertain = {"rig": {"load_mass": {"distribution": "uniform", "low": 0.9, "high": 1.1}}}
+        path = path.with_name("campaign.toml")
+        path.write_text(toml_text({**settings, "runs": 2, "uncertain": uncertain}))
+        return manifest_of(load_campaign(path))
+
+    first = scenario("a", "path.csv", "0.7,0.7,-0.7")
+    same = [scenario("b", "path.csv", "0.7,0.7,-0.7"), scenario("a2", "renamed.csv", "0.7,0.7,-0.7")]
+    other = scenario("c", "path.csv", "0.8,0.7,-0.7")
+    for path in same:
+        assert differing_fields(run(first), run(path)) == ()
+        assert differences(campaign(first), campaign(path)) == []
+    assert any("sha256" in line for line in differing_fields(run(first), run(other)))
+    assert differences(campaign(first), campaign(other))
+
+
+def test_a_model_is_opened_again_when_a_file_that_it_includes_changes(tmp_path: Path) -> None:
+    """Neither the name nor the time of a file says that its content is the same."""
+    shutil.copytree(MODELS, tmp_path / "models")
+    file, part = tmp_path / "models/hall.xml", tmp_path / "models/parts/hall-defaults.xml"
+    names = HALL_NAMES
+    first = open_model(file, names)
+    assert open_model(file, names) is first
+    for path in (part, file):
+        text, before = path.read_text(), path.stat()
+        path.write_text(text.replace("<mujoco", "<!-- other --><mujoco", 1))
+        os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+        assert open_model(file, names) is not first
+        first = open_model(file, names)

@@ -20,6 +20,7 @@ from cranectl.loaders.opening import file_from
 from cranectl.plants.model_files import BATCH, examine, model_plants
 from cranectl.plants.registry import PLANTS, PlantEntry, plant_sources
 from cranectl.scenario import Scenario
+from cranectl.scenario.recorded import without_file_names
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import MetricSettings
 from cranectl.scenario.settings import parse_settings
@@ -184,7 +185,8 @@ def differences(manifest: Mapping[str, Any], expected: Mapping[str, Any]) -> lis
 
 def _decisive(manifest: Mapping[str, Any]) -> Table:
     campaign = {key: value for key, value in manifest["campaign"].items() if key not in NOT_DECISIVE}
-    scenario = {key: value for key, value in manifest["scenario"].items() if key not in SPENT}
+    scenario = without_file_names(manifest["scenario"])
+    scenario = {key: value for key, value in scenario.items() if key not in SPENT}
     # Leave out defaults of keys that older results lack, so that their identities stay the same.
     if campaign.get("spread") == 1.0:
         del campaign["spread"]

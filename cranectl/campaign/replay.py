@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from cranectl.campaign.definition import nominal_scenario, sampled_scenario
-from cranectl.campaign.manifest import changes_of_software
-from cranectl.campaign.results import Results
+from cranectl.campaign.manifest import changes_of_software, resume_command
+from cranectl.campaign.results import RESUME, Results
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.summary import worst_first
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS, metric_values
@@ -63,7 +63,7 @@ def chosen_rows(
     """Return the rows of all runs of `samples`; without samples, of the `worst` runs by `metric`.
 
     `plants` and `controllers` restrict the rows, if any are named. Raises InputError for names and samples
-    that the result lacks.
+    that the result lacks, and if there is no run at all.
     """
     settings = results.campaign.settings
     check_known("metric", [metric], METRIC_COLUMNS)
@@ -73,6 +73,12 @@ def chosen_rows(
         check_known(kind, names, known)
         if names:
             chosen &= np.isin(results.column(kind).astype(str), names)
+    if not chosen.any():
+        raise InputError(
+            f"{results.directory} has no such run yet",
+            allowed="runs that have been run",
+            remedy=f"complete it with {resume_command(results.manifest) or RESUME}",
+        )
     if not samples:
         rows = worst_first(results, metric, np.flatnonzero(chosen))[:worst]
         return [int(row) for row in rows]

@@ -258,19 +258,21 @@ class Regression(NamedTuple):
     """Result of judging a log against a golden log."""
 
     verdicts: list[RegressionVerdict]
-    unshared: dict[str, Path]  # log of each plant that only one log has
+    missing: tuple[str, ...]  # plants that only the golden log has
+    added: tuple[str, ...]  # plants that only the new log has
     differing_fields: list[str]
     software_differences: list[str]
 
     @property
     def passed(self) -> bool:
-        """Whether every shared plant keeps its tolerances."""
-        return all(verdict.passed for verdict in self.verdicts)
+        """Whether every plant of the golden log is there and keeps its tolerances."""
+        return not self.missing and all(verdict.passed for verdict in self.verdicts)
 
     def to_json(self) -> dict[str, Any]:
         """Return the result as plain data."""
         return {
             "passed": self.passed,
+            "missing": self.missing,
             "differing_fields": self.differing_fields,
             "software_differences": self.software_differences,
             "verdicts": [verdict.to_json() for verdict in self.verdicts],
@@ -285,9 +287,8 @@ def regression_of(new_log: Path, golden_log: Path, tolerances: Tolerances) -> Re
         raise nothing_shared()
     return Regression(
         verdicts=[judge_regression(new[plant], golden[plant], tolerances) for plant in shared],
-        unshared={
-            plant: new_log if plant in new else golden_log for plant in sorted(new.keys() ^ golden.keys())
-        },
+        missing=tuple(sorted(golden.keys() - new.keys())),
+        added=tuple(sorted(new.keys() - golden.keys())),
         differing_fields=list(differing_fields(golden[shared[0]], new[shared[0]])),
         software_differences=software_differences(golden_log, new_log),
     )

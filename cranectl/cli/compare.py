@@ -211,18 +211,36 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> 
     from cranectl.compare.runs import first_differences
     from cranectl.report.run.differences import regression_table
 
-    regression = regression_of(new_log, golden_log, load_tolerances(tolerances))
+    limits = load_tolerances(tolerances)
+    _check_are_two(new_log, golden_log)
+    regression = regression_of(new_log, golden_log, limits)
     settings = first_differences(regression.differing_fields)
     screen.print_each(f"golden and new differ in {difference}" for difference in settings)
     for verdict in regression.verdicts:
         screen.print(regression_table(verdict))
-    screen.print_each(f"not compared: {plant}, only in {only}" for plant, only in regression.unshared.items())
+    screen.print_each(
+        f"not compared: {signal} of {verdict.plant}, without a number in either log"
+        for verdict in regression.verdicts
+        for signal in verdict.without_numbers
+    )
+    screen.print_each(f"not compared: {plant}, only in {new_log}" for plant in regression.added)
+    screen.print_each(f"missing: {plant}, only in {golden_log}" for plant in regression.missing)
     screen.print_each(
         f"golden was made by other software: {difference}" for difference in regression.software_differences
     )
     screen.print(f"{new_log.name}:", PASSED if regression.passed else FAILED)
     screen.write_json(regression.to_json())
     return exit_codes.GOOD if regression.passed else exit_codes.LIMIT_EXCEEDED
+
+
+def _check_are_two(new: Path, golden: Path) -> None:
+    """Raise InputError if both names are of one file or directory."""
+    if exists(new) and exists(golden) and new.samefile(golden):
+        raise InputError(
+            f"{new} and {golden} are one file, which agrees with itself",
+            allowed="two logs, or two directories of logs",
+            remedy="name another log or directory as GOLDEN",
+        )
 
 
 def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen) -> int:
@@ -232,6 +250,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
     from cranectl.report.run.differences import regressions_table
 
     limits = load_tolerances(tolerances)
+    _check_are_two(new, golden)
     paths = [{path.relative_to(folder) for path in folder.rglob("*.mcap")} for folder in (new, golden)]
     if not paths[1]:
         raise InputError(

@@ -54,6 +54,8 @@ def plan_command(request: command.ScenarioRequest, plot: Path | None, bound: boo
             remedy="take kind = 'move', or time_law = 'minimum-time' instead of a duration",
         )
     screen.print_each(plan_tables(ready, reviewed, least))
+    if not reviewed:
+        screen.print("nothing is proven: no segment is planned in minimum time")
     effects = [name for name, kind in EFFECTS.items() if kind.is_structural or not kind.adds]
     unread = (*OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
     print_idle_in_analysis(screen, ready, request, [ready.controller.name], unread=unread)

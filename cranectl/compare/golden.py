@@ -80,6 +80,7 @@ class RegressionVerdict:
     signals: tuple[SignalVerdict, ...]
     same_status: bool
     ends_passed: bool
+    without_numbers: tuple[str, ...] = ()  # limited signals that have no finite number in either run
 
     @property
     def passed(self) -> bool:
@@ -104,6 +105,7 @@ def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> Regressio
     - A limit matches nothing or never counts.
     - A signal of COMPARED_GROUPS has no limit.
     - Only one of the runs has a signal.
+    - No limited signal has a finite number.
     - `new` lacks samples of `golden`.
     """
     # Few common samples would prove nothing. One may be missing: the last one of a run that stopped.
@@ -116,7 +118,17 @@ def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> Regressio
             remedy="run again with the golden log's --every",
         )
     limits = _limits(new, golden, tolerances.limits)
-    comparison = compare_runs(golden, new, signals=list(limits))
+    without_numbers = [
+        name for name in limits if not any(np.isfinite(run.signal(name)).any() for run in (golden, new))
+    ]
+    judged = [name for name in limits if name not in without_numbers]
+    if not judged:
+        raise InputError(
+            f"no signal of {new.plant} has a finite number in either log: {', '.join(without_numbers)}",
+            allowed="runs with numbers to compare",
+            remedy="record the runs again",
+        )
+    comparison = compare_runs(golden, new, signals=judged)
     difference_ns = abs(new.end_ns - golden.end_ns)
     verdicts = []
     for row in comparison.signals:
@@ -136,6 +148,7 @@ def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> Regressio
         signals=tuple(verdicts),
         same_status=new.status == golden.status,
         ends_passed=difference_ns <= nanoseconds(tolerances.end_s),
+        without_numbers=tuple(without_numbers),
     )
 
 

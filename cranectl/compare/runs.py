@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.plants.registry import PLANTS, in_order
+from cranectl.scenario.recorded import without_file_names
 from cranectl.signals import Signal
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
@@ -143,10 +144,13 @@ def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
     """
     pairs = {"controller": (a.design.name, b.design.name), "drive": (a.drive, b.drive)}
     named = tuple(f"{kind}: {one} and {other}" for kind, (one, other) in pairs.items() if one != other)
-    scenarios = (run.scenario.model_dump(mode="json") for run in (a, b))
+    scenarios = (without_file_names(run.scenario.model_dump(mode="json")) for run in (a, b))
     designs = [{"controller": run.design.to_json()} for run in (a, b)]
-    for design in designs:  # the digest of a controller's file differs too, so its text is left out
-        design["controller"].get("origin", {}).pop("source", None)
+    for (
+        design
+    ) in designs:  # the digest of a controller's file says whether its text differs, its name nothing
+        for name in ("source", "reference"):
+            design["controller"].get("origin", {}).pop(name, None)
     for tables in (scenarios, designs):
         first, second = (dict(leaves(table)) for table in tables)
         differing = differences(first, second, absent="nothing")

@@ -97,7 +97,7 @@ def identify(
     `rig` is what is known of the crane: masses of its axes, gravity, encoders, and first values. `replay`
     says what drives the prediction; by default the commands, if all runs have them. `progress` is called
     with a sentence at each stage. Raises InputError for fewer than three runs, for two with the same
-    readings, and for runs without commands or angles.
+    readings, for runs without commands or angles, and if no reading tells a number of the crane.
     """
     if len(runs) < 3:
         raise InputError(
@@ -111,13 +111,25 @@ def identify(
     experiments = [Experiment(run, rig, chosen, MAX_READINGS // len(runs)) for run in runs]
     fit = LeastSquares(experiments, unknowns_of(rig, chosen))
     fit.drop_without_effect()
+    check_something_moves(fit)
     progress(f"fitting {len(fit.unknowns)} numbers to {len(runs)} runs")
     fit.solve()
     while fit.drop_unidentifiable():
+        check_something_moves(fit)
         progress(f"fitting {len(fit.unknowns)} numbers, without those that these runs leave open")
         fit.solve()
     progress(f"comparing with {CHECK}")
     return fit.result(rig, chosen)
+
+
+def check_something_moves(fit: "LeastSquares") -> None:
+    """Raise InputError if no number of the crane is left to be fitted."""
+    if not fit.unknowns:
+        raise InputError(
+            f"nothing is identified: no reading tells any of {', '.join(fit.dropped)}",
+            allowed="logs in which the axes move and the load swings",
+            remedy="play the set-points of 'cranectl new experiment RIG', and record these runs",
+        )
 
 
 class LeastSquares:

@@ -1,6 +1,7 @@
 """Recorded motions: commands of a live session, or columns of a file with their units."""
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -177,3 +178,21 @@ class FitNumbers(Settings):
     residual: float = Field(description="rms distance of samples from the spline [m]")
     peak_d4: float = Field(description="largest component of the fourth derivative [m/s⁴]")
     band_d4: float = Field(description="half its band of 95 %, where that is widest [m/s⁴]")
+
+
+def without_file_names(scenario: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a scenario as plain data without the names of its files of motions and of its rig's model.
+
+    A motion is the same wherever its file is, and the digest beside its name says which it is. Digests of
+    models stand among the versions of software.
+    """
+    rig = {key: value for key, value in scenario["rig"].items() if key != "model"}
+    reference = dict(scenario["reference"])
+    segments = []
+    for segment in reference.get("segments", ()):
+        if segment.get("source"):
+            nameless = {k: v for k, v in segment["source"].items() if k != "file"}
+            made_from = {k: v for k, v in segment.get("made_from", {}).items() if k != "file"}
+            segment = {**segment, "source": nameless, "made_from": made_from}
+        segments.append(segment)
+    return {**scenario, "rig": rig, "reference": {**reference, "segments": segments}}

@@ -137,7 +137,7 @@ def _explain(
     location, value = details["loc"], details["input"]
     command = _list_command(model, details, assigned) if assigned else ""
     such = f", such as {command}" if command else ""
-    where = ".".join(str(part) for part in location if str(part).strip())
+    where = ".".join(str(part) for part in _without_tags(model, location))
     if details["type"] == "extra_forbidden":
         key = str(location[-1])
         parent = _model_at(model, location[:-1])
@@ -169,7 +169,7 @@ def _explain(
 
 def _list_command(model: type[BaseModel], details: ErrorDetails, assigned: Assigned) -> str:
     """Return the option that assigns the list from before a wrong assignment, or else its default."""
-    location = [part for part in details["loc"] if str(part).strip()]
+    location = _without_tags(model, details["loc"])
     is_of_item = bool(location) and isinstance(location[-1], int)
     names = [str(part) for part in (location[:-1] if is_of_item else location)]
     key = assigned.prefix + ".".join(names)
@@ -201,17 +201,30 @@ def _model_at(model: type[BaseModel], location: Sequence[int | str]) -> type[Bas
     """Return the settings class at `location`, ignoring list indices and union tags."""
     candidates: list[type[BaseModel]] = [model]
     for part in location:
-        if isinstance(part, int):
-            continue
-        tagged = [candidate for candidate in candidates if _tag(candidate) == part]
-        if tagged:
-            candidates = tagged
-            continue
-        fields = [c.model_fields[part] for c in candidates if part in c.model_fields]
-        if not fields:
-            return None
-        candidates = [nested for field in fields for nested in _nested(field.annotation)]
+        candidates = _within(candidates, part)
     return candidates[0] if candidates else None
+
+
+def _without_tags(model: type[BaseModel], location: Sequence[int | str]) -> list[int | str]:
+    """Return the keys of `location` as a file has them, without the tags of unions."""
+    candidates, keys = [model], []
+    for part in location:
+        if str(part).strip() and not (isinstance(part, str) and _tagged(candidates, part)):
+            keys.append(part)
+        candidates = _within(candidates, part)
+    return keys
+
+
+def _within(candidates: list[type[BaseModel]], part: int | str) -> list[type[BaseModel]]:
+    """Return the settings classes at `part` of any of `candidates`."""
+    if isinstance(part, int) or not part.strip():
+        return candidates
+    fields = [c.model_fields[part] for c in candidates if part in c.model_fields]
+    return _tagged(candidates, part) or [nested for field in fields for nested in _nested(field.annotation)]
+
+
+def _tagged(candidates: list[type[BaseModel]], tag: str) -> list[type[BaseModel]]:
+    return [candidate for candidate in candidates if _tag(candidate) == tag]
 
 
 def _nested(annotation: Any) -> list[type[BaseModel]]:

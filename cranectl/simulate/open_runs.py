@@ -113,9 +113,8 @@ class OpenRuns(Uncopyable):
             Cranes before a refused one have begun again.
         """
         chosen = self._chosen(cranes)
-        starts = [
-            [None] * len(chosen) if values is None else list(values) for values in (states, seeds, targets)
-        ]
+        given = {"states": states, "seeds": seeds, "targets": targets}
+        starts = [_one_each(name, values, len(chosen)) for name, values in given.items()]
         if any(len(values) != len(chosen) for values in starts):
             raise InputError(
                 f"{', '.join(str(len(values)) for values in starts)} states, seeds and targets "
@@ -295,6 +294,18 @@ def open_runs(
             remedy="give scenarios that differ in other settings only",
         )
     return OpenRuns(chosen, [plant_to_step(plant, scenario, drive) for scenario in chosen])
+
+
+def _one_each(name: str, values: Iterable[Any] | None, count: int) -> list[Any]:
+    """Return what `reset` is given for each of `count` cranes; raise InputError for what is no list."""
+    if values is None:
+        return [None] * count
+    try:
+        return list(values)
+    except TypeError:
+        raise InputError(
+            f"{name} = {shown(values)}", allowed="one for each crane", remedy=f"give a list of {name}"
+        ) from None
 
 
 @jit

@@ -111,11 +111,19 @@ def test_one_plant_out_of_limits_fails_the_comparison() -> None:
         assert [verdict["plant"] for verdict in verdicts if not verdict["passed"]] == [plant]
 
 
-def test_only_plants_of_both_logs_are_judged(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["compare", "mujoco.mcap", "golden.mcap", "--tolerances", "exact", "--json", "v.json"]) == 0
-    assert "not compared: analytic, only in golden.mcap" in capsys.readouterr().out
-    (verdict,) = json.loads(Path("v.json").read_text())["verdicts"]
-    assert verdict["plant"] == "mujoco"
+def test_a_plant_that_only_the_golden_log_has_fails(capsys: pytest.CaptureFixture[str]) -> None:
+    """A plant that is new has nothing to be compared with, and one that is gone was not compared."""
+    exact = ["--tolerances", "exact", "--json", "v.json"]
+    for new, golden, code, said in (
+        ("mujoco.mcap", "golden.mcap", 1, "missing: analytic, only in golden.mcap"),
+        ("golden.mcap", "mujoco.mcap", 0, "not compared: analytic, only in golden.mcap"),
+    ):
+        assert main(["compare", new, golden, *exact]) == code
+        assert said in capsys.readouterr().out
+        judged = json.loads(Path("v.json").read_text())
+        assert [verdict["plant"] for verdict in judged["verdicts"]] == ["mujoco"]
+        assert judged["verdicts"][0]["passed"]
+        assert judged["missing"] == ["analytic", "elastic"] * code
     error = bad_input(capsys, "mujoco.mcap", "analytic.mcap", "--tolerances", "exact")
     assert "share no plant" in error
 

@@ -37,6 +37,7 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert main(["campaign", "run", "c.toml", "--out", "r"]) == 0
     content = (directory / "x.mcap").read_bytes()
     (directory / "cut.mcap").write_bytes(content[: 2 * len(content) // 3])
+    (directory / "copy.mcap").write_bytes(content)
     (directory / "link.mcap").symlink_to("x.mcap")
     return directory
 

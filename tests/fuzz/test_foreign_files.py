@@ -46,7 +46,7 @@ COMMANDS = {
     "campaign": (CAMPAIGN, ["campaign", "show", "f.toml", "--no-estimate"]),
     "tolerances": (
         'end_s = 0.0\n[[limits]]\nsignals = "*"\nabsolute = 0.0\n',
-        ["compare", "x.mcap", "./x.mcap", "--tolerances", "f.toml"],
+        ["compare", "x.mcap", "copy.mcap", "--tolerances", "f.toml"],
     ),
 }  # fmt: skip
 

@@ -12,16 +12,15 @@ from cranectl.measured.identity import readings_digest
 from cranectl.measured.importing import import_files
 from cranectl.measured.verdict import fit_path, fit_text, judge, read_fit
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from tests.measured.crane import SIGNALS, UNITS, mapping, write_csv
-from tests.measured.hidden import LAB
+from tests.measured.hidden import LAB, run_of
 
 TIME = 0.01 * np.arange(300)
 COMMANDS = {f"{axis}_command": {"column": "w", "unit": "m/s"} for axis in ("bridge", "trolley", "rope")}
 
 
-def swing(change: float = 0.0) -> dict[str, Array]:
+def swing(change: float = 0.0) -> dict[str, Any]:
     """Return columns of a load that swings in a grid of 0.1 mm and mrad, with a change of its last angle."""
     columns = {name: 0.5 + 0.1 * (k + 1) * np.sin((k + 1) * TIME) for k, name in enumerate(("x", "y", "l"))}
     columns |= {"alpha": 0.1 * np.sin(3.0 * TIME), "beta": 0.05 * np.cos(3.0 * TIME)}
@@ -30,14 +29,14 @@ def swing(change: float = 0.0) -> dict[str, Array]:
     return {"t": TIME, **columns, "w": np.cos(TIME)}
 
 
-def digest(path: Path, columns: dict[str, Array], signals: Any = None, **settings: Any) -> str:
+def digest(path: Path, columns: dict[str, Any], signals: Any = None, **settings: Any) -> str:
     """Import a file with these columns and return the digest of the run."""
     write_csv(path, columns)
     own = mapping(signals, check_physics=False, **settings)
     return readings_digest(import_files([path], own, directory=path.parent).run)
 
 
-def in_units(columns: dict[str, Array]) -> tuple[dict[str, Array], dict[str, Any]]:
+def in_units(columns: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the same columns in mm and degrees, and the keys of the map that say so."""
     units = {"m": ("mm", 1000.0), "rad": ("deg", np.degrees(1.0))}
     others = dict(zip(("x", "y", "l", "alpha", "beta"), UNITS, strict=True))
@@ -86,3 +85,15 @@ def test_used_readings_are_refused_under_another_name(
     named_alike = replace(clean, model=runs[1].model)
     (verdict,) = judge({"b": named_alike}, read_fit(rig))
     assert verdict.name == "b"
+
+
+def test_a_crane_that_rests_is_not_identified() -> None:
+    """No number moves a reading, so that nothing is fitted, and a good fit of nothing says nothing."""
+    time, rng = 0.005 * np.arange(401), np.random.default_rng(0)
+    resting = np.tile([1.0, 0.7, 0.7, 0.0, 0.0], (len(time), 1))
+    runs = [
+        run_of(LAB, time, resting + 1e-5 * rng.integers(-1, 2, resting.shape), np.zeros((len(time), 3)))
+        for _ in range(3)
+    ]
+    with pytest.raises(InputError, match="nothing is identified"):
+        identify(runs, LAB)

@@ -244,6 +244,7 @@ def test_cranes_of_several_periods_are_refused(scenarios: list[Scenario], expect
         ({"seeds": [1]}, "2, 1, 2 states, seeds and targets for 2 cranes"),
         ({"states": np.zeros((3, 10))}, "3, 2, 2"),
         ({"cranes": [0], "targets": np.zeros((2, 3))}, "1, 1, 2"),
+        ({"targets": 0.3}, "targets = 0.3"),
         *(({"cranes": cranes}, f"cranes = {cranes}") for cranes in ([2], [-1], [1, 1], [1.0], 1, [True])),
     ],
 )

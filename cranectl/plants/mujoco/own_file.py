@@ -3,6 +3,8 @@
 Nothing of the model is changed but the integrator, which is RK4 as for the shipped model.
 """
 
+import contextlib
+import hashlib
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -90,6 +92,24 @@ def check_files(file: Path) -> None:
                 allowed="files in the folder of the model, or below it",
                 remedy="copy the file there, and name it without '..'",
             )
+
+
+def content_digest(file: Path) -> str:
+    """Return a digest of a model file and of all files that it names; missing ones are left out."""
+    digest, starts = hashlib.sha256(), [file.parent]
+    names, read = [file.name], set[Path]()
+    while parts := [start / name for name in names for start in starts if start / name not in read]:
+        read.update(parts)
+        for path in filter(Path.is_file, parts):
+            content = path.read_bytes()
+            digest.update(f"{path}\0{len(content)}\0".encode() + content)
+            with contextlib.suppress(
+                ElementTree.ParseError
+            ):  # of a mesh, or of a model that is refused later
+                for element in ElementTree.fromstring(content).iter():
+                    starts += [file.parent / value for key, value in element.items() if key in FOLDERS]
+                    names += [value for key, value in element.items() if key.startswith("file")]
+    return digest.hexdigest()
 
 
 def _check_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:

@@ -9,7 +9,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from cranectl.plants.mujoco.own_file import embed_files, sensor_values, servo_kind, spec_of_file
+from cranectl.plants.mujoco.own_file import (
+    content_digest,
+    embed_files,
+    sensor_values,
+    servo_kind,
+    spec_of_file,
+)
 from cranectl.plants.mujoco.sites import state_of_sites
 from cranectl.scenario.rig import ModelNames
 from cranectl.signals import ALPHA, ROPE
@@ -228,10 +234,10 @@ def _digest(spec: mujoco.MjSpec) -> str:
 
 
 def open_model(file: Path, names: ModelNames) -> OwnModel:
-    """Return the model of a file, opened once; raise InputError if it is not such a crane."""
-    return _opened(file, names, file.stat().st_mtime_ns if file.is_file() else 0)
+    """Return the model of a file, opened once for its content; raise InputError if it is not such a crane."""
+    return _opened(file, names, content_digest(file))
 
 
 @functools.lru_cache(maxsize=8)
-def _opened(file: Path, names: ModelNames, _changed_ns: int) -> OwnModel:
+def _opened(file: Path, names: ModelNames, _content: str) -> OwnModel:
     return OwnModel(file, names)
