@@ -29,7 +29,7 @@ def plan_command(request: command.ScenarioRequest, plot: Path | None, bound: boo
     """Plan the motions of SCENARIO and show them, without a run.
 
     Shows how long each motion lasts, which limits act when, and what is proven. Exit code 1 if a limit
-    is not proven.
+    is not proven. A motion with a duration of its own that `run` would refuse is refused here.
 
     \b
     cranectl plan fast-diagonal-shortest
@@ -42,9 +42,11 @@ def plan_command(request: command.ScenarioRequest, plot: Path | None, bound: boo
     from cranectl.report.plan import plan_json, plan_tables
     from cranectl.scenario.effects import EFFECTS
     from cranectl.scenario.load import scenario_file
+    from cranectl.simulate.plan import plan_reference
 
     written, directory = request.read(), scenario_file(str(request.source)).parent
     ready = plan_motions(written, directory)
+    plan_reference(ready)  # refuses what no run can follow
     reviewed = reviews(ready)
     least = estimate_least_durations(ready, written, directory) if bound and reviewed else ()
     if plot is not None and not reviewed:

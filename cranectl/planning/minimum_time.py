@@ -11,7 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.planning.limits import Limits, excesses, motion
-from cranectl.planning.problem import PASSAGE_SAMPLES, SAMPLES_PER_SPAN, Problem, Task, ToLoad, series_along
+from cranectl.planning.problem import (
+    PASSAGE_SAMPLES,
+    SAMPLES_PER_SPAN,
+    Edge,
+    Problem,
+    Task,
+    ToLoad,
+    series_along,
+)
 from cranectl.planning.programs import PENALTIES, solve
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
 from cranectl.planning.route import GUESS_POINTS
@@ -149,7 +157,11 @@ def _excesses(task: Task, duration: float, coefficients: Array, samples_per_span
 
 
 def tighten_limits(task: Task) -> Task:
-    """Tighten the limits for excesses between samples; start, end and via points stay within ranges."""
+    """Tighten the limits for excesses between samples; start, end and via points stay within ranges.
+
+    A free motion that touches the edge of the load's range there has no room for such an excess. It keeps
+    its coefficients within the range.
+    """
     limits = _scale_limits(task.limits, LIMIT_TIGHTENING)
     rests = np.array(
         [
@@ -158,9 +170,15 @@ def tighten_limits(task: Task) -> Task:
         ]
     )
     at_rest = rests * [1.0, 1.0, -1.0]  # bridge, trolley, rope
+    load = _widen_to(limits.load, rests)
+    edges: list[Edge] = []
+    if isinstance(task.to_load, FreeCoordinates):
+        for axis, side in np.argwhere(load != limits.load):
+            normal = task.to_load.directions[:, axis] * (1.0, -1.0)[side]
+            offset = (load[axis, side] - task.to_load.start[axis]) * (1.0, -1.0)[side]
+            edges += [Edge(normal, float(offset))] if normal.any() else []
     return replace(
-        task,
-        limits=limits._replace(load=_widen_to(limits.load, rests), axes=_widen_to(limits.axes, at_rest)),
+        task, edges=tuple(edges), limits=limits._replace(load=load, axes=_widen_to(limits.axes, at_rest))
     )
 
 

@@ -21,6 +21,7 @@ from cranectl.planning.minimum_time import (
     minimum_time,
 )
 from cranectl.planning.problem import Task
+from cranectl.planning.proof import PROOF_MARGIN
 from cranectl.planning.review import claim_for
 from cranectl.planning.route import add_stops, find_passages, round_corners
 from cranectl.planning.shortest import (
@@ -53,6 +54,7 @@ from cranectl.support.kept import kept
 GUESS_OFFSET = 0.1  # of a move's length, by which the first guess bulges aside and up
 MIN_MOVE = 1e-6  # [m] from one point of a move to the next
 RANGE_SCALE = 0.1  # of a motion's length, the unit of excesses over ranges
+POSITION_ROUNDING = 64.0 * float(np.finfo(float).eps)  # of computed positions, relative to the ranges
 _PLANS: TypeAdapter[list[tuple[Segment, str]]] = TypeAdapter(list[tuple[Segment, str]])  # with claims
 _SEGMENTS: dict[str, list[Segment]] = {}
 
@@ -133,10 +135,17 @@ def _plan_as_json(segment: Along | Spline | Move, start: Array, scenario: Scenar
     return _PLANS.dump_json(plans).decode()
 
 
+def limits_for(length: float, scenario: Scenario) -> Limits:
+    """Return the limits of a motion over `length` [m], whose scale of positions stays above rounding."""
+    limits = limits_of(scenario)
+    rounding = POSITION_ROUNDING * float(np.abs([limits.load, limits.axes]).max())
+    return limits._replace(size=max(RANGE_SCALE * length, rounding / PROOF_MARGIN))
+
+
 def plan_along(segment: Along | Spline, start: Array, scenario: Scenario, where: str) -> Along | Spline:
     """Plan a segment on a given path, by the law of degree 9 unless the search finds a faster one."""
     geometry = geometry_of(segment, start, where)
-    limits = limits_of(scenario)._replace(size=RANGE_SCALE * geometry.length)
+    limits = limits_for(geometry.length, scenario)
     check_point(start, limits, f"{where}: its start")
     end = position_at(geometry, 1.0)
     check_point(end, limits, f"{where}: its end")
@@ -164,7 +173,7 @@ def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, whe
         alone = part.model_copy(update={"blend": 0.0})
         stopping.append(plan_along(alone, path.start, scenario, f"{where}, part {index + 1}"))
     geometry = geometry_of(segment, start, where)
-    limits = limits_of(scenario)._replace(size=RANGE_SCALE * geometry.length)
+    limits = limits_for(geometry.length, scenario)
     time_laws = [
         (time_law_of(part), seconds(part), path.length) for part, path in zip(stopping, parts, strict=True)
     ]
@@ -186,7 +195,7 @@ def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> li
     """Plan a free motion: the fastest spline, else lines with stops unless `constant_rope` forbids them."""
     points = _distinct_points(segment, start)
     size = float(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(points)))
-    limits = limits_of(scenario)._replace(size=RANGE_SCALE * size)
+    limits = limits_for(size, scenario)
     _check_move(segment, points, limits, where)
     corners = add_stops(points, limits, where)
     lines = [Straight(begin, end) for begin, end in itertools.pairwise(corners)]
@@ -241,7 +250,7 @@ def _check_move(segment: Move, points: Sequence[Array], limits: Limits, where: s
             remedy='to stay in place use kind = "hold"',
         )
     nearest = min(float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(points))
-    if nearest < MIN_MOVE:
+    if nearest < MIN_MOVE * (1.0 - 1e-6):  # rounding
         raise InputError(
             f"{where} moves by {nearest:.3g} m from one of its points to the next",
             allowed=f"at least {MIN_MOVE:g} m, since shorter moves take less than a control period",
@@ -282,7 +291,7 @@ def free_motion(
     aside, up = np.array([-along[1], along[0], 0.0]), np.array([0.0, 0.0, 1.0])
     directions = np.array([along, up]) if segment.plane else np.eye(3)
     direction = aside * (not segment.plane) + up * (not segment.constant_rope)
-    bump = GUESS_OFFSET / RANGE_SCALE * limits.size * direction
+    bump = GUESS_OFFSET * sum(float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(points)) * direction
     guess += np.sin(np.pi * np.linspace(0.0, 1.0, len(guess)))[:, None] ** 4 * bump
     guess = np.clip(guess, *limits.load.T)
     via = points[1:-1]

@@ -46,6 +46,13 @@ class Passage(NamedTuple):
     end: int
 
 
+class Edge(NamedTuple):
+    """A half-space that all coefficients of a motion keep, and with them the motion at every moment."""
+
+    normal: Array  # (d,) into the half-space, in coordinates
+    offset: float  # least value along the normal [m]
+
+
 @dataclass(frozen=True)
 class Task:
     """A motion from rest at `start` to rest at `end`, in coordinates (d,) of the load."""
@@ -62,6 +69,7 @@ class Task:
     via: tuple[Array, ...] = ()  # coordinates (d,) of via points, passed at the first instants
     passages: tuple[Passage, ...] = ()
     instants: tuple[float, ...] = ()  # of the guess
+    edges: tuple[Edge, ...] = ()  # at which the motion begins, ends or passes
 
 
 class Linearisation(NamedTuple):
@@ -142,7 +150,7 @@ class Problem:
             limits, others = _split_efforts(group.bounded(self.series_of(inputs(jets))))
             limited.append(_apply_chain_rule(limits, by_x))
             efforts.append(_apply_chain_rule(others, by_x))
-        excess, slope = zip(*limited, self.order_excesses(x), strict=True)
+        excess, slope = zip(*limited, self.order_excesses(x), self.edge_excesses(x), strict=True)
         return Linearisation(np.concatenate(excess), np.vstack(slope), *efforts[0])
 
     def values(self, x: Array) -> tuple[Array, Array]:
@@ -152,13 +160,25 @@ class Problem:
             limits, others = _split_efforts(group.bounded(self.series_of(list(self._jets(x, group)[0].T))))
             excess += [limit.excess() for limit in limits]
             efforts += [other.excess() for other in others if not index]
-        return np.concatenate([*excess, self.order_excesses(x)[0]]), np.concatenate(efforts)
+        linear = self.order_excesses(x)[0], self.edge_excesses(x)[0]
+        return np.concatenate([*excess, *linear]), np.concatenate(efforts)
 
     def order_excesses(self, x: Array) -> tuple[Array, Array]:
         """Return excesses, and their slopes, of the constraint that intervals end after they begin."""
         slope = np.zeros((len(self._order_matrix), len(x)))
         slope[:, self.width + 1 :] = self._order_matrix[:, 1:-1]
         return MIN_INSTANT_GAP + self._order_matrix @ [0.0, *x[self.width + 1 :], 1.0], slope
+
+    def edge_excesses(self, x: Array) -> tuple[Array, Array]:
+        """Return excesses, and their slopes, of the free coefficients over the edges, as shares of the size."""
+        d, size = len(self.task.start), self.task.limits.size
+        free = x[: self.width].reshape(-1, d)
+        slope = np.zeros((len(self.task.edges), len(free), len(x)))
+        excess = np.zeros(slope.shape[:2])
+        for rows, by_x, edge in zip(excess, slope, self.task.edges, strict=True):
+            rows[:] = (edge.offset - free @ edge.normal) / size
+            by_x[:, : self.width] = np.kron(np.eye(len(free)), -edge.normal / size)
+        return excess.ravel(), slope.reshape(-1, len(x))
 
     def hessian_of(self, x: Array, multipliers: Array) -> Array:
         """Return the Hessian (unknowns, unknowns) of the excesses weighted by `multipliers` (R,)."""

@@ -5,8 +5,9 @@ hulls of the load's derivatives, and from its value in the middle plus its rate 
 is proven if the intersection of both enclosures is within the limits. It is refuted if its middle is
 certainly outside. Else it is halved.
 
-The hulls are those of Bernstein coefficients. Each derivative has its own coefficients, because differences
-of halved positions would lose digits.
+The hulls are those of Bernstein coefficients. Each derivative has its own, from the differences of the
+spline's coefficients, because differences of later positions would lose digits: a short motion far from the
+origin is a small difference of large numbers.
 """
 
 from collections.abc import Iterator, Sequence
@@ -61,29 +62,36 @@ def polynomial_pieces(breaks: Array, coefficients: Array, degree: int, orders: i
     """Return the spans of the B-spline with knots at `breaks` [s] and coefficients (spans + degree, d)."""
     knots = np.concatenate([np.full(degree, breaks[0]), breaks, np.full(degree, breaks[-1])])
     first = np.arange(len(breaks) - 1)
+    derivatives, control = [], interval(coefficients)
+    for order in range(orders):
+        if order > degree:
+            derivatives.append(derivatives[-1] * 0.0)
+            continue
+        derivatives.append(_bernstein(control, knots, first, degree - order))
+        if order < degree:  # the B-spline of the next derivative, whose knots lack the outermost ones
+            later, knots = knots[degree - order + 1 : -1], knots[1:-1]
+            step = interval(later) - interval(knots[: len(later)])
+            rise = (control[1:] - control[:-1]) * float(degree - order)
+            control = rise / step[:, None]
+    return PolynomialPieces(breaks[:-1], interval(breaks[1:]) - interval(breaks[:-1]), tuple(derivatives))
+
+
+def _bernstein(control: Interval, knots: Array, first: NDArray[np.intp], degree: int) -> Interval:
+    """Return the Bernstein coefficients (P, degree + 1, d) of each span of a B-spline."""
     begins, ends = knots[degree + first], knots[degree + first + 1]
     rows = [
-        _blossom(coefficients, knots, first, [ends] * later + [begins] * (degree - later))
+        _blossom(control, knots, first, [ends] * later + [begins] * (degree - later))
         for later in range(degree + 1)
     ]
-    length = interval(ends) - interval(begins)
-    derivatives = [stacked(rows, axis=1)]
-    for order in range(1, orders):
-        below = derivatives[-1]
-        if order > degree:
-            derivatives.append(below * 0.0)
-        else:
-            step = below[:, 1:] - below[:, :-1]
-            derivatives.append(step * float(degree - order + 1) / length[:, None, None])
-    return PolynomialPieces(begins, length, tuple(derivatives))
+    return stacked(rows, axis=1)
 
 
 def _blossom(
-    coefficients: Array, knots: Array, first: NDArray[np.intp], arguments: Sequence[Array]
+    control: Interval, knots: Array, first: NDArray[np.intp], arguments: Sequence[Array]
 ) -> Interval:
     """Evaluate the polar form of all spans at one argument [s] per degree, by de Boor's recursion."""
     degree = len(arguments)
-    row = [interval(coefficients[first + k]) for k in range(degree + 1)]
+    row = [control[first + k] for k in range(degree + 1)]
     for level, argument in enumerate(arguments, 1):
         at = interval(argument)
         for k in range(degree, level - 1, -1):
