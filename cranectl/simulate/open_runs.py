@@ -18,7 +18,7 @@ from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import LOAD_COLUMN, PATH_WIDTH, STATE, TENSION
 from cranectl.simulate.loops import CompiledLoop, LoopInputs, advance_block, measure, shared_loop
 from cranectl.simulate.open_run import (
-    Uncopyable,
+    SteppedMemory,
     begin,
     check_samples,
     checked_numbers,
@@ -55,14 +55,14 @@ class Crane(NamedTuple):
     load: Array  # (7,) at the last sample
 
 
-class OpenRuns(Uncopyable):
+class OpenRuns(SteppedMemory):
     """Runs that a program advances together with commands of its own; `open_runs` makes them.
 
-    `scenarios` lists the scenario of each crane. Commands act as in `OpenRun`.
+    `scenarios` has the scenario of each crane. Commands and threads act as in `OpenRun`.
     """
 
-    def __init__(self, scenarios: list[Scenario], plants: list[Plant]) -> None:
-        self.scenarios, self._plants = scenarios, plants
+    def __init__(self, scenarios: Sequence[Scenario], plants: Sequence[Plant]) -> None:
+        self.scenarios, self._plants = tuple(scenarios), tuple(plants)
         self._period = scenarios[0].period_ns / NANOSECONDS
         plan = functools.cache(plan_scenario)
         self._plans = [plan(scenario) for scenario in self.scenarios]
@@ -128,7 +128,7 @@ class OpenRuns(Uncopyable):
                 self._begin(crane, state, seed, target)
         finally:  # also if one is refused: blocks of the others before it would refer to freed memory
             self._groups = [
-                (kind, np.stack([block for own, block in self._blocks if own == kind]))
+                (kind, np.stack([block for own, block in self._blocks if own == kind]), list(self._cranes))
                 for kind in dict.fromkeys(kind for kind, _ in self._blocks)
             ]
         return self.states
@@ -157,9 +157,9 @@ class OpenRuns(Uncopyable):
         """
         check_samples(samples)
         self._commands[:] = checked_numbers("commands", commands, len(self), 3)
-        for kind, blocks in self._groups:
+        for kind, blocks, cranes in self._groups:  # which keep each other's memory
             if kind is None:
-                for crane in self._cranes:
+                for crane in cranes:
                     advance_crane(crane, samples)
             else:
                 _compiled(kind)(blocks.ctypes.data, blocks.shape[1], len(blocks), samples)
