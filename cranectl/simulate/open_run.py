@@ -6,7 +6,6 @@ from typing import NoReturn
 
 import numpy as np
 
-from cranectl.controllers.controller import check_whole, shown
 from cranectl.controllers.repeated import repeated_commands
 from cranectl.plants.plant import DRIVES, Plant
 from cranectl.plants.registry import REFERENCE_PLANT
@@ -18,8 +17,9 @@ from cranectl.simulate.run import Run
 from cranectl.simulate.runner import checked_drive, make_plant, start_run
 from cranectl.simulate.stepping import SteppedRun, prepare_repetition, rows_at
 from cranectl.status import RunStatus
+from cranectl.support.arguments import check_whole, checks_arguments
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, shown
 from cranectl.support.turns import TakesTurns
 
 DRAWN_MARGIN = 0.1  # share of each range of the workspace, at both ends, where no drawn start lies
@@ -190,6 +190,7 @@ class OpenRun(SteppedMemory):
         )
 
 
+@checks_arguments
 def open_run(scenario: Scenario, *, plant: str = REFERENCE_PLANT, drive: str = "ideal") -> OpenRun:
     """Open a run without a controller, to be stepped by a program.
 
@@ -299,7 +300,7 @@ def checked_numbers(what: str, values: Sequence[float] | Array, *shape: int) -> 
     """Return finite numbers of this shape; raise InputError for anything else."""
     try:
         numbers = np.array(values, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = np.zeros(0)
     bad = np.argwhere(~np.isfinite(numbers))
     if numbers.shape != shape or len(bad):

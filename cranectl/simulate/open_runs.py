@@ -10,7 +10,6 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from cranectl.controllers.controller import shown
 from cranectl.plants.addressed import measure_addressed
 from cranectl.plants.plant import Plant
 from cranectl.plants.registry import REFERENCE_PLANT
@@ -28,8 +27,9 @@ from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import record_width
 from cranectl.simulate.signal_path import SignalPath
 from cranectl.status import RunStatus
+from cranectl.support.arguments import checked, checks_arguments
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, shown
 from cranectl.support.jit import UNCOMPILED, jit, jit_address, jit_loop
 from cranectl.support.packed import packed, pointer_after, type_of, unpacker
 
@@ -114,7 +114,8 @@ class OpenRuns(SteppedMemory):
         """
         chosen = self._chosen(cranes)
         starts = [
-            [None] * len(chosen) if values is None else list(values) for values in (states, seeds, targets)
+            [None] * len(chosen) if values is None else list(checked(name, values, Iterable[Any] | None))
+            for name, values in (("states", states), ("seeds", seeds), ("targets", targets))
         ]
         if any(len(values) != len(chosen) for values in starts):
             raise InputError(
@@ -204,7 +205,10 @@ class OpenRuns(SteppedMemory):
     def _chosen(self, cranes: Sequence[int] | NDArray[np.integer[Any] | np.bool_] | None) -> list[int]:
         """Return the numbers of the cranes that `reset` names; raise InputError if it names none of ours."""
         count = len(self)
-        numbers = np.arange(count) if cranes is None else np.asarray(cranes)
+        try:
+            numbers = np.arange(count) if cranes is None else np.asarray(cranes)
+        except ValueError:  # lists of different lengths
+            numbers = np.zeros(())
         if numbers.shape == (count,) and numbers.dtype == bool:
             numbers = np.flatnonzero(numbers)
         chosen: list[int] = numbers.tolist()
@@ -253,6 +257,7 @@ class OpenRuns(SteppedMemory):
         self._blocks[i] = (type_of(crane), packed(crane)) if is_compiled else (None, np.zeros(0))
 
 
+@checks_arguments
 def open_runs(
     scenarios: Iterable[Scenario], *, plant: str = REFERENCE_PLANT, drive: str = "ideal"
 ) -> OpenRuns:

@@ -35,8 +35,10 @@ class TakesTurns:
             if isinstance(member, FunctionType):
                 setattr(cls, name, _in_turn(member))
             elif isinstance(member, property):
-                parts = (part and _in_turn(part) for part in (member.fget, member.fset, member.fdel))
-                setattr(cls, name, property(*parts, doc=member.__doc__))
+                get, put, delete = (
+                    part and _in_turn(part) for part in (member.fget, member.fset, member.fdel)
+                )
+                setattr(cls, name, property(get, put, delete, doc=member.__doc__))
 
 
 def _in_turn(method: Callable[..., Any]) -> Callable[..., Any]:
