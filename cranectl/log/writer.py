@@ -29,7 +29,7 @@ from cranectl.support.files import MCAP, check_place, replacing
 from cranectl.support.interrupts import interrupts_wait
 
 Records = Mapping[str, Mapping[str, str]]  # metadata by name
-MAX_EVERY = 10**9  # as in a scenario
+MAX_LOG_EVERY = 10**9  # as in a scenario
 CHUNK_SIZE = 64 * 1024  # [bytes] a kill loses at most the last chunk; such small ones add 0.2 % to the size
 REMEDY = "choose another place with --out"
 FAILURES = (OSError, RuntimeError, DamageError)  # when writing fails; a full disk can raise any of them
@@ -74,7 +74,7 @@ def write_log(
         raise InputError("no run to write", allowed="one or more runs", remedy="simulate a run first")
     if every is None:
         every = runs[0].scenario.log.every
-    check_whole("every", every, 1, MAX_EVERY, "how many control samples lie between two that are logged")
+    check_whole("every", every, 1, MAX_LOG_EVERY, "how many control samples lie between two that are logged")
     check_writable(path, at_once=True)
     write_logged(path, [run.every(every) for run in runs], every, limits)
     return path

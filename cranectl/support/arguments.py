@@ -24,7 +24,7 @@ WORDS = {
 }  # fmt: skip
 ACCEPTED: dict[Any, Any] = {Path: os.PathLike, bool: (bool, np.bool_)}  # in place of the annotated class
 LISTS = (collections.abc.Sequence, collections.abc.Iterable)
-LARGEST = 10**308  # about the largest whole number that floating point can hold
+MAX_NUMBER = 10**308  # about the largest whole number that floating point can hold
 
 
 def checks_arguments(function: Callable[P, Result]) -> Callable[P, Result]:
@@ -106,7 +106,7 @@ def _is_of(value: Any, kind: Any) -> bool:
         if not isinstance(value, Integral if kind is int else Real) or isinstance(value, bool):
             return False
         number: Any = value
-        return bool(-LARGEST <= number <= LARGEST or number in (np.inf, -np.inf))  # not NaN
+        return bool(-MAX_NUMBER <= number <= MAX_NUMBER or number in (np.inf, -np.inf))  # not NaN
     return kind is Any or not isinstance(kind, type) or isinstance(value, ACCEPTED.get(kind, kind))
 
 
