@@ -34,6 +34,7 @@ from cranectl.metrics.limits import broken_since, given_limits, judge_limits, li
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
+from cranectl.support.arguments import checks_arguments
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import provenance, provenance_differences
 from cranectl.support.units import quantity
@@ -84,6 +85,7 @@ def without_traceback(function: Callable[Arguments, None]) -> Callable[Arguments
 
 
 @without_traceback
+@checks_arguments
 def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: float | None = None) -> None:
     """Assert that the plants agree and that their runs ended as the scenario expects.
 
@@ -143,6 +145,7 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
 
 
 @without_traceback
+@checks_arguments
 def assert_limits(runs: CaseRuns, **limits: float) -> None:
     """Assert that every run keeps its limits and ended as the scenario expects.
 

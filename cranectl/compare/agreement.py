@@ -22,6 +22,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.simulate.memory import fits
 from cranectl.status import RunStatus
 from cranectl.support import resources
+from cranectl.support.arguments import checks_arguments
 from cranectl.support.consistency import check_ascending
 from cranectl.support.documents import read_toml
 
@@ -188,6 +189,7 @@ def against_reference(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[t
     return [(a, b) for b in runs if b.plant == reference for a in runs if a.plant != reference]
 
 
+@checks_arguments
 def judge(
     a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None = None, comparison: Comparison | None = None
 ) -> Agreement:

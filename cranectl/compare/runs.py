@@ -11,9 +11,10 @@ from cranectl.plants.registry import PLANTS, in_order
 from cranectl.scenario.recorded import without_file_names
 from cranectl.signals import Signal
 from cranectl.simulate import Run
+from cranectl.support.arguments import checks_arguments
 from cranectl.support.arrays import Array
 from cranectl.support.documents import differences, leaves
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, check_known
 
 COMPARED_GROUPS = ("state", "load", "input")
 Sampled = tuple[Run, NDArray[np.intp]]  # a run and the indices of some of its samples
@@ -65,6 +66,7 @@ class Comparison:
         return asdict(self)
 
 
+@checks_arguments
 def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Comparison:
     """Compare two runs at the times that both have; differences are b - a.
 
@@ -83,9 +85,7 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
     Raises
     ------
     InputError
-        If the runs have no time in common.
-    KeyError
-        If a run does not have a signal.
+        If the runs have no time in common, or do not have a signal.
     """
     for run in (a, b):
         if not run.has("state", "load"):
@@ -101,6 +101,8 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
             allowed="runs with at least one common time",
             remedy="log both with the same period",
         )
+    for run in (a, b):
+        check_known("signal", signals or (), named_signals(run))
     time = a.time[in_a]
     with np.errstate(invalid="ignore", over="ignore"):  # runs may not be finite; NaN exceeds every limit
         load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)

@@ -17,7 +17,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any, Literal, NamedTuple, get_args
 
 from cranectl.design.records import ControllerDesign, Design, Origin, Value
@@ -26,8 +26,9 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.settings import MAX_DURATION, MIN_DURATION
 from cranectl.scenario.similarity import rounded
 from cranectl.signals import Signal
+from cranectl.support.arguments import check_fields, check_whole
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, check_known
+from cranectl.support.errors import InputError, check_known, shown
 from cranectl.support.extensions import check_name
 
 Command = Literal["acceleration", "velocity", "force"]  # [m/s²], [m/s], [N]
@@ -37,7 +38,6 @@ _COMPUTED = tuple(name for name, kind in vars(RigParameters).items() if isinstan
 READABLE = (*RigParameters.model_fields, *_COMPUTED, "limits", "path")
 SLACK_ENDS_RUN, ROPE_TAUT, ROPE_SLACK = 0.0, 1.0, 2.0  # what the loop writes into a `slack_place`
 MAX_SIGNAL_NAME = 200  # [characters] of the name of a signal that a controller logs
-MAX_SHOWN_LENGTH = 200  # [characters] of a value in a message
 # The same limits as `library.declaration` has for controllers in C.
 MAX_EVERY = 10**6  # control periods between two steps
 MAX_PREVIEW = 10**6  # rows of the reference
@@ -84,6 +84,10 @@ class Parameter:
     choices: tuple[str, ...] = ()
     search: tuple[float, float] | None = None
     length_power: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raise InputError for a declaration of the wrong kind."""
+        check_fields(self)
 
     def sized(self, value: Value, length: float) -> Value:
         """Scale `value` from the laboratory rig to a similar one that is `length` times as large."""
@@ -276,7 +280,7 @@ class Controller:
         is_number = isinstance(self.period, Real) and not isinstance(self.period, bool)
         self._check(
             "period",
-            self.period is None or (is_number and lowest <= float(self.period) <= highest),
+            self.period is None or (is_number and lowest <= self.period <= highest),
             f"a number of seconds from {lowest:g} to {highest:g}, or none",
             remedy="give the time between two steps for which the controller was made, or leave it out",
         )
@@ -284,6 +288,7 @@ class Controller:
         check_names(self.name, "parameter", (parameter.name for parameter in self.parameters))
         self._check_items("logged", Logged, "{name: place of the memory}")
         check_names(self.name, "signal", (logged.signal.name for logged in self.logged))
+        check_fields(self)
         for name in self.reads or ():
             check_choice(f"{self.name}.reads", name, READABLE)
         places = {f"logged: the place of '{signal.name}'": place for place, signal in self.logged}
@@ -324,21 +329,6 @@ class Controller:
         return ControllerDesign(self.name, parameters=values, signals=signals, origin=self.origin)
 
 
-def is_whole(value: Any, lowest: int, highest: int) -> bool:
-    """Return True if `value` is a whole number in the range, of Python or NumPy, but not a bool."""
-    return isinstance(value, Integral) and not isinstance(value, bool) and lowest <= int(value) <= highest
-
-
-def check_whole(what: str, value: Any, lowest: int, highest: int, meaning: str) -> None:
-    """Raise InputError unless `value` is a whole number in the range."""
-    if not is_whole(value, lowest, highest):
-        raise InputError(
-            f"{what} = {shown(value)}",
-            allowed=f"a whole number from {lowest} to {highest}",
-            remedy=f"give {meaning}",
-        )
-
-
 def check_choice(what: str, value: Any, choices: Collection[str]) -> None:
     """Raise InputError unless `value` is one of `choices`."""
     if not (isinstance(value, str) and value in choices):
@@ -357,12 +347,3 @@ def check_names(owner: str, kind: str, names: Iterable[Any]) -> None:
             problem = f"{owner} {verb} {f'two {kind}s' if fits else f'a {kind}'} named {shown(name)}"
             raise InputError(problem, allowed=allowed, remedy="take another name")
         seen.add(name)
-
-
-def shown(value: Any) -> str:
-    """Return a value as Python writes it, or its type if that text is empty or too long."""
-    try:
-        text = repr(value)
-    except Exception:  # the `__repr__` of a user's class may raise anything
-        text = ""
-    return text if 0 < len(text) <= MAX_SHOWN_LENGTH else f"a {type(value).__name__}"

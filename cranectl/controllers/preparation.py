@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers.controller import MAX_MEMORY, Controller, LinearController, Nominal, shown
+from cranectl.controllers.controller import MAX_MEMORY, Controller, LinearController, Nominal
 from cranectl.scenario import nanoseconds
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, describe_error
+from cranectl.support.errors import InputError, describe_error, shown
 from cranectl.support.foreign_code import contained
 from cranectl.support.interrupts import reported_when_slow
 

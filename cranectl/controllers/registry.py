@@ -11,6 +11,7 @@ from cranectl.design import ControllerDesign, Design
 from cranectl.scenario import Scenario
 from cranectl.scenario.similarity import size_of
 from cranectl.support import extensions
+from cranectl.support.arguments import checked
 from cranectl.support.errors import InputError, check_known, unknown_name
 from cranectl.support.extensions import check_free, loaded, packages, with_extensions
 from cranectl.support.provenance import FINGERPRINT_DIGITS, source_digests
@@ -42,8 +43,11 @@ def register_controller(controller: "Controller") -> None:
     Raises
     ------
     InputError
-        If another controller has its name.
+        If another controller has its name, or it is no Controller.
     """
+    from cranectl.controllers.controller import Controller
+
+    checked("controller", controller, Controller)
     if OPEN.registered.get(controller.name) is controller:  # several test files may register the same one
         return
     check_free("controller", controller.name, controller_names())

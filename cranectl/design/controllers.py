@@ -12,6 +12,7 @@ import numpy as np
 
 from cranectl.design.records import NO_ROBUSTIFIER, Design, Robustifier
 from cranectl.scenario import DesignSettings
+from cranectl.support.arguments import checks_arguments
 from cranectl.support.errors import InputError, check_known
 from cranectl.support.kept import kept
 
@@ -33,6 +34,7 @@ TITLES = {
 CONTROLLERS = tuple(TITLES)
 
 
+@checks_arguments
 @functools.lru_cache(maxsize=64)
 def design_controller(name: str, settings: DesignSettings | None = None) -> Design:
     """Design a controller of the flat family, or take the design that an earlier process stored.

@@ -27,6 +27,7 @@ from cranectl.simulate.runner import make_plant, prepare_controller, start_run
 from cranectl.simulate.signal_path import make_encoders
 from cranectl.simulate.stepping import SteppedRun, rows_at
 from cranectl.support.arrays import Array
+from cranectl.support.turns import TakesTurns
 
 
 def _carried_over_size(before: ControllerDesign, after: ControllerDesign, memory: Array) -> int:
@@ -37,7 +38,7 @@ def _carried_over_size(before: ControllerDesign, after: ControllerDesign, memory
     return len(memory) if new.robustifier is old.robustifier else MEMORY.robustifier
 
 
-class Session:
+class Session(TakesTurns):
     """Advances several plants together; a plant that has stopped waits for the next start."""
 
     def __init__(

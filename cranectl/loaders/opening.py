@@ -17,6 +17,7 @@ from cranectl.controllers.controller import Controller
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
 from cranectl.controllers.registry import FILE, UDP, register_controller
 from cranectl.design.records import Origin
+from cranectl.support.arguments import checks_arguments
 from cranectl.support.errors import InputError
 from cranectl.support.extensions import loaded
 from cranectl.support.files import open_input, replacing
@@ -149,6 +150,7 @@ def slug(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", parted.lower()).strip("-")
 
 
+@checks_arguments
 def open_controller(reference: str) -> str:
     """Register the controller of a file, or of another process, with this process.
 

@@ -24,8 +24,6 @@ from cranectl.controllers.controller import (
     Logged,
     Nominal,
     Parameter,
-    is_whole,
-    shown,
 )
 from cranectl.controllers.preparation import real_numbers
 from cranectl.controllers.slots import Slots
@@ -33,8 +31,9 @@ from cranectl.loaders.folder_imports import FolderImports
 from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of, slug
 from cranectl.signals import Signal
+from cranectl.support.arguments import is_whole
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, describe_error
+from cranectl.support.errors import InputError, describe_error, shown
 from cranectl.support.foreign_code import contained
 from cranectl.support.interrupts import reported_when_slow
 from cranectl.support.jit import address_of, why_not_compiled

@@ -19,6 +19,7 @@ from cranectl.mcap_columns.rows import decode_table, read_rows, signal_names
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
+from cranectl.support.arguments import checks_arguments
 from cranectl.support.arrays import Array
 from cranectl.support.consistency import check_sum
 from cranectl.support.errors import LogError, nearest_first, unknown_name
@@ -38,6 +39,7 @@ class TopicSamples(NamedTuple):
     values: Array  # (N, signals)
 
 
+@checks_arguments
 def read_log(path: str | Path) -> dict[str, Run]:
     """Read the runs in a log, at the logged rate.
 
@@ -72,6 +74,7 @@ def read_runs(path: str | Path, *, overlays: bool) -> dict[str, tuple[LogHeader,
         return runs
 
 
+@checks_arguments
 def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
     """Read one signal of a log, without decoding the others.
 

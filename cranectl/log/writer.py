@@ -23,11 +23,13 @@ from cranectl.log.topics import Stream, in_order
 from cranectl.mcap_columns.contents import read_end
 from cranectl.mcap_columns.records import DamageError
 from cranectl.simulate import Run
-from cranectl.support.errors import LogError
+from cranectl.support.arguments import check_whole, checks_arguments
+from cranectl.support.errors import InputError, LogError
 from cranectl.support.files import MCAP, check_place, replacing
 from cranectl.support.interrupts import interrupts_wait
 
 Records = Mapping[str, Mapping[str, str]]  # metadata by name
+MAX_LOG_EVERY = 10**9  # as in a scenario
 CHUNK_SIZE = 64 * 1024  # [bytes] a kill loses at most the last chunk; such small ones add 0.2 % to the size
 REMEDY = "choose another place with --out"
 FAILURES = (OSError, RuntimeError, DamageError)  # when writing fails; a full disk can raise any of them
@@ -38,6 +40,7 @@ def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = F
     check_place(path, MCAP, inputs=inputs, option="--out", at_once=at_once)
 
 
+@checks_arguments
 def write_log(
     path: str | Path, runs: Sequence[Run], *, every: int | None = None, limits: PairLimits | None = None
 ) -> Path:
@@ -67,8 +70,12 @@ def write_log(
         If nobody could read the log.
     """
     path = Path(path)
+    if not runs:
+        raise InputError("no run to write", allowed="one or more runs", remedy="simulate a run first")
+    if every is None:
+        every = runs[0].scenario.log.every
+    check_whole("every", every, 1, MAX_LOG_EVERY, "how many control samples lie between two that are logged")
     check_writable(path, at_once=True)
-    every = every or runs[0].scenario.log.every
     write_logged(path, [run.every(every) for run in runs], every, limits)
     return path
 

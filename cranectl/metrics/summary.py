@@ -13,6 +13,7 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
+from cranectl.support.arguments import checks_arguments
 from cranectl.support.arrays import Array
 
 OUTSIDE = ("outside_first_s", "outside_excess_m", "outside_time_s")  # JSON has these by axis instead
@@ -73,6 +74,7 @@ class RunMetrics:
         }
 
 
+@checks_arguments
 def run_metrics(run: Run) -> RunMetrics | None:
     """Compute the metrics of a run over its recorded samples.
 

@@ -5,8 +5,10 @@ from pathlib import Path
 
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import read_scenario, scenario_file
+from cranectl.support.arguments import checks_arguments
 
 
+@checks_arguments
 def load_scenario(
     name_or_path: str | Path, *, rig: str | Path | None = None, overrides: Sequence[str] = ()
 ) -> Scenario:

@@ -13,6 +13,7 @@ from typing import Any
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.scenario.effects import PARTS, WHOLE_EFFECTS
 from cranectl.support import extensions
+from cranectl.support.arguments import check_fields, checks_arguments
 from cranectl.support.colours import COLOURS, VIEWER
 from cranectl.support.errors import InputError, check_known
 from cranectl.support.extensions import check_free, check_name, loaded, with_extensions
@@ -85,6 +86,7 @@ class PlantEntry:
 
     def __post_init__(self) -> None:
         check_name("plant", self.name)
+        check_fields(self)
         if not 0 < len(self.label) <= MAX_PLANT_LABEL or not self.label.isprintable():
             raise InputError(
                 f"the label {self.label[:MAX_PLANT_LABEL]!r} of the plant {self.name}",
@@ -266,6 +268,7 @@ def default_plants() -> tuple[str, ...]:
     return tuple(name for name, entry in PLANTS.items() if entry.by_default)
 
 
+@checks_arguments
 def register_plant(entry: PlantEntry) -> None:
     """Make a plant known to this process.
 

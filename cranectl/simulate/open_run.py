@@ -6,7 +6,6 @@ from typing import NoReturn
 
 import numpy as np
 
-from cranectl.controllers.controller import check_whole, shown
 from cranectl.controllers.repeated import repeated_commands
 from cranectl.plants.plant import DRIVES, Plant
 from cranectl.plants.registry import REFERENCE_PLANT
@@ -18,26 +17,29 @@ from cranectl.simulate.run import Run
 from cranectl.simulate.runner import checked_drive, make_plant, start_run
 from cranectl.simulate.stepping import SteppedRun, prepare_repetition, rows_at
 from cranectl.status import RunStatus
+from cranectl.support.arguments import check_whole, checks_arguments
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, shown
+from cranectl.support.turns import TakesTurns
 
 DRAWN_MARGIN = 0.1  # share of each range of the workspace, at both ends, where no drawn start lies
 MAX_STEPPED = 10**7  # samples in one step
 
 
-class Uncopyable:
-    """A run whose compiled code refers to its memory, so that a copy would change the original."""
+class SteppedMemory(TakesTurns):
+    """A run whose compiled code refers to its memory: threads take turns, and a copy would change it."""
 
     def __reduce__(self) -> NoReturn:
         """Raise TypeError when the run is to be copied or pickled."""
         raise TypeError("an open run cannot be copied or pickled; open another one, and reset it to `state`")
 
 
-class OpenRun(Uncopyable):
+class OpenRun(SteppedMemory):
     """A run that a program advances with commands of its own; `open_run` makes it.
 
     A command is held until the next one. Effects on the way to the drives act on it: limits, dead zone, gain
-    and delay. After the end of the scenario, reference, disturbances and wind keep their last values.
+    and delay. After the end of the scenario, reference, disturbances and wind keep their last values. Threads
+    take turns: a call waits until that of another thread has ended.
     """
 
     def __init__(self, scenario: Scenario, plant: Plant) -> None:
@@ -136,7 +138,7 @@ class OpenRun(Uncopyable):
 
         NaN before the first step.
         """
-        return self._load[:TENSION]
+        return self._load[:TENSION].copy()
 
     @property
     def tension(self) -> float:
@@ -188,6 +190,7 @@ class OpenRun(Uncopyable):
         )
 
 
+@checks_arguments
 def open_run(scenario: Scenario, *, plant: str = REFERENCE_PLANT, drive: str = "ideal") -> OpenRun:
     """Open a run without a controller, to be stepped by a program.
 
@@ -297,7 +300,7 @@ def checked_numbers(what: str, values: Sequence[float] | Array, *shape: int) -> 
     """Return finite numbers of this shape; raise InputError for anything else."""
     try:
         numbers = np.array(values, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = np.zeros(0)
     bad = np.argwhere(~np.isfinite(numbers))
     if numbers.shape != shape or len(bad):

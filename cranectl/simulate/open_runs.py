@@ -10,7 +10,6 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from cranectl.controllers.controller import shown
 from cranectl.plants.addressed import measure_addressed
 from cranectl.plants.plant import Plant
 from cranectl.plants.registry import REFERENCE_PLANT
@@ -18,7 +17,7 @@ from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import LOAD_COLUMN, PATH_WIDTH, STATE, TENSION
 from cranectl.simulate.loops import CompiledLoop, LoopInputs, advance_block, measure, shared_loop
 from cranectl.simulate.open_run import (
-    Uncopyable,
+    SteppedMemory,
     begin,
     check_samples,
     checked_numbers,
@@ -28,8 +27,9 @@ from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import record_width
 from cranectl.simulate.signal_path import SignalPath
 from cranectl.status import RunStatus
+from cranectl.support.arguments import checked, checks_arguments
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, shown
 from cranectl.support.jit import UNCOMPILED, jit, jit_address, jit_loop
 from cranectl.support.packed import packed, pointer_after, type_of, unpacker
 
@@ -55,14 +55,14 @@ class Crane(NamedTuple):
     load: Array  # (7,) at the last sample
 
 
-class OpenRuns(Uncopyable):
+class OpenRuns(SteppedMemory):
     """Runs that a program advances together with commands of its own; `open_runs` makes them.
 
-    `scenarios` lists the scenario of each crane. Commands act as in `OpenRun`.
+    `scenarios` has the scenario of each crane. Commands and threads act as in `OpenRun`.
     """
 
-    def __init__(self, scenarios: list[Scenario], plants: list[Plant]) -> None:
-        self.scenarios, self._plants = scenarios, plants
+    def __init__(self, scenarios: Sequence[Scenario], plants: Sequence[Plant]) -> None:
+        self.scenarios, self._plants = tuple(scenarios), tuple(plants)
         self._period = scenarios[0].period_ns / NANOSECONDS
         plan = functools.cache(plan_scenario)
         self._plans = [plan(scenario) for scenario in self.scenarios]
@@ -113,8 +113,10 @@ class OpenRuns(Uncopyable):
             Cranes before a refused one have begun again.
         """
         chosen = self._chosen(cranes)
-        given = {"states": states, "seeds": seeds, "targets": targets}
-        starts = [_one_each(name, values, len(chosen)) for name, values in given.items()]
+        starts = [
+            [None] * len(chosen) if values is None else list(checked(name, values, Iterable[Any] | None))
+            for name, values in (("states", states), ("seeds", seeds), ("targets", targets))
+        ]
         if any(len(values) != len(chosen) for values in starts):
             raise InputError(
                 f"{', '.join(str(len(values)) for values in starts)} states, seeds and targets "
@@ -127,7 +129,7 @@ class OpenRuns(Uncopyable):
                 self._begin(crane, state, seed, target)
         finally:  # also if one is refused: blocks of the others before it would refer to freed memory
             self._groups = [
-                (kind, np.stack([block for own, block in self._blocks if own == kind]))
+                (kind, np.stack([block for own, block in self._blocks if own == kind]), list(self._cranes))
                 for kind in dict.fromkeys(kind for kind, _ in self._blocks)
             ]
         return self.states
@@ -156,9 +158,9 @@ class OpenRuns(Uncopyable):
         """
         check_samples(samples)
         self._commands[:] = checked_numbers("commands", commands, len(self), 3)
-        for kind, blocks in self._groups:
+        for kind, blocks, cranes in self._groups:  # which keep each other's memory
             if kind is None:
-                for crane in self._cranes:
+                for crane in cranes:
                     advance_crane(crane, samples)
             else:
                 _compiled(kind)(blocks.ctypes.data, blocks.shape[1], len(blocks), samples)
@@ -203,7 +205,10 @@ class OpenRuns(Uncopyable):
     def _chosen(self, cranes: Sequence[int] | NDArray[np.integer[Any] | np.bool_] | None) -> list[int]:
         """Return the numbers of the cranes that `reset` names; raise InputError if it names none of ours."""
         count = len(self)
-        numbers = np.arange(count) if cranes is None else np.asarray(cranes)
+        try:
+            numbers = np.arange(count) if cranes is None else np.asarray(cranes)
+        except ValueError:  # lists of different lengths
+            numbers = np.zeros(())
         if numbers.shape == (count,) and numbers.dtype == bool:
             numbers = np.flatnonzero(numbers)
         chosen: list[int] = numbers.tolist()
@@ -252,6 +257,7 @@ class OpenRuns(Uncopyable):
         self._blocks[i] = (type_of(crane), packed(crane)) if is_compiled else (None, np.zeros(0))
 
 
+@checks_arguments
 def open_runs(
     scenarios: Iterable[Scenario], *, plant: str = REFERENCE_PLANT, drive: str = "ideal"
 ) -> OpenRuns:
@@ -294,18 +300,6 @@ def open_runs(
             remedy="give scenarios that differ in other settings only",
         )
     return OpenRuns(chosen, [plant_to_step(plant, scenario, drive) for scenario in chosen])
-
-
-def _one_each(name: str, values: Iterable[Any] | None, count: int) -> list[Any]:
-    """Return what `reset` is given for each of `count` cranes; raise InputError for what is no list."""
-    if values is None:
-        return [None] * count
-    try:
-        return list(values)
-    except TypeError:
-        raise InputError(
-            f"{name} = {shown(values)}", allowed="one for each crane", remedy=f"give a list of {name}"
-        ) from None
 
 
 @jit

@@ -32,6 +32,7 @@ from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
 from cranectl.status import RunStatus
+from cranectl.support.arguments import checks_arguments
 from cranectl.support.arrays import Array
 from cranectl.support.errors import unknown_name
 from cranectl.support.renamed import renamed_arguments
@@ -51,6 +52,7 @@ class PreparedRun(NamedTuple):
 
 
 @renamed_arguments(known="nominal", law="compiled_controller", patience="timeout")
+@checks_arguments
 def simulate_run(
     scenario: Scenario,
     *,

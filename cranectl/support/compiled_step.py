@@ -13,7 +13,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 from llvmlite import ir
-from numba.core import cgutils
+from numba.core import callconv, cgutils
 from numba.core.ccallback import CFunc
 from numba.core.errors import TypingError
 from numba.core.registry import cpu_target
@@ -26,6 +26,25 @@ FAILED = -1  # status of a step that raised an exception
 _POINTER: Any = CPointer  # Numba has no types
 _TOOLS: Any = cgutils
 _ENVIRONMENTS: list[Any] = []  # compiled code points to them
+
+
+class WholeNumberModel(callconv.NumpyErrorModel):
+    """Numba's model of errors for steps from outside: only whole numbers raise an exception.
+
+    A whole number divided by zero would become 0 without a word. With floating point, the result is infinite
+    or NaN as in NumPy, and the run ends if a command becomes so.
+    """
+
+    def fp_zero_division(self, builder: Any, exc_args: Any = None, loc: Any = None) -> bool:
+        """Generate code that raises ZeroDivisionError for whole numbers, and return True for them."""
+        if not (exc_args and exc_args[0].startswith("integer")):
+            return False
+        self.call_conv.return_user_exc(builder, ZeroDivisionError, exc_args, loc)
+        return True
+
+
+OUTSIDE = "whole numbers"  # name of this model
+callconv.error_models[OUTSIDE] = WholeNumberModel
 
 
 class _StepTarget:

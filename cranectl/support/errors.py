@@ -18,6 +18,7 @@ from typing import Any, Final, Self, TypeVar
 
 COMPARED_CHARACTERS = 80  # [characters] of a name: comparing takes time in proportion to their square
 SHOWN_NEAR_NAMES = 6  # as many near names as fit a line or two
+MAX_SHOWN_LENGTH = 200  # [characters] of a value in a message
 MAX_PHRASE = 4000  # [characters] of a phrase; all signals of a log are named in fewer
 
 TRIES = 3  # attempts at work that the machine interrupts
@@ -107,6 +108,15 @@ def printable(text: str, *, longest: int = 500) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def shown(value: Any) -> str:
+    """Return a value as Python writes it, or its type if that text is empty or too long."""
+    try:
+        text = repr(value)
+    except Exception:  # the `__repr__` of a user's class may raise anything
+        text = ""
+    return text if 0 < len(text) <= MAX_SHOWN_LENGTH else f"a {type(value).__name__}"
 
 
 def describe_error(error: BaseException) -> str:

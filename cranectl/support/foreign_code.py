@@ -15,9 +15,12 @@ from typing import Any
 
 from llvmlite import binding, ir
 
+from cranectl.support.turns import held_in_forks
+
 _BYTES = 64  # of a fenv_t; no machine's is larger than 32
 _KEPT: list[object] = []  # compiled code is called by address, so it must not be collected
 _lock = threading.Lock()
+held_in_forks(_lock.acquire, _lock.release)
 _inside: list[int] = []  # the threads that run foreign code, one entry for each block
 _before: list[Any] = []  # standard output, `os._exit`, the process and `sys.path` before the first block
 

@@ -30,7 +30,7 @@ from numba.core.caching import (
     UserProvidedCacheLocator,
 )
 
-from cranectl.support.compiled_step import BareStep, CompiledStep
+from cranectl.support.compiled_step import OUTSIDE, BareStep, CompiledStep
 from cranectl.support.compilers import LinkedCompiler, PausingCompiler
 from cranectl.support.directories import cache_directory, is_own
 from cranectl.support.errors import printable
@@ -105,7 +105,8 @@ def _copied(function: F, name: str, **replaced: Any) -> F:
 def address_of(step: Callable[..., int]) -> int:
     """Compile `step` to a C function of five pointers to doubles that returns an int64; return its address.
 
-    An exception in the step is reported, and the function returns a failure code.
+    An exception in the step is reported, and the function returns a failure code. A step from outside raises
+    one where it divides a whole number by zero.
 
     Only the package's own steps are cached on disk. A foreign step may use other files, which are not known,
     so a changed gain in one of them would go unnoticed.
@@ -114,8 +115,9 @@ def address_of(step: Callable[..., int]) -> int:
         callback = STEP(step)
         _CALLBACKS.append(callback)
         return ctypes.cast(callback, ctypes.c_void_p).value or 0
-    compiled: Any = CompiledStep(step)
-    if (file := Path(step.__code__.co_filename)).is_relative_to(PACKAGE):
+    is_ours = (file := Path(step.__code__.co_filename)).is_relative_to(PACKAGE)
+    compiled: Any = CompiledStep(step) if is_ours else CompiledStep(step, error_model=OUTSIDE)
+    if is_ours:
         compiled._cache = _Cache(step, sources_digest(file))
     compiled.compile()
     return int(compiled.address)

@@ -18,7 +18,7 @@ def own_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def fresh(name: str, settings: DesignSettings | None = None) -> Design:
-    return design_controller.__wrapped__(name, settings)
+    return design_controller.__wrapped__.__wrapped__(name, settings)
 
 
 def compute_never(monkeypatch: pytest.MonkeyPatch) -> None:

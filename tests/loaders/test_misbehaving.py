@@ -90,6 +90,34 @@ def test_a_compiled_step_that_returns_no_whole_number_ends_its_run(
     assert "law.py:law failed in " in told
 
 
+@pytest.mark.parametrize(
+    ("expression", "said"),
+    [
+        ("1 // n", "ZeroDivisionError: integer division by zero"),
+        ("1 % n", "ZeroDivisionError: integer modulo by zero"),
+        ("divmod(1, n)[0]", "ZeroDivisionError: integer divmod by zero"),
+        ("1 // max(n, 1)", ""),
+        ("math.atan(1.0 / memory[0])", ""),  # as NumPy: infinite, which this function takes
+        ("1 / n", ""),  # as NumPy too, but the command is infinite
+    ],
+)
+def test_a_compiled_step_that_divides_whole_numbers_by_zero_fails_as_in_python(
+    expression: str, said: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "law.py"
+    path.write_text(
+        "import math\ndef law(parameters, measured, reference, memory, command):\n"
+        f"    n = int(memory[0])\n    command[0] = {expression}\n    return 0\n"
+    )
+    scenario = load_scenario("fast-diagonal", overrides=SHORT)
+    run = simulate_run(scenario, plant="analytic", controller=open_controller(f"{path}:law"))
+    ends = "controller-failed" if said or expression == "1 / n" else "completed"
+    assert run.status.label == ends
+    told = capfd.readouterr().err
+    assert said in told
+    assert "cannot compile" not in told
+
+
 @pytest.mark.parametrize("place", ["top", "preparing"])
 @pytest.mark.parametrize(
     ("deed", "said"),

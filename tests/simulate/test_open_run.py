@@ -319,3 +319,21 @@ def test_an_unknown_plant_or_drive_is_refused() -> None:
     for arguments in ({"plant": "paper"}, {"drive": "steam"}):
         with pytest.raises(cranectl.InputError, match="unknown"):
             open_run(moving(), **arguments)
+
+
+def test_what_a_run_returns_can_be_changed_without_harm() -> None:
+    run, cranes = open_run(moving(), drive="velocity"), open_runs([moving()] * 2, drive="velocity")
+    run.step([0.1, 0.0, 0.0], 10)
+    cranes.step([[0.1, 0.0, 0.0]] * 2, 10)
+    for source, names in (
+        (run, ("state", "measured", "load", "reference")),
+        (cranes, ("states", "measured", "loads", "tensions", "references", "time")),
+    ):
+        for name in names:
+            returned = getattr(source, name)
+            before = returned.copy()
+            returned[:] = 7.0
+            assert np.array_equal(getattr(source, name), before), name
+    returned = run.recorded().table
+    returned[:] = 7.0
+    assert not (run.recorded().table == 7.0).any()

@@ -1,0 +1,118 @@
+"""Check the arguments of public functions by their annotations, so that a wrong one is named at the door."""
+
+import collections.abc
+import dataclasses
+import functools
+import inspect
+import os
+import types
+import typing
+from collections.abc import Callable
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+
+from cranectl.support.errors import InputError, shown
+
+P = ParamSpec("P")
+Result = TypeVar("Result")
+WORDS = {
+    str: "a text", Path: "a path", int: "a whole number", float: "a number", bool: "True or False",
+    type(None): "None", collections.abc.Mapping: "a dictionary", collections.abc.Callable: "a function",
+}  # fmt: skip
+ACCEPTED: dict[Any, Any] = {Path: os.PathLike, bool: (bool, np.bool_)}  # in place of the annotated class
+LISTS = (collections.abc.Sequence, collections.abc.Iterable)
+MAX_NUMBER = 10**308  # about the largest whole number that floating point can hold
+
+
+def checks_arguments(function: Callable[P, Result]) -> Callable[P, Result]:
+    """Let `function` raise InputError for an argument that is not of the annotated kind.
+
+    Classes, unions of them, and items of lists are checked. An iterator becomes a list. Missing and unknown
+    arguments raise TypeError, as in any function of Python.
+    """
+    signature = inspect.signature(function)
+
+    @functools.cache
+    def hints() -> dict[str, Any]:  # at the first call: they may name classes that are defined later
+        return typing.get_type_hints(function)
+
+    @functools.wraps(function)
+    def checking(*args: P.args, **kwargs: P.kwargs) -> Result:
+        try:
+            bound = signature.bind(*args, **kwargs)
+        except TypeError:
+            return function(*args, **kwargs)
+        for name, value in bound.arguments.items():
+            if signature.parameters[name].kind is inspect.Parameter.VAR_KEYWORD:
+                bound.arguments[name] = {k: checked(k, item, hints()[name]) for k, item in value.items()}
+            else:
+                bound.arguments[name] = checked(name, value, hints()[name])
+        return function(*bound.args, **bound.kwargs)
+
+    return checking
+
+
+def checked(name: str, value: Any, hint: Any) -> Any:
+    """Return `value`, an iterator as a list; raise InputError if it is not of the kind `hint`."""
+    is_union = typing.get_origin(hint) in (typing.Union, types.UnionType)
+    kinds = typing.get_args(hint) if is_union else (hint,)
+    for kind in kinds:
+        of = typing.get_origin(kind) or kind
+        if of in LISTS:
+            is_single = isinstance(value, str | bytes) or (isinstance(value, np.ndarray) and not value.ndim)
+            if is_single or not isinstance(value, collections.abc.Iterable):
+                continue
+            items = value if isinstance(value, collections.abc.Sized) else list(value)
+            for k, item in enumerate(items):
+                checked(f"{name}[{k}]", item, typing.get_args(kind)[0])
+            return items
+        if _is_of(value, of):
+            return value
+    raise InputError(
+        f"{name} = {shown(value)}",
+        allowed=" or ".join(dict.fromkeys(map(_in_words, kinds))),
+        remedy=f"give {name} such a value",
+    )
+
+
+def check_fields(declared: Any) -> None:
+    """Raise InputError unless each field of a dataclass is of the annotated kind."""
+    hints = typing.get_type_hints(type(declared))
+    for field in dataclasses.fields(declared):
+        checked(f"{type(declared).__name__}.{field.name}", getattr(declared, field.name), hints[field.name])
+
+
+def is_whole(value: Any, lowest: int, highest: int) -> bool:
+    """Return True if `value` is a whole number in the range, of Python or NumPy, but not a bool."""
+    return isinstance(value, Integral) and not isinstance(value, bool) and lowest <= int(value) <= highest
+
+
+def check_whole(what: str, value: Any, lowest: int, highest: int, meaning: str) -> None:
+    """Raise InputError unless `value` is a whole number in the range."""
+    if not is_whole(value, lowest, highest):
+        raise InputError(
+            f"{what} = {shown(value)}",
+            allowed=f"a whole number from {lowest} to {highest}",
+            remedy=f"give {meaning}",
+        )
+
+
+def _is_of(value: Any, kind: Any) -> bool:
+    """Return True if `value` is of a class; whatever is no class fits all values."""
+    if kind in (int, float):
+        if not isinstance(value, Integral if kind is int else Real) or isinstance(value, bool):
+            return False
+        number: Any = value
+        return bool(-MAX_NUMBER <= number <= MAX_NUMBER or number in (np.inf, -np.inf))  # not NaN
+    return kind is Any or not isinstance(kind, type) or isinstance(value, ACCEPTED.get(kind, kind))
+
+
+def _in_words(kind: Any) -> str:
+    of = typing.get_origin(kind) or kind
+    if of in LISTS:
+        (item,) = typing.get_args(kind)
+        return "a list" if item is Any else f"a list, each item {_in_words(item)}"
+    return WORDS.get(of) or f"a {getattr(of, '__name__', of)}"
