@@ -34,7 +34,7 @@ class Clock(NamedTuple):
     kept: NDArray[np.intp] | slice  # the rows that are kept, in the order of time
     rows: int  # of the file
     largest_gap: float  # [s] that readings may be apart
-    sorted_rows: int = 0  # that came after a row with a later time
+    remark: str = ""  # on rows that were sorted
 
     @property
     def period_ns(self) -> int:
@@ -79,7 +79,10 @@ def read_clock(head: TableHead, clock: ClockMap, signal: SignalMap, where: str) 
             else "correct the file, or cut it into parts where the clock starts again",
         )
     largest_gap = clock.max_gap or USUAL_GAPS * float(np.median(steps))
-    return Clock(time, kept if len(time) < rows or late else slice(None), rows, largest_gap, late)
+    remark = (
+        f"{late} of {rows} messages of {where} came late; they are sorted by {clock.column}" if late else ""
+    )
+    return Clock(time, kept if len(time) < rows or late else slice(None), rows, largest_gap, remark)
 
 
 def _in_order(time: Array, kept: NDArray[np.intp]) -> tuple[NDArray[np.intp], int]:

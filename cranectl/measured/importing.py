@@ -74,6 +74,7 @@ class Imported:
 
     run: Run
     findings: tuple[Finding, ...]
+    remarks: tuple[str, ...] = ()  # on rows that were sorted
 
 
 def import_files(
@@ -117,6 +118,7 @@ def import_files(
         check_motion(name, *readings, parameters)
         columns[name][:] = _resampled(name, readings, time)
         del clock, readings
+    remarks = tuple(dict.fromkeys(clock.remark for clock in clocks.values() if clock.remark))
     del clocks, time
     findings: tuple[Finding, ...] = ()
     if ANGLES[0] in columns:
@@ -127,7 +129,7 @@ def import_files(
     _complete(columns, mapping, period_ns / NANOSECONDS)
     description = describe_files(files, mapping)
     run = _run(table, groups, time_ns, mapping=mapping, rig=parameters, description=description)
-    return Imported(run, findings)
+    return Imported(run, findings, remarks)
 
 
 def assemble_run(

@@ -34,6 +34,7 @@ COMMAND_UNITS = {
     "force": {"N": 1.0, "kN": 1e3} | COUNTS,
 }
 MIN_ROPE = 1e-3  # [m] of a rope; shorter ones swing faster than any reading
+MAX_PLACE = 1e4  # [m] of positions, as of references
 Number = Annotated[float, Field(ge=-1e12, le=1e12)]
 Column = Annotated[int, Field(ge=1, le=100_000)] | Annotated[str, Field(min_length=1, max_length=200)]
 Lag = Annotated[float, Field(ge=-60.0, le=60.0)]
@@ -115,19 +116,25 @@ def _check_one_source(what: str, settings: ClockMap | SignalMap, other: str, rem
 
 
 def _check_constant(name: str, signal: SignalMap, unit: float) -> None:
-    """Raise RuleError for a constant rope or angle that no crane has."""
-    constant = 0.0 if signal.value is None else float(signal.convert(signal.value, unit))
-    if name == "rope_length" and signal.value is not None and constant < MIN_ROPE:
-        raise RuleError(
-            f"signals.rope_length is constant at {constant:g} m",
-            allowed=f"at least {MIN_ROPE:g} m",
-            remedy="write signals.rope_length.value as the distance from pivot to load, in its unit",
-        )
+    """Raise RuleError for a constant that no crane has: a rope or a place out of bounds, or an angle."""
+    if signal.value is None:
+        return
+    constant = float(signal.convert(signal.value, unit))
     if name in ANGLES and abs(constant) >= 0.5 * pi:
+        in_degrees = abs(constant) < 90.0 and signal.unit == "rad"
         raise RuleError(
             f"signals.{name} is constant at {constant:g} rad",
             allowed="angles within pi/2",
-            remedy=f"write signals.{name}.unit = 'deg' if the value is in degrees, or value = 0.0",
+            remedy=f"write signals.{name}.unit = 'deg'"
+            if in_degrees
+            else f"write signals.{name}.value = 0.0",
+        )
+    lowest = MIN_ROPE if name == "rope_length" else -MAX_PLACE
+    if name in (*POSITIONS, *LOAD) and not lowest <= constant <= MAX_PLACE:
+        raise RuleError(
+            f"signals.{name} is constant at {constant:g} m",
+            allowed=f"from {lowest:g} m to {MAX_PLACE:g} m",
+            remedy=f"write the length that you measured into signals.{name}.value, in its unit",
         )
 
 
