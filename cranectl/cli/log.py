@@ -219,10 +219,10 @@ def import_log(
     """Make a log from files that a real crane's measuring system wrote.
 
     The map says which column holds which signal, with unit, sign, zero, scale, delay and clock.
-    `cranectl new map FILE` writes one to fill in. Files may be CSV, Parquet, MCAP, MATLAB, Excel or ROS
-    bags. What cannot be right is refused: clocks that do not increase, gaps, jumps beyond the drives, and
-    angles that do not answer the motion of the crane. The log has the plant `measured`, and all commands
-    that read logs take it.
+    `cranectl new map FILE` writes one to fill in. Files may be CSV, Parquet, MCAP, MATLAB, HDF5, Excel
+    or ROS bags. What cannot be right is refused: clocks that do not increase, gaps, jumps beyond the
+    drives, and angles that do not answer the motion of the crane. The log has the plant `measured`, and
+    all commands that read logs take it.
 
     \b
     cranectl new map monday.csv
@@ -247,6 +247,7 @@ def import_log(
         f"{columns}"
     )
     screen.print_each(finding.text for finding in imported.findings)
+    screen.print_each(imported.remarks)
     screen.print(f"log: {path}")
     screen.print(f"compare it with models: cranectl compare {shlex.quote(str(path))}")
     screen.write_json(
@@ -256,6 +257,7 @@ def import_log(
             "end_s": run.end_s,
             "groups": [group.name for group in run.groups],
             "findings": [finding.to_json() for finding in imported.findings],
+            "remarks": imported.remarks,
         }
     )
 

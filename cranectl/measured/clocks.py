@@ -1,20 +1,23 @@
 """Clocks of measured files: the times of their rows, gaps, and the part that all signals cover."""
 
 from collections.abc import Mapping
+from math import ceil, floor, log10
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cranectl.measured.columns import TableHead
 from cranectl.measured.mapping import TIMES, ClockMap, MeasuredMap, SignalMap
 from cranectl.scenario import nanoseconds
 from cranectl.scenario.settings import MAX_MEASURED
-from cranectl.support.arrays import Array, Mask
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+from cranectl.support.tables.columns import TableHead
 
 USUAL_GAPS = 10.0  # times the usual step that rows may be apart
 
 MIN_ROWS = 10
+MAX_SAMPLES = 3_600_000  # of a log; an hour at 1 kHz
 
 
 class Readings(NamedTuple):
@@ -28,8 +31,10 @@ class Clock(NamedTuple):
     """The times of the rows of a file."""
 
     time: Array  # (N,) [s], of the rows that are kept
-    kept: Mask  # (rows,) whether a row is kept
+    kept: NDArray[np.intp] | slice  # the rows that are kept, in the order of time
+    rows: int  # of the file
     largest_gap: float  # [s] that readings may be apart
+    remark: str = ""  # on rows that were sorted
 
     @property
     def period_ns(self) -> int:
@@ -44,19 +49,23 @@ def read_clock(head: TableHead, clock: ClockMap, signal: SignalMap, where: str) 
         assert signal.column is not None
         rows = len(head.read(head.column(signal.column, where)).values)
         even = np.arange(rows, dtype=np.float64) * clock.period + clock.offset
-        return Clock(even, np.ones(rows, dtype=np.bool_), clock.max_gap or USUAL_GAPS * clock.period)
-    times = head.read(head.column(clock.column, where))
+        return Clock(even, slice(None), rows, clock.max_gap or USUAL_GAPS * clock.period)
+    times = head.read(head.column(clock.column, where), is_clock=True)
     time: Array = (1.0 if times.is_time else TIMES[clock.unit]) * times.values + clock.offset
-    kept: Mask = np.isfinite(time)
+    kept = np.flatnonzero(np.isfinite(time))
+    late = 0
+    if not head.is_ordered:
+        kept, late = _in_order(time, kept)
     if clock.repeated == "first":
-        kept[1:] &= ~(np.diff(time) == 0.0)
-    time = time if kept.all() else time[kept]
-    if len(time) < MIN_ROWS:
+        kept = kept[np.diff(time[kept], prepend=-np.inf) != 0.0]
+    if len(kept) < MIN_ROWS:
         raise InputError(
-            f"{where} has {len(time)} rows with a time",
+            f"{where} has {len(kept)} rows with a time",
             allowed=f"at least {MIN_ROWS}",
             remedy="map another column of times",
         )
+    rows = len(time)
+    time = time if len(kept) == rows and not late else time[kept]
     steps = np.diff(time)
     back = np.flatnonzero(~(steps > 0.0))
     if len(back):
@@ -69,7 +78,55 @@ def read_clock(head: TableHead, clock: ClockMap, signal: SignalMap, where: str) 
             if same
             else "correct the file, or cut it into parts where the clock starts again",
         )
-    return Clock(time, kept, clock.max_gap or USUAL_GAPS * float(np.median(steps)))
+    largest_gap = clock.max_gap or USUAL_GAPS * float(np.median(steps))
+    remark = (
+        f"{late} of {rows} messages of {where} came late; they are sorted by {clock.column}" if late else ""
+    )
+    return Clock(time, kept if len(time) < rows or late else slice(None), rows, largest_gap, remark)
+
+
+def _in_order(time: Array, kept: NDArray[np.intp]) -> tuple[NDArray[np.intp], int]:
+    """Return the rows of messages in the order of their times, and how many came too late.
+
+    A network delivers neighbours in another order. A clock that runs back further has started again.
+    """
+    arrived = time[kept]
+    lateness = np.maximum.accumulate(arrived) - arrived
+    ordered = kept[np.argsort(arrived, kind="stable")]
+    usual = float(np.median(np.diff(time[ordered]))) if len(kept) > 1 else 0.0
+    if lateness.max(initial=0.0) > USUAL_GAPS * usual:
+        return kept, 0
+    return ordered, int(np.count_nonzero(lateness))
+
+
+def sample_times(part: tuple[float, float], usual_ns: int, mapping: MeasuredMap) -> NDArray[np.int64]:
+    """Return the times of the log's samples (N,) [ns] in a part of the files [s], from 0 on.
+
+    `usual_ns` is the usual time between two rows, for a map without a period. Raises InputError for too few
+    samples, and for so many that they need too much memory.
+    """
+    length = part[1] - part[0]
+    period_ns = nanoseconds(mapping.period) if mapping.period else usual_ns
+    samples = nanoseconds(length) // period_ns + 1
+    if MIN_ROWS <= samples <= MAX_SAMPLES:
+        return np.arange(samples, dtype=np.int64) * period_ns
+    is_short = samples < MIN_ROWS
+    if is_short and nanoseconds(length) // usual_ns + 1 < MIN_ROWS:
+        remedy = "choose other times in from and to"
+    else:
+        fitting = max(usual_ns, 1e9 * length / (MAX_SAMPLES - 1)) / 1e9
+        remedy = f"write period = {_rounded_up(fitting):g}"
+    raise InputError(
+        f"{length:.6g} s with a period of {period_ns / 1e9:g} s are {samples} samples",
+        allowed=f"from {MIN_ROWS} to {MAX_SAMPLES} samples",
+        remedy=remedy,
+    )
+
+
+def _rounded_up(seconds: float) -> float:
+    """Return a time that is not shorter, with two digits."""
+    digit = 10.0 ** (floor(log10(seconds)) - 1)
+    return ceil(seconds / digit * (1.0 - 1e-9)) * digit
 
 
 def imported_part(

@@ -16,8 +16,15 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from cranectl.design import ControllerDesign
-from cranectl.measured.clocks import MIN_ROWS, Clock, Readings, check_gaps, imported_part, read_clock
-from cranectl.measured.columns import TableHead
+from cranectl.measured.clocks import (
+    MIN_ROWS,
+    Clock,
+    Readings,
+    check_gaps,
+    imported_part,
+    read_clock,
+    sample_times,
+)
 from cranectl.measured.mapping import (
     ANGLES,
     COMMANDS,
@@ -31,7 +38,7 @@ from cranectl.measured.plausibility import Finding, check_motion, compare_with_p
 from cranectl.measured.tables import read_head
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import PLANTS, PlantEntry
-from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
+from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.load import load_rig, rig_place
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import MeasuredScenario, longest_step
@@ -42,6 +49,7 @@ from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+from cranectl.support.tables.columns import TableHead
 
 MEASURED = PlantEntry(
     name="measured", label="measured", colour="series-4", where="", batch=0, by_default=False
@@ -66,6 +74,7 @@ class Imported:
 
     run: Run
     findings: tuple[Finding, ...]
+    remarks: tuple[str, ...] = ()  # on rows that were sorted
 
 
 def import_files(
@@ -79,7 +88,7 @@ def import_files(
     """
     _check_files(files, mapping)
     parameters = load_rig(rig or rig_place(mapping.rig, directory))
-    heads = [read_head(path) for path in files]
+    heads = [read_head(path, mapping.layout) for path in files]
     sources = {name: s for name, s in mapping.signals.declared.items() if s.column is not None}
     clocks: dict[tuple[int, ClockMap], Clock] = {}
     for signal in sources.values():
@@ -87,8 +96,8 @@ def import_files(
         if key not in clocks:
             clocks[key] = read_clock(heads[signal.file - 1], key[1], signal, str(path))
     begin, end = imported_part(sources, clocks, mapping)
-    period_ns = nanoseconds(mapping.period) if mapping.period else next(iter(clocks.values())).period_ns
-    time_ns = np.arange(nanoseconds(end - begin) // period_ns + 1, dtype=np.int64) * period_ns
+    time_ns = sample_times((begin, end), next(iter(clocks.values())).period_ns, mapping)
+    period_ns = int(time_ns[1])
     time = begin + time_ns / NANOSECONDS
     table, columns, groups = _empty_table(mapping, len(time))
     for (
@@ -109,6 +118,7 @@ def import_files(
         check_motion(name, *readings, parameters)
         columns[name][:] = _resampled(name, readings, time)
         del clock, readings
+    remarks = tuple(dict.fromkeys(clock.remark for clock in clocks.values() if clock.remark))
     del clocks, time
     findings: tuple[Finding, ...] = ()
     if ANGLES[0] in columns:
@@ -119,7 +129,7 @@ def import_files(
     _complete(columns, mapping, period_ns / NANOSECONDS)
     description = describe_files(files, mapping)
     run = _run(table, groups, time_ns, mapping=mapping, rig=parameters, description=description)
-    return Imported(run, findings)
+    return Imported(run, findings, remarks)
 
 
 def assemble_run(
@@ -177,13 +187,13 @@ def _read(
     """Return the readings of a signal in SI units, without missing ones."""
     assert signal.column is not None
     values = head.read(head.column(signal.column, where)).values
-    if len(values) != len(clock.kept):
+    if len(values) != clock.rows:
         raise InputError(
-            f"{where}: signals.{name} has {len(values)} rows, its clock has {len(clock.kept)}",
+            f"{where}: signals.{name} has {len(values)} rows, its clock has {clock.rows}",
             allowed="a clock with a time for each reading",
             remedy=f"name the clock of these readings, signals.{name}.clock = {{column = '…'}}",
         )
-    values = values if clock.kept.all() else values[clock.kept]
+    values = values[clock.kept]
     known = np.isfinite(values)
     time = clock.time - signal.delay if signal.delay else clock.time
     if not known.all():

@@ -33,9 +33,22 @@ COMMAND_UNITS = {
     "acceleration": {"m/s^2": 1.0, "mm/s^2": 1e-3} | COUNTS,
     "force": {"N": 1.0, "kN": 1e3} | COUNTS,
 }
+MIN_ROPE = 1e-3  # [m] of a rope; shorter ones swing faster than any reading
+MAX_PLACE = 1e4  # [m] of positions, as of references
 Number = Annotated[float, Field(ge=-1e12, le=1e12)]
 Column = Annotated[int, Field(ge=1, le=100_000)] | Annotated[str, Field(min_length=1, max_length=200)]
 Lag = Annotated[float, Field(ge=-60.0, le=60.0)]
+
+
+class LayoutMap(Settings):
+    """What a file does not tell of its layout."""
+
+    names: Annotated[int, Field(ge=0, le=1000)] | None = Field(
+        None, description="number of the line of names in a text, 0 for none; by default it is looked for"
+    )
+    signals: Literal["columns", "rows"] | None = Field(
+        None, description="what holds a signal in the arrays of MATLAB and HDF5 files; by default found out"
+    )
 
 
 class ClockMap(Settings):
@@ -102,6 +115,29 @@ def _check_one_source(what: str, settings: ClockMap | SignalMap, other: str, rem
         )
 
 
+def _check_constant(name: str, signal: SignalMap, unit: float) -> None:
+    """Raise RuleError for a constant that no crane has: a rope or a place out of bounds, or an angle."""
+    if signal.value is None:
+        return
+    constant = float(signal.convert(signal.value, unit))
+    if name in ANGLES and abs(constant) >= 0.5 * pi:
+        in_degrees = abs(constant) < 90.0 and signal.unit == "rad"
+        raise RuleError(
+            f"signals.{name} is constant at {constant:g} rad",
+            allowed="angles within pi/2",
+            remedy=f"write signals.{name}.unit = 'deg'"
+            if in_degrees
+            else f"write signals.{name}.value = 0.0",
+        )
+    lowest = MIN_ROPE if name == "rope_length" else -MAX_PLACE
+    if name in (*POSITIONS, *LOAD) and not lowest <= constant <= MAX_PLACE:
+        raise RuleError(
+            f"signals.{name} is constant at {constant:g} m",
+            allowed=f"from {lowest:g} m to {MAX_PLACE:g} m",
+            remedy=f"write the length that you measured into signals.{name}.value, in its unit",
+        )
+
+
 class SignalMaps(Settings):
     """The signals of a measured crane; those that were not measured are absent."""
 
@@ -156,6 +192,7 @@ class MeasuredMap(Settings):
         None, description="kind of the commands of the drives"
     )
     check_physics: bool = Field(True, description="whether the rope must answer the motion of its pivot")
+    layout: LayoutMap = Field(LayoutMap(), description="of the files")
     time: ClockMap = Field(description="clock of the file, or of all files")
     clocks: Many[ClockMap] = Field((), description="a clock for each FILE in place of `time`")
     signals: SignalMaps = Field(description="a table for each signal")
@@ -181,6 +218,7 @@ class MeasuredMap(Settings):
                     allowed=f"signals.{name}.unit: {', '.join(allowed)}",
                     remedy=f"write signals.{name}.unit = '{next(iter(allowed))}', or convert the column",
                 )
+            _check_constant(name, signal, allowed[signal.unit])
         if self.end is not None and not self.begin < self.end:
             raise RuleError(
                 f"from = {self.begin:g} s is not before to = {self.end:g} s",

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+from cranectl.measured.mapping import MIN_ROPE
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -62,10 +63,10 @@ def check_motion(name: str, time: Array, values: Array, rig: RigParameters) -> N
             remedy=f"check signals.{name}.unit and scale, leave the jump out by from and to, or correct "
             "effects.limits.velocity of the rig",
         )
-    if name == "rope_length" and float(values.min()) <= 0.0:
+    if name == "rope_length" and float(values.min()) < MIN_ROPE:
         raise InputError(
             f"rope_length is {values.min():.4g} m",
-            allowed="lengths above 0",
+            allowed=f"lengths of at least {MIN_ROPE:g} m",
             remedy="set zero or sign of signals.rope_length, or a constant value if nobody measured the rope",
         )
 

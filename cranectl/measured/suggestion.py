@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cranectl.measured.columns import TableHead
 from cranectl.measured.mapping import ANGLES, COMMAND_UNITS, COMMANDS, LOAD, POSITIONS, TIMES, UNITS
 from cranectl.measured.tables import read_head
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+from cranectl.support.tables.columns import TableHead
 
 MAX_SHOWN_COLUMNS = 100  # columns
 _UNIT = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")

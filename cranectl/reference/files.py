@@ -13,10 +13,11 @@ from cranectl.scenario.recorded import FromFile, Source, Units
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, unknown_name
 from cranectl.support.files import open_input
+from cranectl.support.tables.columns import TICK_SECONDS
 
 MAX_TABLE_BYTES = 32 * 2**20  # ten minutes of samples at 1 kHz take 24 MiB as text
 MCAP_MAGIC = b"\x89MCAP"
-SI_FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
+SI_FACTORS = {**TICK_SECONDS, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 SI_FACTORS |= {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0}
 AXES = ("x", "y", "z")
 TROLLEY_PATH = ("bridge_position", "trolley_position", "rope_length")

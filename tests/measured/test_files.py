@@ -340,8 +340,8 @@ def test_a_large_file_is_refused_before_it_is_read(tmp_path: Path, monkeypatch: 
 
 
 def test_a_file_of_another_kind_is_named(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_bytes(b"\x89HDF\r\n\x1a\n")
-    with pytest.raises(InputError, match="an HDF5 file"):
+    (tmp_path / "a.csv").write_bytes(b"TDSm\x0e\0\0\0")
+    with pytest.raises(InputError, match="a TDMS file of LabVIEW"):
         imported(tmp_path / "a.csv", mapping=mapping())
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -279,7 +280,7 @@ def test_texts_and_broken_rows_are_refused_in_the_words_of_the_file(tmp_path: Pa
     assert error.value.remedy == "map another column, or write numbers"
     assert imported(path, mapping=mapping(time={"period": 0.005})).run.end_s > 9.7
     path.write_text(text.replace("\n1,", "\n1,1,", 1))
-    with pytest.raises(InputError, match="a line has 10 cells, others have 9: 1,1,"):
+    with pytest.raises(InputError, match="line 202 has 10 cells, the line of names has 9: 1,1,"):
         imported(path, mapping=mapping())
 
 
@@ -308,8 +309,10 @@ def test_a_signal_of_another_rate_needs_a_clock_of_its_own(tmp_path: Path) -> No
 
 
 def test_a_reader_that_is_not_installed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "openpyxl", None)
-    (tmp_path / "a.xlsx").write_bytes(b"PK\x03\x04")
+    (tmp_path / "openpyxl.py").write_text("raise ImportError('absent', name='openpyxl')")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with ZipFile(tmp_path / "a.xlsx", "w") as archive:
+        archive.writestr("xl/workbook.xml", "")
     with pytest.raises(InputError, match="needs openpyxl") as error:
         imported(tmp_path / "a.xlsx", mapping=mapping())
     assert "pip install 'cranectl[import]'" in error.value.remedy

@@ -86,6 +86,12 @@ READ = {
     "durations": (table({}, time=pa.array(np.round(1e6 * motion()[:, 0]).astype(np.int64))
                         .cast(pa.duration("us"))), f"{PLAIN}units.length = 'm'"),
     "nanoseconds since 1970": (table({}, time=nanoseconds()), SI.replace("'s'", "'ns'")),
+    "blanks": (text("time  x  y  z", separator="   "), SI),
+    "UTF-16": (text("time,x,y,z").encode("utf-16"), SI),
+    "UTF-16 without a mark": (text("time;x;y;z", separator=";", comma=",").encode("utf-16-le"), SI),
+    "line of units": (text("time,x,y,z\n[s],[m],[m],[m]"), PLAIN),
+    "a German time": (with_iso_times(";", ",").replace("2026-09-15T", "15.09.2026 "),
+                      f"{PLAIN}units = {{length = 'm'}}"),
     "float32": (table({"unit": "m"}), PLAIN),
 }  # fmt: skip
 
@@ -117,16 +123,15 @@ def mat() -> bytes:
 REFUSED: dict[str, tuple[bytes, str, str]] = {
     "no header, commas": (b"0;0,4;0,5;-0,6\n0,02;0,4;0,5;-0,6\n", "has no line of names", "time;x;y;z"),
     "comment first": (b"// restarted\n0, 0.4, 0.5\n10, 0.4, 0.5\n", "begins with a comment and has no", ""),
-    "blanks": (b"time x y z\n0 1 2 3\n", "blanks or bars separate the names", "between its columns"),
-    "quoted commas": (b'time,x,y,z\n"0,0","1,5","2","3"\n', "'time' holds the text '0,0', in row 1", ""),
-    "line of units": (b"time,x,y,z\ns,m,m,m\n0,1,2,3\n", "column 'time' holds the text 's', in row 1", ""),
-    "German time": (b"time,x,y,z\n15.09.2026 06:00,1,2,3\n", "the text '15.09.2026 06:00', in row 1", ""),
-    "thousands": (b"time;x;y;z\n0;1.234,5;1;1\n", "column 'x' holds the text '1.234,5'", "; between columns"),
+    "bars": (b"time|x|y|z\n0|1|2|3\n", "bars separate the columns", "between its columns"),
+    "quoted commas": (b'time,x,y,z\n"0,0","1,5","2","3"\n', "'time' holds the text '0,0', in line 2", ""),
+    "another line of units": (b"time,x,y,z\ns,mm,mm,mm\n0,1,2,3\n", "that 'x' is in 'mm'", "units"),
+    "stamps for y": (b"time,x,y,z\n0,1,06:00,3\n1,1,06:01,3\n", "column 'y' holds time stamps", "numbers"),
+    "thousands": (b"time;x;y;z\n0;1.234,5;1;1\n", "column 'x' holds the text '1.234,5'", "write numbers"),
     "ragged": (b"time,x,y,z\n0,1,2,3\n1,2,3\n", "line 3 has 3 cells, the line of names has 4", "that line"),
-    "UTF-16": ("time,x,y,z\n0,1,2,3\n".encode("utf-16"), "is text in UTF-16", "CSV in UTF-8"),
     "MATLAB": (mat(), "is a MATLAB file", "as Parquet"),
     "JSON": (b'{"x": 1}', "is JSON", "as Parquet"),
-    "lists": (table({}, time=pa.array([[0.5]] * 401)), "'time' holds values of the type list", "floating"),
+    "lists": (table({}, time=pa.array([[0.5]] * 401)), "'time' holds values of the type list", "numbers"),
 }  # fmt: skip
 
 
