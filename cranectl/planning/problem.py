@@ -170,7 +170,7 @@ class Problem:
         return MIN_INSTANT_GAP + self._order_matrix @ [0.0, *x[self.width + 1 :], 1.0], slope
 
     def edge_excesses(self, x: Array) -> tuple[Array, Array]:
-        """Return excesses, and slopes of the free coefficients over the edges, as shares of the size."""
+        """Return by how much the free coefficients exceed the edges, and slopes, as shares of the size."""
         d, size = len(self.task.start), self.task.limits.size
         free = x[: self.width].reshape(-1, d)
         slope = np.zeros((len(self.task.edges), len(free), len(x)))
