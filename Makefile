@@ -104,7 +104,7 @@ fuzz: .venv/extras ## try odd files, controllers, machines and command lines for
 
 INSTALLERS = env UV_SYSTEM_CERTS=1 UV_CACHE_DIR=$(CURDIR)/build/package/uv UV_CONSTRAINT=$(CURDIR)/constraints.txt \
 	PIPX_HOME=$(CURDIR)/build/package/pipx PIP_CONSTRAINT=$(CURDIR)/constraints.txt
-package: setup ## install the wheel with pip, uvx and pipx, validate and test an example there
+package: setup ## install the wheel with pip, uvx and pipx, run the examples' workflows
 	rm -rf build/package && mkdir -p build/package/work
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir build/package .
 	$(PYTHON) -m venv build/package/venv
@@ -114,9 +114,8 @@ package: setup ## install the wheel with pip, uvx and pipx, validate and test an
 	$(call limit,1800) $(INSTALLERS) $(BIN)/uvx --from build/package/*.whl cranectl list
 	$(call limit,1800) $(INSTALLERS) $(BIN)/pipx run --spec build/package/*.whl cranectl list
 	cp -r examples build/package/examples
-	cd build/package/examples && export PATH="$(CURDIR)/build/package/venv/bin:$$PATH" PIP_CONSTRAINT=$(CURDIR)/constraints.txt && \
-		for example in *; do (cd $$example && $(PYTHON) $(CURDIR)/.ci/limited.py $@ 3600 \
-			sh -exc "$$(sed -n 's/^ *- run: //p' .github/workflows/test.yml)") || exit; done
+	for example in build/package/examples/*; do PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(PYTHON) .ci/limited.py $@ 3600 \
+		$(BIN)/python .ci/workflow.py $$example --venv $$example.venv CRANECTL=$$(echo $(CURDIR)/build/package/*.whl) || exit; done
 
 ## Results
 docs: .venv/site ## run the examples, and build the site of all pages into build/docs

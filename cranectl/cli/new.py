@@ -3,6 +3,7 @@
 import re
 import shlex
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from os.path import relpath
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -104,6 +105,8 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
         click.echo(f"compile it: {compile_command(source)}")
         library = shlex.quote(str(source.with_suffix(".so")))
         click.echo(f"run it: cranectl run fast-diagonal --controller {library}")
+    if find_spec("pytest") is None:
+        click.echo("install pytest for the test: python -m pip install pytest")
     click.echo(f"try it: python -m pytest {shlex.quote(str(directory / f'test_{module}.py'))}")
 
 

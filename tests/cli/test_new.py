@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
+from cranectl.cli import new
 from cranectl.cli.list import DOCUMENTS, json_schema
 from cranectl.cli.main import main
 from cranectl.cli.new import ENDINGS
@@ -50,6 +51,15 @@ def test_new_replaces_no_file_and_checks_names(capsys: pytest.CaptureFixture[str
         assert message in capsys.readouterr().err
     assert [path.name for path in Path().iterdir()] == ["test_mine.py"]
     assert Path("test_mine.py").read_text() == "old content"
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_new_says_what_its_test_needs(
+    is_there: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(new, "find_spec", lambda name: object() if is_there and name == "pytest" else None)
+    assert main(["new", "rig", "yard-crane"]) == 0
+    assert ("python -m pip install pytest" in capsys.readouterr().out) != is_there
 
 
 def typed(command: str) -> int:

@@ -75,3 +75,28 @@ def test_what_is_begun_by_new_passes_its_tests() -> None:
     for kind in ENDINGS:
         assert main(["new", kind, f"own-{kind}", "--in", kind]) == 0
     assert "13 passed" in run_pytest(Path(), *ENDINGS)
+
+
+YARD_CRANE = """\
+bridge_range = [0.0, 60.0]
+trolley_range = [0.0, 20.0]
+rope_range = [2.0, 14.0]
+bridge_mass = 40e3
+trolley_mass = 12e3
+winch_mass = 60e3
+load_mass = 40e3
+bridge_time_constant = 0.3
+trolley_time_constant = 0.25
+winch_time_constant = 0.2
+[effects.limits]
+velocity = [1.0, 0.5, 0.2]
+acceleration = [0.2, 0.2, 0.2]
+"""
+
+
+@pytest.mark.usefixtures("in_empty_directory")
+def test_the_test_of_a_new_rig_suits_a_crane_of_40_t() -> None:
+    """The numbers of the written rig are replaced, as its owner does."""
+    assert main(["new", "rig", "yard-crane"]) == 0
+    Path("yard-crane.toml").write_text(YARD_CRANE)
+    assert "4 passed" in run_pytest(Path(), "test_yard_crane.py")

@@ -1,6 +1,7 @@
 """The cache of compiled code."""
 
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -200,6 +201,17 @@ def test_a_damaged_cache_is_never_run_but_compiled_anew(tmp_path: Path) -> None:
             path.write_bytes(flipped(0.5)(path.read_bytes()))
         assert compiled_in_a_process(tmp_path) > 0
     assert compiled_in_a_process(tmp_path) == 0
+
+
+def test_a_cache_that_a_job_restores_is_used(tmp_path: Path) -> None:
+    """A job in CI packs the folder, and the next one unpacks it with new times of change."""
+    assert compiled_in_a_process(tmp_path / "kept") > 0
+    archive = shutil.make_archive(str(tmp_path / "cache"), "gztar", tmp_path / "kept")
+    shutil.rmtree(tmp_path / "kept")
+    shutil.unpack_archive(archive, tmp_path / "kept", filter="data")
+    for path in (tmp_path / "kept").rglob("*"):
+        os.utime(path)
+    assert compiled_in_a_process(tmp_path / "kept") == 0
 
 
 @pytest.mark.parametrize("damage", [lambda _: b"", lambda _: b"garbage", flipped(0.1), flipped(0.98)])
