@@ -29,11 +29,11 @@ from cranectl.campaign.worker import PreparedCampaign, Stop, StoppedError, Worke
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
 from cranectl.controllers.registry import runs_alone
 from cranectl.loaders.opening import ControllerFile, open_again
-from cranectl.support.children import forget_safe_path, safe_path
 from cranectl.support.documents import Table
 from cranectl.support.errors import InputError
 from cranectl.support.interrupts import SIGNALS
 from cranectl.support.provenance import HARMLESS, PACKAGES, provenance_differences
+from cranectl.support.search_path import forget_safe_path, safe_path
 
 if TYPE_CHECKING:
     from distributed import Client, Future

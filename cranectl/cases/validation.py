@@ -98,19 +98,24 @@ class Validation:
         return [result for result in self.outcome.results if isinstance(result, CaseResult)]
 
     @property
+    def judged(self) -> list[CaseResult]:
+        """Results of cases that were not interrupted."""
+        return [result for result in self.finished if not result.interrupted]
+
+    @property
     def runs(self) -> list[RunSummary]:
         """Runs of all finished cases."""
         return [run for result in self.finished for run in result.runs]
 
     @property
     def agreements(self) -> list[Agreement]:
-        """Agreements of all finished cases."""
-        return [agreement for result in self.finished for agreement in result.agreements]
+        """Agreements of all cases that were not interrupted."""
+        return [agreement for result in self.judged for agreement in result.agreements]
 
     @property
     def other_failures(self) -> list[str]:
         """Other failures of the case of each agreement, in words; empty if there are none."""
-        return [result.other_failures for result in self.finished for _ in result.agreements]
+        return [result.other_failures for result in self.judged for _ in result.agreements]
 
     @property
     def without_result(self) -> list[Case]:
@@ -125,6 +130,14 @@ class Validation:
         ]
         pairs = self._pairs()
         return failed + [(case.source, case, result) for case, result in pairs if isinstance(result, Failure)]
+
+    @property
+    def interruption(self) -> str:
+        """How far it came before an interrupt, in words; empty if there was none."""
+        if not self.outcome.interrupted:
+            return ""
+        ended = len(self.judged) + sum(isinstance(result, Failure) for result in self.outcome.results)
+        return f"interrupted after {ended} of {len(self.cases)} cases: no verdict"
 
     @property
     def missing_reason(self) -> str:
@@ -156,6 +169,7 @@ class Validation:
         """Return the validation as plain data."""
         return {
             "passed": passed,
+            "interrupted": self.outcome.interrupted,
             "runs": [run.to_json() for run in self.runs],
             "agreements": [agreement.to_json() for agreement in self.agreements],
             "failed": [

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from cranectl.support.junit import JUnitCase
 
 LINE_EVERY = 5.0  # [s] between lines of progress where there is no terminal
+REPEATED_AFTER = 12  # as many times, a minute, until a line that has not changed is printed again
 FILE_WIDTH = 160  # what the widest table, of the ladder, takes
 PREPARING = "preparing; the first time this compiles code"
 COLOURS = {"good": "green", "open": "yellow", "bad": "bold red", "head": "bold"}
@@ -219,13 +221,24 @@ def progress(*columns: ProgressColumn) -> Iterator[Progress]:
 
 
 def _print_lines(shown: Progress, ended: threading.Event, stream: TextIO) -> None:
-    """Print what the columns of text and counts say of each task, until `ended`."""
+    """Print what the columns of text and counts say of each task when it changes, until `ended`.
+
+    A line that has not changed for long is printed again, with the time so far.
+    """
     columns = [column for column in shown.columns if isinstance(column, TextColumn | MofNCompleteColumn)]
-    while not ended.wait(LINE_EVERY):
+    printed: dict[int, tuple[str, int]] = {}  # by task: its last text, and when
+    for now in count(1):
+        if ended.wait(LINE_EVERY):
+            return
         for task in shown.tasks:
             text = "  ".join(column.render(task).plain for column in columns)
+            before, then = printed.get(task.id, ("", 0))
+            if text == before and now - then < REPEATED_AFTER:
+                continue
+            printed[task.id] = text, now
+            so_far = f", {now // REPEATED_AFTER} min so far" if text == before else ""
             with suppress(OSError, ValueError):  # a stream that is closed by now
-                print(f"cranectl: {text}", file=stream, flush=True)
+                print(f"cranectl: {text}{so_far}", file=stream, flush=True)
 
 
 PASSED, FAILED = styled("passed", "green"), styled("FAILED", "bold red")
@@ -255,5 +268,8 @@ def progress_bar(
 
         def advance(amount: float, now: str | None = None) -> None:
             shown.update(task, advance=amount, description=None if now is None else printable(now))
+            (item,) = shown.tasks
+            if item.total is not None and item.completed > item.total:  # such as runs with finer steps
+                shown.update(task, total=item.completed)
 
         yield advance

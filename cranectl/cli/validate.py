@@ -257,13 +257,14 @@ def _print_results(validation: "Validation", code: int, out: Path, screen: Scree
             screen.print(agreement_table(agreements, validation.other_failures))
         else:
             screen.print_each(agreement_lines(agreements, validation.other_failures))
-        if (limits := limits_table([result.runs for result in finished], worst=SHOWN_FAILURES)) is not None:
+        judged = [result.runs for result in validation.judged]
+        if (limits := limits_table(judged, worst=SHOWN_FAILURES)) is not None:
             screen.print(limits if limits.rows else limits.note)
         notes = [*limit_notes(agreements), *run_notes(finished)]
         screen.print_each(notes[:SHOWN_FAILURES], indent="  ")
         if len(notes) > SHOWN_FAILURES:
             screen.print(f"  and {len(notes) - SHOWN_FAILURES} more notes, in --report FILE")
-        for case in missing:
+        for case in () if validation.interruption else missing:
             name = f"{case.source}, {case.controller}, {case.drive}"
             screen.print(" ", styled(f"{name}: no result, {validation.missing_reason}", "bold red"))
         logs = sum(result.log is not None for result in finished)
@@ -272,7 +273,10 @@ def _print_results(validation: "Validation", code: int, out: Path, screen: Scree
         aside = [f"({unjudged} of {len(agreements)} pairs not judged)"] if unjudged else []
         if len(validation.plants) == 1:
             aside.append(f"(agreement not judged: {validation.plants[0]} is the only plant)")
-        screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED, *aside)
+        if validation.interruption:
+            screen.print(styled(validation.interruption, "yellow"))
+        else:
+            screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED, *aside)
     _print_failures(validation)
 
 

@@ -79,7 +79,10 @@ def _ignored(entry: PlantEntry, drive: Drive) -> tuple[str, ...]:
             outcomes = _outcome(entry, drive, without), _outcome(entry, drive, changed)
         except InputError:  # the plant itself refuses the setting
             continue
-        if not reacts(*outcomes):
+        without_it, with_it = outcomes
+        if without_it is None or with_it is None:  # unstable, which the run itself will report
+            continue
+        if not reacts(without_it, with_it):
             ignored[setting] = None
     return tuple(ignored)
 
@@ -131,8 +134,11 @@ def _differs(without: Array, changed: Array) -> bool:
     return not np.array_equal(without, changed)
 
 
-def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Array:
-    """Return state and load (17,) after PROBE_PERIODS periods; raise InputError as the plant does."""
+def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Array | None:
+    """Return state and load (17,) after PROBE_PERIODS periods, or None if the plant is unstable.
+
+    Raises InputError as the plant does.
+    """
     base = RIG.model_copy(update=dict(entry.fixed))
     rig = base.model_copy(
         update={name: factor * getattr(base, name) for name, factor in trial.scaled.items()}
@@ -153,4 +159,5 @@ def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Array:
     for _ in range(PROBE_PERIODS):
         plant.advance(command, disturbance, wind, load)
     plant.measure(state)
-    return np.concatenate([state, load])
+    outcome = np.concatenate([state, load])
+    return None if plant.warnings() or not np.isfinite(outcome).all() else outcome

@@ -11,6 +11,7 @@ from typing import Any
 
 from cranectl.support.children import answer_of_program
 from cranectl.support.errors import InputError
+from cranectl.support.search_path import MARK, SAFE_PATH
 
 HEADLESS = ("egl", "osmesa")
 BACKENDS = (*HEADLESS, "glfw", "cgl")
@@ -27,7 +28,7 @@ PROBE_TIMEOUT = 60.0  # [s]
 def check_engine() -> None:
     """Raise InputError if MuJoCo refuses MUJOCO_GL, which it checks when it is imported."""
     try:
-        import mujoco  # noqa: F401
+        import cranectl.plants.mujoco  # noqa: F401
     except Exception as error:
         raise no_opengl({os.environ.get("MUJOCO_GL", ""): _last_line(str(error))}) from None
 
@@ -82,7 +83,7 @@ def _probe_backend(backend: str) -> str:
     """Return why a backend does not work, or ""; a child process tries it, since a failure is permanent."""
     # -P: import no module of the working directory, but those of PYTHONPATH as in this process.
     command = [sys.executable, "-P", "-c", PROBE_CODE.format(backend)]
-    environment = {**os.environ, "MUJOCO_GL": backend}
+    environment = {**os.environ, "MUJOCO_GL": backend, SAFE_PATH: MARK}
     try:
         code, _, errors = answer_of_program(command, PROBE_TIMEOUT, environment=environment)
     except TimeoutError:

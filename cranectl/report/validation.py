@@ -75,7 +75,10 @@ def validation_page(
     first = next((scenario for scenario in scenarios if scenario.source in moments), scenarios[0])
     shown = _tables_of(first, options) if single else (_scenario_table(scenarios),)
     facts, pictures = tuple(_facts(validation, scenarios)), _figures(first, moments)
-    screen = FirstScreen(BADGES[not failed], _reason(scenarios, failed), facts, shown, pictures)
+    badge, reason = BADGES[not failed], _reason(scenarios, failed)
+    if validation.interruption:
+        badge, reason = BADGES[None], f"The validation was {validation.interruption}."
+    screen = FirstScreen(badge, reason, facts, shown, pictures)
     others = {source: moment for source, moment in moments.items() if source != first.source}
     for number, scenario in enumerate(() if single else scenarios[:SHOWN_SCENARIOS], 1):
         sections.append(_scenario_section(f"scenario-{number}", scenario, options, others))

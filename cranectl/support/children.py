@@ -34,15 +34,12 @@ from cranectl.support.errors import (
     was_killed,
 )
 from cranectl.support.interrupts import SIGNALS, in_background
+from cranectl.support.search_path import forget_safe_path, safe_path
 
 MAX_WAIT = 3600.0  # [s] the longest single wait
 ASK_INTERVAL = 0.1  # [s] between two checks for other reasons to end a wait
 EXIT_INTERVAL = 0.01  # [s] between two checks whether a forked child has ended
-SAFE_PATH = "PYTHONSAFEPATH"  # any text keeps the working directory out of the search path
-MARK = "cranectl"  # the value that marks it as set here, and not by the user
 T = TypeVar("T")
-_lock = threading.Lock()
-_blocks = 0  # of `safe_path` that are open, in any thread
 
 
 class Timeout:
@@ -169,39 +166,6 @@ class Child:
             else:
                 threading.Event().wait(min(seconds, EXIT_INTERVAL))
         return self._exit_code is not None
-
-
-@contextlib.contextmanager
-def safe_path() -> Iterator[None]:
-    """Keep the working directory out of the import path of the processes that the block starts.
-
-    `multiprocessing` starts them with `python -c`, which puts the working directory first. A file `struct.py`
-    there would replace the standard module. The processes call `forget_safe_path`, so that scripts that they
-    start can import from their own folder.
-    """
-    global _blocks
-    with _lock:
-        _blocks += 1
-        if not os.environ.get(SAFE_PATH):
-            os.environ[SAFE_PATH] = MARK
-    try:
-        yield
-    finally:
-        with _lock:
-            _blocks -= 1
-            if not _blocks:
-                forget_safe_path()
-
-
-def forget_safe_path() -> None:
-    """Let scripts that start from now on import from their own folder, unless the user forbids it."""
-    if os.environ.get(SAFE_PATH) == MARK:
-        del os.environ[SAFE_PATH]
-
-
-def users_environment() -> dict[str, str]:
-    """Return the environment for a program of the user, without what `safe_path` adds."""
-    return {name: value for name, value in os.environ.items() if (name, value) != (SAFE_PATH, MARK)}
 
 
 def spawn_child(

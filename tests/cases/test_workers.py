@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -120,8 +121,9 @@ def test_a_signal_ends_all_workers_and_closes_their_logs(
     out, error = process.communicate(timeout=HANG)
     assert process.returncode == 130, error
     assert "Traceback" not in error
-    assert "interrupted" in out
-    assert "validation FAILED" in out
+    assert re.search(r"^interrupted after \d+ of 12 cases: no verdict$", out, re.MULTILINE)
+    assert "FAILED" not in out
+    assert "no result" not in out
     wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))
     written = sorted(logs.iterdir())
     assert written

@@ -181,3 +181,18 @@ def test_a_page_of_what_passes() -> None:
     alone = CaseResult((run("mujoco"),), (), "completed")
     _, text = page_of(validation((case(), alone)))
     assert "The scenario passes: runs end as expected." in text, "nothing else is judged"
+
+
+def test_an_interrupted_validation_has_no_verdict() -> None:
+    """Neither the case that was interrupted nor those after it are failures."""
+    stopped = run("mujoco", status=RunStatus.INTERRUPTED)
+    cases = (case(), case(controller="pole-placement"), case(controller="lqr+hinf"))
+    results = [result(run("analytic", KEPT)), result(stopped), None]
+    made = Validation(cases, CasesOutcome(results, interrupted=True), {}, PLANTS)
+    assert made.interruption == "interrupted after 1 of 3 cases: no verdict"
+    assert made.to_json(passed=False)["interrupted"]
+    assert len(made.agreements) == 1
+    _, text = page_of(made)
+    assert "The validation was interrupted after 1 of 3 cases: no verdict." in text
+    done = validation((case(), result(run("analytic", KEPT))))
+    assert done.interruption == ""

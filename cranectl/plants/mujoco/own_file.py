@@ -3,8 +3,6 @@
 Nothing of the model is changed but the integrator, which is RK4 as for the shipped model.
 """
 
-import contextlib
-import hashlib
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,10 +10,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.plants.mujoco.own_size import check_files, check_finite
 from cranectl.scenario.rig import ModelNames
 from cranectl.support.errors import InputError
 
-FOLDERS = ("meshdir", "texturedir", "assetdir")  # attributes of a compiler element
 SENSOR_NAME = "cranectl_"  # beginning of the names of sensors that are added
 # Sensors that are added: kind, and of what. The first three are read as a run's load, see `Plant.advance`.
 SENSORS = (
@@ -32,7 +30,7 @@ SENSORS = (
 def spec_of_file(file: Path, names: ModelNames) -> mujoco.MjSpec:
     """Return the model of a file with RK4 and SENSORS, compiled.
 
-    Raises InputError if it reads files elsewhere, lacks a name or cannot be compiled.
+    Raises InputError if it reads files elsewhere, is too large, lacks a name or cannot be compiled.
     """
     try:
         check_files(file)
@@ -43,7 +41,7 @@ def spec_of_file(file: Path, names: ModelNames) -> mujoco.MjSpec:
             spec.add_sensor(name=f"{SENSOR_NAME}{k}", type=kind, objtype=objtype, objname=getattr(names, of))
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
         spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        spec.compile()
+        check_finite(file, spec.compile())
     except (OSError, ValueError, ElementTree.ParseError) as error:
         raise InputError(
             f"{file}: {error}",
@@ -72,44 +70,6 @@ def embed_files(spec: mujoco.MjSpec) -> None:
         material.textures = [""] * len(material.textures)
     for texture in spec.textures:
         spec.delete(texture)
-
-
-def check_files(file: Path) -> None:
-    """Raise InputError if a model, or a file that it includes, names a file outside the model's folder."""
-    folder = file.parent.resolve()
-    paths, attributes = [file], list[tuple[str, str]]()
-    for path in paths:  # which grows
-        for element in ElementTree.parse(path).iter():
-            attributes += element.items()
-            part = folder / element.get("file", "")
-            if element.tag in ("include", "model") and part not in paths and part.is_file():
-                paths.append(part)
-    starts = [folder, *(folder / value for key, value in attributes if key in FOLDERS)]
-    for name in (value for key, value in attributes if key.startswith("file")):
-        if not all((start / name).resolve().is_relative_to(folder) for start in starts):
-            raise InputError(
-                f"{file} reads {name}",
-                allowed="files in the folder of the model, or below it",
-                remedy="copy the file there, and name it without '..'",
-            )
-
-
-def content_digest(file: Path) -> str:
-    """Return a digest of a model file and of all files that it names; missing ones are left out."""
-    digest, starts = hashlib.sha256(), [file.parent]
-    names, read = [file.name], set[Path]()
-    while parts := [start / name for name in names for start in starts if start / name not in read]:
-        read.update(parts)
-        for path in filter(Path.is_file, parts):
-            content = path.read_bytes()
-            digest.update(f"{path}\0{len(content)}\0".encode() + content)
-            with contextlib.suppress(
-                ElementTree.ParseError
-            ):  # of a mesh, or of a model that is refused later
-                for element in ElementTree.fromstring(content).iter():
-                    starts += [file.parent / value for key, value in element.items() if key in FOLDERS]
-                    names += [value for key, value in element.items() if key.startswith("file")]
-    return digest.hexdigest()
 
 
 def _check_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:

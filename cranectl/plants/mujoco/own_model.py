@@ -9,13 +9,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from cranectl.plants.mujoco.own_file import (
-    content_digest,
-    embed_files,
-    sensor_values,
-    servo_kind,
-    spec_of_file,
-)
+from cranectl.plants.mujoco.own_file import embed_files, sensor_values, servo_kind, spec_of_file
+from cranectl.plants.mujoco.own_size import content_digest
 from cranectl.plants.mujoco.sites import state_of_sites
 from cranectl.scenario.rig import ModelNames
 from cranectl.signals import ALPHA, ROPE

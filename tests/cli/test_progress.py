@@ -1,0 +1,56 @@
+"""Lines of progress where there is no terminal: one when something changes, and never more than all."""
+
+import sys
+import threading
+from collections.abc import Callable
+
+import pytest
+from rich.progress import Progress, TextColumn
+
+from cranectl.cli import output
+
+
+class Clock(threading.Event):
+    """An event that ends after some waits, before each of which something happens."""
+
+    def __init__(self, waits: int, happens: Callable[[int], None]) -> None:
+        super().__init__()
+        self.left, self.waits, self.happens = waits, 0, happens
+
+    def wait(self, timeout: float | None = None) -> bool:
+        assert timeout == output.LINE_EVERY
+        self.waits += 1
+        self.happens(self.waits)
+        return self.waits > self.left
+
+
+def test_a_line_that_does_not_change_is_printed_once_a_minute(capsys: pytest.CaptureFixture[str]) -> None:
+    """Ten minutes: seven without change, then a change, then three without."""
+    shown = Progress(TextColumn("{task.description} {task.completed:.0f}"), disable=True)
+    task = shown.add_task("preparing", total=10.0)
+    minute = round(60.0 / output.LINE_EVERY)
+
+    def happens(wait: int) -> None:
+        if wait == 7 * minute:
+            shown.update(task, advance=3.0)
+
+    output._print_lines(shown, Clock(10 * minute, happens), sys.stderr)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "cranectl: preparing 0"
+    assert lines[1:7] == [f"cranectl: preparing 0, {k} min so far" for k in range(1, 7)]
+    assert lines[7] == "cranectl: preparing 3"
+    assert lines[8:] == [f"cranectl: preparing 3, {k} min so far" for k in (8, 9, 10)]
+
+
+def test_no_more_is_done_than_all(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Plants that disagree run again with finer steps, which nobody has counted before."""
+    monkeypatch.setattr(output, "LINE_EVERY", 0.01)
+    text = ""
+    with output.progress_bar(50.0, "run") as advance:
+        for _ in range(3):
+            advance(32.0)
+        while "96/96 s simulated" not in text:  # hangs if it is never printed
+            text += capsys.readouterr().err
+    assert "96/50" not in text
