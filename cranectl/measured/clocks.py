@@ -17,7 +17,7 @@ from cranectl.support.tables.columns import TableHead
 USUAL_GAPS = 10.0  # times the usual step that rows may be apart
 
 MIN_ROWS = 10
-MAX_SAMPLES = 3_600_000  # of a log; an hour at 1 kHz
+MAX_LOG_SAMPLES = 3_600_000  # of a log; an hour at 1 kHz
 
 
 class Readings(NamedTuple):
@@ -108,17 +108,17 @@ def sample_times(part: tuple[float, float], usual_ns: int, mapping: MeasuredMap)
     length = part[1] - part[0]
     period_ns = nanoseconds(mapping.period) if mapping.period else usual_ns
     samples = nanoseconds(length) // period_ns + 1
-    if MIN_ROWS <= samples <= MAX_SAMPLES:
+    if MIN_ROWS <= samples <= MAX_LOG_SAMPLES:
         return np.arange(samples, dtype=np.int64) * period_ns
     is_short = samples < MIN_ROWS
     if is_short and nanoseconds(length) // usual_ns + 1 < MIN_ROWS:
         remedy = "choose other times in from and to"
     else:
-        fitting = max(usual_ns, 1e9 * length / (MAX_SAMPLES - 1)) / 1e9
+        fitting = max(usual_ns, 1e9 * length / (MAX_LOG_SAMPLES - 1)) / 1e9
         remedy = f"write period = {_rounded_up(fitting):g}"
     raise InputError(
         f"{length:.6g} s with a period of {period_ns / 1e9:g} s are {samples} samples",
-        allowed=f"from {MIN_ROWS} to {MAX_SAMPLES} samples",
+        allowed=f"from {MIN_ROWS} to {MAX_LOG_SAMPLES} samples",
         remedy=remedy,
     )
 

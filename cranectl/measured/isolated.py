@@ -18,7 +18,7 @@ from cranectl.support.errors import InputError, MachineError
 from cranectl.support.tables.columns import ReadColumn, TableHead, reported
 
 SMALL_FILE = 2**26  # [bytes] up to which the next two limits hold; those of larger files grow in proportion
-MAX_MEMORY = 2**30  # [bytes] of the process
+MAX_READER_BYTES = 2**30  # [bytes] of the process
 MAX_PROCESSOR_TIME = 30  # [s]
 MAX_SILENCE = 600.0  # [s] of the process, without time in which it waits for a processor
 GRACE = 5  # [s] between the signal that ends the process and the one that kills it
@@ -45,7 +45,7 @@ class _Process:
     def __init__(self, path: Path, where: str, libraries: Sequence[str]) -> None:
         share = max(path.stat().st_size / SMALL_FILE, 1.0)
         self._where = where
-        self._memory, self._seconds = int(share * MAX_MEMORY), int(share * MAX_PROCESSOR_TIME)
+        self._memory, self._seconds = int(share * MAX_READER_BYTES), int(share * MAX_PROCESSOR_TIME)
         with path.open("rb") as stream:
             kind = format_of(stream.read(16)) or "a MATLAB file of version 4"
         self._child = spawn_child(_serve, where, kind, tuple(libraries), (self._memory, self._seconds))
@@ -91,24 +91,32 @@ def _serve(
     memory, seconds = limits
     _limit(memory, seconds)
     too_large = _refusal(where, f"needs more than {memory / 2**30:.3g} GiB of memory", memory, seconds)
-    head: TableHead | None = None
-    for reader, *inputs in requests(connection):
-        answer: Any = too_large
+    answer = _Answers(where, kind)
+    for question in requests(connection):
         try:
-            with reported(where, kind):
-                if reader is not None:
-                    head = reader(*inputs)
-                    answer = head.names, head.units, head.left_out, head.is_ordered
-                elif head is not None:
-                    answer = head.read(inputs[0], is_clock=inputs[1])
-        except InputError as error:
-            answer = error
-        except MemoryError:
-            pass
-        try:
-            connection.send(answer)
+            connection.send(answer(*question))
         except MemoryError:  # before anything was sent
             connection.send(too_large)
+
+
+class _Answers:
+    """What a reader answers, in its process."""
+
+    def __init__(self, where: str, kind: str) -> None:
+        self._where, self._kind = where, kind
+        self._head: TableHead | None = None
+
+    def __call__(self, reader: Reader | None, *inputs: Any) -> Any:
+        """Return what the file holds if there is a `reader`, else a column; or what was refused."""
+        try:
+            with reported(self._where, self._kind):
+                if reader is None:
+                    assert self._head is not None
+                    return self._head.read(inputs[0], is_clock=inputs[1])
+                self._head = head = reader(*inputs)
+                return head.names, head.units, head.left_out, head.is_ordered
+        except InputError as error:
+            return error
 
 
 def _limit(memory: int, seconds: int) -> None:

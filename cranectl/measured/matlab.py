@@ -1,5 +1,6 @@
 """Read MATLAB files of versions 4 to 7.3: numbers when they are wanted, structures and objects at once."""
 
+import struct
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -9,10 +10,12 @@ import numpy as np
 
 from cranectl.measured.arrays import ArrayColumns, Signals
 from cranectl.measured.hdf5 import array_of, is_local
+from cranectl.support.errors import InputError
 from cranectl.support.tables.columns import TableHead
 
 HDF5_START = 512  # [bytes] in a file of version 7.3
 HDF5_MARK = b"\x89HDF"
+HEADER_BYTES, TAG_BYTES = 128, 8  # of a file of version 5, and before each of its variables
 NUMBERS = (
     "double",
     "single",
@@ -34,6 +37,8 @@ def read_matlab(path: Path, where: str, signals: Signals | None) -> TableHead:
     with path.open("rb") as stream:
         stream.seek(HDF5_START)
         is_hdf5 = stream.read(len(HDF5_MARK)) == HDF5_MARK
+    if not is_hdf5:
+        _check_whole(path, where)
     variables = list(_hdf5_variables(path) if is_hdf5 else _variables(path))
     columns = ArrayColumns(where, signals)
     others = []
@@ -50,6 +55,23 @@ def read_matlab(path: Path, where: str, signals: Signals | None) -> TableHead:
         for name, value in _structures(path, others, has_objects=has_objects).items():
             columns.add(name, value)
     return columns.head()
+
+
+def _check_whole(path: Path, where: str) -> None:
+    """Raise InputError for a file of version 5 to 7 that was cut: SciPy leaves its last variables out."""
+    with path.open("rb") as stream:
+        header, size, place = stream.read(HEADER_BYTES), path.stat().st_size, HEADER_BYTES
+        order = "<" if header.endswith(b"IM") else ">"
+        while header.startswith(b"MATLAB") and place < size:
+            stream.seek(place)
+            tag = stream.read(TAG_BYTES).ljust(TAG_BYTES, b"\xff")
+            place += TAG_BYTES + int(struct.unpack(f"{order}4xI", tag)[0])
+    if place > size:
+        raise InputError(
+            f"{where} is a MATLAB file that was cut off: it has {size} bytes of {place} or more",
+            allowed="whole files",
+            remedy="save it again, or copy it again",
+        )
 
 
 def _variables(path: Path) -> Iterator[_Variable]:

@@ -61,10 +61,10 @@ CASES = {
         Case("did you mean '{}'?", from_file("samples", "one.mcap", "topic='reference/loads'"),
              from_file("samples", "one.mcap", "topic='reference/load'")),
     ],
-    "reference/tables.py": [
-        Case("write the column as floating point numbers", from_file("samples", "text.parquet", SI),
+    "support/tables/columns.py": [
+        Case("map another column, or write numbers", from_file("samples", "text.parquet", SI),
              from_file("samples", "own.parquet", SI)),
-        Case("write the file again", from_file("samples", "cut.parquet", SI),
+        Case("write the file again, for example as CSV", from_file("samples", "cut.parquet", SI),
              from_file("samples", "own.parquet", SI)),
     ],
     "cli/plan.py": [

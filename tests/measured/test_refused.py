@@ -125,6 +125,13 @@ FILES: dict[str, Case] = {
         "a constant value if nobody measured the rope",
         {"signals": {"rope_length": {"column": None, "value": 0.8}}},
     ),
+    "rope of almost no length": (
+        changed(l=lambda t: np.full_like(t["l"], 1e-300)),
+        {},
+        "rope_length is 1e-300 m",
+        "a constant value if nobody measured the rope",
+        {"signals": {"rope_length": {"column": None, "value": 0.8}}},
+    ),
     "few rows": (rows(lambda _: slice(0, 5)), {}, "has 5 rows with a time", "another column of times", None),
     "few times": (
         changed(x=lambda t: t["x"], u=lambda t: np.where(t["t"] < 0.03, t["t"], np.nan)),
@@ -205,6 +212,42 @@ MAPS: dict[str, tuple[Mapping[str, Any], str, str, Mapping[str, Any]]] = {  # of
     ),
 }
 
+
+def constant(name: str, value: float, **keys: Any) -> dict[str, Any]:
+    return {"signals": {name: {"column": None, "value": value, **keys}}}
+
+
+MAPS |= {
+    f"{name} of {value:g}": (constant(name, value), found, remedy, {**constant(name, right), **more})
+    for name, value, found, remedy, right, more in (
+        ("rope_length", 0.0, "signals.rope_length is constant at 0 m", "write the length", 0.8, {}),
+        ("rope_length", -1.0, "signals.rope_length is constant at -1 m", "write the length", 0.8, {}),
+        ("trolley_position", 1e12, "signals.trolley_position is constant at 1e+12 m", "write the", 0.7, {}),
+        ("beta", 100.0, "signals.beta is constant at 100 rad", "signals.beta.value = 0.0", 0.0, {}),
+    )
+}
+MAPS |= {
+    "degrees taken for radians": (
+        constant("beta", 45.0),
+        "signals.beta is constant at 45 rad",
+        "write signals.beta.unit = 'deg'",
+        {**constant("beta", 45.0, unit="deg"), "check_physics": False},
+    ),
+    "one sample": (
+        {"period": 600.0},
+        "10 s with a period of 600 s are 1 samples",
+        "write period = 0.005",
+        {"period": 0.005},
+    ),
+    "millions of samples": (
+        {"period": 1e-6},
+        "are 10000001 samples",
+        "write period = 0.005",
+        {"period": 0.005},
+    ),
+    "end at the start": ({"to": 1e-9}, "are 1 samples", "choose other times in from and to", {"to": 5.0}),
+    "start at the end": ({"from": 9.999}, "are 1 samples", "choose other times in from and to", {"from": 1}),
+}
 
 REFUSED: dict[str, Case] = CONTRADICTIONS | FILES | {name: (changed(), *rest) for name, rest in MAPS.items()}
 

@@ -7,6 +7,7 @@ as events behind the numbers.
 import csv
 import io
 import re
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -130,18 +131,19 @@ def find_header(rows: Sequence[Cells | None], named_row: int | None = None) -> H
 
 
 def _usual_length(lengths: Sequence[int]) -> int:
-    """Return the cells of the rows in the longest block of rows with as many; of equals, the most cells.
+    """Return the cells of the rows in the longest block of rows with as many.
 
-    A negative number of cells is that of a row without numbers. Rows without cells, such as blank lines and
-    comments, do not end a block.
+    Of equal blocks, that of the most rows in all and then of the most cells is taken. A negative number of
+    cells is that of a row without numbers. Rows without cells, such as blank lines and comments, do not end
+    a block.
     """
-    best, cells, rows = (0, 0), 0, 0
-    for length in lengths:
-        if length:
-            rows = rows + 1 if length == cells else 1
-            cells = length
-            best = max(best, (rows, cells)) if length > 0 else best
-    return best[1]
+    total = Counter(lengths)
+    best, cells, rows = (0, 0, 0), 0, 0
+    for length in filter(None, lengths):
+        rows = rows + 1 if length == cells else 1
+        cells = length
+        best = max(best, (rows, total[length], cells)) if length > 0 else best
+    return best[2]
 
 
 def _usual_kinds(rows: Sequence[tuple[str, ...]], columns: int) -> tuple[str, ...]:
