@@ -4,10 +4,13 @@ The file is written beside its target as `.PID.part`, and renamed once it is clo
 until then. Times are simulation times only, so the same runs give the same bytes.
 """
 
+import contextlib
+import os
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any, Self
 
 import foxglove
 import numpy as np
@@ -108,19 +111,70 @@ def write_container(
     part = None
     try:
         with interrupts_wait(), replacing(path, keep_after=FAILURES) as part:
-            with open_file(part, context, metadata, attachments):
+            with KeptError(part) as target, open_file(target, context, metadata, attachments):
                 count = _send_in_order(context, sent)
             check_complete(part, count)
     except FAILURES as error:
         raise unfinished(path, part, error, remedy=REMEDY) from None
 
 
+class KeptError:
+    """A file for the library to write to, which fails when it is closed.
+
+    If a write fails, the library prints a line for each message that follows. Here the first error is kept,
+    and what follows is dropped.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open the file; raise OSError if that is not possible."""
+        self._stream = path.open("wb", buffering=CHUNK_SIZE)
+        self._place, self._size, self._errors = 0, 0, list[OSError]()
+
+    def write(self, data: bytes) -> int:
+        """Write `data`, or drop it after an error."""
+        self._place += len(data)
+        self._size = max(self._size, self._place)
+        self._attempt(lambda: self._stream.write(data))
+        return len(data)
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Go to another place, also in what was dropped, and return it."""
+        start = {os.SEEK_SET: 0, os.SEEK_CUR: self._place, os.SEEK_END: self._size}[whence]
+        self._place = start + offset
+        if offset or whence != os.SEEK_CUR:
+            self._attempt(lambda: self._stream.seek(self._place))
+        return self._place
+
+    def flush(self) -> None:
+        """Pass on what is buffered."""
+        self._attempt(self._stream.flush)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the file; raise the error that was kept."""
+        self._attempt(self._stream.close)
+        if self._errors:
+            with contextlib.suppress(OSError):
+                self._stream.close()
+            raise self._errors[0]
+
+    def _attempt(self, act: Callable[[], object]) -> None:
+        if not self._errors:
+            try:
+                act()
+            except OSError as error:
+                self._errors.append(error)
+
+
 def open_file(
-    part: Path, context: foxglove.Context, metadata: Records, attachments: Sequence[Attachment]
+    part: Path | KeptError, context: foxglove.Context, metadata: Records, attachments: Sequence[Attachment]
 ) -> foxglove.MCAPWriter:
     """Open an MCAP file, write metadata and attachments, and then all messages sent to `context`."""
     options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
-    file = foxglove.open_mcap(part, allow_overwrite=True, context=context, writer_options=options)
+    target: Any = part  # of which the library only asks to write, seek and flush
+    file = foxglove.open_mcap(target, allow_overwrite=True, context=context, writer_options=options)
     for name, values in metadata.items():
         file.write_metadata(name, dict(values))
     for attachment in attachments:
