@@ -184,7 +184,7 @@ def improved(scenario: Scenario) -> list[tuple[str, str, Scenario]]:
     assert effects.sensing is not None
     assert effects.delay is not None
     lags = [f"{axis}_time_constant" for axis in ("bridge", "trolley", "winch")]
-    half = round(0.5 * scenario.period_ns) / NANOSECONDS
+    half, step = round(0.5 * scenario.period_ns) / NANOSECONDS, control.physics_step
     delay = round(0.5 * effects.delay.seconds / control.period) * control.period
     sensing = effects.sensing
     changes: list[tuple[str, str, dict[str, Any]]] = [
@@ -196,7 +196,7 @@ def improved(scenario: Scenario) -> list[tuple[str, str, Scenario]]:
         (
             "sampling",
             f"period {1e3 * control.period:g} to {1e3 * half:g} ms",
-            {"control": {"period": half, "physics_step": min(half, control.physics_step)}},
+            {"control": {"period": half, "physics_step": step and min(half, step)}},
         ),
         (
             "delay",

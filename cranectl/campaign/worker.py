@@ -15,6 +15,7 @@ from cranectl.controllers.registry import controller_design
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
 from cranectl.plants.capabilities import check_scenario
 from cranectl.plants.plant import Plant
+from cranectl.plants.steps import substeps
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH
 from cranectl.simulate import PlannedReference, make_plant, plan_reference, plan_run, prepare_controller
@@ -174,12 +175,13 @@ class Worker:
     def _plant(self, name: str, scenario: Scenario) -> Plant:
         """Return a plant for `scenario`; reuse an earlier one with new parameters if possible."""
         drive = self._prepared.campaign.settings.drive
-        plant = self._plants.get((name, scenario.substeps))
+        steps = substeps(scenario, drive)
+        plant = self._plants.get((name, steps))
         if plant is not None:
             check_scenario(scenario, plant=name, drive=drive)
             if plant.retune(scenario.rig, scenario.effects_on_plant):
                 return plant
-        self._plants[name, scenario.substeps] = new = make_plant(name, scenario, drive)
+        self._plants[name, steps] = new = make_plant(name, scenario, drive)
         return new
 
 

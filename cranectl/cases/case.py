@@ -14,9 +14,10 @@ from cranectl.log.header import check_recordable
 from cranectl.log.writer import check_writable, write_log
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
+from cranectl.plants.capabilities import check_effects
 from cranectl.plants.model_files import examine, plants_for
 from cranectl.plants.plant import Drive
-from cranectl.plants.registry import reference_plant
+from cranectl.plants.registry import plant_entry, reference_plant
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, plan_scenario, prepare_controller, simulate_run
 from cranectl.simulate.child import BLOCK_TIMEOUT
@@ -42,6 +43,7 @@ class Case:
     keep: Keep = "all"  # logs to keep
     pairwise: bool = False  # whether every plant is compared with every other
     timeout: float = BLOCK_TIMEOUT  # [s] for a block of a run with an external controller
+    left_out: tuple[str, ...] = ()  # default plants that lack an effect, each with the reason
 
     @property
     def simulated_seconds(self) -> float:
@@ -192,15 +194,42 @@ def make_case(
 ) -> Case:
     """Make a case, by default with the scenario's controller, plants and log.
 
-    Raises InputError for plants that cannot run and for impossible limits.
+    A default plant that lacks an effect is left out if others remain; one that is named is refused when it
+    runs. Raises InputError for plants that cannot run and for impossible limits.
     """
-    plants = plants_for(scenario.rig, tuple(plants))
+    requested = tuple(plants)
+    plants = plants_for(scenario.rig, requested)
     for plant in plants:
         examine(plant, scenario.rig)
+    left_out = {} if requested else _lacking_effects(scenario, plants, drive)
+    plants = tuple(plant for plant in plants if plant not in left_out)
     limits_of(scenario, plants)
     controller = controller or scenario.controller.name
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
-    return Case(scenario, controller, drive, plants, log, source or scenario.name, keep, pairwise, timeout)
+    return Case(
+        scenario=scenario,
+        controller=controller,
+        drive=drive,
+        plants=plants,
+        log=log,
+        source=source or scenario.name,
+        keep=keep,
+        pairwise=pairwise,
+        timeout=timeout,
+        left_out=tuple(left_out.values()),
+    )
+
+
+def _lacking_effects(scenario: Scenario, plants: Sequence[str], drive: Drive) -> dict[str, str]:
+    """Return a line for each plant with this drive that lacks an effect; none if all plants do."""
+    lines = {}
+    for plant in plants:
+        try:
+            if drive in plant_entry(plant).drives:
+                check_effects(scenario.effects, plant=plant, drive=drive)
+        except InputError as reason:
+            lines[plant] = f"{scenario.name}: {plant} is left out: {reason.found}"
+    return lines if len(lines) < len(plants) else {}
 
 
 def default_log(directory: Path, scenario: Scenario, controller: str, drive: str) -> Path:

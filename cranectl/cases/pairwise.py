@@ -126,7 +126,7 @@ def convergence(plant: str, case: Case) -> tuple[float, float]:
     """Return the change of the load with steps a quarter as long [m], and the order of convergence."""
     runs = []
     for factor in (1, 2, 4):
-        scenario = with_finer_steps(case.scenario, factor)
+        scenario = with_finer_steps(case.scenario, case.drive, factor)
         if scenario is None:
             return nan, nan
         runs.append(simulate_run(scenario, plant=plant, drive=case.drive, controller=case.controller))

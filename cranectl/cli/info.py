@@ -81,7 +81,8 @@ def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen
     from cranectl.plants.mujoco.own_plant import built_in
 
     own = open_model(file, names)
-    numbers, differences = built_in(own), find_differences(own)
+    numbers = {name: float(f"{number:g}") for name, number in built_in(own).items()}  # to be copied
+    differences = find_differences(own)
     facts = [
         ("model", file),
         *((key.replace("_", " "), name) for key, name in names),
@@ -163,6 +164,7 @@ def _print_plants(
     from cranectl.compare.agreement import against_reference, judge, worst_agreement
     from cranectl.log.events import origins
     from cranectl.planning.review import add_claims
+    from cranectl.plants.steps import describe_step
     from cranectl.report.run.differences import settings_table
     from cranectl.support.provenance import provenance, provenance_differences
     from cranectl.support.units import difference_text
@@ -183,6 +185,7 @@ def _print_plants(
         ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),
+        *(("steps", describe_step(r.scenario, r.drive)) for r in run_list[:1] if r.has_reference),
     ]
     for agreement in agreements:
         load, angle = map(difference_text, (agreement.max_load_error_m, agreement.max_angle_error_rad))

@@ -75,7 +75,7 @@ def run_command(
     with progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
         result = run_case(case, progress=advance)
     screen.print(tables.run_table({case.log.stem: result.runs}))
-    screen.print_each(tables.run_notes([result]), indent="  ")
+    screen.print_each([*case.left_out, *tables.run_notes([result])], indent="  ")
     if beyond := [run.beyond_drives for run in result.runs if run.beyond_drives]:
         screen.print(styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
     uses = [(plant, case.drive, case.controller) for plant in case.plants]

@@ -140,6 +140,7 @@ def validate_command(
     ]
     chosen = in_order({plant for case in cases for plant in case.plants}) or plants or default_plants()
     check_logs_differ(cases)
+    screen.print_each(dict.fromkeys(line for case in cases for line in case.left_out))
     if cases:
         check_writable(out / "any.mcap")  # once, not by every case
     with progress_bar(sum(case.simulated_seconds for case in cases)) as advance:

@@ -16,6 +16,7 @@ from typing import Any
 from cranectl.compare.runs import Comparison, compare_runs
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import plant_entry, reference_plant
+from cranectl.plants.steps import substeps
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
@@ -273,7 +274,7 @@ def judge_steps(
     if interrupted or not 1.0 < agreement.excess < math.inf or not fits(runs[0], more=len(runs)):
         return agreement
     halvings = min(math.ceil(math.log2(agreement.excess) / limits.order), MAX_HALVINGS)
-    shorter = with_finer_steps(runs[0].scenario, 2**halvings)
+    shorter = with_finer_steps(runs[0].scenario, runs[0].drive, 2**halvings)
     if shorter is None:
         return agreement
     finer_runs = []
@@ -287,9 +288,9 @@ def judge_steps(
     return replace(agreement, curing_step_s=shorter.control.physics_step)
 
 
-def with_finer_steps(scenario: Scenario, times: int) -> Scenario | None:
+def with_finer_steps(scenario: Scenario, drive: Drive, times: int) -> Scenario | None:
     """Return `scenario` with `times` as many steps, or None if that needs fractions of nanoseconds."""
-    step_ns, rest = divmod(scenario.period_ns, scenario.substeps * times)
+    step_ns, rest = divmod(scenario.period_ns, substeps(scenario, drive) * times)
     if rest or step_ns < MIN_STEP_NS:
         return None
     control = scenario.control.model_copy(update={"physics_step": step_ns / NANOSECONDS})

@@ -5,10 +5,14 @@ For each horizontal axis, near plumb, with drive x, angle b, rope length l and u
     l b'' = -g b - u,    load error e = dx + l db,    s' = e,    u = u_d - K(l) (dx, dx', db, db', s)
 
 Here d is the deviation from the state that the flat map gives for the path, and u_d is its input. K minimises
-the integral of q_e e² + q_v e'² + q_i s² + r u². It is computed on a grid of lengths and interpolated between
-them. The rope has the same weights, with its length in place of e. Source: textbooks. Assumes: full state,
-slow hoisting; masses are not used. Certain. When drives are at their limits the integral winds up.
+the integral of q_e e² + q_v e'² + q_i s² + r u². It is computed for 33 lengths and interpolated between them.
+Their steps are equal up to a range of 1 : 30, and their ratios beyond, where K changes too much between short
+lengths of equal steps. The rope has the same weights, with its length in place of e. Source: textbooks.
+Assumes: full state, slow hoisting; masses are not used. Certain. When drives are at their limits the integral
+winds up.
 """
+
+from math import log
 
 import numpy as np
 from numba import carray  # type: ignore[attr-defined]
@@ -26,10 +30,23 @@ from cranectl.support.errors import InputError
 from cranectl.support.jit import jit
 
 GRID = 33  # rope lengths
+WIDE_RANGE = 30.0  # longest over shortest rope, beyond which the ratios of lengths are equal
 STATES = 5  # dx, dx', db, db', s
 
-PARAMETERS = Slots(period=1, gravity=1, shortest=1, length_step=1, rope_gain=3, gain=0)
+PARAMETERS = Slots(period=1, gravity=1, shortest=1, length_step=1, log_step=1, rope_gain=3, gain=0)
 MEMORY = Slots(integral=3, desired=10, inputs=3, load=12)
+
+
+@jit
+def place_on_grid(parameters, length):
+    """Return where a rope length [m] lies among the rows of gains, and its share of the way to the next."""
+    shortest, log_step = parameters[PARAMETERS.shortest], parameters[PARAMETERS.log_step]
+    if log_step > 0.0:
+        grid = log(max(length, shortest) / shortest) / log_step
+    else:
+        grid = (length - shortest) / parameters[PARAMETERS.length_step]
+    row = min(max(int(grid), 0), GRID - 2)
+    return row, min(max(grid - row, 0.0), 1.0)
 
 
 @jit
@@ -53,9 +70,7 @@ def step(parameters, measured, reference, memory, command):
     if not state_on_path(reference, gravity, desired, inputs):
         return RunStatus.SLACK_ROPE
     flat_output(measured, 0.0, 0.0, gravity, load)
-    grid = (measured[ROPE] - parameters[PARAMETERS.shortest]) / parameters[PARAMETERS.length_step]
-    row = min(max(int(grid), 0), GRID - 2)
-    share = min(max(grid - row, 0.0), 1.0)
+    row, share = place_on_grid(parameters, measured[ROPE])
     x = feedback(parameters, measured, desired, integral[X], BRIDGE, BETA, row, share)
     y = feedback(parameters, measured, desired, integral[Y], TROLLEY, ALPHA, row, share)
     command[X], command[Y] = inputs[X] - x, inputs[Y] - y
@@ -121,13 +136,15 @@ def _gain(nominal: Nominal, a: Array, b: Array, c: Array) -> Array:
 def prepare(nominal: Nominal) -> tuple[Array, Array]:
     """Return parameters and memory, with gains for all rope lengths of the rig."""
     shortest, longest = nominal.rig.rope_range
-    lengths = np.linspace(shortest, longest, GRID)
+    is_wide = longest > WIDE_RANGE * shortest
+    lengths = (np.geomspace if is_wide else np.linspace)(shortest, longest, GRID)
     gains = np.array([gain_at(length, nominal) for length in lengths])
     parameters = PARAMETERS.array(
         period=nominal.period,
         gravity=nominal.rig.gravity,
         shortest=shortest,
         length_step=lengths[1] - shortest,
+        log_step=log(longest / shortest) / (GRID - 1) if is_wide else 0.0,
         rope_gain=rope_gain(nominal),
         gain=gains,
     )
@@ -135,9 +152,12 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
 
 
 def linearise(nominal: Nominal, rope_length: float) -> LinearController:
-    """Return the linear controller of one horizontal axis at rest."""
+    """Return the linear controller of one horizontal axis at rest, with the gain that a run interpolates."""
     a, b, _ = matrices(rope_length, nominal.rig.gravity)
-    return LinearController(rope_length, a, b, gain_at(rope_length, nominal))
+    parameters, _ = prepare(nominal)
+    row, share = place_on_grid(parameters, rope_length)
+    table = parameters[PARAMETERS.gain :].reshape(GRID, STATES)
+    return LinearController(rope_length, a, b, table[row] + share * (table[row + 1] - table[row]))
 
 
 WEIGHT = (1e-9, 1e9)

@@ -16,6 +16,7 @@ from cranectl.export.description import FmuVariable
 from cranectl.export.traced import Traced
 from cranectl.plants.plant import Drive, Plant
 from cranectl.plants.registry import plant_entry
+from cranectl.plants.steps import substeps
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.scenario import STILL
 from cranectl.scenario.settings import Settings
@@ -53,7 +54,7 @@ class PlantNumbers:
 
     def plant(self, numbers: Mapping[str, Any]) -> Plant:
         """Return the plant made with other numbers of rig and effects."""
-        effects, substeps = self.scenario.effects, self.scenario.substeps
+        effects, steps = self.scenario.effects, substeps(self.scenario, self.drive)
         parts = {
             name: _replaced(getattr(effects, name), f"effects.{name}", numbers) for name in effects.names
         }
@@ -61,8 +62,8 @@ class PlantNumbers:
         return self.make_plant(
             _replaced(self.scenario.rig, "rig", numbers),
             drive=self.drive,
-            step=self.scenario.period_ns / NANOSECONDS / substeps,
-            substeps=substeps,
+            step=self.scenario.period_ns / NANOSECONDS / steps,
+            substeps=steps,
             effects=effects.model_copy(update={**parts, **still}),
         )
 

@@ -1,5 +1,7 @@
 """Check which effects and drives a plant can show, and refuse a run with others before it starts."""
 
+from math import isclose
+
 from cranectl.plants.model_files import plant_argument
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PLANTS, PlantEntry, labels_of, plant_entry
@@ -8,6 +10,7 @@ from cranectl.scenario.scenario import Scenario
 from cranectl.support.errors import InputError
 
 USE_VELOCITY = "take '--drive velocity'"
+SAME_NUMBER = 1e-6  # largest relative difference of a number of the rig and the one built into a plant
 TOGETHER = ("rope", "body", "frame")  # effects that the same plants show
 
 
@@ -30,7 +33,11 @@ def check_scenario(scenario: Scenario, *, plant: str, drive: Drive) -> None:
                 remedy=f"{remedy.partition(', or ')[0]}, or add --set 'disturbances=[]'",
             )
     stated = {name: getattr(scenario.rig, name) for name in entry.fixed}
-    built_in = {name: f"{value:g}" for name, value in entry.fixed.items() if stated[name] != value}
+    built_in = {
+        name: f"{value:g}"
+        for name, value in entry.fixed.items()
+        if not _is_same(stated[name], value)
+    }
     if built_in:
         settings = " ".join(f"--set rig.{name}={value}" for name, value in built_in.items())
         raise InputError(
@@ -39,6 +46,11 @@ def check_scenario(scenario: Scenario, *, plant: str, drive: Drive) -> None:
             allowed=", ".join(f"rig.{name} = {value}" for name, value in built_in.items()),
             remedy=f"add {settings}, or choose other plants with --plants",
         )
+
+
+def _is_same(stated: float, built_in: float) -> bool:
+    """Return True for the number that is built into a plant, and for what messages print of it."""
+    return isclose(stated, built_in, rel_tol=SAME_NUMBER) or f"{stated:g}" == f"{built_in:g}"
 
 
 def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:

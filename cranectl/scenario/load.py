@@ -5,15 +5,21 @@ Also handle what belongs to a scenario but is in no table of it: files of its se
 
 import functools
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from cranectl.scenario.along_path import Plannable
-from cranectl.scenario.effects import EffectSettings
+from cranectl.scenario.effects import NO_LIMIT, DriveLimits, EffectSettings
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.scenario import ReferenceSettings, Scenario, controller_table
+from cranectl.scenario.scenario import (
+    MAX_DEFAULT_STEP,
+    ControlSettings,
+    ReferenceSettings,
+    Scenario,
+    controller_table,
+)
 from cranectl.scenario.segments import Segment, Spline
 from cranectl.scenario.settings import Assigned, override, parse_settings
 from cranectl.scenario.similarity import check_size, completed_rig, completed_scenario
@@ -34,7 +40,9 @@ DIGEST_DIGITS = 12  # of a SHA-256
 
 def changed_from_default(scenario: Scenario) -> dict[str, Any]:
     """Return settings that differ from their defaults, by dotted name; skip keys of every scenario."""
-    default = Scenario(name="default", duration=1.0, reference=ReferenceSettings(start=(0.0, 0.0, 0.0)))
+    usual_step = ControlSettings(physics_step=scenario.control.physics_step and MAX_DEFAULT_STEP)
+    start = ReferenceSettings(start=(0.0, 0.0, 0.0))
+    default = Scenario(name="default", duration=1.0, reference=start, control=usual_step)
     usual, requested = (
         settings.model_dump(mode="json", exclude=NOT_REPORTED) for settings in (default, scenario)
     )
@@ -115,12 +123,17 @@ def rig_table(name_or_path: str | Path) -> Table:
 
     Parameters that neither its file nor a file that it extends has are scaled from the laboratory rig.
     """
+    return completed_rig(_stated_rig(name_or_path))
+
+
+def _stated_rig(name_or_path: str | Path) -> Table:
+    """Return the parameters of a rig that its file or a file that it extends has."""
     *above, (_, whole) = rig_files(name_or_path)
     if "load_mass" in whole:
         whole = {"rated_load": whole["load_mass"], **whole}
     for _, table in reversed(above):
         whole = merged(whole, table)
-    return completed_rig(whole)
+    return whole
 
 
 def rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
@@ -202,8 +215,10 @@ def default_scenario(*, rig: str | Path | None = None, overrides: Sequence[str] 
 
 
 def _scenario(table: Table, source: str, rig: str | Path | None, overrides: Sequence[str]) -> Scenario:
+    own, of_rig = table, table.get("rig")
     if rig is not None:
-        table = completed_scenario(table, rig_table(rig))
+        of_rig = _stated_rig(rig)
+        table = completed_scenario(table, completed_rig(of_rig))
     if "controller" in table:
         table = {**table, "controller": controller_table(table["controller"])}
     before = table
@@ -212,22 +227,40 @@ def _scenario(table: Table, source: str, rig: str | Path | None, overrides: Sequ
     if rig is None and isinstance(table.get("rig"), dict) and "rated_load" in table["rig"]:
         parse_settings(RigParameters, table["rig"], f"{source}: rig", Assigned(overrides, before, "rig."))
         table = completed_scenario(table, completed_rig(table["rig"]))
-    scenario = parse_settings(Scenario, _with_numbers(table), source, Assigned(overrides, before))
+    assigned = [override({}, [assignment]) for assignment in overrides]
+    limited = _limits_in(own, *assigned)
+    if limited:
+        limited |= _limits_in({"rig": of_rig}, *assigned, below="rig.")
+    scenario = parse_settings(Scenario, _with_numbers(table, limited), source, Assigned(overrides, before))
     check_size(scenario.rig, scenario.effects)
     return scenario
 
 
-def _with_numbers(table: Table) -> Table:
-    """Return the table of a scenario with numbers that its effects lack taken from its rig."""
+def _limits_in(*tables: Table, below: str = "") -> set[str]:
+    """Return which limits of the drives are stated in tables of a scenario, or `below` a table of theirs."""
+    start = f"{below}effects.limits."
+    names = (name for table in tables for name, _ in _settings(table))
+    return {name.removeprefix(start).partition(".")[0] for name in names if name.startswith(start)}
+
+
+def _with_numbers(table: Table, limited: Collection[str]) -> Table:
+    """Return the table of a scenario with numbers that its effects lack taken from its rig.
+
+    If the scenario states some limits of the drives, those that neither it nor the rig's file states, which
+    `limited` does not name, do not act. An empty table has all limits of the rig.
+    """
     rig, effects = table.get("rig"), table.get("effects")
-    numbers = rig.get("effects") if isinstance(rig, dict) else None
-    if not isinstance(numbers, dict) or not isinstance(effects, dict):
+    if not isinstance(effects, dict):
         return table
+    numbers = rig.get("effects") if isinstance(rig, dict) else None
     whole = {
-        name: merged(numbers.get(name, {}), effect)
+        name: merged(numbers.get(name, {}) if isinstance(numbers, dict) else {}, effect)
         for name, effect in effects.items()
         if isinstance(effect, dict)
     }
+    if limited and "limits" in whole:
+        free = DriveLimits.model_fields.keys() - set(limited)
+        whole["limits"] |= {name: [NO_LIMIT] * 3 for name in free}
     return {**table, "effects": {**effects, **whole}}
 
 

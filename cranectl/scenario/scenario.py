@@ -3,6 +3,8 @@
 import math
 from typing import Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BeforeValidator, ConfigDict, Field, model_serializer, model_validator
 
 from cranectl.scenario.design import DesignSettings
@@ -24,6 +26,9 @@ from cranectl.scenario.settings import (
 
 STILL = Wind(gust=0.0, drag_area=0.0)
 MAX_DIVISOR = 1_000_000  # divisors of a period that are tried
+# [s]; physics steps that are chosen by default. Shorter ones would cost more than they gain.
+MIN_DEFAULT_STEP, MAX_DEFAULT_STEP = 1e-5, 1e-3
+ROUNDING = 1e-9  # of a step that just fits
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
 
 
@@ -56,7 +61,10 @@ class ControlSettings(Settings):
     """Sampling of the control loop."""
 
     period: Duration = Field(0.001, description="control period, input held [s]")
-    physics_step: Duration = Field(0.001, description="step of all plants [s]; divides the period")
+    physics_step: Duration | None = Field(
+        None,
+        description="step of all plants [s]; divides the period; by default chosen so that the plants agree",
+    )
     lag_compensation: bool = Field(
         True, description="add u·tau to the set-points of velocity drives, to cancel their lag"
     )
@@ -161,6 +169,14 @@ class Scenario(Settings):
                 allowed="control.period must be a whole number of nanoseconds",
                 remedy=f"set control.period to {round(period, 9)!r}",
             )
+        if step is None:
+            step = default_step(period, MIN_DEFAULT_STEP)  # the shortest; the crane's may be longer
+        if step < MIN_DURATION:
+            raise RuleError(
+                f"control.period = {period} s has no physics step in whole nanoseconds",
+                allowed=f"a control.period with a whole part from {MIN_DURATION:g} to {MIN_DEFAULT_STEP:g} s",
+                remedy=f"set control.period to {round(period / MIN_DEFAULT_STEP) * MIN_DEFAULT_STEP:.9g}",
+            )
         if not _divides(step, period):
             fits = longest_step(period, step)
             raise RuleError(
@@ -223,6 +239,14 @@ class Scenario(Settings):
         return self.effects.model_copy(update={"wind": STILL})
 
     @property
+    def reach(self) -> NDArray[np.float64]:
+        """The rig's workspace (3, 2) [m], with ropes that are longer than the hook below their end."""
+        workspace = self.rig.workspace
+        if self.effects.body:
+            workspace[2, 0] = max(workspace[2, 0], self.effects.body.hook_offset)
+        return workspace
+
+    @property
     def disturbed_by(self) -> str:
         """All disturbances in one line."""
         return "; ".join(step.in_short for step in self.disturbances) or "none"
@@ -248,11 +272,6 @@ class Scenario(Settings):
         """Number of control periods in the run; it has one sample more than that."""
         return nanoseconds(self.duration) // self.period_ns
 
-    @property
-    def substeps(self) -> int:
-        """Physics steps per control period."""
-        return self.period_ns // nanoseconds(self.control.physics_step)
-
 
 class MeasuredScenario(Scenario):
     """What is known of a measured run and its predictions, which may last longer than other runs."""
@@ -265,6 +284,12 @@ def longest_step(period: float, longest: float) -> float:
     whole = nanoseconds(period)
     parts = range(math.ceil(whole / (longest * NANOSECONDS)), whole + 1)
     return whole // next((n for n in parts[:MAX_DIVISOR] if whole % n == 0), whole) / NANOSECONDS
+
+
+def default_step(period: float, longest: float) -> float:
+    """Return the physics step [s] of a run by default, if the plants agree with steps up to `longest`."""
+    allowed = min(max(longest, MIN_DEFAULT_STEP), MAX_DEFAULT_STEP)
+    return longest_step(period, allowed * (1.0 + ROUNDING))
 
 
 def _check_multiple(name: str, time: float, period: float) -> None:

@@ -223,10 +223,8 @@ def open_run(scenario: Scenario, *, plant: str = REFERENCE_PLANT, drive: str = "
 
 
 def plant_to_step(name: str, scenario: Scenario, drive: str) -> Plant:
-    """Make a plant that may go anywhere in its workspace; raise InputError if its effects forbid that."""
-    plant = make_plant(name, scenario, checked_drive(drive))
-    plant.check_length(scenario.rig.rope_range[0])
-    return plant
+    """Make a plant that a program steps; its reset raises InputError for a rope too short for its effects."""
+    return make_plant(name, scenario, checked_drive(drive))
 
 
 def begin(
@@ -255,7 +253,7 @@ def begin(
         scenario = _with_seeds(scenario, *draw.integers(2**32, size=2).tolist())
         if state is None:
             state = np.zeros(len(STATE))
-            low, high = scenario.rig.workspace.T
+            low, high = scenario.reach.T
             margin = DRAWN_MARGIN * (high - low)
             state[:5:2] = draw.uniform(low + margin, high - margin)
         if wind := scenario.effects.wind:

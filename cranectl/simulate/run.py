@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cranectl.design import ControllerDesign
 from cranectl.plants.plant import DRIVES, Drive
+from cranectl.plants.steps import with_step
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import TENSION, SignalGroup, recorded_groups
 from cranectl.simulate.signal_path import has_signal_path
@@ -32,7 +33,7 @@ class Run:
     Parameters
     ----------
     scenario : Scenario
-        What was run.
+        What was run; its default physics step is stated, as a number.
     design : ControllerDesign
         The controller.
     plant, drive : str
@@ -65,6 +66,10 @@ class Run:
     status: RunStatus
     end_ns: int
     own_groups: tuple[SignalGroup, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """State the physics step, so that the record does not depend on how it is chosen."""
+        object.__setattr__(self, "scenario", with_step(self.scenario, self.drive))
 
     @property
     def has_reference(self) -> bool:

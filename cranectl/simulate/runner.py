@@ -21,6 +21,7 @@ from cranectl.plants.capabilities import check_scenario
 from cranectl.plants.model_files import examine
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.plants.registry import REFERENCE_PLANT
+from cranectl.plants.steps import substeps
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH
@@ -229,11 +230,12 @@ def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
         from cranectl.plants.trials import check_honest
 
         check_honest(entry.name, drive)
+    steps = substeps(scenario, drive)
     return entry.load()(
         scenario.rig,
         drive=drive,
-        step=scenario.period_ns / NANOSECONDS / scenario.substeps,
-        substeps=scenario.substeps,
+        step=scenario.period_ns / NANOSECONDS / steps,
+        substeps=steps,
         effects=scenario.effects_on_plant,
     )
 
@@ -267,7 +269,7 @@ def inputs_of(
         reference=plan.reference,
         disturbance=plan.disturbance,
         wind=plan.wind,
-        workspace=scenario.rig.workspace,
+        workspace=scenario.reach,
         stop_outside=scenario.workspace.on_exit == "stop",
         command_column=INPUT_COLUMN + (DRIVES[drive].column or 0),
         recover=scenario.effects.rope is not None and scenario.effects.rope.on_slack == "recover",

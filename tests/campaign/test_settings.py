@@ -74,7 +74,7 @@ def nested(name: str, leaf: Any) -> dict[str, Any]:
         ("rig.load_mass", normal(deviation=0.5), ["uncertain.rig.load_mass reaches -", "0.001"]),
         ("rig.load_mass", fixed(0.0), ["reaches 0: rig.load_mass = 0.0"]),
         ("rig.load_mass", choice(1.0, -2.0, 3.0), ["reaches -2"]),
-        ("rig.winch_time_constant", LAG | {"low": 1e-4}, ["at least control.physics_step"]),
+        ("rig.winch_time_constant", LAG | {"low": 5e-6}, ["at least control.physics_step"]),
         ("disturbances.0.start", uniform(1.0, 1.8), ["start reaches 1.8"]),
     ],
 )

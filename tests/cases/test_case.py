@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cases.case import make_case, run_case
+from cranectl.cli.main import main
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
@@ -45,3 +46,35 @@ def test_commands_beyond_the_drives_are_reported_for_runs_without_limits(tmp_pat
     assert commanded / RigParameters().effects.limits.acceleration[0] == pytest.approx(ratio, rel=0.01)
     assert ratio > 1.5
     assert report_of(4.0) == report_of(1.4, "effects.limits={}", drive="velocity") == ""
+
+
+STATED = ["effects.limits={velocity=[0.5,0.5,0.5], acceleration=[1.0,1.0,1.0]}"]
+ROPE = ["effects.rope={}", "control.physics_step=0.0002"]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "requested", "plants", "left_out"),
+    [
+        (STATED, (), PLANTS, []),
+        (ROPE, (), PLANTS[1:], ["analytic is left out: [effects.rope] on the analytic plant"]),
+        (ROPE, PLANTS, PLANTS, []),  # refused by name when it runs, since the user named it
+        (["effects.limits={}"], (), PLANTS[1:], ["analytic is left out: effects.limits.force"]),
+    ],
+)
+def test_a_default_plant_that_lacks_an_effect_is_left_out(
+    overrides: list[str], requested: tuple[str, ...], plants: tuple[str, ...], left_out: list[str]
+) -> None:
+    case = make_case(load_scenario("fixed-position", overrides=overrides), drive="velocity", plants=requested)
+    assert case.plants == plants
+    assert len(case.left_out) == len(left_out)
+    assert all(line in said for line, said in zip(left_out, case.left_out, strict=True))
+
+
+def test_a_plant_that_is_left_out_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    sets = [part for override in [*ROPE, "duration=0.1", "disturbances=[]"] for part in ("--set", override)]
+    for command in (["run"], ["validate", "--keep", "none", "--controller", "lqr"]):
+        assert main([*command, "fixed-position", "--drive", "velocity", *sets]) == 0
+        assert "analytic is left out: [effects.rope]" in " ".join(capsys.readouterr().out.split())

@@ -93,10 +93,11 @@ CASES = {
     ],
     "scenario/scenario.py": [
         Case("set control.period to {}", "control.period=0.0010000003", "control.period=0.001"),
+        Case("set control.period to {}", "control.period=0.001000003", "control.period=0.001"),
         Case("set control.physics_step to {}, the next shorter that does", "control.physics_step=0.0003",
              "control.physics_step=0.00025"),
-        Case("set control.physics_step to {}, or correct the rig", "rig.bridge_time_constant=1e-4",
-             ["rig.bridge_time_constant=1e-4", "control.physics_step=0.0001"]),
+        Case("set control.physics_step to {}, or correct the rig", "rig.bridge_time_constant=5e-6",
+             ["rig.bridge_time_constant=5e-6", "control.physics_step=5e-06"]),
         Case("raise duration, or lower {}", DISTURBANCE.format("start=9.0"), DISTURBANCE.format("start=2.0")),
         Case("set duration to {} or more", segment("hold", "duration=9"), "duration=9.0"),
         Case("set {} to {}, or change control.period", "duration=1.0003", "duration=1.0"),

@@ -143,7 +143,7 @@ def test_other_differences_are_not_cured(long: list[Run]) -> None:
 
 def test_steps_stay_on_the_grid_of_nanoseconds() -> None:
     scenario = load_scenario("fast-diagonal", overrides=["control.physics_step=0.000015625"])
-    assert with_finer_steps(scenario, 2) is None
+    assert with_finer_steps(scenario, "ideal", 2) is None
 
 
 def test_the_verdict_of_a_run_names_the_step_that_brings_plants_together(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from cranectl.cases.case import run_case
 from cranectl.compare.agreement import agreement_limits
 from cranectl.compare.runs import compare_runs
 from cranectl.planning import load_scenario
@@ -18,7 +19,8 @@ from cranectl.plants.plant import DRIVES
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS
-from tests.plants.test_random_cranes import assert_random_case_agrees
+from tests.plants.test_random_cranes import RIGID, RIGID_STEPS, assert_random_case_agrees
+from validation.proofs import random_cranes
 from validation.proofs.minimum_times import CASES as PLANNED
 from validation.proofs.minimum_times import scenario as planned
 
@@ -43,6 +45,15 @@ def test_drake_and_mujoco_agree_in_minimum_time_motions(case: str) -> None:
 @pytest.mark.parametrize("k", range(25 if len(CASES) == CASE_COUNT else 5))
 def test_drake_and_mujoco_agree_for_random_cranes(k: int) -> None:
     assert_random_case_agrees(k, ("drake", "mujoco"), ("wind", "frame", "installation"))
+
+
+@pytest.mark.parametrize("first", range(0, RIGID if len(CASES) == CASE_COUNT else 10, 5))
+def test_rigid_cranes_of_any_size_agree_with_default_steps(first: int) -> None:
+    """As `tests/plants/test_random_cranes.py` for the plants of every installation."""
+    generator = random_cranes.random_rigs(random_cranes.commit(), ("drake", "mujoco"), steps=RIGID_STEPS)
+    for case in itertools.islice(generator, first, first + 5):
+        (pair,) = run_case(case).pairs
+        assert pair.agreement.passed or random_cranes.is_amplified(case), (case.scenario.name, pair)
 
 
 def _assert_agree(scenario: Scenario, controller: str, drive: str) -> None:

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,11 +11,13 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
+from cranectl.plants.capabilities import check_scenario
 from cranectl.plants.model_files import examine
-from cranectl.plants.registry import default_plants
+from cranectl.plants.registry import PLANTS, default_plants
 from cranectl.plants.trials import ProbeRun, _outcome
 from cranectl.scenario.rig import PlantSettings, RigParameters
 from cranectl.simulate import simulate_run
+from cranectl.support import resources
 from cranectl.support.errors import InputError
 from tests.plants.own_models import (
     HALL_NAMES,
@@ -108,6 +111,48 @@ def test_the_lag_of_position_servos_is_built_in(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=re.escape("rig.bridge_time_constant = 0.02")) as error:
         simulate_run(load_scenario("fixed-position"), plant=str(model), drive="velocity")
     assert "--set rig.bridge_time_constant=0.1" in error.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("mass", "lag", "fits"),
+    [
+        (2.5, 2.5 / 60, True),  # the true number
+        (2.5, 0.0416666666667, True),  # with some digits
+        (2.5, 0.0416667, True),  # as messages print it
+        (2.5, 0.04167, False),
+        (1.0000049, 1.0000049 / 60, True),  # six digits are 5e-6 off
+        (1.0000049, float(f"{1.0000049 / 60:.6g}"), True),
+    ],
+)
+def test_a_number_of_the_rig_may_be_rounded(
+    mass: float, lag: float, fits: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A drive that pushes with 60 N s/m has a lag of its mass over 60 s."""
+    entry = examine(str(crane_with(tmp_path)), RigParameters())
+    numbers = {**entry.fixed, "trolley_mass": mass, "trolley_time_constant": mass / 60}
+    monkeypatch.setitem(PLANTS, entry.name, replace(entry, fixed=numbers))
+    rig = RigParameters().model_copy(update={**numbers, "trolley_time_constant": lag})
+    scenario = load_scenario("fixed-position").model_copy(update={"rig": rig, "disturbances": ()})
+    if fits:
+        check_scenario(scenario, plant=entry.name, drive="velocity")
+        return
+    with pytest.raises(InputError, match=r"which has 0\.0416667 built in"):
+        check_scenario(scenario, plant=entry.name, drive="velocity")
+
+
+def test_the_numbers_of_a_model_are_not_rounded(tmp_path: Path) -> None:
+    """So a rig may state them exactly: a gain of 60 N s/m moves 2.5 kg with a lag of 2.5 / 60 s."""
+    (drive,) = re.findall(
+        r'<(?:velocity|general) name="trolley_drive"[^>]*>', resources.MODEL_FILE.read_text()
+    )
+    slower = '<velocity name="trolley_drive" joint="trolley_position" kv="60"/>'
+    model = crane_with(tmp_path, (drive, slower))
+    lag = examine(str(model), RigParameters()).fixed["trolley_time_constant"]
+    assert lag == pytest.approx(2.5 / 60, rel=1e-12)
+    for stated in (0.0416666666667, 0.0416667):
+        overrides = [f"rig.trolley_time_constant={stated}", "duration=0.05", "disturbances=[]"]
+        scenario = load_scenario("fixed-position", overrides=overrides)
+        assert simulate_run(scenario, plant=str(model), drive="velocity").status.label == "completed"
 
 
 def test_what_a_model_takes_but_ignores_is_refused(tmp_path: Path) -> None:

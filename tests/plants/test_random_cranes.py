@@ -10,12 +10,16 @@ from cranectl.cases.case import Case, CaseResult, PairDifference, make_case, run
 from cranectl.cases.pairwise import Pairwise
 from cranectl.cases.workers import CasesOutcome
 from cranectl.compare.agreement import Agreement, judge
+from cranectl.controllers.registry import controller_names
 from cranectl.planning import load_scenario
+from cranectl.plants.plant import DRIVES
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from validation.proofs import random_cranes
 
 CASES = 8
+RIGID = 50  # rigs that are drawn over the whole range of cranes, ten to a test
+RIGID_STEPS = 8000  # of a motion, so that a test takes seconds
 PLANTS = ("analytic", "elastic", "mujoco")
 UNSTABLE = [  # the first crane of seed 41b253d, rounded: lqr-integral makes the load swing under its hook
     "duration=8",
@@ -102,3 +106,48 @@ def test_the_program_fails_for_differences_that_steps_do_not_cause(
     monkeypatch.setattr("sys.argv", ["random_cranes.py", "--seed", "1a", "--cases", "1"])
     assert random_cranes.main() == code
     assert ("it vanishes with the step" in " ".join(capsys.readouterr().out.split())) is from_steps
+
+
+@pytest.mark.parametrize("first", range(0, RIGID, 10))
+def test_rigid_cranes_of_any_size_agree_with_default_steps(first: int) -> None:
+    """Lags from 1 to 500 ms, ropes to 300 m, loads to 1000 t, every drive: 1e-7 m and 1e-7 rad."""
+    seed = random_cranes.commit()
+    generator = random_cranes.random_rigs(seed, PLANTS, steps=RIGID_STEPS)
+    unstable = 0
+    for case in itertools.islice(generator, first, first + 10):
+        assert case.scenario.control.physics_step is None
+        assert (case.scenario.effects.names, len(case.plants)) == ((), len(PLANTS))
+        pairs = run_case(case).pairs
+        assert {(p.agreement.limit_m, p.agreement.limit_rad) for p in pairs} == {(1e-7, 1e-7)}
+        if not all(pair.agreement.passed for pair in pairs):
+            assert random_cranes.is_amplified(case), (seed, case.scenario.name, pairs)
+            unstable += 1
+    assert unstable <= 2, seed
+
+
+def test_rigid_cranes_are_drawn_over_the_whole_range() -> None:
+    cases = [*itertools.islice(random_cranes.random_rigs("1a", PLANTS), 100)]
+    rigs = [case.scenario.rig for case in cases]
+    assert {case.drive for case in cases} == set(DRIVES)
+    assert {case.controller for case in cases} == set(controller_names())
+    lags = [lag for rig in rigs for lag in rig.time_constants]
+    assert 1e-3 <= min(lags) < 1.1e-3
+    assert 0.45 < max(lags) <= 0.5
+    for name, low, high in (("load_mass", 0.1, 1e5), ("trolley_mass", 0.1, 1e6), ("gravity", 1.2, 25.0)):
+        values = [getattr(rig, name) for rig in rigs]
+        assert min(values) < low, name
+        assert max(values) > high, name
+    ropes = [rig.rope_range[1] for rig in rigs]
+    assert min(ropes) < 0.3
+    assert max(ropes) > 200.0
+
+
+def test_a_step_that_is_too_long_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The test above fails if the condition allows four times longer steps on the laboratory's rig."""
+    scenario = load_scenario("fast-diagonal", overrides=["rig.bridge_time_constant=0.005", "duration=3.5"])
+    case = make_case(scenario, controller="flat-velocity", drive="velocity", plants=PLANTS, keep="none")
+    (good,) = {agreement.passed for agreement in run_case(case).agreements}
+    monkeypatch.setattr("cranectl.plants.steps.STEPS_PER_TIME", 5.0)
+    failed = run_case(case).agreements[0]
+    assert (good, failed.passed) == (True, False)
+    assert not random_cranes.is_amplified(case)

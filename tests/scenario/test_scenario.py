@@ -17,6 +17,46 @@ def test_every_scenario_loads_under_its_file_name_with_a_title(name: str) -> Non
     assert scenario.title
 
 
+FREE = (1e9, 1e9, 1e9)
+WHOLE = {"velocity": (1.0, 1.0, 0.6), "acceleration": (4.0, 4.0, 6.0), "force": (60.0, 40.0, 30.0)}
+CRANE = "rope_range = [2.0, 15.0]\nload_mass = 1e4\nbridge_mass = 2e4\ntrolley_mass = 5e3\n"
+
+
+@pytest.mark.parametrize(
+    ("rig", "overrides", "limits"),
+    [
+        ("", ["effects.limits={}"], WHOLE),
+        ("", ["effects.limits={velocity=[1.0,2.0,3.0]}"], {"velocity": (1.0, 2.0, 3.0)}),
+        ("", ["effects.limits.force=[50.0,60.0,70.0]"], {"force": (50.0, 60.0, 70.0)}),
+        (
+            CRANE,
+            ["effects.limits={velocity=[1.0,1.0,1.0], acceleration=[2.0,2.0,2.0]}"],
+            {"velocity": (1.0, 1.0, 1.0), "acceleration": (2.0, 2.0, 2.0)},
+        ),
+        (
+            CRANE + "effects.limits.force = [1e5, 1e5, 1e5]\n",
+            ["effects.limits.velocity=[1.0,1.0,1.0]"],
+            {"velocity": (1.0, 1.0, 1.0), "force": (1e5, 1e5, 1e5)},
+        ),
+        (
+            "",
+            ["rig.effects.limits.force=[50.0,50.0,50.0]", "effects.limits={}"],
+            WHOLE | {"force": (50.0,) * 3},
+        ),
+    ],
+)
+def test_limits_that_nobody_stated_do_not_act(
+    rig: str, overrides: list[str], limits: dict[str, tuple[float, ...]], tmp_path: Path
+) -> None:
+    """An empty table has all limits of the rig; one with some limits has only these and the rig file's."""
+    (tmp_path / "crane.toml").write_text(rig)
+    file = tmp_path / "crane.toml" if rig else None
+    place = ["reference.start=[1.0,1.0,-5.0]"] if rig else []
+    effects = load_scenario("fixed-position", rig=file, overrides=[*place, *overrides]).effects
+    assert effects.limits is not None
+    assert effects.limits.model_dump() == {name: limits.get(name, FREE) for name in WHOLE}
+
+
 @pytest.mark.parametrize(
     ("name", "found", "near"),
     [

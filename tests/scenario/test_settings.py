@@ -48,7 +48,7 @@ def error(*overrides: str, scenario: str = BASE) -> InputError:
         ("control.period=0.003", "s is no multiple of control.period", "duration must be a multiple of"),
         ("control.period=0.0010000005", "control.period = 0.0010000005 s", "whole number of nanoseconds"),
         ("control.period=1e300", "control.period = 1e+300", "less than or equal to 600"),
-        ("rig.winch_time_constant=0.0005", "drives is 0.0005 s", "physics_step, 0.001 s"),
+        ("rig.winch_time_constant=5e-6", "drives is 5e-06 s", "physics_step, 1e-05 s"),
         ("rig.load_mass=1e300", "rig.load_mass = 1e+300", "less than or equal to"),
         (
             "control.physics_step=0.0003",

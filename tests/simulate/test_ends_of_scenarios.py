@@ -29,7 +29,7 @@ BASE: dict[str, Any] = load_scenario(
         "disturbances=[{joint='alpha', magnitude=1.0, start=0.005, end=0.01}, "
         "{force=[1.0, 1.0, 1.0], start=0.01}]",
         "obstacles=[{name='box', low=[1.0, 0.8, -1.4], high=[1.2, 1.0, -0.9]}]",
-        "limits.rms_error_m=0.05", "limits.min_rope_tension_n=0.1",
+        "limits.rms_error_m=0.05", "limits.min_rope_tension_n=0.1", "control.physics_step=0.001",
     ],
 ).model_dump(mode="json", exclude_none=True)  # fmt: skip
 # By the start of a key: the tests that try both ends of its range, or why no test does.

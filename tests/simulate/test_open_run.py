@@ -337,3 +337,20 @@ def test_what_a_run_returns_can_be_changed_without_harm() -> None:
     returned = run.recorded().table
     returned[:] = 7.0
     assert not (run.recorded().table == 7.0).any()
+
+
+@pytest.mark.parametrize("plant", PLANTS[1:])
+def test_a_run_with_a_hook_begins_where_it_can_and_stops_where_it_cannot_go(plant: str) -> None:
+    """The rig's shortest rope of 0.05 m ends above the hook; the rope with which the run begins does not."""
+    scenario = moving("effects.body={}", "workspace.on_exit='stop'", "disturbances=[]")
+    assert scenario.effects.body is not None
+    hook = scenario.effects.body.hook_offset
+    assert hook > scenario.rig.rope_range[0]
+    crane = open_run(scenario, plant=plant, drive="velocity")
+    state = crane.step([0.0, 0.0, -0.3], samples=5000)
+    assert crane.status == RunStatus.WORKSPACE_LEFT
+    assert state[4] == pytest.approx(hook, abs=1e-3)
+    with pytest.raises(cranectl.InputError, match="hook_offset"):
+        crane.reset([1.0, 0.0, 0.77, 0.0, 0.9 * hook, 0.0, 0.0, 0.0, 0.0, 0.0])
+    drawn = [crane.reset(seed=seed)[4] for seed in range(20)]
+    assert min(drawn) > hook

@@ -42,6 +42,7 @@ from cranectl.plants.elastic.crane import (
 from cranectl.plants.elastic.plant import ElasticHandle, ElasticPlant
 from cranectl.plants.plant import Kernels
 from cranectl.plants.registry import plant_entry
+from cranectl.plants.steps import substeps
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.effects import EFFECTS, NO_EFFECTS, EffectNumbers
 from cranectl.signals import ROPE
@@ -283,8 +284,9 @@ class LinearisedRun:
         if structure not in self._loops:
             run, chosen = self.run, self.effects.only(*structure)
             scenario = run.scenario
-            step = scenario.period_ns / NANOSECONDS / scenario.substeps
-            crane = make_crane(scenario.rig, chosen, "velocity", step=step, substeps=scenario.substeps)
+            steps = substeps(scenario, "velocity")
+            step = scenario.period_ns / NANOSECONDS / steps
+            crane = make_crane(scenario.rig, chosen, "velocity", step=step, substeps=steps)
             set_damping(crane, chosen, float(run.block("state")[0, ROPE]))
             winds = plan_scenario(replace_effects(run.scenario, chosen)).wind[: len(run.time_ns)]
             self._loops[structure] = with_elastic_crane(run, self.loop, crane, winds)

@@ -8,6 +8,7 @@ import hashlib
 import inspect
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -25,6 +26,7 @@ from cranectl.campaign.load import unchecked_campaign
 from cranectl.campaign.settings import is_distribution, parse_campaign
 from cranectl.controllers.registry import checked_controller, load_controller
 from cranectl.metrics.limits import limits_of
+from cranectl.plants.steps import with_step
 from cranectl.scenario.load import read_scenario
 from cranectl.scenario.similarity import size_of
 from cranectl.support import resources
@@ -193,7 +195,9 @@ def trial_campaign(
         "limits": limits_of(read_scenario(file), [plant])[plant],
         **settings,
     }
-    return unchecked_campaign(parse_campaign(table, benchmark.name))
+    campaign = unchecked_campaign(parse_campaign(table, benchmark.name))
+    # All cranes have the step of the nominal one, so that judged runs do not depend on how steps are chosen.
+    return replace(campaign, nominal=with_step(campaign.nominal, campaign.settings.drive))
 
 
 def scenario_source(benchmark: Benchmark, scenario: str) -> str:

@@ -20,7 +20,6 @@ from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import ModelNames, RigParameters
 from cranectl.support.arrays import Array
 
-DIGITS = 6  # of masses and time constants, which users copy from messages
 MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia
 
 
@@ -116,6 +115,4 @@ def built_in(own: OwnModel) -> dict[str, float]:
         lags = own.driven_masses / (own.ratios**2 * damping) if is_velocity else damping / stiffness
         for part, lag in zip(parts, lags, strict=False):
             numbers[f"{part}_time_constant"] = max(lag, MIN_STATED)
-    return {
-        name: float(f"{number:.{DIGITS}g}") for name, number in {"gravity": own.gravity, **numbers}.items()
-    }
+    return {name: float(number) for name, number in {"gravity": own.gravity, **numbers}.items()}

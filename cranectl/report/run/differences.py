@@ -8,6 +8,7 @@ from typing import Any
 from cranectl.cases.pairwise import Pairwise, WorstPair
 from cranectl.compare.golden import RegressionVerdict, worst_first
 from cranectl.compare.runs import Comparison
+from cranectl.plants.steps import describe_step
 from cranectl.report.table import ANSWERS, VERDICTS, Cell, Table, cells, tabulate
 from cranectl.scenario.load import changed_from_default
 from cranectl.scenario.similarity import assumed_settings
@@ -36,6 +37,9 @@ def what_was_run(logs: Logs) -> Table:
         "duration": [f"{run.scenario.duration:g} s" for run in first],
         "disturbances": [_text(run.scenario.disturbed_by) for run in first],
         "effects": [", ".join(run.scenario.effects.names) or "none" for run in first],
+        "physics step": [
+            describe_step(run.scenario, run.drive) if run.has_reference else "–" for run in first
+        ],
     }
     return _by_log("What was run", logs, facts)
 

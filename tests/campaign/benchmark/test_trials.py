@@ -7,9 +7,11 @@ import pytest
 
 from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
 from cranectl.campaign.benchmark.trials import Trial, campaign_of, rules_of, trials_of
+from cranectl.campaign.definition import sampled_scenario
 from cranectl.campaign.load import check_values
 from cranectl.campaign.sampling import sample_values
 from cranectl.loaders.opening import open_controller
+from cranectl.plants.steps import physics_step
 from cranectl.support import resources
 from cranectl.support.errors import InputError
 
@@ -44,6 +46,19 @@ def test_wider_set_has_the_same_cranes_with_larger_deviations(benchmark: Benchma
     assert np.ptp(one[:, delay]) > 0.0
     assert set(sample_values(nominal, 0, 2)[:, mass]) == {1.0}
     np.testing.assert_array_equal(three[:, seed], one[:, seed])
+
+
+def test_judged_cranes_keep_the_step_of_the_nominal_crane() -> None:
+    """The rows of the table were simulated with these steps, which a lag of 1.25 ms would now shorten."""
+    literature = read_benchmark("literature")
+    for scenario in literature.scenarios:
+        for cranes in ("nominal", "hard", "spread-4"):
+            campaign = campaign_of(literature, Trial("tuned", "mujoco", cranes, scenario, "lqr"))
+            step = campaign.nominal.control.physics_step
+            assert step == (0.005 if scenario == "harbour" else 0.001)
+            sampled = [sampled_scenario(campaign, row) for row in sample_values(campaign, 0, campaign.runs)]
+            assert {physics_step(crane, "velocity") for crane in sampled} == {step}
+    assert min(crane.rig.time_constants.min() for crane in sampled) < 20.0 * step
 
 
 def test_distributions_of_sets_and_scenarios_replace_common_ones(benchmark: Benchmark) -> None:
