@@ -110,6 +110,16 @@ def test_compiled_code_and_results_are_kept(example: Path) -> None:
     assert f"/{cache['path']}/" in ignored
 
 
+def test_make_package_runs_the_workflow_of_each_example_with_the_wheel() -> None:
+    """It must not install cranectl itself, or a workflow that cannot would pass."""
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    recipe = makefile[makefile.index("\npackage:") :].partition("\n\n")[0]
+    loop = recipe[recipe.index("for example in build/package/examples/*") :]
+    assert "$(BIN)/python .ci/workflow.py $$example --venv $$example.venv" in loop
+    assert "CRANECTL=$$(echo $(CURDIR)/build/package/*.whl) || exit" in loop
+    assert "pip install" not in loop
+
+
 def write_workflow(folder: Path, **parts: str) -> Path:
     text = WORKFLOW.format(**{"made": MADE, "uploaded": "found", **parts})
     file = folder / "repository" / ".github" / "workflows" / "test.yml"
