@@ -9,7 +9,7 @@ import numpy as np
 from cranectl.measured.mapping import ANGLES, COMMAND_UNITS, COMMANDS, LOAD, POSITIONS, TIMES, UNITS
 from cranectl.measured.tables import read_head
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support.errors import InputError, printable
 from cranectl.support.tables.columns import TableHead
 
 MAX_SHOWN_COLUMNS = 100  # columns
@@ -59,10 +59,13 @@ def suggest_map(path: Path) -> str:
     head = read_head(path)
     columns = [_range(head, k) for k in range(min(len(head.names), MAX_SHOWN_COLUMNS))]
     guesses = guessed_columns(head.names)
+    stated = [head.unit(k) for k in range(len(head.names))]
+    titles = [f"{name} [{unit}]" if unit else name for name, unit in zip(head.names, stated, strict=True)]
     lines = [f"# Columns of {path.name}: number, name, smallest and largest value"]
     lines += [
-        f"#   {k}: {name}: {text}" for k, (name, text) in enumerate(zip(head.names, columns, strict=False), 1)
+        f"#   {k}: {name}: {text}" for k, (name, text) in enumerate(zip(titles, columns, strict=False), 1)
     ]
+    lines += [f"#   not read: {printable(part)}" for part in head.left_out]
     lines += [
         "#",
         "# Fill in ???, and check the rest. A signal that does not change has a value in place of a column:",
@@ -77,7 +80,7 @@ def suggest_map(path: Path) -> str:
     lines += ['commands = "velocity"  # or acceleration, force'] if has_commands else []
     lines += ["", "[time]"]
     if "time" in guesses:
-        unit = _unit(head.names[guesses["time"]], TIMES)
+        unit = _unit(titles[guesses["time"]], TIMES)
         lines += [f"column = {_key(head.names, guesses['time'])}", f'unit = "{unit or "???"}"']
     else:
         lines += ["period = ???  # [s], of a file without a clock"]
@@ -89,7 +92,7 @@ def suggest_map(path: Path) -> str:
         for name in group:
             remark = f"  # {_DESCRIPTIONS[name]}" if name in _DESCRIPTIONS else ""
             if name in guesses:
-                unit = _unit(head.names[guesses[name]], units)
+                unit = _unit(titles[guesses[name]], units)
                 source = f'column = {_key(head.names, guesses[name])}, unit = "{unit or "???"}"'
             elif _PARTNER.get(name) in guesses:  # a planar rig
                 source, remark = f'value = 0.0, unit = "{next(iter(units))}"', f"{remark}; not measured"

@@ -21,6 +21,7 @@ import pytest
 from pyarrow import feather, parquet
 from scipy.io import savemat
 
+from cranectl.measured.suggestion import suggest_map
 from cranectl.measured.tables import read_head
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -344,6 +345,9 @@ def test_units_and_what_is_left_out_are_told(tmp_path: Path) -> None:
     head = read_head(tmp_path / "a.csv")
     assert head.units == ("s", "m", "m", "m", "rad", "rad")
     assert head.left_out == ("lines 1 to 3 before the names, 'Name;Scope Project 3'",)
+    suggested = suggest_map(tmp_path / "a.csv")
+    assert 'bridge_position = {column = "x", unit = "m"}' in suggested
+    assert "#   not read: lines 1 to 3 before the names, 'Name;Scope Project 3'" in suggested
     for write, name, left_out in (
         (excel_with_units, "a.xlsx", "sheet Notes (no rows of numbers)"),
         (json_messages, "a.mcap", "crane.cloud (lists of 100)"),
