@@ -22,6 +22,7 @@ from cranectl.scenario.settings import parse_settings
 from cranectl.support.arrays import Array
 from cranectl.support.documents import assign, leaves, mapped
 from cranectl.support.errors import SHOWN_NEAR_NAMES, InputError, did_you_mean, nearest_first
+from cranectl.support.units import exact_seconds
 
 PHYSICAL = ("rig", "effects", "initial", "disturbances")  # tables that the plant gets
 PERIOD = "control.period"  # the controller knows it: each run has a controller made for its period
@@ -166,7 +167,7 @@ def _common_period(distribution: Distribution | None, nominal: Scenario) -> floa
             f"uncertain.{PERIOD}: its distribution is a range, not single periods",
             allowed="distribution choice or fixed, with periods that divide all times of the scenario",
             remedy='take \'distribution = "choice"\' with "values", such as '
-            f"[{period:g}, {2.0 * period:g}, {5.0 * period:g}]",
+            f"[{', '.join(exact_seconds(times * period) for times in (1, 2, 5))}]",
         )
     periods = distribution.quantile(distribution.grid(), period)
     return math.lcm(*(max(1, nanoseconds(seconds)) for seconds in periods)) / NANOSECONDS
@@ -223,7 +224,7 @@ def _parameter(
     if multiple and np.floor(high / multiple + 1e-6) < np.ceil(low / multiple - 1e-6):
         raise InputError(
             f"uncertain.{name}: no whole control period lies between {low:g} s and {high:g} s",
-            allowed=f"multiples of control.period = {multiple:g} s",
+            allowed=f"multiples of control.period = {exact_seconds(multiple)} s",
             remedy="widen the range or take 'distribution = \"choice\"'",
         )
     return UncertainParameter(name, distribution, float(nominal), is_whole, multiple)

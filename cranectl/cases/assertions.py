@@ -37,7 +37,7 @@ from cranectl.status import RunStatus
 from cranectl.support.arguments import checks_arguments
 from cranectl.support.errors import InputError
 from cranectl.support.provenance import provenance, provenance_differences
-from cranectl.support.units import quantity
+from cranectl.support.units import exact_seconds, quantity
 
 MAX_SHOWN_SIGNALS = 3  # of a run that differs from its golden run
 GOLDEN_SAMPLES = 50  # at least; once deterministic runs differ, they stay different
@@ -140,7 +140,7 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
             faults.append(f"{a.plant} ends at {a.end_s:g} s, {b.plant} at {b.end_s:g} s")
         if not agreement.passed and not is_limited:
             step = judge_steps((a, b), limits).curing_step_s
-            hints += [] if step is None else [f"they agree with control.physics_step = {step:g}"]
+            hints += [] if step is None else [f"they agree with control.physics_step = {exact_seconds(step)}"]
     _raise_for(faults, hints)
 
 

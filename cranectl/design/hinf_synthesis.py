@@ -22,6 +22,7 @@ from scipy.linalg import LinAlgError, schur
 from cranectl.design.linear_systems import HinfController, balanced, closed_loop_norm, ill_conditioned
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+from cranectl.support.units import at_least
 
 GAMMA_ROUNDING = 1e-5  # largest relative error of gamma by SB10AD's bisection; five digits are printed
 BISECTION = 1e-9  # relative width at which the bisection for the smallest gamma ends
@@ -54,7 +55,7 @@ def design_gamma(smallest: float, back_off: float, gamma: float | None, name: st
     if gamma is not None and gamma < smallest:
         raise InputError(
             f"{name} with gamma = {gamma:g}",
-            allowed=f"gamma of at least {smallest:.6g}, the smallest that these weights allow",
+            allowed=f"gamma of at least {at_least(smallest, 6)}, the smallest that these weights allow",
             remedy="raise gamma, or leave it out and set back_off",
         )
     return rounded_up(back_off * smallest) if gamma is None else gamma

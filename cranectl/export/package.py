@@ -20,6 +20,7 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.signals import BRIDGE, ERROR, FLAT_OUTPUT, ROPE, STATE, TROLLEY, Signal
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+from cranectl.support.units import exact_seconds
 
 TOLERANCE, SINGLE_TOLERANCE = "1e-11", "1e-4"  # of commands on a target, relative to 1 or to a larger one
 INCLUDED = "#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n"
@@ -203,7 +204,8 @@ def _reference_text(exported: Exported) -> str:
         raise InputError(
             f"the reference of {exported.scenario.name} has {len(rows)} samples",
             allowed=f"at most {MAX_REFERENCE_ROWS}, which are {MAX_REFERENCE_ROWS * period:g} s",
-            remedy=f"add --set duration={(MAX_REFERENCE_ROWS // 2) * period:g}, or take a shorter scenario",
+            remedy=f"add --set duration={exact_seconds((MAX_REFERENCE_ROWS // 2) * period)}, "
+            "or take a shorter scenario",
         )
     said = f"{FOLLOWED[exported.controller.follows].capitalize()} in the scenario {exported.scenario.name}"
     preview, symbol = exported.controller.preview, exported.symbol

@@ -21,6 +21,7 @@ from cranectl.scenario.similarity import length_scale
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+from cranectl.support.units import at_least, at_most
 
 RUNS = 5  # four to fit, and one to judge the result
 LAB_PERIOD = 0.005  # [s] of set-points on the laboratory rig; grows with the root of the size
@@ -51,7 +52,7 @@ def propose_runs(rig: RigParameters, *, seed: int = 0, period: float | None = No
     if not shortest <= chosen <= longest:
         raise InputError(
             f"a set-point each {chosen:g} s, of a load that swings in {swing:.3g} s",
-            allowed=f"periods from {shortest:.2g} to {longest:.2g} s",
+            allowed=f"periods from {at_least(shortest, 2)} to {at_most(longest, 2)} s",
             remedy="leave --period out, or choose one of those",
         )
     rngs = (np.random.default_rng([seed, k]) for k in range(RUNS))

@@ -10,6 +10,7 @@ from cranectl.scenario.scenario import longest_step
 from cranectl.scenario.settings import MIN_DURATION
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+from cranectl.support.units import exact_seconds
 
 Drive = Literal["ideal", "velocity", "force"]
 
@@ -95,8 +96,8 @@ def check_rate(rate: float, effects: EffectSettings, length: float, *, step: flo
             f"with {rate:.3g} 1/s, too fast for steps of {step:g} s",
             allowed=f"rates up to {MAX_RATE_STEP / step:.3g} 1/s at this step",
             remedy=(
-                f"set control.physics_step to {enough:g} or less; or choose a softer rope or frame, "
-                "a heavier winch, or a body with more inertia"
+                f"set control.physics_step to {exact_seconds(enough)} or less; or choose a softer rope or "
+                "frame, a heavier winch, or a body with more inertia"
             )
             if enough >= MIN_DURATION
             else "choose a softer rope or frame, a heavier winch, or a body with more inertia",

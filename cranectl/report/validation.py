@@ -20,7 +20,7 @@ from cranectl.report.table import ANSWERS, Cell, Table, cells, tabulate
 from cranectl.report.validation_input import facts_of_input, masses_of, motion_text
 from cranectl.scenario import Scenario
 from cranectl.scenario.drawn_size import crane_kind
-from cranectl.support.units import difference_in, quantity
+from cranectl.support.units import difference_in, exact_seconds, quantity
 
 SHOWN = 10  # rows, the worst first, before the others are folded
 SHOWN_SCENARIOS = 12  # that have sections and pictures, the worst first
@@ -135,7 +135,7 @@ def causes(case: Verdict) -> list[str]:
         return [f"The run on {', '.join(plants)} ended {how}.{expectation}" for how, plants in ends.items()]
     faults = [value.fault for value in judged_values(result) if not value.kept]
     steps = sorted({agreement.curing_step_s for agreement in result.agreements if agreement.curing_step_s})
-    faults += [f"With control.physics_step = {step:g} the plants agree." for step in steps]
+    faults += [f"With control.physics_step = {exact_seconds(step)} the plants agree." for step in steps]
     if not result.limits_kept:
         beyond = [run.beyond_drives for run in result.runs if run.beyond_drives]
         faults += [f"The controller {text}." for text in beyond[:1]]

@@ -23,6 +23,7 @@ from cranectl.scenario.settings import (
     RuleError,
     Settings,
 )
+from cranectl.support.units import exact_seconds
 
 STILL = Wind(gust=0.0, drag_area=0.0)
 MAX_DIVISOR = 1_000_000  # divisors of a period that are tried
@@ -178,17 +179,16 @@ class Scenario(Settings):
                 remedy=f"set control.period to {round(period / MIN_DEFAULT_STEP) * MIN_DEFAULT_STEP:.9g}",
             )
         if not _divides(step, period):
-            fits = longest_step(period, step)
             raise RuleError(
                 f"control.physics_step = {step} s does not divide {period} s",
                 allowed="control.physics_step must divide control.period",
-                remedy=f"set control.physics_step to {fits:g}, the next shorter that does",
+                remedy=_shorter_step(period, step, "the next shorter that does"),
             )
         if (shortest := float(self.rig.time_constants.min())) < step:
             raise RuleError(
                 f"the shortest time constant of the rig's drives is {shortest:g} s",
                 allowed=f"the rig's time constants must be at least control.physics_step, {step} s",
-                remedy=f"set control.physics_step to {longest_step(period, shortest):g}, or correct the rig",
+                remedy=_shorter_step(period, shortest, "or correct the rig"),
             )
         times = {"duration": self.duration}
         for index, disturbance in enumerate(self.disturbances):
@@ -209,7 +209,7 @@ class Scenario(Settings):
             raise RuleError(
                 f"the segments last {length} s, longer than duration {self.duration} s",
                 allowed="a run that lasts as long as its reference, or longer",
-                remedy=f"set duration to {math.ceil(length / period) * period:.9g} or more",
+                remedy=f"set duration to {exact_seconds(math.ceil(length / period) * period)} or more",
             )
         return self
 
@@ -292,12 +292,23 @@ def default_step(period: float, longest: float) -> float:
     return longest_step(period, allowed * (1.0 + ROUNDING))
 
 
+def _shorter_step(period: float, longest: float, what: str) -> str:
+    """Return a remedy: the next step up to `longest` [s] that divides `period`, or a period that has one."""
+    step = longest_step(period, longest)
+    if step >= MIN_DURATION:
+        return f"set control.physics_step to {exact_seconds(step)}, {what}"
+    part = math.floor(longest * NANOSECONDS) / NANOSECONDS
+    fitting = exact_seconds(max(round(period / part), 1) * part)
+    return f"set control.period to {fitting}, since no physics step divides it"
+
+
 def _check_multiple(name: str, time: float, period: float) -> None:
     if not _divides(period, time):
+        nearest = max(round(time / period), 1) * period
         raise RuleError(
             f"{name} = {time} s is no multiple of control.period = {period} s",
             allowed=f"{name} must be a multiple of control.period",
-            remedy=f"set {name} to {max(round(time / period), 1) * period:.9g}, or change control.period",
+            remedy=f"set {name} to {exact_seconds(nearest)}, or change control.period",
         )
 
 

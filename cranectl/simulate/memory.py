@@ -16,6 +16,7 @@ from cranectl.signals import DISTURBANCE, LOAD, REFERENCE, STATE, recorded_group
 from cranectl.simulate.run import Run, groups_of
 from cranectl.simulate.signal_path import has_signal_path
 from cranectl.support.errors import InputError
+from cranectl.support.units import exact_seconds
 
 MAX_BYTES = 2**30
 NUMBER = 8  # [bytes]
@@ -89,7 +90,7 @@ def check_held(
         f"{what} of {scenario.name} with {samples} control samples would take "
         f"{needed / 2**30:.3g} GiB of memory",
         allowed=f"at most {max_bytes / 2**30:g} GiB, which is {int(max_bytes / needed * samples)} samples",
-        remedy=f"set control.period to {_longer_period(scenario, times):g}, or shorten duration"
+        remedy=f"set control.period to {exact_seconds(_longer_period(scenario, times))}, or shorten duration"
         + (", or name fewer plants" if fewer_plants else ""),
     )
 

@@ -6,6 +6,7 @@ Settings are shown without needless digits: 600000.0 as 600000, 1000000000.0 as 
 import json
 import math
 import re
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from typing import Any
 
 PREFIXES = {6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}  # by power of ten
@@ -24,6 +25,27 @@ def scaled(unit: str, largest: float) -> tuple[float, str]:
     rounded = float(f"{size:.2e}")  # 0.9999 mm is shown as 1 mm
     power = min(max(3 * math.floor(math.log10(rounded) / 3), min(PREFIXES)), highest)
     return 10.0**-power, PREFIXES[power] + unit
+
+
+def exact_seconds(seconds: float) -> str:
+    """Return a time as a setting that can be typed: six digits may leave the grid of nanoseconds."""
+    return f"{seconds:.12g}"
+
+
+def at_least(value: float, digits: int = 3) -> str:
+    """Return a lower limit rounded up to `digits` digits, so that the text keeps the limit."""
+    return _rounded_text(value, ROUND_CEILING, digits)
+
+
+def at_most(value: float, digits: int = 3) -> str:
+    """Return an upper limit rounded down to `digits` digits, so that the text keeps the limit."""
+    return _rounded_text(value, ROUND_FLOOR, digits)
+
+
+def _rounded_text(value: float, rounding: str, digits: int) -> str:
+    exact = Decimal(repr(value))
+    last = Decimal(1).scaleb(exact.adjusted() - digits + 1)
+    return f"{float(exact.quantize(last, rounding)):.{digits}g}"
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:

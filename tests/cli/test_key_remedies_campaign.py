@@ -45,7 +45,7 @@ CASES = {
     "campaign/definition.py": [
         Case("did you mean '{}'?", f"uncertain.rig.loadmass={UNIFORM}", f"{MASS}={UNIFORM}"),
         Case("choose a number of the scenario", f"uncertain.zzz={UNIFORM}", f"{MASS}={UNIFORM}"),
-        Case('take \'distribution = "choice"\' with "values", such as [{}, {}, {}]',
+        Case('take \'distribution = "choice"\' with "values", such as [{}]',
              "uncertain.control.period={distribution='uniform', low=0.001, high=0.002}",
              "uncertain.control.period={distribution='choice', values=[0.001, 0.002, 0.005]}"),
         Case("give it one in the scenario or by 'set = [\"{}=...\"]'", [NO_END, END],

@@ -8,7 +8,7 @@ from cranectl.cases.case import CaseResult, RunSummary, judged_limits
 from cranectl.compare.agreement import Agreement
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import ANSWERS, Cell, Table, cells
-from cranectl.support.units import PROCESSOR_ROUNDING, difference_text, scaled
+from cranectl.support.units import PROCESSOR_ROUNDING, difference_text, exact_seconds, scaled
 
 if TYPE_CHECKING:
     from cranectl.log.reader import LogDescription
@@ -271,7 +271,7 @@ def run_notes(results: Sequence[CaseResult]) -> list[str]:
     ]
     steps = [
         f"{agreement.scenario}, {agreement.controller}: the steps are too long for the plants to agree; with "
-        f"control.physics_step = {agreement.curing_step_s:g} they do"
+        f"control.physics_step = {exact_seconds(agreement.curing_step_s)} they do"
         for result in results
         for agreement in result.agreements
         if agreement.curing_step_s is not None
