@@ -76,7 +76,11 @@ def run_again(trial: Trial, samples: range, rules: str, numbers: Path) -> Runs:
     campaign = campaign_of(BENCHMARK, trial, tuned=settings)
     batch = Batch(trial.plant, trial.controller, samples.start, samples.stop)
     rows = Worker(PreparedCampaign(campaign)).run_batch(batch)
-    return runs_of(lambda name: np.array([row[name] for row in rows]), campaign.settings.limits.given)
+
+    def column(name: str) -> Any:  # a crane that cannot be simulated has no metrics
+        return np.array([np.nan if row[name] is None else row[name] for row in rows])
+
+    return runs_of(column, campaign.settings.limits.given)
 
 
 def differences(runs: Runs, table: Runs, samples: range) -> dict[str, str]:
