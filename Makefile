@@ -140,5 +140,5 @@ $(TABLE)/nmpc.so: $(addprefix validation/benchmark/nmpc/,nmpc.c model.c) cranect
 	@mkdir -p $(@D)
 	cc -O2 -shared -fPIC -ffp-contract=off -Icranectl/loaders -o $@ $(filter %.c,$^) -lm
 
-restamp: .venv/extras $(TABLE)/nmpc.so ## after changes of names alone: run judged rows again, write new digests
-	$(BIN)/python validation/proofs/restamp.py --controller $(TABLE)/nmpc.so
+restamp: .venv/extras $(TABLE)/nmpc.so ## compare judged rows, then write new digests, and all rows of JUDGE="lqr pid"
+	$(BIN)/python validation/proofs/restamp.py --controller $(TABLE)/nmpc.so $(JUDGE:%=--judge %)

@@ -38,6 +38,7 @@ from cranectl.report.theme import standalone_svg
 from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run, simulate_run
+from docs.standings import statements
 
 ROOT = Path(__file__).resolve().parent.parent
 DIRECTORY = ROOT / "docs" / "reference"
@@ -140,7 +141,7 @@ def _divisions() -> list[Judged]:
 
 
 def standings() -> str:
-    """Return pictures, sentences and caveats of the shipped table, what tuning did, and the rankings."""
+    """Return pictures, sentences and caveats of the shipped table, what tuning did, rankings, and reasons."""
     what = "failures against unsettled time on"
     drawn = (f"![{what} {Path(name).stem[10:]}](../pictures/{name})" for name in pictures())
     tuning = next(tuning_tables(_divisions()))
@@ -156,8 +157,9 @@ def standings() -> str:
         f"{tuning.title}. Bold: more runs fail, and the intervals of 95 % do not overlap. {tuning.note}",
         table([heading.replace("\n", " ") for heading in tuning.headings], rows),
     ]
+    parts += [*map(_ranking, _divisions()), *statements(_divisions())]
     wrapped = (part if part[0] in "|!#" else _wrap(part) for part in parts)
-    return "\n\n".join([*(text.rstrip() for text in wrapped), *map(_ranking, _divisions())])
+    return "\n\n".join(text.rstrip() for text in wrapped)
 
 
 def _ranking(judged: Judged) -> str:
@@ -183,8 +185,9 @@ def _marked(cell: Cell) -> str:
 def _wrap(text: str) -> str:
     """Return lines of at most 100 characters; those of a numbered list are indented."""
     lines = text.splitlines()
+    indent = "   " if len(lines) > 1 else "  " if text.startswith("- ") else ""
     return "\n".join(
-        textwrap.fill(line, 100, subsequent_indent="   " if len(lines) > 1 else "", break_on_hyphens=False)
+        textwrap.fill(line, 100, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
         for line in lines
     )
 

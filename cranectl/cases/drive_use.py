@@ -1,26 +1,28 @@
 """Compare the commands of a run with the limits of its drives."""
 
 import shlex
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from cranectl.plants.capabilities import lacking
 from cranectl.plants.model_files import plant_argument
+from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import plant_entry
 from cranectl.scenario.effects import NO_LIMIT
 from cranectl.scenario.similarity import assumed_settings
 from cranectl.simulate import Run
+from cranectl.support.arrays import Array
 
-UNITS = {"acceleration": "m/s²", "velocity": "m/s"}
+AXES = ("bridge", "trolley", "winch")
+UNITS = {"acceleration": "m/s²", "velocity": "m/s", "force": "N"}
 
 
 class DriveUse(NamedTuple):
     """The largest command to a drive, and the drive's limit."""
 
     axis: str  # bridge, trolley or winch
-    unit: str  # m/s² of an acceleration, m/s of a velocity
+    unit: str  # m/s² of an acceleration, m/s of a velocity, N of a force
     commanded: float
     limit: float
     is_assumed: bool = False  # True if the limit is scaled from the laboratory rig
@@ -35,14 +37,27 @@ def drive_uses(run: Run) -> list[DriveUse]:
     """Return the largest commands of a run with samples, in descending order of their share of the limit."""
     limits, scenario = run.scenario.drive_limits, run.scenario
     assumed = assumed_settings(scenario.rig, scenario.effects)
-    commanded = np.abs(np.hstack([run.block("input")[:, :3], run.block("state")[:, 1:6:2]])).max(axis=0)
-    kinds = product(("acceleration", "velocity"), ("bridge", "trolley", "winch"))
-    pairs = zip(commanded.tolist(), (*limits.acceleration, *limits.velocity), strict=True)
     uses = [
-        DriveUse(axis, UNITS[kind], *pair, f"{scenario.drive_limits_key}.{kind}" in assumed)
-        for (kind, axis), pair in zip(kinds, pairs, strict=True)
+        DriveUse(axis, UNITS[kind], commanded, limit, f"{scenario.drive_limits_key}.{kind}" in assumed)
+        for kind, commands in commands_of(run).items()
+        for axis, commanded, limit in zip(
+            AXES, np.abs(commands).max(axis=0).tolist(), getattr(limits, kind), strict=True
+        )
     ]
     return sorted(uses, key=lambda use: -use.share)
+
+
+def commands_of(run: Run) -> dict[str, Array]:
+    """Return what a run asks of its drives (N, 3), by the kind of limit with which it is compared.
+
+    The accelerations are the commanded ones. Where a controller commands velocities to drives that feel the
+    load, they are the slopes of the set-points (`simulate.actuation.follow_set_points`). The velocities are
+    the set-points of velocity drives, and else those of the axes. Force drives also have forces.
+    """
+    inputs, kind = run.block("input"), DRIVES[run.drive].command
+    velocities = inputs[:, 3:6] if kind == "velocity" else run.block("state")[:, 1:6:2]
+    commands = {"acceleration": inputs[:, :3], "velocity": velocities}
+    return commands | ({"force": run.block("command")[:, :3]} if kind == "force" else {})
 
 
 def beyond_drives(run: Run) -> str:
@@ -54,14 +69,33 @@ def beyond_drives(run: Run) -> str:
     axis, unit, commanded, limit, is_assumed = worst = uses[0]
     if worst.share <= 1.0:
         return ""
+    is_force = unit == UNITS["force"]
     text = (
         f"asks {commanded:.3g} {unit} of the {axis}, {worst.share:.3g} times what its drive can do"
         f"{f' (assumed: {limit:.3g} {unit})' if is_assumed else ''}: give the move more time"
+        f"{', or lift less' if is_force and axis == AXES[-1] else ''}"
     )
-    entry = plant_entry(run.plant)
-    is_too_fast = any(use.share > 1.0 for use in uses if use.unit == "m/s")  # might be refused with limits
-    if is_too_fast or "velocity" not in entry.drives:
+    if _may_be_refused(run, uses, drive := "force" if is_force else "velocity"):
         return text
-    table = f"{{force={[NO_LIMIT] * 3}}}" if lacking(entry, "limits.force") else "{}"
+    none = [NO_LIMIT] * 3
+    if is_force:  # such drives have no set-points, whose limits would be refused
+        force = list(run.scenario.drive_limits.force)
+        table = f"{{velocity={none}, acceleration={none}, force={force}}}"
+    else:
+        table = f"{{force={none}}}" if lacking(plant_entry(run.plant), "limits.force") else "{}"
     plant, limits = shlex.quote(plant_argument(run.plant)), shlex.quote(f"effects.limits={table}")
-    return f"{text}, or see what comes of it with --drive velocity --plants {plant} --set {limits}"
+    return f"{text}, or see what comes of it with --drive {drive} --plants {plant} --set {limits}"
+
+
+def _may_be_refused(run: Run, uses: list[DriveUse], drive: str) -> bool:
+    """Return True if this run might be refused with limits on drives of the kind `drive`.
+
+    Motions beyond the limits of speed are refused, and winches that cannot hold the load.
+    """
+    entry, beyond = plant_entry(run.plant), [use for use in uses if use.share > 1.0]
+    if drive == "force" and lacking(entry, "limits.force"):
+        return True
+    return drive not in entry.drives or any(
+        use.unit == UNITS["velocity"] or (use.unit == UNITS["force"] and use.axis == AXES[-1])
+        for use in beyond
+    )

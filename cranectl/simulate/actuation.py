@@ -36,6 +36,30 @@ def make_actuation(nominal: Scenario, drive: Drive = "ideal") -> Actuation:
     )
 
 
+class UnloadedDrives(NamedTuple):
+    """Drives without load that follow the set-points: their accelerations are those that set-points ask for.
+
+    A drive that a load pulls moves otherwise. So its set-point minus its velocity says how hard it pushes,
+    not which acceleration was commanded.
+    """
+
+    are_read: bool  # whether they differ from the drives of the run, which feel the load
+    share: Array  # (3,) of the way to a held set-point that they cover in a control period
+    period: float  # of control [s]
+    velocity: Array  # (3,) their velocities [m/s]: the memory
+
+
+def make_unloaded_drives(nominal: Scenario, drive: Drive, start: Array) -> UnloadedDrives:
+    """Return drives with the time constants of `nominal` that move as at `start` (10,)."""
+    period = nominal.period_ns / NANOSECONDS
+    return UnloadedDrives(
+        are_read=not DRIVES[drive].is_prescribed,
+        share=-np.expm1(-period / nominal.rig.time_constants),
+        period=period,
+        velocity=initial_integral(start),
+    )
+
+
 def initial_integral(start: Array) -> Array:
     """Return the set-points without lead (3,) [m/s] before a run that starts at `start` (10,)."""
     return start[1:6:2].copy()
@@ -60,11 +84,29 @@ def drive_acceleration(actuation, axis, setpoint, velocity):
 
 @jit
 def take_set_points(actuation, integral, state, command):
-    """Move the set-points in `command[:3]` to `command[3:]`, and write their accelerations in front."""
+    """Move the set-points in `command[:3]` to `command[3:]`, and write accelerations of the drives in front.
+
+    They are those of drives that now move as in `state` (10,) and feel no load.
+    """
     for i in range(3):
         command[3 + i] = command[i]
         command[i] = drive_acceleration(actuation, i, command[3 + i], state[2 * i + 1])
         integral[i] = command[3 + i]
+
+
+@jit
+def follow_set_points(drives, velocity_commands, command):
+    """Let unloaded drives follow the set-points `command[3:]` [m/s] for one control period.
+
+    A controller with `velocity_commands` commands no accelerations, so `command[:3]` receive the mean ones of
+    these drives [m/s²]. They are the slopes of the set-points, smoothed by the lag of the drives. Set-points
+    that lead for an acceleration by this lag ask for that acceleration.
+    """
+    for i in range(3):
+        change = drives.share[i] * (command[3 + i] - drives.velocity[i])
+        drives.velocity[i] += change
+        if velocity_commands:
+            command[i] = change / drives.period
 
 
 @jit

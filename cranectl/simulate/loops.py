@@ -33,9 +33,11 @@ from cranectl.signals import (
 )
 from cranectl.simulate.actuation import (
     Actuation,
+    UnloadedDrives,
     actuate,
     brake,
     drive_command,
+    follow_set_points,
     follow_velocity,
     take_forces,
     take_set_points,
@@ -58,6 +60,7 @@ class LoopInputs(NamedTuple):
     controller: CompiledController
     actuation: Actuation
     integral: Array  # (3,) memory of the actuation: set-points without lead [m/s]
+    unloaded: UnloadedDrives  # their accelerations are recorded if the controller commands velocities
     reference: Array  # (N, 15)
     disturbance: Array  # (N, 2) [rad/s²]
     wind: Array  # (N, 3) velocity of the air [m/s]
@@ -126,6 +129,9 @@ def control_sample(inputs, path, k, row, memory):
                 actuation.masses, inputs.slack[0], inputs.command_column, measured, row, command
             )
             act(path, actuation, inputs.integral, requested, row, path.record[k, COMMAND_COLUMN:])
+    if status == RUNNING and inputs.unloaded.are_read:
+        commands = row[INPUT_COLUMN : INPUT_COLUMN + 6]
+        follow_set_points(inputs.unloaded, inputs.controller.velocity, commands)
     row[DISTURBANCE_COLUMN] = inputs.disturbance[k, 0]
     row[DISTURBANCE_COLUMN + 1] = inputs.disturbance[k, 1]
     return status

@@ -25,7 +25,7 @@ from cranectl.plants.steps import substeps
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH
-from cranectl.simulate.actuation import initial_integral, make_actuation
+from cranectl.simulate.actuation import initial_integral, make_actuation, make_unloaded_drives
 from cranectl.simulate.child import BLOCK_TIMEOUT, CAN_FORK, blocks_here, blocks_in_child, shared_zeros
 from cranectl.simulate.loops import AdvanceBlock, LoopInputs, compiled_loop, python_loop
 from cranectl.simulate.memory import check_runs
@@ -266,6 +266,7 @@ def inputs_of(
         controller=bind_address(controller) if bind else controller,
         actuation=make_actuation(nominal, drive),
         integral=initial_integral(plan.initial_state),
+        unloaded=make_unloaded_drives(nominal, drive, plan.initial_state),
         reference=plan.reference,
         disturbance=plan.disturbance,
         wind=plan.wind,

@@ -157,7 +157,7 @@ def test_failure_can_be_replayed_as_in_the_how_to(
 
 
 def test_own_controller_is_undominated_on_all_judged_sets(judged: BenchmarkTable) -> None:
-    """If this fails, change what docs/reference/standings.md says of it by hand; its sentences follow."""
+    """If this fails, see what docs/reference/standings.md says of it then."""
     for division, name in [(d, name) for d in DIVISIONS for name in JUDGED_SETS[d] if name in BENCHMARK.sets]:
         ranking = Judged(BENCHMARK, judged, division).ranking(name)
         index = [standing.controller for standing in ranking].index("lqr-offset-free")

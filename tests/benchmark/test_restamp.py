@@ -3,13 +3,16 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
 from cranectl.support.documents import read_toml
+from cranectl.support.provenance import fingerprints
 from validation.proofs import restamp
 
 ROWS = 2
+CHOSEN = ("nominal", "pulse")
 
 
 @pytest.fixture
@@ -53,3 +56,31 @@ def test_nothing_is_written_if_one_digit_differs(
     assert "rms_error_m" in capsys.readouterr().out
     assert restamp.TABLE.read_bytes() == before
     assert all(read_toml(numbers)["rules"] == "old" for numbers in restamp.NUMBERS[0].glob("*.toml"))
+
+
+def test_all_rows_of_named_controllers_are_judged_again(table: BenchmarkTable) -> None:
+    """Their rows are replaced, with the software that made them; no other row may differ."""
+    few = {
+        trial: runs
+        for trial, runs in table.trials.items()
+        if trial.controller in ("lqr", "lqr-integral") and (trial.crane_set, trial.scenario) == CHOSEN
+    }
+    table = replace(table, trials=few)
+    wrong = {
+        trial: replace(runs, metrics={**runs.metrics, "effort_m_s2": 2.0 * runs.metrics["effort_m_s2"]})
+        for trial, runs in few.items()
+        if trial.controller == "lqr"
+    }
+    write(replace(table, trials={**few, **wrong}))
+    before = restamp.TABLE.read_bytes()
+    assert restamp.restamp(ROWS, [], ["lqr-integral"]) == 1
+    assert restamp.TABLE.read_bytes() == before
+    assert restamp.restamp(ROWS, [], ["lqr"]) == 0
+    judged = read_table(restamp.TABLE)
+    for trial, runs in few.items():
+        assert judged.trials[trial].status == runs.status
+        for name, values in runs.metrics.items():
+            assert np.array_equal(judged.trials[trial].metrics[name], values, equal_nan=True), (trial, name)
+    *old, new = judged.about["made_by"]
+    assert old == table.about["made_by"]
+    assert new["sources"] == fingerprints()["sources"]

@@ -157,7 +157,7 @@ def test_the_rope_tension_of_the_plant_is_judged(tension: float, status: RunStat
     row[signals.TENSION_COLUMN] = tension
     none = np.zeros((0, 2))
     inputs = LoopInputs(
-        controller=None, actuation=None, integral=np.zeros(3),  # type: ignore[arg-type]
+        controller=None, actuation=None, integral=np.zeros(3), unloaded=None,  # type: ignore[arg-type]
         reference=none, disturbance=none, wind=none, workspace=np.zeros((3, 2)), stop_outside=False,
         command_column=signals.INPUT_COLUMN, recover=False, slack=np.zeros(1),
     )  # fmt: skip
@@ -260,3 +260,26 @@ with event.install_listener("numba:compile", Count()):
     before, after = map(int, done.stdout.split())
     assert before == 0
     assert after == 1, "what is compiled must show"
+
+
+@pytest.mark.parametrize("drive", ["ideal", "velocity", "force"])
+@pytest.mark.parametrize("controller", ["pid", "flat-velocity", "lqr"])
+def test_recorded_accelerations_of_set_points_reach_neither_plant_nor_observer(
+    controller: str, drive: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Runs with encoders are equal to the bit whatever the memory of these accelerations begins with."""
+    scenario = load_scenario(
+        "off-reference", overrides=["effects.sensing={}", "effects.delay={}", "rig.load_mass=3.0"]
+    )
+    run = simulate_run(scenario, plant="mujoco", controller=controller, drive=drive)
+    make = runner_module.make_unloaded_drives
+    monkeypatch.setattr(
+        runner_module, "make_unloaded_drives", lambda *given: make(*given)._replace(velocity=np.full(3, 9.0))
+    )
+    other = simulate_run(scenario, plant="mujoco", controller=controller, drive=drive)
+    recorded = signals.INPUT_COLUMN + np.arange(3)
+    assert np.delete(run.table, recorded, axis=1).tobytes() == (
+        np.delete(other.table, recorded, axis=1).tobytes()
+    )
+    is_changed = controller != "lqr" and drive != "ideal"
+    assert (run.table[0, recorded] != other.table[0, recorded]).all() == is_changed

@@ -1,23 +1,28 @@
 """Write the digests of the present code into the judged table and tuned numbers, if no run has changed.
 
-    python validation/proofs/restamp.py [--rows 300] [--controller build/literature/nmpc.so]
+    python validation/proofs/restamp.py [--rows 300] [--controller build/literature/nmpc.so] [--judge pid]
 
 Digests depend on the syntax of metrics and controllers. So a changed name gives another digest, although no
 number changes. This program runs random rows of the table again, the same number for each controller. It
 writes new digests only if every stored metric of every row is equal to the bit. The table stores four digits
 as float32.
 
+With --judge, all rows of a controller run again, with its frozen numbers, and replace those of the table. Use
+it if a change concerns these controllers alone; the random rows of all others must be equal.
+
 The benchmark's file does not name compiled controllers such as nmpc, so name them by `--controller`. Their
 tuned numbers keep the digest of the library for which they were tuned.
 """
 
 import argparse
+import collections
 import functools
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does; before NumPy is loaded
 
@@ -37,11 +42,13 @@ from cranectl.campaign.benchmark.table import (
 from cranectl.campaign.benchmark.trials import Trial, campaign_of, rules_of
 from cranectl.campaign.benchmark.tuned import DEFAULT, code_of, tuned_settings
 from cranectl.campaign.definition import Batch
+from cranectl.campaign.manifest import software_of
 from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.controller_options import opened
 from cranectl.controllers.registry import controller_digests
 from cranectl.support.documents import read_toml, toml_text
+from cranectl.support.errors import check_known
 from cranectl.support.files import write_text
 
 BENCHMARK = read_benchmark(DEFAULT)
@@ -63,26 +70,70 @@ def sampled_rows(table: BenchmarkTable, controllers: Sequence[str], rows: int) -
             yield trial, int(random.integers(len(table.trials[trial].status)))
 
 
-def run_again(trial: Trial, sample: int, rules: str, numbers: Path) -> Runs:
-    """Run one row of the table again, with the tuned numbers in the directory `numbers`."""
+def run_again(trial: Trial, samples: range, rules: str, numbers: Path) -> Runs:
+    """Run consecutive rows of the table again, with the tuned numbers in the directory `numbers`."""
     settings = functools.partial(tuned_settings, numbers, rules)
     campaign = campaign_of(BENCHMARK, trial, tuned=settings)
-    batch = Batch(trial.plant, trial.controller, sample, sample + 1)
+    batch = Batch(trial.plant, trial.controller, samples.start, samples.stop)
     rows = Worker(PreparedCampaign(campaign)).run_batch(batch)
-    return runs_of(lambda name: np.array([row[name] for row in rows]), campaign.settings.limits.given)
+
+    def column(name: str) -> Any:  # a crane that cannot be simulated has no metrics
+        return np.array([np.nan if row[name] is None else row[name] for row in rows])
+
+    return runs_of(column, campaign.settings.limits.given)
 
 
-def differences(runs: Runs, table: Runs, sample: int) -> list[str]:
-    """Return a phrase for each difference between one run and the row `sample` of the table."""
-    phrases = []
-    if runs.status[0] != table.status[sample]:
-        phrases.append(f"{runs.status[0]}, was {table.status[sample]}")
-    if runs.failed[0] != table.failed[sample]:
-        phrases.append(f"failed: {runs.failed[0]}, was {table.failed[sample]}")
-    values = {name: round_metrics(values)[0] for name, values in runs.metrics.items()}
-    stored = {name: np.float32(values[sample]) for name, values in table.metrics.items()}
-    changed = (name for name in values if not np.array_equal(values[name], stored[name], equal_nan=True))
-    return phrases + [f"{name} {values[name]:.6g}, was {stored[name]:.6g}" for name in changed]
+def differences(runs: Runs, table: Runs, samples: range) -> dict[str, str]:
+    """Return a phrase for each difference between `runs` and the rows `samples` of the table, by its name.
+
+    The phrase has the values of the first row that differs.
+    """
+    rows = slice(samples.start, samples.stop)
+    stored = {name: values[rows].astype(np.float32) for name, values in table.metrics.items()}
+    values = {name: round_metrics(values) for name, values in runs.metrics.items()}
+    pairs: dict[str, tuple[Any, Any]] = {name: (values[name], stored[name]) for name in values}
+    pairs["status"] = np.array(runs.status), np.array(table.status[rows])
+    pairs["failed"] = runs.failed, table.failed[rows]
+    phrases = {}
+    for name, (now, was) in pairs.items():
+        is_number = now.dtype.kind == "f"
+        equal = (now == was) | ((now != now) & (was != was)) if is_number else now == was
+        if not equal.all():
+            first = int(np.argmin(equal))
+            shown = "{:.6g}, was {:.6g}" if is_number else "{}, was {}"
+            phrases[name] = f"{name} {shown.format(now[first], was[first])}"
+    return phrases
+
+
+def judge_again(
+    table: BenchmarkTable, controllers: Collection[str], rules: str, numbers: Path
+) -> BenchmarkTable:
+    """Return the table with new runs of `controllers`; print how many trials differ, by metric."""
+    trials, changed, rows = dict(table.trials), collections.Counter[str](), 0
+    chosen = [trial for trial in trials if trial.controller in controllers]
+    for trial in chosen:
+        samples = range(len(trials[trial].status))
+        runs = run_again(trial, samples, rules, numbers)
+        phrases = differences(runs, trials[trial], samples)
+        changed.update(phrases)
+        rows += len(samples)
+        print(f"{trial.folder}, {len(samples)} rows: {'; '.join(phrases.values()) or 'equal'}", flush=True)
+        trials[trial] = runs
+    counts = ", ".join(f"{name} in {count}" for name, count in changed.items()) or "none"
+    print(
+        f"{rows} rows in {len(chosen)} trials of {len(controllers)} controllers ran again; differ: {counts}"
+    )
+    return BenchmarkTable(about_with_software(table.about), trials)
+
+
+def about_with_software(about: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the facts of a table with the present software among those that made its runs."""
+    present = {
+        name: version
+        for name, version in software_of((BENCHMARK.plant, BENCHMARK.second_plant), ()).items()
+        if not name.startswith("law ")
+    }
+    return {**about, "made_by": [*about["made_by"], *([present] if present not in about["made_by"] else [])]}
 
 
 def stamp_numbers(controller: str, rules: str, source: Path, target: Path) -> None:
@@ -99,36 +150,41 @@ def stamp_numbers(controller: str, rules: str, source: Path, target: Path) -> No
     parquet.write_table(stamped, target / f"{controller}.parquet", compression="zstd")
 
 
-def restamp(rows: int, files: Sequence[str]) -> int:
-    """Run `rows` of the table again, then write new digests.
+def restamp(rows: int, files: Sequence[str], judged: Collection[str] = ()) -> int:
+    """Run `rows` of the table again, and all of the controllers `judged`; then write new digests and rows.
 
-    `files` are further controllers. If a row differs, it writes nothing and returns 1.
+    `files` are further controllers. If another row differs, it writes nothing and returns 1.
     """
     own = measured_controllers(BENCHMARK)
     controllers = [*own, *map(opened, files)]
+    check_known("controller of the table", judged, controllers)
     table, rules = read_table(TABLE), rules_of(BENCHMARK)
     folders = {
         controller: next(folder for folder in NUMBERS if (folder / f"{controller}.toml").is_file())
         for controller in controllers
     }
+    others = [controller for controller in controllers if controller not in judged]
     with tempfile.TemporaryDirectory() as directory:
         numbers, changed, count = Path(directory), 0, 0
         for controller, folder in folders.items():
             stamp_numbers(controller, rules, folder, numbers)
-        for trial, sample in sampled_rows(table, controllers, rows):
-            phrases = differences(run_again(trial, sample, rules, numbers), table.trials[trial], sample)
+        for trial, sample in sampled_rows(table, others, rows):
+            samples = range(sample, sample + 1)
+            phrases = differences(run_again(trial, samples, rules, numbers), table.trials[trial], samples)
             count, changed = count + 1, changed + bool(phrases)
-            print(f"{trial.folder} row {sample}: {'; '.join(phrases) or 'equal'}", flush=True)
+            print(f"{trial.folder} row {sample}: {'; '.join(phrases.values()) or 'equal'}", flush=True)
         if changed:
             print(f"{changed} of {count} rows differ, so no digest is written; judge the changed code again")
             return 1
+        if judged:
+            table = judge_again(table, judged, rules, numbers)
         for controller, folder in folders.items():
             stamp_numbers(controller, rules, folder, folder)
     known, digests = table.about["laws"], controller_digests(own)
     stamped = {name: known[name] | {"file": digests.get(f"law {name}", "")} for name in own}
     about = {**table.about, "rules": rules, "laws": known | stamped}
     write_table(TABLE, BenchmarkTable(about, table.trials))
-    print(f"{count} rows of {len(controllers)} controllers are equal; new digests are written")
+    print(f"{count} rows of {len(others)} controllers are equal; new digests are written")
     return 0
 
 
@@ -138,5 +194,6 @@ if __name__ == "__main__":
     )
     parser.add_argument("--rows", type=int, default=300, help="number of rows that are run again")
     parser.add_argument("--controller", action="append", default=[], help="file of a further controller")
+    parser.add_argument("--judge", action="append", default=[], help="controller of which all rows run again")
     options = parser.parse_args()
-    sys.exit(restamp(options.rows, options.controller))
+    sys.exit(restamp(options.rows, options.controller, options.judge))

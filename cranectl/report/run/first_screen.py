@@ -242,7 +242,7 @@ def _plant_difference(log: Mapping[str, Run], agreements: Sequence[Agreement]) -
 
 def _drive_use(run: Run, metrics: RunMetrics) -> Fact:
     use = drive_uses(run)[0]
-    what = "speed" if use.unit == "m/s" else "acceleration"
+    what = {"m/s": "speed", "N": "force"}.get(use.unit, "acceleration")
     remark = f"{use.axis}: {what} {use.commanded:.2g} of {use.limit:.2g} {use.unit}"
     remark += " (assumed)" if use.is_assumed else ""
     remark += ", which this run does not limit" if run.scenario.effects.limits is None else ""
