@@ -14,10 +14,10 @@ from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
 from cranectl.scenario.load import rig_place
 from cranectl.scenario.settings import Assigned, RuleError, Settings, override, parse_settings
 from cranectl.support import resources
+from cranectl.support.counts import MAX_RUNS
 from cranectl.support.documents import leaves, read_toml
 from cranectl.support.errors import InputError, unknown_name
 
-MAX_RUNS = 1_000_000
 COUNTED = ("grid", "one-at-a-time")  # samplings whose number of runs follows from the parameters
 INDEPENDENT = ("monte-carlo", "latin-hypercube", "sobol")  # samplings whose runs represent the distribution
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import click
 
 from cranectl.cli.completion import complete_drives, complete_plants, complete_rigs, complete_scenarios
-from cranectl.support.errors import InputError
+from cranectl.support.counts import MAX_RUNS
+from cranectl.support.errors import InputError, printable
 from cranectl.support.files import JSON, Kind, check_place, kind_of
 
 if TYPE_CHECKING:
@@ -153,9 +154,28 @@ def output_option(
     return click.option(name, metavar="FILE", type=OutputFile(kind, endings=endings), help=help_text)
 
 
-def count_option(name: str, help_text: str) -> Callable[[F], F]:
-    """Return an option for a number of 1 or more."""
-    return click.option(name, metavar="N", type=click.IntRange(min=1), help=help_text)
+class Count(click.IntRange):
+    """The type of an option for a whole number, with a lowest and a highest value that the help tells."""
+
+    def __init__(self, highest: int, *, lowest: int = 1) -> None:
+        super().__init__(lowest, highest)
+
+    def convert(self, value: Any, parameter: Any, context: click.Context | None) -> int:
+        """Return the number; raise InputError if it is out of the range."""
+        number: int = click.INT.convert(value, parameter, context)
+        if self.min <= number <= self.max or (context is not None and context.resilient_parsing):
+            return number
+        option = parameter.opts[0]
+        raise InputError(
+            f"{option} {printable(str(number), longest=40)}",
+            allowed=f"a whole number from {self.min} to {self.max}",
+            remedy=f"choose such a number, or leave {option} out",
+        )
+
+
+def count_option(name: str, help_text: str, *, highest: int = MAX_RUNS) -> Callable[[F], F]:
+    """Return an option for a number from 1 to `highest`."""
+    return click.option(name, metavar="N", type=Count(highest), help=help_text)
 
 
 def directory_option(name: str, help_text: str, **more: Any) -> Callable[[F], F]:

@@ -12,6 +12,7 @@ from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controller_option
 from cranectl.cli.idle import idle_lines, print_idle
 from cranectl.cli.output import Screen
+from cranectl.support.counts import MAX_PORT
 from cranectl.support.errors import printable
 from cranectl.support.files import JSON, MCAP, write_text, writing
 from cranectl.support.interrupts import heed_interrupts, interrupt
@@ -26,7 +27,14 @@ HERE = ("127.0.0.1", "localhost", "::1")
 @command.drive_option(default="ideal")
 @click.option("--speed", type=float, default=1.0, show_default=True, metavar="X", help="Times real time.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
-@click.option("--port", type=int, default=8765, show_default=True, help="Port to listen on; 0: any free one.")
+@click.option(
+    "--port",
+    type=command.Count(MAX_PORT, lowest=0),
+    default=8765,
+    show_default=True,
+    metavar="N",
+    help="Port to listen on; 0: any free one.",
+)
 @click.option("--allow-origin", "origins", multiple=True, metavar="URL", help="A web page that may connect.")
 @command.output_option(
     "--record",

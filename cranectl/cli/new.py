@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.command import PATH, Command
+from cranectl.cli.command import PATH, Command, Count
+from cranectl.support.counts import MAX_SEED
 from cranectl.support.errors import InputError
 from cranectl.support.files import exists, write_text, writing
 
@@ -37,7 +38,7 @@ ENDINGS = {
 @click.option(
     "--in", "directory", metavar="DIR", type=PATH, default=Path(), help="Where to write. Default: here."
 )
-@click.option("--seed", type=click.IntRange(0), metavar="N", help="Of an experiment. Default: 0.")
+@click.option("--seed", type=Count(MAX_SEED, lowest=0), metavar="N", help="Of an experiment. Default: 0.")
 @click.option(
     "--period",
     type=click.FloatRange(0.0, min_open=True),

@@ -11,6 +11,7 @@ from cranectl.cli.completion import complete_controllers
 from cranectl.cli.controller_options import timeout_option, trust_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress_bar
+from cranectl.support.counts import MAX_WORKERS
 
 if TYPE_CHECKING:
     from cranectl.campaign.benchmark.tuning import Tuned
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     default="logs/tuned",
     show_default=True,
 )
-@count_option("--workers", "Threads. Default: one for each core.")
+@count_option("--workers", "Threads. Default: one for each core.", highest=MAX_WORKERS)
 @count_option("--runs", "Budget in simulated runs. Default: the benchmark's.")
 @timeout_option
 @trust_option("the benchmark")

@@ -7,9 +7,12 @@ import numpy as np
 
 from cranectl.planning.limits import AXES, Constraint, Limits, clearance, constraints, motion
 from cranectl.planning.proof import PROOF_MARGIN
+from cranectl.scenario import Scenario
 from cranectl.scenario.load import scenarios_in
+from cranectl.scenario.segments import is_planned
 from cranectl.scenario.settings import MAX_DURATION
 from cranectl.support.arrays import Array
+from cranectl.support.counts import MAX_PLANNED
 from cranectl.support.errors import InputError
 
 MAX_TRIED_DURATION = 1e4  # [s]; longer than a run may be, since the search may still find a faster motion
@@ -28,6 +31,17 @@ LIMIT_KEYS = {
     "lean of the rope": ("the lean of the rope", "planning.lean"),
     "tension of the rope": ("the tension of the rope", "planning.tension"),
 }
+
+
+def check_count(scenario: Scenario) -> None:
+    """Raise InputError for more segments whose timing is left open than are planned for a scenario."""
+    count = sum(not is_planned(segment) for segment in scenario.reference.segments)
+    if count > MAX_PLANNED:
+        raise InputError(
+            f"{scenario.name}: {count} segments leave their timing open, and planning takes seconds for each",
+            allowed=f"up to {MAX_PLANNED} such segments",
+            remedy="give some a duration, or divide the scenario",
+        )
 
 
 def check_point(point: Array, limits: Limits, what: str) -> None:

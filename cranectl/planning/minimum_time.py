@@ -10,17 +10,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cranectl.planning.edges import Edge, move_within
 from cranectl.planning.limits import Limits, excesses, motion
 from cranectl.planning.problem import (
     PASSAGE_SAMPLES,
     SAMPLES_PER_SPAN,
-    Edge,
     Problem,
     Task,
     ToLoad,
     series_along,
 )
-from cranectl.planning.programs import PENALTIES, solve
+from cranectl.planning.programs import PENALTIES, Budget, solve
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
 from cranectl.planning.route import GUESS_POINTS
 from cranectl.planning.shortest import NEAR_REST_DURATION, bisect_duration
@@ -39,6 +39,7 @@ ALLOWED_EXCESS = 0.02  # of a guess over its excess at rest, as a share of the l
 RETRY_SLOWDOWN = 1.5  # of the second guess, which begins with the largest penalty
 ADDED_OFFSETS = np.array([-1.0, 0.0, 1.0])  # of samples added at a violation, in steps of checked samples
 MAX_REFINEMENTS = 10  # of the samples
+MAX_PASSAGE_SAMPLES = 8 * PASSAGE_SAMPLES
 
 
 @dataclass(frozen=True)
@@ -105,11 +106,20 @@ def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law
 
 
 def minimum_time(task: Task) -> FastestMotion | None:
-    """Find and prove the motion of least time, or return None if no guess leads to one."""
-    return _minimum_time(task) or _minimum_time(task, RETRY_SLOWDOWN, PENALTIES[-1])
+    """Find and prove the motion of least time, or return None if no guess leads to one.
+
+    Work and memory are bounded: by a budget of programs, and by the samples that a refinement may add.
+    """
+    budget = Budget()
+    return _minimum_time(task, budget=budget) or _minimum_time(
+        task, RETRY_SLOWDOWN, PENALTIES[-1], budget=budget
+    )
 
 
-def _minimum_time(task: Task, slowdown: float = 1.0, penalty: float = PENALTIES[0]) -> FastestMotion | None:
+def _minimum_time(
+    task: Task, slowdown: float = 1.0, penalty: float = PENALTIES[0], budget: Budget | None = None
+) -> FastestMotion | None:
+    budget = budget or Budget()
     fractions = np.linspace(0.0, 1.0, task.spans * task.samples_per_span + 1)
     tightened, passage_samples = tighten_limits(task), PASSAGE_SAMPLES
     problem = Problem(tightened, fractions)
@@ -121,10 +131,10 @@ def _minimum_time(task: Task, slowdown: float = 1.0, penalty: float = PENALTIES[
     )
     obstacles = {box.key for box in task.limits.obstacles}
     for _ in range(MAX_REFINEMENTS):
-        x, solved, penalty = solve(problem, x, sizes, penalty)
+        x, solved, penalty = solve(problem, x, sizes, budget, penalty)
         if not solved:
             return None
-        duration, coefficients = problem.duration(x), problem.coefficients(x)
+        duration, coefficients = problem.duration(x), move_within(tightened.edges, problem.coefficients(x))
         excess_by_limit = _excesses(task, duration, coefficients, CHECK_SAMPLES_PER_SPAN)
         violated = {name for name, excess in excess_by_limit.items() if (excess > PROOF_MARGIN).any()}
         worst = np.max(list(excess_by_limit.values()), axis=0)
@@ -137,15 +147,23 @@ def _minimum_time(task: Task, slowdown: float = 1.0, penalty: float = PENALTIES[
             proof = prove(breaks, coefficients, PLANNED_DEGREE, task.limits, to_load)
             if proof.is_valid:
                 return FastestMotion(duration, coefficients, proof)
+            if not any(violation.certain for violation in proof.violations):
+                return None  # undecided by rounding, which more samples do not change
             violated = {violation.name for violation in proof.violations}
             violated_at = np.array(
                 [0.5 * (violation.start + violation.end) / duration for violation in proof.violations]
             )
+        violated_at = _thin(np.unique(violated_at), task.spans * task.samples_per_span)
         added = (violated_at[:, None] + ADDED_OFFSETS / (task.spans * CHECK_SAMPLES_PER_SPAN)).ravel()
         fractions = np.unique(np.clip(np.concatenate([fractions, added]), 0.0, 1.0))
-        passage_samples *= 1 + bool(violated & obstacles)
+        passage_samples = min(passage_samples * (1 + bool(violated & obstacles)), MAX_PASSAGE_SAMPLES)
         problem = Problem(tightened, fractions, passage_samples)
     return None
+
+
+def _thin(places: Array, most: int) -> Array:
+    """Return at most `most` of the places (N,), evenly over them."""
+    return places if len(places) <= most else places[np.linspace(0, len(places) - 1, most).astype(int)]
 
 
 def _excesses(task: Task, duration: float, coefficients: Array, samples_per_span: int) -> dict[str, Array]:

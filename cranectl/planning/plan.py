@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from cranectl.planning.blends import check_follower, path_with_blends
-from cranectl.planning.checks import check_duration, check_least_time, check_point
+from cranectl.planning.checks import check_count, check_duration, check_least_time, check_point
 from cranectl.planning.limits import ROPE_TOLERANCE, Limits, key_of, limits_of, share_of
 from cranectl.planning.minimum_time import (
     SPANS,
@@ -54,13 +54,14 @@ from cranectl.support.kept import kept
 GUESS_OFFSET = 0.1  # of a move's length, by which the first guess bulges aside and up
 MIN_MOVE = 1e-6  # [m] from one point of a move to the next
 RANGE_SCALE = 0.1  # of a motion's length, the unit of excesses over ranges
-POSITION_ROUNDING = 64.0 * float(np.finfo(float).eps)  # of computed positions, relative to the ranges
+POSITION_ROUNDING = 128.0 * float(np.finfo(float).eps)  # of enclosed positions, relative to the ranges
 _PLANS: TypeAdapter[list[tuple[Segment, str]]] = TypeAdapter(list[tuple[Segment, str]])  # with claims
 _SEGMENTS: dict[str, list[Segment]] = {}
 
 
 def plan_segments(scenario: Scenario, directory: Path) -> Scenario:
     """Return the scenario with every segment planned or read from its file, and blended lines joined."""
+    check_count(scenario)
     segments: list[Segment] = []
     point = np.array(scenario.reference.start)
     to_blend: list[Line | Arc] = []  # into the next segment

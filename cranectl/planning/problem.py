@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.planning.arithmetic import inputs
+from cranectl.planning.edges import Edge, edge_excesses
 from cranectl.planning.limits import Constraint, Limits, constraints, motion, side_distances
 from cranectl.reference.series import Number, Series, from_derivatives
 from cranectl.reference.time_laws import PLANNED_DEGREE, derivatives, spline
@@ -44,13 +45,6 @@ class Passage(NamedTuple):
     side: str
     begin: int
     end: int
-
-
-class Edge(NamedTuple):
-    """A half-space that all coefficients of a motion keep, and with them the motion at every moment."""
-
-    normal: Array  # (d,) into the half-space, in coordinates
-    offset: float  # least value along the normal [m]
 
 
 @dataclass(frozen=True)
@@ -150,7 +144,7 @@ class Problem:
             limits, others = _split_efforts(group.bounded(self.series_of(inputs(jets))))
             limited.append(_apply_chain_rule(limits, by_x))
             efforts.append(_apply_chain_rule(others, by_x))
-        excess, slope = zip(*limited, self.order_excesses(x), self.edge_excesses(x), strict=True)
+        excess, slope = zip(*limited, self.order_excesses(x), self._edge_excesses(x), strict=True)
         return Linearisation(np.concatenate(excess), np.vstack(slope), *efforts[0])
 
     def values(self, x: Array) -> tuple[Array, Array]:
@@ -160,7 +154,7 @@ class Problem:
             limits, others = _split_efforts(group.bounded(self.series_of(list(self._jets(x, group)[0].T))))
             excess += [limit.excess() for limit in limits]
             efforts += [other.excess() for other in others if not index]
-        linear = self.order_excesses(x)[0], self.edge_excesses(x)[0]
+        linear = self.order_excesses(x)[0], self._edge_excesses(x)[0]
         return np.concatenate([*excess, *linear]), np.concatenate(efforts)
 
     def order_excesses(self, x: Array) -> tuple[Array, Array]:
@@ -169,16 +163,8 @@ class Problem:
         slope[:, self.width + 1 :] = self._order_matrix[:, 1:-1]
         return MIN_INSTANT_GAP + self._order_matrix @ [0.0, *x[self.width + 1 :], 1.0], slope
 
-    def edge_excesses(self, x: Array) -> tuple[Array, Array]:
-        """Return by how much the free coefficients exceed the edges, and slopes, as shares of the size."""
-        d, size = len(self.task.start), self.task.limits.size
-        free = x[: self.width].reshape(-1, d)
-        slope = np.zeros((len(self.task.edges), len(free), len(x)))
-        excess = np.zeros(slope.shape[:2])
-        for rows, by_x, edge in zip(excess, slope, self.task.edges, strict=True):
-            rows[:] = (edge.offset - free @ edge.normal) / size
-            by_x[:, : self.width] = np.kron(np.eye(len(free)), -edge.normal / size)
-        return excess.ravel(), slope.reshape(-1, len(x))
+    def _edge_excesses(self, x: Array) -> tuple[Array, Array]:
+        return edge_excesses(self.task.edges, x, self.width, self.task.limits.size)
 
     def hessian_of(self, x: Array, multipliers: Array) -> Array:
         """Return the Hessian (unknowns, unknowns) of the excesses weighted by `multipliers` (R,)."""

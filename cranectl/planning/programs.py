@@ -26,11 +26,24 @@ PENALTIES = 6.0, 24.0  # on the largest excess as a share of its limit, in durat
 FIRST_STEP, MAX_TRUST_STEP, MIN_TRUST_STEP = 0.1, 1.0, 1e-6  # of the trust region, in sizes of the unknowns
 MAX_CORRECTIONS = 4  # of a step
 MAX_STEPS = 80
+MAX_PROGRAMS = 2500  # of a search; moves take 100 to 700
 MIN_GAIN = 2e-5  # of a step, in durations; a smaller gain ends the descent
 SADDLE_CURVATURE = 1e-2  # negative curvature that makes a saddle, in durations and sizes of the unknowns
 SADDLE_STEP = 1.0  # away from a saddle, in sizes of the unknowns
 MIN_MULTIPLIER = 1e-6  # of an active limit
 FEASIBILITY_TOLERANCE = 1e-3  # excess of a solution, as a share of a limit
+
+
+class Budget:
+    """How many quadratic programs a search may still solve, so that its work has a bound."""
+
+    def __init__(self, programs: int = MAX_PROGRAMS) -> None:
+        self.programs = programs
+
+    def spend(self) -> bool:
+        """Take one program from the budget; return False if none is left."""
+        self.programs -= 1
+        return self.programs >= 0
 
 
 class Solution(NamedTuple):
@@ -41,16 +54,18 @@ class Solution(NamedTuple):
     penalty: float = 0.0  # on excesses in the last descent, in durations
 
 
-def solve(problem: Problem, x: Array, sizes: Array, min_penalty: float = PENALTIES[0]) -> Solution:
+def solve(
+    problem: Problem, x: Array, sizes: Array, budget: Budget, min_penalty: float = PENALTIES[0]
+) -> Solution:
     """Find a local minimum of the duration from the guess `x`; `sizes` (unknowns,) scale the steps.
 
     It begins with a small penalty on excesses, which allows long steps, and raises it if excesses remain.
+    A search whose budget is spent is not solved.
     """
     time_scale = problem.duration(x)
     for penalty in (candidate for candidate in PENALTIES if candidate >= min_penalty):
-        merit = Merit(
-            problem, sizes, time_scale, effort=EFFORT_WEIGHT * time_scale, excess=penalty * time_scale
-        )
+        weights = {"effort": EFFORT_WEIGHT * time_scale, "excess": penalty * time_scale}
+        merit = Merit(problem, sizes, time_scale, **weights, budget=budget)
         minimum = _minimise(merit, x)._replace(penalty=penalty)
         x = minimum.x
         if minimum.solved:
@@ -67,6 +82,7 @@ class Merit:
     time_scale: float  # [s]
     effort: float
     excess: float
+    budget: Budget
 
     def value(self, x: Array) -> tuple[float, Array]:
         """Return the merit [s] and the excesses."""
@@ -175,7 +191,9 @@ def _solve_qp(
     radius: float,
     working_set: NDArray[np.bool_],
 ) -> tuple[Array, Array] | None:
-    """Return the best move within `radius` and the multiplier of each limit, or None if the solver fails.
+    """Return the best move within `radius` and the multiplier of each limit, or None.
+
+    There is none if the solver fails, or if the budget is spent.
 
     Few limits are active. The program begins with the limits in `working_set`, adds those that its solution
     exceeds, and is solved again. `working_set` is updated in place.
@@ -190,7 +208,7 @@ def _solve_qp(
     working_set[np.argpartition(-excess, n)[:n]] = True
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    while True:
+    while merit.budget.spend():
         rows = np.flatnonzero(working_set)
         limits = np.hstack([linearised.slope[rows], np.full((len(rows), 1), -1.0)])
         matrix = sparse.csc_matrix(np.vstack([limits, box]))
@@ -205,8 +223,8 @@ def _solve_qp(
         worst = np.argpartition(-remaining, n)[:n]
         worst = worst[remaining[worst] > 1e-7]
         if not len(worst):
-            break
+            multipliers = np.zeros(len(excess))
+            multipliers[rows] = np.array(result.z)[: len(rows)]
+            return move[:n], np.where(multipliers > MIN_MULTIPLIER, multipliers, 0.0)
         working_set[worst] = True
-    multipliers = np.zeros(len(excess))
-    multipliers[rows] = np.array(result.z)[: len(rows)]
-    return move[:n], np.where(multipliers > MIN_MULTIPLIER, multipliers, 0.0)
+    return None

@@ -77,13 +77,19 @@ def polynomial_pieces(breaks: Array, coefficients: Array, degree: int, orders: i
 
 
 def _bernstein(control: Interval, knots: Array, first: NDArray[np.intp], degree: int) -> Interval:
-    """Return the Bernstein coefficients (P, degree + 1, d) of each span of a B-spline."""
+    """Return the Bernstein coefficients (P, degree + 1, d) of each span of a B-spline.
+
+    They are means of the span's coefficients, so they lie within their hull. De Boor's recursion alone would
+    widen it: each of its levels contains a coefficient twice.
+    """
     begins, ends = knots[degree + first], knots[degree + first + 1]
     rows = [
         _blossom(control, knots, first, [ends] * later + [begins] * (degree - later))
         for later in range(degree + 1)
     ]
-    return stacked(rows, axis=1)
+    own = [control[first + k] for k in range(degree + 1)]
+    low, high = np.min([c.low for c in own], axis=0), np.max([c.high for c in own], axis=0)
+    return stacked(rows, axis=1).intersect(Interval(low[:, None], high[:, None]))
 
 
 def _blossom(
@@ -106,13 +112,18 @@ def _average_neighbours(row: Interval) -> Interval:
 
 
 def _subdivide(row: Interval) -> tuple[Interval, Interval]:
-    """Divide Bézier polynomials at their middle by de Casteljau's algorithm."""
+    """Divide Bézier polynomials at their middle by de Casteljau's algorithm.
+
+    The coefficients of both halves are means of those of the whole, so they lie within its hull. Without
+    that, rounding would widen the hull at each division.
+    """
+    hull = Interval(row.low.min(axis=1, keepdims=True), row.high.max(axis=1, keepdims=True))
     left, right = [row[:, 0]], [row[:, -1]]
     while row.low.shape[1] > 1:
         row = _average_neighbours(row)
         left.append(row[:, 0])
         right.append(row[:, -1])
-    return stacked(left, axis=1), stacked(right[::-1], axis=1)
+    return stacked(left, axis=1).intersect(hull), stacked(right[::-1], axis=1).intersect(hull)
 
 
 class Violation(NamedTuple):

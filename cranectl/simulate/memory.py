@@ -19,6 +19,7 @@ from cranectl.support.errors import InputError
 from cranectl.support.units import exact_seconds
 
 MAX_BYTES = 2**30
+MAX_PLANS_BYTES = 8 * MAX_BYTES  # of many cranes that a program steps together
 NUMBER = 8  # [bytes]
 COMMAND_UNDER_WAY = 3  # numbers for each sample of the delay
 WIND = 6  # numbers for each sample
@@ -35,6 +36,15 @@ def check_planned(scenario: Scenario, *, others: Iterable[Scenario] = ()) -> Non
     """Raise InputError if the plans of `scenario` and `others` together take too much memory."""
     samples = sum(planned.steps + 1 for planned in (scenario, *others))
     check_held(scenario, PLANNING * samples * NUMBER, "the reference")
+
+
+def check_several_plans(scenarios: Iterable[Scenario]) -> None:
+    """Raise InputError if the plans of different `scenarios`, all of them held, take too much memory."""
+    different = list(scenarios)
+    if len(different) > 1:
+        samples = sum(planned.steps + 1 for planned in different)
+        what = f"the references of {len(different)} different scenarios, the first"
+        check_held(different[0], PLANNED * samples * NUMBER, what, max_bytes=MAX_PLANS_BYTES)
 
 
 def check_runs(

@@ -3,6 +3,7 @@
 import ctypes
 import functools
 import hashlib
+import itertools
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, cast
 
@@ -16,6 +17,7 @@ from cranectl.plants.registry import REFERENCE_PLANT
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import LOAD_COLUMN, PATH_WIDTH, STATE, TENSION
 from cranectl.simulate.loops import CompiledLoop, LoopInputs, advance_block, measure, shared_loop
+from cranectl.simulate.memory import check_several_plans
 from cranectl.simulate.open_run import (
     SteppedMemory,
     begin,
@@ -29,6 +31,7 @@ from cranectl.simulate.signal_path import SignalPath
 from cranectl.status import RunStatus
 from cranectl.support.arguments import checked, checks_arguments
 from cranectl.support.arrays import Array
+from cranectl.support.counts import MAX_CRANES
 from cranectl.support.errors import InputError, shown
 from cranectl.support.jit import UNCOMPILED, jit, jit_address, jit_loop
 from cranectl.support.packed import packed, pointer_after, type_of, unpacker
@@ -278,7 +281,8 @@ def open_runs(
     Raises
     ------
     InputError
-        If there is no scenario, control periods differ, or a plant cannot show its scenario.
+        If there is no scenario or there are too many, if control periods differ, or if a plant cannot show
+        its scenario.
 
     Examples
     --------
@@ -291,7 +295,14 @@ def open_runs(
     >>> states.shape, cranes.time
     ((3, 10), array([0.02, 0.02, 0.02]))
     """
-    chosen = list(scenarios)
+    chosen = list(itertools.islice(scenarios, MAX_CRANES + 1))  # also of a sequence without an end
+    if len(chosen) > MAX_CRANES:
+        raise InputError(
+            f"more than {MAX_CRANES} cranes",
+            allowed=f"1 to {MAX_CRANES} cranes, which are stepped together",
+            remedy="open several runs of fewer cranes",
+        )
+    check_several_plans(dict.fromkeys(chosen))
     periods = {scenario.period_ns for scenario in chosen}
     if len(periods) != 1:
         raise InputError(

@@ -61,6 +61,15 @@ CASES: Cases = {
              "certify lqr-integral --tilt 10 0 --delay 0.01",
              "certify lqr-integral --tilt 0 0 --hoisting-speed 0 --delay 0.01"),
     ],
+    "analysis/certificate/operating_points.py": [
+        Case("name fewer of them, and certify in parts",
+             "certify lqr-integral --delay 0.01 --hoisting-speed 0 --rope-length 0.7" + " --tilt 0 0" * 2001,
+             "certify lqr-integral --delay 0.01 --hoisting-speed 0 --rope-length 0.7 --tilt 0 0"),
+    ],
+    "cli/command.py": [
+        Case("choose such a number, or leave {} out", VALIDATE.format("--jobs 1000000000"),
+             VALIDATE.format("--jobs 1"), VALIDATE.format("")),
+    ],
     "analysis/certificate/loop.py": [
         Case("choose another signal with --open-at, or leave it out",
              "certify lqr-integral --open-at v --delay 0.01",

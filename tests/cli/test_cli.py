@@ -225,7 +225,7 @@ INVALID_COMMANDS = {
     "runn": "Did you mean 'run'?",
     "validate nothing": "unknown scenario",
     "validate --controller lqg": "unknown controller",
-    "validate --jobs 0": "x>=1",
+    "validate --jobs 0": "a whole number from 1 to 1024",
     "validate --drive any": "unknown drive",
     "certify lqr --drive force": "force drives",
     "design lqr+hnf": "did you mean 'lqr+hinf'?",

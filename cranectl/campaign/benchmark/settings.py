@@ -10,6 +10,7 @@ from pydantic import Field, PrivateAttr, model_validator
 from cranectl.plants.plant import Drive
 from cranectl.scenario.settings import RuleError, Settings, parse_settings
 from cranectl.support import resources
+from cranectl.support.counts import MAX_DRAWS, MAX_RUNS
 from cranectl.support.documents import read_toml
 
 # Prefixes of the names of generated sets: for the robustness radius, and with one uncertainty each.
@@ -17,7 +18,7 @@ RADIUS_PREFIX, SINGLE_PREFIX = "spread-", "only-"
 Overrides = Annotated[tuple[str, ...], Field(strict=False)]
 NAME_PATTERN = r"^[a-z0-9][a-z0-9-]*$"  # because names are also names of directories
 Names = Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
-Draws = Annotated[int, Field(ge=1, le=100_000)]
+Draws = Annotated[int, Field(ge=1, le=MAX_DRAWS)]
 Spread = Annotated[float, Field(ge=0.0, le=100.0)]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Follows = Literal["path", "set-point"]
@@ -84,8 +85,10 @@ class Tuning(Settings):
     spreads: Annotated[tuple[Spread, ...], Field(strict=False, min_length=1)] = (1.0,)
     draws: Draws = Field(description="number of cranes per scenario and spread")
     seed: Seed = Field(description="seed of these cranes and of the search")
-    runs: Annotated[int, Field(ge=1)] = Field(description="number of simulated runs per controller")
-    variation_price: Annotated[float, Field(ge=0.0)] = Field(
+    runs: Annotated[int, Field(ge=1, le=MAX_RUNS)] = Field(
+        description="number of simulated runs per controller"
+    )
+    variation_price: Annotated[float, Field(ge=0.0, le=1e6)] = Field(
         description="cost of commands that vary by g per second"
     )
     validation: ValidationCranes | None = Field(
@@ -106,7 +109,9 @@ class Benchmark(Settings):
 
     name: Annotated[str, Field(pattern=NAME_PATTERN)]
     title: str = ""
-    edition: Annotated[int, Field(ge=1)] = Field(1, description="number of these rules, for people")
+    edition: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
+        1, description="number of these rules, for people"
+    )
     seed: Seed = Field(description="seed of the cranes of the ranking")
     laws: Names = Field(
         description="names of controllers, or FILE.py:NAME with a path relative to the benchmark's file"

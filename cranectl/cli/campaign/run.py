@@ -14,6 +14,7 @@ from cranectl.cli.campaign.options import Judgement, campaign_argument, judgemen
 from cranectl.cli.command import Command, arguments_given, count_option, directory_option, json_option
 from cranectl.cli.controller_options import timeout_option
 from cranectl.cli.output import Screen, progress
+from cranectl.support.counts import MAX_WORKERS
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign
@@ -34,7 +35,7 @@ BAR = (
 
 @click.command("run", cls=Command)
 @campaign_argument
-@count_option("--workers", "Threads. Default: one for each core.")
+@count_option("--workers", "Threads. Default: one for each core.", highest=MAX_WORKERS)
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
