@@ -34,9 +34,7 @@ def check_scenario(scenario: Scenario, *, plant: str, drive: Drive) -> None:
             )
     stated = {name: getattr(scenario.rig, name) for name in entry.fixed}
     built_in = {
-        name: f"{value:g}"
-        for name, value in entry.fixed.items()
-        if not _is_same(stated[name], value)
+        name: f"{value:g}" for name, value in entry.fixed.items() if not _is_same(stated[name], value)
     }
     if built_in:
         settings = " ".join(f"--set rig.{name}={value}" for name, value in built_in.items())
