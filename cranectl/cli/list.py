@@ -13,7 +13,7 @@ from cranectl.report.table import Table, cells
 if TYPE_CHECKING:
     from cranectl.controllers.controller import Parameter
 
-DOCUMENTS = ("scenario", "rig", "campaign", "benchmark")
+DOCUMENTS = ("scenario", "rig", "campaign", "benchmark", "map")
 
 
 def _show(context: click.Context, _: click.Parameter, document: str | None) -> None:
@@ -70,6 +70,7 @@ def json_schema(document: str) -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a file of the kind `document`, one of DOCUMENTS."""
     from cranectl.campaign.benchmark.settings import Benchmark
     from cranectl.campaign.settings import CampaignSettings
+    from cranectl.measured.mapping import MeasuredMap
     from cranectl.scenario import Scenario
     from cranectl.scenario.rig import RigParameters
     from cranectl.scenario.segments import added_kinds
@@ -79,6 +80,7 @@ def json_schema(document: str) -> dict[str, Any]:
         "rig": RigParameters,
         "campaign": CampaignSettings,
         "benchmark": Benchmark,
+        "map": MeasuredMap,
     }
     schema = models[document].model_json_schema()
     if document == "scenario":

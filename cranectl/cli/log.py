@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import command
+from cranectl.cli.log_import import import_log
 from cranectl.cli.output import Screen, styled
 from cranectl.support.errors import InputError
 from cranectl.support.files import JSON, MCAP, check_place, write_text, writing
@@ -203,63 +204,6 @@ def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
         screen.print(f"  the last {recovery.lost} of {recovery.size} bytes are no whole chunk, and lost")
     screen.print(f"log: {recovery.log}")
     screen.write_json(recovery.to_json())
-
-
-@click.command("import", cls=command.Command)
-@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=command.PATH)
-@click.option(
-    "--map", "map_file", metavar="FILE", type=command.PATH, required=True, help="Map of the columns."
-)
-@click.option("--rig", metavar="NAME", help="Name or TOML file of a rig. Default: that of the map.")
-@command.output_option("--out", MCAP, "Log file. Default: logs/NAME/measured.mcap")
-@command.json_option
-def import_log(
-    files: tuple[Path, ...], map_file: Path, rig: str | None, out: Path | None, screen: Screen
-) -> None:
-    """Make a log from files that a real crane's measuring system wrote.
-
-    The map says which column holds which signal, with unit, sign, zero, scale, delay and clock.
-    `cranectl new map FILE` writes one to fill in. Files may be CSV, Parquet, MCAP, MATLAB, HDF5, Excel
-    or ROS bags. What cannot be right is refused: clocks that do not increase, gaps, jumps beyond the
-    drives, and angles that do not answer the motion of the crane. The log has the plant `measured`, and
-    all commands that read logs take it.
-
-    \b
-    cranectl new map monday.csv
-    cranectl log import monday.csv --map monday-map.toml
-    cranectl log import drives.csv camera.csv --map both.toml --out logs/monday/measured.mcap
-    cranectl compare logs/monday/measured.mcap
-    """
-    from cranectl.cases.case import LOG_DIRECTORY
-    from cranectl.log.writer import write_log
-    from cranectl.measured.importing import import_files
-    from cranectl.measured.mapping import read_map
-
-    mapping = read_map(map_file)
-    path = out or LOG_DIRECTORY / mapping.name / "measured.mcap"
-    check_place(path, MCAP, inputs=[*files, map_file], option="--out")
-    imported = import_files(files, mapping, directory=map_file.parent, rig=rig)
-    run = imported.run
-    write_log(path, [run])
-    columns = ", ".join(group.name for group in run.groups)
-    screen.print(
-        f"measured: {len(run.time_ns)} samples every {run.scenario.control.period:g} s for {run.end_s:g} s: "
-        f"{columns}"
-    )
-    screen.print_each(finding.text for finding in imported.findings)
-    screen.print_each(imported.remarks)
-    screen.print(f"log: {path}")
-    screen.print(f"compare it with models: cranectl compare {shlex.quote(str(path))}")
-    screen.write_json(
-        {
-            "log": str(path),
-            "samples": len(run.time_ns),
-            "end_s": run.end_s,
-            "groups": [group.name for group in run.groups],
-            "findings": [finding.to_json() for finding in imported.findings],
-            "remarks": imported.remarks,
-        }
-    )
 
 
 log_command = command.CommandGroup(

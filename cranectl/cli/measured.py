@@ -40,7 +40,8 @@ def compare_measured(
     import numpy as np
 
     from cranectl.log.overlay import Layer, write_overlay
-    from cranectl.measured.replay import default_replay, predict
+    from cranectl.measured.comparison import predict
+    from cranectl.measured.replay import default_replay
     from cranectl.plants.model_files import examine, plant_named
     from cranectl.plants.registry import REFERENCE_PLANT
     from cranectl.support.provenance import provenance

@@ -119,7 +119,7 @@ def _propose(rig_name: str, directory: Path, seed: int, period: float | None) ->
     from cranectl.report.measured import estimates_table
     from cranectl.scenario.load import load_rig
 
-    rig, name, screen = load_rig(rig_name), run_name(Path(rig_name)), Screen()
+    rig, name, screen = load_rig(rig_name), run_name(Path(rig_name).stem), Screen()
     runs = propose_runs(rig, seed=seed, period=period)
     base = Path(relpath(rig_name, directory)).as_posix() if Path(rig_name).is_file() else rig_name
     mapping = directory / f"{name}-map.toml"

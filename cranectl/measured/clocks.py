@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cranectl.measured.mapping import TIMES, ClockMap, MeasuredMap, SignalMap
 from cranectl.scenario import nanoseconds
 from cranectl.scenario.settings import MAX_MEASURED
-from cranectl.support.arrays import Array
+from cranectl.support.arrays import Array, Mask
 from cranectl.support.errors import InputError
 from cranectl.support.tables.columns import TableHead
 
@@ -160,3 +160,14 @@ def check_gaps(name: str, time: Array, largest: float, part: tuple[float, float]
             allowed=f"at most {largest:.4g} s between two readings",
             remedy="choose a part without gaps by from and to, or allow them by max_gap below the clock",
         )
+
+
+def bridged(readings: Array, time: Array) -> Mask:
+    """Return at which `time` (N,) a signal is bridged between readings that are unusually far apart."""
+    steps = np.diff(readings)
+    wide = steps > USUAL_GAPS * float(np.median(steps)) if len(steps) else np.zeros(0, dtype=np.bool_)
+    if not wide.any():
+        return np.zeros(len(time), dtype=np.bool_)
+    rows = np.searchsorted(readings, time, side="right") - 1
+    inside: Mask = wide[rows.clip(0, len(steps) - 1)]
+    return inside

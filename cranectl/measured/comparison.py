@@ -1,15 +1,62 @@
-"""Measured and predicted readings of a run side by side, as means over blocks of samples."""
+"""Measured runs and readings beside predicted ones."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cranectl.measured.experiment import CHANNELS, Experiment, rig_with
+from cranectl.measured.replay import Replay, simulate_replay
+from cranectl.signals import LOAD, RESIDUAL, STATE
+from cranectl.simulate import Run
 from cranectl.support.arrays import Array
+from cranectl.support.errors import InputError
 
+PREDICTED = (STATE, LOAD)  # groups that a predicted run keeps
 BLOCK_SAMPLES = 25  # samples whose mean is compared
 IS_ANGLE = np.array([name in ("alpha", "beta") for name in CHANNELS])
+
+
+def predict(run: Run, plant: str, replay: Replay) -> Run:
+    """Predict a measured run on a plant, driven by its commands or its motion.
+
+    The prediction starts from the first measured state. Where axes and load rest, it starts at rest, since
+    the slope of the first readings is noise. The predicted run has the same times, and the group `residual`:
+    measured minus predicted. Raises InputError if the run lacks angles or commands, or if the plant cannot
+    show the crane.
+    """
+    if not run.has("state"):
+        raise InputError(
+            "the measured run has no angles, so nobody knows how its load swung at the start",
+            allowed="measured runs with positions and angles",
+            remedy="map the columns of both angles, and import the files again",
+        )
+    if replay == "commands" and not run.has("command"):
+        raise InputError(
+            "the measured run has no commands of the drives",
+            allowed="--replay motion",
+            remedy="replay its motion, or map the columns of the commands and import the files again",
+        )
+    experiment = Experiment(run, run.scenario.rig, replay, len(run.time_ns))
+    commands = experiment.resting_commands()
+    predicted = simulate_replay(run, plant, replay, commands=commands, initial=experiment.resting_start())
+    return _with_residual(predicted, run)
+
+
+def _with_residual(predicted: Run, measured: Run) -> Run:
+    """Return a predicted run with what separates it from the measured one, in place of a reference."""
+    rows = len(predicted.time_ns)
+    joints, load = (
+        measured.block(name)[:rows, columns] - predicted.block(name)[:, columns]
+        for name, columns in (("state", slice(0, 10, 2)), ("load", slice(0, 3)))
+    )
+    return replace(
+        predicted,
+        drive=measured.drive,
+        table=np.hstack([*(predicted.block(group.name) for group in PREDICTED), joints, load]),
+        reference=np.zeros((rows, 0)),
+        own_groups=(*PREDICTED, RESIDUAL),
+    )
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from cranectl.measured.assembly import rate_samples
 from cranectl.measured.replay import Replay, measured_motion, simulate_replay
+from cranectl.measured.responses import white_noise
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.similarity import length_scale
@@ -26,6 +28,7 @@ SHORT_SPAN = 0.5  # of the time 1/w of the swing, in which its start is read
 MIN_SLOPE_SAMPLES = 8  # samples from which a slope is read
 REST_SWING = 0.01  # [rad] of a load that counts as at rest; zeros of its sensors included
 STILL_STEPS, STILL_NOISE = 1.5, 4.0  # steps of an encoder and deviations of its noise in readings at rest
+UNSTATED_NOISE = 3.0  # times noise and steps of the rig, from which the noise of the readings counts
 REST_SPEED = 1e-3  # of a drive's speed limit, below which a run begins at rest
 
 
@@ -112,6 +115,7 @@ class Experiment:
         self.readings = state[:, 0::2]
         self.commands = run.block("command")[:, :3] if replay == "commands" else measured_motion(run)
         self.noise = reading_noise(rig)
+        self.still_noise = self._still_noise()
         self.frequency = sqrt(rig.gravity / float(state[0, 4]))
         self.motion = self._first_motion()  # of a run that begins in motion, in words
         self.at_rest = not self.motion
@@ -124,15 +128,39 @@ class Experiment:
         swing_scale = [noise[3], noise[3] * self.frequency, noise[4], noise[4] * self.frequency]
         self.own_scale = np.array([*noise[self.channels], *([] if self.at_rest else swing_scale)])
 
+    def _still_noise(self) -> Array:
+        """Return the noise (5,) of readings at rest: that of the rig, unless the readings have far more."""
+        _, stated = encoders_of(self.rig)
+        seen = np.array([white_noise(readings) for readings in self.readings.T])
+        noise: Array = np.where(seen > UNSTATED_NOISE * self.noise, seen, stated)
+        return noise
+
     def still_samples(self) -> int:
         """Return how many samples pass before the axes are moved, at least one."""
         if self.replay == "commands":
             moving = (self.commands != self.commands[0]).any(axis=1)
         else:
-            steps, noise = encoders_of(self.rig)  # readings of an axis at rest stay within these
-            allowed = STILL_STEPS * steps[:3] + STILL_NOISE * noise[:3]
+            steps, _ = encoders_of(self.rig)  # readings of an axis at rest stay within these
+            allowed = STILL_STEPS * steps[:3] + STILL_NOISE * self.still_noise[:3]
             moving = (np.abs(self.readings[:, :3] - self.readings[0, :3]) > allowed).any(axis=1)
         return max(int(np.argmax(moving)), 1) if moving.any() else len(moving)
+
+    def resting_start(self) -> Array:
+        """Return the first state (10,); at rest the axes are where they rest, and the load hangs still."""
+        start: Array = self.start.copy()
+        if self.at_rest:
+            start[:6:2] = self.readings[: self.still_samples(), :3].mean(axis=0)
+            start[6::2] = 0.0
+        return start
+
+    def resting_commands(self) -> Array:
+        """Return what drives the run; a motion that begins at rest is still until an axis moves."""
+        commands: Array = self.commands
+        if self.at_rest and self.replay == "motion":
+            commands = commands.copy()
+            still = max(self.still_samples() - rate_samples(self.period) // 2, 1)
+            commands[:still] = [*self.resting_start()[:6:2], *np.zeros(6)]
+        return commands
 
     def _first_motion(self) -> str:
         """Return in words what moves at the start, or an empty text at rest."""
@@ -146,7 +174,7 @@ class Experiment:
         if moving:
             return f"an axis moves within the first {first * self.period:.2g} s"
         swing = self._first_swing(min(first, still))
-        noise = STILL_NOISE * float(self.noise[3]) / sqrt(min(first, still))
+        noise = STILL_NOISE * max(float(self.noise[3]), *self.still_noise[3:]) / sqrt(min(first, still))
         return f"its load swings by {degrees(swing):.2g}°" if swing >= REST_SWING + noise else ""
 
     def _first_swing(self, first: int) -> float:

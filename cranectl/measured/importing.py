@@ -1,25 +1,24 @@
-"""Make a run from measured files: read the mapped columns, check them, and bring them to one clock.
+"""Make runs from measured files: read the mapped columns, bring them to one clock, and check them.
 
-The run has the plant `measured`. It has samples at even times from 0 on. Positions and angles are
-interpolated between readings; commands hold their last value. Rates are slopes of cubics that are fitted
-to RATE_SPAN seconds of samples.
+A run has samples at even times from 0 on. Positions and angles are interpolated between readings; commands
+hold their last value.
 """
 
-import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import sqrt
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
-from cranectl.design import ControllerDesign
+from cranectl.measured.assembly import complete, describe_files, empty_table, make_run
 from cranectl.measured.clocks import (
     MIN_ROWS,
     Clock,
     Readings,
+    bridged,
     check_gaps,
     imported_part,
     read_clock,
@@ -28,44 +27,25 @@ from cranectl.measured.clocks import (
 from cranectl.measured.mapping import (
     ANGLES,
     COMMANDS,
-    LOAD,
     POSITIONS,
     ClockMap,
+    LayoutMap,
     MeasuredMap,
     SignalMap,
 )
-from cranectl.measured.plausibility import Finding, check_motion, compare_with_physics
+from cranectl.measured.plausibility import Finding, Verdict, check_motion, check_physics
+from cranectl.measured.responses import Recording
 from cranectl.measured.tables import read_head
-from cranectl.plants.plant import Drive
-from cranectl.plants.registry import PLANTS, PlantEntry
-from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario import NANOSECONDS
 from cranectl.scenario.load import load_rig, rig_place
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.scenario import MeasuredScenario, longest_step
-from cranectl.scenario.settings import parse_settings
-from cranectl.scenario.similarity import length_scale
-from cranectl.signals import STATE, SignalGroup, measured_groups
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
+from cranectl.support.arrays import Array, Mask
 from cranectl.support.errors import InputError
 from cranectl.support.tables.columns import TableHead
 
-MEASURED = PlantEntry(
-    name="measured", label="measured", colour="series-4", where="", batch=0, by_default=False
-)
-UNKNOWN_CONTROLLER = "unknown-controller"  # a log of a crane does not have it
-LAB_STEP = 0.001  # [s] of physics on the laboratory rig
-RATE_SPAN = 0.1  # [s] of samples from which a rate is computed
-RATE_ORDER = 3  # of the polynomials whose slopes are the rates
-MIN_RATE_SAMPLES = 5
-RATES = dict(zip(STATE.names[::2], STATE.names[1::2], strict=True)) | {name: f"{name}_dot" for name in LOAD}
-DRIVES: dict[str | None, Drive] = {
-    None: "ideal",
-    "acceleration": "ideal",
-    "velocity": "velocity",
-    "force": "force",
-}
+MAX_READING = 1e12  # [SI] of any signal
 
 
 @dataclass(frozen=True)
@@ -74,7 +54,44 @@ class Imported:
 
     run: Run
     findings: tuple[Finding, ...]
-    remarks: tuple[str, ...] = ()  # on rows that were sorted
+    contradictions: tuple[str, ...] = ()  # to physics, of a map with check_physics = false
+    remarks: tuple[
+        str, ...
+    ] = ()  # on missing readings, rows that were sorted, and on a log that is of no use
+
+
+class Source(NamedTuple):
+    """Where a log is from."""
+
+    files: tuple[Path, ...]  # in the order of their numbers in the map
+    heads: tuple[TableHead, ...] = ()  # of files that are read already
+    sheet: str = ""  # of a workbook
+
+    @property
+    def label(self) -> str:
+        """The files as people name them."""
+        return ", ".join(map(str, self.files)) + f", sheet {self.sheet}" * bool(self.sheet)
+
+
+class Recorded(NamedTuple):
+    """The signals of one log before they are checked."""
+
+    source: Source
+    mapping: MeasuredMap
+    time_ns: NDArray[np.int64]
+    table: Array
+    columns: dict[str, Array]  # views of `table`
+    groups: tuple[SignalGroup, ...]
+    trusted: Mask  # (N,) False where a gap was bridged
+    remarks: tuple[str, ...]
+    impossible: InputError | None  # the first signal that no crane can have
+
+    @property
+    def recording(self) -> Recording:
+        """The measured signals, as they are checked."""
+        names = (*POSITIONS, *ANGLES, *COMMANDS)
+        columns = {name: self.columns[name] for name in names if name in self.mapping.signals.declared}
+        return Recording(columns, float(self.time_ns[1]) / NANOSECONDS, self.trusted)
 
 
 def import_files(
@@ -86,9 +103,79 @@ def import_files(
     Raises InputError for files that cannot be read, columns that are missing, clocks that do not increase,
     gaps, jumps that the drives cannot make, and a mapping that contradicts physics.
     """
-    _check_files(files, mapping)
+    return import_logs({mapping.name: Source(tuple(files))}, mapping, directory=directory, rig=rig)[0]
+
+
+def sources_of(path: Path, sheets: str | None, layout: LayoutMap) -> list[Source]:
+    """Return a source for each sheet of a workbook that fits the pattern `sheets`, or one for the file.
+
+    Names of columns then have no sheet. The variables of a MATLAB file count as sheets.
+    """
+    if sheets is None:
+        return [Source((path,))]
+    head = read_head(path, layout)
+    if not any("." in name for name in head.names):  # a workbook with one sheet
+        return [Source((path,), (head,))]
+    places = [_split_sheet(name, sheets) for name in head.names]
+    found = dict.fromkeys(sheet for sheet, _ in places if sheet is not None)
+    if not found:
+        raise InputError(
+            f"no sheet of {path} is called '{sheets}'",
+            allowed=", ".join(dict.fromkeys(name.partition(".")[0] for name in head.names)),
+            remedy="correct the pattern of --sheets, in quotes: --sheets 'Run*'",
+        )
+    return [Source((path,), (_sheet_head(head, places, sheet),), sheet) for sheet in found]
+
+
+def _split_sheet(name: str, pattern: str) -> tuple[str | None, str]:
+    """Return the sheet of a column, None if it does not fit the pattern, and its name in that sheet."""
+    parts = name.split(".")
+    for k in range(1, len(parts)):
+        if fnmatchcase(sheet := ".".join(parts[:k]), pattern):
+            return sheet, ".".join(parts[k:])
+    return None, name
+
+
+def _sheet_head(head: TableHead, places: Sequence[tuple[str | None, str]], sheet: str) -> TableHead:
+    """Return the head of one sheet."""
+    columns = [k for k, (other, _) in enumerate(places) if other == sheet]
+    return replace(
+        head,
+        names=tuple(places[k][1] for k in columns),
+        units=tuple(head.unit(k) for k in columns),
+        load=lambda k, is_clock: head.load(columns[k], is_clock),
+    )
+
+
+def import_logs(
+    logs: Mapping[str, Source], mapping: MeasuredMap, *, directory: Path, rig: str | None = None
+) -> list[Imported]:
+    """Return the runs of several logs of one map, by their names; physics judges all of them together.
+
+    Raises InputError as `import_files` does, and for a log that contradicts physics alone.
+    """
     parameters = load_rig(rig or rig_place(mapping.rig, directory))
-    heads = [read_head(path, mapping.layout) for path in files]
+    recorded = [
+        _record(source, mapping.model_copy(update={"name": name}), parameters)
+        for name, source in logs.items()
+    ]
+    recordings = [log.recording for log in recorded]
+    whole = check_physics(recordings, mapping, parameters)
+    alone = [check_physics([r], mapping, parameters) for r in recordings] if len(logs) > 1 else [whole]
+    for log, verdict in zip([None, *recorded], [whole, *alone], strict=True):
+        if mapping.check_physics:
+            verdict.refuse(of="" if log is None or len(logs) == 1 else log.source.label)
+    for log in recorded:
+        if log.impossible is not None:
+            raise log.impossible
+    return [_finished(log, parameters, verdict) for log, verdict in zip(recorded, alone, strict=True)]
+
+
+def _record(source: Source, mapping: MeasuredMap, rig: RigParameters) -> Recorded:
+    """Read the mapped signals of one log, and bring them to one clock."""
+    files = source.files
+    _check_files(files, mapping)
+    heads = source.heads or [read_head(path, mapping.layout) for path in files]
     sources = {name: s for name, s in mapping.signals.declared.items() if s.column is not None}
     clocks: dict[tuple[int, ClockMap], Clock] = {}
     for signal in sources.values():
@@ -97,71 +184,48 @@ def import_files(
             clocks[key] = read_clock(heads[signal.file - 1], key[1], signal, str(path))
     begin, end = imported_part(sources, clocks, mapping)
     time_ns = sample_times((begin, end), next(iter(clocks.values())).period_ns, mapping)
-    period_ns = int(time_ns[1])
     time = begin + time_ns / NANOSECONDS
-    table, columns, groups = _empty_table(mapping, len(time))
-    for (
-        name,
-        signal,
-    ) in mapping.signals.declared.items():  # one after the other: all readings take as much memory as the run
+    table, columns, groups = empty_table(mapping, len(time))
+    trusted, impossible = np.ones(len(time), dtype=np.bool_), None
+    remarks = [*dict.fromkeys(clock.remark for clock in clocks.values() if clock.remark)]
+    for name, signal in mapping.signals.declared.items():  # in turn: all readings take as much memory again
         unit = mapping.units(name)[signal.unit]
         if signal.value is not None:
             columns[name][:] = signal.convert(signal.value, unit)
             continue
         clock = clocks[signal.file, mapping.clock(signal)]
         where, head = str(files[signal.file - 1]), heads[signal.file - 1]
-        readings = _read(name, signal, unit, head, clock=clock, where=where)
+        readings, remark = _read(name, signal, unit, head, clock=clock, where=where)
         first, last = np.searchsorted(readings.time, [begin, end], side="right")
         part = slice(max(int(first) - 1, 0), int(last) + 1)  # with the readings just before and after it
         readings = Readings(readings.time[part], readings.values[part])
+        _check_sizes(name, readings, where)
         check_gaps(name, readings.time, clock.largest_gap, (begin, end), where)
-        check_motion(name, *readings, parameters)
+        try:
+            check_motion(name, *readings, rig)
+        except InputError as error:
+            impossible = impossible or error
         columns[name][:] = _resampled(name, readings, time)
+        trusted &= ~bridged(readings.time, time)
+        remarks += [remark] if remark else []
         del clock, readings
-    remarks = tuple(dict.fromkeys(clock.remark for clock in clocks.values() if clock.remark))
-    del clocks, time
-    findings: tuple[Finding, ...] = ()
-    if ANGLES[0] in columns:
-        findings = compare_with_physics(columns, period_ns / NANOSECONDS, parameters.gravity)
-        if mapping.check_physics:
-            for finding in findings:
-                finding.refuse()
-    _complete(columns, mapping, period_ns / NANOSECONDS)
-    description = describe_files(files, mapping)
-    run = _run(table, groups, time_ns, mapping=mapping, rig=parameters, description=description)
-    return Imported(run, findings, remarks)
+    return Recorded(source, mapping, time_ns, table, columns, groups, trusted, tuple(remarks), impossible)
 
 
-def assemble_run(
-    signals: Mapping[str, Array], mapping: MeasuredMap, rig: RigParameters, period_ns: int
-) -> Run:
-    """Return the run that an import of a file with `signals` gives, each (N,) in SI units at even times."""
-    time_ns = period_ns * np.arange(len(next(iter(signals.values()))), dtype=np.int64)
-    table, columns, groups = _empty_table(mapping, len(time_ns))
-    for name, values in signals.items():
-        columns[name][:] = values
-    _complete(columns, mapping, period_ns / NANOSECONDS)
-    return _run(table, groups, time_ns, mapping=mapping, rig=rig, description="known signals")
-
-
-def _empty_table(mapping: MeasuredMap, rows: int) -> tuple[Array, dict[str, Array], tuple[SignalGroup, ...]]:
-    """Return a table for all signals of the run, its columns (views) by name, and their groups."""
-    declared = mapping.signals.declared
-    has_angles, has_load = ANGLES[0] in declared, LOAD[0] in declared
-    groups = measured_groups(mapping.commands or "", angles=has_angles, load=has_angles or has_load)
-    names = [name for group in groups for name in group.names]
-    table = np.empty((rows, len(names)), order="F")  # signals are computed one after the other
-    return table, dict(zip(names, table.T, strict=True)), groups
-
-
-def _complete(columns: Mapping[str, Array], mapping: MeasuredMap, period: float) -> None:
-    """Compute the load from the joints, unless it was measured, and the rates of all positions."""
-    declared = mapping.signals.declared
-    if ANGLES[0] in declared and LOAD[0] not in declared:
-        _put_load(columns)
-    for name, rate in RATES.items():
-        if name in columns:
-            columns[rate][:] = _slopes(columns[name], period)
+def _finished(log: Recorded, rig: RigParameters, verdict: Verdict) -> Imported:
+    """Return the run of a log that was checked."""
+    period, sheet = float(log.time_ns[1]) / NANOSECONDS, log.source.sheet
+    complete(log.columns, log.mapping, period)
+    run = make_run(
+        log.table,
+        log.groups,
+        log.time_ns,
+        mapping=log.mapping,
+        rig=rig,
+        description=describe_files(log.source.files, log.mapping) + f"\nsheet: {sheet}" * bool(sheet),
+    )
+    useless = (verdict.useless,) if verdict.useless else ()
+    return Imported(run, verdict.findings, verdict.contradictions, (*log.remarks, *useless))
 
 
 def _check_files(files: Sequence[Path], mapping: MeasuredMap) -> None:
@@ -183,8 +247,8 @@ def _check_files(files: Sequence[Path], mapping: MeasuredMap) -> None:
 
 def _read(
     name: str, signal: SignalMap, unit: float, head: TableHead, *, clock: Clock, where: str
-) -> Readings:
-    """Return the readings of a signal in SI units, without missing ones."""
+) -> tuple[Readings, str]:
+    """Return the readings of a signal in SI units, without missing ones, and a remark on those."""
     assert signal.column is not None
     values = head.read(head.column(signal.column, where)).values
     if len(values) != clock.rows:
@@ -196,7 +260,13 @@ def _read(
     values = values[clock.kept]
     known = np.isfinite(values)
     time = clock.time - signal.delay if signal.delay else clock.time
+    remark = ""
     if not known.all():
+        first = int(np.argmin(known))
+        remark = (
+            f"{int((~known).sum())} of {len(known)} readings of {name} are no numbers and left out, the "
+            f"first ({values[first]:g}) at {time[first]:.6g} s"
+        )
         time, values = time[known], values[known]
     if len(values) < MIN_ROWS:
         raise InputError(
@@ -204,7 +274,18 @@ def _read(
             allowed=f"at least {MIN_ROWS} numbers",
             remedy=f"map another column, or leave out signals.{name}",
         )
-    return Readings(time, signal.convert(values, unit))
+    return Readings(time, signal.convert(values, unit)), remark
+
+
+def _check_sizes(name: str, readings: Readings, where: str) -> None:
+    """Raise InputError for readings that no measuring system means, such as 1e308 for "unknown"."""
+    largest = int(np.argmax(np.abs(readings.values)))
+    if abs(readings.values[largest]) > MAX_READING:
+        raise InputError(
+            f"{where}: {name} is {readings.values[largest]:.4g}, at {readings.time[largest]:.6g} s",
+            allowed=f"readings up to {MAX_READING:g} in SI units",
+            remedy="correct or empty that cell, or leave it out by from and to",
+        )
 
 
 def _resampled(name: str, reading: Readings, time: Array) -> Array:
@@ -215,81 +296,3 @@ def _resampled(name: str, reading: Readings, time: Array) -> Array:
     rows = np.searchsorted(reading.time, time + rounding, side="right") - 1
     last: Array = reading.values[rows.clip(0)]
     return last
-
-
-def rate_samples(period: float) -> int:
-    """Return the odd number of samples to which a cubic is fitted for a slope."""
-    return max(MIN_RATE_SAMPLES, round(RATE_SPAN / period)) // 2 * 2 + 1
-
-
-def _slopes(values: Array, period: float) -> Array:
-    """Return the rate of a signal (N,) as the slope of cubics fitted around each sample."""
-    samples = rate_samples(period)
-    slopes: Array = (
-        np.gradient(values, period)
-        if len(values) < samples
-        else savgol_filter(values, samples, polyorder=RATE_ORDER, deriv=1, delta=period)
-    )
-    return slopes
-
-
-def _run(
-    table: Array,
-    groups: tuple[SignalGroup, ...],
-    time_ns: NDArray[np.int64],
-    *,
-    mapping: MeasuredMap,
-    rig: RigParameters,
-    description: str,
-) -> Run:
-    PLANTS.remember(MEASURED)
-    return Run(
-        scenario=_scenario(mapping, rig, time_ns, table),
-        design=ControllerDesign(UNKNOWN_CONTROLLER),
-        plant=MEASURED.name,
-        drive=DRIVES[mapping.commands],
-        model=description,
-        time_ns=time_ns,
-        table=table,
-        reference=np.zeros((len(time_ns), 0)),
-        status=RunStatus.COMPLETED,
-        end_ns=int(time_ns[-1]),
-        own_groups=groups,
-    )
-
-
-def _put_load(columns: Mapping[str, Array]) -> None:
-    """Compute the columns of the load from those of the joints."""
-    x, y, rope, alpha, beta = (columns[name] for name in (*POSITIONS, *ANGLES))
-    lateral = rope * np.cos(beta)
-    np.add(x, rope * np.sin(beta), out=columns["load_x"])
-    np.add(y, lateral * np.sin(alpha), out=columns["load_y"])
-    np.multiply(-lateral, np.cos(alpha), out=columns["load_z"])
-
-
-def _scenario(mapping: MeasuredMap, rig: RigParameters, time_ns: NDArray[np.int64], table: Array) -> Scenario:
-    """Return what is known of a measured run in the words of a scenario."""
-    period = float(time_ns[1]) / NANOSECONDS
-    x, y, rope = table[0, :5:2].tolist()
-    step = LAB_STEP * sqrt(length_scale(rig.rope_range[1]))  # drives and swing of a larger crane are slower
-    settings = {
-        "name": mapping.name,
-        "title": mapping.title,
-        "duration": float(time_ns[-1]) / NANOSECONDS,
-        "reference": {"start": [x, y, -abs(rope)]},
-        "control": {"period": period, "physics_step": longest_step(period, step)},
-        "workspace": {"on_exit": "record"},
-        "log": {"every": 1},
-        "rig": rig.model_dump(mode="json"),
-    }
-    return parse_settings(MeasuredScenario, settings, "the measured run")
-
-
-def describe_files(files: Sequence[Path], mapping: MeasuredMap) -> str:
-    """Return where a measured run is from: the files with their digests, and the map."""
-    digests = []
-    for path in files:
-        with path.open("rb") as stream:
-            digests.append(f"{path.name} (SHA-256 {hashlib.file_digest(stream, 'sha256').hexdigest()})")
-    texts = mapping.model_dump_json(exclude_defaults=True, by_alias=True)
-    return f"measured: {', '.join(digests)}\nmap: {texts}"

@@ -1,42 +1,39 @@
-"""Check measured signals against physics: the drives limit speeds, and the rope answers its pivot.
+"""Check the signals of a map against physics, over all logs of the map together.
 
-The load's horizontal position s = x + l n obeys s'' = -(g + z'') tan(angle), where n is the rope's direction
-and z the load's height. Both sides are filtered alike, by a band around the pendulum's frequency, so that no
-measured signal is differentiated:
-
-    F(x'') = -gain · (F((l n)'') + (g + F(z'')) F(tan(angle)))
-
-A right mapping has gain = 1. The sign of the gain tells an inverted angle or axis, its size tells degrees
-from radians, and the residual tells which angle belongs to which axis.
+Each angle answers its axis, and each axis its command. `responses` computes how, `mistakes` finds which
+mistake in the map explains what does not fit. An answer that is late has a clock that is late.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from math import degrees, pi, sqrt
+from dataclasses import dataclass
+from math import pi
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
-from cranectl.measured.mapping import MIN_ROPE
+from cranectl.measured.correlation import Response
+from cranectl.measured.mapping import ANGLES, COMMANDS, MIN_ROPE, POSITIONS, MeasuredMap
+from cranectl.measured.mistakes import Columns, Search
+from cranectl.measured.responses import MAX_LATENESS, Pair, Recording, Responses
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 FAST = 3.0  # times the drive's speed limit at which a jump is refused
 STEPS_PER_JUMP = 3.0  # steps of an encoder that a reading may jump at any speed
-PAIRS = {"beta": "bridge_position", "alpha": "trolley_position"}
-CLEAR = 0.8  # correlation above which an explanation counts
-CLOSE = 0.4  # residual below which two swapped angles explain the motion
-SAMPLES_PER_SWING = 40.0  # in the time 1/w of the pendulum, of signals that have more
-MIN_CORRELATION_GAIN = 0.01  # of the correlation, from which a delay is reported
+MIN_LATENESS = 0.03  # of the time 1/w of the pendulum, from which an answer counts as late
+LATE_SHARE = 0.5  # of the disagreement that may remain without the delay
+LATE_CLEAR = 0.95  # correlation from which an answer is refused as late
+NO_ANSWER = 0.5  # correlation below which a signal does not answer
 LARGE_MEAN = 0.01  # [rad] of an angle, from which its zero is questioned
-MIN_SWING = 1e-6  # [rad] rms of an angle below which nothing is concluded
+DELAYS, DELAY_ROUNDS = 11, 3  # that are tried, each round between the neighbours of the best
+SHOWN_DELAY = 1e-3  # [s]
+MAX_MISTAKES = 4  # in one message
 
 
 def check_motion(name: str, time: Array, values: Array, rig: RigParameters) -> None:
     """Raise InputError for positions that jump faster than drives can move, and for impossible angles."""
-    if name in PAIRS:
+    if name in ANGLES:
         largest = float(np.abs(values).max())
         if largest >= 0.5 * pi:
             raise InputError(
@@ -45,10 +42,9 @@ def check_motion(name: str, time: Array, values: Array, rig: RigParameters) -> N
                 remedy=f"write signals.{name}.unit = 'deg' if the readings are degrees, or set zero or scale",
             )
         return
-    axes = ("bridge_position", "trolley_position", "rope_length")
-    if name not in axes or len(values) < 2:
+    if name not in POSITIONS or len(values) < 2:
         return
-    limit = FAST * float(rig.effects.limits.velocity[axes.index(name)])
+    limit = FAST * float(rig.effects.limits.velocity[POSITIONS.index(name)])
     # Two time stamps may be closer than the two readings were taken.
     steps, times = np.abs(np.diff(values)), np.diff(time).clip(min=float(np.median(np.diff(time))))
     moving = steps[steps > 0.0]
@@ -73,155 +69,149 @@ def check_motion(name: str, time: Array, values: Array, rig: RigParameters) -> N
 
 @dataclass(frozen=True)
 class Finding:
-    """What physics says of one angle."""
+    """How one signal answers another, or what contradicts physics."""
 
-    angle: str
-    axis: str
-    correlation: float  # of both sides, from 0 to 1; NaN if the crane hardly swings
+    signal: str
+    cause: str
+    correlation: float  # of both, from -1 to 1; NaN if one of them hardly moves
     gain: float  # 1 for a right mapping
-    delay: float  # [s] by which the angle seems to be late
-    mean: float  # [rad] of the angle; a load that comes to rest hangs at 0
-    contradiction: str = ""  # what is wrong
-    remedy: str = ""
+    delay: float  # [s] by which the answer is late
+    mean: float = 0.0  # [rad] of an angle; a load that comes to rest hangs at 0
 
     @property
     def text(self) -> str:
         """The finding as a sentence."""
         if np.isnan(self.correlation):
-            return f"{self.angle} hardly moves, so nothing is known of its mapping"
+            return f"{self.signal} or {self.cause} hardly moves, so nothing is known of their mapping"
         offset = f"; its mean is {self.mean:.3g} rad: is its zero right?" * (abs(self.mean) > LARGE_MEAN)
-        late = f", {self.delay:.3g} s late: delay = {self.delay:.3g}" if self.delay else ""
+        if abs(self.correlation) < NO_ANSWER:
+            return f"{self.signal} does not answer {self.cause}: correlation {self.correlation:.2f}{offset}"
+        sign = "; a negative gain: is one of both signs inverted?" * (self.gain < 0.0)
+        late = f", {self.delay:.3g} s late" if abs(self.delay) >= SHOWN_DELAY else ""
         return (
-            f"{self.angle} answers the motion of {self.axis} with correlation {self.correlation:.2f} and "
-            f"gain {self.gain:.3g} (1 and 1 for exact readings; less with noise, or a rope read too long)"
-            f"{late}{offset}"
+            f"{self.signal} answers {self.cause} with correlation {self.correlation:.2f} and "
+            f"gain {self.gain:.3g} (1 and 1 for exact readings){late}{sign}{offset}"
         )
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data; numbers that are not known are null."""
         return {name: None if value != value else value for name, value in vars(self).items()}
 
-    def refuse(self) -> None:
-        """Raise InputError if the mapping contradicts physics."""
-        if self.contradiction:
+
+@dataclass(frozen=True)
+class Verdict:
+    """What physics says of a map."""
+
+    findings: tuple[Finding, ...]
+    contradictions: tuple[str, ...] = ()  # what is wrong
+    remedies: tuple[str, ...] = ()  # what to write in the map
+    useless: str = ""  # why nothing could be checked, or nothing answers
+
+    def refuse(self, of: str = "") -> None:
+        """Raise InputError if the map contradicts physics, in the file `of` if not in all together."""
+        if self.contradictions:
             raise InputError(
-                f"the mapping contradicts physics: {self.contradiction}",
-                allowed="a rope that swings back against the acceleration of its pivot",
-                remedy=f"{self.remedy}; or accept the files by check_physics = false in the map",
+                f"{of}{': ' * bool(of)}the map contradicts physics: {'; '.join(self.contradictions)}",
+                allowed="a rope that swings back against the acceleration of its pivot, and axes that follow "
+                "their commands",
+                remedy=f"{'; '.join(self.remedies)}; or accept the files by check_physics = false in the map",
             )
 
 
-def compare_with_physics(columns: Mapping[str, Array], period: float, gravity: float) -> tuple[Finding, ...]:
-    """Return a finding for each angle of the measured `columns`, sampled with `period` [s]."""
-    frequency = sqrt(gravity / float(np.median(columns["rope_length"])))
-    step = max(int(1.0 / (SAMPLES_PER_SWING * frequency * period)), 1)
-    columns, period = {name: column[::step] for name, column in columns.items()}, step * period
-    rope, band = columns["rope_length"], _Band(frequency, period)
-    angles = {name: np.clip(columns[name], -1.2, 1.2) for name in PAIRS}
-
-    def fitted(alpha: str, beta: str) -> list[tuple[Finding, float]]:
-        """Return how these angles answer the trolley and the bridge, if the rope has them in this order."""
-        a, b = angles[alpha], angles[beta]
-        fall = gravity - band.second(rope * np.cos(a) * np.cos(b))
-        answers = {
-            beta: (PAIRS["beta"], rope * np.sin(b), np.tan(b) / np.cos(a)),
-            alpha: (PAIRS["alpha"], rope * np.cos(b) * np.sin(a), np.tan(a)),
-        }
-        return [
-            _fit(angle, axis, columns, band, -(band.second(beside) + fall * band.plain(slope)))
-            for angle, (axis, beside, slope) in answers.items()
-        ]
-
-    fits, crossed = fitted("alpha", "beta"), fitted("beta", "alpha")
-    if _largest_residual(crossed) < min(CLOSE, 0.5 * _largest_residual(fits)):
-        why = "alpha answers the bridge, and beta the trolley: the columns of the two angles are swapped"
-        return tuple(_contradicting(f, why, "exchange signals.alpha and signals.beta") for f, _ in fits)
-    return tuple(_judged(finding) for finding, _ in fits)
+def check_physics(recordings: Sequence[Recording], mapping: MeasuredMap, rig: RigParameters) -> Verdict:
+    """Judge a map by the signals of its logs: signs, factors, exchanged columns and delays."""
+    responses = Responses(recordings, rig, mapping.commands)
+    search = Search(responses, mapping)
+    columns: Columns = responses.columns
+    judged = search.judge(columns)
+    findings = tuple(_finding(pair, response, responses) for pair, response in judged.responses.items())
+    causes = {pair.answer: pair.cause for pair in reversed(responses.pairs)}
+    contradictions, remedies = [], []
+    for _ in range(MAX_MISTAKES):
+        alike, judged, columns = search.best(columns, judged)
+        if not alike:
+            break
+        contradictions.append(" or ".join(mistake.found(causes) for mistake in alike))
+        remedies.append(_either([mistake.remedies(mapping) for mistake in alike]))
+    if not contradictions:
+        for name, delay in _late_signals(responses, judged.responses).items():
+            own = mapping.signals.declared[name].delay
+            contradictions.append(f"{name} is {delay:.3g} s late")
+            remedies.append(f"write signals.{name}.delay = {own + delay:.3g}")
+    return Verdict(findings, tuple(contradictions), tuple(remedies), _useless(findings))
 
 
-def _fit(
-    angle: str, axis: str, columns: Mapping[str, Array], band: "_Band", answer: Array
-) -> tuple[Finding, float]:
-    """Return how `answer` fits an axis's acceleration, and the residual as a share of it, NaN at rest."""
-    pivot, mean = band.second(columns[axis]), float(columns[angle].mean())
-    settled = min(round(3.0 / band.frequency / band.period), len(pivot) // 4)
-    pivot, answer = pivot[settled:], answer[settled:]
-    if float(np.std(columns[angle])) < MIN_SWING or not pivot.any():
-        return Finding(angle, axis, np.nan, np.nan, 0.0, mean), np.nan
-    late = _best_shift(pivot, answer, round(1.0 / band.frequency / band.period))
-    shifted = pivot[: len(pivot) - late], answer[late:]
-    if abs(_correlation(*shifted)) > abs(_correlation(pivot, answer)) + MIN_CORRELATION_GAIN:
-        pivot, answer = shifted
-    else:
-        late = 0
-    residual = sqrt(float(np.square(pivot - answer).sum() / np.square(pivot).sum()))
-    gain = float(pivot @ answer) / max(float(answer @ answer), 1e-300)
-    return Finding(angle, axis, abs(_correlation(pivot, answer)), gain, late * band.period, mean), residual
+def _either(texts: Sequence[Sequence[str]]) -> str:
+    """Return the remedies of mistakes that explain the signals alike."""
+    return ", or ".join(" and ".join(text) for text in texts)
 
 
-def _largest_residual(fits: Sequence[tuple[Finding, float]]) -> float:
-    """Return the larger residual of both angles; infinite if both hardly move."""
-    return max((residual for _, residual in fits if not np.isnan(residual)), default=np.inf)
+def _finding(pair: Pair, response: Response, responses: Responses) -> Finding:
+    mean = 0.0
+    if pair.answer in ANGLES:
+        mean = float(np.mean(np.concatenate([c[pair.answer] for c in responses.columns])))
+    if not (responses.moves(pair.answer) and responses.moves(pair.cause)):
+        return Finding(pair.answer, pair.cause, np.nan, np.nan, 0.0, mean)
+    return Finding(pair.answer, pair.cause, response.correlation, response.gain, response.delay, mean)
 
 
-@dataclass(frozen=True)
-class _Band:
-    """Filter signals by (2 w / (s + 2 w))^3, plain or differentiated twice."""
-
-    frequency: float  # w [rad/s]
-    period: float  # [s]
-
-    @property
-    def _pole(self) -> float:
-        return float(np.exp(-2.0 * self.frequency * self.period))
-
-    def _lag(self, values: Array) -> Array:
-        filtered: Array = lfilter([1.0 - self._pole], [1.0, -self._pole], values - values[0])
-        return filtered
-
-    def plain(self, values: Array) -> Array:
-        """Return the filtered signal, without its mean."""
-        filtered: Array = self._lag(self._lag(self._lag(values)))
-        return filtered - float(filtered.mean())
-
-    def second(self, values: Array) -> Array:
-        """Return the filtered second derivative; input minus output of a lag is proportional to a rate."""
-        once = values - values[0] - self._lag(values)
-        twice: Array = self._lag(once - self._lag(once))
-        twice *= ((1.0 / self._pole - 1.0) / self.period) ** 2
-        return twice
-
-
-def _correlation(a: Array, b: Array) -> float:
-    return float(a @ b / max(sqrt(float(a @ a) * float(b @ b)), 1e-300))
-
-
-def _best_shift(pivot: Array, answer: Array, max_shift: int) -> int:
-    """Return by how many samples `answer` is late, up to `max_shift`."""
-    step = max(max_shift // 50, 1)
-    shifts = range(0, min(max_shift, len(pivot) // 4) + 1, step)
-    return max(shifts, key=lambda k: abs(_correlation(pivot[: len(pivot) - k], answer[k:])))
-
-
-def _judged(finding: Finding) -> Finding:
-    """Return a finding with what contradicts physics in it."""
-    angle, axis = finding.angle, finding.axis
-    if not finding.correlation > CLEAR:
-        return finding
-    size = abs(finding.gain)
-    if 0.5 < size * degrees(1.0) < 2.0:  # a small gain: the angle is too large
-        why = (
-            f"{angle} is {1.0 / size:.3g} times too large for the motion of {axis}: degrees taken for radians"
+def _useless(findings: Sequence[Finding]) -> str:
+    """Return why the map could not be checked, or an empty text."""
+    if not findings:
+        return "nothing was checked: the map has neither angles nor commands"
+    moving = [finding for finding in findings if not np.isnan(finding.correlation)]
+    if not moving:
+        return "this log is of no use: no signal moves together with another, so nothing was checked"
+    if all(abs(finding.correlation) < NO_ANSWER for finding in moving):
+        best = max(moving, key=lambda finding: abs(finding.correlation))
+        return (
+            f"this log is of no use: no signal answers another; the best correlation is "
+            f"{best.correlation:.2f}, of {best.signal} and {best.cause}"
         )
-        return _contradicting(finding, why, f"write signals.{angle}.unit = 'deg'")
-    if 0.5 < size / degrees(1.0) < 2.0:
-        why = f"{angle} is {size:.3g} times too small for the motion of {axis}: radians taken for degrees"
-        return _contradicting(finding, why, f"write signals.{angle}.unit = 'rad'")
-    if finding.gain < 0.0:
-        why = f"{angle} swings the wrong way for the motion of {axis}: one of both signs is inverted"
-        return _contradicting(finding, why, f"write sign = -1 in signals.{angle}, or in signals.{axis}")
-    return finding
+    return ""
 
 
-def _contradicting(finding: Finding, why: str, remedy: str) -> Finding:
-    return replace(finding, contradiction=why, remedy=remedy)
+def _late_signals(responses: Responses, judged: Mapping[Pair, Response]) -> dict[str, float]:
+    """Return the signals whose clock is late, and by how much [s].
+
+    A rope cannot answer before its pivot moves, and no axis before its command. So an answer that is early
+    tells of a cause that is late. A drive may be late itself, by the rig's time constant if that is known.
+    """
+    late: dict[str, float] = {}
+    least = MIN_LATENESS / responses.frequency
+    for pair, response in judged.items():
+        is_drive = pair.cause in COMMANDS
+        is_late_drive = is_drive and response.delay > 0.0
+        if response.correlation < LATE_CLEAR or abs(response.delay) < 0.25 * least or is_late_drive:
+            continue
+        names = (pair.cause,) if is_drive else (pair.answer, pair.cause)
+        rest, delay, name = min((*_fitted_delay(responses, pair, name), name) for name in names)
+        if delay > least and rest < LATE_SHARE * (1.0 - response.at_once):
+            late.setdefault(name, delay + (responses.drive_lag(name) if is_drive else 0.0))
+    return late
+
+
+def _fitted_delay(responses: Responses, pair: Pair, name: str) -> tuple[float, float]:
+    """Return the disagreement of a pair if one of its signals is late, and by how much that is [s]."""
+
+    def disagreement(delay: float) -> float:
+        columns = [
+            {**c, name: _shifted(c[name], delay / period)}
+            for c, period in zip(responses.columns, responses.periods, strict=True)
+        ]
+        return 1.0 - responses.response(pair, columns).at_once
+
+    low, high = 0.0, MAX_LATENESS / responses.frequency
+    for _ in range(DELAY_ROUNDS):
+        delays = np.linspace(low, high, DELAYS)
+        values = [disagreement(float(delay)) for delay in delays]
+        best = int(np.argmin(values))
+        low, high = float(delays[max(best - 1, 0)]), float(delays[min(best + 1, DELAYS - 1)])
+    return values[best], float(delays[best])
+
+
+def _shifted(values: Array, samples: float) -> Array:
+    """Return a signal earlier by so many samples."""
+    rows = np.arange(len(values), dtype=np.float64)
+    shifted: Array = np.interp(rows + samples, rows, values)
+    return shifted

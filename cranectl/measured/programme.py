@@ -10,9 +10,9 @@ from math import pi, sqrt
 
 import numpy as np
 
+from cranectl.measured.assembly import assemble_run
 from cranectl.measured.experiment import CHANNELS, Experiment, unknowns_of
 from cranectl.measured.identification import MAX_READINGS, Estimate, LeastSquares
-from cranectl.measured.importing import assemble_run
 from cranectl.measured.mapping import ANGLES, COMMANDS, POSITIONS, MeasuredMap
 from cranectl.scenario import NANOSECONDS, nanoseconds
 from cranectl.scenario.rig import RigParameters

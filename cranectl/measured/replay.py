@@ -2,54 +2,30 @@
 
 `commands` gives the measured commands to the plant's drives of the same kind. `motion` moves bridge, trolley
 and rope as measured, with ideal drives, so that only the swing of the load is predicted. Both start from the
-first measured state.
+first measured state, or at rest.
 """
 
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from scipy.signal import savgol_filter
 
 from cranectl.controllers.repeated import MEASURED_MOTION, repeated_commands
-from cranectl.measured.importing import RATE_ORDER, rate_samples
+from cranectl.measured.assembly import RATE_ORDER, rate_samples
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import LOAD, REFERENCE, RESIDUAL, STATE
+from cranectl.signals import REFERENCE
 from cranectl.simulate import Plan, Run, simulate_run
 from cranectl.simulate.stepping import prepare_repetition
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 Replay = Literal["commands", "motion"]
-PREDICTED = (STATE, LOAD)  # groups that a predicted run keeps
 
 
 def default_replay(run: Run) -> Replay:
     """Return how a measured run is replayed if nobody chooses: by its commands, if it has them."""
     return "commands" if run.has("command") else "motion"
-
-
-def predict(run: Run, plant: str, replay: Replay) -> Run:
-    """Predict a measured run on a plant, driven by its commands or its motion.
-
-    The predicted run has the same times, and the group `residual`: measured minus predicted. Raises
-    InputError if the run lacks angles or commands, or if the plant cannot show the crane.
-    """
-    if not run.has("state"):
-        raise InputError(
-            "the measured run has no angles, so nobody knows how its load swung at the start",
-            allowed="measured runs with positions and angles",
-            remedy="map the columns of both angles, and import the files again",
-        )
-    if replay == "commands" and not run.has("command"):
-        raise InputError(
-            "the measured run has no commands of the drives",
-            allowed="--replay motion",
-            remedy="replay its motion, or map the columns of the commands and import the files again",
-        )
-    predicted = simulate_replay(run, plant, replay)
-    return _with_residual(predicted, run)
 
 
 def simulate_replay(
@@ -105,19 +81,3 @@ def measured_motion(run: Run) -> Array:
         for order in range(3)
     ]
     return np.hstack(smooth)
-
-
-def _with_residual(predicted: Run, measured: Run) -> Run:
-    """Return a predicted run with what separates it from the measured one, in place of a reference."""
-    rows = len(predicted.time_ns)
-    joints, load = (
-        measured.block(name)[:rows, columns] - predicted.block(name)[:, columns]
-        for name, columns in (("state", slice(0, 10, 2)), ("load", slice(0, 3)))
-    )
-    return replace(
-        predicted,
-        drive=measured.drive,
-        table=np.hstack([*(predicted.block(group.name) for group in PREDICTED), joints, load]),
-        reference=np.zeros((rows, 0)),
-        own_groups=(*PREDICTED, RESIDUAL),
-    )

@@ -71,7 +71,7 @@ def suggest_map(path: Path) -> str:
         "# Fill in ???, and check the rest. A signal that does not change has a value in place of a column:",
         '# trolley_position = {value = 0.0, unit = "m"}. Further keys of a signal are sign, scale, delay,',
         "# zero (the reading at which it is zero) and file (its number on the command line).",
-        f'name = "{run_name(path)}"',
+        f'name = "{run_name(path.stem)}"',
         'rig = "lab-rig"  # name or file of the crane',
         "# from = 0.0",
         "# to = 10.0",
@@ -162,7 +162,7 @@ def _key(names: Sequence[str], index: int) -> str:
     return f'"{name}"' if plain else str(index + 1)
 
 
-def run_name(path: Path) -> str:
-    """Return a valid name of runs that belong to the file at `path`."""
-    name = re.sub(r"[^a-z0-9]+", "-", path.stem.lower()).strip("-")
+def run_name(stem: str) -> str:
+    """Return a valid name of runs that belong to a file with the name `stem`, without its ending."""
+    name = re.sub(r"[^a-z0-9]+", "-", stem.lower()).strip("-")
     return name or "measured"

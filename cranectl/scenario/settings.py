@@ -141,7 +141,8 @@ def _explain(
     if details["type"] == "extra_forbidden":
         key = str(location[-1])
         parent = _model_at(model, location[:-1])
-        known = list(parent.model_fields if parent is not None else ())
+        fields = parent.model_fields if parent is not None else {}
+        known = [field.alias or name for name, field in fields.items()]
         remedy = did_you_mean(key, known) or f"remove '{where}'"
         return f"unknown key '{where}'", ", ".join(known), remedy
     if details["type"] == "missing":

@@ -144,7 +144,7 @@ def plain(folder: Path) -> Imported:
 def check(result: Imported, error: float) -> None:
     assert result.run.end_s > 9.7
     assert largest_error(result.run) < error
-    assert not any(finding.contradiction for finding in result.findings)
+    assert not result.contradictions
 
 
 def test_two_files_with_two_clocks_are_read(tmp_path: Path) -> None:

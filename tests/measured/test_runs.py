@@ -14,7 +14,8 @@ from cranectl.compare.runs import compare_runs
 from cranectl.log.reader import read_log
 from cranectl.log.scene import MAX_FRAMES, MAX_TRAILS, scene_streams
 from cranectl.log.writer import write_log
-from cranectl.measured.replay import Replay, default_replay, predict
+from cranectl.measured.comparison import predict
+from cranectl.measured.replay import Replay, default_replay
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
@@ -269,3 +270,21 @@ def test_a_suggested_map_is_complete_but_for_its_units(folder: Path, tmp_path: P
     again = cranectl("new", "map", folder / "a.csv", "--in", tmp_path)
     assert again.exit_code == 2
     assert "exists" in again.output
+
+
+@pytest.mark.parametrize("begins", [0.0, 0.3])
+@pytest.mark.parametrize("replay", ["motion", "commands"])
+def test_a_noisy_run_that_rests_at_first_is_predicted_from_rest(
+    replay: Replay, begins: float, tmp_path: Path
+) -> None:
+    """The slope of the first readings is noise: it swung the predicted load by 40 mm."""
+    rng, table = np.random.default_rng(2), {}
+    for name, values in columns().items():
+        noise = {"x": 2e-4, "y": 2e-4, "l": 2e-4, "alpha": 1e-3, "beta": 1e-3}.get(name, 0.0)
+        held = np.r_[np.full(400, values[0]), values]
+        table[name] = held + noise * rng.standard_normal(len(held))
+    table["t"] = 0.005 * np.arange(len(table["x"]))
+    settings = mapping(COMMANDS, commands="velocity", **{"from": begins})
+    run = imported(write_csv(tmp_path / "a.csv", table), mapping=settings).run
+    residual = predict(run, "mujoco", replay).block("residual")
+    assert np.linalg.norm(residual[:, 5:], axis=1).max() < 0.008, "noise of 1 mrad below 1 m, five-fold"
