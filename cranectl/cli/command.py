@@ -159,16 +159,17 @@ class Count(click.IntRange):
 
     def __init__(self, highest: int, *, lowest: int = 1) -> None:
         super().__init__(lowest, highest)
+        self.lowest, self.highest = lowest, highest
 
     def convert(self, value: Any, parameter: Any, context: click.Context | None) -> int:
         """Return the number; raise InputError if it is out of the range."""
         number: int = click.INT.convert(value, parameter, context)
-        if self.min <= number <= self.max or (context is not None and context.resilient_parsing):
+        if self.lowest <= number <= self.highest or (context is not None and context.resilient_parsing):
             return number
         option = parameter.opts[0]
         raise InputError(
             f"{option} {printable(str(number), longest=40)}",
-            allowed=f"a whole number from {self.min} to {self.max}",
+            allowed=f"a whole number from {self.lowest} to {self.highest}",
             remedy=f"choose such a number, or leave {option} out",
         )
 

@@ -81,9 +81,9 @@ def _variables(path: Path) -> Iterator[_Variable]:
     try:
         described = whosmat(path)
     except TypeError:  # SciPy knows no size of an object
-        from matio import whosmat as whos_objects
+        from matio import whosmat as sizes_with_objects
 
-        known = whos_objects(str(path))
+        known = sizes_with_objects(str(path))
         described = [
             (name, shape, kind if kind in NUMBERS else OBJECT[0]) for name, (shape, kind) in known.items()
         ]

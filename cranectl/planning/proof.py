@@ -62,7 +62,8 @@ def polynomial_pieces(breaks: Array, coefficients: Array, degree: int, orders: i
     """Return the spans of the B-spline with knots at `breaks` [s] and coefficients (spans + degree, d)."""
     knots = np.concatenate([np.full(degree, breaks[0]), breaks, np.full(degree, breaks[-1])])
     first = np.arange(len(breaks) - 1)
-    derivatives, control = [], interval(coefficients)
+    derivatives: list[Interval] = []
+    control = interval(coefficients)
     for order in range(orders):
         if order > degree:
             derivatives.append(derivatives[-1] * 0.0)
