@@ -9,7 +9,7 @@ INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 
 MEANINGS = {
     GOOD: "good: runs ended as expected, limits were kept",
-    LIMIT_EXCEEDED: "a limit was exceeded: agreement, a comparison, a bound, a certificate, failed runs",
+    LIMIT_EXCEEDED: "a limit was exceeded: agreement, a comparison, a bound, a certificate",
     BAD_INPUT: "bad input; the message says what was found, what is allowed, what to do",
     RUN_STOPPED: "a run stopped early, with a slack rope for example; its log is readable",
     UNFORESEEN: "an error that nobody foresaw; --traceback tells where",

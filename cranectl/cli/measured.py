@@ -187,9 +187,9 @@ def judge_logs(
         else f"{name} has the readings of {first}, and is judged with it"
         for name, first in repeated
     )
-    told = [{"name": name, "same_as": first} for name, first in repeated]
+    same = [{"name": name, "same_as": first} for name, first in repeated]
     facts = [verdict.to_json() for verdict in verdicts]
-    screen.write_json({"tolerance_m": accepted, "verdicts": facts, "repeated": told})
+    screen.write_json({"tolerance_m": accepted, "verdicts": facts, "repeated": same})
     if junit is not None:
         again = f"again: {command_given()}"
         cases = [
