@@ -19,6 +19,8 @@ from tests.fuzz.strategies import changed, damaged, toml
 from tests.fuzz.test_documents import read
 from tests.loaders.fmu_files import fmu
 from tests.log.test_foreign import FORMS, OTHER_FILES, rewrite_log
+from tests.measured.test_formats import TEXTS as MEASURED
+from tests.measured.test_harmful_files import WITHOUT_REMEDY, WRITERS, read_all
 from tests.reference.test_foreign_tables import READ, REFUSED
 
 # The same text in other encodings and formats.
@@ -78,6 +80,27 @@ def test_damaged_tables_of_other_tools_are_used_or_refused(
     text = text.replace("samples", data.draw(st.sampled_from(["samples", "waypoints"])))
     plan: Plan | None = read(lambda path: plan_scenario(load_scenario(path)), tmp_path, text.encode())
     assert plan is None or np.isfinite(plan.reference).all()
+
+
+@fuzzed(40, name=st.sampled_from(sorted(MEASURED)), data=st.data())
+def test_damaged_texts_of_measuring_systems_are_read_or_refused(
+    tmp_path: Path, name: str, data: st.DataObject
+) -> None:
+    file = tmp_path / "a.csv"
+    MEASURED[name][0](file)
+    file.write_bytes(data.draw(damaged(file.read_bytes()[:2000])))
+    assert read_all(file) != WITHOUT_REMEDY
+
+
+@fuzzed(4, name=st.sampled_from(sorted(WRITERS)), data=st.data())
+def test_damaged_binary_files_of_measuring_systems_are_read_or_refused(
+    tmp_path: Path, name: str, data: st.DataObject
+) -> None:
+    file = tmp_path / "a.bag"
+    file.unlink(missing_ok=True)
+    WRITERS[name](file)
+    file.write_bytes(data.draw(damaged(file.read_bytes())))
+    assert read_all(file) != WITHOUT_REMEDY
 
 
 @pytest.fixture(scope="module")
