@@ -12,7 +12,7 @@ from math import sqrt
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.disturbances import nanoseconds
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.scenario import ROUNDING, Scenario, default_step, longest_step
+from cranectl.scenario.scenario import STEP_ROUNDING, Scenario, default_step, longest_step
 
 STEPS_PER_TIME = 20.0  # in the shortest lag, and in the swing's 1 / ω
 SWEPT_ROPE = 1.4  # [m]; longest rope of the crane with the most violent runs of the sweep
@@ -58,12 +58,12 @@ def with_step(scenario: Scenario, drive: Drive) -> Scenario:
 
 def is_short_enough(scenario: Scenario, drive: Drive) -> bool:
     """Return True if the physics step keeps the condition under which all plants agree."""
-    return physics_step(scenario, drive) <= longest_agreeing_step(scenario.rig, drive) * (1.0 + ROUNDING)
+    return physics_step(scenario, drive) <= longest_agreeing_step(scenario.rig, drive) * (1.0 + STEP_ROUNDING)
 
 
 def describe_step(scenario: Scenario, drive: Drive) -> str:
     """Return the physics step of a run in words, and whether all plants agree with it on a rigid crane."""
-    longest = longest_agreeing_step(scenario.rig, drive) * (1.0 + ROUNDING)
+    longest = longest_agreeing_step(scenario.rig, drive) * (1.0 + STEP_ROUNDING)
     fits = longest_step(scenario.control.period, longest)
     promise = (
         "rigid plants agree to 1e-7 m and rad"

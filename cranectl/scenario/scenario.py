@@ -29,7 +29,7 @@ STILL = Wind(gust=0.0, drag_area=0.0)
 MAX_DIVISOR = 1_000_000  # divisors of a period that are tried
 # [s]; physics steps that are chosen by default. Shorter ones would cost more than they gain.
 MIN_DEFAULT_STEP, MAX_DEFAULT_STEP = 1e-5, 1e-3
-ROUNDING = 1e-9  # of a step that just fits
+STEP_ROUNDING = 1e-9  # of a step that just fits
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
 
 
@@ -289,7 +289,7 @@ def longest_step(period: float, longest: float) -> float:
 def default_step(period: float, longest: float) -> float:
     """Return the physics step [s] of a run by default, if the plants agree with steps up to `longest`."""
     allowed = min(max(longest, MIN_DEFAULT_STEP), MAX_DEFAULT_STEP)
-    return longest_step(period, allowed * (1.0 + ROUNDING))
+    return longest_step(period, allowed * (1.0 + STEP_ROUNDING))
 
 
 def _shorter_step(period: float, longest: float, what: str) -> str:
