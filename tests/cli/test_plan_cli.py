@@ -98,3 +98,32 @@ def test_shipped_minimum_time_scenarios_have_the_documented_durations() -> None:
         },
         rel=1e-3,  # initial guesses and machines change less
     )
+
+
+HOIST = """
+name = "hoist"
+duration = 6.0
+[reference]
+start = [1.0, 0.77, -1.0]
+[[reference.segments]]
+kind = "line"
+to = [1.0, 0.77, -0.5]
+duration = 4.4
+[effects.limits]
+velocity = [1.0, 1.0, 0.2]
+"""
+
+
+def test_a_motion_that_run_refuses_is_refused_by_plan_with_the_same_words(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("hoist.toml").write_text(HOIST)
+    told = []
+    for command in (["plan"], ["run", "--plants", "elastic"]):
+        assert main([*command, "hoist.toml"]) == 2
+        told.append(capsys.readouterr().err)
+    assert told[0] == told[1]
+    assert "the drive of the rope can: 0.28 m/s" in told[0]
+    assert "effects.limits.velocity = 0.2 m/s" in told[0]
+    Path("hoist.toml").write_text(HOIST.replace("4.4", "6.0").replace("6.0\n[ref", "8.0\n[ref"))
+    assert main(["plan", "hoist.toml", "--set", "effects.limits.velocity=[1.0,1.0,0.3]"]) == 0
