@@ -4,6 +4,7 @@ Each command is loaded when it is called. Its module imports what computes insid
 `--help` stays fast.
 """
 
+import errno
 import importlib
 import io
 import os
@@ -27,6 +28,10 @@ from cranectl.support.errors import (
 )
 from cranectl.support.interrupts import heed_interrupts, interrupt, is_caused_by_interrupt
 
+WRONG_NAMES = (
+    errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.ELOOP, errno.EINVAL,
+    errno.EEXIST, errno.ENOENT,
+)  # fmt: skip
 TRACEBACK = "--traceback"  # anywhere on the command line
 
 HELP = """Validate crane controllers against independent physics.
@@ -137,6 +142,9 @@ def _run(arguments: list[str], full_traceback: bool) -> int:
         if is_caused_by_interrupt(error) or isinstance(error, click.Abort):
             print("cranectl: interrupted", file=sys.stderr)
             return exit_codes.INTERRUPTED
+        if (named := _wrong_name(error, arguments)) is not None:
+            print(f"cranectl: bad input\n{named}", file=sys.stderr)
+            return exit_codes.BAD_INPUT
         if is_of_machine(error):
             print(f"cranectl: bad input\n{MachineError.of(describe_error(error))}", file=sys.stderr)
             return exit_codes.BAD_INPUT
@@ -146,3 +154,25 @@ def _run(arguments: list[str], full_traceback: bool) -> int:
         print(f"cranectl: unforeseen {what}; please report it with what {TRACEBACK} adds", file=sys.stderr)
         return exit_codes.UNFORESEEN
     return code if isinstance(code, int) else exit_codes.GOOD
+
+
+def _wrong_name(error: BaseException, arguments: list[str]) -> InputError | None:
+    """Return the error for a file that an argument names and that the system refuses, or None.
+
+    Commands check what they read and write. Here is what no check can foresee, such as the longest name that
+    a file system takes.
+    """
+    is_loop = isinstance(error, RuntimeError) and str(error).startswith("Symlink loop from")
+    found = str(error) if is_loop else ""
+    if isinstance(error, OSError) and error.errno in WRONG_NAMES and error.filename is not None:
+        path = os.fsdecode(error.filename)
+        given = [word.partition("=")[2] if word.startswith("--") else word for word in arguments]
+        if any(name and name in path for name in given):
+            found = f"{path}: {error.strerror}"
+    if not found:
+        return None
+    return InputError(
+        found,
+        allowed="a name that the file system takes, in a place that may be read or written",
+        remedy="choose another name or place",
+    )

@@ -205,7 +205,8 @@ def _obstacle(path: Path, kind: Kind, inputs: Iterable[Path]) -> str:
 
 
 def _same(a: Path, b: Path) -> bool:
-    return a.resolve() == b.resolve() or (a.exists() and b.exists() and a.samefile(b))
+    # `Path.resolve` raises an error for a link to itself.
+    return os.path.realpath(a) == os.path.realpath(b) or (a.exists() and b.exists() and a.samefile(b))
 
 
 def short_names(files: Sequence[Path]) -> list[str]:

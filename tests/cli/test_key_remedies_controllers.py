@@ -86,7 +86,6 @@ CASES = {
         Case("give one of the two", "law.py:NoMemory", "law.py:Law"),
     ],
     "controllers/controller.py": [
-        Case("give {}", "law.py:Never", "law.py:Law"),
         Case("choose one of those listed above", "law.py:Odd", "law.py:Velocity --drive velocity"),
         Case("write it in one of these ways", "law.py:Five", "law.py:Numbers"),
         Case("take another name", "law.py:Twice", "law.py:Renamed"),
@@ -95,6 +94,9 @@ CASES = {
         Case("write prepare(nominal)", "law.py:NotPrepared", "law.py:Pair"),
         Case("give {}.{} such a value: {}", ["lqr-integral", f"{INTEGRAL}.input_weight=-1.0"],
              ["lqr-integral", f"{INTEGRAL}.input_weight=1.0"]),
+    ],
+    "support/arguments.py": [
+        Case("give {}", "law.py:Never", "law.py:Law"),
     ],
     "controllers/preparation.py": [
         Case("log another place, or give it a larger memory", "law.py:Beyond", "law.py:Within",

@@ -18,7 +18,7 @@ from cranectl.support.errors import InputError
 
 FOLDERS = ("meshdir", "texturedir", "assetdir")  # attributes of a compiler element
 MAX_FILES = 1000  # that a model reads
-MAX_BYTES = 2**28  # of all these files
+MAX_MODEL_BYTES = 2**28  # of all these files
 MAX_TEXT = 2**24  # of one file in MJCF
 MAX_CELLS = 2**24  # pixels of all textures, and points of all height fields: 4096 times 4096
 MAX_NUMBERS = 10**6  # of what an attribute of `size` makes room for, and other lengths
@@ -36,37 +36,28 @@ def check_files(file: Path) -> list[Path]:
     before it is read.
     """
     folder = file.parent.resolve()
-    paths, starts, named, size = [file], [folder], dict[str, None](), 0
+    paths, starts, named = [file], [folder], dict[str, None]()
     cells, copies = dict.fromkeys(("texture", "hfield"), 0.0), 1.0
     for path in paths:  # which grows
-        if path.stat().st_size > MAX_TEXT:
-            raise _too_large(file, f"bytes of text in {path.name}", path.stat().st_size, MAX_TEXT)
+        _check(file, f"bytes of text in {path.name}", path.stat().st_size, MAX_TEXT)
         root = ElementTree.parse(path).getroot()
         for element in root.iter():
             starts += [folder / value for key, value in element.items() if key in FOLDERS]
-            for name in (value for key, value in element.items() if key.startswith("file") and value):
-                named[name] = None
+            names = [value for key, value in element.items() if key.startswith("file") and value]
+            named |= dict.fromkeys(names)
+            parts = [folder / name for name in names if element.tag in ("include", "model")]
+            for name in names:
                 _check_place(file, folder, [folder], name)
-                if element.tag in ("include", "model") and (part := folder / name) not in paths:
-                    paths += [part] if part.is_file() else []
-            if element.tag in cells:
-                cells[element.tag] += _cells(element)
-                _check_size(file, element, "pixels or points", cells[element.tag], MAX_CELLS)
-            for what, number, allowed in _sizes(element):
-                _check_size(file, element, what, number, allowed)
+            paths += [part for part in parts if part not in paths and part.is_file()]
+            _check_element(file, element, cells)
         copies *= _copies(root)
-        if copies > MAX_COPIES:
-            raise _too_large(file, "copies of a body", copies, MAX_COPIES)
-    for name in named:
-        size += _check_place(file, folder, starts, name)
-    for what, number, allowed in (("files", len(named), MAX_FILES), ("bytes in files", size, MAX_BYTES)):
-        if number > allowed:
-            raise _too_large(file, what, number, allowed)
+        _check(file, "copies of a body", copies, MAX_COPIES)
+    size = sum(_check_place(file, folder, starts, name) for name in named)
+    _check(file, "files", len(named), MAX_FILES)
+    _check(file, "bytes in files", size, MAX_MODEL_BYTES)
     read = [path for path in sorted({start / name for start in starts for name in named}) if path.is_file()]
     for picture in read:
-        pixels = _pixels(picture)
-        if pixels > MAX_CELLS:
-            raise _too_large(file, f"pixels in {picture.name}", pixels, MAX_CELLS)
+        _check(file, f"pixels in {picture.name}", _pixels(picture), MAX_CELLS)
     return [file, *read]
 
 
@@ -149,17 +140,23 @@ def _copies(element: Element) -> float:
     return own
 
 
-def _check_size(file: Path, element: Element, what: str, number: float, allowed: float) -> None:
-    if not number <= allowed:
-        raise _too_large(file, f"{what} in <{element.tag}>", number, allowed)
+def _check(file: Path, what: str, number: float, allowed: float) -> None:
+    """Raise InputError unless a model asks for at most as much of `what` as is allowed."""
+    if not number <= allowed:  # also if it is NaN
+        raise InputError(
+            f"{file} asks for {number:.10g} {what}",
+            allowed=f"at most {allowed:.10g}",
+            remedy="ask for less, or leave out what no crane needs, such as pictures",
+        )
 
 
-def _too_large(file: Path, what: str, number: float, allowed: float) -> InputError:
-    return InputError(
-        f"{file} asks for {number:.10g} {what}",
-        allowed=f"at most {allowed:.10g}",
-        remedy="ask for less, or leave out what no crane needs, such as pictures",
-    )
+def _check_element(file: Path, element: Element, cells: dict[str, float]) -> None:
+    """Raise InputError if an element asks for too much; add up `cells` of all elements by their tag."""
+    if element.tag in cells:
+        cells[element.tag] += _cells(element)
+        _check(file, f"pixels or points in <{element.tag}>", cells[element.tag], MAX_CELLS)
+    for what, number, allowed in _sizes(element):
+        _check(file, f"{what} in <{element.tag}>", number, allowed)
 
 
 def _number(element: Element, key: str) -> float:

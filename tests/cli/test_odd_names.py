@@ -1,0 +1,147 @@
+"""Every command that takes a path or a name explains an odd one, and never exits with 70.
+
+The arguments are read from the commands, so that new ones are tested too. `make test` runs a fixed selection
+of the cases; RANGE_CASES=all runs all of them.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+
+from cranectl.cli.main import cli, main
+from tests.cli.option_cases import MANY, SHORT
+from tests.ranges import share_of
+from tests.remedies import prepared
+
+NAMES = {
+    "long": "x" * 300,
+    "long-toml": "x" * 300 + ".toml",
+    "long-mcap": "x" * 300 + ".mcap",
+    "long-law": "x" * 300 + ".py:law",
+    "long-below": "folder/" + "x" * 300,
+    "long-path": "/".join(["x" * 200] * 30),
+    "null": "a\0b",
+    "no-text": "a\udcffb",
+    "directory": "folder",
+    "directory-toml": "folder.toml",
+    "below-a-file": "short.toml/below",
+    "below-a-device": "/dev/null/below.mcap",
+    "unwritable": "/proc/cranectl.mcap",
+    "loop": "loop.toml",
+    "empty": "",
+}
+# What each command needs besides the argument that is odd; quick, or refused for the odd argument first.
+LINES = {
+    "advise": "short.toml",
+    "benchmark run": "--controller lqr-integral",
+    "benchmark report": "nothing.csv",
+    "campaign list": "",
+    "campaign show": "many.toml",
+    "campaign run": "many.toml --out other",
+    "campaign report": "result",
+    "campaign replay": "result",
+    "certify": "lqr --scenario short.toml",
+    "compare": "one.mcap",
+    "design": "lqr --scenario short.toml",
+    "identify": "one.mcap --rig lab-rig",
+    "info": "one.mcap",
+    "ladder": "short.toml --controller lqr",
+    "list": "",
+    "live": "short.toml --plants analytic",
+    "log import": "one.csv --map one.toml",
+    "log export": "one.mcap --format csv --out csv",
+    "log layout": "single view.json",
+    "log overlay": "one.mcap one.mcap --out over.mcap",
+    "log recover": "one.mcap --out recovered.mcap",
+    "new": "rig yard",
+    "plan": "short.toml",
+    "render": "one.mcap one.png",
+    "report": "one.mcap --out page.html",
+    "run": "short.toml --plants analytic --out own.mcap",
+    "thesis": "--json thesis.json",
+    "tune": "lqr-integral",
+    "validate": "short.toml --plants analytic --controller lqr --jobs 1",
+}
+# Texts for people, and no names.
+TEXTS = ("--set", "--label", "--size", "--allow-origin")
+# Commands that take long where a name is a good one; those that read all results of a benchmark always do.
+LONG = ("tune", "report --figures", "design --export", "live", "benchmark run", "thesis", "identify")
+READS_RESULTS = ("benchmark report", "benchmark run --tuned")
+REFUSED = ("long", "long-below", "long-path", "null", "below-a-file", "below-a-device", "unwritable")
+NUMBERS = (click.types.BoolParamType, click.types.IntParamType, click.types.FloatParamType, click.Tuple)
+
+
+def commands(command: click.Command, path: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
+    """Yield each command by its name."""
+    if isinstance(command, click.Group):
+        for name, part in command.commands.items():
+            yield from commands(part, (*path, name))
+    else:
+        yield " ".join(path), command
+
+
+def names_of(command: click.Command) -> Iterator[str]:
+    """Yield the options, and the arguments by their place, that take a path or a name."""
+    place = 0
+    for parameter in command.params:
+        is_name = not isinstance(parameter.type, (*NUMBERS, click.Choice)) and not parameter.is_eager
+        if isinstance(parameter, click.Option):
+            if is_name and not parameter.is_flag and parameter.opts[0] not in TEXTS:
+                yield parameter.opts[0]
+        else:
+            if is_name:
+                yield str(place)
+            place += 1
+
+
+def line_of(command: str, parameter: str, value: str) -> list[str]:
+    """Return the command line with an odd value of one parameter."""
+    words = LINES[command].split()
+    if parameter.startswith("--"):
+        if parameter in words:
+            place = words.index(parameter)
+            del words[place : place + 2]
+        return [*command.split(), *words, parameter, value]
+    place = int(parameter)
+    is_given = place < len(words) and not words[place].startswith("--")
+    return [*command.split(), *words[:place], value, *words[place + is_given :]]
+
+
+ALWAYS_TESTED = ("benchmark report 0 long", "benchmark run --out long")  # which once failed
+PARAMETERS = [(name, parameter) for name, command in commands(cli) for parameter in names_of(command)]
+CASES = [
+    (f"{name} {parameter} {odd}", name, parameter, odd)
+    for name, parameter in PARAMETERS
+    for odd in NAMES
+    if (odd in REFUSED or not f"{name} {parameter}".startswith(LONG))
+    and (f"{name} {parameter} {odd}" in ALWAYS_TESTED or not f"{name} {parameter}".startswith(READS_RESULTS))
+]
+
+prepared_files = prepared(
+    {"short.toml": f'name = "short"\n{SHORT}', "many.toml": MANY, "folder/file": "", "folder.toml/file": ""},
+    ["run short.toml --plants analytic --out one.mcap", "campaign run many.toml --out result"],
+)
+
+
+def test_every_command_is_tested() -> None:
+    assert set(LINES) == {name for name, _ in commands(cli)}
+    assert len(PARAMETERS) > 100
+
+
+@pytest.mark.usefixtures("in_copy_of_files")
+@pytest.mark.parametrize(
+    ("command", "parameter", "odd"), [case[1:] for case in share_of(CASES, 40, ALWAYS_TESTED)]
+)
+def test_an_odd_name_is_explained(
+    command: str, parameter: str, odd: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("loop.toml").symlink_to("loop.toml")
+    capsys.readouterr()
+    code = main(line_of(command, parameter, NAMES[odd]))
+    error = capsys.readouterr().err
+    assert code in (0, 1, 2, 3), error
+    assert "Traceback" not in error
+    if code == 2:
+        assert "Usage:" in error or ("found:" in error and "remedy:" in error), error
