@@ -13,10 +13,13 @@ from cranectl.support.errors import InputError, printable
 from cranectl.support.tables.columns import TableHead
 
 MAX_SHOWN_COLUMNS = 100  # columns
+MAX_COMPARED_ROWS, MIN_COMPARED_ROWS = 20_000, 20  # in which a column is compared with slopes of others
+STEADY = 1e-6  # share of a slope that changes, of a column that is no clock
 _UNIT = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 _COMMAND = "cmd command control set setpoint ref reference soll desired target w"
-_X, _Y, _ROPE = "bridge x kran", "trolley cart y katze", "rope cable hoist length l seil winch"
-_ANGLE = "angle sway swing pitch theta"
+_X, _Y = "bridge x kran brücke bruecke gantry", "trolley cart y katze laufkatze"
+_ROPE = "rope cable hoist length l seil winch seillänge seillaenge hub"
+_ANGLE = "angle sway swing pitch theta winkel pendelwinkel"
 # A signal, and the words of which the name of its column has one of each group. The name with the fewest
 # words is suggested.
 _WORDS: tuple[tuple[str, tuple[str, ...]], ...] = (
@@ -37,8 +40,16 @@ _WORDS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 # Words of columns that are no signals of a map: rates, and what happens inside drives.
 _OTHERS = (
-    "derivative dot ddot rate speed velocity vel acceleration acc force tension error voltage current pwm"
+    "derivative dot ddot rate speed velocity vel acceleration acc force tension error voltage current pwm "
+    "geschwindigkeit beschleunigung kraft moment strom spannung fehler duration dauer temperature temperatur"
 )
+_UNIT_NAMES = {
+    **dict.fromkeys(("°", "degree", "degrees", "grad"), "deg"),
+    **dict.fromkeys(("sec", "second", "seconds", "sekunden"), "s"),
+    **dict.fromkeys(("m/s²", "m/s2", "m/s**2"), "m/s^2"),
+    "meter": "m",
+}
+SAME_SHAPE = 0.98  # correlation of a column with the slope of another, of which it is the rate
 _PARTNER = {  # the signal along the other axis
     "bridge_position": "trolley_position",
     "trolley_position": "bridge_position",
@@ -58,9 +69,11 @@ def suggest_map(path: Path) -> str:
     """Return the text of a map for the file at `path`; raise InputError if it cannot be read."""
     head = read_head(path)
     columns = [_range(head, k) for k in range(min(len(head.names), MAX_SHOWN_COLUMNS))]
-    guesses = guessed_columns(head.names)
     stated = [head.unit(k) for k in range(len(head.names))]
     titles = [f"{name} [{unit}]" if unit else name for name, unit in zip(head.names, stated, strict=True)]
+    units = [_stated_unit(head, k) for k in range(len(head.names))]
+    guesses = guessed_columns(head.names, units, _rates(head))
+    is_planar = all(_is_known(name, k in guesses.values()) for k, name in enumerate(head.names))
     lines = [f"# Columns of {path.name}: number, name, smallest and largest value"]
     lines += [
         f"#   {k}: {name}: {text}" for k, (name, text) in enumerate(zip(titles, columns, strict=False), 1)
@@ -80,7 +93,7 @@ def suggest_map(path: Path) -> str:
     lines += ['commands = "velocity"  # or acceleration, force'] if has_commands else []
     lines += ["", "[time]"]
     if "time" in guesses:
-        unit = _unit(titles[guesses["time"]], TIMES)
+        unit = _unit(units[guesses["time"]], TIMES)
         lines += [f"column = {_key(head.names, guesses['time'])}", f'unit = "{unit or "???"}"']
     else:
         lines += ["period = ???  # [s], of a file without a clock"]
@@ -88,23 +101,29 @@ def suggest_map(path: Path) -> str:
     for group in (POSITIONS, ANGLES, LOAD, COMMANDS):
         if group in (LOAD, COMMANDS) and not all(name in guesses for name in group):
             continue
-        units = COMMAND_UNITS["velocity"] if group == COMMANDS else UNITS[group[0]]
+        allowed = COMMAND_UNITS["velocity"] if group == COMMANDS else UNITS[group[0]]
         for name in group:
             remark = f"  # {_DESCRIPTIONS[name]}" if name in _DESCRIPTIONS else ""
             if name in guesses:
-                unit = _unit(titles[guesses[name]], units)
+                unit = _unit(units[guesses[name]], allowed)
                 source = f'column = {_key(head.names, guesses[name])}, unit = "{unit or "???"}"'
-            elif _PARTNER.get(name) in guesses:  # a planar rig
-                source, remark = f'value = 0.0, unit = "{next(iter(units))}"', f"{remark}; not measured"
+            elif _PARTNER.get(name) in guesses and is_planar:
+                source, remark = f'value = 0.0, unit = "{next(iter(allowed))}"', f"{remark}; not measured"
             else:
                 source = 'column = ???, unit = "???"'
             lines.append(f"{name} = {{{source}}}{remark}")
     return "\n".join(lines) + "\n"
 
 
-def guessed_columns(names: Sequence[str]) -> dict[str, int]:
-    """Return the index of the column that each signal may be in."""
-    words = [_words(name) for name in names]
+def guessed_columns(
+    names: Sequence[str], units: Sequence[str] = (), rates: frozenset[int] = frozenset()
+) -> dict[str, int]:
+    """Return the index of the column that each signal may be in; a signal that fits several has none.
+
+    A column fits by the words of its name and by its unit, an empty text if none is stated. `rates` are
+    columns that hold the slope of another one.
+    """
+    words, units = [_words(name) for name in names], units or [""] * len(names)
     guesses: dict[str, int] = {}
     for signal, groups in _WORDS:
         others = {*_OTHERS.split()} ^ ({"velocity"} if signal in COMMANDS else {*_COMMAND.split()})
@@ -113,19 +132,60 @@ def guessed_columns(names: Sequence[str]) -> dict[str, int]:
             for k, found in enumerate(words)
             if k not in guesses.values()
             and not found & others
+            and (not units[k] or units[k] in _allowed_units(signal))
             and all(found.intersection(group.split()) for group in groups)
         ]
-        if fitting and signal not in guesses:
-            guesses[signal] = min(fitting, key=lambda k: len(words[k]))
+        # Best with a plain name and a unit. Slopes of others come last, but on a circle y is one of x.
+        ranks = {k: (k in rates and signal not in COMMANDS, not units[k], len(words[k])) for k in fitting}
+        ranked = sorted(fitting, key=ranks.__getitem__)
+        is_clear = len(ranked) == 1 or (len(ranked) > 1 and ranks[ranked[0]] < ranks[ranked[1]])
+        if is_clear and signal not in guesses:
+            guesses[signal] = ranked[0]
     if "trolley_position" in guesses and not guesses.keys() & {"bridge_position", "alpha"}:
         guesses |= {"alpha": guesses.pop("beta")} if "beta" in guesses else {}  # a planar rig
     return guesses
 
 
+def _allowed_units(signal: str) -> set[str]:
+    """Return the units that the readings of a signal, or times, can have."""
+    if signal == "time":
+        return {*TIMES}
+    if signal in COMMANDS:
+        return {unit for units in COMMAND_UNITS.values() for unit in units}
+    return {*UNITS[signal]}
+
+
+def _is_known(name: str, is_guessed: bool) -> bool:
+    """Return whether it is known what a column holds: a signal, or nothing that a map has."""
+    return is_guessed or bool(_words(name) & {*_OTHERS.split(), *_COMMAND.split()})
+
+
 def _words(name: str) -> frozenset[str]:
     """Return the words of a column's name, without its unit: 'swayAngle_y [deg]' has sway, angle and y."""
-    bare = _UNIT.sub("", name)
-    return frozenset(word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", bare))
+    words = re.findall(r"[^\W\d_]+", _UNIT.sub("", name))
+    parts = (
+        re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", word) if word.isascii() else [word] for word in words
+    )
+    return frozenset(part.lower() for found in parts for part in found)
+
+
+def _rates(head: TableHead) -> frozenset[int]:
+    """Return the columns whose values are the slope of another column over the rows."""
+    columns = {}
+    for k in range(min(len(head.names), MAX_SHOWN_COLUMNS)):
+        try:
+            values: Array = head.read(k).values[:MAX_COMPARED_ROWS]
+        except InputError:
+            continue
+        if len(values) > MIN_COMPARED_ROWS and np.isfinite(values).all() and np.ptp(values) > 0.0:
+            columns[k] = values
+    rates = set()
+    for k, values in columns.items():
+        for other, candidate in columns.items():
+            slope = np.gradient(candidate) if other != k and len(candidate) == len(values) else None
+            if slope is not None and np.std(slope) > STEADY * np.abs(slope).max():
+                rates |= {k} if np.corrcoef(slope, values)[0, 1] > SAME_SHAPE else set()
+    return frozenset(rates)
 
 
 def _range(head: TableHead, index: int) -> str:
@@ -141,12 +201,15 @@ def _range(head: TableHead, index: int) -> str:
     return f"{stamps}{values.min():.6g} to {values.max():.6g}, {len(values)} of {len(column.values)} rows"
 
 
-def _unit(name: str, units: dict[str, float]) -> str:
-    """Return the unit in brackets at the end of a column's name, if it is one of `units`."""
-    match = _UNIT.search(name)
-    unit = (
-        {"°": "deg", "degree": "deg", "degrees": "deg", "sec": "s"}.get(match[1], match[1]) if match else ""
-    )
+def _stated_unit(head: TableHead, index: int) -> str:
+    """Return the unit of a column: that of the file, or that in brackets at the end of its name."""
+    match = _UNIT.search(head.names[index])
+    unit = head.unit(index) or (match[1] if match else "")
+    return _UNIT_NAMES.get(unit.lower(), unit)
+
+
+def _unit(unit: str, units: dict[str, float]) -> str:
+    """Return a unit if it is one of `units`."""
     return unit if unit in units else ""
 
 
