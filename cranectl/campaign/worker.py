@@ -113,7 +113,7 @@ class Worker:
 
     def __init__(self, prepared: PreparedCampaign) -> None:
         self._prepared = prepared
-        self._plants: dict[tuple[str, int], Plant] = {}  # by name and number of steps in a control period
+        self._plants: dict[tuple[str, int, int], Plant] = {}  # by name, control period, steps in it
         self._records: dict[int, Array] = {}  # by number of columns
         self._path_record = np.zeros((BLOCK, PATH_WIDTH))
 
@@ -175,13 +175,13 @@ class Worker:
     def _plant(self, name: str, scenario: Scenario) -> Plant:
         """Return a plant for `scenario`; reuse an earlier one with new parameters if possible."""
         drive = self._prepared.campaign.settings.drive
-        steps = substeps(scenario, drive)
-        plant = self._plants.get((name, steps))
+        kind = name, scenario.period_ns, substeps(scenario, drive)
+        plant = self._plants.get(kind)
         if plant is not None:
             check_scenario(scenario, plant=name, drive=drive)
             if plant.retune(scenario.rig, scenario.effects_on_plant):
                 return plant
-        self._plants[name, steps] = new = make_plant(name, scenario, drive)
+        self._plants[kind] = new = make_plant(name, scenario, drive)
         return new
 
 
